@@ -1,0 +1,491 @@
+//! Statistical tests: does a sampler follow its density, is a mean what theory
+//! says, are two estimates of one number?
+//!
+//! A test answers with a p-value: how often a right program would look at least
+//! this wrong. Reject below a level alpha; when a family of n tests is read
+//! together, give each the level [`sidak`]`(alpha, n)`.
+//!
+//! ```
+//! use organza_basis::hypothesis::{SphereGrid, sidak};
+//! use organza_basis::{PathRng, warp};
+//! use glam::Vec3;
+//!
+//! let mut rng = PathRng::from_seed(3);
+//! let grid = SphereGrid::new(Vec3::Z, 10, 20);
+//! let test = grid.chi_square(
+//!     50_000,
+//!     || Some(warp::cosine_hemisphere(rng.unit2())),
+//!     |w| f64::from(warp::cosine_hemisphere_pdf(w.z)),
+//! );
+//! assert!(test.p_value > sidak(0.01, 1), "seed 3: {test:?}");
+//! ```
+
+use crate::quadrature::gauss_legendre;
+use crate::{Frame, Moments};
+use glam::Vec3;
+use std::f64::consts::TAU;
+
+/// What a test found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Verdict {
+    /// Chi-square, t or z.
+    pub statistic: f64,
+    /// Degrees of freedom (infinite for z).
+    pub degrees: f64,
+    /// Probability of a statistic at least this extreme if the hypothesis holds.
+    pub p_value: f64,
+}
+
+/// Level of each of `tests` independent tests so that all pass with probability
+/// `1 - alpha` when every hypothesis holds [Sidak1967].
+pub fn sidak(alpha: f64, tests: usize) -> f64 {
+    -((-alpha).ln_1p() / tests.max(1) as f64).exp_m1()
+}
+
+/// Two-sided test that a normal estimate with known standard error has the mean
+/// `expected`.
+pub fn z_test(value: f64, expected: f64, standard_error: f64) -> Verdict {
+    let z = deviation(value - expected, standard_error);
+    Verdict {
+        statistic: z,
+        degrees: f64::INFINITY,
+        p_value: puruspe::erfc(z.abs() / std::f64::consts::SQRT_2),
+    }
+}
+
+/// Two-sided Student test that values have the mean `expected`.
+pub fn t_test(values: &Moments, expected: f64) -> Verdict {
+    let n = values.count as f64;
+    student(
+        deviation(values.mean - expected, (values.variance() / n).sqrt()),
+        n - 1.0,
+    )
+}
+
+/// Two-sided test that two sequences of unequal variance have one mean
+/// [Welch1947].
+pub fn welch_test(a: &Moments, b: &Moments) -> Verdict {
+    let (na, nb) = (a.count as f64, b.count as f64);
+    let (va, vb) = (a.variance() / na, b.variance() / nb);
+    let degrees = (va + vb) * (va + vb) / (va * va / (na - 1.0) + vb * vb / (nb - 1.0));
+    student(deviation(a.mean - b.mean, (va + vb).sqrt()), degrees)
+}
+
+/// `difference / error`, where no error at all makes equal exactly equal.
+fn deviation(difference: f64, error: f64) -> f64 {
+    if difference == 0.0 {
+        0.0
+    } else {
+        difference / error
+    }
+}
+
+fn student(t: f64, degrees: f64) -> Verdict {
+    let p_value = if t == 0.0 {
+        1.0
+    } else if !t.is_finite() {
+        0.0
+    } else if degrees >= 1.0 {
+        puruspe::betai(0.5 * degrees, 0.5, degrees / (degrees + t * t))
+    } else {
+        // Zero variance makes the degrees NaN only together with an infinite t;
+        // fewer than two values say nothing.
+        1.0
+    };
+    Verdict {
+        statistic: t,
+        degrees,
+        p_value,
+    }
+}
+
+/// Regularised upper incomplete gamma function Q(a, x): the series below the
+/// mean and Lentz's continued fraction above, as in [Press2007]. (The quadrature
+/// that puruspe uses beyond a = 100 returns NaN for some arguments near the mean.)
+fn upper_gamma(a: f64, x: f64) -> f64 {
+    if x <= 0.0 {
+        return 1.0;
+    }
+    let front = (a * x.ln() - x - puruspe::ln_gamma(a)).exp();
+    // Both converge within a few times sqrt(a) terms; the cap is for NaN.
+    let terms = 1000 + 20 * a.sqrt() as usize;
+    if x < a + 1.0 {
+        let (mut term, mut sum) = (1.0 / a, 1.0 / a);
+        for k in 1..terms {
+            term *= x / (a + k as f64);
+            sum += term;
+            if term < 1e-16 * sum {
+                break;
+            }
+        }
+        return (1.0 - front * sum).clamp(0.0, 1.0);
+    }
+    let mut b = x + 1.0 - a;
+    let mut c = 1e300;
+    let mut d = 1.0 / b;
+    let mut product = d;
+    for k in 1..terms {
+        let k = k as f64;
+        let numerator = k * (a - k);
+        b += 2.0;
+        d = 1.0 / (numerator * d + b);
+        c = b + numerator / c;
+        product *= c * d;
+        if (c * d - 1.0).abs() < 1e-15 {
+            break;
+        }
+    }
+    (front * product).clamp(0.0, 1.0)
+}
+
+/// Cells with fewer expected counts are pooled: below about five the statistic
+/// no longer follows the chi-square distribution.
+const MIN_EXPECTED: f64 = 5.0;
+
+/// Pearson's test that counts follow expectations of the same length.
+///
+/// Cells that expect fewer than five counts are pooled, smallest first, until
+/// the pool reaches five; counts where (nearly) none can fall therefore still
+/// weigh in. Both lists must cover all draws.
+pub fn chi_square(observed: &[u64], expected: &[f64]) -> Verdict {
+    let mut cells: Vec<(f64, f64)> = expected
+        .iter()
+        .zip(observed)
+        .map(|(&e, &o)| (e.max(0.0), o as f64))
+        .collect();
+    cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut statistic = 0.0;
+    let mut kept = 0u32;
+    let (mut pool_e, mut pool_o) = (0.0, 0.0);
+    for (e, o) in cells {
+        pool_e += e;
+        pool_o += o;
+        if pool_e >= MIN_EXPECTED {
+            statistic += (pool_o - pool_e).powi(2) / pool_e;
+            kept += 1;
+            (pool_e, pool_o) = (0.0, 0.0);
+        }
+    }
+    // Only reached with a remainder when everything expects less than five.
+    let impossible = pool_e <= 0.0 && pool_o > 0.0;
+    let degrees = f64::from(kept) - 1.0;
+    let p_value = if impossible || !statistic.is_finite() {
+        0.0
+    } else if degrees < 1.0 {
+        1.0
+    } else {
+        upper_gamma(0.5 * degrees, 0.5 * statistic)
+    };
+    Verdict {
+        statistic,
+        degrees,
+        p_value,
+    }
+}
+
+/// A chi-square domain: the sphere, cut into cells by cosine and azimuth about
+/// a pole.
+///
+/// Put the pole on the axis of a narrow lobe, or give cosine edges that follow
+/// it; tilt it against the model's own axes to catch wrong frames.
+#[derive(Clone, Debug)]
+pub struct SphereGrid {
+    frame: Frame,
+    cosine_edges: Vec<f64>,
+    azimuths: usize,
+    norm_tolerance: f64,
+}
+
+/// How far the integral of a density may stray from one where nobody says
+/// otherwise: single precision carries about 1e-6, and a hundred parts in 10^6
+/// are below what any test here could otherwise see.
+const NORM_TOLERANCE: f64 = 1e-4;
+
+impl SphereGrid {
+    /// Equal cells about the unit vector `pole`.
+    pub fn new(pole: Vec3, cosines: usize, azimuths: usize) -> SphereGrid {
+        let edges = (0..=cosines)
+            .map(|i| 2.0 * i as f64 / cosines as f64 - 1.0)
+            .collect();
+        SphereGrid::with_edges(pole, edges, azimuths)
+    }
+
+    /// Cells between rising cosines from -1 to 1.
+    pub fn with_edges(pole: Vec3, cosine_edges: Vec<f64>, azimuths: usize) -> SphereGrid {
+        SphereGrid {
+            frame: Frame::from_normal(pole),
+            cosine_edges,
+            azimuths,
+            norm_tolerance: NORM_TOLERANCE,
+        }
+    }
+
+    /// Admits densities whose integral is known to stray from one by up to
+    /// `tolerance` (1e-4 otherwise), because they are tabulated.
+    pub fn admitting(mut self, tolerance: f64) -> SphereGrid {
+        self.norm_tolerance = tolerance;
+        self
+    }
+
+    fn direction(&self, polar: f64, turn: f64) -> Vec3 {
+        let (sine, cosine) = polar.sin_cos();
+        let (s, c) = (TAU * turn).sin_cos();
+        let v = glam::DVec3::new(sine * c, sine * s, cosine);
+        self.frame.world_from_frame(v.as_vec3())
+    }
+
+    fn cell(&self, w: Vec3) -> usize {
+        let v = self.frame.frame_from_world(w);
+        let row = self.cosine_edges[1..]
+            .partition_point(|&edge| edge <= f64::from(v.z))
+            .min(self.cosine_edges.len() - 2);
+        let turn = (f64::from(v.y).atan2(f64::from(v.x)) / TAU).rem_euclid(1.0);
+        let column = ((turn * self.azimuths as f64) as usize).min(self.azimuths - 1);
+        row * self.azimuths + column
+    }
+
+    /// Integral of `f` over each cell, scaled by `scale`, and the accumulated
+    /// estimate of its error; divides cells until that is a small part of the
+    /// counting noise.
+    fn integrals(&self, scale: f64, f: &mut dyn FnMut(Vec3) -> f64) -> (Vec<f64>, f64) {
+        let mut error = 0.0;
+        let mut cells = Vec::with_capacity((self.cosine_edges.len() - 1) * self.azimuths);
+        for row in self.cosine_edges.windows(2) {
+            for column in 0..self.azimuths {
+                let turn = |k: usize| k as f64 / self.azimuths as f64;
+                // Over the polar angle, in which densities that are infinite
+                // along the pole stay tame.
+                let polar = |cosine: f64| cosine.clamp(-1.0, 1.0).acos();
+                let cell = [polar(row[1]), polar(row[0]), turn(column), turn(column + 1)];
+                let (value, e) = integrate_cell(cell, scale * TAU, &mut |polar, turn| {
+                    polar.sin() * f(self.direction(polar, turn))
+                });
+                cells.push(value);
+                error += e;
+            }
+        }
+        (cells, error)
+    }
+
+    /// Integral of `f` over the sphere, to about one part in 10^4 of what
+    /// counting 10^6 samples would resolve in each cell.
+    pub fn integrate(&self, mut f: impl FnMut(Vec3) -> f64) -> f64 {
+        self.integrals(1e6, &mut f).0.iter().sum::<f64>() / 1e6
+    }
+
+    /// Tests that `sample` draws directions with density `pdf` per steradian.
+    ///
+    /// `None` from the sampler must happen as often as the density falls short
+    /// of a unit integral. An integral above one, beyond quadrature error, is
+    /// rejected outright (p-value zero), as is a shortfall that never shows.
+    pub fn chi_square(
+        &self,
+        samples: u32,
+        mut sample: impl FnMut() -> Option<Vec3>,
+        mut pdf: impl FnMut(Vec3) -> f64,
+    ) -> Verdict {
+        let n = f64::from(samples);
+        let (mut expected, error) = self.integrals(n, &mut pdf);
+        let mut observed = vec![0u64; expected.len() + 1];
+        for _ in 0..samples {
+            let cell = sample().map_or(expected.len(), |w| self.cell(w));
+            observed[cell] += 1;
+        }
+        close(&mut expected, &observed, n, error + self.norm_tolerance * n)
+    }
+}
+
+/// A chi-square domain: an interval cut into equal cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineGrid {
+    /// Lower end.
+    pub from: f64,
+    /// Upper end.
+    pub to: f64,
+    /// Number of cells.
+    pub cells: usize,
+}
+
+impl LineGrid {
+    /// Tests that `sample` draws numbers with density `pdf`; see
+    /// [`SphereGrid::chi_square`]. Numbers outside the interval count as `None`.
+    pub fn chi_square(
+        &self,
+        samples: u32,
+        mut sample: impl FnMut() -> Option<f64>,
+        mut pdf: impl FnMut(f64) -> f64,
+    ) -> Verdict {
+        let n = f64::from(samples);
+        let width = (self.to - self.from) / self.cells as f64;
+        let mut error = 0.0;
+        let mut expected: Vec<f64> = (0..self.cells)
+            .map(|i| {
+                let a = self.from + width * i as f64;
+                let (value, e) = integrate_cell([a, a + width, 0.0, 1.0], n, &mut |u, _| pdf(u));
+                error += e;
+                value
+            })
+            .collect();
+        let mut observed = vec![0u64; self.cells + 1];
+        for _ in 0..samples {
+            let inside = sample().filter(|x| (self.from..=self.to).contains(x));
+            let cell = inside.map_or(self.cells, |x| {
+                (((x - self.from) / width) as usize).min(self.cells - 1)
+            });
+            observed[cell] += 1;
+        }
+        close(&mut expected, &observed, n, error + NORM_TOLERANCE * n)
+    }
+}
+
+/// Adds the cell of draws that found nothing, and judges.
+fn close(expected: &mut Vec<f64>, observed: &[u64], n: f64, tolerance: f64) -> Verdict {
+    let missing = n - expected.iter().sum::<f64>();
+    if missing < -tolerance || missing.is_nan() {
+        return Verdict {
+            statistic: f64::INFINITY,
+            degrees: expected.len() as f64,
+            p_value: 0.0,
+        };
+    }
+    expected.push(if missing > tolerance { missing } else { 0.0 });
+    chi_square(observed, expected)
+}
+
+/// Integral over a rectangle `[u0, u1, v0, v1]` times `scale`, with an estimate
+/// of its error, by halving until the error is a twentieth of the counting
+/// noise of the rectangle that was asked for.
+fn integrate_cell(cell: [f64; 4], scale: f64, f: &mut dyn FnMut(f64, f64) -> f64) -> (f64, f64) {
+    let rule = gauss_legendre(4);
+    let mut once = |[u0, u1, v0, v1]: [f64; 4]| {
+        let mut sum = 0.0;
+        for &(x, wx) in &rule {
+            for &(y, wy) in &rule {
+                let u = 0.5 * (u0 + u1) + 0.5 * (u1 - u0) * x;
+                let v = 0.5 * (v0 + v1) + 0.5 * (v1 - v0) * y;
+                sum += wx * wy * f(u, v);
+            }
+        }
+        0.25 * (u1 - u0) * (v1 - v0) * scale * sum
+    };
+    let whole = once(cell);
+    let mut pending = vec![(cell, whole, 0u32)];
+    let (mut total, mut error) = (0.0, 0.0);
+    while let Some(([u0, u1, v0, v1], rough, depth)) = pending.pop() {
+        let (um, vm) = (0.5 * (u0 + u1), 0.5 * (v0 + v1));
+        let parts = [
+            [u0, um, v0, vm],
+            [um, u1, v0, vm],
+            [u0, um, vm, v1],
+            [um, u1, vm, v1],
+        ]
+        .map(|part| (part, once(part)));
+        let fine: f64 = parts.iter().map(|p| p.1).sum();
+        let allowed = 0.05 * whole.abs().max(1.0).sqrt() * 0.5f64.powi(depth as i32);
+        if (fine - rough).abs() <= allowed || depth >= 7 {
+            total += fine;
+            // Halving gains a factor of more than ten on anything smooth.
+            error += 0.1 * (fine - rough).abs();
+        } else {
+            pending.extend(parts.map(|(part, value)| (part, value, depth + 1)));
+        }
+    }
+    (total, error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PathRng, warp};
+
+    #[test]
+    fn tails_match_tables() {
+        assert!((z_test(1.959_964, 0.0, 1.0).p_value - 0.05).abs() < 1e-6);
+        let t = student(2.228_139, 10.0);
+        assert!((t.p_value - 0.05).abs() < 1e-6);
+        // Tabulated points of the chi-square distribution.
+        for (degrees, point, p) in [
+            (9.0, 16.918_978, 0.05),
+            (100.0, 124.342_113, 0.05),
+            (1000.0, 1_074.679_449, 0.05),
+            (1000.0, 898.912_447, 0.99),
+        ] {
+            let got = upper_gamma(0.5 * degrees, 0.5 * point);
+            assert!((got - p).abs() < 1e-6, "{degrees} {point}: {got}");
+        }
+        let mut last = 1.0;
+        for i in 0..2000 {
+            let p = upper_gamma(219.5, 0.5 * f64::from(i));
+            assert!(p <= last && p >= 0.0, "not falling at {i}");
+            last = p;
+        }
+        let expected = [10.0; 10];
+        let mut observed = [10u64; 10];
+        (observed[0], observed[1]) = (19, 1);
+        let at_81 = chi_square(&observed, &expected);
+        assert!((at_81.statistic - 16.2).abs() < 1e-12);
+        assert!((at_81.p_value - 0.062_6).abs() < 5e-4, "{at_81:?}");
+        assert!((sidak(0.01, 10) - 0.001_004_53).abs() < 1e-7);
+    }
+
+    #[test]
+    fn p_values_of_true_hypotheses_are_uniform() {
+        // 400 p-values against ten equal cells: itself a chi-square test.
+        let mut rng = PathRng::from_seed(21);
+        let mut counts = [[0u64; 10]; 2];
+        let cell = |p: f64| ((10.0 * p) as usize).min(9);
+        let grid = SphereGrid::new(Vec3::new(0.6, 0.0, 0.8), 6, 8);
+        for _ in 0..400 {
+            let m: Moments = (0..200).map(|_| f64::from(rng.unit())).collect();
+            counts[0][cell(t_test(&m, 0.5).p_value)] += 1;
+            let v = grid.chi_square(
+                4000,
+                || Some(warp::cosine_hemisphere(rng.unit2())),
+                |w| f64::from(warp::cosine_hemisphere_pdf(w.z)),
+            );
+            counts[1][cell(v.p_value)] += 1;
+        }
+        for c in counts {
+            let v = chi_square(&c, &[40.0; 10]);
+            assert!(v.p_value > sidak(0.001, 2), "seed 21: {c:?} {v:?}");
+        }
+    }
+
+    #[test]
+    fn wrong_densities_are_rejected() {
+        let mut rng = PathRng::from_seed(22);
+        let grid = SphereGrid::new(Vec3::Y, 12, 24);
+        let cosine = |w: Vec3| f64::from(warp::cosine_hemisphere_pdf(w.z));
+        let mut p = |pdf: &dyn Fn(Vec3) -> f64| {
+            let sample = || Some(warp::cosine_hemisphere(rng.unit2()));
+            grid.chi_square(100_000, sample, pdf).p_value
+        };
+        assert!(p(&cosine) > 1e-3, "seed 22");
+        assert!(p(&|w| 1.02 * cosine(w)) < 1e-9, "2 % too much");
+        assert!(p(&|w| 0.98 * cosine(w)) < 1e-9, "2 % too little");
+        assert!(p(&|w| cosine(w) * (1.0 + 0.1 * f64::from(w.x))) < 1e-9);
+        assert!(
+            p(&|w| f64::from(u8::from(w.z > 0.0)) / TAU) < 1e-9,
+            "no cosine"
+        );
+    }
+
+    #[test]
+    fn draws_that_find_nothing_are_counted() {
+        let mut rng = PathRng::from_seed(23);
+        let line = LineGrid {
+            from: 0.0,
+            to: 1.0,
+            cells: 16,
+        };
+        let mut half = |missing: f32| {
+            let sample = || {
+                let keep = rng.unit() >= missing;
+                keep.then(|| f64::from(rng.unit()))
+            };
+            line.chi_square(20_000, sample, |_| 0.7).p_value
+        };
+        assert!(half(0.3) > 1e-3, "seed 23");
+        assert!(half(0.25) < 1e-9, "seed 23");
+    }
+}

@@ -1,0 +1,88 @@
+//! What a voxel knows of its fibres: the currency between the octree, which
+//! gives it, and the scattering models, which take it.
+
+use glam::Vec3;
+
+/// One population of fibres at a point: how much fibre there is, which way it
+/// runs, how far single fibres stray from that.
+///
+/// The tangents of the population lie at a polar angle from `axis` that is
+/// half-normal with deviation `spread_rad`, cut at 90 degrees, with uniform
+/// azimuth [Schroeder2011]. An axis has no sign.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FibreComponent {
+    /// Fibre length per volume, mm per mm^3.
+    pub length_density_per_mm2: f32,
+    /// Unit mean axis.
+    pub axis: Vec3,
+    /// Deviation of the polar angle, radians; zero for parallel fibres.
+    pub spread_rad: f32,
+    /// Radius of the fibres.
+    pub radius_mm: f32,
+    /// Index into the cloth's table of materials.
+    pub material: u16,
+    /// Which yarn of the tile holds most of this population.
+    pub yarn: u32,
+}
+
+impl FibreComponent {
+    /// Extinction of light that meets parallel fibres broadside, `2 r rho`:
+    /// an upper bound of the extinction toward any direction, for any spread.
+    pub fn broadside_per_mm(&self) -> f32 {
+        2.0 * self.radius_mm * self.length_density_per_mm2
+    }
+}
+
+/// The most populations that one voxel keeps apart.
+pub const MAX_COMPONENTS: usize = 4;
+
+/// The populations at a point, at most [`MAX_COMPONENTS`], without allocation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mixture {
+    len: u8,
+    components: [FibreComponent; MAX_COMPONENTS],
+}
+
+impl Mixture {
+    /// Nothing there.
+    pub const EMPTY: Mixture = Mixture {
+        len: 0,
+        components: [FibreComponent {
+            length_density_per_mm2: 0.0,
+            axis: Vec3::Z,
+            spread_rad: 0.0,
+            radius_mm: 0.0,
+            material: 0,
+            yarn: 0,
+        }; MAX_COMPONENTS],
+    };
+
+    /// Adds a population; `false` (and no change) when there is no room.
+    pub fn push(&mut self, c: FibreComponent) -> bool {
+        let i = usize::from(self.len);
+        if i == MAX_COMPONENTS {
+            return false;
+        }
+        self.components[i] = c;
+        self.len += 1;
+        true
+    }
+
+    /// The populations.
+    pub fn as_slice(&self) -> &[FibreComponent] {
+        &self.components[..usize::from(self.len)]
+    }
+
+    /// True when there is no fibre.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Sum of the broadside extinctions: a bound for every direction.
+    pub fn broadside_per_mm(&self) -> f32 {
+        self.as_slice()
+            .iter()
+            .map(FibreComponent::broadside_per_mm)
+            .sum()
+    }
+}

@@ -1,0 +1,273 @@
+//! `organza info`
+
+use super::with_threads;
+use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
+use crate::flags::InfoArgs;
+use crate::scene_file::SceneFile;
+use crate::{fabric_file, read};
+use anyhow::Result;
+use organza_basis::Aabb;
+use organza_volume::{Octree, VolGrid, ovox, vdb};
+use organza_weave::{Draft, curve_file::CurveSet};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Runs the command.
+#[allow(clippy::print_stdout)]
+pub fn run(args: &InfoArgs) -> Result<()> {
+    let told = with_threads(&args.common, || tell(args))?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&told)?);
+    } else {
+        print_plain(&told, 0);
+    }
+    Ok(())
+}
+
+fn tell(args: &InfoArgs) -> Result<Value> {
+    let path = args.file.as_path();
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    let fail = |e: String| input(format!("{}: {e}", path.display()));
+    match ending.to_lowercase().as_str() {
+        "wif" => {
+            let draft = Draft::from_wif(&read::bytes(path)?).map_err(|e| fail(e.to_string()))?;
+            Ok(json!({ "kind": "draft", "draft": draft.summary() }))
+        }
+        "vol" => {
+            let bytes = read::bytes(path)?;
+            let limit = bytes.len() as u64;
+            let grid = VolGrid::read(&mut &bytes[..], limit).map_err(|e| fail(e.to_string()))?;
+            Ok(vol(&grid))
+        }
+        "ovox" => {
+            let bytes = read::bytes(path)?;
+            let octree = ovox::read(&mut &bytes[..], free_memory_bytes())
+                .map_err(|e| fail(e.to_string()))?;
+            Ok(octree_info(&octree))
+        }
+        "vdb" => {
+            let file = vdb::read(&read::bytes(path)?).map_err(|e| fail(e.to_string()))?;
+            Ok(vdb_info(&file))
+        }
+        "bcc" => {
+            let set = CurveSet::read_bcc(&read::bytes(path)?, 1.0, 0.0)
+                .map_err(|e| fail(e.to_string()))?;
+            Ok(curves_info(&set))
+        }
+        "txt" => {
+            let set =
+                CurveSet::read_text(&read::text(path)?, 1.0).map_err(|e| fail(e.to_string()))?;
+            Ok(curves_info(&set))
+        }
+        "toml" => toml(path, &args.common.set),
+        _ => Err(fail(
+            "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc or .txt".into(),
+        )),
+    }
+}
+
+/// A fabric or a scene: whichever top-level keys it has.
+fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
+    let text = read::text(path)?;
+    let is_scene = ::toml::from_str::<::toml::Table>(&text)
+        .is_ok_and(|t| t.contains_key("camera") || t.contains_key("object"));
+    if is_scene {
+        let file: SceneFile = read::toml(path, overrides)?;
+        return Ok(json!({
+            "kind": "scene",
+            "resolution": file.camera.resolution,
+            "spp": file.render.spp,
+            "seed": file.render.seed,
+            "lights": file.light.len(),
+            "objects": file.object.len(),
+        }));
+    }
+    let fabric = fabric_file::load(path, overrides)?;
+    let yarns: Vec<Value> = fabric
+        .cloth
+        .yarns()
+        .iter()
+        .map(|y| {
+            json!({
+                "name": y.name,
+                "radius_mm": y.radius_mm(),
+                "tex": y.tex(),
+                "fibre_volume_fraction": y.fibre_volume_fraction(),
+            })
+        })
+        .collect();
+    let materials: Vec<Value> = fabric
+        .cloth
+        .materials()
+        .iter()
+        .zip(fabric.optics())
+        .map(|(m, o)| {
+            json!({
+                "yarn": m.yarn,
+                "colour": m.colour,
+                "fibre_radius_um": m.fibre_radius_mm * 1e3,
+                "albedo": o.albedo,
+                "end_on_ratio": o.end_on_ratio,
+            })
+        })
+        .collect();
+    Ok(json!({
+        "kind": "fabric",
+        "name": fabric.file.name,
+        "tile": box_of(&organza_basis::SegmentSource::tile(&fabric.cloth).bounds_mm),
+        "draft": fabric.cloth.draft().map(Draft::summary),
+        "figures": fabric.cloth.figures(),
+        "yarns": yarns,
+        "materials": materials,
+        "warnings": fabric.cloth.warnings(),
+    }))
+}
+
+fn box_of(b: &Aabb) -> Value {
+    json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
+}
+
+fn vol(grid: &VolGrid) -> Value {
+    let range = |c: usize| {
+        let values = grid.data.iter().skip(c).step_by(grid.channels as usize);
+        let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
+            (lo.min(v), hi.max(v))
+        });
+        json!([lo, hi])
+    };
+    json!({
+        "kind": "grid",
+        "resolution": grid.dims.to_array(),
+        "channels": grid.channels,
+        "box": box_of(&grid.bounds_mm),
+        "voxel_mm": (grid.bounds_mm.size() / grid.dims.as_vec3()).to_array(),
+        "range": (0..grid.channels as usize).map(range).collect::<Vec<_>>(),
+    })
+}
+
+fn vdb_info(file: &vdb::File) -> Value {
+    let grids: Vec<Value> = file
+        .grids
+        .iter()
+        .map(|g| {
+            let (low, high) = g.data.active_box().unwrap_or_default();
+            json!({
+                "name": g.name,
+                "type": g.data.type_name(),
+                "active_voxels": g.data.active_count(),
+                "first_cell": low.to_array(),
+                "last_cell": high.to_array(),
+                "voxel_mm": [
+                    g.mm_from_cell.matrix3.x_axis.length(),
+                    g.mm_from_cell.matrix3.y_axis.length(),
+                    g.mm_from_cell.matrix3.z_axis.length(),
+                ],
+            })
+        })
+        .collect();
+    let unread: Vec<Value> = file
+        .unread
+        .iter()
+        .map(|(name, why)| json!({ "name": name, "not_read": why }))
+        .collect();
+    json!({ "kind": "vdb", "grids": grids, "unread": unread })
+}
+
+/// Lengths are in the file's own units.
+fn curves_info(set: &CurveSet) -> Value {
+    let points: usize = set.curves.iter().map(|c| c.points_mm.len()).sum();
+    let closed = set.curves.iter().filter(|c| c.closed).count();
+    let length: f64 = set
+        .segments()
+        .segments
+        .iter()
+        .map(|s| f64::from(s.length_mm()))
+        .sum();
+    let bounds = set.bounds_mm();
+    json!({
+        "kind": "curves",
+        "curves": set.curves.len(),
+        "closed": closed,
+        "points": points,
+        "length": length,
+        "min": bounds.min.to_array(),
+        "max": bounds.max.to_array(),
+    })
+}
+
+fn octree_info(octree: &Octree) -> Value {
+    let levels: Vec<Value> = (0..octree.level_count())
+        .map(|l| {
+            json!({
+                "voxel_um": (octree.voxel_mm(l) * 1e3).to_array(),
+                "dims": octree.dims(l).to_array(),
+                "occupied": octree.occupied_cells(l),
+                "fibre_length_mm": octree.fibre_length_mm(l),
+                "memory_bytes": octree.level_memory_bytes(l),
+            })
+        })
+        .collect();
+    let (mut least, mut most) = (f32::INFINITY, 0.0f32);
+    octree.for_each_occupied(0, |cell| {
+        let sigma = octree.broadside_per_mm(0, cell);
+        least = least.min(sigma);
+        most = most.max(sigma);
+    });
+    json!({
+        "kind": "octree",
+        "box": box_of(&octree.bounds_mm()),
+        "repeats": octree.repeats(),
+        "materials": octree.material_count(),
+        "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },
+        "memory_bytes": octree.memory_bytes(),
+        "levels": levels,
+    })
+}
+
+/// A listing for people: one key a line, nested by indentation.
+#[allow(clippy::print_stdout)]
+fn print_plain(value: &Value, depth: usize) {
+    let indent = "  ".repeat(depth);
+    let is_flat = |v: &Value| match v {
+        Value::Array(a) => a.iter().all(|v| !v.is_object() && !v.is_array()),
+        Value::Object(_) => false,
+        _ => true,
+    };
+    match value {
+        Value::Object(map) => {
+            for (key, v) in map {
+                if is_flat(v) {
+                    println!("{indent}{key}: {}", words(v));
+                } else {
+                    println!("{indent}{key}:");
+                    print_plain(v, depth + 1);
+                }
+            }
+        }
+        Value::Array(items) => {
+            for (i, v) in items.iter().enumerate() {
+                if is_flat(v) {
+                    println!("{indent}{}", words(v));
+                } else {
+                    println!("{indent}[{i}]");
+                    print_plain(v, depth + 1);
+                }
+            }
+        }
+        v => println!("{indent}{}", words(v)),
+    }
+}
+
+fn words(v: &Value) -> String {
+    match v {
+        Value::String(s) => s.clone(),
+        Value::Array(a) => a.iter().map(words).collect::<Vec<_>>().join(" "),
+        Value::Null => "-".into(),
+        Value::Number(n) => match n.as_f64() {
+            Some(x) if n.is_f64() => format!("{}", (x * 1e6).round() / 1e6),
+            _ => n.to_string(),
+        },
+        v => v.to_string(),
+    }
+}

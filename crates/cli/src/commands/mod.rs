@@ -1,0 +1,21 @@
+//! One file per command.
+
+pub mod info;
+pub mod render;
+pub mod voxelize;
+pub mod weave;
+
+use crate::flags::CommonArgs;
+use anyhow::{Context, Result};
+
+/// Runs `work` on the number of threads asked for.
+pub fn with_threads<T: Send>(
+    common: &CommonArgs,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(common.threads.map_or(0, usize::from))
+        .build()
+        .context("cannot start the threads")?
+        .install(work)
+}

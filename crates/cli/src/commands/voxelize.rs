@@ -1,0 +1,125 @@
+//! `organza voxelize`
+
+use super::with_threads;
+use crate::error::input;
+use crate::fabric_file::{self, Fabric};
+use crate::flags::VoxelizeArgs;
+use crate::output;
+use anyhow::{Context, Result};
+use organza_basis::Rgb;
+use organza_volume::{Octree, VolGrid, export, ovox, vdb};
+use std::path::{Path, PathBuf};
+
+/// The formats that a volume can be written in.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Ovox,
+    Vdb,
+    Vol,
+}
+
+/// Runs the command.
+pub fn run(args: &VoxelizeArgs) -> Result<()> {
+    let ending = args.outfile.extension().map(|e| e.to_ascii_lowercase());
+    let format = match ending.as_ref().and_then(|e| e.to_str()) {
+        Some("ovox") => Format::Ovox,
+        Some("vdb") => Format::Vdb,
+        Some("vol") => Format::Vol,
+        _ => {
+            return Err(input(format!(
+                "{}: expected a name that ends in .ovox, .vdb or .vol",
+                args.outfile.display()
+            )));
+        }
+    };
+    output::check_writable(&args.outfile)?;
+    with_threads(&args.common, || voxelize(args, format))
+}
+
+#[allow(clippy::print_stderr)]
+fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
+    let started = std::time::Instant::now();
+    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let octree = fabric.voxelize(
+        &args.fabric,
+        args.voxel_um,
+        args.levels,
+        args.max_memory,
+        args.common.quiet,
+    )?;
+    let levels = octree.level_count();
+    if args.level >= levels {
+        return Err(input(format!(
+            "--level {}: the octree has {levels} levels, from 0",
+            args.level
+        )));
+    }
+    let written = write(args, format, &fabric, &octree)?;
+    if !args.common.quiet {
+        let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+        eprintln!(
+            "{}: {} voxels with fibre of {} at {:.1} um, {:.1} MiB in memory, {:.1} s",
+            names.join(", "),
+            octree.occupied_voxels(),
+            octree.dims(0).as_u64vec3().element_product(),
+            octree.voxel_mm(0).max_element() * 1e3,
+            octree.memory_bytes() as f64 / f64::from(1 << 20),
+            started.elapsed().as_secs_f64(),
+        );
+    }
+    Ok(())
+}
+
+fn write(
+    args: &VoxelizeArgs,
+    format: Format,
+    fabric: &Fabric,
+    octree: &Octree,
+) -> Result<Vec<PathBuf>> {
+    let path = args.outfile.clone();
+    match format {
+        Format::Ovox => {
+            output::write_file(&path, |out| {
+                ovox::write(octree, out).context("writing the octree failed")
+            })?;
+            Ok(vec![path])
+        }
+        Format::Vdb => {
+            let grids = vdb::grids_from_octree(octree, args.level, args.half);
+            let codec = if args.raw {
+                vdb::Codec::Raw
+            } else {
+                vdb::Codec::Zip
+            };
+            output::write_file(&path, |out| {
+                vdb::write(&grids, codec, out).context("writing the grids failed")
+            })?;
+            Ok(vec![path])
+        }
+        Format::Vol => {
+            let optics = fabric.optics();
+            let albedo = |material: u16| {
+                optics
+                    .get(usize::from(material))
+                    .map_or(Rgb::BLACK, |o| o.albedo)
+            };
+            let triple = export::vol_triple(octree, args.level, &albedo);
+            let named = |part: &str| path.with_extension(format!("{part}.vol"));
+            let parts: [(PathBuf, &VolGrid); 3] = [
+                (named("sigma_t"), &triple.sigma_t),
+                (named("sggx"), &triple.sggx),
+                (named("albedo"), &triple.albedo),
+            ];
+            for (path, grid) in &parts {
+                write_vol(path, grid)?;
+            }
+            Ok(parts.map(|(path, _)| path).to_vec())
+        }
+    }
+}
+
+fn write_vol(path: &Path, grid: &VolGrid) -> Result<()> {
+    output::write_file(path, |out| {
+        grid.write(out).context("writing the grid failed")
+    })
+}

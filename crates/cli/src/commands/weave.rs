@@ -1,0 +1,115 @@
+//! `organza weave`
+
+use crate::error::input;
+use crate::fabric_file::{self, Fabric};
+use crate::flags::{CurveLevel, WeaveArgs};
+use crate::{output, picture, read};
+use anyhow::{Context, Result};
+use organza_weave::{Draft, Level, Picture, curve_file};
+use std::path::Path;
+
+/// What the word on the command line means.
+enum Subject {
+    Draft(Draft),
+    Fabric(Box<Fabric>),
+}
+
+impl Subject {
+    /// # Errors
+    /// No such file or weave, or a file that cannot be read.
+    fn of(word: &str, overrides: &[String]) -> Result<Subject> {
+        let path = Path::new(word);
+        let ending = path.extension().and_then(|e| e.to_str());
+        match ending.map(str::to_lowercase).as_deref() {
+            Some("wif") => Draft::from_wif(&read::bytes(path)?)
+                .map(Subject::Draft)
+                .map_err(|e| input(format!("{}: {e}", path.display()))),
+            Some("toml") => Ok(Subject::Fabric(Box::new(fabric_file::load(
+                path, overrides,
+            )?))),
+            _ => Draft::named(word)
+                .map(Subject::Draft)
+                .map_err(|e| input(format!("{word}: {e}"))),
+        }
+    }
+
+    fn draft(&self) -> Option<&Draft> {
+        match self {
+            Subject::Draft(d) => Some(d),
+            Subject::Fabric(f) => f.cloth.draft(),
+        }
+    }
+}
+
+/// Runs the command.
+#[allow(clippy::print_stdout, clippy::print_stderr)]
+pub fn run(args: &WeaveArgs) -> Result<()> {
+    let subject = Subject::of(&args.draft, &args.common.set)?;
+    let warnings = match &subject {
+        Subject::Draft(d) => &d.warnings[..],
+        Subject::Fabric(f) => f.cloth.warnings(),
+    };
+    if !args.common.quiet {
+        for warning in warnings {
+            eprintln!("organza: warning: {}: {warning}", args.draft);
+        }
+    }
+    if let Some(path) = &args.outfile {
+        output::check_writable(path)?;
+        write(args, &subject, path)?;
+    }
+    let no_draft = || input(format!("{}: has no draft to show", args.draft));
+    if args.json {
+        let told = match &subject {
+            Subject::Draft(d) => serde_json::json!({ "draft": d.summary() }),
+            Subject::Fabric(f) => serde_json::json!({
+                "draft": f.cloth.draft().map(Draft::summary),
+                "figures": f.cloth.figures(),
+            }),
+        };
+        println!("{}", serde_json::to_string_pretty(&told)?);
+    } else if args.outfile.is_none() {
+        print!("{}", subject.draft().ok_or_else(no_draft)?.drawdown());
+    }
+    Ok(())
+}
+
+fn write(args: &WeaveArgs, subject: &Subject, path: &Path) -> Result<()> {
+    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
+    let level = match args.level {
+        None | Some(CurveLevel::Yarn) => Level::Yarn,
+        Some(CurveLevel::Ply) => Level::Ply,
+        Some(CurveLevel::Fibre) => Level::Fibre,
+    };
+    match (ending, subject) {
+        ("png", Subject::Draft(d)) => write_png(path, &d.picture(args.cell_px.max(1))),
+        ("png", Subject::Fabric(f)) => match (f.cloth.draft(), args.level) {
+            (Some(draft), None) => write_png(path, &draft.picture(args.cell_px.max(1))),
+            _ => write_png(path, &f.cloth.picture(level, f.cloth.default_picture_mm())),
+        },
+        ("obj" | "txt" | "bcc", Subject::Draft(_)) => Err(input(format!(
+            "{}: a draft has no curves; name a fabric file (.toml)",
+            args.draft
+        ))),
+        ("obj" | "txt" | "bcc", Subject::Fabric(f)) => {
+            let curves = f.cloth.curves(level);
+            output::write_file(path, |mut out| {
+                match ending {
+                    "obj" => curve_file::write_obj(&curves, &mut out),
+                    "txt" => curve_file::write_text(&curves, &mut out),
+                    _ => curve_file::write_bcc(&curves, &mut out),
+                }
+                .context("writing the curves failed")
+            })
+        }
+        _ => Err(input(format!(
+            "{}: expected a name that ends in .png, .obj, .txt or .bcc",
+            path.display()
+        ))),
+    }
+}
+
+fn write_png(path: &Path, p: &Picture) -> Result<()> {
+    picture::write_rgb_png(path, p.width, p.height, &p.rgb)
+}

@@ -1,0 +1,294 @@
+//! The fabric file: one cloth, its geometry, its optics and its voxels.
+
+use crate::error::input;
+use crate::progress::Progress;
+use crate::read;
+use crate::scene_build::BuildOptions;
+use crate::scene_file::{CameraKind, CameraTable, ClothTable, Lod, LodName, ModelName};
+use anyhow::Result;
+use organza_basis::{Rgb, nearest_name};
+use organza_transport::{ClothMedium, FlakeOptics};
+use organza_volume::{Octree, VoxelizeOptions, voxelize};
+use organza_weave::{
+    Cloth, FabricGeometry, Material,
+    spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
+};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A whole fabric file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FabricFile {
+    /// Name, for people.
+    pub name: Option<String>,
+    pub draft: DraftSpec,
+    #[serde(default)]
+    pub warp: ThreadSetSpec,
+    #[serde(default)]
+    pub weft: ThreadSetSpec,
+    #[serde(default)]
+    pub yarn: BTreeMap<String, YarnSpec>,
+    #[serde(default)]
+    pub relaxation: RelaxationSpec,
+    #[serde(default)]
+    pub tile: TileSpec,
+    /// How the fibres of a yarn scatter light, by the yarn's name.
+    #[serde(default)]
+    pub optics: BTreeMap<String, OpticsTable>,
+    #[serde(default)]
+    pub voxel: VoxelTable,
+    /// Seed of everything random in the geometry.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// `[optics.YARN]`
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpticsTable {
+    /// Single-scattering albedo of the fibres. Without it the thread's colour
+    /// in the draft is taken for the colour of a thick heap of its fibres.
+    pub albedo: Option<[f32; 3]>,
+    /// Ratio of end-on to broadside extinction of a straight bundle: how rough
+    /// single fibres are.
+    pub end_on_ratio: f32,
+}
+
+/// Estimated: the width of the highlight of a dyed staple fibre, about 6
+/// degrees, seen as the end-on ratio of its flakes.
+const DEFAULT_END_ON_RATIO: f32 = 0.1;
+
+/// Estimated: the colour of undyed bleached cloth.
+const UNDYED: Rgb = Rgb::splat(0.8);
+
+impl Default for OpticsTable {
+    fn default() -> OpticsTable {
+        OpticsTable {
+            albedo: None,
+            end_on_ratio: DEFAULT_END_ON_RATIO,
+        }
+    }
+}
+
+/// `[voxel]`
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VoxelTable {
+    /// Edge of the finest voxels.
+    pub size_um: f32,
+}
+
+impl Default for VoxelTable {
+    fn default() -> VoxelTable {
+        VoxelTable { size_um: 10.0 }
+    }
+}
+
+/// A fabric file with the cloth it describes.
+pub struct Fabric {
+    /// The file.
+    pub file: FabricFile,
+    /// The cloth.
+    pub cloth: Cloth,
+}
+
+/// Reads a fabric file and relaxes its yarns.
+///
+/// # Errors
+/// Names the file and the key at fault.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
+    let file: FabricFile = read::toml(path, overrides)?;
+    let geometry = FabricGeometry {
+        draft: file.draft.clone(),
+        warp: file.warp.clone(),
+        weft: file.weft.clone(),
+        yarn: file.yarn.clone(),
+        relaxation: file.relaxation,
+        tile: file.tile,
+    };
+    let open = |name: &str| std::fs::read(read::beside(path, name));
+    let cloth = Cloth::build(&geometry, &open, file.seed)
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    for (yarn, optics) in &file.optics {
+        check_optics(path, yarn, optics, cloth.materials())?;
+    }
+    Ok(Fabric { file, cloth })
+}
+
+fn check_optics(
+    path: &Path,
+    yarn: &str,
+    optics: &OpticsTable,
+    materials: &[Material],
+) -> Result<()> {
+    let fail = |why: String| Err(input(format!("{}: optics.{yarn}{why}", path.display())));
+    let names: Vec<&str> = materials.iter().map(|m| m.yarn.as_str()).collect();
+    if !names.contains(&yarn) {
+        let near = nearest_name(yarn, names.iter().copied())
+            .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+        return fail(format!(": no yarn of the cloth has this name{near}"));
+    }
+    let in_range = |c: &f32| (0.0..=1.0).contains(c);
+    if optics.albedo.is_some_and(|a| !a.iter().all(in_range)) {
+        return fail(".albedo: expected three numbers from 0 to 1".into());
+    }
+    if !in_range(&optics.end_on_ratio) {
+        return fail(".end_on_ratio: expected a number from 0 to 1".into());
+    }
+    Ok(())
+}
+
+impl Fabric {
+    /// How each material of the cloth scatters.
+    pub fn optics(&self) -> Vec<FlakeOptics> {
+        self.cloth
+            .materials()
+            .iter()
+            .map(|m| {
+                let table = self.file.optics.get(&m.yarn).copied().unwrap_or_default();
+                let albedo = table
+                    .albedo
+                    .map_or_else(|| albedo_for_colour(m.colour.unwrap_or(UNDYED)), Rgb::from);
+                FlakeOptics {
+                    albedo,
+                    end_on_ratio: table.end_on_ratio,
+                }
+            })
+            .collect()
+    }
+
+    /// The octree of the cloth's fibres.
+    ///
+    /// # Errors
+    /// A voxel size out of range, or more memory needed than allowed.
+    pub fn voxelize(
+        &self,
+        path: &Path,
+        voxel_um: Option<f32>,
+        levels: Option<u8>,
+        max_memory_bytes: Option<u64>,
+        quiet: bool,
+    ) -> Result<Octree> {
+        let size_um = voxel_um.unwrap_or(self.file.voxel.size_um);
+        if !(size_um.is_finite() && size_um > 0.0) {
+            return Err(input(format!(
+                "{}: voxel size: expected a positive number of micrometres, found {size_um}",
+                path.display()
+            )));
+        }
+        let options = VoxelizeOptions {
+            voxel_mm: size_um * 1e-3,
+            levels,
+            max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
+            ..VoxelizeOptions::default()
+        };
+        let progress = Progress::new("voxelizing", 1000, quiet);
+        let octree = voxelize(&self.cloth, &options, &|done| {
+            progress.at((done * 1000.0) as u64);
+        })
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        progress.finish();
+        Ok(octree)
+    }
+}
+
+/// Memory that the machine has free, where it tells (Linux does); else no limit.
+pub fn free_memory_bytes() -> u64 {
+    let from_kernel = || {
+        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+        let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+        let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        kib.checked_mul(1024)
+    };
+    from_kernel().unwrap_or(u64::MAX)
+}
+
+/// The single-scattering albedo at which a half-space of isotropic scatterers
+/// has the diffuse albedo `colour`.
+///
+/// Van de Hulst's fit R = (1 - s)(1 - 0.139 s) / (1 + 1.17 s) with
+/// s = sqrt(1 - albedo) [vanDeHulst1980], solved for s.
+/// Cloth is neither thick nor isotropic, so this is an estimate of what was
+/// dyed, not a fit of a measurement.
+pub fn albedo_for_colour(colour: Rgb) -> Rgb {
+    let channel = |r: f32| {
+        let r = r.clamp(0.0, 1.0);
+        // 0.139 s^2 - (1.139 + 1.17 R) s + (1 - R) = 0, the smaller root.
+        let b = 1.139 + 1.17 * r;
+        let s = (b - (b * b - 4.0 * 0.139 * (1.0 - r)).max(0.0).sqrt()) / (2.0 * 0.139);
+        (1.0 - s * s).clamp(0.0, 1.0)
+    };
+    Rgb::from(<[f32; 3]>::from(colour).map(channel))
+}
+
+/// A cloth object of a scene.
+///
+/// # Errors
+/// Names the file and the key at fault.
+pub fn cloth_medium(
+    table: &ClothTable,
+    camera: &CameraTable,
+    options: &BuildOptions<'_>,
+) -> Result<ClothMedium> {
+    let path = read::beside(options.scene_path, &table.fabric);
+    let ModelName::Microflake = table.model;
+    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
+    let fabric = load(&path, &own_seed)?;
+    let octree = fabric.voxelize(
+        &path,
+        table.voxel_um,
+        None,
+        options.max_memory_bytes,
+        options.quiet,
+    )?;
+    let level = match table.lod {
+        Lod::Level(level) => level,
+        Lod::Name(LodName::Volume) => 0,
+        Lod::Name(LodName::Auto) => level_for_camera(&octree, camera),
+    };
+    let levels = octree.level_count();
+    ClothMedium::new(octree, level, fabric.optics()).ok_or_else(|| {
+        input(format!(
+            "{}: object.lod: level {level} does not exist; the cloth has {levels}, from 0",
+            options.scene_path.display()
+        ))
+    })
+}
+
+/// The coarsest level whose voxels are at most half a pixel wide where the
+/// camera looks.
+fn level_for_camera(octree: &Octree, camera: &CameraTable) -> u8 {
+    let pixels = f64::from(camera.resolution[0].max(1));
+    let width_mm = match camera.kind {
+        CameraKind::Orthographic => camera.width_mm.unwrap_or(0.0),
+        CameraKind::Perspective => {
+            let distance = (glam::DVec3::from(camera.target_mm)
+                - glam::DVec3::from(camera.origin_mm))
+            .length();
+            2.0 * distance * (0.5 * camera.fov_deg.unwrap_or(0.0).to_radians()).tan()
+        }
+    };
+    let pixel_mm = (width_mm / pixels) as f32;
+    (0..octree.level_count())
+        .rev()
+        .find(|&l| octree.voxel_mm(l).max_element() <= 0.5 * pixel_mm)
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_and_albedos_invert_each_other() {
+        for i in 0..=20 {
+            let r = i as f32 / 20.0;
+            let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
+            let s = (1.0 - albedo).sqrt();
+            let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
+            assert!((back - r).abs() < 1e-4, "{r}: {albedo} gives {back}");
+        }
+    }
+}

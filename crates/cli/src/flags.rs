@@ -1,0 +1,212 @@
+//! Every command and flag; help, completions and man pages come from here.
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use glam::UVec2;
+use organza_transport::Crop;
+use std::path::PathBuf;
+
+/// Volumetric cloth renderer: weave drafts to fibres to light.
+#[derive(Debug, Parser)]
+#[command(
+    name = "organza",
+    version,
+    arg_required_else_help = true,
+    after_help = "Try first:\n  organza render scenes/first_light.toml -o first_light.png\n  organza weave twill-3-1-s -o twill.png"
+)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Path-trace a scene to .exr (linear, with variance and AOVs) or .png
+    Render(RenderArgs),
+    /// Turn one tile of a fabric into a volume file
+    Voxelize(VoxelizeArgs),
+    /// Draw a draft or a fabric's weave
+    Weave(WeaveArgs),
+    /// Tell what is in a draft, fabric, scene or volume file
+    Info(InfoArgs),
+}
+
+/// The definition of the whole command line.
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// Flags that every command takes.
+#[derive(Debug, Args)]
+pub struct CommonArgs {
+    /// Threads to use [default: all cores]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
+    /// Override any key of the input file, e.g. --set render.seed=7 (repeatable)
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// `organza render`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza render scenes/first_light.toml -o first_light.exr --spp 256 --stats"
+)]
+pub struct RenderArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Picture to write: .exr or .png
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Samples per pixel [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Render only these pixels: left, top, right, bottom (right and bottom outside)
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_crop)]
+    pub crop: Option<Crop>,
+    /// Print counts of collisions, shadow steps and rejected samples
+    #[arg(long)]
+    pub stats: bool,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// `organza voxelize`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza voxelize scenes/fabrics/organza.toml -o organza.ovox --voxel-um 10"
+)]
+pub struct VoxelizeArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Volume to write: .ovox (the whole octree), .vdb (OpenVDB) or .vol (Mitsuba: three files, .sigma_t.vol, .sggx.vol and .albedo.vol)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Level of detail that .vdb and .vol hold; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub level: u8,
+    /// Store 16-bit floats (.vdb)
+    #[arg(long)]
+    pub half: bool,
+    /// Do not compress (.vdb)
+    #[arg(long)]
+    pub raw: bool,
+    /// Edge of the finest voxels, micrometres [default: the fabric's]
+    #[arg(long, value_name = "UM")]
+    pub voxel_um: Option<f32>,
+    /// Number of levels of detail [default: as many as fit, at most 6]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=8))]
+    pub levels: Option<u8>,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// `organza weave`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  organza weave satin-8-3 -o satin.png\n  organza weave draft.wif --json"
+)]
+pub struct WeaveArgs {
+    /// A draft (.wif), a fabric file (.toml) or the name of a weave (plain, twill-3-1-s, satin-8-3, basket-2-2, herringbone)
+    pub draft: String,
+    /// What to write: the drawdown or the curves as a picture (.png), the curves as polylines (.obj), text (.txt) or .bcc [default: print the drawdown]
+    #[arg(short, long)]
+    pub outfile: Option<PathBuf>,
+    /// Which curves of a fabric to write or draw
+    #[arg(long, value_enum)]
+    pub level: Option<CurveLevel>,
+    /// Pixels per crossing
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub cell_px: u32,
+    /// Print repeat, floats and cover as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// How far a fabric is taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum CurveLevel {
+    /// One curve per yarn
+    Yarn,
+    /// One curve per ply
+    Ply,
+    /// Every fibre
+    Fibre,
+}
+
+/// `organza info`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json")]
+pub struct InfoArgs {
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol) or curves (.bcc, .txt)
+    pub file: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// A crop from "X0,Y0,X1,Y1".
+fn parse_crop(text: &str) -> Result<Crop, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) => Ok(Crop {
+            min: UVec2::new(x0, y0),
+            max: UVec2::new(x1, y1),
+        }),
+        _ => Err("expected four pixel numbers X0,Y0,X1,Y1".into()),
+    }
+}
+
+/// Bytes from "512MiB", "2GB" or a plain number.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "kib" | "k" => 1024.0,
+        "mib" | "m" => 1024.0 * 1024.0,
+        "gib" | "g" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err("expected a size such as 512MiB or 2GB".into()),
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n * unit < 9e18 => Ok((n * unit) as u64),
+        _ => Err("expected a size such as 512MiB or 2GB".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_read_with_their_units() {
+        assert_eq!(parse_bytes("2GiB"), Ok(2 << 30));
+        assert_eq!(parse_bytes("1.5k"), Ok(1536));
+        assert_eq!(parse_bytes("7"), Ok(7));
+        assert!(parse_bytes("-1").is_err() && parse_bytes("2 apples").is_err());
+    }
+}

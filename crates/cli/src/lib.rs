@@ -1,0 +1,53 @@
+//! The command line: the only crate that opens paths or prints.
+//!
+//! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
+//! file) end with exit status 2, failures while running with 1.
+
+mod commands;
+mod error;
+mod fabric_file;
+mod flags;
+mod output;
+mod picture;
+mod progress;
+mod read;
+mod scene_build;
+mod scene_file;
+
+pub use flags::command;
+
+use clap::{CommandFactory, FromArgMatches};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the program on its arguments (the first is the program's name).
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let matches = match flags::Arguments::command().try_get_matches_from(arguments) {
+        Ok(m) => m,
+        Err(e) => return complain_of_arguments(&e),
+    };
+    let arguments = match flags::Arguments::from_arg_matches(&matches) {
+        Ok(a) => a,
+        Err(e) => return complain_of_arguments(&e),
+    };
+    let outcome = match arguments.command {
+        flags::Command::Render(a) => commands::render::run(&a),
+        flags::Command::Voxelize(a) => commands::voxelize::run(&a),
+        flags::Command::Weave(a) => commands::weave::run(&a),
+        flags::Command::Info(a) => commands::info::run(&a),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            error::print(&e);
+            error::exit_code(&e)
+        }
+    }
+}
+
+fn complain_of_arguments(e: &clap::Error) -> ExitCode {
+    // Help and version come this way too, and are no complaint.
+    let code = u8::try_from(e.exit_code()).unwrap_or(2);
+    let _ = e.print();
+    ExitCode::from(code)
+}

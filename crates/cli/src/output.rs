@@ -1,0 +1,75 @@
+//! Output files appear under their final name only when complete.
+
+use anyhow::{Context, Result};
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// Where a file is written before it is renamed: in the same folder, so that
+/// the rename cannot cross a file system.
+fn partial_path(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    path.with_file_name(name)
+}
+
+/// Removes the partial file when writing did not come to its end.
+struct Partial(Option<PathBuf>);
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if let Some(path) = self.0.take() {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Writes a file through `write`, flushes it to the disk and gives it its name.
+///
+/// # Errors
+/// Names the file; nothing is left behind.
+pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>) -> Result<()> {
+    let temporary = partial_path(path);
+    let cannot = || format!("cannot write {}", path.display());
+    let file = File::create(&temporary).with_context(cannot)?;
+    let mut partial = Partial(Some(temporary.clone()));
+    let mut out = BufWriter::new(file);
+    write(&mut out).with_context(cannot)?;
+    let file = out
+        .into_inner()
+        .map_err(std::io::IntoInnerError::into_error)
+        .with_context(cannot)?;
+    file.sync_all().with_context(cannot)?;
+    std::fs::rename(&temporary, path).with_context(cannot)?;
+    partial.0 = None;
+    Ok(())
+}
+
+/// What encoders need of a file.
+pub trait SeekWrite: Write + Seek {}
+impl<T: Write + Seek> SeekWrite for T {}
+
+/// Refuses early what could not be written in the end: a missing folder.
+///
+/// # Errors
+/// The folder does not exist or is none, or the path names a folder.
+pub fn check_writable(path: &Path) -> Result<()> {
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        return Err(crate::error::input(format!(
+            "{}: the folder {} does not exist",
+            path.display(),
+            folder.display()
+        )));
+    }
+    if path.is_dir() {
+        return Err(crate::error::input(format!(
+            "{}: is a folder; expected the name of a file",
+            path.display()
+        )));
+    }
+    Ok(())
+}

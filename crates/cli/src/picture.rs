@@ -1,0 +1,174 @@
+//! Pictures: films to linear EXR with everything a pixel knows, or to
+//! tone-mapped PNG.
+
+use crate::error::input;
+use crate::output;
+use anyhow::{Context, Result};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, Text,
+    WritableImage,
+};
+use organza_basis::Rgb;
+use organza_transport::{Film, Pixel};
+use std::path::Path;
+
+/// The kinds of picture files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureKind {
+    /// Linear `f32` with variance and AOVs.
+    Exr,
+    /// Tone-mapped 8-bit sRGB.
+    Png,
+}
+
+impl PictureKind {
+    /// By the ending of the file's name.
+    ///
+    /// # Errors
+    /// Another ending.
+    pub fn of(path: &Path) -> Result<PictureKind> {
+        let ending = path.extension().map(|e| e.to_ascii_lowercase());
+        match ending.as_ref().and_then(|e| e.to_str()) {
+            Some("exr") => Ok(PictureKind::Exr),
+            Some("png") => Ok(PictureKind::Png),
+            _ => Err(input(format!(
+                "{}: expected a name that ends in .exr or .png",
+                path.display()
+            ))),
+        }
+    }
+}
+
+/// A name and a value in the comment of an EXR file: what made the picture.
+pub type Attribute = (&'static str, String);
+
+/// Writes a film.
+///
+/// `exposure` in stops applies to PNG alone.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, film: &Film, exposure: f32, attributes: &[Attribute]) -> Result<()> {
+    match PictureKind::of(path)? {
+        PictureKind::Exr => write_exr(path, film, attributes),
+        PictureKind::Png => write_png(path, film, exposure),
+    }
+}
+
+/// Channel name and how to compute it. Depth, yarn and tangent are of the
+/// first event; `through` is the fraction of samples seen straight through,
+/// `variance.*` that of the estimated pixel value.
+type Channel = (&'static str, fn(&Pixel) -> f32);
+
+const CHANNELS: [Channel; 13] = [
+    ("R", |p| p.mean().0.x),
+    ("G", |p| p.mean().0.y),
+    ("B", |p| p.mean().0.z),
+    ("variance.R", |p| p.variance_of_mean().0.x),
+    ("variance.G", |p| p.variance_of_mean().0.y),
+    ("variance.B", |p| p.variance_of_mean().0.z),
+    ("tangent.X", |p| p.axis_sum.normalize_or_zero().x as f32),
+    ("tangent.Y", |p| p.axis_sum.normalize_or_zero().y as f32),
+    ("tangent.Z", |p| p.axis_sum.normalize_or_zero().z as f32),
+    ("yarn", |p| p.yarn.map_or(-1.0, |y| y as f32)),
+    ("depth_mm", |p| {
+        if p.hits == 0 {
+            f32::INFINITY
+        } else {
+            (p.depth_sum_mm / p.hits as f64) as f32
+        }
+    }),
+    ("bounces", |p| {
+        (p.bounces as f64 / p.count().max(1) as f64) as f32
+    }),
+    ("through", |p| p.straight_through()),
+];
+
+fn write_exr(path: &Path, film: &Film, attributes: &[Attribute]) -> Result<()> {
+    let size = (film.size().x as usize, film.size().y as usize);
+    let channels = CHANNELS
+        .iter()
+        .map(|(name, value)| {
+            let samples = film.pixels().iter().map(value).collect();
+            AnyChannel::new(*name, FlatSamples::F32(samples))
+        })
+        .collect();
+    let mut layer_attributes = LayerAttributes::named("organza");
+    layer_attributes.software_name = Text::new_or_none("organza");
+    // One text in the standard field for it: custom attributes come out of a
+    // hash table in another order at every run, and equal pictures should be
+    // equal files.
+    let words: Vec<String> = attributes.iter().map(|(k, v)| format!("{k}={v}")).collect();
+    layer_attributes.comments = Text::new_or_none(words.join("\n"));
+    let layer = Layer::new(
+        size,
+        layer_attributes,
+        Encoding {
+            line_order: LineOrder::Increasing,
+            ..Encoding::SMALL_LOSSLESS
+        },
+        AnyChannels::sort(channels),
+    );
+    let image = Image::from_layer(layer);
+    output::write_file(path, |out| {
+        image
+            .write()
+            .to_buffered(out)
+            .context("encoding the EXR failed")
+    })
+}
+
+fn write_png(path: &Path, film: &Film, exposure: f32) -> Result<()> {
+    let gain = exposure.exp2();
+    let bytes: Vec<u8> = film
+        .pixels()
+        .iter()
+        .flat_map(|p| tone_map(p.mean() * gain).map(Rgb::srgb8))
+        .collect();
+    write_rgb_png(path, film.size().x, film.size().y, &bytes)
+}
+
+/// Writes 8-bit RGB rows as PNG.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_rgb_png(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<()> {
+    use image::ImageEncoder;
+    output::write_file(path, |out| {
+        image::codecs::png::PngEncoder::new(out)
+            .write_image(rgb, width, height, image::ExtendedColorType::Rgb8)
+            .context("encoding the PNG failed")
+    })
+}
+
+/// Highlights above this luminance are compressed; all below keeps its value.
+const SHOULDER: f32 = 0.8;
+
+/// Linear below the shoulder, then bent so that any brightness stays below
+/// one; scaled by luminance, so that hues keep.
+fn tone_map(c: Rgb) -> [f32; 3] {
+    let y = c.max_component();
+    if y <= SHOULDER {
+        return c.into();
+    }
+    let over = (y - SHOULDER) / (1.0 - SHOULDER);
+    let bent = SHOULDER + (1.0 - SHOULDER) * over / (1.0 + over);
+    (c * (bent / y)).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tone_mapping_keeps_the_dark_and_bounds_the_bright() {
+        assert_eq!(tone_map(Rgb::new(0.1, 0.5, 0.8)), [0.1, 0.5, 0.8]);
+        let mut last = 0.8;
+        for i in 1..200 {
+            let [r, g, _] = tone_map(Rgb::new(0.8 + i as f32, 0.4 + 0.5 * i as f32, 0.0));
+            assert!(r > last && r < 1.0, "monotone and below one");
+            assert!((g / r - 0.5).abs() < 1e-5, "hue kept");
+            last = r;
+        }
+    }
+}

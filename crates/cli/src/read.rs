@@ -1,0 +1,258 @@
+//! Input files: bytes from paths, and TOML whose mistakes are told with place,
+//! key, what was expected and the nearest valid name.
+
+use crate::error::input;
+use anyhow::Result;
+use organza_basis::nearest_name;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// The largest input file read whole into memory, except volumes.
+const MAX_TEXT_BYTES: u64 = 64 << 20;
+
+/// The bytes of a file.
+///
+/// # Errors
+/// Names the file; a file that cannot be read is wrong input.
+pub fn bytes(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| input(format!("{}: {}", path.display(), io_words(&e))))
+}
+
+/// The text of a file, at most [`MAX_TEXT_BYTES`] long.
+///
+/// # Errors
+/// Names the file.
+pub fn text(path: &Path) -> Result<String> {
+    let fail = |why: &str| input(format!("{}: {why}", path.display()));
+    let size = std::fs::metadata(path)
+        .map_err(|e| fail(&io_words(&e)))?
+        .len();
+    if size > MAX_TEXT_BYTES {
+        return Err(fail(&format!(
+            "is {size} bytes long; expected a text file of at most {MAX_TEXT_BYTES}"
+        )));
+    }
+    String::from_utf8(bytes(path)?).map_err(|e| {
+        fail(&format!(
+            "is not UTF-8 text (byte {})",
+            e.utf8_error().valid_up_to()
+        ))
+    })
+}
+
+/// What an I/O error means to the person at the terminal.
+pub fn io_words(e: &std::io::Error) -> String {
+    match e.kind() {
+        std::io::ErrorKind::NotFound => "no such file".into(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".into(),
+        std::io::ErrorKind::IsADirectory => "is a folder; expected a file".into(),
+        _ => e.to_string(),
+    }
+}
+
+/// A path named inside a file, relative to that file's folder.
+pub fn beside(file: &Path, named: &str) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).join(named)
+}
+
+/// Reads a TOML file into `T`, with `key.path=value` overrides.
+///
+/// # Errors
+/// Names file, line, column and key, and the nearest valid name of a misspelt
+/// key or value; for an override, the flag.
+pub fn toml<T: DeserializeOwned>(path: &Path, overrides: &[String]) -> Result<T> {
+    let source = text(path)?;
+    // The file alone first: its mistakes have a place, an override's do not.
+    let parsed = ::toml::from_str::<T>(&source).map_err(|e| {
+        let place = e.span().map_or(String::new(), |span| {
+            let (line, column) = line_and_column(&source, span.start);
+            format!(":{line}:{column}")
+        });
+        let key = e.span().and_then(|s| key_at(&source, s.start));
+        input(format!(
+            "{}{place}: {}{}",
+            path.display(),
+            key.map_or(String::new(), |k| format!("{k}: ")),
+            with_nearest(e.message())
+        ))
+    });
+    if overrides.is_empty() {
+        return parsed;
+    }
+    let mut table: ::toml::Table = match ::toml::from_str(&source) {
+        Ok(t) => t,
+        Err(_) => return parsed,
+    };
+    for o in overrides {
+        apply_override(&mut table, o)?;
+    }
+    table.try_into().or_else(|e: ::toml::de::Error| {
+        parsed.and_then(|_| {
+            Err(input(format!(
+                "--set {}: {}",
+                overrides.join(" --set "),
+                with_nearest(e.message())
+            )))
+        })
+    })
+}
+
+/// 1-based line and column (in characters) of a byte offset.
+fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
+    let before = source.get(..offset).unwrap_or(source);
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+    (line, column)
+}
+
+/// The key whose line holds an offset, with its table.
+fn key_at(source: &str, offset: usize) -> Option<String> {
+    let start = source.get(..offset)?.rfind('\n').map_or(0, |i| i + 1);
+    let line = source.get(start..)?.lines().next()?.trim();
+    let table = source
+        .get(..start)?
+        .lines()
+        .rev()
+        .find(|l| l.trim_start().starts_with('['))
+        .map(|l| {
+            l.split('#')
+                .next()
+                .unwrap_or(l)
+                .trim()
+                .trim_matches(['[', ']'])
+                .to_owned()
+        });
+    if line.starts_with('[') {
+        return Some(line.trim_matches(['[', ']']).to_owned());
+    }
+    let (key, _) = line.split_once('=')?;
+    let key = key.trim();
+    Some(table.map_or(key.to_owned(), |t| format!("{t}.{key}")))
+}
+
+/// Adds "did you mean" to a message of the form "unknown X `a`, expected one of
+/// `b`, `c`".
+fn with_nearest(message: &str) -> String {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let message = message.trim_end();
+    if !message.starts_with("unknown") {
+        return message.to_owned();
+    }
+    let Some(wrong) = quoted.next() else {
+        return message.to_owned();
+    };
+    let valid: Vec<&str> = quoted.collect();
+    match nearest_name(wrong, valid) {
+        Some(near) => format!("{message}; did you mean `{near}`?"),
+        None => message.to_owned(),
+    }
+}
+
+/// Applies `key.path=value` to a table; numbers name elements of arrays.
+fn apply_override(table: &mut ::toml::Table, text: &str) -> Result<()> {
+    let fail = |why: String| input(format!("--set {text}: {why}"));
+    let (path, value) = text
+        .split_once('=')
+        .ok_or_else(|| fail("expected key.path=value".into()))?;
+    // A bare word is a string: --set render.integrator=regular.
+    let value = ::toml::from_str::<::toml::Table>(&format!("v = {value}"))
+        .ok()
+        .and_then(|mut t| t.remove("v"))
+        .unwrap_or_else(|| ::toml::Value::String(value.to_owned()));
+    let mut keys = path.split('.').map(str::trim).peekable();
+    let Some(first) = keys.next().filter(|k| !k.is_empty()) else {
+        return Err(fail("expected key.path=value".into()));
+    };
+    if keys.peek().is_none() {
+        table.insert(first.to_owned(), value);
+        return Ok(());
+    }
+    let mut at = table
+        .entry(first)
+        .or_insert_with(|| ::toml::Value::Table(::toml::Table::new()));
+    while let Some(key) = keys.next() {
+        let last = keys.peek().is_none();
+        at = match at {
+            ::toml::Value::Table(t) if last => {
+                t.insert(key.to_owned(), value);
+                return Ok(());
+            }
+            ::toml::Value::Table(t) => t
+                .entry(key)
+                .or_insert_with(|| ::toml::Value::Table(::toml::Table::new())),
+            ::toml::Value::Array(a) => {
+                let count = a.len();
+                let element = key
+                    .parse::<usize>()
+                    .ok()
+                    .and_then(|i| a.get_mut(i))
+                    .ok_or_else(|| {
+                        fail(format!(
+                            "`{key}` is not an element; there are {count}, from 0"
+                        ))
+                    })?;
+                if last {
+                    *element = value;
+                    return Ok(());
+                }
+                element
+            }
+            _ => {
+                return Err(fail(format!(
+                    "`{key}` lies inside a value that is no table"
+                )));
+            }
+        };
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Outer {
+        inner: Inner,
+    }
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Inner {
+        albedo: f32,
+        list: Vec<f32>,
+    }
+
+    fn parse(source: &str, overrides: &[&str]) -> Result<Outer> {
+        let name = format!("organza-read-{}-{}.toml", std::process::id(), source.len());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, source).unwrap();
+        let overrides: Vec<String> = overrides.iter().map(|&s| s.to_owned()).collect();
+        let got = toml(&path, &overrides);
+        std::fs::remove_file(&path).unwrap();
+        got
+    }
+
+    #[test]
+    fn an_unknown_key_is_told_with_place_and_nearest_name() {
+        let e = parse("[inner]\nalbedo = 1.0\nlsit = [1.0]\n", &[]).unwrap_err();
+        let words = e.to_string();
+        assert!(
+            words.contains(":3:1: inner.lsit: unknown field `lsit`"),
+            "{words}"
+        );
+        assert!(words.ends_with("did you mean `list`?"), "{words}");
+    }
+
+    #[test]
+    fn overrides_reach_tables_and_arrays_and_their_mistakes_name_the_flag() {
+        let good = "[inner]\nalbedo = 1.0\nlist = [1.0, 2.0]\n";
+        let got = parse(good, &["inner.albedo=0.5", "inner.list.1=7.0"]).unwrap();
+        assert_eq!((got.inner.albedo, got.inner.list), (0.5, vec![1.0, 7.0]));
+        let words = parse(good, &["inner.albedo=red"]).unwrap_err().to_string();
+        assert!(words.starts_with("--set inner.albedo=red:"), "{words}");
+        let words = parse(good, &["inner.list.9=1.0"]).unwrap_err().to_string();
+        assert!(words.contains("`9` is not an element"), "{words}");
+    }
+}

@@ -1,0 +1,201 @@
+//! From a scene file to media, lights and a camera.
+
+use crate::error::input;
+use crate::read;
+use crate::scene_file::{
+    AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, HemisphereName, InterpolationName,
+    LightTable, ObjectTable, SceneFile,
+};
+use anyhow::Result;
+use glam::{DVec3, UVec2, Vec3};
+use organza_basis::Rgb;
+use organza_transport::{
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Interpolation, Light, PixelFilter,
+    Projection, Scene,
+};
+use organza_volume::VolGrid;
+use std::path::{Path, PathBuf};
+
+/// What building a scene needs besides the file.
+pub struct BuildOptions<'a> {
+    /// Where the scene file is: paths inside are relative to its folder.
+    pub scene_path: &'a Path,
+    /// No progress.
+    pub quiet: bool,
+    /// Limit on memory; what is free if none.
+    pub max_memory_bytes: Option<u64>,
+}
+
+/// Builds everything a scene file describes.
+///
+/// # Errors
+/// Names the file and key at fault.
+pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
+    let fail =
+        |key: &str, why: &str| input(format!("{}: {key}: {why}", options.scene_path.display()));
+    let camera = camera(&file.camera).map_err(|why| fail("camera", &why))?;
+    let mut lights = Vec::new();
+    for (i, table) in file.light.iter().enumerate() {
+        lights.push(light(table).map_err(|why| fail(&format!("light[{i}]"), &why))?);
+    }
+    let mut media = Vec::new();
+    for table in &file.object {
+        media.push(match table {
+            ObjectTable::Grid(t) => AnyMedium::Grid(grid(t, options.scene_path)?),
+            ObjectTable::Cloth(t) => {
+                AnyMedium::Cloth(crate::fabric_file::cloth_medium(t, &file.camera, options)?)
+            }
+        });
+    }
+    Ok(Scene {
+        media,
+        lights,
+        camera,
+    })
+}
+
+fn camera(t: &CameraTable) -> Result<Camera, String> {
+    let projection = match t.kind {
+        CameraKind::Orthographic => {
+            if t.fov_deg.is_some() {
+                return Err("fov_deg belongs to kind = \"perspective\"".into());
+            }
+            Projection::Orthographic {
+                width_mm: t.width_mm.ok_or("width_mm is missing")?,
+            }
+        }
+        CameraKind::Perspective => {
+            if t.width_mm.is_some() {
+                return Err("width_mm belongs to kind = \"orthographic\"".into());
+            }
+            Projection::Perspective {
+                fov_rad: t.fov_deg.ok_or("fov_deg is missing")?.to_radians(),
+            }
+        }
+    };
+    let pose = CameraPose {
+        origin_mm: DVec3::from_array(t.origin_mm),
+        target_mm: DVec3::from_array(t.target_mm),
+        up: DVec3::from_array(t.up),
+    };
+    if !(pose.origin_mm.is_finite() && pose.target_mm.is_finite() && pose.up.is_finite()) {
+        return Err("origin_mm, target_mm and up must be finite".into());
+    }
+    let filter = match t.filter {
+        FilterName::Box => PixelFilter::Box,
+        FilterName::Tent => PixelFilter::Tent,
+        FilterName::Gaussian => PixelFilter::Gaussian,
+    };
+    let resolution = UVec2::from_array(t.resolution);
+    if resolution.max_element() > 65_536 {
+        return Err("resolution: at most 65536 pixels along an edge".into());
+    }
+    Camera::new(projection, pose, resolution, filter).map_err(|e| e.to_string())
+}
+
+fn light(t: &LightTable) -> Result<Light, String> {
+    let colour = |c: [f32; 3], key: &str| {
+        let c = Rgb::from(c);
+        if c.is_valid() {
+            Ok(c)
+        } else {
+            Err(format!(
+                "{key}: expected three finite numbers of at least 0"
+            ))
+        }
+    };
+    match *t {
+        LightTable::Directional {
+            direction,
+            irradiance,
+        } => Ok(Light::Directional {
+            direction: Vec3::from_array(direction)
+                .try_normalize()
+                .ok_or("direction: expected a finite vector that is not zero")?,
+            irradiance: colour(irradiance, "irradiance")?,
+        }),
+        LightTable::Environment {
+            radiance,
+            hemisphere,
+        } => Ok(Light::Environment {
+            radiance: colour(radiance, "radiance")?,
+            hemisphere: match hemisphere {
+                HemisphereName::All => Hemisphere::All,
+                HemisphereName::Front => Hemisphere::Front,
+                HemisphereName::Back => Hemisphere::Back,
+            },
+        }),
+    }
+}
+
+/// A `.vol` file and its path, for messages.
+fn vol(scene_path: &Path, name: &str) -> Result<(PathBuf, VolGrid)> {
+    let path = read::beside(scene_path, name);
+    let bytes = read::bytes(&path)?;
+    let limit = bytes.len() as u64;
+    let grid = VolGrid::read(&mut &bytes[..], limit)
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    Ok((path, grid))
+}
+
+/// The samples of a `.vol` grid that must have `N` channels.
+fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Grid<N>> {
+    if grid.channels as usize != N {
+        return Err(input(format!(
+            "{}: has {} channels; `{key}` expects {N}",
+            path.display(),
+            grid.channels
+        )));
+    }
+    let samples = grid
+        .data
+        .chunks_exact(N)
+        .map(|s| std::array::from_fn(|i| s[i]))
+        .collect();
+    Grid::new(grid.dims, samples)
+        .ok_or_else(|| input(format!("{}: holds no samples", path.display())))
+}
+
+fn grid(t: &GridTable, scene_path: &Path) -> Result<GridMedium> {
+    let (extinction_path, extinction) = vol(scene_path, &t.extinction)?;
+    let bounds_mm = extinction.bounds_mm;
+    let same_box = |path: &Path, other: &VolGrid| {
+        let slack = 1e-4 * bounds_mm.size().max_element();
+        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= slack;
+        if near(other.bounds_mm.min, bounds_mm.min) && near(other.bounds_mm.max, bounds_mm.max) {
+            Ok(())
+        } else {
+            Err(input(format!(
+                "{}: its box {} .. {} differs from the extinction's {} .. {}",
+                path.display(),
+                other.bounds_mm.min,
+                other.bounds_mm.max,
+                bounds_mm.min,
+                bounds_mm.max
+            )))
+        }
+    };
+    let (sggx_path, sggx) = vol(scene_path, &t.sggx)?;
+    same_box(&sggx_path, &sggx)?;
+    let albedo = match &t.albedo {
+        AlbedoValue::Colour(c) => Grid::constant(*c),
+        AlbedoValue::File(name) => {
+            let (path, albedo) = vol(scene_path, name)?;
+            same_box(&path, &albedo)?;
+            channels::<3>(&path, &albedo, "albedo")?
+        }
+    };
+    let interpolation = match t.interpolation {
+        InterpolationName::Nearest => Interpolation::Nearest,
+        InterpolationName::Trilinear => Interpolation::Trilinear,
+    };
+    GridMedium::new(
+        bounds_mm,
+        t.repeat_xy,
+        interpolation,
+        channels::<1>(&extinction_path, &extinction, "extinction")?,
+        channels::<6>(&sggx_path, &sggx, "sggx")?,
+        albedo,
+    )
+    .map_err(|e| input(format!("{}: {e}", extinction_path.display())))
+}

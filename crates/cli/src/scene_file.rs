@@ -1,0 +1,204 @@
+//! The scene file, as written in TOML.
+
+use serde::Deserialize;
+
+/// A whole scene file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// How to trace.
+    #[serde(default)]
+    pub render: RenderTable,
+    /// The camera.
+    pub camera: CameraTable,
+    /// Lights, at least one if the picture is not to be black.
+    #[serde(default)]
+    pub light: Vec<LightTable>,
+    /// Objects.
+    #[serde(default)]
+    pub object: Vec<ObjectTable>,
+}
+
+/// `[render]`
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderTable {
+    pub integrator: IntegratorName,
+    pub spp: u32,
+    pub max_bounces: Option<u32>,
+    pub seed: u64,
+    /// Stops of exposure for pictures that are not linear.
+    pub exposure: f32,
+}
+
+impl Default for RenderTable {
+    fn default() -> RenderTable {
+        RenderTable {
+            integrator: IntegratorName::Woodcock,
+            spp: 64,
+            max_bounces: None,
+            seed: 0,
+            exposure: 0.0,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum IntegratorName {
+    Woodcock,
+    Regular,
+}
+
+/// `[camera]`
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraTable {
+    #[serde(default)]
+    pub kind: CameraKind,
+    pub origin_mm: [f64; 3],
+    pub target_mm: [f64; 3],
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// Orthographic: width of the picture on the film plane.
+    pub width_mm: Option<f64>,
+    /// Perspective: horizontal angle of view.
+    pub fov_deg: Option<f64>,
+    #[serde(default = "resolution")]
+    pub resolution: [u32; 2],
+    #[serde(default)]
+    pub filter: FilterName,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn resolution() -> [u32; 2] {
+    [512, 512]
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum CameraKind {
+    #[default]
+    Orthographic,
+    Perspective,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterName {
+    #[default]
+    Box,
+    Tent,
+    Gaussian,
+}
+
+/// `[[light]]`
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum LightTable {
+    Directional {
+        direction: [f32; 3],
+        irradiance: [f32; 3],
+    },
+    Environment {
+        radiance: [f32; 3],
+        #[serde(default)]
+        hemisphere: HemisphereName,
+    },
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum HemisphereName {
+    #[default]
+    All,
+    Front,
+    Back,
+}
+
+/// `[[object]]`
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ObjectTable {
+    Grid(GridTable),
+    Cloth(ClothTable),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridTable {
+    pub extinction: String,
+    pub sggx: String,
+    pub albedo: AlbedoValue,
+    #[serde(default)]
+    pub interpolation: InterpolationName,
+    #[serde(default)]
+    pub repeat_xy: bool,
+}
+
+/// A colour, or the file of a three-channel grid.
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "three numbers from 0 to 1, or the name of a 3-channel .vol file"
+)]
+pub enum AlbedoValue {
+    Colour([f32; 3]),
+    File(String),
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum InterpolationName {
+    #[default]
+    Nearest,
+    Trilinear,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClothTable {
+    /// A fabric file.
+    pub fabric: String,
+    #[serde(default)]
+    pub model: ModelName,
+    #[serde(default)]
+    pub lod: Lod,
+    /// Overrides the fabric's own voxel size.
+    pub voxel_um: Option<f32>,
+    /// Overrides the fabric's own seed.
+    pub seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum ModelName {
+    #[default]
+    Microflake,
+}
+
+/// `lod`: a level, or a name.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(untagged, expecting = "\"auto\", \"volume\" or a level (0 the finest)")]
+pub enum Lod {
+    Level(u8),
+    Name(LodName),
+}
+
+impl Default for Lod {
+    fn default() -> Lod {
+        Lod::Name(LodName::Auto)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum LodName {
+    /// The level whose voxels suit the camera's pixels.
+    Auto,
+    /// The finest level.
+    Volume,
+}

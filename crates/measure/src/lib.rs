@@ -1,0 +1,1 @@
+//! Virtual goniometer, comparison and fitting over a patch of cloth.

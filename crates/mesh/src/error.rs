@@ -1,0 +1,56 @@
+//! What can be wrong with a mesh.
+
+use thiserror::Error;
+
+/// Why a mesh was refused.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Error {
+    /// The text is not an OBJ file.
+    #[error("mesh: {0}")]
+    Syntax(String),
+    /// Cloth needs to know where it lies.
+    #[error(
+        "mesh \"{object}\": {missing} of {corners} face corners have no texture coordinates; \
+         unwrap the mesh, and export it with them"
+    )]
+    MissingUv {
+        /// Name of the object in the file.
+        object: String,
+        /// Corners without coordinates.
+        missing: usize,
+        /// All corners.
+        corners: usize,
+    },
+    /// A number that is none.
+    #[error("mesh \"{object}\": {what} {index} is not finite")]
+    NotFinite {
+        /// Name of the object in the file.
+        object: String,
+        /// Position, normal or texture coordinate.
+        what: &'static str,
+        /// Which one, counted from zero within the object.
+        index: usize,
+    },
+    /// Nothing to render.
+    #[error("mesh: no face has an area ({dropped} were dropped)")]
+    Empty {
+        /// Faces without area.
+        dropped: usize,
+    },
+    /// A scale that is no scale.
+    #[error("{key} = {value}: expected a positive number")]
+    Scale {
+        /// Its key.
+        key: &'static str,
+        /// The value given.
+        value: f32,
+    },
+    /// More triangles than can be indexed.
+    #[error("mesh: {faces} faces, more than {limit}")]
+    TooLarge {
+        /// Faces in the file.
+        faces: usize,
+        /// The most that are taken.
+        limit: usize,
+    },
+}

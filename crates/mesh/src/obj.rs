@@ -1,0 +1,118 @@
+//! Wavefront OBJ.
+
+use crate::error::Error;
+use crate::mesh::{Mesh, Vertex};
+use glam::{Vec2, Vec3};
+
+/// How the numbers of a file are meant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Millimetres per unit of length in the file.
+    pub mm_per_unit: f32,
+    /// Millimetres of cloth per unit of texture coordinate.
+    pub mm_per_uv: f32,
+}
+
+/// The most triangles that are taken.
+const MAX_FACES: usize = 1 << 28;
+
+/// Reads every object of an OBJ file as one mesh. Polygons are fanned into
+/// triangles; materials are not read.
+///
+/// # Errors
+/// On text that is no OBJ, missing texture coordinates, numbers that are not
+/// finite, and when nothing is left. Faces without area and missing normals are
+/// repaired: see [`Mesh::repairs`].
+pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
+    for (key, value) in [
+        ("mm_per_unit", placement.mm_per_unit),
+        ("mm_per_uv", placement.mm_per_uv),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            return Err(Error::Scale { key, value });
+        }
+    }
+    let options = tobj::LoadOptions {
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    let no_materials = |_: &std::path::Path| Ok(Default::default());
+    let mut reader = text;
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
+        .map_err(|e| Error::Syntax(e.to_string()))?;
+    let faces: usize = models.iter().map(|m| m.mesh.indices.len() / 3).sum();
+    if faces > MAX_FACES {
+        return Err(Error::TooLarge {
+            faces,
+            limit: MAX_FACES,
+        });
+    }
+    let mut triangles = Vec::with_capacity(faces);
+    let mut corners = Vec::with_capacity(faces);
+    let mut first_corner = 0u32;
+    for model in &models {
+        append(model, placement, first_corner, &mut triangles, &mut corners)?;
+        first_corner += (model.mesh.positions.len() / 3) as u32;
+    }
+    Mesh::new(triangles, &corners)
+}
+
+/// Adds one object; `first_corner` sets its corners apart from the others'.
+fn append(
+    model: &tobj::Model,
+    placement: Placement,
+    first_corner: u32,
+    triangles: &mut Vec<[Vertex; 3]>,
+    corners: &mut Vec<[u32; 3]>,
+) -> Result<(), Error> {
+    let mesh = &model.mesh;
+    let count = mesh.indices.len();
+    // The reader leaves out what a corner does not have, so a short list means
+    // that some have none.
+    if mesh.texcoord_indices.len() != count {
+        return Err(Error::MissingUv {
+            object: model.name.clone(),
+            missing: count - mesh.texcoord_indices.len().min(count),
+            corners: count,
+        });
+    }
+    for (what, numbers, size) in [
+        ("position", &mesh.positions, 3),
+        ("normal", &mesh.normals, 3),
+        ("texture coordinate", &mesh.texcoords, 2),
+    ] {
+        if let Some(i) = numbers.iter().position(|x| !x.is_finite()) {
+            return Err(Error::NotFinite {
+                object: model.name.clone(),
+                what,
+                index: i / size,
+            });
+        }
+    }
+    let outside = || Error::Syntax("an index points outside its list".into());
+    let vector = |list: &[f32], i: u32| {
+        let i = 3 * i as usize;
+        list.get(i..i + 3).map(Vec3::from_slice).ok_or_else(outside)
+    };
+    let has_normals = mesh.normal_indices.len() == count;
+    let vertex = |k: usize| -> Result<Vertex, Error> {
+        let uv = 2 * mesh.texcoord_indices[k] as usize;
+        let uv = mesh.texcoords.get(uv..uv + 2).ok_or_else(outside)?;
+        Ok(Vertex {
+            position_mm: vector(&mesh.positions, mesh.indices[k])? * placement.mm_per_unit,
+            normal: if has_normals {
+                vector(&mesh.normals, mesh.normal_indices[k])?
+            } else {
+                Vec3::ZERO
+            },
+            uv_mm: Vec2::from_slice(uv) * placement.mm_per_uv,
+        })
+    };
+    for k in (0..count - count % 3).step_by(3) {
+        triangles.push([vertex(k)?, vertex(k + 1)?, vertex(k + 2)?]);
+        corners.push([0, 1, 2].map(|i| first_corner + mesh.indices[k + i]));
+    }
+    Ok(())
+}

@@ -1,0 +1,211 @@
+//! Rays against a mesh.
+
+use crate::mesh::{Mesh, Vertex, area_vector, stretch};
+use glam::{Vec2, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb as BvhBox;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray as BvhRay, RayHit};
+use organza_basis::{Aabb, Frame, Ray};
+use std::time::Duration;
+
+/// A mesh with a hierarchy of boxes over its faces.
+pub struct DrapedMesh {
+    mesh: Mesh,
+    hierarchy: CwBvh,
+    bounds_mm: Aabb,
+}
+
+/// Where a ray meets the cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshHit {
+    /// Distance along the ray, mm.
+    pub distance_mm: f32,
+    /// The point.
+    pub position_mm: Vec3,
+    /// Its place in the fabric plane, mm.
+    pub uv_mm: Vec2,
+    /// The fabric's frame: s along the weft, t along the warp as far as it can
+    /// be square to it, n the interpolated normal.
+    pub frame: Frame,
+    /// Unit normal of the face itself, on the side of `frame.n`.
+    pub face_normal: Vec3,
+    /// World mm per mm of cloth along weft and warp.
+    pub stretch: [Vec3; 2],
+    /// Index of the face in [`Mesh::triangles`].
+    pub triangle: usize,
+}
+
+/// A ray turned so that it runs along z, for a test in which neighbouring faces
+/// leave no crack between them [Woop2013].
+struct Sheared {
+    origin: Vec3,
+    axes: [usize; 3],
+    shear: Vec3,
+}
+
+impl Sheared {
+    fn new(ray: &Ray) -> Sheared {
+        let d = ray.direction;
+        let z = d.abs().max_position();
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        // The winding must not depend on which way the ray runs.
+        if d[z] < 0.0 {
+            (x, y) = (y, x);
+        }
+        Sheared {
+            origin: ray.origin,
+            axes: [x, y, z],
+            shear: Vec3::new(d[x] / d[z], d[y] / d[z], 1.0 / d[z]),
+        }
+    }
+
+    /// Distance and weights of the corners; `None` for a miss.
+    fn meet(&self, corners: [Vec3; 3]) -> Option<(f32, [f32; 3])> {
+        let [x, y, z] = self.axes;
+        let p = corners.map(|c| {
+            let c = c - self.origin;
+            let depth = c[z];
+            Vec3::new(
+                c[x] - self.shear.x * depth,
+                c[y] - self.shear.y * depth,
+                self.shear.z * depth,
+            )
+        });
+        let edge = |a: Vec3, b: Vec3| {
+            let value = a.x * b.y - a.y * b.x;
+            if value != 0.0 {
+                return value;
+            }
+            // Exactly on an edge in single precision: decide in double.
+            (f64::from(a.x) * f64::from(b.y) - f64::from(a.y) * f64::from(b.x)) as f32
+        };
+        let w = [edge(p[1], p[2]), edge(p[2], p[0]), edge(p[0], p[1])];
+        if w.iter().any(|&w| w < 0.0) && w.iter().any(|&w| w > 0.0) {
+            return None;
+        }
+        let sum = w[0] + w[1] + w[2];
+        if sum == 0.0 {
+            return None;
+        }
+        let w = w.map(|w| w / sum);
+        Some((w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z, w))
+    }
+}
+
+impl DrapedMesh {
+    /// Builds the hierarchy.
+    pub fn new(mesh: Mesh) -> DrapedMesh {
+        let mut bounds_mm = Aabb::EMPTY;
+        for vertex in mesh.triangles().iter().flatten() {
+            bounds_mm = bounds_mm.with_point(vertex.position_mm);
+        }
+        // The boxes are met in single precision, which may miss by some
+        // rounding steps what the faces' own test does not.
+        let margin = Vec3A::splat(1e-5 * bounds_mm.size().length());
+        let boxes: Vec<BvhBox> = mesh
+            .triangles()
+            .iter()
+            .map(|t| {
+                let corners = t.map(|v| Vec3A::from(v.position_mm));
+                let tight = BvhBox::from_points(&corners);
+                BvhBox::new(tight.min - margin, tight.max + margin)
+            })
+            .collect();
+        let hierarchy = build_cwbvh(
+            &boxes,
+            BvhBuildParams::medium_build(),
+            &mut Duration::default(),
+        );
+        DrapedMesh {
+            mesh,
+            hierarchy,
+            bounds_mm,
+        }
+    }
+
+    /// The faces.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// A box around all.
+    pub fn bounds_mm(&self) -> Aabb {
+        self.bounds_mm
+    }
+
+    /// The nearest hit at a distance in `[min_mm, max_mm]`.
+    pub fn hit(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> Option<MeshHit> {
+        let (triangle, t, weights) = self.nearest(ray, min_mm, max_mm)?;
+        Some(self.describe(triangle, t, weights))
+    }
+
+    /// True when something lies between two distances.
+    pub fn is_blocked(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> bool {
+        self.nearest(ray, min_mm, max_mm).is_some()
+    }
+
+    fn nearest(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> Option<(usize, f32, [f32; 3])> {
+        if !(ray.origin.is_finite() && ray.direction.is_finite() && min_mm <= max_mm)
+            || ray.direction == Vec3::ZERO
+        {
+            return None;
+        }
+        let sheared = Sheared::new(ray);
+        let bvh_ray = BvhRay::new(ray.origin.into(), ray.direction.into(), min_mm, max_mm);
+        let mut nearest: Option<(usize, f32, [f32; 3])> = None;
+        let mut hit = RayHit::none();
+        self.hierarchy
+            .ray_traverse(bvh_ray, &mut hit, |bvh_ray, id| {
+                let index = self.hierarchy.primitive_indices[id] as usize;
+                let corners = self.mesh.triangles()[index].map(|v| v.position_mm);
+                match sheared.meet(corners) {
+                    Some((t, weights)) if t >= bvh_ray.tmin && t <= bvh_ray.tmax => {
+                        if nearest.is_none_or(|n| t < n.1) {
+                            nearest = Some((index, t, weights));
+                        }
+                        t
+                    }
+                    _ => f32::INFINITY,
+                }
+            });
+        nearest
+    }
+
+    fn describe(&self, triangle: usize, t: f32, w: [f32; 3]) -> MeshHit {
+        let face = &self.mesh.triangles()[triangle];
+        let blend =
+            |f: fn(&Vertex) -> Vec3| w[0] * f(&face[0]) + w[1] * f(&face[1]) + w[2] * f(&face[2]);
+        let mut face_normal = area_vector(face).normalize();
+        // Opposed corner normals may cancel.
+        let normal = blend(|v| v.normal).try_normalize().unwrap_or(face_normal);
+        if face_normal.dot(normal) < 0.0 {
+            face_normal = -face_normal;
+        }
+        let first_edge = face[1].position_mm - face[0].position_mm;
+        let stretch = stretch(face).unwrap_or_else(|| {
+            let s = first_edge.normalize();
+            [s, face_normal.cross(s)]
+        });
+        let s = stretch[0] - normal * stretch[0].dot(normal);
+        let frame = match s.try_normalize() {
+            Some(s) => Frame {
+                s,
+                t: normal.cross(s),
+                n: normal,
+            },
+            None => Frame::from_normal(normal),
+        };
+        MeshHit {
+            distance_mm: t,
+            // From the corners, not along the ray: no error grows with distance.
+            position_mm: blend(|v| v.position_mm),
+            uv_mm: w[0] * face[0].uv_mm + w[1] * face[1].uv_mm + w[2] * face[2].uv_mm,
+            frame,
+            face_normal,
+            stretch,
+            triangle,
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Reading, repairing and meeting meshes.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::{Vec2, Vec3};
+use organza_basis::{PathRng, Ray, warp};
+use organza_mesh::{DrapedMesh, Error, Mesh, Placement, Vertex, read_obj};
+
+const PLACEMENT: Placement = Placement {
+    mm_per_unit: 10.0,
+    mm_per_uv: 25.0,
+};
+
+/// A unit square in the xy plane with its texture laid along it.
+const SQUARE: &str = "\
+o square
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0
+vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
+vn 0 0 1
+f 1/1/1 2/2/1 3/3/1 4/4/1
+";
+
+fn read(text: &str) -> Result<Mesh, Error> {
+    read_obj(text.as_bytes(), PLACEMENT)
+}
+
+/// A bumpy closed surface around the origin: latitude and longitude.
+fn bumpy(rows: u32) -> Mesh {
+    let at = |i: u32, j: u32| {
+        let (theta, phi) = (
+            std::f32::consts::PI * i as f32 / rows as f32,
+            std::f32::consts::TAU * j as f32 / (2 * rows) as f32,
+        );
+        // One point at the seam and at each pole, to the last bit.
+        let turn = if i == 0 || i == rows { 0.0 } else { phi };
+        let turn = if j == 2 * rows { 0.0 } else { turn };
+        let w = warp::direction_from_angles(theta, turn);
+        Vertex {
+            position_mm: w * (1.0 + 0.2 * (5.0 * theta).sin() * (3.0 * turn).cos()),
+            normal: Vec3::ZERO,
+            uv_mm: Vec2::new(phi, theta),
+        }
+    };
+    let id = |i: u32, j: u32| i * 2 * rows + j % (2 * rows);
+    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
+    for i in 0..rows {
+        for j in 0..2 * rows {
+            let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+            triangles.push([a, b, c]);
+            corners.push([id(i, j), id(i + 1, j), id(i + 1, j + 1)]);
+            triangles.push([a, c, d]);
+            corners.push([id(i, j), id(i + 1, j + 1), id(i, j + 1)]);
+        }
+    }
+    Mesh::new(triangles, &corners).unwrap()
+}
+
+#[test]
+fn a_hit_says_where_on_the_cloth_it_lies() {
+    let mesh = DrapedMesh::new(read(SQUARE).unwrap());
+    let ray = Ray::new(Vec3::new(2.5, 7.5, 30.0), Vec3::NEG_Z);
+    let hit = mesh.hit(&ray, 0.0, f32::INFINITY).unwrap();
+    assert_eq!(hit.distance_mm, 30.0);
+    assert!((hit.position_mm - Vec3::new(2.5, 7.5, 0.0)).length() < 1e-5);
+    // 10 mm of the world are 25 mm of cloth.
+    assert!((hit.uv_mm - Vec2::new(6.25, 18.75)).length() < 1e-5);
+    assert!((hit.stretch[0] - Vec3::new(0.4, 0.0, 0.0)).length() < 1e-6);
+    assert!((hit.stretch[1] - Vec3::new(0.0, 0.4, 0.0)).length() < 1e-6);
+    assert_eq!(
+        (hit.frame.s, hit.frame.t, hit.frame.n),
+        (Vec3::X, Vec3::Y, Vec3::Z)
+    );
+    assert!(mesh.hit(&ray, 0.0, 29.0).is_none() && mesh.hit(&ray, 31.0, 99.0).is_none());
+    assert!(mesh.is_blocked(&ray, 0.0, 31.0));
+}
+
+#[test]
+fn the_hierarchy_finds_what_all_faces_give() {
+    let mesh = bumpy(24);
+    let faces: Vec<[Vec3; 3]> = mesh
+        .triangles()
+        .iter()
+        .map(|t| t.map(|v| v.position_mm))
+        .collect();
+    let draped = DrapedMesh::new(mesh);
+    let mut rng = PathRng::from_seed(81);
+    let mut hits = 0;
+    for _ in 0..3000 {
+        let origin = 3.0 * warp::uniform_sphere(rng.unit2());
+        let direction = (1.2 * warp::uniform_sphere(rng.unit2()) - origin).normalize();
+        // By the determinant, in double precision.
+        let mut nearest = f64::INFINITY;
+        for f in &faces {
+            let [a, b, c] = f.map(|v| v.as_dvec3());
+            let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
+            let (e1, e2) = (b - a, c - a);
+            let p = d.cross(e2);
+            let det = e1.dot(p);
+            let s = o - a;
+            let u = s.dot(p) / det;
+            let q = s.cross(e1);
+            let v = d.dot(q) / det;
+            let t = e2.dot(q) / det;
+            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 {
+                nearest = nearest.min(t);
+            }
+        }
+        let hit = draped.hit(&Ray::new(origin, direction), 0.0, f32::INFINITY);
+        match hit {
+            Some(hit) => {
+                hits += 1;
+                assert!(
+                    (f64::from(hit.distance_mm) - nearest).abs() < 2e-4,
+                    "seed 81"
+                );
+            }
+            None => assert!(nearest.is_infinite(), "seed 81"),
+        }
+    }
+    assert!(hits > 1000);
+}
+
+#[test]
+fn no_ray_slips_through_a_closed_surface() {
+    let mesh = bumpy(16);
+    let corners: Vec<Vec3> = mesh
+        .triangles()
+        .iter()
+        .flatten()
+        .map(|v| v.position_mm)
+        .collect();
+    let draped = DrapedMesh::new(mesh);
+    let mut rng = PathRng::from_seed(82);
+    // From the inside, most of all exactly at corners and edges.
+    for k in 0..20_000 {
+        let a = corners[rng.below(corners.len() as u32) as usize];
+        let target = match k % 3 {
+            0 => a,
+            1 => 0.5 * (a + corners[(k / 3) % corners.len()]),
+            _ => warp::uniform_sphere(rng.unit2()),
+        };
+        let origin = 0.1 * warp::uniform_sphere(rng.unit2());
+        let Some(direction) = (target - origin).try_normalize() else {
+            continue;
+        };
+        assert!(
+            draped.is_blocked(&Ray::new(origin, direction), 0.0, 10.0),
+            "seed 82, {k}: {origin} to {target}"
+        );
+    }
+}
+
+#[test]
+fn repairs_are_counted() {
+    // A face without area, no normals, one mirrored and one collapsed texture.
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\n\
+                vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                f 1/1 2/2 3/3\nf 1/1 3/2 4/2\nf 1/1 3/4 4/3\nf 1/1 2/2 5/3\n";
+    let mesh = read(text).unwrap();
+    let r = mesh.repairs();
+    assert_eq!(mesh.triangles().len(), 3);
+    assert_eq!((r.dropped_faces, r.computed_normals), (1, 9));
+    assert_eq!((r.collapsed_uv, r.mirrored_uv), (1, 1));
+    for vertex in mesh.triangles().iter().flatten() {
+        assert_eq!(vertex.normal, Vec3::Z);
+    }
+    // A zero normal in the file is replaced like a missing one.
+    let zero = SQUARE.replace("vn 0 0 1", "vn 0 0 0");
+    assert_eq!(read(&zero).unwrap().repairs().computed_normals, 6);
+    // And every hit is finite all the same.
+    let draped = DrapedMesh::new(read(text).unwrap());
+    for k in 0..100 {
+        let origin = Vec3::new(0.1 * k as f32, 0.07 * k as f32, 5.0);
+        if let Some(h) = draped.hit(&Ray::new(origin, Vec3::NEG_Z), 0.0, 10.0) {
+            assert!(
+                h.frame.s.is_finite() && (h.frame.s.cross(h.frame.t) - h.frame.n).length() < 1e-5
+            );
+        }
+    }
+}
+
+#[test]
+fn bad_meshes_are_refused_with_a_reason() {
+    let message = |text: &str| read(text).unwrap_err().to_string();
+    let no_uv = "o rag\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n";
+    assert!(message(no_uv).contains("\"rag\": 3 of 3 face corners have no texture"));
+    assert!(message("v 0 0 0\nv 1 0 0\nf 1 2 9\n").contains("mesh:"));
+    assert!(message("").contains("no face has an area"));
+    assert!(message("v a b c\n").contains("position parse error"));
+    let nan = SQUARE.replace("v 1 1 0", "v nan 1 0");
+    assert!(message(&nan).contains("not finite") || message(&nan).contains("parse"));
+    let scale = Placement {
+        mm_per_uv: 0.0,
+        ..PLACEMENT
+    };
+    let error = read_obj(SQUARE.as_bytes(), scale).unwrap_err().to_string();
+    assert!(error.contains("mm_per_uv = 0"));
+    // Bytes of no text at all.
+    assert!(read_obj(&[0xff, 0xfe, 0x00, 0x80], PLACEMENT).is_err());
+}
+
+#[test]
+fn a_draped_towel_is_read() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/data/mesh/towel.obj"
+    );
+    let Ok(bytes) = std::fs::read(path) else {
+        println!("skipped: the towel is not here");
+        return;
+    };
+    let mesh = read_obj(&bytes, PLACEMENT).unwrap();
+    println!("{} triangles, {:?}", mesh.triangles().len(), mesh.repairs());
+    assert_eq!(mesh.triangles().len(), 2048);
+    let draped = DrapedMesh::new(mesh);
+    let (centre, size) = (draped.bounds_mm().centre(), draped.bounds_mm().size());
+    let down = Ray::new(centre + size * Vec3::Y, Vec3::NEG_Y);
+    let hit = draped.hit(&down, 0.0, 1e3).unwrap();
+    assert!(hit.uv_mm.is_finite() && hit.frame.n.is_finite());
+}

@@ -1,0 +1,197 @@
+//! Sampling the highlight at a point of the texture: its fibres are known, so
+//! light is drawn from the cones on which they reflect.
+
+use crate::filament::Ring;
+use crate::real::Direction;
+use crate::segment::{Pair, YarnSegment};
+use crate::staple::Inclination;
+use organza_basis::PathRng;
+use std::f32::consts::FRAC_PI_2;
+
+type Vector = Direction<f32>;
+
+fn combine(a: f32, p: Vector, b: f32, q: Vector, c: f32, r: Vector) -> Vector {
+    Direction::new(
+        a * p.x + b * q.x + c * r.x,
+        a * p.y + b * q.y + c * r.y,
+        a * p.z + b * q.z + c * r.z,
+    )
+}
+
+impl YarnSegment<f32> {
+    /// The angles whose highlight may cover the place and whose fibres face
+    /// `w_o`: v for staple yarn, u for filament yarn. Empty when the second is
+    /// not above the first.
+    fn fibre_range(&self, w_o: Vector, across_mm: f32, along_mm: f32) -> (f32, f32) {
+        // n.w_o is a cosine of the angle from `middle`, less a constant.
+        let (band, middle, reach) = if self.is_filament() {
+            let (sin_v, cos_v) = self.angle_at(across_mm).sin_cos();
+            let constant = w_o.x * sin_v / (cos_v * (w_o.y * w_o.y + w_o.z * w_o.z).sqrt());
+            let reach = (-constant).clamp(-1.0, 1.0).acos();
+            (self.filament_band(along_mm), w_o.y.atan2(w_o.z), reach)
+        } else {
+            let (sin_u, cos_u) = self.inclination_at(along_mm).sin_cos();
+            let out = w_o.y * sin_u + w_o.z * cos_u;
+            (self.staple_band(across_mm), w_o.x.atan2(out), FRAC_PI_2)
+        };
+        (band.0.max(middle - reach), band.1.min(middle + reach))
+    }
+
+    /// Draws `w_i` for a highlight seen from `w_o` at a place of the
+    /// rectangle; `None` when the fibre drawn is turned away. It may lie below
+    /// the horizon.
+    pub(crate) fn sample_cone(
+        &self,
+        w_o: Vector,
+        across_mm: f32,
+        along_mm: f32,
+        rng: &mut PathRng,
+    ) -> Option<Vector> {
+        let (low, high) = self.fibre_range(w_o, across_mm, along_mm);
+        let angle = low + (high - low) * rng.unit();
+        let (u, v) = if self.is_filament() {
+            (angle, self.angle_at(across_mm))
+        } else {
+            (self.inclination_at(along_mm), angle)
+        };
+        let ((sin_u, cos_u), (sin_v, cos_v)) = (u.sin_cos(), v.sin_cos());
+        let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
+        // Else the pair may have its highlight at the other solution for v.
+        if !(low < high && w_o.dot(normal) > 0.0) {
+            return None;
+        }
+        let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
+        let fibre = Direction::new(
+            -cos_v * sin_p,
+            cos_u * cos_p + sin_u * sin_v * sin_p,
+            -sin_u * cos_p + cos_u * sin_v * sin_p,
+        );
+        let side = Direction::new(
+            fibre.y * normal.z - fibre.z * normal.y,
+            fibre.z * normal.x - fibre.x * normal.z,
+            fibre.x * normal.y - fibre.y * normal.x,
+        );
+        // Around the cone with the cosine to the normal.
+        let sin_theta = -w_o.dot(fibre);
+        let ring = (1.0 - sin_theta * sin_theta).max(0.0).sqrt();
+        let sin_phi = 2.0 * rng.unit() - 1.0;
+        let cos_phi = (1.0 - sin_phi * sin_phi).max(0.0).sqrt();
+        Some(combine(
+            sin_theta,
+            fibre,
+            ring * cos_phi,
+            normal,
+            ring * sin_phi,
+            side,
+        ))
+    }
+
+    /// Density of [`sample_cone`](Self::sample_cone), 1/sr; both directions
+    /// above the horizon.
+    pub(crate) fn cone_pdf(&self, pair: &Pair<f32>, across_mm: f32, along_mm: f32) -> f32 {
+        if self.is_filament() {
+            let ring = Ring::new(pair);
+            if !self.holds(&ring) {
+                return 0.0;
+            }
+            let (low, high) = self.fibre_range(pair.w_r, across_mm, along_mm);
+            let u = ring.u();
+            if !(u > low && u < high) {
+                return 0.0;
+            }
+            let (sin_v, cos_v) = self.angle_at(across_mm).sin_cos();
+            let toward = |w: Vector| w.x * sin_v + (w.y * ring.sin_u + w.z * ring.cos_u) * cos_v;
+            let (n_i, n_r) = (toward(pair.w_i), toward(pair.w_r));
+            if !(n_i > 0.0 && n_r > 0.0) {
+                return 0.0;
+            }
+            let along = pair.w_i.y * ring.cos_u - pair.w_i.z * ring.sin_u;
+            n_i / (2.0 * radius(along) * (high - low) * ring.p)
+        } else {
+            let (sin_u, cos_u) = self.inclination_at(along_mm).sin_cos();
+            let m = self.mirror(pair, &Inclination::new(pair, sin_u, cos_u));
+            let sum = m.n_i + m.n_r;
+            // Where no fibre mirrors, the two normals' cosines cancel.
+            if !(m.cos_v > 0.0 && m.n_i > 0.0 && m.n_r > 0.0) {
+                return 0.0;
+            }
+            let (low, high) = self.fibre_range(pair.w_r, across_mm, along_mm);
+            let v = (m.sin_v / m.cos_v).atan();
+            if !(v > low && v < high) {
+                return 0.0;
+            }
+            let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
+            let along = -pair.w_i.x * m.cos_v * sin_p
+                + pair.w_i.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
+                + pair.w_i.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
+            m.n_i / (2.0 * radius(along) * (high - low) * sum * sin_p.abs())
+        }
+    }
+}
+
+/// Radius of the cone whose sine of inclination is given.
+fn radius(sin_theta: f32) -> f32 {
+    (1.0 - sin_theta * sin_theta).max(1e-12).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segment::{Fit, SegmentParameters};
+    use organza_basis::{Moments, warp};
+
+    #[test]
+    fn the_density_is_that_of_the_draws() {
+        let mut rng = PathRng::from_seed(71);
+        for case in 0..48 {
+            let p = SegmentParameters {
+                twist_rad: [0.0, -0.5, 0.5, 1.2][case % 4],
+                u_max_rad: 0.6,
+                kappa: 0.0,
+                width_mm: 0.5,
+                length_mm: 1.0,
+                alpha: 0.01,
+                beta: 4.0,
+                smoothing: 0.5,
+                highlight_width: 0.5,
+                fit: Fit::Refuse,
+            };
+            let segment = YarnSegment::<f32>::new(&p).unwrap();
+            let (x, y) = (0.5 * rng.unit() - 0.25, rng.unit() - 0.5);
+            let w = warp::cosine_hemisphere(rng.unit2());
+            let w_o = Direction::new(w.x, w.y, w.z);
+            let (mut drawn, mut expected) = ([Moments::default(); 4], [Moments::default(); 4]);
+            let quarter = |w: Direction<f32>| usize::from(w.x > 0.0) + 2 * usize::from(w.y > 0.0);
+            let density = |w_i: Direction<f32>| {
+                if w_i.z > 0.0 {
+                    segment.cone_pdf(&Pair::new(w_i, w_o), x, y)
+                } else {
+                    0.0
+                }
+            };
+            for _ in 0..20_000 {
+                let w_i = segment.sample_cone(w_o, x, y, &mut rng);
+                let w_i = w_i.unwrap_or(Direction::new(0.0, 0.0, -1.0));
+                let counts = density(w_i) > 0.0;
+                let w = warp::uniform_sphere(rng.unit2());
+                let even = Direction::new(w.x, w.y, w.z.abs());
+                for q in 0..4 {
+                    drawn[q].add(f64::from(u8::from(counts && quarter(w_i) == q)));
+                    let d = if quarter(even) == q {
+                        density(even)
+                    } else {
+                        0.0
+                    };
+                    expected[q].add(f64::from(d * std::f32::consts::TAU));
+                }
+            }
+            for (d, e) in drawn.iter().zip(&expected) {
+                let sigma = d.standard_error().hypot(e.standard_error());
+                assert!(
+                    (d.mean - e.mean).abs() < 4.5 * sigma + 1e-3,
+                    "seed 71, {case}"
+                );
+            }
+        }
+    }
+}

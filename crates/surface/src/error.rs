@@ -1,0 +1,101 @@
+//! What can be wrong with the description of a surface.
+
+use thiserror::Error;
+
+/// Why a surface model was refused.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Error {
+    /// A number outside its range.
+    #[error("{key} = {value}: expected {expected}")]
+    Range {
+        /// Key of the parameter, as files write it.
+        key: String,
+        /// The value given.
+        value: f64,
+        /// The valid range in words.
+        expected: String,
+    },
+    /// A yarn too thick for its visible length at its steepest inclination.
+    #[error(
+        "a yarn {width_mm} mm wide does not fit a segment {length_mm} mm long at u_max_deg = \
+         {u_max_deg}: width * sin(u_max) must be below the length; lower u_max_deg to under \
+         {largest_deg:.1}, or set fit = \"narrow\" to thin the tube"
+    )]
+    DoesNotFit {
+        /// Width of the segment's rectangle.
+        width_mm: f64,
+        /// Length of the segment's rectangle.
+        length_mm: f64,
+        /// Inclination at its ends, degrees.
+        u_max_deg: f64,
+        /// Where the inclination would start to fit, degrees.
+        largest_deg: f64,
+    },
+    /// A hyperbola that never gets as steep as its ends must be.
+    #[error("kappa = {kappa}: expected more than {smallest}")]
+    Curvature {
+        /// The value given.
+        kappa: f64,
+        /// The limit, itself not allowed.
+        smallest: f64,
+    },
+    /// A draft that is not a matrix, or is too large.
+    #[error("draft: {0}")]
+    Draft(String),
+    /// A name that stands for nothing.
+    #[error("{key} = \"{name}\": expected one of {expected}{}", hint(.nearest))]
+    Name {
+        /// Key whose value the name is.
+        key: &'static str,
+        /// The name given.
+        name: String,
+        /// The valid names, comma separated.
+        expected: String,
+        /// The valid name nearest to it.
+        nearest: Option<String>,
+    },
+    /// A key that must be there when no preset supplies it.
+    #[error("{key} is missing: give it, or start from a preset")]
+    Missing {
+        /// The key.
+        key: String,
+    },
+    /// More light out than in, on the mean over directions.
+    #[error(
+        "the cloth would send back {albedo:.3} of the light that it gets: lower diffuse, specular \
+         or transmission"
+    )]
+    Energy {
+        /// Reflected and transmitted share, largest channel.
+        albedo: f64,
+    },
+    /// Text that is not the TOML of a surface.
+    #[error("surface: {0}")]
+    Syntax(String),
+}
+
+fn hint(nearest: &Option<String>) -> String {
+    match nearest {
+        Some(n) => format!("; did you mean \"{n}\"?"),
+        None => String::new(),
+    }
+}
+
+impl Error {
+    /// Refuses a value that is not finite or not in `[low, high]`.
+    pub(crate) fn check(key: &str, value: f64, low: f64, high: f64) -> Result<(), Error> {
+        if value.is_finite() && value >= low && value <= high {
+            return Ok(());
+        }
+        let expected = if high.is_finite() {
+            format!("a number from {low} to {high}")
+        } else {
+            format!("a number of at least {low}")
+        };
+        Err(Error::Range {
+            key: key.into(),
+            value,
+            expected,
+        })
+    }
+}

@@ -1,0 +1,390 @@
+//! One side of the cloth: its segments, their scattering, their mean.
+
+use crate::error::Error;
+use crate::filament::Ring;
+use crate::noise;
+use crate::quadrature::Rule;
+use crate::real::Direction;
+use crate::segment::{Pair, SegmentParameters, YarnSegment};
+use crate::sequence::sequence;
+use crate::shadowing::Shadowing;
+use crate::weave::{PlacedSegment, Spot, Tiling, Yarn};
+use crate::woven_surface::{WovenParameters, YarnParameters};
+use glam::{Vec2, Vec3};
+use organza_basis::{Rgb, warp};
+use std::f32::consts::FRAC_1_PI;
+
+/// Steps that the inclination of noisy yarn is quantised to. Texture and mean
+/// use the same steps, which is what makes them agree.
+const NOISE_STEPS: usize = 16;
+
+/// Segments of one yarn, width and length, wherever they lie in the repeat.
+#[derive(Debug)]
+struct SegmentType {
+    yarn: Yarn,
+    /// One segment per step of the inclination, and how often it comes up.
+    steps: Vec<YarnSegment<f32>>,
+    shares: Vec<f32>,
+    /// Segments per area of cloth, 1/mm^2.
+    per_mm2: f32,
+    width_mm: f32,
+    length_mm: f32,
+}
+
+/// Colours and noise of one system of yarn.
+#[derive(Debug)]
+struct Thread {
+    diffuse: Rgb,
+    specular: Rgb,
+    u_noise_own_rad: f32,
+    u_noise_cross_rad: f32,
+}
+
+/// One side of the cloth, in its own frame with z outward.
+#[derive(Debug)]
+pub(crate) struct Face {
+    tiling: Tiling,
+    types: Vec<SegmentType>,
+    type_of: Vec<u32>,
+    warp: Thread,
+    weft: Thread,
+    shadowing: Option<Shadowing>,
+    seed: u64,
+    grain_mm: f32,
+    noise_period_mm: f32,
+    rule: Rule<f32>,
+    /// Factor that makes the specular albedo what `specular` says.
+    gain: f32,
+}
+
+/// A segment under a point, with this place's own inclination.
+pub(crate) struct Local<'a> {
+    pub segment: &'a YarnSegment<f32>,
+    pub yarn: Yarn,
+    pub spot: Spot,
+    placed: &'a PlacedSegment,
+}
+
+/// A direction of the face in the frame of a yarn's segments.
+pub(crate) fn segment_from_face(yarn: Yarn, w: Vec3) -> Direction<f32> {
+    match yarn {
+        Yarn::Warp => Direction::new(w.x, w.y, w.z),
+        Yarn::Weft => Direction::new(-w.y, w.x, w.z),
+    }
+}
+
+/// The way back.
+pub(crate) fn face_from_segment(yarn: Yarn, w: Direction<f32>) -> Vec3 {
+    match yarn {
+        Yarn::Warp => Vec3::new(w.x, w.y, w.z),
+        Yarn::Weft => Vec3::new(w.y, -w.x, w.z),
+    }
+}
+
+impl Face {
+    pub fn new(p: &WovenParameters, tiling: Tiling) -> Result<Face, Error> {
+        let period = tiling.period_mm();
+        let mut types: Vec<SegmentType> = Vec::new();
+        let mut type_of = Vec::with_capacity(tiling.segments().len());
+        for s in tiling.segments() {
+            let same = |t: &SegmentType| {
+                t.yarn == s.yarn
+                    && t.width_mm == s.width_mm
+                    && (t.length_mm - s.length_mm).abs() < 1e-4 * s.length_mm
+            };
+            let index = match types.iter().position(same) {
+                Some(i) => i,
+                None => {
+                    let yarn = match s.yarn {
+                        Yarn::Warp => &p.warp,
+                        Yarn::Weft => &p.weft,
+                    };
+                    let (steps, shares) = segments_of(yarn, s.width_mm, s.length_mm)?;
+                    types.push(SegmentType {
+                        yarn: s.yarn,
+                        steps,
+                        shares,
+                        per_mm2: 0.0,
+                        width_mm: s.width_mm,
+                        length_mm: s.length_mm,
+                    });
+                    types.len() - 1
+                }
+            };
+            types[index].per_mm2 += 1.0 / (period.x * period.y);
+            type_of.push(index as u32);
+        }
+        let thread = |y: &YarnParameters| Thread {
+            diffuse: y.diffuse * FRAC_1_PI,
+            specular: y.specular,
+            u_noise_own_rad: y.u_noise_own_rad,
+            u_noise_cross_rad: y.u_noise_cross_rad,
+        };
+        Ok(Face {
+            tiling,
+            types,
+            type_of,
+            warp: thread(&p.warp),
+            weft: thread(&p.weft),
+            shadowing: p.shadowing,
+            seed: p.seed,
+            grain_mm: p.grain_mm,
+            noise_period_mm: p.noise_period_mm,
+            rule: Rule::for_accuracy(p.accuracy),
+            gain: 1.0,
+        })
+    }
+
+    pub fn set_gain(&mut self, gain: f32) {
+        self.gain = gain;
+    }
+
+    pub fn tiling(&self) -> &Tiling {
+        &self.tiling
+    }
+
+    fn thread(&self, yarn: Yarn) -> &Thread {
+        match yarn {
+            Yarn::Warp => &self.warp,
+            Yarn::Weft => &self.weft,
+        }
+    }
+
+    /// Visible share of a segment that may lie lower than its neighbours.
+    fn visible_share(&self, yarn: Yarn, size_mm: [f32; 2], pair: &Pair<f32>) -> f32 {
+        let Some(shadowing) = self.shadowing else {
+            return 1.0;
+        };
+        let depth = match yarn {
+            Yarn::Warp => -shadowing.warp_above_weft_mm,
+            Yarn::Weft => shadowing.warp_above_weft_mm,
+        };
+        if depth <= 0.0 {
+            return 1.0;
+        }
+        let vec = |w: Direction<f32>| Vec3::new(w.x, w.y, w.z);
+        Shadowing::visible_share(vec(pair.w_i), vec(pair.w_r), size_mm[0], size_mm[1], depth)
+    }
+
+    /// Visits every segment type with its mean scattering per area of cloth
+    /// (gain and colour left out) and its share of the cloth, both less what
+    /// the other system hides. Directions must be above the face.
+    fn for_each_type(&self, w_i: Vec3, w_o: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
+        for yarn in [Yarn::Warp, Yarn::Weft] {
+            let pair = Pair::new(segment_from_face(yarn, w_i), segment_from_face(yarn, w_o));
+            // What all segments of a filament yarn share.
+            let ring = Ring::new(&pair);
+            let mut integrals = None;
+            for t in self.types.iter().filter(|t| t.yarn == yarn) {
+                let mut lobe = 0.0;
+                for (segment, share) in t.steps.iter().zip(&t.shares) {
+                    lobe += share * self.segment_lobe(segment, &pair, &ring, &mut integrals);
+                }
+                let phase = t.steps[0].phase.eval(w_i.dot(w_o));
+                let seen = self.visible_share(yarn, [t.width_mm, t.length_mm], &pair);
+                let area = t.width_mm * t.length_mm * t.per_mm2;
+                visit(yarn, lobe * phase * t.per_mm2 * seen, area * seen);
+            }
+        }
+    }
+
+    /// Scattering of one segment without its phase function, mm^2. The
+    /// integrals of the ring are made when they are first needed.
+    fn segment_lobe(
+        &self,
+        segment: &YarnSegment<f32>,
+        pair: &Pair<f32>,
+        ring: &Ring<f32>,
+        integrals: &mut Option<(f32, f32)>,
+    ) -> f32 {
+        if !segment.is_filament() {
+            segment.staple_reflectance(pair, &self.rule)
+        } else if segment.holds(ring) {
+            let integrals = integrals.get_or_insert_with(|| ring.attenuation_integrals(pair));
+            segment.filament_reflectance(ring, *integrals)
+        } else {
+            0.0
+        }
+    }
+
+    /// The uncoloured specular part, 1/sr.
+    pub fn specular_shape(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+        let mut sum = 0.0;
+        self.for_each_type(w_i, w_o, |_, lobe, _| sum += lobe);
+        sum
+    }
+
+    /// Mean value over the cloth, 1/sr; both directions above the face.
+    pub fn reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+        let mut sum = Rgb::BLACK;
+        self.for_each_type(w_i, w_o, |yarn, lobe, area| {
+            let thread = self.thread(yarn);
+            sum += thread.specular * (lobe * self.gain) + thread.diffuse * area;
+        });
+        sum
+    }
+
+    /// Share of the light from `w` that comes back, by `count` quasi-random
+    /// directions.
+    pub fn albedo(&self, w: Vec3, count: usize) -> Rgb {
+        let mut sum = Rgb::BLACK;
+        for [a, b] in sequence::<2>(count) {
+            let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
+            if w_i.z > 0.0 {
+                sum += self.reflectance(w_i, w);
+            }
+        }
+        sum * (std::f32::consts::PI / count as f32)
+    }
+
+    /// The specular part of [`reflectance`](Self::reflectance).
+    pub fn specular_reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+        let mut sum = Rgb::BLACK;
+        self.for_each_type(w_i, w_o, |yarn, lobe, _| {
+            sum += self.thread(yarn).specular * (lobe * self.gain);
+        });
+        sum
+    }
+
+    /// What lies under a point.
+    pub fn local(&self, position_mm: Vec2) -> Local<'_> {
+        let spot = self.tiling.locate(position_mm);
+        let placed = &self.tiling.segments()[spot.segment];
+        let t = &self.types[self.type_of[spot.segment] as usize];
+        let step = if t.steps.len() == 1 {
+            0
+        } else {
+            self.noise_step(placed.yarn, &spot, placed.corner_mm, placed.length_mm)
+        };
+        Local {
+            segment: &t.steps[step],
+            yarn: placed.yarn,
+            spot,
+            placed,
+        }
+    }
+
+    /// Brightness of the grain of fibre at a place.
+    fn grain(&self, local: &Local<'_>) -> f32 {
+        if self.grain_mm <= 0.0 {
+            return 1.0;
+        }
+        // Counted from the corner, so that no grain is cut at the segment's edge.
+        let cell = |x: f32| (x / self.grain_mm) as i64;
+        let (spot, placed) = (&local.spot, local.placed);
+        let segment = noise::name(
+            self.seed,
+            [
+                spot.segment as i64,
+                i64::from(spot.copy[0]),
+                i64::from(spot.copy[1]),
+            ],
+        );
+        let across = cell(spot.across_mm + 0.5 * placed.width_mm);
+        let along = cell(spot.along_mm + 0.5 * placed.length_mm);
+        noise::exponential(noise::name(segment, [across, along, 2]))
+    }
+
+    /// Inclination step of a segment: noise along its own yarn and along the
+    /// one that crosses under its middle.
+    fn noise_step(&self, yarn: Yarn, spot: &Spot, corner_mm: Vec2, length_mm: f32) -> usize {
+        let thread = self.thread(yarn);
+        let period = self.tiling.period_mm();
+        let copy = Vec2::new(spot.copy[0] as f32, spot.copy[1] as f32);
+        let half = match yarn {
+            Yarn::Warp => Vec2::new(0.0, 0.5 * length_mm),
+            Yarn::Weft => Vec2::new(0.5 * length_mm, 0.0),
+        };
+        let middle = corner_mm + half + copy * period;
+        let (_, warp_pitch) = self.tiling.yarns(Yarn::Warp);
+        let (_, weft_pitch) = self.tiling.yarns(Yarn::Weft);
+        // The corner is rounded to half a pitch, since it lies on a boundary.
+        let end = ((middle.x + 0.25 * warp_pitch) / warp_pitch).floor() as i64;
+        let pick = ((middle.y + 0.25 * weft_pitch) / weft_pitch).floor() as i64;
+        let along = |yarn: Yarn| {
+            let (number, kind, place) = match yarn {
+                Yarn::Warp => (end, 0, middle.y),
+                Yarn::Weft => (pick, 1, middle.x),
+            };
+            let line = noise::name(self.seed, [number, kind, 1]);
+            // Yarns start anywhere in the noise.
+            let offset = (line >> 40) as f32 * (1.0 / 16_777_216.0);
+            noise::gradient_noise(line, place / self.noise_period_mm + offset)
+        };
+        let other = match yarn {
+            Yarn::Warp => Yarn::Weft,
+            Yarn::Weft => Yarn::Warp,
+        };
+        let delta = thread.u_noise_own_rad * along(yarn) + thread.u_noise_cross_rad * along(other);
+        let reach = thread.u_noise_own_rad + thread.u_noise_cross_rad;
+        noise::nearest_step(delta, reach, NOISE_STEPS)
+    }
+
+    /// Value at a place already looked up, 1/sr; both directions above the face.
+    pub fn texture_at(&self, local: &Local<'_>, w_i: Vec3, w_o: Vec3) -> Rgb {
+        let thread = self.thread(local.yarn);
+        let pair = Pair::new(
+            segment_from_face(local.yarn, w_i),
+            segment_from_face(local.yarn, w_o),
+        );
+        let s = local.segment;
+        let drawn = s.texture(&pair, local.spot.across_mm, local.spot.along_mm);
+        let seen = self.visible_share(local.yarn, [s.width_mm, s.length_mm], &pair);
+        let mut value = thread.diffuse;
+        if drawn > 0.0 {
+            value += thread.specular * (drawn * self.grain(local) * self.gain);
+        }
+        value * seen
+    }
+
+    /// Weights of the specular and the diffuse part for choosing between them.
+    pub fn specular_and_diffuse(&self, yarn: Option<Yarn>) -> (f32, f32) {
+        let of = |t: &Thread| (t.specular.mean(), t.diffuse.mean() * std::f32::consts::PI);
+        match yarn {
+            Some(yarn) => of(self.thread(yarn)),
+            None => {
+                let mut sum = (0.0, 0.0);
+                for t in &self.types {
+                    let area = t.width_mm * t.length_mm * t.per_mm2;
+                    let (s, d) = of(self.thread(t.yarn));
+                    sum = (sum.0 + s * area, sum.1 + d * area);
+                }
+                sum
+            }
+        }
+    }
+}
+
+/// Segments of a yarn at every inclination that noise gives it.
+fn segments_of(
+    yarn: &YarnParameters,
+    width_mm: f32,
+    length_mm: f32,
+) -> Result<(Vec<YarnSegment<f32>>, Vec<f32>), Error> {
+    let at = |u_max_rad: f64| SegmentParameters {
+        u_max_rad,
+        width_mm: f64::from(width_mm),
+        length_mm: f64::from(length_mm),
+        ..yarn.segment
+    };
+    let middle = yarn.segment.u_max_rad;
+    let nominal = YarnSegment::new(&at(middle))?;
+    let (own, cross) = (yarn.u_noise_own_rad, yarn.u_noise_cross_rad);
+    let reach = f64::from(own + cross);
+    if reach <= 0.0 {
+        return Ok((vec![nominal], vec![1.0]));
+    }
+    let mut steps = Vec::with_capacity(NOISE_STEPS);
+    for i in 0..NOISE_STEPS {
+        let x = 2.0 * i as f64 / (NOISE_STEPS - 1) as f64 - 1.0;
+        // Noise stops short of flat yarn and of upright yarn.
+        let u = (middle + reach * x).clamp(0.25 * middle, 0.5 * (middle + 1.5));
+        // Where noise alone makes a segment steeper than fits, it is a bead.
+        let bead = SegmentParameters {
+            fit: crate::segment::Fit::Narrow,
+            ..at(u)
+        };
+        steps.push(YarnSegment::new(&bead)?);
+    }
+    Ok((steps, noise::step_shares(own, cross, NOISE_STEPS)))
+}

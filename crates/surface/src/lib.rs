@@ -1,0 +1,45 @@
+//! Surface reflectance models of woven cloth: Irawan's model \[Irawan2008]
+//! complete, with what it leaves open.
+//!
+//! A cloth is a repeat of visible yarn segments, cut from any draft
+//! ([`weave`]). Each segment is a curved cylinder of fibres that reflect light
+//! onto cones ([`segment`]). Spread over its rectangle that is the texture
+//! model; integrated over it, the reflectance model; the mean of the first is
+//! the second. [`WovenSurface`] joins them: two faces, noise, gaps and transmitted
+//! light, optional shadowing, sampling. [`SurfaceSpec`] is its description in
+//! files, with the six fabrics of the thesis as presets.
+//!
+//! # Conventions
+//! The fabric frame is right-handed: x along the weft, y along the warp, z out
+//! of the face. Directions are unit vectors that point away from the cloth. A
+//! value is radiance out over irradiance on the fabric plane, 1/sr, without a
+//! cosine. The frame of a segment has x across, y along the yarn.
+
+// Negated comparisons are meant: what is not a number goes the safe way.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+mod cone;
+mod energy;
+pub mod error;
+mod face;
+mod filament;
+mod half_vector;
+pub mod model;
+mod noise;
+pub mod phase;
+pub mod quadrature;
+pub mod real;
+pub mod segment;
+mod sequence;
+pub mod shadowing;
+pub mod spec;
+pub mod spine;
+mod staple;
+pub mod transmission;
+pub mod weave;
+pub mod woven_surface;
+
+pub use error::Error;
+pub use model::{Footprint, SurfaceModel, SurfaceSample};
+pub use spec::SurfaceSpec;
+pub use woven_surface::{WovenParameters, WovenSurface, YarnParameters};

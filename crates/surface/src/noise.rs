@@ -1,0 +1,126 @@
+//! Irregularity of real yarn: grain along fibres and slow changes of tension.
+//!
+//! Everything is a function of names (seed, yarn, place), so that a cloth
+//! looks the same from every thread.
+
+use organza_basis::rng::mix64;
+
+/// Uniform in (0, 1] from a name.
+fn unit(name: u64) -> f32 {
+    ((name >> 40) + 1) as f32 * (1.0 / 16_777_216.0)
+}
+
+/// One name from several: small whole numbers, spread by odd factors before
+/// they are mixed.
+pub(crate) fn name(seed: u64, parts: [i64; 3]) -> u64 {
+    const SPREAD: [u64; 3] = [
+        0x9e37_79b9_7f4a_7c15,
+        0xc2b2_ae3d_27d4_eb4f,
+        0x1656_67b1_9e37_79f9,
+    ];
+    let spread = parts.iter().zip(SPREAD);
+    mix64(spread.fold(seed, |h, (&p, k)| {
+        h.rotate_left(23) ^ (p as u64).wrapping_mul(k)
+    }))
+}
+
+/// Exponential with mean one: the brightness of one grain \[Irawan2008] (8.2.1).
+/// The mean being one, it leaves the reflectance as it is.
+pub(crate) fn exponential(name: u64) -> f32 {
+    -unit(name).ln()
+}
+
+/// Gradient noise along a line [Perlin2002], in `[-1, 1]`, with one slope per
+/// unit of `x`; zero at integers, which the caller's own offset hides.
+pub(crate) fn gradient_noise(line: u64, x: f32) -> f32 {
+    let cell = x.floor();
+    let t = x - cell;
+    let slope = |i: f32| 2.0 * unit(name(line, [i as i64, 1, 0])) - 1.0;
+    interpolate(t, slope(cell), slope(cell + 1.0))
+}
+
+/// Gradient noise at `t` in `[0, 1]` between two slopes in `[-1, 1]`.
+fn interpolate(t: f32, left: f32, right: f32) -> f32 {
+    let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+    // The largest value, one half, is scaled to one.
+    2.0 * (left * t * (1.0 - fade) + right * (t - 1.0) * fade)
+}
+
+/// How often each of `count` equal steps over `[-(own + cross), own + cross]`
+/// comes up when two independent noises with these amplitudes are added.
+pub(crate) fn step_shares(own: f32, cross: f32, count: usize) -> Vec<f32> {
+    // A six-dimensional low-discrepancy sequence: powers of the inverse of the
+    // root of x^7 = x + 1 [Roberts2018].
+    const ROOT: f64 = 1.112_775_684_278_705_5;
+    const SAMPLES: u32 = 1 << 16;
+    let mut shares = vec![0.0; count];
+    let mut point = [0.5f64; 6];
+    for _ in 0..SAMPLES {
+        let mut step = 1.0;
+        for x in &mut point {
+            step /= ROOT;
+            *x = (*x + step).fract();
+        }
+        let p = point.map(|x| x as f32);
+        let n = |k: usize| interpolate(p[k], 2.0 * p[k + 1] - 1.0, 2.0 * p[k + 2] - 1.0);
+        let level = nearest_step(own * n(0) + cross * n(3), own + cross, count);
+        shares[level] += 1.0 / SAMPLES as f32;
+    }
+    shares
+}
+
+/// Which of `count` equal steps over `[-reach, reach]` is nearest.
+pub(crate) fn nearest_step(value: f32, reach: f32, count: usize) -> usize {
+    let place = (value / reach + 1.0) * 0.5 * (count - 1) as f32;
+    (place.round().max(0.0) as usize).min(count - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grains_have_mean_one_and_variance_one() {
+        // Variance of the mean 1/n, of the second moment (E x^4 - 4)/n = 20/n.
+        let n = 200_000;
+        let (mut first, mut second) = (0.0f64, 0.0f64);
+        for i in 0..n {
+            let x = f64::from(exponential(name(5, [i, 0, 0])));
+            first += x;
+            second += x * x;
+        }
+        let n = n as f64;
+        assert!((first / n - 1.0).abs() < 4.0 / n.sqrt(), "seed 5");
+        assert!((second / n - 2.0).abs() < 4.0 * (20.0 / n).sqrt(), "seed 5");
+    }
+
+    #[test]
+    fn shares_are_those_of_the_noise_itself() {
+        let (own, cross, count) = (0.2, 0.1, 9);
+        let shares = step_shares(own, cross, count);
+        assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-3);
+        let mut seen = vec![0.0f32; count];
+        // Well-separated places are independent up to the slopes' hash.
+        let n = 100_000;
+        for i in 0..n {
+            let x = |line: i64| 1e3 * unit(name(9, [i, line, 7])) + 3.0;
+            let delta = own * gradient_noise(name(9, [i, 0, 0]), x(0))
+                + cross * gradient_noise(name(9, [i, 1, 0]), x(1));
+            seen[nearest_step(delta, own + cross, count)] += 1.0 / n as f32;
+        }
+        for (s, e) in seen.iter().zip(&shares) {
+            let sigma = (e * (1.0 - e) / n as f32).sqrt();
+            assert!((s - e).abs() < 4.0 * sigma + 5e-4, "{seen:?} {shares:?}");
+        }
+    }
+
+    #[test]
+    fn noise_is_continuous_and_bounded() {
+        let mut before = gradient_noise(3, -5.0);
+        for i in 1..10_000 {
+            let here = gradient_noise(3, -5.0 + i as f32 * 1e-3);
+            assert!(here.abs() <= 1.0 && (here - before).abs() < 1e-2);
+            before = here;
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Shadowing and masking between warp and weft, which the thesis leaves open
+//! \[Irawan2008] (chapter 10).
+//!
+//! Where the crowns of one system stand higher, a segment of the other lies in
+//! a pit with upright walls on all four sides. Light that comes in at an angle
+//! leaves strips along two walls dark, and the same walls hide strips from the
+//! viewer; what is both lit and seen is a rectangle, in closed form. Directions
+//! on the same side share their strips, which keeps the brightening when light
+//! and viewer agree. Light lost in a pit stays lost.
+
+use glam::Vec3;
+
+/// How far one system stands above the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shadowing {
+    /// Height of the warp's crowns over the weft's, mm; negative when the weft
+    /// stands higher.
+    pub warp_above_weft_mm: f32,
+}
+
+impl Shadowing {
+    /// Share of a pit `width_mm` by `length_mm` and `depth_mm` deep that is
+    /// both lit from `w_i` and seen from `w_o`, both above and in the frame of
+    /// the pit. Symmetric in the two.
+    pub fn visible_share(
+        w_i: Vec3,
+        w_o: Vec3,
+        width_mm: f32,
+        length_mm: f32,
+        depth_mm: f32,
+    ) -> f32 {
+        let side = |i: f32, o: f32, size: f32| {
+            // A wall hides what lies behind it as seen along the direction.
+            let (i, o) = (depth_mm * i / w_i.z, depth_mm * o / w_o.z);
+            let low = i.min(o).min(0.0);
+            let high = i.max(o).max(0.0);
+            ((size - (high - low)) / size).max(0.0)
+        };
+        side(w_i.x, w_o.x, width_mm) * side(w_i.y, w_o.y, length_mm)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::{PathRng, warp};
+
+    #[test]
+    fn the_share_is_that_of_points_with_two_free_rays() {
+        let (size, depth) = ([0.4f32, 0.7f32], 0.15f32);
+        let mut rng = PathRng::from_seed(21);
+        for _ in 0..40 {
+            let w_i = warp::cosine_hemisphere(rng.unit2());
+            let w_o = warp::cosine_hemisphere(rng.unit2());
+            let free = |x: f32, y: f32, w: Vec3| {
+                let (x, y) = (x + depth * w.x / w.z, y + depth * w.y / w.z);
+                (0.0..=size[0]).contains(&x) && (0.0..=size[1]).contains(&y)
+            };
+            let n = 20_000;
+            let hits = (0..n)
+                .filter(|_| {
+                    let u = rng.unit2();
+                    let (x, y) = (u.x * size[0], u.y * size[1]);
+                    free(x, y, w_i) && free(x, y, w_o)
+                })
+                .count() as f32
+                / n as f32;
+            let share = Shadowing::visible_share(w_i, w_o, size[0], size[1], depth);
+            let sigma = (share * (1.0 - share) / n as f32).sqrt();
+            assert!(
+                (share - hits).abs() < 4.5 * sigma + 1e-6,
+                "seed 21: {share} {hits}"
+            );
+        }
+    }
+}

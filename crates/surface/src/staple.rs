@@ -1,0 +1,186 @@
+//! Twisted yarn: the highlight is a curve v(u) and the segment's reflection an
+//! integral over u.
+
+use crate::quadrature::Rule;
+use crate::real::{Direction, Real};
+use crate::segment::{Pair, YarnSegment};
+
+/// The angle u as sine and cosine, and the components of `s = w_i + w_r`
+/// there: along the spine and out of it.
+#[derive(Clone, Copy)]
+pub(crate) struct Inclination<T> {
+    pub sin_u: T,
+    pub cos_u: T,
+    along: T,
+    out: T,
+}
+
+impl<T: Real> Inclination<T> {
+    pub fn new(pair: &Pair<T>, sin_u: T, cos_u: T) -> Self {
+        Inclination {
+            sin_u,
+            cos_u,
+            along: pair.s.y * cos_u - pair.s.z * sin_u,
+            out: pair.s.y * sin_u + pair.s.z * cos_u,
+        }
+    }
+}
+
+/// Where on the ring at u the fibres mirror one direction into the other.
+#[derive(Clone, Copy)]
+pub(crate) struct Mirror<T> {
+    pub sin_v: T,
+    pub cos_v: T,
+    /// Cosines of the directions to the normal there.
+    pub n_i: T,
+    pub n_r: T,
+}
+
+impl<T: Real> YarnSegment<T> {
+    /// The one solution v = v0 - asin(D) that can be lit and seen, without an
+    /// inverse function; `|D|` above one, where there is none, is cut to one.
+    #[inline]
+    pub(crate) fn mirror(&self, pair: &Pair<T>, at: &Inclination<T>) -> Mirror<T> {
+        let one = T::one();
+        let inv_rho = one / (pair.s.x * pair.s.x + at.out * at.out).sqrt();
+        let d = at.along * self.cot_psi * inv_rho;
+        let d = d.max(-one).min(one);
+        let e = (one - d * d).sqrt();
+        let sin_v = (pair.s.x * e - at.out * d) * inv_rho;
+        let cos_v = (at.out * e + pair.s.x * d) * inv_rho;
+        let toward = |w: Direction<T>| w.x * sin_v + (w.y * at.sin_u + w.z * at.cos_u) * cos_v;
+        Mirror {
+            sin_v,
+            cos_v,
+            n_i: toward(pair.w_i),
+            n_r: toward(pair.w_r),
+        }
+    }
+
+    /// What all places share of the geometry factor, mm.
+    fn staple_factor(&self) -> T {
+        self.radius_mm / self.sin_psi.abs()
+    }
+
+    /// The rest of geometry factor times attenuation, mm, at a place that faces both
+    /// directions. With `|s| (n.h) = w_i.n + w_r.n` no half vector is
+    /// normalised and the quotient is at most a quarter:
+    /// `a (R + a cos v) (w_i.n)(w_r.n) / ((w_i.n + w_r.n)^2 |sin psi|)`.
+    #[inline]
+    fn staple_strength(&self, at: &Inclination<T>, m: &Mirror<T>) -> T {
+        let sum = m.n_i + m.n_r;
+        let spine = self.spine.radius_mm(at.sin_u, at.cos_u);
+        (spine + self.radius_mm * m.cos_v) * m.n_i * m.n_r / (sum * sum)
+    }
+
+    /// Integral of the highlight over u, mm^2.
+    ///
+    /// Fibres mirror at all where `|D| <= 1`; with `d = phi - u` and
+    /// `phi = atan2(s_y, s_z)` that is `|sin d| <= |sin psi| |s| / hypot(s_y, s_z)`.
+    /// Integrating over d keeps s along the spine free of cancellation when
+    /// psi is small, and in the tangent of d/2 a node costs arithmetic alone.
+    pub(crate) fn staple_reflectance(&self, pair: &Pair<T>, rule: &Rule<T>) -> T {
+        let (one, two, half) = (T::one(), T::of(2.0), T::of(0.5));
+        let p = (pair.s.y * pair.s.y + pair.s.z * pair.s.z).sqrt();
+        let phi = pair.s.y.atan2(pair.s.z);
+        let (mut low, mut high) = (phi - self.u_max, phi + self.u_max);
+        let sin_limit = self.sin_psi.abs() * pair.s2.sqrt();
+        if sin_limit < p {
+            let limit = (sin_limit / p).asin();
+            low = low.max(-limit);
+            high = high.min(limit);
+        }
+        if !(low < high) {
+            return T::zero();
+        }
+        let (sin_phi, cos_phi) = (pair.s.y / p, pair.s.z / p);
+        let inclination = |t: T| {
+            let k = one / (one + t * t);
+            let (sin_d, cos_d) = (two * t * k, (one - t * t) * k);
+            let at = Inclination {
+                sin_u: sin_phi * cos_d - cos_phi * sin_d,
+                cos_u: cos_phi * cos_d + sin_phi * sin_d,
+                along: p * sin_d,
+                out: p * cos_d,
+            };
+            (at, k)
+        };
+        let faces_both = |t: T| {
+            let m = self.mirror(pair, &inclination(t).0);
+            m.n_i.min(m.n_r).min(m.cos_v)
+        };
+        let ends = rule.support((low * half).tan(), (high * half).tan(), faces_both);
+        let Some((t0, t1)) = ends else {
+            return T::zero();
+        };
+        let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
+        // Four at a time and without branches, for the vector unit.
+        let mut sums = [T::zero(); 4];
+        for (xs, ws) in rule.nodes() {
+            for lane in 0..4 {
+                let (at, k) = inclination(mid + span * xs[lane]);
+                let m = self.mirror(pair, &at);
+                let faces = m.n_i > T::zero() && m.n_r > T::zero() && m.cos_v > T::zero();
+                let strength = self.staple_strength(&at, &m);
+                sums[lane] = sums[lane]
+                    + if faces {
+                        ws[lane] * k * strength
+                    } else {
+                        T::zero()
+                    };
+            }
+        }
+        let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+        two * span * sum * self.staple_factor()
+    }
+
+    /// The angles v whose highlight is drawn at x: a band of constant width
+    /// about it, pushed inside the rectangle at its edges.
+    pub(crate) fn staple_band(&self, x: T) -> (T, T) {
+        band(x, self.width_mm, self.highlight_width, T::FRAC_PI_2())
+    }
+
+    /// The texture's value over the phase function at inclination u.
+    pub(crate) fn staple_texture(&self, pair: &Pair<T>, x: T, y: T) -> T {
+        let (sin_u, cos_u) = self.inclination_at(y).sin_cos();
+        let at = Inclination::new(pair, sin_u, cos_u);
+        let m = self.mirror(pair, &at);
+        if !(m.n_i > T::zero() && m.n_r > T::zero() && m.cos_v > T::zero()) {
+            return T::zero();
+        }
+        let v = (m.sin_v / m.cos_v).atan();
+        let (low, high) = self.staple_band(x);
+        if !(v > low && v < high) {
+            return T::zero();
+        }
+        let band_mm = self.highlight_width * self.width_mm;
+        self.staple_strength(&at, &m) * self.staple_factor() * T::of(2.0) * self.u_max
+            / (self.length_mm * band_mm)
+    }
+
+    /// u at a distance y along the rectangle (equation 8.2).
+    pub(crate) fn inclination_at(&self, y: T) -> T {
+        T::of(2.0) * self.u_max * y / self.length_mm
+    }
+}
+
+/// Angles in `[-limit, limit]` whose band covers the place x of a rectangle of
+/// width `size`, angle and place being proportional. A band keeps its width at
+/// the edges: angles past the last place where it fits are drawn there.
+pub(crate) fn band<T: Real>(x: T, size: T, share: T, limit: T) -> (T, T) {
+    let half = T::of(0.5);
+    let per_mm = limit / (half * size);
+    let edge = half * size - share * size;
+    let reach = half * share * size;
+    let low = if x - reach < -(edge + reach) {
+        -limit
+    } else {
+        (x - reach) * per_mm
+    };
+    let high = if x + reach > edge + reach {
+        limit
+    } else {
+        (x + reach) * per_mm
+    };
+    (low, high)
+}

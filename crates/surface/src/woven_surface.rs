@@ -1,0 +1,389 @@
+//! The whole cloth: two faces, gaps, transmission, and how to sample them.
+
+use crate::energy::EnergyBound;
+use crate::error::Error;
+use crate::face::{Face, Local, face_from_segment, segment_from_face};
+use crate::half_vector::HalfVectorTable;
+use crate::model::{Footprint, SurfaceModel, SurfaceSample};
+use crate::segment::{Pair, SegmentParameters};
+use crate::sequence::sequence;
+use crate::shadowing::Shadowing;
+use crate::transmission::Transmission;
+use crate::weave::{Tiling, Weave};
+use glam::{Vec2, Vec3};
+use organza_basis::{PathRng, Rgb, warp};
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// One system of yarn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct YarnParameters {
+    /// Shape and scattering; width and length come from the weave.
+    pub segment: SegmentParameters,
+    /// Diffuse albedo.
+    pub diffuse: Rgb,
+    /// Specular albedo: the bihemispherical albedo that the highlights of the
+    /// front would have if both yarns had this colour. Warp and weft keep the
+    /// proportion of their scattering functions.
+    pub specular: Rgb,
+    /// Amplitude of the noise of u_max along this yarn, radians.
+    pub u_noise_own_rad: f32,
+    /// Amplitude of the noise of u_max along the yarns that cross it, radians.
+    pub u_noise_cross_rad: f32,
+}
+
+/// Everything about a cloth.
+#[derive(Clone, Debug)]
+pub struct WovenParameters {
+    /// Draft and dimensions.
+    pub weave: Weave,
+    /// The warp.
+    pub warp: YarnParameters,
+    /// The weft.
+    pub weft: YarnParameters,
+    /// Names this cloth's noise.
+    pub seed: u64,
+    /// Side of the rectangles of equal brightness within a segment, mm; zero
+    /// for even yarn.
+    pub grain_mm: f32,
+    /// Distance over which yarn tension changes, mm; positive.
+    pub noise_period_mm: f32,
+    /// Height difference of warp and weft, if shadowing is wanted.
+    pub shadowing: Option<Shadowing>,
+    /// Gaps and transmitted light, if the cloth is not opaque.
+    pub transmission: Option<Transmission>,
+    /// Relative error aimed at in the integral over staple yarn.
+    pub accuracy: f64,
+}
+
+/// Irawan's model of a woven cloth \[Irawan2008], two-sided.
+#[derive(Debug)]
+pub struct WovenSurface {
+    sides: [Side; 2],
+    transmission: Option<Transmission>,
+    gain: f32,
+    /// Longer side of the repeat, mm.
+    repeat_mm: f32,
+}
+
+#[derive(Debug)]
+struct Side {
+    face: Face,
+    half_vectors: HalfVectorTable,
+    /// Specular and diffuse weight of the mean, for choosing between them.
+    far_weights: (f32, f32),
+    bound: EnergyBound,
+}
+
+impl WovenSurface {
+    /// Builds the model: segments of both faces, the specular gain, tables for
+    /// sampling; takes some tens of milliseconds.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range, and refuses cloth that would
+    /// return more light than it gets on the whole. What returns too much from
+    /// some directions only is bounded: see
+    /// [`largest_unbounded_albedo`](Self::largest_unbounded_albedo).
+    pub fn new(p: &WovenParameters) -> Result<WovenSurface, Error> {
+        Error::check("grain_mm", p.grain_mm.into(), 0.0, 1e6)?;
+        Error::check("period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
+        Error::check("accuracy", p.accuracy, 1e-10, 0.1)?;
+        for (name, y) in [("warp", &p.warp), ("weft", &p.weft)] {
+            for (key, c) in [("diffuse", y.diffuse), ("specular", y.specular)] {
+                for channel in c.0.to_array() {
+                    Error::check(&format!("{name}.{key}"), channel.into(), 0.0, 1.0)?;
+                }
+            }
+        }
+        let mut front = Face::new(p, Tiling::new(&p.weave)?)?;
+        let mut back = Face::new(p, Tiling::seen_from_behind(&p.weave)?)?;
+        let pairs = 1 << 13;
+        let mean: f64 = sequence::<4>(pairs)
+            .map(|[a, b, c, d]| {
+                let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
+                let w_o = warp::cosine_hemisphere(Vec2::new(c, d));
+                f64::from(front.specular_shape(w_i, w_o))
+            })
+            .sum::<f64>()
+            / pairs as f64;
+        let albedo = mean as f32 * PI;
+        let gain = if albedo > 0.0 { 1.0 / albedo } else { 0.0 };
+        front.set_gain(gain);
+        back.set_gain(gain);
+        let repeat_mm = front.tiling().period_mm().max_element();
+        let views: Vec<Vec3> = sequence::<2>(24)
+            .map(|[a, b]| warp::cosine_hemisphere(Vec2::new(a, b)))
+            .collect();
+        let passed = p.transmission.as_ref().map_or(Rgb::BLACK, |t| t.albedo());
+        let side = |face: Face| {
+            let returned = |w: Vec3, count| (face.albedo(w, count) + passed).max_component();
+            let mean = views.iter().map(|&w| returned(w, 256)).sum::<f32>() / views.len() as f32;
+            if mean > 1.0 + 1e-3 {
+                return Err(Error::Energy {
+                    albedo: mean.into(),
+                });
+            }
+            Ok(Side {
+                half_vectors: HalfVectorTable::new(&views, |w_i, w_o| {
+                    face.specular_reflectance(w_i, w_o).mean()
+                }),
+                far_weights: face.specular_and_diffuse(None),
+                bound: EnergyBound::new(returned),
+                face,
+            })
+        };
+        Ok(WovenSurface {
+            sides: [side(front)?, side(back)?],
+            transmission: p.transmission.clone(),
+            gain,
+            repeat_mm,
+        })
+    }
+
+    /// The largest share of light that a direction would get back from the
+    /// yarns without the energy bound; one when it is not needed.
+    pub fn largest_unbounded_albedo(&self) -> f32 {
+        let [front, back] = &self.sides;
+        front.bound.largest().max(back.bound.largest())
+    }
+
+    /// Factor from the scattering function of the segments, in mm^2 per mm^2
+    /// of cloth, to the specular albedos of the parameters.
+    pub fn specular_gain(&self) -> f32 {
+        self.gain
+    }
+
+    /// Size of one repeat of the weave, mm.
+    pub fn period_mm(&self) -> Vec2 {
+        self.sides[0].face.tiling().period_mm()
+    }
+
+    /// Segments and lookup of the front.
+    pub fn tiling(&self) -> &Tiling {
+        self.sides[0].face.tiling()
+    }
+
+    /// Mean over the whole cloth, 1/sr: the reflectance model with
+    /// transmission and gaps.
+    pub fn reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+        self.eval(w_i, w_o, Footprint::FAR)
+    }
+
+    /// Value at a point, 1/sr: the texture model. Its mean over the cloth is
+    /// [`reflectance`](Self::reflectance).
+    pub fn texture(&self, w_i: Vec3, w_o: Vec3, position_mm: Vec2) -> Rgb {
+        self.eval(w_i, w_o, Footprint::point(position_mm))
+    }
+
+    /// The side that faces `w`, with direction and place in that side's frame.
+    fn side(&self, w: Vec3, position_mm: Vec2) -> (&Side, Vec3, Vec2) {
+        if w.z > 0.0 {
+            (&self.sides[0], w, position_mm)
+        } else {
+            (
+                &self.sides[1],
+                behind(w),
+                Vec2::new(-position_mm.x, position_mm.y),
+            )
+        }
+    }
+
+    fn other(&self, side: &Side) -> &Side {
+        let [front, back] = &self.sides;
+        if std::ptr::eq(side, front) {
+            back
+        } else {
+            front
+        }
+    }
+
+    /// How much the mean replaces the texture: from nothing when the footprint
+    /// is half a repeat to all when it is a whole one.
+    fn far_share(&self, width_mm: f32) -> f32 {
+        let x = (2.0 * width_mm / self.repeat_mm - 1.0).clamp(0.0, 1.0);
+        x * x * (3.0 - 2.0 * x)
+    }
+
+    /// Share of the cloth that is yarn for both directions. The yarn that is
+    /// lit is taken to be the yarn that is seen, as far as there is enough.
+    fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+        1.0 - self.gap(w_i).max(self.gap(w_o))
+    }
+
+    /// Probabilities of the specular, diffuse and transmitted part.
+    fn choices(&self, side: &Side, far: f32, local: Option<&Local<'_>>) -> [f32; 3] {
+        let (mut specular, mut diffuse) = side.far_weights;
+        if let Some(local) = local {
+            let (s, d) = side.face.specular_and_diffuse(Some(local.yarn));
+            specular = far * specular + (1.0 - far) * s;
+            diffuse = far * diffuse + (1.0 - far) * d;
+        }
+        let transmitted = self
+            .transmission
+            .as_ref()
+            .map_or(0.0, |t| t.albedo().mean());
+        // The diffuse part also covers what the half vectors miss.
+        let diffuse = diffuse.max(0.1 * specular);
+        let total = specular + diffuse + transmitted;
+        if total > 0.0 {
+            [specular / total, diffuse / total, transmitted / total]
+        } else {
+            [0.0; 3]
+        }
+    }
+
+    /// Density of scattered directions given what lies under the footprint.
+    fn scattered_pdf(
+        &self,
+        side: &Side,
+        far: f32,
+        local: Option<&Local<'_>>,
+        w_i: Vec3,
+        w_o: Vec3,
+    ) -> f32 {
+        let [specular, diffuse, transmitted] = self.choices(side, far, local);
+        if w_i.z < 0.0 {
+            return match &self.transmission {
+                Some(t) => transmitted * t.pdf(w_i, w_o),
+                None => 0.0,
+            };
+        }
+        let mut highlight = 0.0;
+        if far > 0.0 {
+            highlight += far * side.half_vectors.pdf(w_i, w_o);
+        }
+        if let Some(local) = local {
+            let pair = Pair::new(
+                segment_from_face(local.yarn, w_i),
+                segment_from_face(local.yarn, w_o),
+            );
+            highlight += (1.0 - far)
+                * local
+                    .segment
+                    .cone_pdf(&pair, local.spot.across_mm, local.spot.along_mm);
+        }
+        specular * highlight + diffuse * w_i.z * FRAC_1_PI
+    }
+
+    /// Value in the frame of a side, whose `w_o` is above it.
+    fn scattered(
+        &self,
+        side: &Side,
+        far: f32,
+        local: Option<&Local<'_>>,
+        w_i: Vec3,
+        w_o: Vec3,
+    ) -> Rgb {
+        let mut value = Rgb::BLACK;
+        if w_i.z > 0.0 {
+            if far > 0.0 {
+                value += side.face.reflectance(w_i, w_o) * far;
+            }
+            if let Some(local) = local {
+                value += side.face.texture_at(local, w_i, w_o) * (1.0 - far);
+            }
+        } else if let Some(t) = &self.transmission {
+            value = t.eval(w_i, w_o);
+        }
+        let bound = if w_i.z > 0.0 {
+            side.bound.divisor(w_i)
+        } else {
+            self.other(side).bound.divisor(behind(w_i))
+        };
+        value * (self.covered(w_i, w_o) / bound.max(side.bound.divisor(w_o)))
+    }
+}
+
+/// A direction in the frame of the other side: turned about the y axis.
+fn behind(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, w.y, -w.z)
+}
+
+/// True for a direction that a surface can be asked about.
+fn is_usable(w: Vec3) -> bool {
+    w.is_finite() && w.z != 0.0
+}
+
+impl SurfaceModel for WovenSurface {
+    fn eval(&self, w_i: Vec3, w_o: Vec3, at: Footprint) -> Rgb {
+        if !(is_usable(w_i) && is_usable(w_o)) {
+            return Rgb::BLACK;
+        }
+        let is_front = w_o.z > 0.0;
+        let (side, w_o, position) = self.side(w_o, at.position_mm);
+        let w_i = if is_front { w_i } else { behind(w_i) };
+        let far = self.far_share(at.width_mm);
+        let local = (far < 1.0 && w_i.z > 0.0).then(|| side.face.local(position));
+        self.scattered(side, far, local.as_ref(), w_i, w_o)
+    }
+
+    fn sample(&self, w_o: Vec3, at: Footprint, rng: &mut PathRng) -> Option<SurfaceSample> {
+        if !is_usable(w_o) {
+            return None;
+        }
+        let gap = self.gap(w_o);
+        let mut choice = rng.unit();
+        if choice < gap {
+            return Some(SurfaceSample {
+                w_i: -w_o,
+                weight: Rgb::WHITE,
+                pdf: f32::INFINITY,
+            });
+        }
+        choice = (choice - gap) / (1.0 - gap);
+        let (side, w, position) = self.side(w_o, at.position_mm);
+        let far = self.far_share(at.width_mm);
+        let local = (far < 1.0).then(|| side.face.local(position));
+        let [specular, diffuse, _] = self.choices(side, far, local.as_ref());
+        let w_i = if choice < specular {
+            match &local {
+                Some(l) if rng.unit() >= far => {
+                    let seen = segment_from_face(l.yarn, w);
+                    let (x, y) = (l.spot.across_mm, l.spot.along_mm);
+                    let drawn = l.segment.sample_cone(seen, x, y, rng)?;
+                    // Draws outside the density's support carry no highlight.
+                    if l.segment.cone_pdf(&Pair::new(drawn, seen), x, y) <= 0.0 {
+                        return None;
+                    }
+                    face_from_segment(l.yarn, drawn)
+                }
+                _ => side.half_vectors.sample(w, rng),
+            }
+        } else if choice < specular + diffuse {
+            warp::cosine_hemisphere(rng.unit2())
+        } else {
+            let drawn = self.transmission.as_ref()?.sample(w, rng);
+            if drawn.z >= 0.0 {
+                return None;
+            }
+            drawn
+        };
+        if choice < specular + diffuse && w_i.z <= 0.0 {
+            return None;
+        }
+        let pdf = (1.0 - gap) * self.scattered_pdf(side, far, local.as_ref(), w_i, w);
+        if !(pdf > 0.0 && pdf.is_finite()) {
+            return None;
+        }
+        let value = self.scattered(side, far, local.as_ref(), w_i, w);
+        let weight = value * (w_i.z.abs() / pdf);
+        let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
+        (weight.is_valid() && !weight.is_black()).then_some(SurfaceSample { w_i, weight, pdf })
+    }
+
+    fn pdf(&self, w_i: Vec3, w_o: Vec3, at: Footprint) -> f32 {
+        if !(is_usable(w_i) && is_usable(w_o)) {
+            return 0.0;
+        }
+        let gap = self.gap(w_o);
+        let (side, w, position) = self.side(w_o, at.position_mm);
+        let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
+        let far = self.far_share(at.width_mm);
+        let local = (far < 1.0).then(|| side.face.local(position));
+        let pdf = (1.0 - gap) * self.scattered_pdf(side, far, local.as_ref(), w_i, w);
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    fn gap(&self, w: Vec3) -> f32 {
+        self.transmission.as_ref().map_or(0.0, |t| t.gap(w))
+    }
+}

@@ -1,0 +1,448 @@
+//! The whole cloth: means, energy, reciprocity, sampling.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::{Vec2, Vec3};
+use organza_basis::{Moments, PathRng, Rgb, warp};
+use organza_surface::spec::{NoiseSpec, PRESETS, ShadowingSpec, TransmissionSpec};
+use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+
+fn preset(name: &str) -> SurfaceSpec {
+    SurfaceSpec::preset(name).unwrap()
+}
+
+fn names() -> impl Iterator<Item = &'static str> {
+    PRESETS.iter().map(|(name, _)| *name)
+}
+
+fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
+    warp::direction_from_angles(theta_deg.to_radians(), phi_deg.to_radians())
+}
+
+/// Ten times the work when asked for.
+fn full(n: usize) -> usize {
+    if std::env::var_os("ORGANZA_FULL").is_some() {
+        10 * n
+    } else {
+        n
+    }
+}
+
+fn see_through() -> TransmissionSpec {
+    TransmissionSpec {
+        warp_cover: 0.8,
+        weft_cover: 0.7,
+        diffuse: Rgb::new(0.1, 0.08, 0.05),
+        forward: Rgb::new(0.15, 0.1, 0.05),
+        concentration: 6.0,
+    }
+}
+
+#[test]
+fn the_mean_of_the_texture_is_the_reflectance() {
+    // Equation 8.4 over the repeat, noise off: enough points that their own error
+    // is below 3e-3 of the value.
+    let mut rng = PathRng::from_seed(41);
+    for name in names() {
+        for shadowed in [false, true] {
+            let mut spec = preset(name);
+            spec.noise = None;
+            for yarn in [&mut spec.warp, &mut spec.weft] {
+                yarn.u_max_noise_own_deg = None;
+                yarn.u_max_noise_cross_deg = None;
+            }
+            spec.shadowing = shadowed.then_some(ShadowingSpec {
+                warp_above_weft_mm: 0.03,
+            });
+            let cloth = spec.build().unwrap();
+            let period = cloth.period_mm();
+            for _ in 0..full(2) {
+                let w_i = warp::cosine_hemisphere(rng.unit2());
+                let w_o = warp::cosine_hemisphere(rng.unit2());
+                let n = 200_000;
+                let mut sum = [0.0f64; 3];
+                for k in 0..n {
+                    // Lattice of the plastic number [Roberts2018].
+                    let k = f64::from(k);
+                    let at = [0.754_877_666_246_692_7 * k, 0.569_840_290_998_053_3 * k];
+                    let at = Vec2::new(at[0].fract() as f32, at[1].fract() as f32);
+                    let value: [f32; 3] = cloth.texture(w_i, w_o, at * period).into();
+                    for (sum, v) in sum.iter_mut().zip(value) {
+                        *sum += f64::from(v);
+                    }
+                }
+                let mean = Rgb::from(sum.map(|s| (s / f64::from(n)) as f32));
+                let exact = cloth.reflectance(w_i, w_o);
+                let error = (mean - exact).0.abs().max_element();
+                assert!(
+                    error < 6e-3 * exact.max_component() + 1e-6,
+                    "{name} seed 41: {mean:?} {exact:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_keeps_the_mean() {
+    let mut rng = PathRng::from_seed(42);
+    for name in names() {
+        // A short period, so that few repeats hold many independent yarns.
+        let mut spec = preset(name);
+        spec.noise = Some(NoiseSpec {
+            grain_mm: spec.noise.as_ref().map_or(0.0, |n| n.grain_mm),
+            period_mm: 1.0,
+        });
+        let cloth = spec.build().unwrap();
+        for _ in 0..full(2) {
+            let w_i = warp::cosine_hemisphere(rng.unit2());
+            let w_o = warp::cosine_hemisphere(rng.unit2());
+            // Batches of places far apart are independent.
+            let mut moments = Moments::default();
+            for _ in 0..300 {
+                let corner = 2e3 * rng.unit2();
+                let mut sum = 0.0;
+                for _ in 0..400 {
+                    let at = corner + 3.0 * rng.unit2();
+                    sum += cloth.texture(w_i, w_o, at).mean();
+                }
+                moments.add(f64::from(sum / 400.0));
+            }
+            let exact = f64::from(cloth.reflectance(w_i, w_o).mean());
+            let error = (moments.mean - exact).abs();
+            let bound = 4.0 * moments.standard_error() + 2e-3 * exact;
+            assert!(error < bound, "{name} seed 42: {error} {bound} {exact}");
+        }
+    }
+}
+
+#[test]
+fn nothing_returns_more_light_than_it_gets() {
+    for name in names() {
+        for transmission in [None, Some(see_through())] {
+            let mut spec = preset(name);
+            spec.transmission = transmission;
+            let cloth = spec.build().unwrap();
+            for side in [1.0, -1.0] {
+                for (theta, phi) in [(0.0, 0.0), (60.0, 20.0), (80.0, 90.0), (88.0, 0.0)] {
+                    let w_o = direction(theta, phi) * Vec3::new(1.0, 1.0, side);
+                    // Furnace: all that is sampled under uniform light, gaps too.
+                    let mut rng = PathRng::from_seed(43);
+                    let mut furnace = Moments::default();
+                    for _ in 0..full(4000) {
+                        let s = cloth.sample(w_o, Footprint::FAR, &mut rng);
+                        furnace.add(f64::from(s.map_or(0.0, |s| s.weight.max_component())));
+                    }
+                    assert!(
+                        furnace.mean < 1.0 + 4.0 * furnace.standard_error(),
+                        "{name} seed 43: {}",
+                        furnace.mean
+                    );
+                }
+            }
+        }
+    }
+    let mut bright = preset("wool-gabardine");
+    bright.warp.diffuse = Some(Rgb::splat(0.9));
+    let message = bright.build().unwrap_err().to_string();
+    assert!(message.contains("lower diffuse"), "{message}");
+}
+
+#[test]
+fn a_lossless_cloth_keeps_all_light() {
+    // No highlights, half reflected, half passed on, holes: the sum is one.
+    let mut spec = preset("polyester-lining");
+    for yarn in [&mut spec.warp, &mut spec.weft] {
+        yarn.specular = Some(Rgb::BLACK);
+        yarn.diffuse = Some(Rgb::splat(0.5));
+    }
+    spec.transmission = Some(TransmissionSpec {
+        warp_cover: 0.6,
+        weft_cover: 0.6,
+        diffuse: Rgb::splat(0.5),
+        forward: Rgb::BLACK,
+        concentration: 1.0,
+    });
+    let cloth = spec.build().unwrap();
+    // Straight on, where yarn that is seen from elsewhere is covered by least,
+    // the loss is what the correlation of gaps takes away; along it, nothing.
+    let mut rng = PathRng::from_seed(44);
+    for theta in [70.0, 85.0] {
+        let w_o = direction(theta, 30.0);
+        let mut m = Moments::default();
+        for _ in 0..full(20_000) {
+            let s = cloth.sample(w_o, Footprint::FAR, &mut rng);
+            m.add(f64::from(s.map_or(0.0, |s| s.weight.mean())));
+        }
+        assert!(
+            m.mean <= 1.0 + 4.0 * m.standard_error() && m.mean > 0.85,
+            "{}",
+            m.mean
+        );
+    }
+}
+
+/// Reflected and transmitted share by a deterministic sum over directions.
+fn share_by_sum(cloth: &WovenSurface, w_o: Vec3, at: Footprint) -> f64 {
+    let n = 150;
+    let mut sum = 0.0;
+    for j in 0..n {
+        for i in 0..n {
+            let u = Vec2::new(i as f32 + 0.5, j as f32 + 0.5) / n as f32;
+            let w = warp::cosine_hemisphere(u);
+            for w_i in [w, w * Vec3::new(1.0, 1.0, -1.0)] {
+                sum += f64::from(cloth.eval(w_i, w_o, at).mean());
+            }
+        }
+    }
+    sum * std::f64::consts::PI / f64::from(n * n)
+}
+
+#[test]
+fn samples_estimate_what_sums_over_directions_give() {
+    for (k, name) in names().enumerate() {
+        let mut spec = preset(name);
+        spec.transmission = (k % 2 == 0).then(see_through);
+        let cloth = spec.build().unwrap();
+        let mut rng = PathRng::from_seed(45);
+        let repeat = cloth.period_mm().max_element();
+        for case in 0..6 {
+            let position_mm = cloth.period_mm() * rng.unit2() * 5.0;
+            let width_mm = [f32::INFINITY, 0.0, 0.75 * repeat][case % 3];
+            let at = Footprint {
+                position_mm,
+                width_mm,
+            };
+            let mut w_o = warp::cosine_hemisphere(rng.unit2());
+            if case >= 3 {
+                w_o.z = -w_o.z;
+            }
+            let exact = share_by_sum(&cloth, w_o, at);
+            let (mut right, mut wrong) = (Moments::default(), Moments::default());
+            for _ in 0..full(10_000) {
+                let weight = match cloth.sample(w_o, at, &mut rng) {
+                    Some(s) if !s.is_straight() => f64::from(s.weight.mean()),
+                    _ => 0.0,
+                };
+                right.add(weight);
+                // The twin whose density is off by ten percent.
+                wrong.add(weight / 0.9);
+            }
+            let bound = 4.0 * right.standard_error() + 3e-3 * exact;
+            assert!(
+                (right.mean - exact).abs() < bound,
+                "{name} {case} seed 45: {} {exact}",
+                right.mean
+            );
+            assert!(
+                (wrong.mean - exact).abs() > bound || bound > 0.05 * exact,
+                "{name} {case}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_density_integrates_to_what_is_drawn() {
+    for (k, name) in names().enumerate() {
+        let mut spec = preset(name);
+        spec.transmission = (k % 2 == 0).then(see_through);
+        let cloth = spec.build().unwrap();
+        let mut rng = PathRng::from_seed(46);
+        for width_mm in [f32::INFINITY, 0.0] {
+            let at = Footprint {
+                position_mm: cloth.period_mm() * rng.unit2(),
+                width_mm,
+            };
+            let w_o = direction(40.0, 70.0);
+            // Counts and integral over 32 bands of the sphere, so that a density
+            // in the wrong place shows.
+            let bins = 32;
+            let bin = |w: Vec3| {
+                let phi = (w.y.atan2(w.x) / std::f32::consts::TAU + 1.0).fract();
+                ((phi * 8.0) as usize).min(7) * 4 + (((w.z + 1.0) * 2.0) as usize).min(3)
+            };
+            let n = full(15_000);
+            let (mut seen, mut expected) = (vec![0.0f64; bins], vec![Moments::default(); bins]);
+            for _ in 0..n {
+                let drawn = cloth.sample(w_o, at, &mut rng);
+                if let Some(s) = drawn.filter(|s| !s.is_straight()) {
+                    seen[bin(s.w_i)] += 1.0 / n as f64;
+                    let pdf = cloth.pdf(s.w_i, w_o, at);
+                    assert!((pdf / s.pdf - 1.0).abs() < 1e-3, "{name}");
+                }
+                let w = warp::uniform_sphere(rng.unit2());
+                let pdf = f64::from(cloth.pdf(w, w_o, at)) / f64::from(warp::UNIFORM_SPHERE_PDF);
+                let carries = !cloth.eval(w, w_o, at).is_black();
+                for (b, m) in expected.iter_mut().enumerate() {
+                    m.add(if b == bin(w) && carries { pdf } else { 0.0 });
+                }
+            }
+            for (b, (s, e)) in seen.iter().zip(&expected).enumerate() {
+                let sigma = (s * (1.0 - s) / n as f64 + e.standard_error().powi(2)).sqrt();
+                assert!(
+                    (s - e.mean).abs() < 4.5 * sigma + 1e-4,
+                    "{name} {width_mm} band {b} seed 46: {s} {}",
+                    e.mean
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn light_takes_the_same_way_back() {
+    for name in names() {
+        let mut spec = preset(name);
+        spec.transmission = Some(see_through());
+        spec.shadowing = Some(ShadowingSpec {
+            warp_above_weft_mm: -0.04,
+        });
+        let cloth = spec.build().unwrap();
+        let mut rng = PathRng::from_seed(47);
+        for _ in 0..300 {
+            let w_i = warp::uniform_sphere(rng.unit2());
+            let w_o = warp::uniform_sphere(rng.unit2());
+            let at = Footprint::point(3.0 * rng.unit2());
+            for at in [at, Footprint::FAR] {
+                let (there, back) = (cloth.eval(w_i, w_o, at), cloth.eval(w_o, w_i, at));
+                let error = (there - back).0.abs().max_element();
+                assert!(
+                    error <= 2e-4 * there.max_component() + 1e-6,
+                    "{name} seed 47"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn highlights_are_found_with_fewer_samples_than_by_the_cosine() {
+    // Variance of the albedo estimate per sample, over views; the ratio is how
+    // many cosine samples one of ours is worth.
+    for name in names() {
+        let cloth = preset(name).build().unwrap();
+        for (label, point) in [("mean", false), ("texture", true)] {
+            let mut rng = PathRng::from_seed(48);
+            let (mut ours, mut cosine) = (0.0, 0.0);
+            for _ in 0..40 {
+                let w_o = warp::cosine_hemisphere(rng.unit2());
+                let at = if point {
+                    Footprint::point(cloth.period_mm() * rng.unit2())
+                } else {
+                    Footprint::FAR
+                };
+                let (mut a, mut b) = (Moments::default(), Moments::default());
+                for _ in 0..full(800) {
+                    let s = cloth.sample(w_o, at, &mut rng);
+                    a.add(f64::from(s.map_or(0.0, |s| s.weight.mean())));
+                    let w_i = warp::cosine_hemisphere(rng.unit2());
+                    let value = cloth.eval(w_i, w_o, at).mean() * std::f32::consts::PI;
+                    b.add(f64::from(value));
+                }
+                ours += a.variance();
+                cosine += b.variance();
+            }
+            println!("{name}, {label}: cosine / ours = {:.1}", cosine / ours);
+            assert!(cosine > ours, "{name} seed 48");
+        }
+    }
+}
+
+#[test]
+fn hard_directions_are_survived() {
+    for name in names() {
+        let mut spec = preset(name);
+        spec.transmission = Some(see_through());
+        let cloth = spec.build().unwrap();
+        let mut directions = vec![
+            Vec3::Z,
+            Vec3::NEG_Z,
+            Vec3::X,
+            Vec3::Y,
+            Vec3::ZERO,
+            Vec3::NAN,
+        ];
+        for theta in [1e-3, 45.0, 89.9, 90.0, 90.1, 179.99] {
+            for phi in [0.0, 30.0, 90.0, 180.0, 270.0] {
+                directions.push(direction(theta, phi));
+            }
+        }
+        let mut rng = PathRng::from_seed(49);
+        for &w_i in &directions {
+            for &w_o in &directions {
+                for width_mm in [0.0, 0.5, f32::INFINITY] {
+                    for position_mm in [Vec2::ZERO, Vec2::new(1e4, -1e4), Vec2::splat(-1e-9)] {
+                        let at = Footprint {
+                            position_mm,
+                            width_mm,
+                        };
+                        let value = cloth.eval(w_i, w_o, at);
+                        assert!(value.is_valid(), "{name} {w_i} {w_o} {value:?}");
+                        let pdf = cloth.pdf(w_i, w_o, at);
+                        assert!(pdf.is_finite() && pdf >= 0.0, "{name} {w_i} {w_o} {pdf}");
+                        if let Some(s) = cloth.sample(w_o, at, &mut rng) {
+                            assert!(s.weight.is_valid() && s.w_i.is_finite());
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn footprints_blend_from_texture_to_mean() {
+    let cloth = preset("denim").build().unwrap();
+    let (w_i, w_o) = (direction(30.0, 40.0), direction(20.0, 200.0));
+    let repeat = cloth.period_mm().max_element();
+    let position_mm = Vec2::new(0.3, 0.9);
+    let mut before = cloth.texture(w_i, w_o, position_mm);
+    let range = (before - cloth.reflectance(w_i, w_o)).0.length();
+    for i in 0..=200 {
+        let width_mm = repeat * i as f32 / 150.0;
+        let here = cloth.eval(
+            w_i,
+            w_o,
+            Footprint {
+                position_mm,
+                width_mm,
+            },
+        );
+        assert!(
+            (here - before).0.length() < 0.05 * range,
+            "a step at {width_mm}"
+        );
+        before = here;
+    }
+    assert_eq!(before, cloth.reflectance(w_i, w_o));
+}
+
+#[test]
+fn specular_albedo_is_what_the_file_says() {
+    // White highlights on black yarn: bihemispherical albedo one before
+    // scaling, here a half.
+    for name in names() {
+        let mut spec = preset(name);
+        for yarn in [&mut spec.warp, &mut spec.weft] {
+            yarn.diffuse = Some(Rgb::BLACK);
+            yarn.specular = Some(Rgb::splat(0.25));
+        }
+        let cloth = spec.build().unwrap();
+        let mut rng = PathRng::from_seed(50);
+        let mut m = Moments::default();
+        for _ in 0..full(20_000) {
+            let w_i = warp::cosine_hemisphere(rng.unit2());
+            let w_o = warp::cosine_hemisphere(rng.unit2());
+            m.add(f64::from(
+                cloth.reflectance(w_i, w_o).mean() * std::f32::consts::PI,
+            ));
+        }
+        let error = (m.mean - 0.25).abs();
+        assert!(
+            error < 4.0 * m.standard_error() + 1e-3,
+            "{name} seed 50: {}",
+            m.mean
+        );
+    }
+}

@@ -1,0 +1,350 @@
+//! A medium from dense grids that other programs made: extinction, SGGX
+//! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
+
+use crate::lattice::{CellSpan, Lattice, LocalRay};
+use crate::{Medium, SiteInfo};
+use glam::{UVec3, Vec3};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3};
+use organza_scatter::{Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
+use std::ops::ControlFlow;
+
+/// Voxels along the edge of a brick with one majorant.
+const BRICK: u32 = 8;
+
+/// How values between samples are found. Samples sit at cell centres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// A cell is constant.
+    #[default]
+    Nearest,
+    /// Linear between the eight nearest centres, constant beyond the outermost.
+    Trilinear,
+}
+
+/// A dense grid of `N` channels over a box, x fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid<const N: usize> {
+    dims: UVec3,
+    data: Vec<[f32; N]>,
+}
+
+impl<const N: usize> Grid<N> {
+    /// A grid from its samples; `None` unless there are `dims.x dims.y dims.z`
+    /// of them, at least one.
+    pub fn new(dims: UVec3, data: Vec<[f32; N]>) -> Option<Grid<N>> {
+        let count = u64::from(dims.x)
+            .checked_mul(u64::from(dims.y))?
+            .checked_mul(u64::from(dims.z))?;
+        (count > 0 && data.len() as u64 == count).then_some(Grid { dims, data })
+    }
+
+    /// One value everywhere.
+    pub fn constant(value: [f32; N]) -> Grid<N> {
+        Grid {
+            dims: UVec3::ONE,
+            data: vec![value],
+        }
+    }
+
+    /// Samples along each axis.
+    pub fn dims(&self) -> UVec3 {
+        self.dims
+    }
+
+    fn at(&self, c: UVec3) -> &[f32; N] {
+        let (nx, ny) = (self.dims.x as usize, self.dims.y as usize);
+        &self.data[(c.z as usize * ny + c.y as usize) * nx + c.x as usize]
+    }
+}
+
+/// Grids that make no medium.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GridMediumError {
+    /// The box has no volume or is not finite.
+    #[error("the grid's bounding box {0:?} has no volume")]
+    Box(Aabb),
+    /// A value that no medium has.
+    #[error("{grid}: sample ({x}, {y}, {z}) is {value}; expected {expected}", x = .at.x, y = .at.y, z = .at.z)]
+    Value {
+        /// Which grid.
+        grid: &'static str,
+        /// Where.
+        at: UVec3,
+        /// What is there.
+        value: f32,
+        /// What may be there.
+        expected: &'static str,
+    },
+}
+
+/// Extinction toward `w` is `sigma_t sqrt(w^T S w)`, scattering that of
+/// specular SGGX flakes, both from samples at cell centres.
+pub struct GridMedium {
+    lattice: Lattice,
+    interpolation: Interpolation,
+    sigma_t_per_mm: Grid<1>,
+    /// Matrices with their eigenvalues floored, as Cholesky factors too.
+    s: Grid<6>,
+    flakes: Vec<Sggx>,
+    albedo: Grid<3>,
+    majorants: Vec<f32>,
+}
+
+/// What one look-up gives.
+#[derive(Clone, Copy, Debug)]
+pub struct GridSite {
+    sigma_t_per_mm: f32,
+    scattering: SpecularFlakes<Sggx>,
+}
+
+impl GridMedium {
+    /// A medium over a box, repeated in x and y or not. The grids may differ in
+    /// resolution; the extinction's sets the voxels.
+    ///
+    /// # Errors
+    /// A box without volume; extinction or S not finite or below zero, albedo
+    /// outside `[0, 1]`, with the place.
+    pub fn new(
+        bounds_mm: Aabb,
+        repeats: bool,
+        interpolation: Interpolation,
+        sigma_t_per_mm: Grid<1>,
+        sggx: Grid<6>,
+        albedo: Grid<3>,
+    ) -> Result<GridMedium, GridMediumError> {
+        let lattice = Lattice::new(bounds_mm, sigma_t_per_mm.dims, repeats)
+            .ok_or(GridMediumError::Box(bounds_mm))?;
+        check(
+            &sigma_t_per_mm,
+            "extinction",
+            "a finite value of at least 0",
+            |_, v| v >= 0.0,
+        )?;
+        check(
+            &sggx,
+            "sggx",
+            "a finite matrix with a diagonal of at least 0",
+            |channel, v| channel > 2 || v >= 0.0,
+        )?;
+        check(&albedo, "albedo", "a value from 0 to 1", |_, v| {
+            (0.0..=1.0).contains(&v)
+        })?;
+        let flakes: Vec<Sggx> = sggx
+            .data
+            .iter()
+            .map(|&s| Sggx::new(Sym3::from_array(s)))
+            .collect();
+        let s = Grid {
+            dims: sggx.dims,
+            data: flakes.iter().map(|f| f.matrix().to_array()).collect(),
+        };
+        let mut medium = GridMedium {
+            lattice,
+            interpolation,
+            sigma_t_per_mm,
+            s,
+            flakes,
+            albedo,
+            majorants: Vec::new(),
+        };
+        medium.majorants = medium.brick_majorants();
+        Ok(medium)
+    }
+
+    /// A bound for every brick: the largest extinction times the largest
+    /// projected area among the samples that any point of the brick looks at.
+    /// Interpolated matrices are convex combinations, and the largest
+    /// eigenvalue is convex, so samples bound what lies between them.
+    fn brick_majorants(&self) -> Vec<f32> {
+        let areas = Grid {
+            dims: self.s.dims,
+            data: self
+                .flakes
+                .iter()
+                .map(|f| [f.max_projected_area()])
+                .collect(),
+        };
+        let bricks = self.lattice.cell_dims(BRICK);
+        let mut bounds = Vec::new();
+        for z in 0..bricks.z {
+            for y in 0..bricks.y {
+                for x in 0..bricks.x {
+                    let brick = UVec3::new(x, y, z);
+                    let sigma = self.largest_in_brick(&self.sigma_t_per_mm, brick);
+                    // Rounding of the interpolation may exceed the samples by a few ulp.
+                    bounds.push(sigma * self.largest_in_brick(&areas, brick) * (1.0 + 4e-6));
+                }
+            }
+        }
+        bounds
+    }
+
+    fn largest_in_brick(&self, grid: &Grid<1>, brick: UVec3) -> f32 {
+        let dims = self.lattice.dims();
+        let scale = grid.dims.as_vec3() / dims.as_vec3();
+        let reach = match self.interpolation {
+            Interpolation::Nearest => 0,
+            Interpolation::Trilinear => 1,
+        };
+        let low = (brick * BRICK).as_vec3() * scale;
+        let high = ((brick + 1) * BRICK).min(dims).as_vec3() * scale;
+        let (low, high) = (
+            low.floor().as_ivec3() - reach,
+            high.ceil().as_ivec3() - 1 + reach,
+        );
+        let mut largest = 0.0f32;
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                for x in low.x..=high.x {
+                    let cell = self.lattice.wrap(glam::IVec3::new(x, y, z), grid.dims);
+                    largest = largest.max(grid.at(cell)[0]);
+                }
+            }
+        }
+        largest
+    }
+
+    /// The grid's value at a local point.
+    fn look_up<const N: usize>(&self, grid: &Grid<N>, p: Vec3) -> [f32; N] {
+        let q = self.grid_point(grid, p);
+        match self.interpolation {
+            Interpolation::Nearest => *grid.at(self.lattice.wrap(q.floor().as_ivec3(), grid.dims)),
+            Interpolation::Trilinear => {
+                let q = q - 0.5;
+                let base = q.floor();
+                let f = q - base;
+                let base = base.as_ivec3();
+                let mut value = [0.0; N];
+                for corner in 0..8 {
+                    let c = glam::IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
+                    let w = Vec3::select(c.cmpeq(glam::IVec3::ZERO), 1.0 - f, f).element_product();
+                    let sample = grid.at(self.lattice.wrap(base + c, grid.dims));
+                    for (v, s) in value.iter_mut().zip(sample) {
+                        *v += w * s;
+                    }
+                }
+                value
+            }
+        }
+    }
+
+    fn grid_point<const N: usize>(&self, grid: &Grid<N>, p: Vec3) -> Vec3 {
+        if grid.dims == self.lattice.dims() {
+            p
+        } else {
+            p * (grid.dims.as_vec3() / self.lattice.dims().as_vec3())
+        }
+    }
+
+    fn flakes_at(&self, p: Vec3) -> Sggx {
+        match self.interpolation {
+            Interpolation::Nearest => {
+                let q = self.grid_point(&self.s, p);
+                let c = self.lattice.wrap(q.floor().as_ivec3(), self.s.dims);
+                let (nx, ny) = (self.s.dims.x as usize, self.s.dims.y as usize);
+                self.flakes[(c.z as usize * ny + c.y as usize) * nx + c.x as usize]
+            }
+            Interpolation::Trilinear => Sggx::new(Sym3::from_array(self.look_up(&self.s, p))),
+        }
+    }
+}
+
+fn check<const N: usize>(
+    grid: &Grid<N>,
+    name: &'static str,
+    expected: &'static str,
+    good: impl Fn(usize, f32) -> bool,
+) -> Result<(), GridMediumError> {
+    for (index, sample) in grid.data.iter().enumerate() {
+        for (channel, &value) in sample.iter().enumerate() {
+            if !value.is_finite() || !good(channel, value) {
+                let (nx, ny) = (grid.dims.x as usize, grid.dims.y as usize);
+                let at = [index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as u32);
+                return Err(GridMediumError::Value {
+                    grid: name,
+                    at: UVec3::from_array(at),
+                    value,
+                    expected,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Medium for GridMedium {
+    type Site = GridSite;
+
+    fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    fn for_each_span<B>(
+        &self,
+        ray: &LocalRay,
+        mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let bricks = self.lattice.cell_dims(BRICK);
+        for span in self.lattice.cells(ray, BRICK) {
+            let brick = span.cell;
+            let index = (brick.z * bricks.y + brick.y) * bricks.x + brick.x;
+            let majorant = self.majorants[index as usize];
+            if majorant > 0.0 {
+                visit(&span, majorant)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn for_each_voxel<B>(
+        &self,
+        ray: &LocalRay,
+        mut visit: impl FnMut(f32, f32, GridSite) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for span in self.lattice.cells(ray, 1) {
+            if self.sigma_t_per_mm.at(span.cell)[0] > 0.0 {
+                visit(span.t0, span.t1, self.site(span.cell.as_vec3() + 0.5))?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn is_piecewise_constant(&self) -> bool {
+        let fits = |dims: UVec3| dims == UVec3::ONE || dims == self.lattice.dims();
+        self.interpolation == Interpolation::Nearest && fits(self.s.dims) && fits(self.albedo.dims)
+    }
+
+    fn site(&self, p: Vec3) -> GridSite {
+        GridSite {
+            sigma_t_per_mm: self.look_up(&self.sigma_t_per_mm, p)[0],
+            scattering: SpecularFlakes {
+                flakes: self.flakes_at(p),
+                albedo: Rgb::from(self.look_up(&self.albedo, p)),
+            },
+        }
+    }
+
+    fn sigma_t(&self, site: &GridSite, w: Vec3) -> f32 {
+        site.sigma_t_per_mm * site.scattering.flakes.projected_area(w)
+    }
+
+    fn eval(&self, site: &GridSite, w_out: Vec3, w_in: Vec3) -> Rgb {
+        site.scattering.eval(w_out, w_in)
+    }
+
+    fn sample(&self, site: &GridSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        site.scattering.sample(w_out, rng)
+    }
+
+    fn pdf(&self, site: &GridSite, w_out: Vec3, w_in: Vec3) -> f32 {
+        site.scattering.pdf(w_out, w_in)
+    }
+
+    fn info(&self, site: &GridSite) -> SiteInfo {
+        // The flakes' thinnest direction is where the fibre runs.
+        SiteInfo {
+            axis: site.scattering.flakes.matrix().eigen()[2].1,
+            yarn: None,
+        }
+    }
+}

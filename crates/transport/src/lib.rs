@@ -1,0 +1,47 @@
+//! Light through media of fibres: trackers, lights, cameras and films.
+//!
+//! # The waist
+//! [`Medium`] is all that a tracker knows of matter: where it is, a bound on
+//! its extinction along stretches of a ray, and at a point the extinction
+//! toward a direction and the scattering there. [`GridMedium`] answers from
+//! dense grids that other programs made, [`ClothMedium`] from an octree of
+//! fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
+//! inside are monomorphic.
+//!
+//! # The walk
+//! Paths start at the camera and go against the light. An event weighs the
+//! path by albedo times phase over density; lights of a single direction are
+//! reached by shadow rays, the environment by escaping. Media may overlap:
+//! collisions of their sum are the nearest of the collisions of each.
+//!
+//! # Determinism
+//! The random numbers of a path are named by seed, pixel and sample index, and
+//! every pixel adds its samples in order. Threads share nothing but the scene.
+
+mod camera;
+mod cloth_medium;
+mod film;
+mod grid_medium;
+mod integrator;
+mod lattice;
+mod light;
+mod medium;
+mod render;
+mod scene;
+mod stats;
+mod tracking;
+
+pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection};
+pub use cloth_medium::{ClothMedium, FlakeOptics};
+pub use film::{Film, Pixel};
+pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
+pub use integrator::{FirstEvent, Integrator, PathSample, trace_path};
+pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
+pub use light::{Hemisphere, Light};
+pub use medium::{Medium, SiteInfo};
+pub use render::{Crop, Pass, RenderError, RenderSettings, render};
+pub use scene::{AnyMedium, Collision, Scene};
+pub use stats::Stats;
+pub use tracking::{
+    exact_transmittance, sample_collision, sample_collision_exactly, transmittance,
+};

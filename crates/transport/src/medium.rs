@@ -1,0 +1,70 @@
+//! The waist between matter and trackers.
+
+use crate::lattice::{CellSpan, Lattice, LocalRay};
+use glam::Vec3;
+use organza_basis::{PathRng, Rgb};
+use organza_scatter::LobeSample;
+use std::ops::ControlFlow;
+
+/// What a picture may show of a point in a medium.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SiteInfo {
+    /// Unit fibre axis, or zero where the medium has none.
+    pub axis: Vec3,
+    /// Yarn number, where the medium knows yarns.
+    pub yarn: Option<u32>,
+}
+
+/// Matter that scatters light, as a tracker sees it.
+///
+/// Points are given in the *local* coordinates of [`Medium::lattice`], one
+/// unit a voxel; directions are unit vectors in the world. `w_out` points back
+/// along the walk, toward the camera; `w_in` toward the light.
+pub trait Medium: Sync {
+    /// What one look-up gives; everything else is computed from it.
+    type Site: Copy + Send;
+
+    /// Where the medium is, and how it repeats.
+    fn lattice(&self) -> &Lattice;
+
+    /// Visits stretches of the ray in order, each with a bound in 1/mm on the
+    /// extinction over that stretch **and over all directions**, until `visit`
+    /// breaks. Empty stretches are left out.
+    fn for_each_span<B>(
+        &self,
+        ray: &LocalRay,
+        visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
+    ) -> ControlFlow<B>;
+
+    /// Visits the voxels along the ray, `[t0, t1]` and what is there, in order,
+    /// until `visit` breaks: the exact version of [`Medium::for_each_span`]
+    /// where [`Medium::is_piecewise_constant`].
+    fn for_each_voxel<B>(
+        &self,
+        ray: &LocalRay,
+        visit: impl FnMut(f32, f32, Self::Site) -> ControlFlow<B>,
+    ) -> ControlFlow<B>;
+
+    /// True when [`Medium::site`] is constant within voxels, so that exact
+    /// stepping is possible.
+    fn is_piecewise_constant(&self) -> bool;
+
+    /// The medium at a local point inside the lattice's box.
+    fn site(&self, p: Vec3) -> Self::Site;
+
+    /// Extinction in 1/mm of light that travels along `w` (either sense).
+    fn sigma_t(&self, site: &Self::Site, w: Vec3) -> f32;
+
+    /// Albedo times phase function, per channel, 1/sr: reciprocal as
+    /// `sigma_t(w_out) eval(w_out, w_in) = sigma_t(w_in) eval(w_in, w_out)`.
+    fn eval(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> Rgb;
+
+    /// Draws `w_in`; `None` when the light is absorbed.
+    fn sample(&self, site: &Self::Site, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample>;
+
+    /// Density with which [`Medium::sample`] draws `w_in`, 1/sr.
+    fn pdf(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> f32;
+
+    /// What to show of the site.
+    fn info(&self, site: &Self::Site) -> SiteInfo;
+}

@@ -1,0 +1,137 @@
+//! Free flight and transmittance through one medium.
+
+use crate::lattice::LocalRay;
+use crate::{Medium, Stats};
+use organza_basis::PathRng;
+use std::ops::ControlFlow;
+
+/// Room for rounding when an extinction is held against its bound.
+const MAJORANT_SLACK: f32 = 1.0 + 1e-5;
+
+/// Below this transmittance a shadow ray lives on with probability
+/// `T / SHADOW_ROULETTE`, so that it ends after a few look-ups in dense cloth.
+const SHADOW_ROULETTE: f32 = 0.1;
+
+/// Draws the first collision along a ray by delta tracking [Woodcock1965]
+/// [Novak2018]: the local distance and what is there, or `None` when the ray
+/// leaves the medium.
+///
+/// One exponential number is spent across the spans of different majorants,
+/// which is exact because optical depth adds.
+pub fn sample_collision<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> Option<(f32, M::Site)> {
+    let mut depth = rng.exponential();
+    let found = medium.for_each_span(ray, |span, majorant| {
+        let mut t = span.t0;
+        loop {
+            let span_depth = (span.t1 - t) * majorant;
+            if depth >= span_depth {
+                depth -= span_depth;
+                return ControlFlow::Continue(());
+            }
+            t += depth / majorant;
+            depth = rng.exponential();
+            stats.tentative += 1;
+            let site = medium.site(span.point(ray, t));
+            let sigma = medium.sigma_t(&site, ray.direction);
+            if sigma > majorant * MAJORANT_SLACK {
+                stats.majorant_violations += 1;
+            }
+            if rng.unit() * majorant < sigma {
+                stats.collisions += 1;
+                return ControlFlow::Break((t, site));
+            }
+        }
+    });
+    match found {
+        ControlFlow::Break(hit) => Some(hit),
+        ControlFlow::Continue(()) => None,
+    }
+}
+
+/// Estimates the transmittance along a ray by ratio tracking [Novak2014]
+/// with Russian roulette on small values.
+pub fn transmittance<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> f32 {
+    let mut transmitted = 1.0f32;
+    let mut depth = rng.exponential();
+    let _ = medium.for_each_span(ray, |span, majorant| {
+        let mut t = span.t0;
+        loop {
+            let span_depth = (span.t1 - t) * majorant;
+            if depth >= span_depth {
+                depth -= span_depth;
+                return ControlFlow::Continue(());
+            }
+            t += depth / majorant;
+            depth = rng.exponential();
+            stats.shadow_steps += 1;
+            let site = medium.site(span.point(ray, t));
+            let sigma = medium.sigma_t(&site, ray.direction);
+            if sigma > majorant * MAJORANT_SLACK {
+                stats.majorant_violations += 1;
+            }
+            transmitted *= (1.0 - sigma / majorant).max(0.0);
+            if transmitted < SHADOW_ROULETTE {
+                if rng.unit() * SHADOW_ROULETTE >= transmitted {
+                    transmitted = 0.0;
+                    return ControlFlow::Break(());
+                }
+                transmitted = SHADOW_ROULETTE;
+            }
+        }
+    });
+    transmitted
+}
+
+/// Draws the first collision by stepping exactly through constant voxels: the
+/// distance is the closed-form inverse of the optical depth.
+///
+/// Only for media that [`Medium::is_piecewise_constant`].
+pub fn sample_collision_exactly<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> Option<(f32, M::Site)> {
+    let mut depth = rng.exponential();
+    let found = medium.for_each_voxel(ray, |t0, t1, site| {
+        stats.tentative += 1;
+        let sigma = medium.sigma_t(&site, ray.direction);
+        let voxel_depth = (t1 - t0) * sigma;
+        if depth < voxel_depth {
+            stats.collisions += 1;
+            return ControlFlow::Break((t0 + depth / sigma, site));
+        }
+        depth -= voxel_depth;
+        ControlFlow::Continue(())
+    });
+    match found {
+        ControlFlow::Break(hit) => Some(hit),
+        ControlFlow::Continue(()) => None,
+    }
+}
+
+/// The transmittance along a ray through constant voxels, in closed form.
+pub fn exact_transmittance<M: Medium>(medium: &M, ray: &LocalRay, stats: &mut Stats) -> f32 {
+    let mut depth = 0.0f32;
+    let _ = medium.for_each_voxel(ray, |t0, t1, site| {
+        stats.shadow_steps += 1;
+        depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
+        // e^-88 is the smallest f32 worth carrying on for.
+        if depth > 88.0 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    (-depth).exp()
+}

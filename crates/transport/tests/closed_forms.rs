@@ -1,0 +1,290 @@
+//! The trackers against answers known in closed form, each with a wrong twin
+//! that the same test must reject.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use glam::{DVec3, UVec2, UVec3, Vec3};
+use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
+use organza_transport::{
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator, Interpolation, Light,
+    Medium, PixelFilter, Projection, RenderSettings, Scene, Stats, render, sample_collision,
+    sample_collision_exactly, transmittance,
+};
+use std::ops::ControlFlow;
+
+const AXIS: Vec3 = Vec3::new(0.6, 0.48, 0.64);
+const END_ON: f32 = 0.3;
+
+/// A slab 0.2 mm thick of tilted fibres, cut into voxels so that spans of
+/// several bricks are met, endless in x and y.
+fn slab(sigma_t_per_mm: f32, albedo: f32, s: Sym3, interpolation: Interpolation) -> GridMedium {
+    let bounds = Aabb::new(Vec3::new(0.0, 0.0, -0.1), Vec3::new(0.1, 0.1, 0.1));
+    let dims = UVec3::new(3, 5, 20);
+    let n = (dims.x * dims.y * dims.z) as usize;
+    GridMedium::new(
+        bounds,
+        true,
+        interpolation,
+        Grid::new(dims, vec![[sigma_t_per_mm]; n]).unwrap(),
+        Grid::constant(s.to_array()),
+        Grid::constant([albedo; 3]),
+    )
+    .unwrap()
+}
+
+fn tilted() -> Sym3 {
+    Sym3::axial(AXIS, 1.0, END_ON * END_ON)
+}
+
+fn looking_down(media: Vec<AnyMedium>, lights: Vec<Light>, pixels: u32) -> Scene {
+    let pose = CameraPose {
+        origin_mm: DVec3::new(1.0, 0.5, 3.0),
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm: 0.1 };
+    let resolution = UVec2::splat(pixels);
+    Scene {
+        media,
+        lights,
+        camera: Camera::new(projection, pose, resolution, PixelFilter::Box).unwrap(),
+    }
+}
+
+fn settings(integrator: Integrator, spp: u64, seed: u64) -> RenderSettings {
+    RenderSettings {
+        integrator,
+        samples: 0..spp,
+        max_bounces: u32::MAX,
+        seed,
+        crop: None,
+    }
+}
+
+/// The furnace: albedo one under uniform light of one is one, whatever the
+/// medium, the tracker and the tilt. Without absorption roulette never acts
+/// and every path returns one exactly, so the mean is exact too.
+#[test]
+fn white_furnace() {
+    let light = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    for integrator in [Integrator::Woodcock, Integrator::Regular] {
+        let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
+        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
+        let (film, stats) = render(&scene, &settings(integrator, 64, 1), &|_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert_eq!(stats.rejected, 0);
+        for (mean, se) in film.mean() {
+            let tolerance = 4.0 * se + 1e-5;
+            assert!(
+                (mean - 1.0).abs() < tolerance,
+                "{integrator:?}, seed 1: {mean} +- {se}"
+            );
+        }
+    }
+}
+
+/// Light in is light out for one direction too: the slab's whole reflected and
+/// transmitted light, albedo one, is measured by escaping paths under a
+/// furnace split in halves, which must add to one.
+#[test]
+fn front_and_back_furnace_add_to_one() {
+    let half = |hemisphere, seed| {
+        let light = Light::Environment {
+            radiance: Rgb::WHITE,
+            hemisphere,
+        };
+        let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
+        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
+        let done = render(&scene, &settings(Integrator::Woodcock, 64, seed), &|_| {
+            ControlFlow::Continue(())
+        });
+        done.unwrap().0.mean()[0]
+    };
+    let (front, back) = (half(Hemisphere::Front, 2), half(Hemisphere::Back, 3));
+    let se = front.1.hypot(back.1);
+    assert!(front.0 > 0.05 && back.0 > 0.05);
+    assert!(
+        (front.0 + back.0 - 1.0).abs() < 4.0 * se,
+        "seeds 2, 3: {front:?} {back:?}"
+    );
+}
+
+/// Beer-Lambert: transmittance is exp(-sigma_t sqrt(w S w) length) at every
+/// angle to the fibre. The twin forgets the projected area.
+#[test]
+fn beer_lambert_at_every_angle_to_the_fibre() {
+    let sigma_t = 12.0;
+    for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
+        let medium = slab(sigma_t, 0.5, tilted(), interpolation);
+        let mut stats = Stats::default();
+        let mut twin_rejected = 0;
+        for (k, theta) in [0.0f32, 20.0, 40.0, 55.0, 70.0].iter().enumerate() {
+            for phi in [0.0f32, 45.0, 140.0, 250.0] {
+                let w = -organza_basis::warp::direction_from_angles(
+                    theta.to_radians(),
+                    phi.to_radians(),
+                );
+                let ray = Ray::new(Vec3::new(0.03, 0.02, 0.0) - 5.0 * w, w);
+                let local = medium.lattice().clip(&ray, f32::INFINITY).unwrap();
+                let mut rng = PathRng::new(4, k as u64, phi as u64);
+                let got: Moments = (0..20_000)
+                    .map(|_| f64::from(transmittance(&medium, &local, &mut rng, &mut stats)))
+                    .collect();
+                let length = 0.2 / theta.to_radians().cos();
+                let area = tilted().quadratic(w).sqrt();
+                let expected = f64::from((-sigma_t * area * length).exp());
+                let allowed = 4.0 * got.standard_error() + 1e-6;
+                assert!(
+                    (got.mean - expected).abs() < allowed,
+                    "seed 4, {theta} {phi}: {} +- {} against {expected}",
+                    got.mean,
+                    got.standard_error()
+                );
+                let forgotten = f64::from((-sigma_t * length).exp());
+                twin_rejected += u32::from((got.mean - forgotten).abs() > allowed);
+            }
+        }
+        assert!(
+            twin_rejected >= 15,
+            "the wrong law was told apart {twin_rejected} of 20 times"
+        );
+        assert_eq!(stats.majorant_violations, 0);
+    }
+}
+
+/// Free paths of delta tracking and of exact stepping are exponential with
+/// mean 1/sigma: mean and mean square against closed form, in a medium too
+/// thick to leave (e^-60).
+#[test]
+fn mean_free_path() {
+    let medium = slab(300.0, 0.5, tilted(), Interpolation::Nearest);
+    let w = Vec3::new(0.0, 0.0, -1.0);
+    let sigma = 300.0 * f64::from(tilted().quadratic(w).sqrt());
+    let ray = Ray::new(Vec3::new(0.01, 0.02, 1.0), w);
+    let local = medium.lattice().clip(&ray, f32::INFINITY).unwrap();
+    let mut stats = Stats::default();
+    let mut rng = PathRng::from_seed(5);
+    for exact in [false, true] {
+        let mut length = Moments::default();
+        let mut square = Moments::default();
+        for _ in 0..50_000 {
+            let hit = if exact {
+                sample_collision_exactly(&medium, &local, &mut rng, &mut stats)
+            } else {
+                sample_collision(&medium, &local, &mut rng, &mut stats)
+            };
+            let x = f64::from(hit.expect("e^-50 of the light passes").0) * sigma;
+            length.add(x);
+            square.add(x * x);
+        }
+        assert!(
+            (length.mean - 1.0).abs() < 4.0 * length.standard_error(),
+            "seed 5"
+        );
+        assert!(
+            (square.mean - 2.0).abs() < 4.0 * square.standard_error(),
+            "seed 5"
+        );
+    }
+}
+
+/// Two media in one place are one medium of the summed extinction.
+#[test]
+fn superposed_media_add() {
+    let scene = |parts: &[f32]| {
+        let media = parts
+            .iter()
+            .map(|&p| AnyMedium::Grid(slab(p, 0.8, tilted(), Interpolation::Nearest)))
+            .collect();
+        let light = Light::Directional {
+            direction: Vec3::new(0.3, 0.1, -0.9).normalize(),
+            irradiance: Rgb::WHITE,
+        };
+        looking_down(media, vec![light], 16)
+    };
+    let mean = |parts: &[f32], integrator, seed| {
+        let scene = scene(parts);
+        let done = render(&scene, &settings(integrator, 128, seed), &|_| {
+            ControlFlow::Continue(())
+        });
+        done.unwrap().0.mean()[0]
+    };
+    let whole = mean(&[12.0], Integrator::Woodcock, 6);
+    let split = mean(&[5.0, 7.0], Integrator::Woodcock, 7);
+    let exact = mean(&[5.0, 7.0], Integrator::Regular, 8);
+    let wrong = mean(&[5.0], Integrator::Woodcock, 9);
+    let far = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() / a.1.hypot(b.1);
+    assert!(far(whole, split) < 4.0, "seeds 6, 7: {whole:?} {split:?}");
+    assert!(far(whole, exact) < 4.0, "seeds 6, 8: {whole:?} {exact:?}");
+    assert!(
+        far(whole, wrong) > 4.0,
+        "the twin that forgets one of them passed: {wrong:?}"
+    );
+}
+
+/// The picture does not depend on the number of threads, to the bit.
+#[test]
+fn same_bits_on_one_and_two_threads() {
+    let medium = slab(20.0, 0.7, tilted(), Interpolation::Trilinear);
+    let light = Light::Directional {
+        direction: Vec3::NEG_Z,
+        irradiance: Rgb::WHITE,
+    };
+    let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 24);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let done = render(&scene, &settings(Integrator::Woodcock, 20, 10), &|_| {
+                ControlFlow::Continue(())
+            });
+            done.unwrap().0
+        })
+    };
+    assert!(on(1) == on(2));
+}
+
+/// Far from the origin, seen from far away, looked at along the fibre, from
+/// inside: finite, and the same light as near the origin where the scene is
+/// the same.
+#[test]
+fn a_camera_ten_metres_away_sees_the_same() {
+    let light = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::Back,
+    };
+    let at = |distance: f64, seed| {
+        let medium = slab(20.0, 0.9, tilted(), Interpolation::Nearest);
+        let direction = DVec3::new(1.0, 0.5, 3.0).normalize();
+        let pose = CameraPose {
+            origin_mm: distance * direction,
+            target_mm: DVec3::ZERO,
+            up: DVec3::Y,
+        };
+        let projection = Projection::Orthographic { width_mm: 0.1 };
+        let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap();
+        let scene = Scene {
+            media: vec![AnyMedium::Grid(medium)],
+            lights: vec![light],
+            camera,
+        };
+        let done = render(&scene, &settings(Integrator::Woodcock, 128, seed), &|_| {
+            ControlFlow::Continue(())
+        });
+        done.unwrap().0.mean()[0]
+    };
+    let (near, far) = (at(3.0, 11), at(1e4, 12));
+    let inside = at(0.0001, 13);
+    assert!(
+        (near.0 - far.0).abs() < 4.0 * near.1.hypot(far.1),
+        "seeds 11, 12"
+    );
+    assert!(inside.0.is_finite() && inside.0 > 0.0);
+}

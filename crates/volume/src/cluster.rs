@@ -1,0 +1,301 @@
+//! Populations under construction, and the rule that merges them.
+
+use glam::{DMat3, DVec3, Vec3};
+use organza_basis::Sym3;
+
+/// Fibre gathered in one voxel: sums over clipped pieces of curve.
+///
+/// Everything adds, so populations merge without loss except that only one
+/// tensor is left of two.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lump {
+    /// From the top: voxel in its brick (8 bits), yarn (32), material (16),
+    /// lobe (8). Sorting by it goes voxel by voxel.
+    pub key: u64,
+    /// Sum of lengths, mm. Double, since ten thousand equal pieces round the
+    /// same way; once rounded to whole quanta (a power of two), sums are exact.
+    pub length_mm: f64,
+    /// Sum of length times radius, mm^2.
+    pub radius_length_mm2: f32,
+    /// Sum of length times `t t^T`, mm.
+    pub moment_mm: Sym3,
+}
+
+impl Lump {
+    /// A straight piece along the unit vector `tangent`.
+    pub fn new(key: u64, length_mm: f32, radius_mm: f32, tangent: Vec3) -> Lump {
+        Lump {
+            key,
+            length_mm: f64::from(length_mm),
+            radius_length_mm2: length_mm * radius_mm,
+            moment_mm: Sym3::outer(tangent).scaled(length_mm),
+        }
+    }
+
+    /// The key of a population.
+    pub fn key_of(bit: u32, yarn: u32, material: u16) -> u64 {
+        u64::from(bit) << 56 | u64::from(yarn) << 24 | u64::from(material) << 8
+    }
+
+    /// Bit number of the voxel in its brick.
+    pub fn bit(&self) -> u32 {
+        (self.key >> 56) as u32
+    }
+
+    /// The same in another voxel of the brick.
+    pub fn moved_to(&self, bit: u32) -> Lump {
+        Lump {
+            key: u64::from(bit) << 56 | (self.key << 8 >> 8),
+            ..*self
+        }
+    }
+
+    /// Yarn and material together.
+    pub fn group(&self) -> u64 {
+        self.key << 8 >> 16
+    }
+
+    /// Adds the sums of another; the key stays.
+    pub fn add(&mut self, o: &Lump) {
+        self.length_mm += o.length_mm;
+        self.radius_length_mm2 += o.radius_length_mm2;
+        self.moment_mm = self.moment_mm.plus(o.moment_mm);
+    }
+
+    /// Mean squared cosine between the tangents of the two, times both lengths.
+    pub fn likeness(&self, o: &Lump) -> f32 {
+        contract(self.moment_mm, o.moment_mm)
+    }
+
+    /// True when the tangents of the two are less than 30 degrees apart in the
+    /// mean square.
+    pub fn is_like(&self, o: &Lump) -> bool {
+        f64::from(self.likeness(o)) >= 0.75 * self.length_mm * o.length_mm
+    }
+
+    /// Mean radius.
+    pub fn radius_mm(&self) -> f32 {
+        (f64::from(self.radius_length_mm2) / self.length_mm) as f32
+    }
+
+    /// Mean axis and the mean squared sine of the angle to it: the greatest
+    /// eigenvector of the tensor, and what its eigenvalue leaves of the trace.
+    ///
+    /// Squares the tensor until one eigenvector is left, which takes few steps
+    /// for bundles. Two eigenvalues that differ by
+    /// less than a part in 10^4 are not told apart: either axis will do then.
+    pub fn axis_and_sin_sq(&self) -> (Vec3, f32) {
+        let tensor = self.moment_mm.scaled(1.0 / self.length_mm as f32);
+        // One fibre or parallel ones: any column will do, the longest does best.
+        if contract(tensor, tensor) > 1.0 - 1e-4 {
+            let (d, o) = (tensor.diagonal, tensor.off_diagonal);
+            let column = match d.max_position() {
+                0 => Vec3::new(d.x, o.x, o.y),
+                1 => Vec3::new(o.x, d.y, o.z),
+                _ => Vec3::new(o.y, o.z, d.z),
+            };
+            let axis = column.normalize_or(Vec3::Z);
+            return (axis, (tensor.trace() - tensor.quadratic(axis)).max(0.0));
+        }
+        let (d, o) = (tensor.diagonal.as_dvec3(), tensor.off_diagonal.as_dvec3());
+        let unit = 1.0 / (d.x + d.y + d.z).max(f64::MIN_POSITIVE);
+        let m = DMat3::from_cols_array(&[d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z]) * unit;
+        let mut power = m;
+        for _ in 0..17 {
+            let square = power * power;
+            let trace = square.x_axis.x + square.y_axis.y + square.z_axis.z;
+            power = square * (1.0 / trace);
+            if trace > 1.0 - 1e-12 {
+                break;
+            }
+        }
+        let columns = [power.x_axis, power.y_axis, power.z_axis];
+        let longest = columns.into_iter().fold(DVec3::ZERO, |a, b| {
+            if b.length_squared() > a.length_squared() {
+                b
+            } else {
+                a
+            }
+        });
+        let axis = longest.normalize_or(DVec3::Z);
+        let sin_sq = 1.0 - axis.dot(m * axis);
+        (axis.as_vec3(), sin_sq.max(0.0) as f32)
+    }
+
+    /// Changes the length and everything in proportion.
+    pub fn rescale(&mut self, length_mm: f64) {
+        let k = (length_mm / self.length_mm) as f32;
+        self.length_mm = length_mm;
+        self.radius_length_mm2 *= k;
+        self.moment_mm = self.moment_mm.scaled(k);
+    }
+
+    /// What the population weighs in a comparison: its extinction, or its
+    /// length where no radius is given.
+    fn weight(&self) -> f32 {
+        self.radius_length_mm2 + 1e-9 * self.length_mm as f32
+    }
+}
+
+fn contract(a: Sym3, b: Sym3) -> f32 {
+    a.diagonal.dot(b.diagonal) + 2.0 * a.off_diagonal.dot(b.off_diagonal)
+}
+
+/// What may be merged by choice rather than by need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Apart {
+    /// Only populations of one yarn and material.
+    Yarns,
+    /// Only populations of one material.
+    Materials,
+}
+
+/// Merges populations of one voxel until at most `limit` are left and no
+/// allowed merger is cheaper than `tolerance`.
+///
+/// Ward's criterion on the tensors: of all pairs, the one whose merger adds
+/// least to the extinction-weighted variance of `t t^T` about the populations'
+/// means, `w_a w_b / (w_a + w_b) |T_a - T_b|^2`; in units of the whole weight,
+/// so that two equal halves at right angles cost 1/2 and at angle alpha
+/// `sin^2(alpha) / 2`. Pairs that should stay apart go last. The heavier
+/// population names the merged one.
+pub fn merge_to(lumps: &mut Vec<Lump>, limit: usize, tolerance: f32, apart: Apart) {
+    let total: f32 = lumps.iter().map(Lump::weight).sum();
+    let mut candidates: Vec<Candidate> = Vec::with_capacity(lumps.len());
+    // Most neighbours are all but parallel. Taking those together at once, at
+    // a sixteenth of the tolerance, leaves few pairs to compare.
+    for l in lumps.iter() {
+        let new = Candidate::new(*l);
+        let near = |c: &&mut Candidate| {
+            !c.should_part(&new, apart) && c.cost(&new) <= 0.0625 * tolerance * total
+        };
+        match candidates.iter_mut().find(near) {
+            Some(c) => c.merge(&new),
+            None => candidates.push(new),
+        }
+    }
+    while candidates.len() > 1 {
+        let must = candidates.len() > limit;
+        let mut best = (f32::INFINITY, 0, 0);
+        for (j, b) in candidates.iter().enumerate() {
+            for (i, a) in candidates[..j].iter().enumerate() {
+                let mut cost = a.cost(b);
+                if a.should_part(b, apart) {
+                    // More than any pair of one kind can cost.
+                    cost += if must { 2.0 * total } else { f32::INFINITY };
+                }
+                if cost < best.0 {
+                    best = (cost, i, j);
+                }
+            }
+        }
+        let (cost, i, j) = best;
+        if j == 0 || (!must && cost > tolerance * total) {
+            break;
+        }
+        let other = candidates.remove(j);
+        candidates[i].merge(&other);
+    }
+    lumps.clear();
+    lumps.extend(candidates.iter().map(|c| c.lump));
+}
+
+/// A population with what its comparisons need.
+struct Candidate {
+    lump: Lump,
+    weight: f32,
+    /// Mean of `t t^T`, and its square.
+    tensor: Sym3,
+    square: f32,
+}
+
+impl Candidate {
+    fn new(lump: Lump) -> Candidate {
+        let tensor = lump.moment_mm.scaled(1.0 / lump.length_mm as f32);
+        Candidate {
+            lump,
+            weight: lump.weight(),
+            tensor,
+            square: contract(tensor, tensor),
+        }
+    }
+
+    fn cost(&self, o: &Candidate) -> f32 {
+        let distance_sq = self.square + o.square - 2.0 * contract(self.tensor, o.tensor);
+        self.weight * o.weight / (self.weight + o.weight) * distance_sq.max(0.0)
+    }
+
+    fn should_part(&self, o: &Candidate, apart: Apart) -> bool {
+        let (a, b) = (self.lump.group(), o.lump.group());
+        match apart {
+            Apart::Yarns => a != b,
+            Apart::Materials => a as u16 != b as u16,
+        }
+    }
+
+    fn merge(&mut self, o: &Candidate) {
+        let mut lump = self.lump;
+        if o.weight > self.weight {
+            lump.key = o.lump.key;
+        }
+        lump.add(&o.lump);
+        *self = Candidate::new(lump);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::{PathRng, warp};
+
+    fn lump(angle_deg: f32, length: f32, yarn: u32) -> Lump {
+        let (s, c) = angle_deg.to_radians().sin_cos();
+        Lump::new(Lump::key_of(0, yarn, 0), length, 0.01, Vec3::new(c, s, 0.0))
+    }
+
+    #[test]
+    fn axes_agree_with_the_eigenvectors() {
+        let mut rng = PathRng::from_seed(6);
+        for _ in 0..2000 {
+            let mut l = Lump::new(0, 1.0, 1.0, warp::uniform_sphere(rng.unit2()));
+            for _ in 0..rng.below(4) {
+                l.add(&Lump::new(
+                    0,
+                    rng.unit(),
+                    1.0,
+                    warp::uniform_sphere(rng.unit2()),
+                ));
+            }
+            let (axis, sin_sq) = l.axis_and_sin_sq();
+            let tensor = l.moment_mm.scaled(1.0 / l.length_mm as f32);
+            let [(along, want), (next, _), _] = tensor.eigen();
+            assert!((1.0 - sin_sq - along).abs() < 1e-6, "seed 6");
+            if along - next > 1e-3 {
+                assert!(axis.cross(want).length() < 1e-4, "seed 6");
+            }
+        }
+    }
+
+    #[test]
+    fn near_axes_merge_and_far_ones_do_not() {
+        let mut l = vec![
+            lump(0.0, 1.0, 0),
+            lump(90.0, 1.0, 0),
+            lump(4.0, 2.0, 0),
+            lump(86.0, 0.5, 0),
+        ];
+        merge_to(&mut l, 4, 0.02, Apart::Materials);
+        assert_eq!(l.len(), 2);
+        let lengths: Vec<f64> = l.iter().map(|x| x.length_mm).collect();
+        assert_eq!(lengths, [3.0, 1.5]);
+    }
+
+    #[test]
+    fn yarns_merge_only_when_there_is_no_room() {
+        let mut l: Vec<Lump> = (0..6).map(|k| lump(k as f32, 1.0, k)).collect();
+        merge_to(&mut l, 4, 1.0, Apart::Yarns);
+        assert_eq!(l.len(), 4);
+        let total: f64 = l.iter().map(|x| x.length_mm).sum();
+        assert_eq!(total, 6.0);
+    }
+}

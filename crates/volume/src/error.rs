@@ -1,0 +1,54 @@
+//! What can go wrong.
+
+/// Failures of the voxelizer and of volume files.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Reading or writing bytes failed.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    /// The voxelizer's options make no sense.
+    #[error("{0}")]
+    Options(String),
+    /// The tile has no usable box.
+    #[error("the tile's box {0} is not a finite box")]
+    Tile(String),
+    /// A segment cannot be placed.
+    #[error("segment of yarn {yarn}, fibre {fibre}: {problem}")]
+    Segment {
+        /// Its yarn.
+        yarn: u32,
+        /// Its curve within the yarn.
+        fibre: u32,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// More memory is needed than allowed.
+    #[error(
+        "needs about {needed} bytes of memory, {allowed} are allowed: take larger voxels, a smaller tile or allow more"
+    )]
+    Memory {
+        /// Estimated need, bytes.
+        needed: u64,
+        /// The limit, bytes.
+        allowed: u64,
+    },
+    /// A file is not what it should be.
+    #[error("not a readable {format} file: {problem}")]
+    Format {
+        /// File format, for example ".vol".
+        format: &'static str,
+        /// What is wrong, and where.
+        problem: String,
+    },
+}
+
+impl Error {
+    /// A format error.
+    pub(crate) fn format(format: &'static str, problem: impl Into<String>) -> Error {
+        Error::Format {
+            format,
+            problem: problem.into(),
+        }
+    }
+}

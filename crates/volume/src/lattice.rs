@@ -1,0 +1,224 @@
+//! The grid of finest voxels that a tile is cut into.
+
+use crate::Error;
+use glam::{DVec3, UVec3, Vec3};
+use organza_basis::{Aabb, Tile};
+
+/// Most levels of an octree: sums of 8^7 voxels still leave eleven bits of
+/// length to the finest.
+pub const MAX_LEVELS: u8 = 8;
+
+/// Most voxels along one axis.
+const MAX_DIM: f64 = 1_048_576.0;
+
+/// A regular grid whose counts are multiples of the coarsest voxel, so that
+/// every level covers the same box with whole voxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// Least corner.
+    pub min_mm: DVec3,
+    /// Edges of the finest voxel.
+    pub voxel_mm: DVec3,
+    /// Finest voxels along each axis.
+    pub dims: UVec3,
+    /// Number of levels.
+    pub levels: u8,
+    /// True when x and y wrap.
+    pub repeats: bool,
+}
+
+impl Lattice {
+    /// Cuts a tile into voxels of about `voxel_mm`.
+    ///
+    /// A period is divided exactly, so that voxels may be up to a tenth larger
+    /// or smaller than asked for; other extents are padded evenly on both
+    /// sides. Without a wish for `levels` there are as many, up to six, as
+    /// these two rules allow and the tile can use.
+    pub fn new(tile: &Tile, voxel_mm: f32, levels: Option<u8>) -> Result<Lattice, Error> {
+        let voxel = f64::from(voxel_mm);
+        if !(voxel.is_finite() && voxel > 0.0) {
+            return Err(Error::Options(format!(
+                "the voxel edge is {voxel_mm} mm; expected a positive number"
+            )));
+        }
+        let (min, max) = (tile.bounds_mm.min.as_dvec3(), tile.bounds_mm.max.as_dvec3());
+        let size = max - min;
+        let flat = tile.repeats && size.truncate().min_element() <= 0.0;
+        if !(min.is_finite() && max.is_finite() && size.cmpge(DVec3::ZERO).all()) || flat {
+            return Err(Error::Tile(format!("{min} to {max} mm")));
+        }
+        if (size / voxel).max_element() > MAX_DIM {
+            return Err(Error::Options(format!(
+                "voxels of {voxel_mm} mm cut a tile of {size} mm into more than {MAX_DIM} along an axis"
+            )));
+        }
+        let wraps = [tile.repeats, tile.repeats, false];
+        let fit = |levels: u8| -> Lattice {
+            let block = f64::from(1u32 << (levels - 1));
+            let mut fitted = Lattice {
+                min_mm: min,
+                voxel_mm: DVec3::splat(voxel),
+                dims: UVec3::ONE,
+                levels,
+                repeats: tile.repeats,
+            };
+            for axis in 0..3 {
+                let blocks = size[axis] / (voxel * block);
+                if wraps[axis] {
+                    let n = blocks.round().max(1.0) * block;
+                    fitted.dims[axis] = n as u32;
+                    fitted.voxel_mm[axis] = size[axis] / n;
+                } else {
+                    // A hair less than the quotient, so that a box of exactly n voxels gets n.
+                    let n = (blocks - 1e-6).ceil().max(1.0) * block;
+                    fitted.dims[axis] = n as u32;
+                    fitted.min_mm[axis] -= 0.5 * (n * voxel - size[axis]);
+                }
+            }
+            fitted
+        };
+        // A table of bricks is indexed with 32 bits.
+        let bricks = (size / (4.0 * voxel)).element_product();
+        if bricks > 4e9 {
+            return Err(Error::Options(format!(
+                "voxels of {voxel_mm} mm cut a tile of {size} mm into more than an octree can address"
+            )));
+        }
+        if let Some(levels) = levels {
+            if !(1..=MAX_LEVELS).contains(&levels) {
+                return Err(Error::Options(format!(
+                    "{levels} levels; expected 1 to {MAX_LEVELS}"
+                )));
+            }
+            return Ok(fit(levels));
+        }
+        let near = |l: &Lattice| {
+            let stretch = l.voxel_mm / voxel - 1.0;
+            stretch.abs().max_element() <= 0.1
+        };
+        let useful = |l: &Lattice| (l.dims >> u32::from(l.levels - 1)).max_element() > 1;
+        let chosen = (2..=6u8).rev().map(fit).find(|l| near(l) && useful(l));
+        Ok(chosen.unwrap_or_else(|| fit(1)))
+    }
+
+    /// The box that the voxels fill.
+    pub fn bounds_mm(&self) -> Aabb {
+        let max = self.min_mm + self.voxel_mm * self.dims.as_dvec3();
+        Aabb::new(self.min_mm.as_vec3(), max.as_vec3())
+    }
+
+    /// Voxels along each axis at a level.
+    pub fn dims_at(&self, level: u8) -> UVec3 {
+        self.dims >> u32::from(level)
+    }
+
+    /// Edges of a voxel at a level.
+    pub fn voxel_at(&self, level: u8) -> DVec3 {
+        self.voxel_mm * f64::from(1u32 << level)
+    }
+
+    /// Density that one quantum of length gives a cell of a level, mm / mm^3.
+    pub fn density_of(&self, quantum_mm: f64, level: u8) -> f32 {
+        (quantum_mm / self.voxel_at(level).element_product()) as f32
+    }
+
+    /// True for what [`Lattice::new`] can make.
+    pub fn is_sound(&self) -> bool {
+        let block = 1 << (self.levels - 1);
+        let dims = self.dims.to_array();
+        self.min_mm.is_finite()
+            && self.voxel_mm.is_finite()
+            && self.voxel_mm.min_element() > 0.0
+            && dims
+                .iter()
+                .all(|&n| n > 0 && n % block == 0 && f64::from(n) <= 2.0 * MAX_DIM)
+            && bricks_across(self.dims).as_u64vec3().element_product() < u64::from(u32::MAX)
+            && (self.min_mm + self.voxel_mm * self.dims.as_dvec3())
+                .as_vec3()
+                .is_finite()
+    }
+
+    /// Position in units of finest voxels from the least corner.
+    pub fn grid_from_mm(&self, p_mm: Vec3) -> DVec3 {
+        (p_mm.as_dvec3() - self.min_mm) / self.voxel_mm
+    }
+}
+
+/// Bricks of 4 x 4 x 4 cells that cover so many cells.
+pub fn bricks_across(dims: UVec3) -> UVec3 {
+    (dims + 3) >> 2u32
+}
+
+/// Number of a brick in a grid of them: x fastest, then y, z.
+#[inline]
+pub fn brick_index(brick: UVec3, grid: UVec3) -> u32 {
+    brick.x + grid.x * (brick.y + grid.y * brick.z)
+}
+
+/// The inverse of [`brick_index`].
+pub fn brick_at(index: u32, grid: UVec3) -> UVec3 {
+    let (x, rest) = (index % grid.x, index / grid.x);
+    UVec3::new(x, rest % grid.y, rest / grid.y)
+}
+
+/// Bit of a cell in the masks of its brick; only the place in the brick counts.
+#[inline]
+pub fn bit_of(cell: UVec3) -> u32 {
+    let c = cell & 3;
+    c.x + 4 * c.y + 16 * c.z
+}
+
+/// Place of a bit in its brick: the inverse of [`bit_of`].
+#[inline]
+pub fn cell_of_bit(bit: u32) -> UVec3 {
+    UVec3::new(bit & 3, bit >> 2 & 3, bit >> 4)
+}
+
+/// Place of the `i`-th of eight: x fastest, then y, z.
+pub fn octant(i: u32) -> UVec3 {
+    UVec3::new(i & 1, i >> 1 & 1, i >> 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile(size: Vec3, repeats: bool) -> Tile {
+        Tile {
+            bounds_mm: Aabb::new(Vec3::ZERO, size),
+            repeats,
+        }
+    }
+
+    #[test]
+    fn periods_are_cut_exactly_and_heights_are_padded() {
+        for (x, y) in [(1.0, 1.0), (1.6, 0.93), (0.317, 2.2), (0.004, 0.1)] {
+            let t = tile(Vec3::new(x, y, 0.4321), true);
+            let l = Lattice::new(&t, 0.01, None).unwrap();
+            let b = l.bounds_mm();
+            assert!((b.max.x - x).abs() < 1e-6 && (b.max.y - y).abs() < 1e-6);
+            assert!(b.min.z <= 0.0 && b.max.z >= 0.4321);
+            assert!((b.min.z + b.max.z - 0.4321).abs() < 1e-5);
+            for level in 0..l.levels {
+                assert_eq!(l.dims_at(level) << u32::from(level), l.dims);
+            }
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        let good = tile(Vec3::ONE, true);
+        for v in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-9] {
+            assert!(Lattice::new(&good, v, None).is_err(), "{v}");
+        }
+        assert!(Lattice::new(&good, 0.1, Some(0)).is_err());
+        assert!(Lattice::new(&good, 0.1, Some(9)).is_err());
+        let empty = Tile {
+            bounds_mm: Aabb::EMPTY,
+            repeats: false,
+        };
+        assert!(Lattice::new(&empty, 0.1, None).is_err());
+        assert!(Lattice::new(&tile(Vec3::new(0.0, 1.0, 1.0), true), 0.1, None).is_err());
+        assert!(Lattice::new(&tile(Vec3::ZERO, false), 0.1, None).is_ok());
+    }
+}

@@ -1,0 +1,159 @@
+//! Values packed with Blosc, the usual choice of other programs.
+//!
+//! Float grids are read through `vdb-rs`. That library panics or drops data on
+//! some files, so it is asked only for what it is known to read right (32-bit
+//! float trees without active cubes below the root, a map without rotation),
+//! after our own reader has walked the whole tree, and what it gives must have
+//! the shape that the tree has. All other grids we unpack ourselves: frames of
+//! Blosc 1 with LZ4 or zlib inside.
+
+use super::read::Problem;
+use super::{Cells, Cube, Leaf};
+use flate2::read::ZlibDecoder;
+use glam::IVec3;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use vdb_rs::{VdbLevel, VdbReader};
+
+/// True for grids that `vdb-rs` reads right.
+pub fn can_read(map: &str, shape: &Cells<f32>) -> bool {
+    const MAPS: [&str; 3] = [
+        "UniformScaleMap",
+        "UniformScaleTranslateMap",
+        "ScaleTranslateMap",
+    ];
+    MAPS.contains(&map) && shape.cubes.iter().all(|c| c.edge < 4096)
+}
+
+/// Reads the values of a grid whose tree, with values yet unknown, is `shape`.
+pub fn read_float(bytes: &[u8], name: &str, shape: &Cells<f32>) -> Result<Cells<f32>, Problem> {
+    let failed = |why: &str| Problem::Unknown(format!("its Blosc packing cannot be read: {why}"));
+    let read = catch_unwind(AssertUnwindSafe(|| {
+        let mut reader =
+            VdbReader::new(std::io::Cursor::new(bytes)).map_err(|e| failed(&e.to_string()))?;
+        let grid = reader
+            .read_grid::<f32>(name)
+            .map_err(|e| failed(&e.to_string()))?;
+        let mut leaves: BTreeMap<[i32; 3], Leaf<f32>> = BTreeMap::new();
+        let mut cells = Cells::new(shape.background);
+        for (at, value, level) in grid.iter() {
+            let at = IVec3::new(at.x as i32, at.y as i32, at.z as i32);
+            if level != VdbLevel::Voxel {
+                cells.cubes.push(Cube {
+                    origin: at,
+                    edge: level.scale() as i32,
+                    value,
+                });
+                continue;
+            }
+            let origin = at & !7;
+            let leaf = leaves.entry(origin.to_array()).or_insert_with(|| Leaf {
+                origin,
+                mask: [0; 8],
+                values: vec![shape.background; 512],
+            });
+            let c = at & 7;
+            let i = (64 * c.x + 8 * c.y + c.z) as usize;
+            leaf.mask[i / 64] |= 1 << (i % 64);
+            leaf.values[i] = value;
+        }
+        cells.leaves = leaves.into_values().collect();
+        Ok(cells)
+    }));
+    let cells: Cells<f32> =
+        read.unwrap_or_else(|_| Err(failed("it is damaged, or its map is not known")))?;
+    if cells.active_count() != shape.active_count() || cells.active_box() != shape.active_box() {
+        return Err(failed("cells are missing"));
+    }
+    Ok(cells)
+}
+
+/// Unpacks a frame that should hold `length` bytes; `None` when it is damaged
+/// or packed in another way than the two we know.
+pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
+    let word = |at: usize| {
+        let bytes = frame.get(at..at + 4)?.try_into().ok()?;
+        usize::try_from(i32::from_le_bytes(bytes)).ok()
+    };
+    let (flags, width) = (*frame.get(2)?, usize::from(*frame.get(3)?).max(1));
+    let (shuffled, raw, bits_shuffled) = (flags & 1 != 0, flags & 2 != 0, flags & 4 != 0);
+    if word(4)? != length || bits_shuffled {
+        return None;
+    }
+    if raw {
+        return Some(frame.get(16..16 + length)?.to_vec());
+    }
+    let block = word(8)?.max(1);
+    let mut out = Vec::with_capacity(length);
+    for k in 0..length.div_ceil(block) {
+        let size = block.min(length - k * block);
+        // Whole blocks are cut into the bytes of equal place, each packed alone.
+        let cut = flags & 0x10 == 0 && width <= 16 && block / width >= 128 && size == block;
+        let pieces = if cut { width } else { 1 };
+        let mut at = word(16 + 4 * k)?;
+        let mut planes = Vec::with_capacity(size);
+        for _ in 0..pieces {
+            let (packed, wanted) = (word(at)?, size / pieces);
+            let bytes = frame.get(at + 4..at + 4 + packed)?;
+            at += 4 + packed;
+            let end = planes.len() + wanted;
+            if packed == wanted {
+                planes.extend(bytes);
+            } else if flags >> 5 == 1 {
+                unpack_lz4(bytes, &mut planes, end)?;
+            } else if flags >> 5 == 3 {
+                ZlibDecoder::new(bytes)
+                    .take(wanted as u64)
+                    .read_to_end(&mut planes)
+                    .ok()?;
+            }
+            if planes.len() != end {
+                return None;
+            }
+        }
+        let count = size / width;
+        if shuffled && width > 1 {
+            out.extend((0..count * width).map(|i| planes[i % width * count + i / width]));
+            out.extend(&planes[count * width..]);
+        } else {
+            out.extend(planes);
+        }
+    }
+    Some(out)
+}
+
+/// Appends an LZ4 block until `out` holds `end` bytes.
+fn unpack_lz4(bytes: &[u8], out: &mut Vec<u8>, end: usize) -> Option<()> {
+    let start = out.len();
+    let mut input = bytes.iter().copied();
+    // Lengths of 15 and more go on in further bytes until one is below 255.
+    let whole = |nibble: u8, input: &mut dyn Iterator<Item = u8>| {
+        let mut length = usize::from(nibble);
+        let mut more = if nibble == 15 { 255 } else { 0 };
+        while more == 255 {
+            more = input.next()?;
+            length += usize::from(more);
+        }
+        Some(length)
+    };
+    while let Some(token) = input.next() {
+        let literals = whole(token >> 4, &mut input)?;
+        if literals > end - out.len() {
+            return None;
+        }
+        for _ in 0..literals {
+            out.push(input.next()?);
+        }
+        let Some(low) = input.next() else { break };
+        let back = usize::from(u16::from_le_bytes([low, input.next()?]));
+        let repeat = 4 + whole(token & 15, &mut input)?;
+        if back == 0 || back > out.len() - start || repeat > end - out.len() {
+            return None;
+        }
+        for _ in 0..repeat {
+            out.push(out[out.len() - back]);
+        }
+    }
+    Some(())
+}

@@ -1,0 +1,480 @@
+//! Reading .vdb files, versions 222 to 224 of the format.
+
+use super::write::EXTENT;
+use super::{Cells, Cube, Data, EDGES, FORMAT, Grid, Leaf, Value, blosc};
+use crate::Error;
+use flate2::read::ZlibDecoder;
+use glam::{DAffine3, DMat3, DVec3, IVec3};
+use std::io::Read;
+
+const ZIP: u32 = 1;
+const ACTIVE_MASK: u32 = 2;
+const BLOSC: u32 = 4;
+/// Most leaves of a grid: a file can claim many in few bytes.
+const MAX_LEAVES: usize = 1 << 24;
+
+/// The grids of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct File {
+    /// Grids that could be read.
+    pub grids: Vec<Grid>,
+    /// Names of those that could not, each with the reason: a type, map or
+    /// packing that we do not know.
+    pub unread: Vec<(String, String)>,
+}
+
+/// Reads all grids of a file. Cells that are not active read as background.
+///
+/// # Errors
+/// For files of another kind or version and for damaged ones.
+pub fn read(bytes: &[u8]) -> Result<File, Error> {
+    let mut cur = Cursor { bytes, at: 0 };
+    if cur.take(8)? != b" BDV\0\0\0\0" {
+        return Err(wrong("it does not begin as one").into());
+    }
+    let version = cur.u32()?;
+    if !(222..=224).contains(&version) {
+        return Err(wrong(format!(
+            "version {version}; versions 222 to 224 can be read"
+        ))
+        .into());
+    }
+    cur.take(8)?;
+    if cur.take(1)? != [1] {
+        return Err(wrong("it was streamed: it has no table of places").into());
+    }
+    cur.take(36)?;
+    read_metadata(&mut cur)?;
+    let count = cur.u32()?;
+    let mut file = File::default();
+    for _ in 0..count {
+        let (name, grid) = read_grid(&mut cur)?;
+        match grid {
+            Ok(grid) => file.grids.push(grid),
+            Err(Problem::Unknown(reason)) => file.unread.push((name, reason)),
+            Err(Problem::Damage(reason)) => {
+                return Err(Error::format(FORMAT, format!("grid \"{name}\": {reason}")));
+            }
+        }
+    }
+    Ok(file)
+}
+
+/// Why a grid cannot be read.
+pub(super) enum Problem {
+    /// It is sound, but of a kind that we do not read.
+    Unknown(String),
+    /// The file is damaged.
+    Damage(String),
+}
+
+impl From<Problem> for Error {
+    fn from(p: Problem) -> Error {
+        let (Problem::Unknown(problem) | Problem::Damage(problem)) = p;
+        Error::format(FORMAT, problem)
+    }
+}
+
+/// Reads one grid and its name, and goes to the place where the next begins.
+fn read_grid(cur: &mut Cursor) -> Result<(String, Result<Grid, Problem>), Problem> {
+    let full_name = cur.text()?;
+    let name = name_of(&full_name).to_string();
+    let kind = cur.text()?;
+    let parent = cur.text()?;
+    let (grid_at, blocks_at, end_at) = (cur.place()?, cur.place()?, cur.place()?);
+    let grid = if parent.is_empty() {
+        cur.at = grid_at;
+        read_body(cur, &full_name, &kind, blocks_at)
+    } else {
+        Err(Problem::Unknown(
+            "it shares the tree of another grid".into(),
+        ))
+    };
+    cur.at = end_at;
+    Ok((name, grid))
+}
+
+/// Copies of a name are told apart by a control character and a number.
+fn name_of(full_name: &str) -> &str {
+    full_name.split('\u{1e}').next().unwrap_or_default()
+}
+
+fn read_body(
+    cur: &mut Cursor,
+    full_name: &str,
+    kind: &str,
+    blocks_at: usize,
+) -> Result<Grid, Problem> {
+    let (plain, half) = match kind.strip_suffix("_HalfFloat") {
+        Some(plain) => (plain, true),
+        None => (kind, false),
+    };
+    let compression = cur.u32()?;
+    if compression > (ZIP | ACTIVE_MASK | BLOSC) {
+        return Err(wrong(format!("packing {compression} is not known")));
+    }
+    let extent = read_metadata(cur)?;
+    let (mm_from_cell, map) = read_map(cur)?;
+    let mut tree = TreeReader {
+        cur,
+        compression,
+        half,
+        blocks_at,
+        blosc: false,
+        unknown_packing: false,
+    };
+    let data = match plain {
+        "Tree_float_5_4_3" => Data::Float(tree.read()?),
+        "Tree_vec3s_5_4_3" => Data::Vec3(tree.read()?),
+        "Tree_int32_5_4_3" => Data::Int(tree.read()?),
+        other => {
+            return Err(Problem::Unknown(format!(
+                "it is of type {other}; float, vec3s and int32 trees of shape 5_4_3 can be read"
+            )));
+        }
+    };
+    let data = match data {
+        Data::Float(cells) if tree.blosc && !half && blosc::can_read(&map, &cells) => {
+            Data::Float(blosc::read_float(cur.bytes, full_name, &cells)?)
+        }
+        _ if tree.unknown_packing => {
+            return Err(Problem::Unknown(
+                "it is packed with Blosc in a way that cannot be read (other than LZ4 or zlib): \
+                 write it with zip or without compression"
+                    .into(),
+            ));
+        }
+        data => data,
+    };
+    let name = name_of(full_name).to_string();
+    Ok(Grid {
+        name,
+        mm_from_cell,
+        extent,
+        half,
+        data,
+    })
+}
+
+/// A map and its name.
+fn read_map(cur: &mut Cursor) -> Result<(DAffine3, String), Problem> {
+    let name = cur.text()?;
+    let map = match &name[..] {
+        "UniformScaleMap" | "ScaleMap" => {
+            let scale = cur.triple()?;
+            cur.take(4 * 24)?;
+            DAffine3::from_scale(scale)
+        }
+        "UniformScaleTranslateMap" | "ScaleTranslateMap" => {
+            let (translation, scale) = (cur.triple()?, cur.triple()?);
+            cur.take(4 * 24)?;
+            DAffine3 {
+                matrix3: DMat3::from_diagonal(scale),
+                translation,
+            }
+        }
+        "TranslationMap" => DAffine3::from_translation(cur.triple()?),
+        "AffineMap" => {
+            let mut rows = [DVec3::ZERO; 4];
+            for row in &mut rows {
+                *row = cur.triple()?;
+                cur.f64()?;
+            }
+            DAffine3 {
+                matrix3: DMat3::from_cols(rows[0], rows[1], rows[2]),
+                translation: rows[3],
+            }
+        }
+        other => return Err(Problem::Unknown(format!("its map {other} is not known"))),
+    };
+    if !map.is_finite() || map.matrix3.determinant() == 0.0 {
+        return Err(wrong("its map cannot be inverted"));
+    }
+    Ok((map, name))
+}
+
+struct TreeReader<'a, 'b> {
+    cur: &'a mut Cursor<'b>,
+    compression: u32,
+    half: bool,
+    blocks_at: usize,
+    /// Set when a Blosc frame was met.
+    blosc: bool,
+    /// Set when one could not be unpacked: values are not to be used.
+    unknown_packing: bool,
+}
+
+impl TreeReader<'_, '_> {
+    fn read<T: Value>(&mut self) -> Result<Cells<T>, Problem> {
+        if self.cur.u32()? != 1 {
+            return Err(wrong("more than one buffer of values"));
+        }
+        let mut cells = Cells::new(T::get(self.cur.take(T::WIDTH)?));
+        let (tiles, children) = (self.cur.u32()?, self.cur.u32()?);
+        for _ in 0..tiles {
+            let origin = self.cur.cell(4096)?;
+            let value = T::get(self.cur.take(T::WIDTH)?);
+            if self.cur.take(1)? != [0] {
+                cells.cubes.push(Cube {
+                    origin,
+                    edge: 4096,
+                    value,
+                });
+            }
+        }
+        for _ in 0..children {
+            let origin = self.cur.cell(4096)?;
+            self.inner(origin, 2, &mut cells)?;
+        }
+        self.cur.at = self.blocks_at;
+        let background = cells.background;
+        for leaf in &mut cells.leaves {
+            let mut mask = [0u64; 8];
+            for m in &mut mask {
+                *m = self.cur.u64()?;
+            }
+            let bits: Vec<u8> = mask.iter().flat_map(|m| m.to_le_bytes()).collect();
+            leaf.mask = mask;
+            leaf.values = self.values(512, &bits, background)?;
+            // What other programs keep in cells that are not active is not ours.
+            for (i, value) in leaf.values.iter_mut().enumerate() {
+                if !is_set(&bits, i) {
+                    *value = background;
+                }
+            }
+        }
+        Ok(cells)
+    }
+
+    /// A node below the root and all that is below it, without leaves' values.
+    fn inner<T: Value>(
+        &mut self,
+        origin: IVec3,
+        level: usize,
+        cells: &mut Cells<T>,
+    ) -> Result<(), Problem> {
+        let across = if level == 2 { 32 } else { 16 };
+        let slots = (across * across * across) as usize;
+        let children = self.cur.take(slots / 8)?;
+        let active = self.cur.take(slots / 8)?;
+        let values: Vec<T> = self.values(slots, active, cells.background)?;
+        let edge = EDGES[level - 1];
+        let place = |i: usize| {
+            let i = i as i32;
+            origin + IVec3::new(i / (across * across), i / across % across, i % across) * edge
+        };
+        for (i, &value) in values.iter().enumerate() {
+            if is_set(active, i) && !is_set(children, i) {
+                cells.cubes.push(Cube {
+                    origin: place(i),
+                    edge,
+                    value,
+                });
+            }
+        }
+        for i in (0..slots).filter(|&i| is_set(children, i)) {
+            if level == 2 {
+                self.inner(place(i), 1, cells)?;
+            } else {
+                self.cur.take(64)?;
+                if cells.leaves.len() == MAX_LEAVES {
+                    return Err(wrong(format!("more than {MAX_LEAVES} leaves")));
+                }
+                cells.leaves.push(Leaf {
+                    origin: place(i),
+                    mask: [0; 8],
+                    values: Vec::new(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// A record of values: one for each slot.
+    fn values<T: Value>(
+        &mut self,
+        slots: usize,
+        active: &[u8],
+        background: T,
+    ) -> Result<Vec<T>, Problem> {
+        let flag = self.cur.take(1)?[0];
+        let mut one = || Ok::<T, Problem>(T::get(self.cur.take(T::WIDTH)?));
+        let (off, on) = match flag {
+            0 | 6 => (background, background),
+            1 => (background.negative(), background.negative()),
+            2 => one().map(|v| (v, v))?,
+            3 => (background.negative(), background),
+            4 => (one()?, background),
+            5 => (one()?, one()?),
+            other => return Err(wrong(format!("a record of values has the flag {other}"))),
+        };
+        let chosen = if (3..=5).contains(&flag) {
+            Some(self.cur.take(slots / 8)?)
+        } else {
+            None
+        };
+        let all = flag == 6 || self.compression & ACTIVE_MASK == 0;
+        let stored = if all {
+            slots
+        } else {
+            (0..slots).filter(|&i| is_set(active, i)).count()
+        };
+        let half = self.half && T::HALF_WIDTH.is_some();
+        let width = if half { T::WIDTH / 2 } else { T::WIDTH };
+        let raw = self.payload(stored * width, half)?;
+        let mut packed = raw.chunks_exact(width);
+        let values = (0..slots).map(|i| {
+            if all || is_set(active, i) {
+                let bytes = packed.next().unwrap_or(&[0; 12]);
+                if half {
+                    T::get_half(bytes)
+                } else {
+                    T::get(bytes)
+                }
+            } else if chosen.is_some_and(|c| is_set(c, i)) {
+                on
+            } else {
+                off
+            }
+        });
+        Ok(values.collect())
+    }
+
+    fn payload(&mut self, length: usize, half: bool) -> Result<Vec<u8>, Problem> {
+        if self.compression & (ZIP | BLOSC) == 0 {
+            return Ok(self.cur.take(length)?.to_vec());
+        }
+        if half && length == 0 {
+            return Ok(Vec::new());
+        }
+        let packed = self.cur.u64()? as i64;
+        if packed <= 0 {
+            if packed.unsigned_abs() != length as u64 {
+                return Err(wrong(format!(
+                    "{} bytes of values where {length} belong",
+                    packed.unsigned_abs()
+                )));
+            }
+            return Ok(self.cur.take(length)?.to_vec());
+        }
+        let packed = usize::try_from(packed).unwrap_or(usize::MAX);
+        let bytes = self.cur.take(packed)?;
+        if self.compression & BLOSC != 0 {
+            // The frame's own header must claim what the tree needs.
+            let claim = |at: usize| {
+                bytes
+                    .get(at..at + 4)
+                    .and_then(|b| b.try_into().ok())
+                    .map(u32::from_le_bytes)
+            };
+            if claim(4) != Some(length as u32) || claim(12) != Some(packed as u32) {
+                return Err(wrong("a Blosc frame has the wrong size"));
+            }
+            self.blosc = true;
+            return Ok(blosc::unpack(bytes, length).unwrap_or_else(|| {
+                self.unknown_packing = true;
+                vec![0; length]
+            }));
+        }
+        let mut raw = Vec::with_capacity(length);
+        let read = ZlibDecoder::new(bytes)
+            .take(length as u64 + 1)
+            .read_to_end(&mut raw);
+        if read.is_err() || raw.len() != length {
+            return Err(wrong("a record of values cannot be unpacked"));
+        }
+        Ok(raw)
+    }
+}
+
+fn is_set(bits: &[u8], i: usize) -> bool {
+    bits[i / 8] >> (i % 8) & 1 == 1
+}
+
+/// Passes over metadata; returns the extent, where it is told.
+fn read_metadata(cur: &mut Cursor) -> Result<Option<(IVec3, IVec3)>, Problem> {
+    let mut extent = [None; 2];
+    for _ in 0..cur.u32()? {
+        let (name, kind) = (cur.text()?, cur.text()?);
+        let length = cur.u32()? as usize;
+        let mut value = Cursor {
+            bytes: cur.take(length)?,
+            at: 0,
+        };
+        if let Some(k) = EXTENT.iter().position(|n| *n == name && kind == "vec3i") {
+            extent[k] = Some(value.cell(1)?);
+        }
+    }
+    Ok(extent[0].zip(extent[1]))
+}
+
+fn wrong(problem: impl Into<String>) -> Problem {
+    Problem::Damage(problem.into())
+}
+
+/// A place in the file that never runs over its end.
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, length: usize) -> Result<&'a [u8], Problem> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let taken = rest.get(..length);
+        self.at = self.at.saturating_add(length);
+        taken.ok_or_else(|| wrong(format!("it is cut off ({length} bytes missing at its end)")))
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
+        let mut a = [0; N];
+        a.copy_from_slice(self.take(N)?);
+        Ok(a)
+    }
+
+    fn u32(&mut self) -> Result<u32, Problem> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    fn u64(&mut self) -> Result<u64, Problem> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    fn f64(&mut self) -> Result<f64, Problem> {
+        Ok(f64::from_le_bytes(self.array()?))
+    }
+
+    fn text(&mut self) -> Result<String, Problem> {
+        let length = self.u32()? as usize;
+        Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
+    }
+
+    fn triple(&mut self) -> Result<DVec3, Problem> {
+        Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
+    }
+
+    /// A place in the file.
+    fn place(&mut self) -> Result<usize, Problem> {
+        let at = usize::try_from(self.u64()?).unwrap_or(usize::MAX);
+        if at > self.bytes.len() {
+            return Err(wrong("it is cut off (it names a place beyond its end)"));
+        }
+        Ok(at)
+    }
+
+    /// The least cell of a node of this edge, far enough from the ends of the
+    /// lattice to count with.
+    fn cell(&mut self, edge: i32) -> Result<IVec3, Problem> {
+        let mut c = [0; 3];
+        for x in &mut c {
+            *x = i32::from_le_bytes(self.array()?);
+        }
+        let cell = IVec3::from_array(c);
+        let near = -(1 << 30)..1 << 30;
+        let within = near.contains(&cell.min_element()) && near.contains(&cell.max_element());
+        if cell & (edge - 1) != IVec3::ZERO || !within {
+            return Err(wrong(format!("a node begins at cell {cell}")));
+        }
+        Ok(cell)
+    }
+}

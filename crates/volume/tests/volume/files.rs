@@ -1,0 +1,71 @@
+use crate::cloth::{PlainWeave, list};
+use glam::Vec3;
+use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
+
+fn cotton(voxel_mm: f32) -> Octree {
+    let options = VoxelizeOptions {
+        voxel_mm,
+        ..VoxelizeOptions::default()
+    };
+    voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
+}
+
+const PLENTY: u64 = 1 << 30;
+
+#[test]
+fn ovox_returns_the_very_octree() {
+    let empty = list(Vec3::ZERO, Vec3::ONE, vec![]);
+    let empty = voxelize(
+        &empty,
+        &VoxelizeOptions {
+            voxel_mm: 0.1,
+            ..Default::default()
+        },
+        &|_| {},
+    )
+    .unwrap();
+    for tree in [cotton(0.02), empty] {
+        let mut bytes = Vec::new();
+        ovox::write(&tree, &mut bytes).unwrap();
+        let back = ovox::read(&mut &bytes[..], PLENTY).unwrap();
+        assert!(back == tree);
+        back.assert_well_formed();
+        println!(
+            ".ovox: {} bytes for {} in memory",
+            bytes.len(),
+            tree.memory_bytes()
+        );
+    }
+}
+
+#[test]
+fn damaged_ovox_files_are_refused_with_a_reason() {
+    let tree = cotton(0.1);
+    let mut good = Vec::new();
+    ovox::write(&tree, &mut good).unwrap();
+    let refusal = |b: &[u8]| {
+        ovox::read(&mut &b[..], PLENTY)
+            .map(|_| ())
+            .unwrap_err()
+            .to_string()
+    };
+    for end in (0..good.len()).step_by(7) {
+        assert!(refusal(&good[..end]).contains("cut off"), "{end}");
+    }
+    // Any single altered byte is noticed.
+    for at in 0..good.len() {
+        let mut bad = good.clone();
+        bad[at] ^= 1 << (at % 8);
+        let why = refusal(&bad);
+        match at {
+            0..8 => assert!(why.contains("does not begin"), "{why}"),
+            8..12 => assert!(why.contains("this program reads version 1"), "{why}"),
+            _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
+        }
+    }
+    let mut long = good.clone();
+    long.push(0);
+    assert!(refusal(&long).contains("goes on"));
+    let small = ovox::read(&mut &good[..], 1000).unwrap_err().to_string();
+    assert!(small.contains("1000 are allowed"), "{small}");
+}

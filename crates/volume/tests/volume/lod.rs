@@ -1,0 +1,203 @@
+use crate::cloth::PlainWeave;
+use glam::{UVec3, Vec3};
+use organza_basis::spread::{mean_cos_sq, spread_from_mean_cos_sq};
+use organza_basis::{FibreComponent, Frame, Sym3, warp};
+use organza_volume::{Octree, VoxelizeOptions, voxelize};
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+/// Directions spread evenly over the half sphere.
+fn directions(count: usize) -> Vec<Vec3> {
+    (0..count)
+        .map(|k| {
+            let z = (k as f32 + 0.5) / count as f32;
+            let phi = k as f32 * 2.399_963;
+            let r = (1.0 - z * z).sqrt();
+            Vec3::new(r * phi.cos(), r * phi.sin(), z)
+        })
+        .collect()
+}
+
+/// Equally likely tangents of a population: quantiles of the polar angle,
+/// golden angles of the azimuth.
+fn tangents(c: &FibreComponent) -> Vec<Vec3> {
+    const COUNT: usize = 48;
+    if c.spread_rad < 0.01 {
+        return vec![c.axis];
+    }
+    let fine: Vec<f32> = (0..2048)
+        .map(|k| (k as f32 + 0.5) / 2048.0 * FRAC_PI_2)
+        .collect();
+    let weight = |t: f32| (-0.5 * (t / c.spread_rad).powi(2)).exp();
+    let total: f32 = fine.iter().map(|&t| weight(t)).sum();
+    let frame = Frame::from_normal(c.axis);
+    let (mut sum, mut at) = (0.0, 0);
+    (0..COUNT)
+        .map(|k| {
+            while at + 1 < fine.len()
+                && sum + weight(fine[at]) < (k as f32 + 0.5) / COUNT as f32 * total
+            {
+                sum += weight(fine[at]);
+                at += 1;
+            }
+            let phi = k as f32 * 2.399_963 % TAU;
+            frame.world_from_frame(warp::direction_from_angles(fine[at], phi))
+        })
+        .collect()
+}
+
+/// Light that fibres send toward each half vector (a mirror cone blurred by
+/// 0.1, the roughness of a textile fibre) and their extinction along it,
+/// length-weighted.
+fn light(components: &[FibreComponent], halves: &[Vec3]) -> Vec<[f32; 2]> {
+    let mut out = vec![[0.0; 2]; halves.len()];
+    for c in components {
+        let tangents = tangents(c);
+        let share = c.broadside_per_mm() / tangents.len() as f32;
+        for t in tangents {
+            for (o, h) in out.iter_mut().zip(halves) {
+                let along = h.dot(t);
+                o[0] += share * (-0.5 * (along / 0.1).powi(2)).exp();
+                o[1] += share * (1.0 - along * along).max(0.0).sqrt();
+            }
+        }
+    }
+    out
+}
+
+/// The baseline: one lobe with the tensor of all.
+fn averaged(components: &[FibreComponent]) -> FibreComponent {
+    let total: f32 = components
+        .iter()
+        .map(FibreComponent::broadside_per_mm)
+        .sum();
+    let tensor = components.iter().fold(Sym3::default(), |s, c| {
+        let along = mean_cos_sq(c.spread_rad);
+        s.plus(Sym3::axial(c.axis, 0.5 * (1.0 - along), along).scaled(c.broadside_per_mm() / total))
+    });
+    let (value, axis) = tensor.eigen()[0];
+    FibreComponent {
+        length_density_per_mm2: total / (2.0 * components[0].radius_mm),
+        axis,
+        spread_rad: spread_from_mean_cos_sq(value),
+        ..components[0]
+    }
+}
+
+fn finest_below(tree: &Octree, level: u8, cell: UVec3) -> Vec<FibreComponent> {
+    let side = 1u32 << level;
+    let share = 1.0 / (side.pow(3) as f32);
+    let mut all = Vec::new();
+    for i in 0..side.pow(3) {
+        let c =
+            (cell << u32::from(level)) + UVec3::new(i % side, i / side % side, i / (side * side));
+        all.extend(
+            tree.mixture(0, c)
+                .as_slice()
+                .iter()
+                .map(|c| FibreComponent {
+                    length_density_per_mm2: c.length_density_per_mm2 * share,
+                    ..*c
+                }),
+        );
+    }
+    all
+}
+
+#[test]
+fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_does() {
+    let options = VoxelizeOptions {
+        voxel_mm: 0.0125,
+        ..VoxelizeOptions::default()
+    };
+    let tree = voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap();
+    tree.assert_well_formed();
+    let halves = directions(100);
+    for level in 1..tree.level_count() {
+        // Squared error of ours and of the baseline, and the light itself.
+        let mut sums = [[0.0f64; 3]; 2];
+        let mut number = 0;
+        let mut cells = Vec::new();
+        tree.for_each_occupied(level, |c| cells.push(c));
+        // A sample: a coarse cell has 8^level finest voxels to sum over.
+        let sample = (40_000 >> (3 * level)).clamp(3, 30);
+        let step = (cells.len() / sample).max(1);
+        for &cell in cells.iter().step_by(step) {
+            let below = finest_below(&tree, level, cell);
+            let truth = light(&below, &halves);
+            let ours = light(tree.mixture(level, cell).as_slice(), &halves);
+            let one = light(&[averaged(&below)], &halves);
+            for k in 0..2 {
+                for i in 0..halves.len() {
+                    let t = f64::from(truth[i][k]);
+                    sums[k][0] += (f64::from(ours[i][k]) - t).powi(2);
+                    sums[k][1] += (f64::from(one[i][k]) - t).powi(2);
+                    sums[k][2] += t * t;
+                }
+            }
+            number += tree.mixture(level, cell).as_slice().len();
+        }
+        let [highlight, extinction] = sums.map(|s| [(s[0] / s[2]).sqrt(), (s[1] / s[2]).sqrt()]);
+        let count = cells.iter().step_by(step).count();
+        println!(
+            "level {level}: {:.2} lobes; rms error of the light {:.1} % (one lobe {:.1} %), of extinction {:.2} % ({:.2} %)",
+            number as f64 / count as f64,
+            100.0 * highlight[0],
+            100.0 * highlight[1],
+            100.0 * extinction[0],
+            100.0 * extinction[1],
+        );
+        assert!(highlight[0] < highlight[1], "level {level}");
+        assert!(extinction[0] < extinction[1], "level {level}");
+    }
+}
+
+#[test]
+fn a_turned_bundle_has_the_turned_mixture() {
+    use crate::cloth::list;
+    use glam::Quat;
+    use organza_basis::{PathRng, Segment};
+    let mut rng = PathRng::from_seed(12);
+    let ends: Vec<(Vec3, Vec3)> = (0..400)
+        .map(|_| {
+            let at = Vec3::new(rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() - 0.5);
+            let n = rng.normal2();
+            (at, Vec3::new(1.0, 0.1 * n.x, 0.1 * n.y).normalize())
+        })
+        .collect();
+    let found = |turn: Quat| {
+        let fibres = ends
+            .iter()
+            .map(|&(at, d)| Segment::straight(turn * (at - 0.2 * d), turn * (at + 0.2 * d), 0.001));
+        let source = list(Vec3::splat(-2.0), Vec3::splat(2.0), fibres.collect());
+        let options = VoxelizeOptions {
+            voxel_mm: 4.0,
+            levels: Some(1),
+            ..VoxelizeOptions::default()
+        };
+        let m = voxelize(&source, &options, &|_| {})
+            .unwrap()
+            .mixture(0, UVec3::ZERO);
+        let [c] = m.as_slice() else { panic!("{m:?}") };
+        *c
+    };
+    let straight = found(Quat::IDENTITY);
+    // E[theta^2] of two normal slopes of 0.1 is 0.02, that of a spread s is s^2.
+    assert!(
+        (straight.spread_rad - 0.02f32.sqrt()).abs() < 0.01,
+        "{}",
+        straight.spread_rad
+    );
+    for k in 0..20 {
+        let axis = warp::uniform_sphere(rng.unit2());
+        let turn = Quat::from_axis_angle(axis, 0.4 * k as f32);
+        let turned = found(turn);
+        assert!(
+            turned.axis.cross(turn * straight.axis).length() < 1.2e-3,
+            "seed 12"
+        );
+        assert!((turned.spread_rad - straight.spread_rad).abs() < 3e-3);
+        assert!(
+            (turned.length_density_per_mm2 / straight.length_density_per_mm2 - 1.0).abs() < 1e-5
+        );
+    }
+}

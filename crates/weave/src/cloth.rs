@@ -1,0 +1,235 @@
+//! A cloth: threads at rest, each a strand of plies and fibres.
+
+mod build;
+mod drawing;
+mod figures;
+mod import;
+
+use crate::Draft;
+use crate::curve_file::PolyCurve;
+use crate::knit::Knit;
+use crate::path::{Hermite, Path};
+use crate::strand::{Closure, Strand};
+use crate::yarn::Yarn;
+use glam::{DVec2, DVec3, Vec3};
+use organza_basis::{Rgb, Segment, SegmentSource, Tile};
+use std::sync::Arc;
+
+pub use build::Loader;
+pub use figures::{Figures, SystemFigures};
+
+/// What the optics of a segment depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name of the yarn, as in `[yarn.NAME]`.
+    pub yarn: String,
+    /// Colour of the thread, when the fabric or the draft gives one.
+    pub colour: Option<Rgb>,
+    /// Mean fibre radius, millimetres.
+    pub fibre_radius_mm: f32,
+}
+
+/// How far a cloth is taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// One curve per yarn.
+    Yarn,
+    /// One curve per ply.
+    Ply,
+    /// Every fibre.
+    Fibre,
+}
+
+/// Which way a yarn goes.
+#[derive(Clone, Debug)]
+enum Centreline {
+    /// Up and down over a straight line.
+    Woven {
+        curve: Hermite,
+        axis: DVec3,
+        origin: DVec3,
+    },
+    /// A course of loops.
+    Knitted { knit: Arc<Knit>, course: usize },
+    /// Through given points, not periodic.
+    Imported { points: Vec<DVec3>, closed: bool },
+    /// Not a yarn but a fibre, as it is.
+    Bare(PolyCurve),
+}
+
+/// One thread of the tile.
+#[derive(Clone, Debug)]
+struct ThreadAtRest {
+    line: Centreline,
+    yarn: usize,
+    material: u16,
+    /// Factors on the round cross-section's width and height.
+    flatten: DVec2,
+}
+
+/// A piece of cloth that repeats in x and y, or imported curves that do not.
+#[derive(Clone, Debug)]
+pub struct Cloth {
+    draft: Option<Draft>,
+    yarns: Vec<Yarn>,
+    threads: Vec<ThreadAtRest>,
+    materials: Vec<Material>,
+    tile: Tile,
+    seed: u64,
+    compaction: f64,
+    compression: f64,
+    warnings: Vec<String>,
+}
+
+impl Cloth {
+    /// The draft of the whole tile, with the colours of its threads; `None`
+    /// for knits and imported curves.
+    pub fn draft(&self) -> Option<&Draft> {
+        self.draft.as_ref()
+    }
+
+    /// What [`Segment::material`] refers to: one per yarn and thread colour.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// The yarns in use.
+    pub fn yarns(&self) -> &[Yarn] {
+        &self.yarns
+    }
+
+    /// What was odd but could be done.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The curves of one level; one batch per thread, warp before weft,
+    /// courses from the bottom up.
+    pub fn curves(&self, level: Level) -> Curves<'_> {
+        Curves { cloth: self, level }
+    }
+
+    /// A thread's centreline in steps short enough for a level.
+    fn path(&self, thread: &ThreadAtRest, level: Level) -> Path {
+        let yarn = &self.yarns[thread.yarn];
+        let plies = yarn.ply_twist_rad_per_mm.powi(2) * yarn.ply_centre_mm;
+        let twist = match level {
+            Level::Yarn => 0.0,
+            Level::Ply => plies,
+            Level::Fibre => plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm,
+        };
+        let step = |bend: f64| (8.0 * CHORD_ERROR * yarn.fibre_radius_mm / (bend + twist)).sqrt();
+        match &thread.line {
+            Centreline::Woven {
+                curve,
+                axis,
+                origin,
+            } => {
+                let bend = curve.max_bend_per_mm();
+                let half_height = thread.flatten.y * yarn.radius_mm();
+                let lean = (MOST_BENT / (bend * half_height)).min(1.0);
+                let interval = curve.period_mm() / curve.height_mm.len() as f64;
+                let steps = (interval / step(bend)).ceil().clamp(4.0, 4096.0);
+                Path::woven(curve, *axis, *origin, steps as usize, lean)
+            }
+            Centreline::Knitted { knit, course } => {
+                knit.path(*course, step(knit.bend_per_mm(*course)))
+            }
+            Centreline::Imported { points, closed } => {
+                Path::through(points, *closed, step(import::bend_per_mm(points)))
+            }
+            Centreline::Bare(curve) => {
+                let points: Vec<DVec3> = curve.points_mm.iter().map(|p| p.as_dvec3()).collect();
+                Path::through(&points, curve.closed, f64::INFINITY)
+            }
+        }
+    }
+
+    fn strand<'a>(&'a self, batch: usize, path: &'a Path) -> Strand<'a> {
+        let thread = &self.threads[batch];
+        let yarn = &self.yarns[thread.yarn];
+        Strand {
+            yarn,
+            closure: Closure::new(yarn, path.length_mm()),
+            path,
+            flatten: thread.flatten,
+            seed: (self.seed, batch as u64),
+            template: Segment {
+                yarn: batch as u32,
+                material: thread.material,
+                ..Segment::straight(Vec3::ZERO, Vec3::ZERO, 0.0)
+            },
+        }
+    }
+}
+
+/// The curves of a cloth at one level.
+#[derive(Clone, Copy, Debug)]
+pub struct Curves<'a> {
+    cloth: &'a Cloth,
+    level: Level,
+}
+
+/// Chords stay this near to the fibre, as a share of its radius.
+const CHORD_ERROR: f64 = 0.1;
+/// Where a yarn bends more sharply than its own thickness allows, its
+/// cross-sections lean less than it does, so that inner fibres never fold:
+/// the curvature that they follow stays below this over the half-thickness.
+const MOST_BENT: f64 = 0.8;
+
+impl SegmentSource for Curves<'_> {
+    fn tile(&self) -> Tile {
+        self.cloth.tile
+    }
+
+    fn batch_count(&self) -> usize {
+        self.cloth.threads.len()
+    }
+
+    fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
+        if let Centreline::Bare(curve) = &self.cloth.threads[batch].line {
+            let (yarn, material) = (batch as u32, self.cloth.threads[batch].material);
+            curve.for_each_segment(&mut |s| {
+                emit(&Segment {
+                    yarn,
+                    material,
+                    ..*s
+                })
+            });
+            return;
+        }
+        let path = self.cloth.path(&self.cloth.threads[batch], self.level);
+        let strand = self.cloth.strand(batch, &path);
+        match self.level {
+            Level::Yarn => strand.emit_yarn(emit),
+            Level::Ply => strand.emit_plies(emit),
+            Level::Fibre => strand.emit_fibres(emit),
+        }
+    }
+
+    fn material_count(&self) -> usize {
+        self.cloth.materials.len()
+    }
+}
+
+/// The fibres of the cloth.
+impl SegmentSource for Cloth {
+    fn tile(&self) -> Tile {
+        self.tile
+    }
+
+    fn batch_count(&self) -> usize {
+        self.threads.len()
+    }
+
+    fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
+        self.curves(Level::Fibre).for_each_in_batch(batch, emit);
+    }
+
+    fn material_count(&self) -> usize {
+        self.materials.len()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,434 @@
+//! From a description to threads at rest.
+
+use super::import::imported;
+use super::{Centreline, Cloth, Material, ThreadAtRest};
+use crate::draft::MAX_THREADS;
+use crate::error::did_you_mean;
+use crate::fit::{Threads, fit};
+use crate::knit::Knit;
+use crate::named::gcd;
+use crate::preset;
+use crate::relax::{System, relax};
+use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec, YarnSpec};
+use crate::strand::{Closure, reach_mm};
+use crate::yarn::Yarn;
+use crate::{Draft, Error, Level, Thread};
+use glam::{DVec2, DVec3, Vec3};
+use organza_basis::{Aabb, Rgb, Tile};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Loads a file that a fabric names.
+pub type Loader<'a> = &'a dyn Fn(&str) -> std::io::Result<Vec<u8>>;
+
+/// The most crossings or loops in a tile: its relaxation takes about 300 bytes
+/// for each.
+const MAX_IN_TILE: usize = 1 << 22;
+/// Realised twist further than this from the wanted one is worth a warning:
+/// slope of the outermost fibres or plies.
+const TWIST_WARNING: f64 = 0.06;
+
+impl Cloth {
+    /// Makes a cloth from its description. `load` fetches the files that the
+    /// description names; equal seeds give equal cloths.
+    ///
+    /// # Errors
+    /// When a key of the description cannot be used, a draft cannot be read,
+    /// or the threads do not fit.
+    pub fn build(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
+        let d = &fabric.draft;
+        let ways = [
+            d.weave.is_some(),
+            d.wif.is_some(),
+            d.drawdown.is_some(),
+            d.knit.is_some(),
+            d.curves.is_some(),
+        ];
+        if ways.iter().filter(|w| **w).count() != 1 {
+            let message = "expected exactly one of weave, wif, drawdown, knit, curves";
+            return Err(Error::spec("draft", message));
+        }
+        let mut cloth = match (&d.knit, &d.curves) {
+            (Some(name), _) => knitted(fabric, name)?,
+            (_, Some(name)) => imported(fabric, name, load)?,
+            _ => woven(fabric, load)?,
+        };
+        cloth.seed = seed;
+        cloth.warn_of_twist();
+        Ok(cloth)
+    }
+
+    fn warn_of_twist(&mut self) {
+        let mut told = vec![false; self.yarns.len()];
+        for thread in &self.threads {
+            if std::mem::replace(&mut told[thread.yarn], true) {
+                continue;
+            }
+            if let Centreline::Bare(_) = thread.line {
+                continue;
+            }
+            let yarn = &self.yarns[thread.yarn];
+            let length = self.path(thread, Level::Yarn).length_mm();
+            let closure = Closure::new(yarn, length);
+            for (what, wanted, got, radius) in [
+                (
+                    "twist",
+                    yarn.twist_rad_per_mm,
+                    closure.twist_rad_per_mm(length),
+                    yarn.ply_radius_mm,
+                ),
+                (
+                    "ply_twist",
+                    yarn.ply_twist_rad_per_mm,
+                    closure.ply_twist_rad_per_mm(yarn.plies, length),
+                    yarn.radius_mm(),
+                ),
+            ] {
+                if (wanted - got).abs() * radius > TWIST_WARNING {
+                    let turns = |rate: f64| (rate * 1000.0 / std::f64::consts::TAU).round();
+                    self.warnings.push(format!(
+                        "yarn.{}.{what}: {} turns per metre come out as {}, so that the tile \
+                         closes; more tile.repeats bring it nearer",
+                        yarn.name,
+                        turns(wanted),
+                        turns(got)
+                    ));
+                }
+            }
+        }
+    }
+}
+
+fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
+    let draft = read_draft(&fabric.draft, load)?.smallest_repeat();
+    let mut yarns = Yarns::new(&fabric.yarn);
+    let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
+    let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
+    let yarns = yarns.settled;
+    let [rx, ry] = repeats(fabric)?;
+    let ends = threads(draft.ends(), &warp_yarns, &fabric.warp).saturating_mul(rx);
+    let picks = threads(draft.picks(), &weft_yarns, &fabric.weft).saturating_mul(ry);
+    if ends > MAX_THREADS || picks > MAX_THREADS || ends * picks > MAX_IN_TILE {
+        let message = format!(
+            "{ends} ends x {picks} picks in one tile are more than {MAX_IN_TILE} crossings"
+        );
+        return Err(Error::spec("tile.repeats", message));
+    }
+    let mut draft = draft.tiled(ends, picks);
+    colour(&mut draft.warp, &fabric.warp.colours);
+    colour(&mut draft.weft, &fabric.weft.colours);
+
+    let warp = beside("warp", &draft.warp, &fabric.warp, &warp_yarns, &yarns)?;
+    let weft = beside("weft", &draft.weft, &fabric.weft, &weft_yarns, &yarns)?;
+    let fitted = fit(&draft, &warp, &weft)?;
+    let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
+    let rest = relax(&draft, &warp, &weft, fabric.relaxation.max_iterations)?;
+
+    let mut warnings = draft.warnings.clone();
+    if fitted.compaction < 1.0 {
+        warnings.push(format!(
+            "yarns are pressed to {:.0} % of their thickness to fit between each other",
+            100.0 * fitted.compaction
+        ));
+    }
+    let mut materials = Materials::default();
+    let mut placed = Vec::with_capacity(ends + picks);
+    let mut heights = (f64::INFINITY, f64::NEG_INFINITY);
+    let of_warp = rest.warp.into_iter().enumerate().map(|(e, curve)| {
+        let origin = warp.position_mm[e] * DVec3::X;
+        (
+            curve,
+            DVec3::Y,
+            origin,
+            warp_yarns[e % warp_yarns.len()],
+            draft.warp[e],
+            fitted.warp[e],
+        )
+    });
+    let of_weft = rest.weft.into_iter().enumerate().map(|(p, curve)| {
+        let origin = weft.position_mm[p] * DVec3::Y;
+        (
+            curve,
+            DVec3::X,
+            origin,
+            weft_yarns[p % weft_yarns.len()],
+            draft.weft[p],
+            fitted.weft[p],
+        )
+    });
+    for (curve, axis, origin, yarn, thread, flatten) in of_warp.chain(of_weft) {
+        let reach = flatten.y * reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm;
+        let (low, high) = curve.range_mm();
+        heights = (heights.0.min(low - reach), heights.1.max(high + reach));
+        placed.push(ThreadAtRest {
+            line: Centreline::Woven {
+                curve,
+                axis,
+                origin,
+            },
+            yarn,
+            material: materials.index(&yarns[yarn], thread.colour)?,
+            flatten,
+        });
+    }
+    Ok(Cloth {
+        draft: Some(draft),
+        yarns,
+        threads: placed,
+        materials: materials.0,
+        tile: tile(warp.period_mm, weft.period_mm, heights),
+        seed: 0,
+        compaction: fitted.compaction,
+        compression: rest.compression,
+        warnings,
+    })
+}
+
+fn knitted(fabric: &FabricGeometry, name: &str) -> Result<Cloth, Error> {
+    let draft = &fabric.draft;
+    let wale_mm = match draft.wales_per_cm {
+        Some(n) if n > 0.0 && n.is_finite() => 10.0 / n,
+        _ => {
+            return Err(Error::spec(
+                "draft.wales_per_cm",
+                "a knit needs a number above zero",
+            ));
+        }
+    };
+    let mut yarns = Yarns::new(&fabric.yarn);
+    let course_yarns = yarns.of_system("weft", &fabric.weft)?;
+    let yarns = yarns.settled;
+    let course_mm = spacing_mm("weft", &fabric.weft, None, 0)?;
+    let thickest = course_yarns
+        .iter()
+        .map(|&y| yarns[y].radius_mm())
+        .fold(0.0, f64::max);
+    let knit = Knit::named(name, wale_mm, course_mm, thickest)?;
+    let [rx, ry] = repeats(fabric)?;
+    let courses = threads(knit.courses, &course_yarns, &fabric.weft).saturating_mul(ry);
+    let wales = knit.wales.saturating_mul(rx);
+    if wales > MAX_THREADS || courses > MAX_THREADS || wales * courses > MAX_IN_TILE {
+        let message = format!(
+            "{wales} wales x {courses} courses in one tile are more than {MAX_IN_TILE} loops"
+        );
+        return Err(Error::spec("tile.repeats", message));
+    }
+    let knit = Arc::new(knit.tiled(rx, courses / knit.courses));
+    let mut materials = Materials::default();
+    let mut placed = Vec::with_capacity(courses);
+    let mut reach = 0.0f64;
+    for course in 0..courses {
+        let yarn = course_yarns[course % course_yarns.len()];
+        let colours = &fabric.weft.colours;
+        let colour = colours.get(course % colours.len().max(1)).copied();
+        reach = reach.max(reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm);
+        placed.push(ThreadAtRest {
+            line: Centreline::Knitted {
+                knit: knit.clone(),
+                course,
+            },
+            yarn,
+            material: materials.index(&yarns[yarn], colour)?,
+            flatten: DVec2::ONE,
+        });
+    }
+    let half = knit.depth_mm() + reach;
+    Ok(Cloth {
+        draft: None,
+        yarns,
+        threads: placed,
+        materials: materials.0,
+        tile: tile(
+            wales as f64 * wale_mm,
+            courses as f64 * course_mm,
+            (-half, half),
+        ),
+        seed: 0,
+        compaction: 1.0,
+        compression: 0.0,
+        warnings: Vec::new(),
+    })
+}
+
+fn tile(width_mm: f64, height_mm: f64, z: (f64, f64)) -> Tile {
+    let max = DVec3::new(width_mm, height_mm, z.1);
+    Tile {
+        bounds_mm: Aabb::new(Vec3::new(0.0, 0.0, z.0 as f32), max.as_vec3()),
+        repeats: true,
+    }
+}
+
+fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
+    if let Some(name) = &spec.weave {
+        return Draft::named(name);
+    }
+    let Some(file) = &spec.wif else {
+        return Draft::from_drawdown(spec.drawdown.as_deref().unwrap_or_default());
+    };
+    let bytes = load(file).map_err(|source| Error::Load {
+        name: file.clone(),
+        source,
+    })?;
+    Draft::from_wif(&bytes)
+}
+
+fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
+    if fabric.tile.repeats.contains(&0) {
+        return Err(Error::spec("tile.repeats", "expected numbers from 1"));
+    }
+    Ok(fabric.tile.repeats.map(|r| r as usize))
+}
+
+/// Threads of a system after which draft, yarns and colours all repeat.
+fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
+    let lcm = |a: usize, b: usize| (a / gcd(a, b)).saturating_mul(b);
+    lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
+}
+
+/// The yarns that threads have asked for, settled once each.
+pub(super) struct Yarns<'a> {
+    specs: &'a BTreeMap<String, YarnSpec>,
+    pub settled: Vec<Yarn>,
+}
+
+impl<'a> Yarns<'a> {
+    pub fn new(specs: &'a BTreeMap<String, YarnSpec>) -> Yarns<'a> {
+        Yarns {
+            specs,
+            settled: Vec::new(),
+        }
+    }
+
+    /// Indices of the yarns of a system, in the order of its repeat. Without
+    /// names, the only yarn that there is, or cotton.
+    pub fn of_system(&mut self, system: &str, spec: &ThreadSetSpec) -> Result<Vec<usize>, Error> {
+        let only = match self.specs.keys().next() {
+            Some(name) if self.specs.len() == 1 => name.clone(),
+            _ => "cotton".to_owned(),
+        };
+        let names = if spec.yarn.is_empty() {
+            std::slice::from_ref(&only)
+        } else {
+            &spec.yarn
+        };
+        names.iter().map(|name| self.index(system, name)).collect()
+    }
+
+    fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
+        if let Some(i) = self.settled.iter().position(|y| y.name == name) {
+            return Ok(i);
+        }
+        let preset_itself = YarnSpec::default();
+        let spec = match self.specs.get(name) {
+            Some(spec) => spec,
+            None if preset::NAMES.contains(&name) => &preset_itself,
+            None => {
+                let known = self.specs.keys().map(String::as_str).chain(preset::NAMES);
+                let hint = did_you_mean(name, known);
+                return Err(Error::spec(
+                    format!("{system}.yarn"),
+                    format!("there is no [yarn.{name}] and no preset of that name{hint}"),
+                ));
+            }
+        };
+        self.settled.push(Yarn::new(name, spec)?);
+        Ok(self.settled.len() - 1)
+    }
+}
+
+fn colour(threads: &mut [Thread], colours: &[Rgb]) {
+    if !colours.is_empty() {
+        for (t, c) in threads.iter_mut().zip(colours.iter().cycle()) {
+            t.colour = Some(*c);
+        }
+    }
+}
+
+/// Room for thread `index`: from the fabric, else from the draft.
+fn spacing_mm(
+    name: &str,
+    spec: &ThreadSetSpec,
+    drafted: Option<f32>,
+    index: usize,
+) -> Result<f64, Error> {
+    let (key, spacing) = match (spec.per_cm, spec.spacing_mm) {
+        (None, None) => ("spacing_mm", drafted.map(f64::from)),
+        (Some(n), None) => ("per_cm", Some(10.0 / n)),
+        (None, Some(s)) => ("spacing_mm", Some(s)),
+        _ => return Err(Error::spec(name, "expected per_cm or spacing_mm, not both")),
+    };
+    let spacing = spacing.ok_or_else(|| {
+        let message = format!(
+            "thread {} has no spacing; give per_cm or spacing_mm",
+            index + 1
+        );
+        Error::spec(name, message)
+    })?;
+    if !(1e-3..=1e3).contains(&spacing) {
+        let message = format!("expected a spacing from 0.001 to 1000 mm, found {spacing} mm");
+        return Err(Error::spec(format!("{name}.{key}"), message));
+    }
+    Ok(spacing)
+}
+
+fn beside<'a>(
+    name: &'static str,
+    threads: &[Thread],
+    spec: &ThreadSetSpec,
+    yarn_of: &[usize],
+    yarns: &'a [Yarn],
+) -> Result<Threads<'a>, Error> {
+    let spacings = threads.iter().enumerate();
+    let spacings = spacings.map(|(i, t)| spacing_mm(name, spec, t.spacing_mm, i));
+    Ok(Threads {
+        name,
+        spacing_mm: spacings.collect::<Result<_, _>>()?,
+        yarns: (0..threads.len())
+            .map(|i| &yarns[yarn_of[i % yarn_of.len()]])
+            .collect(),
+    })
+}
+
+/// Threads with their cross-sections, in place.
+fn system(threads: &Threads, flatten: &[DVec2]) -> System {
+    let mut period_mm = 0.0;
+    let position_mm = threads.spacing_mm.iter().map(|s| {
+        period_mm += s;
+        period_mm - 0.5 * s
+    });
+    System {
+        position_mm: position_mm.collect(),
+        half_height_mm: threads
+            .yarns
+            .iter()
+            .zip(flatten)
+            .map(|(y, f)| f.y * y.radius_mm())
+            .collect(),
+        stiffness: threads.yarns.iter().map(|y| y.stiffness).collect(),
+        period_mm,
+    }
+}
+
+#[derive(Default)]
+pub(super) struct Materials(pub Vec<Material>);
+
+impl Materials {
+    /// The index of the material of a yarn and a colour, new or known.
+    pub fn index(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<u16, Error> {
+        let new = Material {
+            yarn: yarn.name.clone(),
+            colour,
+            fibre_radius_mm: yarn.fibre_radius_mm as f32,
+        };
+        let index = self
+            .0
+            .iter()
+            .position(|m| *m == new)
+            .unwrap_or(self.0.len());
+        if index == self.0.len() {
+            self.0.push(new);
+        }
+        u16::try_from(index)
+            .map_err(|_| Error::spec("warp.colours", "more than 65536 yarns and colours"))
+    }
+}

@@ -1,0 +1,174 @@
+//! The figures by which textile people know a cloth.
+
+use super::{Centreline, Cloth, Level};
+use crate::strand::Closure;
+use std::f64::consts::PI;
+
+/// Figures of one system of threads, means over its threads in the tile.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct SystemFigures {
+    /// Threads per centimetre: ends, picks or courses.
+    pub threads_per_cm: f64,
+    /// Linear density of the yarn, grams per kilometre.
+    pub tex: f64,
+    /// Length of yarn above that of the cloth it runs through, per cent.
+    pub crimp_percent: f64,
+    /// Share of the cloth's surface that the threads cover.
+    pub cover_factor: f64,
+    /// Width and height of the yarn's cross-section, millimetres.
+    pub width_mm: f64,
+    /// See `width_mm`.
+    pub height_mm: f64,
+}
+
+/// Figures of a cloth. Hairs are left out.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Figures {
+    /// Size of the tile, millimetres.
+    pub tile_mm: [f64; 2],
+    /// Warp of a woven cloth.
+    pub warp: Option<SystemFigures>,
+    /// Weft of a woven cloth, courses of a knit.
+    pub weft: Option<SystemFigures>,
+    /// Loops per centimetre and millimetres of yarn per loop, of a knit.
+    pub wales_per_cm: Option<f64>,
+    /// See `wales_per_cm`.
+    pub loop_length_mm: Option<f64>,
+    /// Share of the surface that is covered by any thread; where threads do
+    /// not run straight, what the length and width of yarn would cover without
+    /// lying on each other, at most 1.
+    pub cover_factor: f64,
+    /// From the lowest to the highest yarn surface, millimetres.
+    pub thickness_mm: f64,
+    /// Mass per area.
+    pub areal_density_g_per_m2: f64,
+    /// Share of the cloth's volume that is fibre.
+    pub fibre_volume_fraction: f64,
+    /// The same inside the most densely packed ply.
+    pub ply_fibre_volume_fraction: f64,
+    /// Length of yarn in a tile, millimetres.
+    pub yarn_length_mm: f64,
+    /// Length of fibre in a tile, millimetres.
+    pub fibre_length_mm: f64,
+    /// Linear factor by which yarns were pressed to fit.
+    pub compaction: f64,
+    /// Largest share by which crossing threads press into each other.
+    pub compression: f64,
+}
+
+/// Sums over the threads of a system.
+#[derive(Default)]
+struct Sum {
+    threads: f64,
+    tex: f64,
+    length_mm: f64,
+    period_mm: f64,
+    width_mm: f64,
+    height_mm: f64,
+}
+
+impl Sum {
+    fn figures(&self, across_mm: f64) -> Option<SystemFigures> {
+        (self.threads > 0.0).then(|| SystemFigures {
+            threads_per_cm: 10.0 * self.threads / across_mm,
+            tex: self.tex / self.threads,
+            crimp_percent: 100.0 * (self.length_mm / self.period_mm - 1.0),
+            cover_factor: (self.width_mm / across_mm).min(1.0),
+            width_mm: self.width_mm / self.threads,
+            height_mm: self.height_mm / self.threads,
+        })
+    }
+}
+
+impl Cloth {
+    /// The textile figures of the cloth, from closed forms over the threads
+    /// at rest; no fibre is generated.
+    pub fn figures(&self) -> Figures {
+        let size = self.tile.bounds_mm.size().as_dvec3();
+        // Imported curves have neither courses nor crimp; they stay apart.
+        let [mut warp, mut weft, mut other] = [(); 3].map(|()| Sum::default());
+        let (mut fibre_length, mut fibre_volume, mut mass_mg) = (0.0, 0.0, 0.0);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let (mut packing, mut covered) = (0.0f64, 0.0);
+        let mut wales = 0;
+        for thread in &self.threads {
+            let yarn = &self.yarns[thread.yarn];
+            let mut add = |fibre: f64, radius: f64| {
+                let volume = fibre * PI * radius * radius;
+                fibre_length += fibre;
+                fibre_volume += volume;
+                mass_mg += volume * yarn.fibre_density_g_per_cm3;
+            };
+            if let Centreline::Bare(curve) = &thread.line {
+                curve.for_each_segment(&mut |s| {
+                    let radius = 0.5 * f64::from(s.start_radius_mm + s.end_radius_mm);
+                    add(f64::from(s.length_mm()), radius);
+                    covered += f64::from(s.length_mm()) * 2.0 * radius;
+                });
+                let z = curve.points_mm.iter().zip(&curve.radii_mm);
+                for (p, &r) in z {
+                    low = low.min(f64::from(p.z - r));
+                    high = high.max(f64::from(p.z + r));
+                }
+                continue;
+            }
+            let path = self.path(thread, Level::Ply);
+            let length = path.length_mm();
+            let closure = Closure::new(yarn, length);
+            let per_length = yarn.fibre_per_length_at(
+                closure.twist_rad_per_mm(length),
+                closure.ply_twist_rad_per_mm(yarn.plies, length),
+            );
+            let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
+            add(length * fibres * per_length, yarn.fibre_radius_mm);
+
+            let diameter = 2.0 * yarn.radius_mm() * thread.flatten;
+            let sum = match &thread.line {
+                Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
+                Centreline::Knitted { knit, .. } => {
+                    wales = knit.wales;
+                    &mut weft
+                }
+                Centreline::Woven { .. } => &mut weft,
+                _ => &mut other,
+            };
+            sum.threads += 1.0;
+            sum.tex += yarn.tex();
+            sum.length_mm += length;
+            sum.period_mm += path.period.length();
+            sum.width_mm += diameter.x;
+            sum.height_mm += diameter.y;
+            covered += length * diameter.x;
+            for p in &path.points {
+                low = low.min(p.z - 0.5 * diameter.y);
+                high = high.max(p.z + 0.5 * diameter.y);
+            }
+            packing =
+                packing.max(yarn.fibre_volume_fraction() / (thread.flatten.x * thread.flatten.y));
+        }
+        let area = size.x * size.y;
+        let knit = wales > 0;
+        let yarn_length_mm = warp.length_mm + weft.length_mm + other.length_mm;
+        let (warp_figures, weft_figures) = (warp.figures(size.x), weft.figures(size.y));
+        let cover_factor = match (&warp_figures, &weft_figures) {
+            (Some(a), Some(b)) => 1.0 - (1.0 - a.cover_factor) * (1.0 - b.cover_factor),
+            _ => (covered / area).min(1.0),
+        };
+        Figures {
+            tile_mm: [size.x, size.y],
+            warp: warp_figures,
+            weft: weft_figures,
+            wales_per_cm: knit.then(|| 10.0 * wales as f64 / size.x),
+            loop_length_mm: knit.then(|| yarn_length_mm / (weft.threads * wales as f64)),
+            cover_factor,
+            thickness_mm: high - low,
+            areal_density_g_per_m2: 1000.0 * mass_mg / area,
+            fibre_volume_fraction: fibre_volume / (area * (high - low)),
+            ply_fibre_volume_fraction: packing,
+            yarn_length_mm,
+            fibre_length_mm: fibre_length,
+            compaction: self.compaction,
+            compression: self.compression,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Curves from files as yarns or fibres.
+
+use super::build::{Materials, Yarns};
+use super::{Centreline, Cloth, ThreadAtRest};
+use crate::curve_file::CurveSet;
+use crate::spec::{CurveKind, FabricGeometry};
+use crate::strand::reach_mm;
+use crate::{Error, Loader};
+use glam::{DVec2, DVec3};
+use organza_basis::{Aabb, Tile};
+
+/// A cloth of the curves in the file called `name`.
+pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Result<Cloth, Error> {
+    let bytes = load(name).map_err(|source| Error::Load {
+        name: name.to_owned(),
+        source,
+    })?;
+    let unit_mm = fabric.draft.curve_unit_mm.unwrap_or(1.0);
+    if !(1e-6..=1e6).contains(&unit_mm) {
+        let message = format!("expected a length from 1e-6 to 1e6 mm, found {unit_mm}");
+        return Err(Error::spec("draft.curve_unit_mm", message));
+    }
+    let mut yarns = Yarns::new(&fabric.yarn);
+    let used = yarns.of_system("weft", &fabric.weft)?;
+    let yarns = yarns.settled;
+    let set = if bytes.starts_with(b"BCC") {
+        let radius_mm = yarns[used[0]].fibre_radius_mm;
+        CurveSet::read_bcc(&bytes, unit_mm as f32, radius_mm as f32)
+    } else {
+        CurveSet::read_text(&String::from_utf8_lossy(&bytes), unit_mm as f32)
+    };
+    let set = set.map_err(|e| match e {
+        Error::Curves { place, message } => Error::Curves {
+            place: format!("{name}: {place}"),
+            message,
+        },
+        other => other,
+    })?;
+    let mut materials = Materials::default();
+    let mut threads = Vec::with_capacity(set.curves.len());
+    let mut bounds_mm = Aabb::EMPTY;
+    for (i, curve) in set.curves.into_iter().enumerate() {
+        let yarn = used[i % used.len()];
+        let colours = &fabric.weft.colours;
+        let colour = colours.get(i % colours.len().max(1)).copied();
+        let line = match fabric.draft.curves_are {
+            CurveKind::Fibres => Centreline::Bare(curve.clone()),
+            CurveKind::Yarns => Centreline::Imported {
+                points: curve.points_mm.iter().map(|p| p.as_dvec3()).collect(),
+                closed: curve.closed,
+            },
+        };
+        let thread = ThreadAtRest {
+            line,
+            yarn,
+            material: materials.index(&yarns[yarn], colour)?,
+            flatten: DVec2::ONE,
+        };
+        match &thread.line {
+            Centreline::Imported { points, closed } => {
+                // The smooth line may bulge beyond its points, by less than
+                // an eighth of its longest span and the two beside it.
+                let ends = points.windows(2).map(|w| w[0].distance(w[1]));
+                let closing = points[0].distance(points[points.len() - 1]);
+                let longest = ends.fold(if *closed { closing } else { 0.0 }, f64::max);
+                let reach = reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm + 0.25 * longest;
+                for &p in &curve.points_mm {
+                    bounds_mm = bounds_mm.union(&Aabb::new(p, p).grown(reach as f32));
+                }
+            }
+            _ => {
+                for (&p, &r) in curve.points_mm.iter().zip(&curve.radii_mm) {
+                    bounds_mm = bounds_mm.union(&Aabb::new(p, p).grown(r));
+                }
+            }
+        }
+        threads.push(thread);
+    }
+    Ok(Cloth {
+        draft: None,
+        yarns,
+        threads,
+        materials: materials.0,
+        tile: Tile {
+            bounds_mm,
+            repeats: false,
+        },
+        seed: 0,
+        compaction: 1.0,
+        compression: 0.0,
+        warnings: Vec::new(),
+    })
+}
+
+/// The sharpest bend between neighbouring pieces of a line, per millimetre.
+pub(super) fn bend_per_mm(points: &[DVec3]) -> f64 {
+    let bend = |w: &[DVec3]| {
+        let (a, b) = (w[1] - w[0], w[2] - w[1]);
+        let length = 0.5 * (a.length() + b.length());
+        if length > 0.0 {
+            a.angle_between(b) / length
+        } else {
+            0.0
+        }
+    };
+    points
+        .windows(3)
+        .map(bend)
+        .filter(|b| b.is_finite())
+        .fold(0.0, f64::max)
+}

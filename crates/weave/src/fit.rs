@@ -1,0 +1,272 @@
+//! Cross-sections that fit: yarns beside each other press each other narrow,
+//! and crossing yarns need room between them.
+
+use crate::yarn::{MAX_FIBRE_VOLUME_FRACTION, Yarn};
+use crate::{Draft, Error};
+use glam::DVec2;
+
+/// Narrowest cross-section that neighbours can press a yarn into, as width
+/// over height (estimated).
+const LEAST_ASPECT: f64 = 0.5;
+
+/// The threads of one system before the cloth is formed.
+pub(crate) struct Threads<'a> {
+    /// `warp` or `weft`.
+    pub name: &'static str,
+    /// Room along the system that each thread takes, millimetres.
+    pub spacing_mm: Vec<f64>,
+    /// What each thread is.
+    pub yarns: Vec<&'a Yarn>,
+}
+
+impl Threads<'_> {
+    fn period_mm(&self) -> f64 {
+        self.spacing_mm.iter().sum()
+    }
+}
+
+/// Factors on the round cross-section's width and height.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    pub warp: Vec<DVec2>,
+    pub weft: Vec<DVec2>,
+    /// Linear factor by which all cross-sections had to shrink; 1 when none.
+    pub compaction: f64,
+}
+
+/// Presses threads into the room that they have.
+///
+/// A thread wider than its spacing becomes as narrow, and as much higher.
+/// Where threads interlace, Peirce's limit holds [Peirce1937]: with `p` the
+/// spacing of interlacing threads in units of the two thicknesses, a cloth
+/// exists while the sum of `sqrt(1 - p^2)` over warp and weft is at most 1.
+/// Flat threads leave room as circles of their height would, their straight
+/// part taken off the spacing [Kemp1958]; floats lie side by side [Love1954].
+/// Threads that miss the limit shrink until it is met or their fibres are
+/// packed as densely as circles can be.
+///
+/// # Errors
+/// [`Error::Jammed`] when even that is not enough, saying which threads.
+pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, Error> {
+    let (warp_flat, weft_flat) = (side_by_side(warp)?, side_by_side(weft)?);
+    let shrunk = |k: f64| {
+        let all = |v: &[DVec2]| v.iter().map(|f| *f * k).collect::<Vec<_>>();
+        Fit {
+            warp: all(&warp_flat),
+            weft: all(&weft_flat),
+            compaction: k,
+        }
+    };
+    let overfull = |k: f64| Peirce::new(draft, warp, weft, &shrunk(k)).excess() > 0.0;
+    if !overfull(1.0) {
+        return Ok(shrunk(1.0));
+    }
+    let yarns = warp
+        .yarns
+        .iter()
+        .zip(&warp_flat)
+        .chain(weft.yarns.iter().zip(&weft_flat));
+    let densest = yarns
+        .map(|(y, f)| least_scale(y) / (f.x * f.y).sqrt())
+        .fold(0.0, f64::max);
+    if densest >= 1.0 || overfull(densest) {
+        let p = Peirce::new(draft, warp, weft, &shrunk(densest.min(1.0)));
+        let crowded = if p.warp < p.weft { warp } else { weft };
+        let count = crowded.spacing_mm.len() as f64;
+        return Err(Error::Jammed(format!(
+            "{} {} threads per cm (yarn {}) leave the crossing threads no room, even with fibres \
+             packed to {MAX_FIBRE_VOLUME_FRACTION}; give the {} fewer per cm or finer yarn",
+            (1000.0 * count / crowded.period_mm()).round() / 100.0,
+            crowded.name,
+            crowded.yarns.first().map_or("", |y| y.name.as_str()),
+            crowded.name,
+        )));
+    }
+    let (mut low, mut high) = (densest, 1.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if overfull(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Ok(shrunk(low))
+}
+
+/// The linear factor at which a yarn's plies are packed most densely.
+fn least_scale(yarn: &Yarn) -> f64 {
+    (yarn.fibre_volume_fraction() / MAX_FIBRE_VOLUME_FRACTION)
+        .sqrt()
+        .min(1.0)
+}
+
+/// Each thread within its own spacing.
+fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
+    let each = threads.yarns.iter().zip(&threads.spacing_mm).enumerate();
+    each.map(|(i, (yarn, &spacing))| {
+        let diameter = 2.0 * yarn.radius_mm();
+        let root = yarn.aspect.sqrt();
+        let widest = spacing / diameter;
+        if root <= widest {
+            return Ok(DVec2::new(root, 1.0 / root));
+        }
+        let highest = widest / LEAST_ASPECT;
+        let flat = DVec2::new(widest, (1.0 / widest).min(highest));
+        if (flat.x * flat.y).sqrt() >= least_scale(yarn) {
+            return Ok(flat);
+        }
+        Err(Error::Jammed(format!(
+            "{} thread {} (yarn {}, {diameter:.3} mm thick) has only {spacing:.3} mm of room, too \
+             little even with fibres packed to {MAX_FIBRE_VOLUME_FRACTION}",
+            threads.name,
+            i + 1,
+            yarn.name,
+        )))
+    })
+    .collect()
+}
+
+/// Mean spacing of interlacing threads in units of both thicknesses.
+struct Peirce {
+    warp: f64,
+    weft: f64,
+}
+
+impl Peirce {
+    fn new(draft: &Draft, warp: &Threads, weft: &Threads, fit: &Fit) -> Peirce {
+        let thickness = |t: &Threads, f: &[DVec2]| {
+            let heights = t
+                .yarns
+                .iter()
+                .zip(f)
+                .map(|(y, f)| 2.0 * y.radius_mm() * f.y);
+            heights.sum::<f64>() / f.len() as f64
+        };
+        let reach = thickness(warp, &fit.warp) + thickness(weft, &fit.weft);
+        Peirce {
+            warp: room(warp, &fit.warp, draft.picks(), |e, p| draft.warp_up(e, p)) / reach,
+            weft: room(weft, &fit.weft, draft.ends(), |p, e| draft.warp_up(e, p)) / reach,
+        }
+    }
+
+    /// Above zero when the threads cannot interlace.
+    fn excess(&self) -> f64 {
+        let height = |p: f64| (1.0 - p.clamp(0.0, 1.0).powi(2)).sqrt();
+        height(self.warp) + height(self.weft) - 1.0
+    }
+}
+
+/// Mean room per interlacing between threads of a system, with the width of
+/// floating neighbours and the straight part of flat threads taken off;
+/// infinite when nothing interlaces.
+fn room(
+    threads: &Threads,
+    fit: &[DVec2],
+    crossings: usize,
+    up: impl Fn(usize, usize) -> bool,
+) -> f64 {
+    let n = threads.yarns.len();
+    let size = |i: usize| 2.0 * threads.yarns[i].radius_mm() * fit[i];
+    let (mut left, mut interlacings) = (crossings as f64 * threads.period_mm(), 0usize);
+    for i in 0..n {
+        let (a, b) = (size(i), size((i + 1) % n));
+        let changes = (0..crossings)
+            .filter(|&c| up(i, c) != up((i + 1) % n, c))
+            .count();
+        interlacings += changes;
+        left -= (crossings - changes) as f64 * 0.5 * (a.x + b.x);
+        left -= changes as f64 * 0.5 * (a.x - a.y + b.x - b.y);
+    }
+    if interlacings == 0 {
+        f64::INFINITY
+    } else {
+        left / interlacings as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::YarnSpec;
+
+    /// A round yarn of the given diameter, packed to `fraction`.
+    fn yarn(diameter_mm: f64, fraction: f64) -> Yarn {
+        let fibres = fraction * (0.5 * diameter_mm / 0.008).powi(2);
+        let spec = YarnSpec {
+            fibres_per_ply: Some(fibres.round() as u32),
+            ply_radius_mm: Some(0.5 * diameter_mm),
+            aspect: Some(1.0),
+            ..YarnSpec::default()
+        };
+        Yarn::new("cotton", &spec).unwrap()
+    }
+
+    fn fit_of(weave: &str, yarn: &Yarn, warp_mm: f64, weft_mm: f64) -> Result<Fit, Error> {
+        let draft = Draft::named(weave).unwrap();
+        let threads = |name, n, spacing| Threads {
+            name,
+            spacing_mm: vec![spacing; n],
+            yarns: vec![yarn; n],
+        };
+        fit(
+            &draft,
+            &threads("warp", draft.ends(), warp_mm),
+            &threads("weft", draft.picks(), weft_mm),
+        )
+    }
+
+    #[test]
+    fn the_square_plain_weave_jams_where_peirce_says() {
+        // Two equal terms of one half: p / D = sqrt(3) / 2, D two diameters.
+        let (yarn, limit) = (yarn(0.2, 0.9), 0.2 * 3f64.sqrt());
+        assert_eq!(
+            fit_of("plain", &yarn, limit * 1.001, limit * 1.001)
+                .unwrap()
+                .compaction,
+            1.0
+        );
+        let error = fit_of("plain", &yarn, limit * 0.97, limit * 0.97)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("jammed") && error.contains("per cm"),
+            "{error}"
+        );
+        let error = fit_of("plain", &yarn, 0.21, 0.34).unwrap_err().to_string();
+        assert!(error.contains("warp"), "{error}");
+    }
+
+    #[test]
+    fn soft_yarns_shrink_until_they_fit_and_satins_fit_where_plain_does_not() {
+        let soft = yarn(0.2, 0.45);
+        let fit = fit_of("plain", &soft, 0.3, 0.3).unwrap();
+        assert!((fit.compaction - 0.3 / (0.2 * 3f64.sqrt())).abs() < 1e-6);
+        let hard = yarn(0.2, 0.9);
+        assert!(fit_of("plain", &hard, 0.24, 0.24).is_err());
+        assert_eq!(
+            fit_of("satin-8-3", &hard, 0.24, 0.24).unwrap().compaction,
+            1.0
+        );
+    }
+
+    #[test]
+    fn threads_wider_than_their_spacing_become_narrow_and_high() {
+        let mut flat = yarn(0.2, 0.6);
+        flat.aspect = 4.0;
+        let fit = fit_of("satin-8-3", &flat, 0.25, 0.8).unwrap();
+        assert!((fit.warp[0].x * 0.2 - 0.25).abs() < 1e-12);
+        assert!(
+            (fit.warp[0].x * fit.warp[0].y - 1.0).abs() < 1e-12,
+            "area is kept"
+        );
+        assert!((fit.weft[0].x / fit.weft[0].y - 4.0).abs() < 1e-12);
+        let error = fit_of("satin-8-3", &flat, 0.08, 0.8)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("warp thread 1 (yarn cotton, 0.200 mm thick)"),
+            "{error}"
+        );
+    }
+}

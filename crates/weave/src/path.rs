@@ -1,0 +1,283 @@
+//! One period of a yarn's centreline with the frame in which its
+//! cross-section lies.
+
+use glam::{DQuat, DVec2, DVec3};
+use std::sync::Arc;
+
+/// Periodic C1 piecewise cubic heights over a straight axis.
+#[derive(Clone, Debug)]
+pub(crate) struct Hermite {
+    /// Knot positions, one more than there are knots: the last is the first
+    /// plus the period, millimetres.
+    pub knots_mm: Arc<[f64]>,
+    pub height_mm: Vec<f64>,
+    pub slope: Vec<f64>,
+}
+
+impl Hermite {
+    /// Period along the axis.
+    pub fn period_mm(&self) -> f64 {
+        self.knots_mm[self.height_mm.len()] - self.knots_mm[0]
+    }
+
+    /// Lowest and highest height. A cubic's own extremes may lie between
+    /// knots, so its Bezier hull is taken, which it never leaves.
+    pub fn range_mm(&self) -> (f64, f64) {
+        let hull = |k: usize| {
+            let (d, [h0, a0, h1, a1]) = self.interval(k);
+            [h0, h0 + d * a0 / 3.0, h1 - d * a1 / 3.0, h1]
+        };
+        let points = (0..self.height_mm.len()).flat_map(hull);
+        points.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+            (low.min(h), high.max(h))
+        })
+    }
+
+    /// Height and slope at a fraction `t` of interval `k`.
+    pub fn at(&self, k: usize, t: f64) -> (f64, f64) {
+        let (d, [h0, a0, h1, a1]) = self.interval(k);
+        let (u, t2) = (1.0 - t, t * t);
+        let height = h0 * (1.0 + 2.0 * t) * u * u
+            + h1 * t2 * (3.0 - 2.0 * t)
+            + d * t * u * (a0 * u - a1 * t);
+        let slope =
+            6.0 * t * u * (h1 - h0) / d + a0 * u * (1.0 - 3.0 * t) + a1 * t * (3.0 * t - 2.0);
+        (height, slope)
+    }
+
+    /// Length of interval `k` and height, slope at its two ends.
+    pub fn interval(&self, k: usize) -> (f64, [f64; 4]) {
+        let next = (k + 1) % self.height_mm.len();
+        (
+            self.knots_mm[k + 1] - self.knots_mm[k],
+            [
+                self.height_mm[k],
+                self.slope[k],
+                self.height_mm[next],
+                self.slope[next],
+            ],
+        )
+    }
+
+    /// The largest magnitude of the second derivative, per millimetre.
+    pub fn max_bend_per_mm(&self) -> f64 {
+        (0..self.height_mm.len())
+            .flat_map(|k| {
+                let (d, [h0, a0, h1, a1]) = self.interval(k);
+                let chord = 6.0 * (h1 - h0) / d;
+                [
+                    (chord - 4.0 * a0 - 2.0 * a1) / d,
+                    (2.0 * a0 + 4.0 * a1 - chord) / d,
+                ]
+            })
+            .fold(0.0, |m, b| m.max(b.abs()))
+    }
+}
+
+/// Points along one period with the two axes of the cross-section: `lateral x
+/// vertical` is the tangent for a straight yarn. The last point is the first
+/// plus `period`.
+#[derive(Clone, Debug)]
+pub(crate) struct Path {
+    pub points: Vec<DVec3>,
+    pub lateral: Vec<DVec3>,
+    pub vertical: Vec<DVec3>,
+    /// Length from the first point, millimetres.
+    pub arc_mm: Vec<f64>,
+    pub period: DVec3,
+    /// True when nothing follows the last point.
+    open: bool,
+}
+
+impl Path {
+    /// Samples a woven yarn that runs along `axis` from `origin`, `steps` per
+    /// interval between knots. Cross-sections lean with the yarn by the share
+    /// `lean` of its slope.
+    pub fn woven(curve: &Hermite, axis: DVec3, origin: DVec3, steps: usize, lean: f64) -> Path {
+        let lateral = DVec3::Z.cross(axis);
+        let mut points = Vec::new();
+        let mut vertical = Vec::new();
+        let knots = curve.height_mm.len();
+        let mut push = |s: f64, (height, slope): (f64, f64)| {
+            points.push(origin + s * axis + height * DVec3::Z);
+            let (sin, cos) = (lean * slope.atan()).sin_cos();
+            vertical.push(cos * DVec3::Z - sin * axis);
+        };
+        for k in 0..knots {
+            let (d, _) = curve.interval(k);
+            for i in 0..steps {
+                let t = i as f64 / steps as f64;
+                push(curve.knots_mm[k] + t * d, curve.at(k, t));
+            }
+        }
+        push(curve.knots_mm[knots], curve.at(0, 0.0));
+        Path::new(
+            points,
+            vec![lateral; knots * steps + 1],
+            vertical,
+            curve.period_mm() * axis,
+        )
+    }
+
+    /// From samples of one period, its end included.
+    pub fn new(
+        points: Vec<DVec3>,
+        lateral: Vec<DVec3>,
+        vertical: Vec<DVec3>,
+        period: DVec3,
+    ) -> Path {
+        let mut length = 0.0;
+        let mut arc_mm = vec![0.0];
+        for pair in points.windows(2) {
+            length += pair[0].distance(pair[1]);
+            arc_mm.push(length);
+        }
+        Path {
+            points,
+            lateral,
+            vertical,
+            arc_mm,
+            period,
+            open: false,
+        }
+    }
+
+    /// A smooth line through given points (uniform Catmull-Rom), each span in
+    /// steps of `longest_mm` at most. Frames are carried along without
+    /// turning; around a closed line what is left over is spread evenly.
+    pub fn through(given: &[DVec3], closed: bool, longest_mm: f64) -> Path {
+        let n = given.len() as isize;
+        let at = |i: isize| match i {
+            i if closed => given[i.rem_euclid(n) as usize],
+            i if i < 0 => 2.0 * given[0] - given[1],
+            i if i >= n => 2.0 * given[n as usize - 1] - given[n as usize - 2],
+            i => given[i as usize],
+        };
+        let mut points = Vec::new();
+        for i in 0..if closed { n } else { n - 1 } {
+            let [a, b, c, d] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+            let steps = (b.distance(c) / longest_mm).ceil().clamp(1.0, 64.0);
+            points.extend((0..steps as usize).map(|k| {
+                let t = k as f64 / steps;
+                let square = a - 2.5 * b + 2.0 * c - 0.5 * d;
+                let cubic = 1.5 * (b - c) + 0.5 * (d - a);
+                b + t * (0.5 * (c - a) + t * (square + t * cubic))
+            }));
+        }
+        points.push(if closed {
+            given[0]
+        } else {
+            given[n as usize - 1]
+        });
+
+        let last = points.len() - 1;
+        let tangent = |i: usize| {
+            let (before, after) = match (i, closed) {
+                (0, true) => (points[last - 1], points[1]),
+                (i, true) if i == last => (points[last - 1], points[1]),
+                (0, false) => (points[0], points[1]),
+                (i, _) => (points[i - 1], points[(i + 1).min(last)]),
+            };
+            (after - before).normalize_or(DVec3::X)
+        };
+        let mut lateral = Vec::with_capacity(points.len());
+        let mut across = tangent(0).any_orthonormal_vector();
+        for i in 0..points.len() {
+            let t = tangent(i);
+            across = (across - across.dot(t) * t)
+                .try_normalize()
+                .unwrap_or(t.any_orthonormal_vector());
+            lateral.push(across);
+        }
+        if closed {
+            let t = tangent(0);
+            let left = lateral[last]
+                .cross(lateral[0])
+                .dot(t)
+                .atan2(lateral[last].dot(lateral[0]));
+            for (i, across) in lateral.iter_mut().enumerate() {
+                let turn = left * i as f64 / last as f64;
+                *across = DQuat::from_axis_angle(tangent(i), turn) * *across;
+            }
+        }
+        let vertical = lateral
+            .iter()
+            .enumerate()
+            .map(|(i, &l)| tangent(i).cross(l))
+            .collect();
+        Path {
+            open: !closed,
+            ..Path::new(points, lateral, vertical, DVec3::ZERO)
+        }
+    }
+
+    /// Number of steps in a period.
+    pub fn steps(&self) -> usize {
+        self.points.len() - 1
+    }
+
+    /// Length of a period, millimetres.
+    pub fn length_mm(&self) -> f64 {
+        self.arc_mm[self.steps()]
+    }
+
+    /// Mean distance of neighbouring points, millimetres.
+    pub fn mean_step_mm(&self) -> f64 {
+        self.length_mm() / self.steps() as f64
+    }
+
+    /// The point beside sample `i` by `offset` (across, up) in its
+    /// cross-section; `i` may lie outside one period, or just beyond the ends
+    /// of an open line, which is continued by reflection.
+    pub fn offset(&self, i: isize, offset: DVec2) -> DVec3 {
+        let n = self.steps() as isize;
+        if self.open {
+            let end = i.clamp(0, n);
+            if end != i {
+                return 2.0 * self.offset(end, offset)
+                    - self.offset((2 * end - i).clamp(0, n), offset);
+            }
+            let k = i as usize;
+            return self.points[k] + offset.x * self.lateral[k] + offset.y * self.vertical[k];
+        }
+        let k = i.rem_euclid(n) as usize;
+        self.points[k]
+            + i.div_euclid(n) as f64 * self.period
+            + offset.x * self.lateral[k]
+            + offset.y * self.vertical[k]
+    }
+
+    /// The same at a length from the first point, which may lie outside one
+    /// period, between samples by interpolation.
+    pub fn at_arc(&self, arc_mm: f64, offset: DVec2) -> DVec3 {
+        if self.open && !(0.0..self.length_mm()).contains(&arc_mm) {
+            let end = if arc_mm < 0.0 {
+                0
+            } else {
+                self.steps() as isize
+            };
+            return self.offset(end, offset);
+        }
+        let turns = (arc_mm / self.length_mm()).floor();
+        let rest = arc_mm - turns * self.length_mm();
+        let k = self
+            .arc_mm
+            .partition_point(|&a| a <= rest)
+            .clamp(1, self.steps())
+            - 1;
+        let width = self.arc_mm[k + 1] - self.arc_mm[k];
+        let t = if width > 0.0 {
+            (rest - self.arc_mm[k]) / width
+        } else {
+            0.0
+        };
+        let i = turns as isize * self.steps() as isize + k as isize;
+        self.offset(i, offset).lerp(self.offset(i + 1, offset), t)
+    }
+
+    /// Length from the first point to sample `i`, which may lie outside.
+    pub fn arc_at(&self, i: isize) -> f64 {
+        let n = self.steps() as isize;
+        self.arc_mm[i.rem_euclid(n) as usize] + i.div_euclid(n) as f64 * self.length_mm()
+    }
+}

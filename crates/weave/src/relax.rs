@@ -1,0 +1,389 @@
+//! Centrelines of woven yarns: the heights that cost the least strain and
+//! collision energy [Montazeri2020, section 3.1].
+//!
+//! Every yarn is a periodic C1 cubic with a knot at each crossing and one
+//! between neighbouring crossings; its strain energy is `k/2` times the
+//! integral of the squared slope. Given the heights at crossings, the best
+//! slopes and the best knots between have a closed form (see [`Strain`]), so
+//! that only the heights at crossings are left to find. Crossing yarns repel
+//! each other as soft spheres do, which makes the whole energy convex: there
+//! is one answer, and L-BFGS finds it.
+
+mod heights;
+
+use crate::path::Hermite;
+use crate::{Draft, Error};
+use argmin::core::{CostFunction, Executor, Gradient, State};
+use argmin::solver::linesearch::MoreThuenteLineSearch;
+use argmin::solver::quasinewton::LBFGS;
+use heights::Heights;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Where the threads of one system lie and how they meet the others.
+#[derive(Clone, Debug)]
+pub(crate) struct System {
+    /// Centre of each thread across the system, growing, millimetres.
+    pub position_mm: Vec<f64>,
+    /// Length after which the system repeats.
+    pub period_mm: f64,
+    /// Half the height of each thread's cross-section, millimetres.
+    pub half_height_mm: Vec<f64>,
+    /// Resistance to crimp.
+    pub stiffness: Vec<f64>,
+}
+
+/// Heights of warp and weft yarns at rest.
+#[derive(Clone, Debug)]
+pub(crate) struct Relaxed {
+    pub warp: Vec<Hermite>,
+    pub weft: Vec<Hermite>,
+    /// Largest share by which two threads are nearer than their radii allow.
+    pub compression: f64,
+}
+
+/// Stiffness of a contact in units of `k S^2 / D` (softer yarn, size of the
+/// soft spheres, spacing): stiffer contacts deviate less from touching where forces
+/// differ, and take more iterations.
+const CONTACT: f64 = 10.0;
+/// Forces in a plain weave press soft spheres to `(2 C / (2 C + 9/4))^(1/4)`
+/// of their size, whatever its scale: from `9/4 q = 2 C (q^-3 - q)`. Spheres
+/// are larger than the yarns by as much, so that yarns rest touching.
+const REST: f64 = 0.973_699;
+/// Where crossing threads are nearer than this share of their radii, the
+/// minimiser has failed.
+const LEAST_GAP: f64 = 0.9;
+/// Root mean square of the gradient at rest, in units of the mean `k S^2 / D`
+/// per `S`; forces at crossings are of order one.
+const TOLERANCE: f64 = 1e-3;
+
+/// Crossings that are worth a task of their own.
+const MIN_CROSSINGS_PER_TASK: usize = 8192;
+
+/// Finds the heights at rest. Threads that do not interlace at all are held
+/// by nothing on one side and stay where they touch.
+pub(crate) fn relax(
+    draft: &Draft,
+    warp: &System,
+    weft: &System,
+    max_iterations: u64,
+) -> Result<Relaxed, Error> {
+    let problem = Weave::new(draft, warp, weft);
+    let start = problem.start();
+    let count = start.len() as f64;
+    let failed = |e: argmin::core::Error| Error::Relaxation(e.to_string());
+    let search = MoreThuenteLineSearch::new()
+        .with_c(1e-4, 0.9)
+        .map_err(failed)?;
+    let solver = LBFGS::new(search, 5)
+        .with_tolerance_grad(TOLERANCE * count.sqrt())
+        .map_err(failed)?
+        .with_tolerance_cost(0.0)
+        .map_err(failed)?;
+    let result = Executor::new(&problem, solver)
+        .configure(|state| {
+            state
+                .param(Heights(start.clone()))
+                .max_iters(max_iterations)
+        })
+        .run()
+        .map_err(failed)?;
+    let heights = result.state().get_best_param().map_or(&start, |h| &h.0);
+    if heights.iter().any(|h| !h.is_finite()) {
+        return Err(Error::Relaxation("heights are not finite".to_owned()));
+    }
+    problem.relaxed(heights)
+}
+
+/// The closed form of the strain of a periodic cubic with knots at crossings
+/// `s_i` and halfway between.
+///
+/// With `D_i = s_(i+1) - s_i` and `d_i = h_(i+1) - h_i`, minimising the sum of
+/// the exact segment energies over the halfway knots leaves `9/8 d^2 / D - d
+/// (a0 + a1) / 8 + D (a0^2 + a1^2) / 16` per interval, in which the slopes at
+/// crossings no longer meet; each is best at the slope of the chord between
+/// its neighbours, `a_i = (d_(i-1) + d_i) / (D_(i-1) + D_i)`.
+#[derive(Clone, Debug)]
+struct Strain {
+    /// Knots of all yarns of a system.
+    knots_mm: Arc<[f64]>,
+    /// `9/8 / D_i`.
+    chord: Vec<f64>,
+    /// `1 / (16 (D_(i-1) + D_i))`.
+    slope: Vec<f64>,
+}
+
+impl Strain {
+    /// For yarns that cross the threads of `crossed`.
+    fn new(crossed: &System) -> Strain {
+        let x = &crossed.position_mm;
+        let n = x.len();
+        let mut knots = Vec::with_capacity(2 * n + 1);
+        for (i, &a) in x.iter().enumerate() {
+            let b = x.get(i + 1).copied().unwrap_or(x[0] + crossed.period_mm);
+            knots.extend([a, 0.5 * (a + b)]);
+        }
+        knots.push(x[0] + crossed.period_mm);
+        let interval = |i: usize| knots[2 * i + 2] - knots[2 * i];
+        Strain {
+            chord: (0..n).map(|i| 1.125 / interval(i)).collect(),
+            slope: (0..n)
+                .map(|i| 1.0 / (16.0 * (interval((i + n - 1) % n) + interval(i))))
+                .collect(),
+            knots_mm: knots.into(),
+        }
+    }
+
+    /// `scale` times the integral of the squared slope, and its gradient added
+    /// to `gradient`.
+    fn add(&self, h: &[f64], scale: f64, gradient: &mut [f64]) -> f64 {
+        let n = h.len();
+        let mut energy = 0.0;
+        let (mut before, mut i) = (n - 1, 0);
+        for after in (1..n).chain([0]) {
+            let chord = h[after] - h[i];
+            let across = h[after] - h[before];
+            let c = self.chord[i] * chord;
+            let a = self.slope[i] * across;
+            energy += c * chord - a * across;
+            gradient[after] += 2.0 * scale * (c - a);
+            gradient[i] -= 2.0 * scale * c;
+            gradient[before] += 2.0 * scale * a;
+            (before, i) = (i, after);
+        }
+        scale * energy
+    }
+
+    /// The curve with the given heights at its crossings.
+    fn curve(&self, h: &[f64]) -> Hermite {
+        let n = h.len();
+        let width = |i: usize| self.knots_mm[2 * i + 2] - self.knots_mm[2 * i];
+        let slope: Vec<f64> = (0..n)
+            .map(|i| {
+                let before = (i + n - 1) % n;
+                (h[(i + 1) % n] - h[before]) / (width(before) + width(i))
+            })
+            .collect();
+        let mut curve = Hermite {
+            knots_mm: self.knots_mm.clone(),
+            height_mm: Vec::with_capacity(2 * n),
+            slope: Vec::with_capacity(2 * n),
+        };
+        for i in 0..n {
+            let after = (i + 1) % n;
+            let (a0, a1, half) = (slope[i], slope[after], 0.5 * width(i));
+            let halfway = 0.5 * (h[i] + h[after]) + half * (a0 - a1) / 24.0;
+            curve.height_mm.extend([h[i], halfway]);
+            curve
+                .slope
+                .extend([a0, (3.0 * (h[after] - h[i]) / half + a0 + a1) / 8.0]);
+        }
+        curve
+    }
+}
+
+/// Soft spheres: `1/q^2 + q^2 - 2` of the gap `q` in units of the radii, zero
+/// from 1 on [Kaldor2008]; and its derivative. Below one half the potential
+/// goes on as its own second-order expansion, so that the energy stays finite
+/// and convex whatever a line search tries; no answer may lie there.
+fn contact(q: f64) -> (f64, f64) {
+    const EDGE: f64 = 0.5;
+    if q >= 1.0 {
+        return (0.0, 0.0);
+    }
+    let at = |q: f64| {
+        (
+            1.0 / (q * q) + q * q - 2.0,
+            2.0 * q - 2.0 / (q * q * q),
+            2.0 + 6.0 / (q * q * q * q),
+        )
+    };
+    if q >= EDGE {
+        let (value, slope, _) = at(q);
+        return (value, slope);
+    }
+    let ((value, slope, bend), away) = (at(EDGE), q - EDGE);
+    (
+        value + away * (slope + 0.5 * bend * away),
+        slope + bend * away,
+    )
+}
+
+/// The energy of a weave. The parameters are the heights of every warp yarn
+/// at its crossings, then those of every weft yarn, in units of `length_mm`;
+/// energies are in units of length^2 over the mean spacing.
+struct Weave<'a> {
+    draft: &'a Draft,
+    warp: Side<'a>,
+    weft: Side<'a>,
+    /// Mean sum of radii at a crossing.
+    length_mm: f64,
+}
+
+/// One system in the energy.
+struct Side<'a> {
+    system: &'a System,
+    strain: Strain,
+    /// Of each crossing, thread by thread: the inverse size of the soft
+    /// spheres, negative where the thread lies below.
+    per_gap: Vec<f64>,
+    /// Half the stiffness of each thread in the units of the energy.
+    scale: Vec<f64>,
+}
+
+impl<'a> Weave<'a> {
+    fn new(draft: &'a Draft, warp: &'a System, weft: &'a System) -> Weave<'a> {
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+        let length_mm = mean(&warp.half_height_mm) + mean(&weft.half_height_mm);
+        let spacing = |s: &System| s.period_mm / s.position_mm.len() as f64;
+        let spacing_mm = 0.5 * (spacing(warp) + spacing(weft));
+        let side = |own: &'a System, other: &System, above: &dyn Fn(usize, usize) -> bool| {
+            let (threads, crossings) = (own.position_mm.len(), other.position_mm.len());
+            let per_gap = |i: usize, j: usize| {
+                let size = (own.half_height_mm[i] + other.half_height_mm[j]) / (length_mm * REST);
+                if above(i, j) { 1.0 / size } else { -1.0 / size }
+            };
+            Side {
+                strain: Strain::new(other),
+                per_gap: (0..threads)
+                    .flat_map(|i| (0..crossings).map(move |j| (i, j)))
+                    .map(|(i, j)| per_gap(i, j))
+                    .collect(),
+                scale: own.stiffness.iter().map(|k| 0.5 * k * spacing_mm).collect(),
+                system: own,
+            }
+        };
+        Weave {
+            draft,
+            warp: side(warp, weft, &|e, p| draft.warp_up(e, p)),
+            weft: side(weft, warp, &|p, e| !draft.warp_up(e, p)),
+            length_mm,
+        }
+    }
+
+    /// Yarns touch at every crossing, each going half of the way.
+    fn start(&self) -> Vec<f64> {
+        let gaps = self.warp.per_gap.iter().chain(&self.weft.per_gap);
+        gaps.map(|g| 0.5 * REST / g).collect()
+    }
+
+    /// The energy of thread `i` of `side` with heights `own`, and its gradient
+    /// with respect to them. The threads that it crosses have the heights
+    /// `others`, thread by thread; half of a contact's energy is this one's.
+    fn thread(
+        &self,
+        side: &Side,
+        other: &Side,
+        i: usize,
+        own: &[f64],
+        others: &[f64],
+        gradient: &mut [f64],
+    ) -> f64 {
+        let threads = side.scale.len();
+        let per_gap = &side.per_gap[i * own.len()..][..own.len()];
+        let mut energy = side.strain.add(own, side.scale[i], gradient);
+        for (j, (h, per_gap)) in own.iter().zip(per_gap).enumerate() {
+            let q = per_gap * (h - others[j * threads + i]);
+            if q < 1.0 {
+                let softer = side.system.stiffness[i].min(other.system.stiffness[j]);
+                let scale = CONTACT * softer / (per_gap * per_gap);
+                let (value, slope) = contact(q);
+                energy += 0.5 * scale * value;
+                gradient[j] += scale * slope * per_gap;
+            }
+        }
+        energy
+    }
+
+    /// Threads are independent of each other, and their energies are added in
+    /// their own order, whichever comes first.
+    fn energy(&self, h: &[f64], gradient: &mut [f64]) -> f64 {
+        let (ends, picks) = (self.draft.ends(), self.draft.picks());
+        let (warp, weft) = h.split_at(ends * picks);
+        let (warp_gradient, weft_gradient) = gradient.split_at_mut(ends * picks);
+        let system = |side, other, own: &[f64], others: &[f64], gradient: &mut [f64], n: usize| {
+            let threads = own
+                .par_chunks(n)
+                .zip(gradient.par_chunks_mut(n))
+                .enumerate();
+            let energies: Vec<f64> = threads
+                .with_min_len(1 + MIN_CROSSINGS_PER_TASK / n)
+                .map(|(i, (own, gradient))| {
+                    gradient.fill(0.0);
+                    self.thread(side, other, i, own, others, gradient)
+                })
+                .collect();
+            energies.iter().sum::<f64>()
+        };
+        system(&self.warp, &self.weft, warp, weft, warp_gradient, picks)
+            + system(&self.weft, &self.warp, weft, warp, weft_gradient, ends)
+    }
+
+    /// Gap of a crossing in units of the sum of the radii.
+    fn gap(&self, h: &[f64], e: usize, p: usize) -> f64 {
+        let (ends, picks) = (self.draft.ends(), self.draft.picks());
+        let difference = h[e * picks + p] - h[ends * picks + p * ends + e];
+        self.warp.per_gap[e * picks + p] * difference / REST
+    }
+
+    /// Curves in millimetres, the cloth's middle at height zero.
+    fn relaxed(&self, h: &[f64]) -> Result<Relaxed, Error> {
+        let (ends, picks) = (self.draft.ends(), self.draft.picks());
+        let mut compression = 0.0f64;
+        for e in 0..ends {
+            for p in 0..picks {
+                compression = compression.max(1.0 - self.gap(h, e, p));
+            }
+        }
+        if compression > 1.0 - LEAST_GAP {
+            return Err(Error::Relaxation(format!(
+                "threads rest {:.0} % inside each other; more iterations may help",
+                100.0 * compression
+            )));
+        }
+        let mm: Vec<f64> = h.iter().map(|v| v * self.length_mm).collect();
+        let (warp, weft) = mm.split_at(ends * picks);
+        let mut relaxed = Relaxed {
+            warp: warp
+                .chunks(picks)
+                .map(|h| self.warp.strain.curve(h))
+                .collect(),
+            weft: weft
+                .chunks(ends)
+                .map(|h| self.weft.strain.curve(h))
+                .collect(),
+            compression,
+        };
+        let all = relaxed.warp.iter_mut().chain(&mut relaxed.weft);
+        let middle = 0.5
+            * (mm.iter().copied().fold(f64::INFINITY, f64::min)
+                + mm.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+        for h in all.flat_map(|c| &mut c.height_mm) {
+            *h -= middle;
+        }
+        Ok(relaxed)
+    }
+}
+
+impl CostFunction for &Weave<'_> {
+    type Param = Heights;
+    type Output = f64;
+
+    fn cost(&self, h: &Heights) -> Result<f64, argmin::core::Error> {
+        Ok(self.energy(&h.0, &mut vec![0.0; h.0.len()]))
+    }
+}
+
+impl Gradient for &Weave<'_> {
+    type Param = Heights;
+    type Gradient = Heights;
+
+    fn gradient(&self, h: &Heights) -> Result<Heights, argmin::core::Error> {
+        let mut gradient = vec![0.0; h.0.len()];
+        self.energy(&h.0, &mut gradient);
+        Ok(Heights(gradient))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,279 @@
+//! The geometry part of a fabric file, as it is written there.
+
+use organza_basis::Rgb;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
+
+/// Everything that makes the geometry of a fabric.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FabricGeometry {
+    /// How the threads cross.
+    pub draft: DraftSpec,
+    /// The warp; not used by knits.
+    #[serde(default)]
+    pub warp: ThreadSetSpec,
+    /// The weft; of a knit, its courses.
+    #[serde(default)]
+    pub weft: ThreadSetSpec,
+    /// Yarns by name. A name that is missing here but is a preset's means
+    /// the preset.
+    #[serde(default)]
+    pub yarn: BTreeMap<String, YarnSpec>,
+    /// How the threads come to rest.
+    #[serde(default)]
+    pub relaxation: RelaxationSpec,
+    /// How large the tile is.
+    #[serde(default)]
+    pub tile: TileSpec,
+}
+
+/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`,
+/// `curves`.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct DraftSpec {
+    /// A weave by name, see [`crate::Draft::named`].
+    pub weave: Option<String>,
+    /// Name of a WIF file.
+    pub wif: Option<String>,
+    /// Rows of `X` and `.`, see [`crate::Draft::from_drawdown`].
+    pub drawdown: Option<Vec<String>>,
+    /// A knit by name: `stockinette`, `garter`, `rib-1-1`, `rib-2-2`. Its
+    /// courses are `[weft]`.
+    pub knit: Option<String>,
+    /// Loops per centimetre across a knit.
+    pub wales_per_cm: Option<f64>,
+    /// Name of a file of curves, `.bcc` or text, see [`crate::curve_file`].
+    /// Their yarns are those of `[weft]`, in the order of the file.
+    pub curves: Option<String>,
+    /// Length of the file's unit; 1 without.
+    pub curve_unit_mm: Option<f64>,
+    /// Whether the curves are yarns, which get plies and fibres, or the
+    /// fibres themselves.
+    #[serde(default)]
+    pub curves_are: CurveKind,
+}
+
+/// What imported curves stand for.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum CurveKind {
+    /// Centrelines of yarns.
+    #[default]
+    Yarns,
+    /// Fibres, with their own radii; `.bcc` has none, there the yarn's fibre
+    /// radius holds.
+    Fibres,
+}
+
+/// The threads of one system.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ThreadSetSpec {
+    /// Names of the yarns, which repeat along the system: one name or a list.
+    #[serde(default, deserialize_with = "one_or_many")]
+    pub yarn: Vec<String>,
+    /// Linear colours, which repeat along the system; without them the
+    /// draft's own colours, if it has any.
+    #[serde(default)]
+    pub colours: Vec<Rgb>,
+    /// Threads per centimetre.
+    pub per_cm: Option<f64>,
+    /// Distance of thread centres, millimetres.
+    pub spacing_mm: Option<f64>,
+}
+
+/// What a yarn consists of.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum YarnKind {
+    /// Short fibres held by twist, with migration and hairs.
+    Staple,
+    /// Endless parallel fibres, little or no twist.
+    Filament,
+    /// Endless parallel fibres in a flat, untwisted band.
+    Ribbon,
+}
+
+/// A yarn; every key overrides the preset's value.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct YarnSpec {
+    /// Where unnamed values come from; without it the yarn's own name when
+    /// that is a preset's, else `cotton`.
+    pub preset: Option<String>,
+    /// Kind of yarn.
+    pub kind: Option<YarnKind>,
+    /// Linear density of the whole yarn, grams per kilometre; gives the
+    /// number of fibres unless `fibres_per_ply` does.
+    pub tex: Option<f64>,
+    /// Number of plies.
+    pub plies: Option<u32>,
+    /// Number of fibres in the cross-section of a ply.
+    pub fibres_per_ply: Option<u32>,
+    /// Mean fibre radius, micrometres.
+    pub fibre_radius_um: Option<f64>,
+    /// Density of the fibre substance.
+    pub fibre_density_g_per_cm3: Option<f64>,
+    /// Share of the ply's cross-section that is fibre.
+    pub fibre_volume_fraction: Option<f64>,
+    /// Radius of a ply, millimetres; gives the fibre volume fraction.
+    pub ply_radius_mm: Option<f64>,
+    /// Twist of the fibres in their ply, as it is in the finished yarn.
+    pub twist: Option<TwistSpec>,
+    /// Twist of the plies around each other.
+    pub ply_twist: Option<TwistSpec>,
+    /// Width over height of the yarn in the cloth before its neighbours press
+    /// on it.
+    pub aspect: Option<f64>,
+    /// Resistance to crimp relative to other yarns.
+    pub stiffness: Option<f64>,
+    /// Distribution of the fibres over the ply's cross-section.
+    pub cross_section: Option<CrossSectionSpec>,
+    /// How fibres wander between core and surface.
+    pub migration: Option<MigrationSpec>,
+    /// Fibre ends that stand out.
+    pub hairs: Option<HairSpec>,
+    /// Fibres that leave the surface and come back.
+    pub loops: Option<LoopSpec>,
+}
+
+/// Twist: a direction and either turns or an angle.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TwistSpec {
+    /// `"S"` or `"Z"`.
+    pub direction: TwistDirection,
+    /// Turns per metre.
+    pub turns_per_m: Option<f64>,
+    /// Angle of the outermost fibres (or plies) to the axis, degrees.
+    pub angle_deg: Option<f64>,
+}
+
+/// Which way the visible fibres run when the yarn hangs: like the middle of
+/// the letter S (`\`) or Z (`/`).
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq)]
+pub enum TwistDirection {
+    /// Left-handed helix.
+    #[serde(alias = "s")]
+    S,
+    /// Right-handed helix.
+    #[serde(alias = "z")]
+    Z,
+}
+
+/// Density of fibres against radius in the ply, 1 at its edge `[Zhao2016]`:
+/// `(1 - 2 epsilon) ((e - e^R) / (e - 1))^beta + epsilon`.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct CrossSectionSpec {
+    /// Density at the edge, 0 to 0.5.
+    pub epsilon: f64,
+    /// How fast the density falls; 0 is uniform.
+    pub beta: f64,
+}
+
+/// Migration of a fibre's distance from the ply's centre `[Zhao2016]`: it swings
+/// between `min_fraction` and `max_fraction` of its own radius.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct MigrationSpec {
+    /// Least fraction.
+    pub min_fraction: f64,
+    /// Greatest fraction.
+    #[serde(default = "one")]
+    pub max_fraction: f64,
+    /// Swings per turn of twist.
+    pub cycles_per_turn: f64,
+}
+
+/// Hairs `[Zhao2016]`: each starts at a place and radius of its own and runs
+/// along, outwards and around the ply by amounts of its own. Pairs are mean
+/// and deviation; lengths are in ply radii. Missing keys are the preset's.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct HairSpec {
+    /// Hairs per millimetre of ply; 0 for none.
+    pub per_mm: Option<f64>,
+    /// Radius where the hair begins to stand out.
+    pub start: Option<[f64; 2]>,
+    /// How much further from the axis it ends.
+    pub rise: Option<[f64; 2]>,
+    /// How far along the yarn it goes, either way.
+    pub run: Option<[f64; 2]>,
+    /// How far around the ply it goes, radians.
+    pub turn_rad: Option<[f64; 2]>,
+}
+
+/// Loops `[Zhao2016]`: at some outer turning points of its migration a fibre
+/// swings out to a radius beyond its own. The pair is mean and deviation, in
+/// ply radii. Missing keys are the preset's.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct LoopSpec {
+    /// Loops per millimetre of ply; 0 for none.
+    pub per_mm: Option<f64>,
+    /// Radius of the loop's top.
+    pub peak: Option<[f64; 2]>,
+}
+
+/// Options of the relaxation.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RelaxationSpec {
+    /// Most iterations of the minimiser.
+    pub max_iterations: u64,
+}
+
+impl Default for RelaxationSpec {
+    fn default() -> Self {
+        RelaxationSpec {
+            max_iterations: 2000,
+        }
+    }
+}
+
+/// Size of the tile.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TileSpec {
+    /// Repeats of the smallest repeat along x and y: more repeats, more
+    /// variety among fibres.
+    pub repeats: [u32; 2],
+}
+
+impl Default for TileSpec {
+    fn default() -> Self {
+        TileSpec { repeats: [1, 1] }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// A string or a list of strings.
+fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    struct Names;
+    impl<'de> serde::de::Visitor<'de> for Names {
+        type Value = Vec<String>;
+        fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+            f.write_str("a name or a list of names")
+        }
+        fn visit_str<E>(self, name: &str) -> Result<Vec<String>, E> {
+            Ok(vec![name.to_owned()])
+        }
+        fn visit_seq<A: serde::de::SeqAccess<'de>>(
+            self,
+            mut seq: A,
+        ) -> Result<Vec<String>, A::Error> {
+            let mut names = Vec::new();
+            while let Some(name) = seq.next_element()? {
+                names.push(name);
+            }
+            Ok(names)
+        }
+    }
+    deserializer.deserialize_any(Names)
+}

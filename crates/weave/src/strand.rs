@@ -1,0 +1,443 @@
+//! Plies, fibres, loops and hairs along one period of a yarn [Zhao2016].
+//!
+//! A tile must close: whatever leaves it on one side enters on the other. A
+//! random fibre that is twisted by an arbitrary angle over the period would
+//! not. So a fibre is made longer than the tile: it runs through several
+//! periods (`windings`) before it meets itself, and all its pieces lie in the
+//! one tile, as different fibres of the same cross-section. The twist then
+//! only needs to close over all windings, which costs a few per cent of its
+//! value at most.
+
+use crate::named::gcd;
+use crate::path::Path;
+use crate::yarn::Yarn;
+use glam::{DVec2, DVec3};
+use organza_basis::{PathRng, Segment};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// The most periods, per visited ply, that a fibre runs through.
+const MAX_ROUNDS: u32 = 16;
+/// What one more round is worth in error of the outermost fibres' slope and in
+/// relative error of the fibre count: fewer rounds leave more fibres to be
+/// different from each other.
+const ROUND_PRICE: f64 = 0.0025;
+/// Random directions tried per fibre; the one with most room wins.
+const CANDIDATES: u32 = 8;
+/// Deviates are cut here, so that no hair is endless.
+const MAX_DEVIATIONS: f64 = 2.5;
+/// Measured deviations of hairs and of loops are scaled so before use.
+const HAIR_SCALE: f64 = 0.75;
+const LOOP_SCALE: f64 = 0.5;
+
+/// How a yarn's plies and fibres close over a period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Closure {
+    /// Turns of the plies over a period, times the number of plies.
+    pub ply_shift: i64,
+    /// Plies that one fibre visits.
+    pub visited: u32,
+    /// Times that a fibre passes through each ply that it visits.
+    pub rounds: u32,
+    /// Turns of a fibre about its ply over all windings.
+    pub turns: i64,
+    /// Swings of migration over all windings.
+    pub swings: i64,
+    /// Fibres per cycle of plies, each of `windings` pieces.
+    pub fibres: u32,
+}
+
+impl Closure {
+    /// The closure nearest to the yarn's own twist and fibre count.
+    pub fn new(yarn: &Yarn, length_mm: f64) -> Closure {
+        let plies = i64::from(yarn.plies);
+        let shift_exact = plies as f64 * yarn.ply_twist_rad_per_mm * length_mm / TAU;
+        let ply_shift = shift_exact.round() as i64;
+        let shift = ply_shift.rem_euclid(plies) as usize;
+        let visited = (plies as usize / gcd(plies as usize, shift)) as u32;
+        let wanted = f64::from(yarn.fibres_per_ply);
+        let close = |rounds: u32| {
+            let exact = yarn.twist_rad_per_mm * length_mm / TAU * f64::from(rounds * visited);
+            let turns = exact.round() as i64;
+            // Pieces of one fibre must not fall on each other.
+            let distinct = gcd(turns.unsigned_abs() as usize, rounds as usize) == 1;
+            let fibres = (wanted / f64::from(rounds)).round().max(1.0);
+            let swings = yarn
+                .migration
+                .map_or(0.0, |m| m.cycles_per_turn * exact.abs());
+            let slope_error = (turns as f64 - exact).abs() * TAU * yarn.ply_radius_mm
+                / (f64::from(rounds * visited) * length_mm);
+            let count_error = (fibres * f64::from(rounds) / wanted - 1.0).abs();
+            let closure = Closure {
+                ply_shift,
+                visited,
+                rounds,
+                turns,
+                swings: swings.round() as i64,
+                fibres: fibres as u32,
+            };
+            let price = slope_error + count_error + ROUND_PRICE * f64::from(rounds);
+            (distinct, price, closure)
+        };
+        (2..=MAX_ROUNDS.min(yarn.fibres_per_ply))
+            .map(close)
+            .filter(|(distinct, ..)| *distinct)
+            .fold(
+                close(1),
+                |best, next| if next.1 < best.1 { next } else { best },
+            )
+            .2
+    }
+
+    /// Periods that a fibre runs through.
+    pub fn windings(&self) -> u32 {
+        self.rounds * self.visited
+    }
+
+    /// Number of fibres in a cross-section of a ply.
+    pub fn fibres_per_ply(&self) -> u32 {
+        self.fibres * self.rounds
+    }
+
+    /// Twist of the fibres as it comes out, radians per millimetre.
+    pub fn twist_rad_per_mm(&self, length_mm: f64) -> f64 {
+        TAU * self.turns as f64 / (f64::from(self.windings()) * length_mm)
+    }
+
+    /// Twist of the plies as it comes out, radians per millimetre.
+    pub fn ply_twist_rad_per_mm(&self, plies: u32, length_mm: f64) -> f64 {
+        TAU * self.ply_shift as f64 / (f64::from(plies) * length_mm)
+    }
+}
+
+/// One yarn in the tile, ready to pour out curves.
+pub(crate) struct Strand<'a> {
+    pub yarn: &'a Yarn,
+    pub path: &'a Path,
+    pub closure: Closure,
+    /// Factors on the cross-section's width and height.
+    pub flatten: DVec2,
+    /// Names the yarn's random numbers.
+    pub seed: (u64, u64),
+    /// What all segments share.
+    pub template: Segment,
+}
+
+/// A fibre before it is wound through the tile.
+struct Fibre {
+    radius_mm: f64,
+    phase_rad: f64,
+    swing_rad: f64,
+    /// Radius of the loop's top at each outer turning point that has one.
+    loops_mm: Vec<Option<f64>>,
+}
+
+/// Families of random numbers within a strand.
+const PLY_PHASE: u64 = 0;
+const PLACING: u64 = 1 << 40;
+const FIBRE: u64 = 2 << 40;
+const HAIR: u64 = 3 << 40;
+
+impl Strand<'_> {
+    /// The centreline, with the mean radius of the cross-section.
+    pub fn emit_yarn(&self, emit: &mut dyn FnMut(&Segment)) {
+        let radius = self.yarn.radius_mm() * (self.flatten.x * self.flatten.y).sqrt();
+        self.emit_period(0, radius, |_| DVec2::ZERO, emit);
+    }
+
+    /// The centres of the plies.
+    pub fn emit_plies(&self, emit: &mut dyn FnMut(&Segment)) {
+        let radius = self.yarn.ply_radius_mm * (self.flatten.x * self.flatten.y).sqrt();
+        let turned = self.ply_phase();
+        for ply in 0..self.yarn.plies {
+            self.emit_period(ply, radius, |s| self.ply_centre(ply, turned, s), emit);
+        }
+    }
+
+    /// All fibres, then all hairs.
+    pub fn emit_fibres(&self, emit: &mut dyn FnMut(&Segment)) {
+        let plies = self.yarn.plies;
+        let windings = self.closure.windings();
+        let ply_phase = self.ply_phase();
+        let mut id = 0;
+        for orbit in 0..plies / self.closure.visited {
+            for fibre in self.fibres(orbit) {
+                for winding in 0..windings {
+                    let ply = (i64::from(orbit) + i64::from(winding) * self.closure.ply_shift)
+                        .rem_euclid(i64::from(plies)) as u32;
+                    let place = |s: f64| {
+                        let run = (f64::from(winding) + s) / f64::from(windings);
+                        self.ply_centre(ply, ply_phase, s) + self.in_ply(&fibre, run)
+                    };
+                    self.emit_period(id, self.yarn.fibre_radius_mm, place, emit);
+                    id += 1;
+                }
+            }
+        }
+        self.emit_hairs(id, emit);
+    }
+
+    /// The hairs, numbered from `first`.
+    pub fn emit_hairs(&self, first: u32, emit: &mut dyn FnMut(&Segment)) {
+        let length = self.path.length_mm();
+        let expected = self.yarn.hairs.per_mm * length;
+        let ply_phase = self.ply_phase();
+        let mut id = first;
+        for ply in 0..self.yarn.plies {
+            let mut rng = self.rng(HAIR + u64::from(ply));
+            // The expected number on average, also where that is below one.
+            let count = expected.floor() as u32 + u32::from(unit(&mut rng) < expected.fract());
+            for _ in 0..count {
+                self.emit_hair(id, ply, ply_phase, &mut rng, emit);
+                id += 1;
+            }
+        }
+    }
+
+    /// One hair. It comes from inside the ply: its line is followed back
+    /// towards the axis, at most twice as far as it stands out.
+    fn emit_hair(
+        &self,
+        id: u32,
+        ply: u32,
+        ply_phase: f64,
+        rng: &mut PathRng,
+        emit: &mut dyn FnMut(&Segment),
+    ) {
+        let scale = self.yarn.ply_radius_mm;
+        let hairs = self.yarn.hairs;
+        let start = scale * normal(rng, hairs.start, HAIR_SCALE).max(0.1);
+        let rise = scale * normal(rng, hairs.rise, HAIR_SCALE).max(0.1);
+        let run = scale * normal(rng, hairs.run, HAIR_SCALE);
+        let turn = normal(rng, hairs.turn_rad, HAIR_SCALE);
+        let (at, phase) = (unit(rng) * self.path.length_mm(), unit(rng) * TAU);
+        let from = -(start / rise).min(2.0);
+        let point = |t: f64| {
+            let arc = at + t * run;
+            let o = self.ply_centre(ply, ply_phase, arc / self.path.length_mm())
+                + (start + t * rise) * DVec2::from_angle(phase + t * turn);
+            self.path.at_arc(arc, self.flatten * o)
+        };
+        let size = (1.0 - from) * run.hypot(rise).hypot(turn * (start + rise));
+        let steps = (size / self.path.mean_step_mm()).ceil().clamp(6.0, 1000.0);
+        let at_step = |i: isize| point(from + (1.0 - from) * i as f64 / steps);
+        self.emit_curve(id, self.yarn.fibre_radius_mm, steps as isize, at_step, emit);
+    }
+
+    /// The fibres of one cycle of plies. Radii are stratified over their
+    /// distribution; of some random directions each fibre takes the one that
+    /// is farthest from all fibres before it.
+    fn fibres(&self, orbit: u32) -> Vec<Fibre> {
+        let count = self.closure.fibres;
+        let mut placing = self.rng(PLACING + u64::from(orbit));
+        let mut placed: Vec<(f64, f64)> = Vec::with_capacity(count as usize);
+        let sector = TAU / f64::from(self.closure.rounds);
+        (0..count)
+            .map(|i| {
+                let u = (f64::from(i) + unit(&mut placing)) / f64::from(count);
+                let radius_mm = self.yarn.radius_at(u);
+                let room = |phase: f64| {
+                    let gap = |&(r, p): &(f64, f64)| {
+                        let turn = (phase - p + 0.5 * sector).rem_euclid(sector) - 0.5 * sector;
+                        radius_mm * radius_mm + r * r - 2.0 * radius_mm * r * turn.cos()
+                    };
+                    // Fibres much further inside are no neighbours.
+                    let near = placed.iter().rev().take(64).map(gap);
+                    near.fold(f64::INFINITY, f64::min)
+                };
+                let phase_rad = (0..CANDIDATES)
+                    .map(|_| unit(&mut placing) * TAU)
+                    .map(|phase| (phase, room(phase)))
+                    .fold(
+                        (0.0, f64::NEG_INFINITY),
+                        |a, b| if b.1 > a.1 { b } else { a },
+                    )
+                    .0;
+                placed.push((radius_mm, phase_rad));
+                let mut rng = self.rng(FIBRE + (u64::from(orbit) << 24) + u64::from(i));
+                Fibre {
+                    radius_mm,
+                    phase_rad,
+                    swing_rad: unit(&mut rng) * TAU,
+                    loops_mm: self.loops(radius_mm, &mut rng),
+                }
+            })
+            .collect()
+    }
+
+    /// Which outer turning points of a fibre become loops, and how high.
+    fn loops(&self, radius_mm: f64, rng: &mut PathRng) -> Vec<Option<f64>> {
+        let length = self.path.length_mm();
+        let points_per_mm = f64::from(self.closure.fibres * self.closure.rounds)
+            * self.closure.swings as f64
+            / (f64::from(self.closure.windings()) * length);
+        let loops = self.yarn.loops;
+        if loops.per_mm <= 0.0 || points_per_mm <= 0.0 {
+            return Vec::new();
+        }
+        let share = loops.per_mm / points_per_mm;
+        let least = 1.05 * radius_mm * self.yarn.migrated(0.0);
+        (0..self.closure.swings)
+            .map(|_| {
+                let peak = self.yarn.ply_radius_mm * normal(rng, loops.peak, LOOP_SCALE);
+                (unit(rng) < share && peak > least).then_some(peak)
+            })
+            .collect()
+    }
+
+    /// Place of a fibre in its ply at the share `run` of all its windings.
+    fn in_ply(&self, fibre: &Fibre, run: f64) -> DVec2 {
+        let angle = fibre.phase_rad + TAU * run * self.closure.turns as f64;
+        let swing = fibre.swing_rad + TAU * run * self.closure.swings as f64;
+        let mut radius = fibre.radius_mm * self.yarn.migrated(swing);
+        if !fibre.loops_mm.is_empty() {
+            let cycle = (swing / TAU).round();
+            let from_top = swing - cycle * TAU;
+            let which = (cycle as i64).rem_euclid(fibre.loops_mm.len() as i64) as usize;
+            if let Some(top) = fibre.loops_mm[which].filter(|_| from_top.abs() < FRAC_PI_2) {
+                radius += (top - radius) * from_top.cos().powi(2);
+            }
+        }
+        radius * DVec2::from_angle(angle)
+    }
+
+    fn rng(&self, stream: u64) -> PathRng {
+        PathRng::new(self.seed.0, self.seed.1, stream)
+    }
+
+    /// The angle of the first ply at the start of the tile.
+    fn ply_phase(&self) -> f64 {
+        unit(&mut self.rng(PLY_PHASE)) * TAU
+    }
+
+    /// Centre of a ply in the round cross-section at the fraction `s` of the
+    /// period.
+    fn ply_centre(&self, ply: u32, phase: f64, s: f64) -> DVec2 {
+        let turns =
+            (f64::from(ply) + s * self.closure.ply_shift as f64) / f64::from(self.yarn.plies);
+        self.yarn.ply_centre_mm * DVec2::from_angle(phase + TAU * turns)
+    }
+
+    /// One curve through the period: `offset` gives its place in the round
+    /// cross-section at a fraction of the period, also just outside 0 to 1.
+    fn emit_period(
+        &self,
+        fibre: u32,
+        radius_mm: f64,
+        offset: impl Fn(f64) -> DVec2,
+        emit: &mut dyn FnMut(&Segment),
+    ) {
+        let length = self.path.length_mm();
+        let point = |i: isize| {
+            self.path
+                .offset(i, self.flatten * offset(self.path.arc_at(i) / length))
+        };
+        self.emit_curve(fibre, radius_mm, self.path.steps() as isize, point, emit);
+    }
+
+    /// A curve through the points 0 to `steps`; the points just outside give
+    /// the tangents at its ends. Tangents are those of the chord over two
+    /// steps: they need no derivative of the frame and agree across borders.
+    fn emit_curve(
+        &self,
+        fibre: u32,
+        radius_mm: f64,
+        steps: isize,
+        point: impl Fn(isize) -> DVec3,
+        emit: &mut dyn FnMut(&Segment),
+    ) {
+        let mut segment = Segment {
+            fibre,
+            start_radius_mm: radius_mm as f32,
+            end_radius_mm: radius_mm as f32,
+            ..self.template
+        };
+        let mut window = [point(-1), point(0), point(1)];
+        let tangent = |w: &[DVec3; 3]| (w[2] - w[0]).normalize_or(DVec3::X).as_vec3();
+        segment.end_mm = window[1].as_vec3();
+        segment.end_tangent = tangent(&window);
+        for i in 1..=steps {
+            window = [window[1], window[2], point(i + 1)];
+            segment.start_mm = segment.end_mm;
+            segment.start_tangent = segment.end_tangent;
+            segment.end_mm = window[1].as_vec3();
+            segment.end_tangent = tangent(&window);
+            emit(&segment);
+        }
+    }
+}
+
+fn unit(rng: &mut PathRng) -> f64 {
+    f64::from(rng.unit())
+}
+
+/// A normal deviate with its deviation scaled and its tails cut.
+fn normal(rng: &mut PathRng, [mean, deviation]: [f64; 2], scale: f64) -> f64 {
+    let deviate = f64::from(rng.normal2().x).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
+    mean + scale * deviation * deviate
+}
+
+/// No fibre's centre, loops and hairs included, gets further than this from
+/// the yarn's centre in the round cross-section.
+pub(crate) fn reach_mm(yarn: &Yarn) -> f64 {
+    let most = |[mean, deviation]: [f64; 2], scale: f64| mean + MAX_DEVIATIONS * scale * deviation;
+    let mut reach = 1.0f64;
+    if yarn.loops.per_mm > 0.0 && yarn.migration.is_some() {
+        reach = reach.max(most(yarn.loops.peak, LOOP_SCALE));
+    }
+    if yarn.hairs.per_mm > 0.0 {
+        let start = most(yarn.hairs.start, HAIR_SCALE).max(0.1);
+        reach = reach.max(start + most(yarn.hairs.rise, HAIR_SCALE).max(0.1));
+    }
+    yarn.ply_centre_mm + yarn.ply_radius_mm * reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::{TwistDirection, TwistSpec, YarnSpec};
+
+    fn yarn(plies: u32, fibres: u32, turns_per_m: f64) -> Yarn {
+        let twist = |direction| TwistSpec {
+            direction,
+            turns_per_m: Some(turns_per_m),
+            angle_deg: None,
+        };
+        let spec = YarnSpec {
+            plies: Some(plies),
+            fibres_per_ply: Some(fibres),
+            twist: Some(twist(TwistDirection::Z)),
+            ply_twist: Some(twist(TwistDirection::S)),
+            ..YarnSpec::default()
+        };
+        Yarn::new("cotton", &spec).unwrap()
+    }
+
+    #[test]
+    fn closures_stay_near_the_twist_and_the_count_and_never_double_a_fibre() {
+        for fibres in [30, 75, 200] {
+            for turns in 1..40 {
+                let yarn = yarn(1, fibres, 50.0 * f64::from(turns));
+                let c = Closure::new(&yarn, 0.9);
+                let twist = c.twist_rad_per_mm(0.9) - yarn.twist_rad_per_mm;
+                let count = f64::from(c.fibres_per_ply()) / f64::from(fibres);
+                assert!(twist.abs() * yarn.ply_radius_mm < 0.06, "{turns}: {c:?}");
+                assert!((count - 1.0).abs() < 0.08, "{turns}: {c:?}");
+                assert_eq!(gcd(c.turns.unsigned_abs() as usize, c.rounds as usize), 1);
+            }
+        }
+        let straight = Closure::new(&yarn(1, 50, 0.0), 1.0);
+        assert_eq!(
+            (straight.rounds, straight.turns, straight.fibres),
+            (1, 0, 50)
+        );
+    }
+
+    #[test]
+    fn plies_that_shift_over_the_period_are_all_visited() {
+        let c = Closure::new(&yarn(3, 40, 400.0), 0.85);
+        assert_eq!((c.ply_shift, c.visited), (-1, 3));
+        let c = Closure::new(&yarn(4, 40, 500.0), 1.0);
+        assert_eq!((c.ply_shift, c.visited), (-2, 2));
+        assert_eq!(c.windings() % 2, 0);
+    }
+}

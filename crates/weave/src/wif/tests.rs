@@ -1,0 +1,323 @@
+use super::*;
+
+/// A four-shaft draft of the project's own, with room for oddities.
+fn wif(weaving: &str, rest: &str) -> String {
+    format!(
+        "[WIF]\nVersion=1.1\n[WEAVING]\nShafts=4\nTreadles=4\n{weaving}\n\
+         [WARP]\nThreads=4\n[WEFT]\nThreads=4\n{rest}"
+    )
+}
+
+const THREADING: &str = "[THREADING]\n1=1\n2=2\n3=3\n4=4\n";
+const TIEUP: &str = "[TIEUP]\n1=1,2\n2=2,3\n3=3,4\n4=4,1\n";
+const TREADLING: &str = "[TREADLING]\n1=1\n2=2\n3=3\n4=4\n";
+const TWILL: &str = "X..X\n..XX\n.XX.\nXX..\n";
+
+fn read(text: &str) -> Draft {
+    Draft::from_wif(text.as_bytes()).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+fn refused(text: &str) -> String {
+    Draft::from_wif(text.as_bytes()).unwrap_err().to_string()
+}
+
+#[test]
+fn tieup_liftplan_and_skeleton_tieup_give_the_same_cloth() {
+    let tied = wif("", &format!("{THREADING}{TIEUP}{TREADLING}"));
+    let lifted = wif(
+        "",
+        &format!("{THREADING}[LIFTPLAN]\n1=1,2\n2=2,3\n3=3,4\n4=4,1\n"),
+    );
+    let skeleton = wif(
+        "",
+        &format!(
+            "{THREADING}[TIEUP]\n1=1\n2=2\n3=3\n4=4\n[TREADLING]\n1=1,2\n2=2,0,3\n3=3,4\n4=4,1\n"
+        ),
+    );
+    for text in [tied, lifted, skeleton] {
+        assert_eq!(read(&text).drawdown(), TWILL);
+    }
+}
+
+#[test]
+fn a_sinking_shed_is_the_complement() {
+    let rest = format!("{THREADING}{TIEUP}{TREADLING}");
+    let (up, down) = (read(&wif("", &rest)), read(&wif("Rising Shed=no", &rest)));
+    assert!((0..16).all(|i| up.warp_up(i % 4, i / 4) != down.warp_up(i % 4, i / 4)));
+}
+
+#[test]
+fn dress_does_not_matter() {
+    let plain = wif("rising shed = 1", &format!("{THREADING}{TIEUP}{TREADLING}"));
+    let crlf = plain.replace('\n', "\r\n");
+    let mac = plain.replace('\n', "\r");
+    let bom = format!("\u{feff}{plain}");
+    let shouting = plain.to_uppercase().replace('=', "  =  ");
+    let spaced = plain.replace("[", " [ ").replace("]", "  ] ; a section");
+    let commented = plain
+        .replace(
+            "[TIEUP]",
+            "; a comment\n# another = one\nno equals sign\n[TIEUP]",
+        )
+        .replace("2=2,3", "2 = 2, 3 ; on one line, with a comma");
+    let mut sections: Vec<&str> = plain.split_inclusive('[').collect();
+    sections.rotate_left(1);
+    for text in [plain.clone(), crlf, mac, bom, shouting, spaced, commented] {
+        assert_eq!(read(&text).drawdown(), TWILL, "{text}");
+    }
+    let reordered: Vec<String> = plain[1..]
+        .rsplit("\n[")
+        .map(|s| format!("[{s}\n"))
+        .collect();
+    assert_eq!(read(&reordered.concat()).drawdown(), TWILL);
+}
+
+#[test]
+fn latin_1_titles_are_read() {
+    let mut bytes = wif("", &format!("{THREADING}{TIEUP}{TREADLING}[TEXT]\nTitle=k")).into_bytes();
+    bytes.extend(b"\xf6per\n");
+    assert_eq!(Draft::from_wif(&bytes).unwrap().title, "köper");
+}
+
+#[test]
+fn liftplan_wins_over_treadling_and_says_so_when_they_differ() {
+    let both = |lift: &str| {
+        read(&wif(
+            "",
+            &format!("{THREADING}{TIEUP}{TREADLING}[LIFTPLAN]\n{lift}"),
+        ))
+    };
+    assert!(both("1=2,1\n2=2,3\n3=3,4\n4=1,4\n").warnings.is_empty());
+    let other = both("1=1\n2=2\n3=3\n4=4\n");
+    assert_eq!(other.drawdown(), "...X\n..X.\n.X..\nX...\n");
+    assert!(other.warnings[0].contains("differs from TIEUP"));
+    let disowned =
+        format!("[CONTENTS]\nLIFTPLAN=no\n{THREADING}{TIEUP}{TREADLING}[LIFTPLAN]\n1=1\n");
+    assert_eq!(read(&wif("", &disowned)).drawdown(), TWILL);
+}
+
+#[test]
+fn palettes_of_any_range_and_lengths_of_any_unit() {
+    for (range, white, unit, spacing) in [
+        ("Range=0,255", "255,255,255", "Centimeters", "0.1"),
+        ("Range=0,999", "999,999,999", "decipoints ", "28.346457"),
+        (
+            "range = 20 , 1200",
+            "1200,1200,1200",
+            "INCHES",
+            "0.039370079",
+        ),
+        ("", "255,255,255", "cm", "0.1"),
+        ("Range=1,0", "0,0,0", "mm", "1"),
+    ] {
+        let text = wif(
+            "",
+            &format!(
+                "{THREADING}{TIEUP}{TREADLING}[COLOR PALETTE]\n{range}\n[COLOR TABLE]\n2={white}\n\
+                 [WARP COLORS]\n1=2\n[WARP]\nUnits={unit}\nSpacing={spacing}\n[WARP THICKNESS]\n3={spacing}\n"
+            ),
+        );
+        let draft = read(&text);
+        assert_eq!(draft.warp[0].colour, Some(Rgb::WHITE), "{range}");
+        assert_eq!(draft.warp[1].colour, None);
+        assert!(
+            (draft.warp[3].spacing_mm.unwrap() - 1.0).abs() < 1e-6,
+            "{unit}"
+        );
+        assert!((draft.warp[2].thickness_mm.unwrap() - 1.0).abs() < 1e-6);
+        assert_eq!(draft.warp[1].thickness_mm, None);
+    }
+}
+
+#[test]
+fn odd_but_decided_files_load_with_a_warning() {
+    for (rest, expected) in [
+        (
+            format!("{THREADING}{TIEUP}[TREADLING]\n1=1\n2=\n4=0\n"),
+            "[TREADLING] 3 of 4 picks use no treadle",
+        ),
+        (
+            format!("[THREADING]\n1=1\n{TIEUP}{TREADLING}"),
+            "[THREADING] 3 of 4 ends are on no shaft",
+        ),
+        (
+            format!("[THREADING]\n1=1\n2=1\n3=1\n4=1\n9=1\n{TIEUP}{TREADLING}"),
+            "1 lines lie beyond line 4",
+        ),
+        (
+            format!("{THREADING}{TIEUP}{TREADLING}[TREDLING]\n1=1\n"),
+            "did you mean \"TREADLING\"",
+        ),
+        (
+            format!("{THREADING}{TIEUP}{TREADLING}[WARP]\nColor=7\n"),
+            "[WARP] Color 7 is not in the COLOR TABLE",
+        ),
+        (
+            format!("{THREADING}{TIEUP}{TREADLING}[WARP SPACING]\n1=2\n[WARP]\nUnits=cm"),
+            "3 threads have none",
+        ),
+        (
+            format!("{THREADING}{TIEUP}{TREADLING}[WARP]\nSpacing=2\n"),
+            "Units is missing",
+        ),
+    ] {
+        let draft = read(&wif("", &rest));
+        assert!(
+            draft.warnings.iter().any(|w| w.contains(expected)),
+            "{expected}: {:?}",
+            draft.warnings
+        );
+    }
+    let uncounted = "[THREADING]\n1=1\n2=2\n[LIFTPLAN]\n1=1\n2=2\n3=1,2\n";
+    let draft = read(uncounted);
+    assert_eq!(draft.drawdown(), "XX\n.X\nX.\n");
+    assert_eq!(draft.warnings.len(), 2);
+}
+
+#[test]
+fn undecided_files_are_refused_with_section_and_key() {
+    let all = format!("{THREADING}{TIEUP}{TREADLING}");
+    for (text, expected) in [
+        (String::new(), "not a WIF file"),
+        ("garbage".to_owned(), "not a WIF file"),
+        (wif("", TIEUP), "[THREADING]: the section is missing"),
+        (wif("", THREADING), "[LIFTPLAN]: the section is missing"),
+        (
+            wif("", &format!("{THREADING}{TREADLING}")),
+            "[TIEUP]: the section is missing",
+        ),
+        (
+            wif("", &format!("{THREADING}{TIEUP}[TREADLING]\n1=5\n")),
+            "[TREADLING] 1: 5 is beyond the 4",
+        ),
+        (
+            wif("", &format!("[THREADING]\n3=x\n{TIEUP}{TREADLING}")),
+            "[THREADING] 3: expected a whole number",
+        ),
+        (
+            wif("", &format!("[THREADING]\n3=-1\n{TIEUP}{TREADLING}")),
+            "[THREADING] 3: expected a whole number",
+        ),
+        (
+            wif("", &format!("[THREADING]\nthree=1\n{TIEUP}{TREADLING}")),
+            "expected a line number",
+        ),
+        (
+            wif("Rising Shed=perhaps", &all),
+            "[WEAVING] RISING SHED: expected true or false",
+        ),
+        (
+            wif("", &format!("{all}[WARP COLORS]\n2=3\n")),
+            "[WARP COLORS] 2: colour 3: there is no COLOR TABLE",
+        ),
+        (
+            wif(
+                "",
+                &format!("{all}[COLOR TABLE]\n1=0,0,0\n[WEFT COLORS]\n2=3\n"),
+            ),
+            "[WEFT COLORS] 2: colour 3: the COLOR TABLE ends at 1",
+        ),
+        (
+            wif("", &format!("{all}[COLOR TABLE]\n1=0,0\n")),
+            "[COLOR TABLE] 1: expected red,green,blue",
+        ),
+        (
+            wif(
+                "",
+                &format!("{all}[COLOR PALETTE]\nRange=5,5\n[COLOR TABLE]\n1=0,0,0\n"),
+            ),
+            "[COLOR PALETTE] Range",
+        ),
+        (
+            wif("", &format!("{all}[WARP]\nSpacing=1\nUnits=parsecs\n")),
+            "[WARP] Units: expected centimeters",
+        ),
+        (
+            wif("", &format!("{all}[WARP]\nSpacing=nan\n")),
+            "[WARP] SPACING: expected a number",
+        ),
+        (
+            wif("", &format!("{all}[WARP]\nThreads=99999999\n")),
+            "[WARP] Threads: expected 1 to",
+        ),
+        (
+            wif(
+                "",
+                &format!("{all}[WARP]\nThreads=16384\n[WEFT]\nThreads=16384\n"),
+            ),
+            "crossings",
+        ),
+        (wif("", &format!("{all}[WARP]\nThreads=0\n")), "found 0"),
+    ] {
+        let error = refused(&text);
+        assert!(
+            error.contains(expected),
+            "expected {expected}, found {error}"
+        );
+    }
+}
+
+/// Real files of many programs, when they lie beside the project.
+#[test]
+fn files_of_other_programs_load_or_are_refused_as_their_names_say() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/wif");
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        eprintln!("skipped: {folder} is not there");
+        return;
+    };
+    let mut drafts = std::collections::BTreeMap::new();
+    for entry in entries {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let result = Draft::from_wif(&std::fs::read(&path).unwrap());
+        if name.starts_with("BAD") {
+            let error = result.expect_err(&name).to_string();
+            let section = match name.as_str() {
+                "BAD missing liftplan" => "[LIFTPLAN]",
+                "BAD missing tieup" => "[TIEUP]",
+                "BAD missing_color_table_warp" => "[WARP COLORS] 1",
+                "BAD too many treadles in treadline" => "[TREADLING] 1",
+                "BAD warp_color too big" => "[WEFT COLORS] 6",
+                other => panic!("a new bad file: {other}"),
+            };
+            assert!(error.contains(section), "{name}: {error}");
+        } else {
+            let draft = result.unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert!(
+                !name.starts_with("WARN") || !draft.warnings.is_empty(),
+                "{name}"
+            );
+            drafts.insert(name, draft);
+        }
+    }
+    for name in ["two color liftplan", "two color single treadles"] {
+        let (up, down) = (&drafts[name], &drafts[&format!("{name} sinking shed")]);
+        for i in 0..up.ends() * up.picks() {
+            let (e, p) = (i % up.ends(), i / up.ends());
+            assert_ne!(up.warp_up(e, p), down.warp_up(e, p), "{name}");
+        }
+    }
+    let big = &drafts["multi-byte liftplan"];
+    assert_eq!((big.ends(), big.picks()), (641, 641));
+    assert_eq!(drafts["54235plain"].drawdown().lines().count(), 2);
+}
+
+proptest::proptest! {
+    /// Whatever is in a file, reading ends with a draft or an error.
+    #[test]
+    fn no_file_makes_the_reader_panic(
+        cuts in proptest::collection::vec((0usize..400, "[0-9,=;\\[\\]A-Za-z \\n.-]{0,6}"), 0..8),
+    ) {
+        let mut text = wif("", &format!(
+            "{THREADING}{TIEUP}{TREADLING}[COLOR PALETTE]\nRange=0,9\n[COLOR TABLE]\n1=1,2,3\n[WARP COLORS]\n1=1\n"
+        ));
+        for (place, new) in cuts {
+            let place = place.min(text.len());
+            text.replace_range(place..(place + new.len()).min(text.len()), &new);
+        }
+        if let Ok(draft) = Draft::from_wif(text.as_bytes()) {
+            let again = Draft::from_drawdown(&draft.drawdown().lines().collect::<Vec<_>>()).unwrap();
+            proptest::prop_assert_eq!(again.drawdown(), draft.drawdown());
+        }
+    }
+}

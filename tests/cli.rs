@@ -1,0 +1,164 @@
+//! Commands, exit codes and messages.
+
+use crate::program::{complaint, folder, organza, succeed, write_vol};
+use std::path::Path;
+
+const GRID_SCENE: &str = r#"[render]
+spp = 4
+[camera]
+origin_mm = [0.0, 0.0, 3.0]
+target_mm = [0.0, 0.0, 0.0]
+width_mm = 1.0
+resolution = [16, 8]
+[[light]]
+kind = "environment"
+radiance = [1.0, 1.0, 1.0]
+[[object]]
+kind = "grid"
+extinction = "sigma_t.vol"
+sggx = "sggx.vol"
+albedo = [0.9, 0.9, 0.9]
+"#;
+
+fn write_grid_scene(folder: &Path) {
+    let bounds = [-0.2, -0.2, -0.2, 0.2, 0.2, 0.2];
+    write_vol(&folder.join("sigma_t.vol"), [1, 1, 1], 1, bounds, &[5.0]);
+    let s = [1.0, 1.0, 0.04, 0.0, 0.0, 0.0];
+    write_vol(&folder.join("sggx.vol"), [1, 1, 1], 6, bounds, &s);
+    std::fs::write(folder.join("scene.toml"), GRID_SCENE).unwrap();
+}
+
+#[test]
+fn help_and_version_succeed_and_show_examples() {
+    let folder = folder("help");
+    assert!(succeed(&folder, &["--help"]).contains("organza render"));
+    for command in ["render", "voxelize", "weave", "info"] {
+        let help = succeed(&folder, &[command, "--help"]);
+        assert!(help.contains("Example"), "{command}: {help}");
+    }
+    assert!(succeed(&folder, &["--version"]).starts_with("organza "));
+}
+
+#[test]
+fn wrong_command_lines_end_with_two() {
+    let folder = folder("wrong-arguments");
+    for arguments in [
+        &["rendre"][..],
+        &["render"],
+        &["render", "x", "-o", "y", "--sspp", "3"],
+    ] {
+        assert_eq!(
+            organza(&folder, arguments).status.code(),
+            Some(2),
+            "{arguments:?}"
+        );
+    }
+}
+
+#[test]
+fn mistakes_in_scenes_are_told_with_place_and_nearest_name() {
+    let folder = folder("wrong-scenes");
+    write_grid_scene(&folder);
+    let say = |from: &str, to: &str| {
+        let text = GRID_SCENE.replace(from, to);
+        assert_ne!(text, GRID_SCENE);
+        std::fs::write(folder.join("wrong.toml"), text).unwrap();
+        complaint(&folder, &["render", "wrong.toml", "-o", "out.exr"])
+    };
+    let words = say("spp = 4", "ssp = 4");
+    assert!(
+        words.contains("wrong.toml:2:1: render.ssp: unknown field `ssp`"),
+        "{words}"
+    );
+    assert!(words.ends_with("did you mean `spp`?"), "{words}");
+    let words = say("\"environment\"", "\"enviroment\"");
+    assert!(words.contains("did you mean `environment`?"), "{words}");
+    let words = say("sggx = \"sggx.vol\"", "sggx = \"sigma_t.vol\"");
+    assert!(
+        words.contains("sigma_t.vol: has 1 channels; `sggx` expects 6"),
+        "{words}"
+    );
+    let words = say("sggx.vol", "missing.vol");
+    assert!(words.contains("missing.vol: no such file"), "{words}");
+    let words = say("spp = 4", "spp = 0");
+    assert!(words.contains("render.spp: expected at least 1"), "{words}");
+    let words = say("[0.0, 0.0, 3.0]", "[0.0, 0.0, 0.0]");
+    assert!(words.contains("are the same point"), "{words}");
+    let words = say("albedo = [0.9, 0.9, 0.9]", "albedo = [1.9, 0.9, 0.9]");
+    assert!(
+        words.contains("albedo") && words.contains("from 0 to 1"),
+        "{words}"
+    );
+    assert!(!folder.join("out.exr").exists(), "nothing is written");
+}
+
+#[test]
+fn damaged_volumes_are_refused() {
+    let folder = folder("wrong-volumes");
+    write_grid_scene(&folder);
+    let whole = std::fs::read(folder.join("sggx.vol")).unwrap();
+    let mut huge = whole.clone();
+    huge[8..12].copy_from_slice(&i32::MAX.to_le_bytes());
+    let mut not_a_number = whole.clone();
+    not_a_number[48..52].copy_from_slice(&f32::NAN.to_le_bytes());
+    for bytes in [
+        &whole[..whole.len() - 3],
+        &whole[..10],
+        b"VOL\x02",
+        &huge,
+        &not_a_number,
+    ] {
+        std::fs::write(folder.join("sggx.vol"), bytes).unwrap();
+        let words = complaint(&folder, &["render", "scene.toml", "-o", "out.exr"]);
+        assert!(words.contains(".vol"), "{words}");
+    }
+    assert!(!folder.join("out.exr").exists());
+}
+
+#[test]
+fn pictures_depend_on_the_seed_and_not_on_the_threads() {
+    let folder = folder("threads");
+    write_grid_scene(&folder);
+    let picture = |more: &[&str]| {
+        let mut arguments = vec!["render", "scene.toml", "-o", "out.exr"];
+        arguments.extend(more);
+        succeed(&folder, &arguments);
+        std::fs::read(folder.join("out.exr")).unwrap()
+    };
+    let one = picture(&["--threads", "1"]);
+    assert!(one == picture(&["--threads", "2"]), "same seed, same bytes");
+    assert!(
+        one != picture(&["--seed", "1"]),
+        "another seed, another picture"
+    );
+    let cropped = picture(&["--crop", "4,2,12,8"]);
+    assert!(cropped.len() < one.len());
+    complaint(
+        &folder,
+        &["render", "scene.toml", "-o", "out.exr", "--crop", "4,2,4,8"],
+    );
+    complaint(
+        &folder,
+        &[
+            "render",
+            "scene.toml",
+            "-o",
+            "out.exr",
+            "--crop",
+            "0,0,17,8",
+        ],
+    );
+    complaint(&folder, &["render", "scene.toml", "-o", "out.tiff"]);
+    complaint(&folder, &["render", "scene.toml", "-o", "nowhere/out.exr"]);
+    complaint(
+        &folder,
+        &[
+            "render",
+            "scene.toml",
+            "-o",
+            "x.exr",
+            "--set",
+            "render.sppp=3",
+        ],
+    );
+}

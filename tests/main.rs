@@ -1,0 +1,8 @@
+//! Claims that cross crates and the program as its users run it, in one test
+//! binary.
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+mod cli; // commands, exit codes and messages
+mod program; // how the others run the program
+mod slab; // the tracker against an independent renderer's slab
+mod tidy; // the repository itself

@@ -1,0 +1,61 @@
+//! Runs the program as a user does, in a folder of the test's own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A fresh folder below the build folder, emptied first.
+pub fn folder(test: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Runs `organza` in a folder.
+pub fn organza(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_organza"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// Runs `organza` and demands success.
+pub fn succeed(folder: &Path, arguments: &[&str]) -> String {
+    let out = organza(folder, arguments);
+    let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{arguments:?}: {stderr}");
+    String::from_utf8_lossy(&out.stdout).into_owned() + &stderr
+}
+
+/// Runs `organza`, demands the exit status of wrong input, and returns the
+/// message, which must be one line.
+pub fn complaint(folder: &Path, arguments: &[&str]) -> String {
+    let out = organza(folder, arguments);
+    let stderr = String::from_utf8_lossy(&out.stderr).trim_end().to_owned();
+    assert_eq!(out.status.code(), Some(2), "{arguments:?}: {stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    stderr
+}
+
+/// The channels of an EXR file, by name.
+pub fn exr_channels(path: &Path) -> std::collections::BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).unwrap();
+    let list = image.layer_data.channel_data.list;
+    list.iter()
+        .map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect()))
+        .collect()
+}
+
+/// Writes a `.vol` file (Mitsuba's grid format, version 3) without the help of
+/// the crate under test.
+pub fn write_vol(path: &Path, dims: [i32; 3], channels: i32, bounds: [f32; 6], data: &[f32]) {
+    let mut bytes = b"VOL\x03".to_vec();
+    for i in [1, dims[0], dims[1], dims[2], channels] {
+        bytes.extend(i.to_le_bytes());
+    }
+    for x in bounds.iter().chain(data) {
+        bytes.extend(x.to_le_bytes());
+    }
+    std::fs::write(path, bytes).unwrap();
+}

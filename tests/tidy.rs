@@ -1,0 +1,175 @@
+//! The repository tests itself: crate edges, citations, module docs, words
+//! that belong to no file.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Left imports from right; nothing else is allowed. See ARCHITECTURE.md.
+const EDGES: [(&str, &[&str]); 9] = [
+    ("basis", &[]),
+    ("weave", &["basis"]),
+    ("volume", &["basis"]),
+    ("scatter", &["basis"]),
+    ("mesh", &["basis"]),
+    ("transport", &["basis", "scatter", "volume"]),
+    ("surface", &["basis", "scatter", "weave"]),
+    ("measure", &["basis", "surface", "transport"]),
+    (
+        "cli",
+        &[
+            "basis",
+            "measure",
+            "mesh",
+            "scatter",
+            "surface",
+            "transport",
+            "volume",
+            "weave",
+        ],
+    ),
+];
+
+/// The organza crates that a manifest's `[dependencies]` name.
+fn own_dependencies(manifest: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(manifest).unwrap();
+    let table: toml::Table = toml::from_str(&text).unwrap();
+    let Some(dependencies) = table.get("dependencies").and_then(|d| d.as_table()) else {
+        return BTreeSet::new();
+    };
+    dependencies
+        .keys()
+        .filter_map(|k| k.strip_prefix("organza-").map(str::to_owned))
+        .collect()
+}
+
+#[test]
+fn crates_import_one_way_only() {
+    let allowed: BTreeMap<&str, BTreeSet<&str>> = EDGES
+        .iter()
+        .map(|(name, to)| (*name, to.iter().copied().collect()))
+        .collect();
+    let mut seen = BTreeSet::new();
+    for entry in std::fs::read_dir(root().join("crates")).unwrap() {
+        let folder = entry.unwrap().path();
+        let name = folder.file_name().unwrap().to_str().unwrap().to_owned();
+        let allowed = allowed
+            .get(name.as_str())
+            .unwrap_or_else(|| panic!("crates/{name} is not in the table of edges"));
+        for dependency in own_dependencies(&folder.join("Cargo.toml")) {
+            assert!(
+                allowed.contains(dependency.as_str()),
+                "crates/{name} must not import crates/{dependency}"
+            );
+        }
+        seen.insert(name);
+    }
+    assert_eq!(
+        seen.len(),
+        EDGES.len(),
+        "a crate of the table does not exist"
+    );
+    let root = own_dependencies(&root().join("Cargo.toml"));
+    assert_eq!(root, BTreeSet::from(["cli".to_owned()]));
+}
+
+/// All files below `folder` with one of the endings.
+fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() {
+                if name != "target" && name != ".git" {
+                    folders.push(path);
+                }
+            } else if endings.iter().any(|e| name.ends_with(e)) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Keys in a text: an author and a year in square brackets.
+fn citations(text: &str) -> BTreeSet<String> {
+    text.split('[')
+        .skip(1)
+        .filter_map(|s| s.split_once(']').map(|(key, _)| key))
+        .filter(|key| {
+            let letters = key.trim_end_matches(|c: char| c.is_ascii_digit());
+            key.len() == letters.len() + 4
+                && letters.len() > 2
+                && letters.chars().all(char::is_alphabetic)
+                && key.chars().next().is_some_and(char::is_alphabetic)
+        })
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn every_citation_resolves_and_every_entry_is_cited() {
+    let bib = std::fs::read_to_string(root().join("REFERENCES.bib")).unwrap();
+    let keys: BTreeSet<String> = bib
+        .lines()
+        .filter_map(|l| l.strip_prefix('@')?.split_once('{')?.1.strip_suffix(','))
+        .map(str::to_owned)
+        .collect();
+    let mut cited = BTreeSet::new();
+    for path in files(&root(), &[".rs", ".md", ".toml"]) {
+        for key in citations(&std::fs::read_to_string(&path).unwrap()) {
+            assert!(
+                keys.contains(&key),
+                "{}: [{key}] is not in REFERENCES.bib",
+                path.display()
+            );
+            cited.insert(key);
+        }
+    }
+    let unused: Vec<_> = keys.difference(&cited).collect();
+    assert!(unused.is_empty(), "never cited: {unused:?}");
+}
+
+#[test]
+fn every_source_file_says_what_it_is() {
+    for path in files(&root(), &[".rs"]) {
+        let of_a_test = path.components().any(|c| c.as_os_str() == "tests");
+        if is_test_module(&path) || of_a_test {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(
+            text.starts_with("//!"),
+            "{} does not open with a doc comment",
+            path.display()
+        );
+    }
+}
+
+/// Unit tests that outgrew their file.
+fn is_test_module(path: &Path) -> bool {
+    path.file_stem()
+        .is_some_and(|s| s.to_string_lossy().ends_with("tests"))
+}
+
+#[test]
+fn only_the_command_line_opens_files() {
+    for (name, _) in EDGES.iter().filter(|(name, _)| *name != "cli") {
+        for path in files(&root().join("crates").join(name).join("src"), &[".rs"]) {
+            if is_test_module(&path) {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            let code = text.split("#[cfg(test)]").next().unwrap_or("");
+            for word in ["std::fs", "File::open", "File::create"] {
+                assert!(!code.contains(word), "{} uses {word}", path.display());
+            }
+        }
+    }
+}
