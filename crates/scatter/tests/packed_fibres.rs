@@ -358,11 +358,8 @@ fn the_packed_event_follows_explicit_fibres() {
                     off(&packed, 1),
                     se(1),
                 );
-                for (sums, run) in squares.iter_mut().zip([&plain, &packed]) {
-                    for (k, sum) in sums.iter_mut().enumerate() {
-                        *sum += off(run, k).powi(2);
-                    }
-                }
+                squares[0] = [0, 1].map(|k| squares[0][k] + off(&plain, k).powi(2));
+                squares[1] = [0, 1].map(|k| squares[1][k] + off(&packed, k).powi(2));
                 cases += 1.0;
                 if name.starts_with("dielectric") {
                     let admitted = 5.0 + 3.0 * se(0);
