@@ -165,7 +165,7 @@ fn near_in_f64(f: &Fibre, p: &DielectricParameters, w_out: Vec3, w_in: Vec3, h: 
     let beta = f64::from(p.longitudinal_rad);
     let widths = [beta, 0.5 * beta, 2.0 * beta, 2.0 * beta];
     let mut sum = 0.0;
-    for (lobe, &width) in widths.iter().enumerate() {
+    for (lobe, s) in widths.into_iter().enumerate() {
         let a = match lobe {
             0 => fresnel,
             k => {
@@ -177,7 +177,6 @@ fn near_in_f64(f: &Fibre, p: &DielectricParameters, w_out: Vec3, w_in: Vec3, h: 
                 }
             }
         };
-        let s = width;
         let k = gauss(ti + to, s) + gauss(pi - ti + to, s) + gauss(-pi - ti + to, s);
         let centre = pi - 2.0 * gi - lobe as f64 * (pi - 2.0 * gt);
         let n = if lobe == 3 {

@@ -69,7 +69,7 @@ pub fn chi_square(
 /// of its projected area that the model states (tables).
 pub fn prove_flakes(name: &str, flakes: &impl MicroFlake, pole: Vec3, floor: f64) {
     let grid = SphereGrid::new(pole, 20, 24).admitting(1e-4 + floor);
-    let n = draws(60_000);
+    let n = draws(30_000);
     let seed = 100;
     let mut rng = PathRng::from_seed(seed);
     for w_out in oblique() {
@@ -126,7 +126,7 @@ pub fn prove_lobe(name: &str, lobe: &impl Lobe, pole: Vec3, w_out: Vec3, tests: 
     let mut weights = Moments::default();
     let mut drawn = Vec::new();
     let density = grid.chi_square(
-        draws(60_000),
+        draws(30_000),
         || {
             let s = lobe.sample(w_out, &mut rng);
             weights.add(s.map_or(0.0, |s| f64::from(s.weight.0.x)));
