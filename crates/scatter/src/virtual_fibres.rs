@@ -272,11 +272,11 @@ mod tests {
         for spread in [0.05f32, 0.3, 1.2, 8.0] {
             let mut edges = vec![-1.0];
             // Cells equal in polar angle out to where the population ends.
-            let reach = (4.0 * spread).min(FRAC_PI_2);
+            let reach = (6.0 * spread).min(FRAC_PI_2);
             edges.extend(
-                (0..=12)
+                (0..=18)
                     .rev()
-                    .map(|i| f64::from(reach * i as f32 / 12.0).cos()),
+                    .map(|i| f64::from(reach * i as f32 / 18.0).cos()),
             );
             if edges[1] < 1e-6 {
                 edges[1] = 0.0;
