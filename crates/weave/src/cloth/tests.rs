@@ -104,11 +104,13 @@ fn assert_closed(cloth: &Cloth, level: Level) {
         let period = source.tile().period_mm().extend(0.0);
         let warps = cloth.draft().map_or(0, Draft::ends);
         let along = if batch < warps { Vec3::Y } else { Vec3::X };
+        // Single precision of the largest coordinate.
+        let near = 2e-6 + 2e-7 * period.max_element();
         let mut starts = vec![0u32; ends.len()];
         for (_, last) in &ends {
             let wanted = last.end_mm - along * period;
             let matches = |first: &Segment| {
-                first.start_mm.distance(wanted) < 2e-6
+                first.start_mm.distance(wanted) < near
                     && first.start_tangent.distance(last.end_tangent) < 1e-4
             };
             let next = ends.iter().position(|(first, _)| matches(first));
