@@ -162,3 +162,86 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
         ],
     );
 }
+
+#[test]
+fn the_volumes_of_the_project_can_be_told_and_made_again() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = folder("volumes");
+    for (file, kind) in [
+        ("denim.ovox", "octree"),
+        ("charmeuse.ovox", "octree"),
+        ("jersey.ovox", "octree"),
+        ("jersey.vdb", "vdb"),
+    ] {
+        let path = root.join("volumes").join(file);
+        let told = succeed(&folder, &["info", path.to_str().unwrap(), "--json"]);
+        assert!(told.contains(&format!("\"kind\": \"{kind}\"")), "{told}");
+    }
+    let fabric = root.join("scenes/fabrics/jersey.toml");
+    let fabric = fabric.to_str().unwrap();
+    succeed(
+        &folder,
+        &["voxelize", fabric, "-o", "again.ovox", "--threads", "1"],
+    );
+    let again = std::fs::read(folder.join("again.ovox")).unwrap();
+    let kept = std::fs::read(root.join("volumes/jersey.ovox")).unwrap();
+    assert!(
+        again == kept,
+        "volumes/jersey.ovox is no longer what its command makes"
+    );
+    succeed(
+        &folder,
+        &["voxelize", fabric, "-o", "tile.vol", "--level", "1"],
+    );
+    let told = succeed(&folder, &["info", "tile.sggx.vol"]);
+    assert!(told.contains("channels: 6"), "{told}");
+    let words = complaint(
+        &folder,
+        &["voxelize", fabric, "-o", "x.ovox", "--max-memory", "100k"],
+    );
+    assert!(words.contains("bytes of memory"), "{words}");
+    let words = complaint(
+        &folder,
+        &["voxelize", fabric, "-o", "x.vdb", "--level", "9"],
+    );
+    assert!(words.contains("--level 9"), "{words}");
+    assert!(!folder.join("x.ovox").exists());
+}
+
+#[test]
+fn drafts_and_curves_go_through_the_command_line() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = folder("weave");
+    assert_eq!(succeed(&folder, &["weave", "plain"]), ".X\nX.\n");
+    let words = complaint(&folder, &["weave", "twil-3-1-s"]);
+    assert!(words.contains("did you mean \"twill-3-1-s\"?"), "{words}");
+    let draft = root.join("scenes/drafts/first_light.wif");
+    let told = succeed(&folder, &["weave", draft.to_str().unwrap(), "--json"]);
+    assert!(told.contains("\"ends\": 16"), "{told}");
+    // A knit is drawn from its curves; text written and read back is the same text.
+    let fabric = root.join("scenes/fabrics/jersey.toml");
+    let fabric = fabric.to_str().unwrap();
+    succeed(&folder, &["weave", fabric, "-o", "knit.png"]);
+    for ending in ["obj", "bcc", "txt"] {
+        let name = format!("yarns.{ending}");
+        succeed(&folder, &["weave", fabric, "--level", "yarn", "-o", &name]);
+    }
+    let import =
+        "[draft]\ncurves = \"yarns.txt\"\ncurves_are = \"fibres\"\n[weft]\nyarn = \"cotton\"\n";
+    std::fs::write(folder.join("import.toml"), import).unwrap();
+    succeed(
+        &folder,
+        &[
+            "weave",
+            "import.toml",
+            "--level",
+            "fibre",
+            "-o",
+            "again.txt",
+        ],
+    );
+    let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert!(text("again.txt") == text("yarns.txt"));
+    complaint(&folder, &["weave", "plain", "-o", "plain.obj"]);
+    complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
+}

@@ -53,7 +53,11 @@ impl Draft {
                     "\"{name}\": expected numbers from 1 to 1024 separated by -"
                 ))
             })?;
-        if turn.is_some() && family != "twill" {
+        let known = FORMS.iter().any(|f| {
+            f.strip_prefix(&family)
+                .is_some_and(|r| r.is_empty() || r.starts_with('-'))
+        });
+        if turn.is_some() && known && family != "twill" {
             return Err(wrong(format!("\"{name}\": only a twill runs s or z")));
         }
         let mut draft = match (family.as_str(), numbers.as_slice()) {
