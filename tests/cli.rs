@@ -20,7 +20,8 @@ sggx = "sggx.vol"
 albedo = [0.9, 0.9, 0.9]
 "#;
 
-fn write_grid_scene(folder: &Path) {
+/// A small scene of one grid, `scene.toml`.
+pub fn write_grid_scene(folder: &Path) {
     let bounds = [-0.2, -0.2, -0.2, 0.2, 0.2, 0.2];
     write_vol(&folder.join("sigma_t.vol"), [1, 1, 1], 1, bounds, &[5.0]);
     let s = [1.0, 1.0, 0.04, 0.0, 0.0, 0.0];
@@ -32,7 +33,7 @@ fn write_grid_scene(folder: &Path) {
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
     assert!(succeed(&folder, &["--help"]).contains("organza render"));
-    for command in ["render", "voxelize", "weave", "info"] {
+    for command in ["render", "merge", "voxelize", "weave", "info"] {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
     }

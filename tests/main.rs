@@ -4,5 +4,6 @@
 
 mod cli; // commands, exit codes and messages
 mod program; // how the others run the program
+mod running; // sample ranges, merging, checkpoints, stopping
 mod slab; // the tracker against an independent renderer's slab
 mod tidy; // the repository itself

@@ -108,7 +108,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
         relaxation: file.relaxation,
         tile: file.tile,
     };
-    let open = |name: &str| std::fs::read(read::beside(path, name));
+    let open = |name: &str| read::bytes_or_why(&read::beside(path, name));
     let cloth = Cloth::build(&geometry, &open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
     for (yarn, optics) in &file.optics {
@@ -263,7 +263,7 @@ fn level_for_camera(octree: &Octree, camera: &CameraTable) -> u8 {
     let pixels = f64::from(camera.resolution[0].max(1));
     let width_mm = match camera.kind {
         CameraKind::Orthographic => camera.width_mm.unwrap_or(0.0),
-        CameraKind::Perspective => {
+        CameraKind::Perspective | CameraKind::ThinLens => {
             let distance = (glam::DVec3::from(camera.target_mm)
                 - glam::DVec3::from(camera.origin_mm))
             .length();

@@ -1,9 +1,12 @@
 //! Every command and flag; help, completions and man pages come from here.
 
+use crate::sample_ranges::parse_range;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use glam::UVec2;
 use organza_transport::Crop;
+use std::ops::Range;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Volumetric cloth renderer: weave drafts to fibres to light.
 #[derive(Debug, Parser)]
@@ -24,6 +27,8 @@ pub struct Arguments {
 pub enum Command {
     /// Path-trace a scene to .exr (linear, with variance and AOVs) or .png
     Render(RenderArgs),
+    /// Combine renders of disjoint sample ranges into the unbroken render, exactly
+    Merge(MergeArgs),
     /// Turn one tile of a fabric into a volume file
     Voxelize(VoxelizeArgs),
     /// Draw a draft or a fabric's weave
@@ -71,7 +76,25 @@ pub struct RenderArgs {
     /// Render only these pixels: left, top, right, bottom (right and bottom outside)
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_crop)]
     pub crop: Option<Crop>,
-    /// Print counts of collisions, shadow steps and rejected samples
+    /// Take only these samples of every pixel; parts are put together by `organza merge`
+    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "spp")]
+    pub samples: Option<Range<u64>>,
+    /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub time_limit: Option<Duration>,
+    /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
+    #[arg(long, value_name = "FRACTION", value_parser = parse_fraction)]
+    pub target_error: Option<f64>,
+    /// Save what was gathered to this file now and then, when interrupted and at the end
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+    /// Time between two checkpoints
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
+    pub checkpoint_every: Duration,
+    /// Go on from the checkpoint
+    #[arg(long, requires = "checkpoint")]
+    pub resume: bool,
+    /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
     #[arg(long)]
     pub stats: bool,
     /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
@@ -79,6 +102,26 @@ pub struct RenderArgs {
     pub max_memory: Option<u64>,
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+/// `organza merge`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza render scenes/first_light.toml --samples 0..128 -o a.exr\n  organza render scenes/first_light.toml --samples 128..256 -o b.exr\n  organza merge a.exr b.exr -o all.exr"
+)]
+pub struct MergeArgs {
+    /// Pictures of one scene and seed (.exr), with no sample in common
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Picture to write (.exr)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 /// `organza voxelize`
@@ -193,6 +236,31 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
+/// A time from "60s", "500ms", "1.5m", "2h" or a plain number of seconds.
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let seconds = match &text[digits.len()..] {
+        "ms" => 1e-3,
+        "" | "s" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    digits
+        .trim()
+        .parse()
+        .ok()
+        .and_then(|n: f64| Duration::try_from_secs_f64(n * seconds).ok())
+        .ok_or_else(|| "expected a time such as 60s, 500ms, 5m or 2h".into())
+}
+
+fn parse_fraction(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a positive number such as 0.02".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,6 +268,16 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         command().debug_assert();
+    }
+
+    #[test]
+    fn times_are_read_with_their_units() {
+        assert_eq!(parse_duration("1.5m"), Ok(Duration::from_secs(90)));
+        assert_eq!(parse_duration("250ms"), Ok(Duration::from_millis(250)));
+        assert_eq!(parse_duration("0"), Ok(Duration::ZERO));
+        for wrong in ["", "s", "-1s", "5 weeks", "infs", "1e400"] {
+            assert!(parse_duration(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

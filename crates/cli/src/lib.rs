@@ -3,16 +3,21 @@
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
 
+mod checkpoint;
 mod commands;
 mod error;
 mod fabric_file;
 mod flags;
+mod identity;
+mod interrupt;
 mod output;
 mod picture;
 mod progress;
 mod read;
+mod sample_ranges;
 mod scene_build;
 mod scene_file;
+mod schedule;
 
 pub use flags::command;
 
@@ -32,6 +37,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let outcome = match arguments.command {
         flags::Command::Render(a) => commands::render::run(&a),
+        flags::Command::Merge(a) => commands::merge::run(&a),
         flags::Command::Voxelize(a) => commands::voxelize::run(&a),
         flags::Command::Weave(a) => commands::weave::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),

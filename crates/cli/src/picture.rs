@@ -2,14 +2,17 @@
 //! tone-mapped PNG.
 
 use crate::error::input;
-use crate::output;
+use crate::{output, read};
 use anyhow::{Context, Result};
+use exr::meta::{MetaData, header::Header};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, Text,
-    WritableImage,
+    AnyChannel, AnyChannels, ChannelDescription, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, ReadChannels, ReadLayers, SampleType, Text, WritableImage,
 };
+use glam::UVec2;
 use organza_basis::Rgb;
 use organza_transport::{Film, Pixel};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The kinds of picture files.
@@ -67,32 +70,41 @@ const CHANNELS: [Channel; 13] = [
     ("variance.R", |p| p.variance_of_mean().0.x),
     ("variance.G", |p| p.variance_of_mean().0.y),
     ("variance.B", |p| p.variance_of_mean().0.z),
-    ("tangent.X", |p| p.axis_sum.normalize_or_zero().x as f32),
-    ("tangent.Y", |p| p.axis_sum.normalize_or_zero().y as f32),
-    ("tangent.Z", |p| p.axis_sum.normalize_or_zero().z as f32),
-    ("yarn", |p| p.yarn.map_or(-1.0, |y| y as f32)),
+    ("tangent.X", |p| p.tangent().x),
+    ("tangent.Y", |p| p.tangent().y),
+    ("tangent.Z", |p| p.tangent().z),
+    ("yarn", |p| p.yarn().map_or(-1.0, |y| y as f32)),
     ("depth_mm", |p| {
-        if p.hits == 0 {
-            f32::INFINITY
-        } else {
-            (p.depth_sum_mm / p.hits as f64) as f32
-        }
+        p.depth_mm().map_or(f32::INFINITY, |d| d as f32)
     }),
-    ("bounces", |p| {
-        (p.bounces as f64 / p.count().max(1) as f64) as f32
-    }),
+    ("bounces", |p| p.mean_bounces() as f32),
     ("through", |p| p.straight_through()),
 ];
 
+/// Channel of one word of [`Pixel::to_words`]. They hold the exact sums that
+/// all other channels were computed from, so that pictures can be merged.
+fn sum_channel(word: usize) -> String {
+    format!("sums.{word:02}")
+}
+
 fn write_exr(path: &Path, film: &Film, attributes: &[Attribute]) -> Result<()> {
     let size = (film.size().x as usize, film.size().y as usize);
-    let channels = CHANNELS
-        .iter()
-        .map(|(name, value)| {
-            let samples = film.pixels().iter().map(value).collect();
-            AnyChannel::new(*name, FlatSamples::F32(samples))
-        })
-        .collect();
+    let pixels = film.pixels();
+    let values = CHANNELS.iter().map(|(name, value)| {
+        let samples = pixels.iter().map(value).collect();
+        AnyChannel::new(*name, FlatSamples::F32(samples))
+    });
+    let mut words: [Vec<u32>; Pixel::WORDS] =
+        std::array::from_fn(|_| Vec::with_capacity(pixels.len()));
+    for pixel in pixels {
+        for (samples, word) in words.iter_mut().zip(pixel.to_words()) {
+            samples.push(word);
+        }
+    }
+    let sums = words.into_iter().enumerate().map(|(word, samples)| {
+        AnyChannel::new(sum_channel(word).as_str(), FlatSamples::U32(samples))
+    });
+    let channels = values.chain(sums).collect();
     let mut layer_attributes = LayerAttributes::named("organza");
     layer_attributes.software_name = Text::new_or_none("organza");
     // One text in the standard field for it: custom attributes come out of a
@@ -116,6 +128,75 @@ fn write_exr(path: &Path, film: &Film, attributes: &[Attribute]) -> Result<()> {
             .to_buffered(out)
             .context("encoding the EXR failed")
     })
+}
+
+/// The film of an EXR file that [`write`] made, and its comment's attributes.
+///
+/// # Errors
+/// The file cannot be read, is no EXR, or was not written by this program; the
+/// film would take more than `max_memory_bytes`.
+pub fn read_exr(path: &Path, max_memory_bytes: u64) -> Result<(Film, BTreeMap<String, String>)> {
+    let fail = |why: &str| input(format!("{}: {why}", path.display()));
+    let broken = |e: exr::error::Error| fail(&format!("cannot be read as EXR: {e}"));
+    let bytes = read::bytes(path)?;
+    let meta = MetaData::read_from_buffered(&bytes[..], false).map_err(broken)?;
+    let header = meta.headers.first();
+    let comment = header.and_then(|h| h.own_attributes.comments.as_ref());
+    let sums = |h: &Header| {
+        (0..Pixel::WORDS).all(|w| {
+            let has = |c: &ChannelDescription| {
+                c.name == *sum_channel(w) && c.sample_type == SampleType::U32
+            };
+            h.channels.list.iter().any(has)
+        })
+    };
+    let (Some(header), Some(comment)) = (header.filter(|h| sums(h)), comment) else {
+        return Err(fail(
+            "holds no exact sums; expected a picture of `organza render`",
+        ));
+    };
+    let attributes = comment
+        .to_string()
+        .lines()
+        .filter_map(|l| l.split_once('='))
+        .map(|(k, v)| (k.to_owned(), v.to_owned()))
+        .collect();
+    let size = UVec2::new(
+        header.layer_size.width() as u32,
+        header.layer_size.height() as u32,
+    );
+    // The decoded channels, one more copy of the sums, and the film.
+    let needed = 3 * Film::memory_bytes(size);
+    if needed > max_memory_bytes {
+        return Err(fail(&format!(
+            "takes {needed} bytes of memory; {max_memory_bytes} are allowed"
+        )));
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(std::io::Cursor::new(&bytes))
+        .map_err(broken)?;
+    let mut words = vec![[0; Pixel::WORDS]; size.x as usize * size.y as usize];
+    for word in 0..Pixel::WORDS {
+        let name = sum_channel(word);
+        let channels = &image.layer_data.channel_data.list;
+        let channel = channels.iter().find(|c| c.name == *name);
+        let Some(FlatSamples::U32(samples)) = channel.map(|c| &c.sample_data) else {
+            return Err(fail("holds no exact sums in its first layer"));
+        };
+        for (pixel, &sample) in words.iter_mut().zip(samples) {
+            pixel[word] = sample;
+        }
+    }
+    let mut film = Film::new(size);
+    for (pixel, words) in film.pixels_mut().iter_mut().zip(&words) {
+        *pixel = Pixel::from_words(words);
+    }
+    Ok((film, attributes))
 }
 
 fn write_png(path: &Path, film: &Film, exposure: f32) -> Result<()> {

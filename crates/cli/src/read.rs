@@ -5,17 +5,48 @@ use crate::error::input;
 use anyhow::Result;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// The largest input file read whole into memory, except volumes.
 const MAX_TEXT_BYTES: u64 = 64 << 20;
+
+/// Digests of all input files read so far, in order. Every input passes
+/// through [`bytes_or_why`], so this is what a picture was made from.
+static INPUTS: Mutex<Vec<[u8; 32]>> = Mutex::new(Vec::new());
 
 /// The bytes of a file.
 ///
 /// # Errors
 /// Names the file; a file that cannot be read is wrong input.
 pub fn bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| input(format!("{}: {}", path.display(), io_words(&e))))
+    bytes_or_why(path).map_err(|e| input(format!("{}: {}", path.display(), io_words(&e))))
+}
+
+/// The bytes of a file, for callers that word the error themselves.
+///
+/// # Errors
+/// Those of the file system.
+pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
+    let bytes = std::fs::read(path)?;
+    let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    inputs.push(Sha256::digest(&bytes).into());
+    Ok(bytes)
+}
+
+/// How many input files were read so far.
+pub fn input_count() -> usize {
+    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    inputs.len()
+}
+
+/// Digests of the input files read after the first `count`, in sorted order.
+pub fn inputs_after(count: usize) -> Vec<[u8; 32]> {
+    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut digests: Vec<_> = inputs.iter().skip(count).copied().collect();
+    digests.sort_unstable();
+    digests
 }
 
 /// The text of a file, at most [`MAX_TEXT_BYTES`] long.

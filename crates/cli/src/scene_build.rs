@@ -11,7 +11,7 @@ use glam::{DVec3, UVec2, Vec3};
 use organza_basis::Rgb;
 use organza_transport::{
     AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Interpolation, Light, PixelFilter,
-    Projection, Scene,
+    Projection, Scene, aperture_mm,
 };
 use organza_volume::VolGrid;
 use std::path::{Path, PathBuf};
@@ -55,24 +55,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
 }
 
 fn camera(t: &CameraTable) -> Result<Camera, String> {
-    let projection = match t.kind {
-        CameraKind::Orthographic => {
-            if t.fov_deg.is_some() {
-                return Err("fov_deg belongs to kind = \"perspective\"".into());
-            }
-            Projection::Orthographic {
-                width_mm: t.width_mm.ok_or("width_mm is missing")?,
-            }
-        }
-        CameraKind::Perspective => {
-            if t.width_mm.is_some() {
-                return Err("width_mm belongs to kind = \"orthographic\"".into());
-            }
-            Projection::Perspective {
-                fov_rad: t.fov_deg.ok_or("fov_deg is missing")?.to_radians(),
-            }
-        }
-    };
+    let projection = projection(t)?;
     let pose = CameraPose {
         origin_mm: DVec3::from_array(t.origin_mm),
         target_mm: DVec3::from_array(t.target_mm),
@@ -91,6 +74,64 @@ fn camera(t: &CameraTable) -> Result<Camera, String> {
         return Err("resolution: at most 65536 pixels along an edge".into());
     }
     Camera::new(projection, pose, resolution, filter).map_err(|e| e.to_string())
+}
+
+/// Width of the sensor that f-numbers are told for when none is given: the
+/// 36 mm of small-picture film.
+const SENSOR_WIDTH_MM: f64 = 36.0;
+
+fn projection(t: &CameraTable) -> Result<Projection, String> {
+    use CameraKind::{Orthographic, Perspective, ThinLens};
+    let keys: [(&str, bool, &[CameraKind]); 6] = [
+        ("width_mm", t.width_mm.is_some(), &[Orthographic]),
+        ("fov_deg", t.fov_deg.is_some(), &[Perspective, ThinLens]),
+        ("aperture_mm", t.aperture_mm.is_some(), &[ThinLens]),
+        ("f_number", t.f_number.is_some(), &[ThinLens]),
+        ("focus_mm", t.focus_mm.is_some(), &[ThinLens]),
+        ("sensor_width_mm", t.sensor_width_mm.is_some(), &[ThinLens]),
+    ];
+    let name = |kind| match kind {
+        Orthographic => "\"orthographic\"",
+        Perspective => "\"perspective\"",
+        ThinLens => "\"thin-lens\"",
+    };
+    for (key, given, kinds) in keys {
+        if given && !kinds.contains(&t.kind) {
+            let kinds: Vec<&str> = kinds.iter().copied().map(name).collect();
+            return Err(format!("{key} belongs to kind = {}", kinds.join(" or ")));
+        }
+    }
+    let fov_rad = || Ok::<f64, String>(t.fov_deg.ok_or("fov_deg is missing")?.to_radians());
+    Ok(match t.kind {
+        Orthographic => Projection::Orthographic {
+            width_mm: t.width_mm.ok_or("width_mm is missing")?,
+        },
+        Perspective => Projection::Perspective {
+            fov_rad: fov_rad()?,
+        },
+        ThinLens => {
+            let fov_rad = fov_rad()?;
+            let to_target = DVec3::from(t.target_mm) - DVec3::from(t.origin_mm);
+            let focus_mm = t.focus_mm.unwrap_or(to_target.length());
+            let aperture_mm = match (t.aperture_mm, t.f_number) {
+                (Some(d), None) if t.sensor_width_mm.is_none() => d,
+                (Some(_), None) => return Err("sensor_width_mm belongs to f_number".into()),
+                (None, Some(n)) => {
+                    let sensor_mm = t.sensor_width_mm.unwrap_or(SENSOR_WIDTH_MM);
+                    if !(sensor_mm > 0.0 && sensor_mm.is_finite()) {
+                        return Err("sensor_width_mm must be positive".into());
+                    }
+                    aperture_mm(n, fov_rad, focus_mm, sensor_mm)
+                }
+                _ => return Err("a thin lens takes either aperture_mm or f_number".into()),
+            };
+            Projection::ThinLens {
+                fov_rad,
+                aperture_mm,
+                focus_mm,
+            }
+        }
+    })
 }
 
 fn light(t: &LightTable) -> Result<Light, String> {

@@ -20,7 +20,7 @@ pub struct SceneFile {
 }
 
 /// `[render]`
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderTable {
     pub integrator: IntegratorName,
@@ -62,8 +62,17 @@ pub struct CameraTable {
     pub up: [f64; 3],
     /// Orthographic: width of the picture on the film plane.
     pub width_mm: Option<f64>,
-    /// Perspective: horizontal angle of view.
+    /// Perspective and thin lens: horizontal angle of view.
     pub fov_deg: Option<f64>,
+    /// Thin lens: its diameter; or `f_number`.
+    pub aperture_mm: Option<f64>,
+    /// Thin lens: focal length over diameter, the former from `fov_deg`,
+    /// `focus_mm` and `sensor_width_mm`.
+    pub f_number: Option<f64>,
+    /// Thin lens: distance in focus along the axis; that of the target if none.
+    pub focus_mm: Option<f64>,
+    /// With `f_number`: width of the sensor, 36 if none.
+    pub sensor_width_mm: Option<f64>,
     #[serde(default = "resolution")]
     pub resolution: [u32; 2],
     #[serde(default)]
@@ -84,6 +93,7 @@ pub enum CameraKind {
     #[default]
     Orthographic,
     Perspective,
+    ThinLens,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]

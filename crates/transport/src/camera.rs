@@ -1,7 +1,7 @@
 //! Cameras: rays through pixels.
 
 use glam::{DVec3, UVec2, Vec2};
-use organza_basis::PathRng;
+use organza_basis::{PathRng, warp::concentric_disk};
 
 /// How film points become rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +16,26 @@ pub enum Projection {
         /// Horizontal angle of view.
         fov_rad: f64,
     },
+    /// A lens that is sharp in one plane and has no other fault.
+    ThinLens {
+        /// Horizontal angle of view.
+        fov_rad: f64,
+        /// Diameter of the lens.
+        aperture_mm: f64,
+        /// Distance of the plane in focus from the lens, along the axis.
+        focus_mm: f64,
+    },
+}
+
+/// Diameter of a lens from its f-number.
+///
+/// The lens equation gives the focal length from the distance in focus and
+/// from the distance of the sensor, which its width and the angle of view
+/// give: `1/f = 1/focus + 1/sensor`, aperture `f / N`. At macro distances the
+/// focal length is well below the sensor's distance.
+pub fn aperture_mm(f_number: f64, fov_rad: f64, focus_mm: f64, sensor_width_mm: f64) -> f64 {
+    let sensor_distance = 0.5 * sensor_width_mm / (0.5 * fov_rad).tan();
+    1.0 / (1.0 / focus_mm + 1.0 / sensor_distance) / f_number
 }
 
 /// How samples spread around a pixel's centre. Positions are drawn from the
@@ -113,17 +133,32 @@ impl Camera {
             Projection::Orthographic { .. } => {
                 return Err(CameraError::Range("camera.width_mm must be positive"));
             }
-            Projection::Perspective { fov_rad }
+            Projection::Perspective { fov_rad } | Projection::ThinLens { fov_rad, .. }
                 if fov_rad > 0.0 && fov_rad < std::f64::consts::PI =>
             {
                 2.0 * (0.5 * fov_rad).tan()
             }
-            Projection::Perspective { .. } => {
+            Projection::Perspective { .. } | Projection::ThinLens { .. } => {
                 return Err(CameraError::Range(
                     "camera.fov_deg must lie between 0 and 180",
                 ));
             }
         };
+        if let Projection::ThinLens {
+            aperture_mm,
+            focus_mm,
+            ..
+        } = projection
+        {
+            if !(aperture_mm >= 0.0 && aperture_mm.is_finite()) {
+                return Err(CameraError::Range(
+                    "camera.aperture_mm must be at least 0 and camera.f_number positive",
+                ));
+            }
+            if !(focus_mm > 0.0 && focus_mm.is_finite()) {
+                return Err(CameraError::Range("camera.focus_mm must be positive"));
+            }
+        }
         Ok(Camera {
             projection,
             resolution,
@@ -153,6 +188,16 @@ impl Camera {
         match self.projection {
             Projection::Orthographic { .. } => (self.origin_mm + offset, self.forward),
             Projection::Perspective { .. } => (self.origin_mm, (self.forward + offset).normalize()),
+            Projection::ThinLens {
+                aperture_mm,
+                focus_mm,
+                ..
+            } => {
+                let on_disk = concentric_disk(rng.unit2()).as_dvec2() * (0.5 * aperture_mm);
+                let on_lens = on_disk.x * self.right + on_disk.y * self.up;
+                let direction = (self.forward + offset) * focus_mm - on_lens;
+                (self.origin_mm + on_lens, direction.normalize())
+            }
         }
     }
 }
@@ -184,6 +229,91 @@ mod tests {
         for _ in 0..100 {
             let (_, d) = pinhole.ray(UVec2::new(3, 1), &mut rng);
             assert!(d.x > 0.0 && d.y < 0.0 && d.x / -d.z <= 1.0);
+        }
+    }
+
+    const LENS: Projection = Projection::ThinLens {
+        fov_rad: 0.5,
+        aperture_mm: 2.0,
+        focus_mm: 5.0,
+    };
+
+    /// Rays of one film point meet in the plane of focus; elsewhere they fill
+    /// the disk that similar triangles give.
+    #[test]
+    fn a_thin_lens_is_sharp_in_its_plane_of_focus() {
+        let (lens, mut rng) = (from_above(LENS), PathRng::from_seed(3));
+        let pinhole = from_above(Projection::Perspective { fov_rad: 0.5 });
+        let at = |(o, d): (DVec3, DVec3), z: f64| o + d * ((z - o.z) / d.z);
+        let (mut widest, mut second_moment) = (0.0f64, 0.0);
+        let rays = 20_000;
+        for _ in 0..rays {
+            let pixel = UVec2::new(1, 0);
+            let sharp = pinhole.ray(pixel, &mut rng.clone());
+            let ray = lens.ray(pixel, &mut rng);
+            assert!((at(ray, 0.0) - at(sharp, 0.0)).length() < 1e-12);
+            assert!((ray.1.length() - 1.0).abs() < 1e-12);
+            // 2 mm in front of the focus, 3 mm from the lens: a disk 2/5 as wide.
+            let blur = (at(ray, 2.0) - at(sharp, 2.0)).length();
+            widest = widest.max(blur);
+            second_moment += blur * blur / f64::from(rays);
+        }
+        assert!(widest <= 0.4 && widest > 0.39, "seed 3: {widest}");
+        // A uniform disk of radius R has mean square R^2 / 2; one value deviates
+        // by R^2 / sqrt(12).
+        let tolerance = 4.0 * 0.16 / (12.0 * f64::from(rays)).sqrt();
+        assert!(
+            (second_moment - 0.08).abs() < tolerance,
+            "seed 3: {second_moment}"
+        );
+    }
+
+    #[test]
+    fn a_closed_lens_is_a_pinhole() {
+        let closed = Projection::ThinLens {
+            fov_rad: 0.5,
+            aperture_mm: 0.0,
+            focus_mm: 7.0,
+        };
+        let (lens, pinhole) = (
+            from_above(closed),
+            from_above(Projection::Perspective { fov_rad: 0.5 }),
+        );
+        for seed in 0..50 {
+            let pixel = UVec2::new(2, 1);
+            let a = lens.ray(pixel, &mut PathRng::from_seed(seed));
+            let b = pinhole.ray(pixel, &mut PathRng::from_seed(seed));
+            assert!(a.0 == b.0 && (a.1 - b.1).length() < 1e-15);
+        }
+    }
+
+    /// A 100 mm lens at life size stands 200 mm from cloth and sensor.
+    #[test]
+    fn f_numbers_follow_the_lens_equation() {
+        let fov_rad = 2.0 * (18.0f64 / 200.0).atan();
+        let aperture = aperture_mm(4.0, fov_rad, 200.0, 36.0);
+        assert!((aperture - 25.0).abs() < 1e-12, "{aperture}");
+    }
+
+    #[test]
+    fn lenses_out_of_range_are_refused() {
+        let refuse = |aperture_mm, focus_mm| {
+            let projection = Projection::ThinLens {
+                fov_rad: 0.5,
+                aperture_mm,
+                focus_mm,
+            };
+            let pose = CameraPose {
+                origin_mm: DVec3::Z,
+                target_mm: DVec3::ZERO,
+                up: DVec3::Y,
+            };
+            let made = Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box);
+            made.unwrap_err().to_string()
+        };
+        assert_eq!(refuse(1.0, 0.0), "camera.focus_mm must be positive");
+        for wrong in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(refuse(wrong, 1.0).starts_with("camera.aperture_mm must be at least 0"));
         }
     }
 

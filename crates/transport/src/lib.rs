@@ -16,7 +16,9 @@
 //!
 //! # Determinism
 //! The random numbers of a path are named by seed, pixel and sample index, and
-//! every pixel adds its samples in order. Threads share nothing but the scene.
+//! a pixel's sums are whole numbers, which add to the same bits in any order:
+//! pictures may be made in parts, on any machines, and [merged](Pixel::merge).
+//! Threads share nothing but the scene.
 
 mod camera;
 mod cloth_medium;
@@ -30,8 +32,9 @@ mod render;
 mod scene;
 mod stats;
 mod tracking;
+mod wide_sum;
 
-pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection};
+pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::{ClothMedium, FlakeOptics};
 pub use film::{Film, Pixel};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
@@ -39,7 +42,7 @@ pub use integrator::{FirstEvent, Integrator, PathSample, trace_path};
 pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
 pub use light::{Hemisphere, Light};
 pub use medium::{Medium, SiteInfo};
-pub use render::{Crop, Pass, RenderError, RenderSettings, render};
+pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::{AnyMedium, Collision, Scene};
 pub use stats::Stats;
 pub use tracking::{

@@ -1,6 +1,6 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::{Film, Integrator, Scene, Stats, trace_path};
+use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
 use rayon::prelude::*;
@@ -46,6 +46,12 @@ pub enum RenderError {
     /// The crop holds no pixel of the film.
     #[error("the crop {min} .. {max} holds no pixel of a {size} picture", min = .0.min, max = .0.max, size = .1)]
     EmptyCrop(Crop, UVec2),
+    /// Sums have room for a limited number of samples.
+    #[error("samples {0:?}: a pixel can take sample indices below {limit}", limit = u32::MAX)]
+    TooManySamples(Range<u64>),
+    /// What was gathered before does not belong to these settings.
+    #[error("the film to go on from has another size or other samples")]
+    ForeignFilm,
     /// Extinctions above their bound: the picture would be biased.
     #[error(
         "{violations} of {lookups} look-ups exceeded their majorant; the picture would be biased"
@@ -64,37 +70,79 @@ pub enum RenderError {
 /// Samples of a pixel between two looks at the clock.
 const SAMPLES_PER_PASS: u64 = 16;
 
-/// Traces a picture.
-///
-/// `watch` is told of progress between rows, from any thread, and may break to
-/// stop the render.
-///
-/// # Errors
-/// An empty crop, a majorant violation, or an interruption.
-pub fn render(
-    scene: &Scene,
-    settings: &RenderSettings,
-    watch: &(dyn Fn(Pass) -> ControlFlow<()> + Sync),
-) -> Result<(Film, Stats), RenderError> {
-    let resolution = scene.camera.resolution();
-    let crop = settings.crop.unwrap_or(Crop {
-        min: UVec2::ZERO,
-        max: resolution,
-    });
-    if crop.min.cmpge(crop.max).any() || crop.max.cmpgt(resolution).any() {
-        return Err(RenderError::EmptyCrop(crop, resolution));
+/// Told of progress between rows, from any thread; may break to stop.
+pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
+
+/// A picture in the making. However its samples are split into calls of
+/// [`Rendering::take`], the film comes out the same, bit for bit.
+pub struct Rendering<'a> {
+    scene: &'a Scene,
+    settings: RenderSettings,
+    crop: Crop,
+    film: Film,
+    stats: Stats,
+    next: u64,
+}
+
+impl<'a> Rendering<'a> {
+    /// A picture without samples.
+    ///
+    /// # Errors
+    /// An empty crop, or sample indices beyond what a pixel can hold.
+    pub fn new(scene: &'a Scene, settings: RenderSettings) -> Result<Rendering<'a>, RenderError> {
+        let resolution = scene.camera.resolution();
+        let crop = settings.crop.unwrap_or(Crop {
+            min: UVec2::ZERO,
+            max: resolution,
+        });
+        if crop.min.cmpge(crop.max).any() || crop.max.cmpgt(resolution).any() {
+            return Err(RenderError::EmptyCrop(crop, resolution));
+        }
+        if settings.samples.end > u64::from(u32::MAX) {
+            return Err(RenderError::TooManySamples(settings.samples));
+        }
+        Ok(Rendering {
+            scene,
+            crop,
+            film: Film::new(crop.max - crop.min),
+            stats: Stats::default(),
+            next: settings.samples.start,
+            settings,
+        })
     }
-    let size = crop.max - crop.min;
-    let mut film = Film::new(size);
-    let spp = settings.samples.end.saturating_sub(settings.samples.start);
-    let paths_total = spp * u64::from(size.x) * u64::from(size.y);
-    let paths_done = AtomicU64::new(0);
-    let stopped = AtomicBool::new(false);
-    let mut stats = Stats::default();
-    let mut first = settings.samples.start;
-    while first < settings.samples.end {
-        let last = (first + SAMPLES_PER_PASS).min(settings.samples.end);
-        let pass = film
+
+    /// Goes on from what an earlier rendering of the same scene, seed and crop
+    /// had gathered when `next` was its next sample.
+    ///
+    /// # Errors
+    /// A film of another size, or `next` outside the samples.
+    pub fn resume(mut self, film: Film, stats: Stats, next: u64) -> Result<Self, RenderError> {
+        let samples = &self.settings.samples;
+        if film.size() != self.film.size() || next < samples.start || next > samples.end {
+            return Err(RenderError::ForeignFilm);
+        }
+        (self.film, self.stats, self.next) = (film, stats, next);
+        Ok(self)
+    }
+
+    /// Takes the next `samples` of every pixel, or as many as are left.
+    ///
+    /// # Errors
+    /// A majorant violation, or `watch` broke; what was gathered is then lost.
+    pub fn take(mut self, samples: u64, watch: &Watch<'_>) -> Result<Self, RenderError> {
+        if self.left() == 0 {
+            return Ok(self);
+        }
+        let range = self.settings.samples.clone();
+        let indices = self.next..self.next.saturating_add(samples).min(range.end);
+        let size = self.film.size();
+        let paths = |samples: u64| samples * u64::from(size.x) * u64::from(size.y);
+        let paths_total = paths(range.end.saturating_sub(range.start));
+        let paths_done = AtomicU64::new(paths(self.next - range.start));
+        let stopped = AtomicBool::new(false);
+        let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
+        let stats = self
+            .film
             .pixels_mut()
             .par_chunks_mut(size.x as usize)
             .enumerate()
@@ -105,28 +153,11 @@ pub fn render(
                 }
                 for (column, out) in pixels.iter_mut().enumerate() {
                     let pixel = crop.min + UVec2::new(column as u32, row as u32);
-                    let stream = u64::from(pixel.y) * u64::from(resolution.x) + u64::from(pixel.x);
-                    for index in first..last {
-                        let mut rng = PathRng::new(settings.seed, stream, index);
-                        let sample = trace_path(
-                            scene,
-                            pixel,
-                            settings.integrator,
-                            settings.max_bounces,
-                            &mut rng,
-                            &mut stats,
-                        );
-                        if sample.radiance.is_valid() {
-                            out.add(&sample);
-                        } else {
-                            stats.rejected += 1;
-                        }
-                    }
+                    add_samples(scene, settings, pixel, indices.clone(), out, &mut stats);
                 }
-                let paths = (last - first) * u64::from(size.x);
-                let done = paths_done.fetch_add(paths, Ordering::Relaxed) + paths;
+                let paths = (indices.end - indices.start) * u64::from(size.x);
                 let told = Pass {
-                    paths_done: done,
+                    paths_done: paths_done.fetch_add(paths, Ordering::Relaxed) + paths,
                     paths_total,
                 };
                 if watch(told).is_break() {
@@ -138,17 +169,93 @@ pub fn render(
                 a.merge(&b);
                 a
             });
-        stats.merge(&pass);
+        self.stats.merge(&stats);
         if stopped.load(Ordering::Relaxed) {
             return Err(RenderError::Interrupted);
         }
-        first = last;
+        if self.stats.majorant_violations > 0 {
+            return Err(RenderError::MajorantViolations {
+                violations: self.stats.majorant_violations,
+                lookups: self.stats.tentative + self.stats.shadow_steps,
+            });
+        }
+        self.next = indices.end;
+        Ok(self)
     }
-    if stats.majorant_violations > 0 {
-        return Err(RenderError::MajorantViolations {
-            violations: stats.majorant_violations,
-            lookups: stats.tentative + stats.shadow_steps,
-        });
+
+    /// Sample indices taken so far.
+    pub fn taken(&self) -> Range<u64> {
+        self.settings.samples.start..self.next
     }
-    Ok((film, stats))
+
+    /// Samples of every pixel still to take.
+    pub fn left(&self) -> u64 {
+        self.settings.samples.end.saturating_sub(self.next)
+    }
+
+    /// The pixels of the whole picture that the film covers.
+    pub fn crop(&self) -> Crop {
+        self.crop
+    }
+
+    /// What was gathered so far.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// What the trackers did so far.
+    pub fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
+    /// Film and counts.
+    pub fn into_parts(self) -> (Film, Stats) {
+        (self.film, self.stats)
+    }
+}
+
+/// Adds samples to one pixel.
+fn add_samples(
+    scene: &Scene,
+    settings: &RenderSettings,
+    pixel: UVec2,
+    indices: Range<u64>,
+    out: &mut Pixel,
+    stats: &mut Stats,
+) {
+    let width = scene.camera.resolution().x;
+    let stream = u64::from(pixel.y) * u64::from(width) + u64::from(pixel.x);
+    for index in indices {
+        let mut rng = PathRng::new(settings.seed, stream, index);
+        let sample = trace_path(
+            scene,
+            pixel,
+            settings.integrator,
+            settings.max_bounces,
+            &mut rng,
+            stats,
+        );
+        if Pixel::accepts(&sample) {
+            stats.brightest = stats.brightest.max(sample.radiance.max_component());
+            out.add(&sample, index as u32);
+        } else {
+            stats.rejected += 1;
+        }
+    }
+}
+
+/// Traces a picture in one go.
+///
+/// # Errors
+/// An empty crop, too many samples, a majorant violation, or an interruption.
+pub fn render(
+    scene: &Scene,
+    settings: &RenderSettings,
+    watch: &Watch<'_>,
+) -> Result<(Film, Stats), RenderError> {
+    let mut rendering = Rendering::new(scene, settings.clone())?;
+    while rendering.left() > 0 {
+        rendering = rendering.take(SAMPLES_PER_PASS, watch)?;
+    }
+    Ok(rendering.into_parts())
 }

@@ -1,26 +1,36 @@
 //! `organza render`
 
 use super::with_threads;
+use crate::checkpoint;
 use crate::error::input;
 use crate::flags::RenderArgs;
+use crate::identity::{self, Identity};
+use crate::interrupt;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::progress::Progress;
+use crate::sample_ranges::SampleRanges;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{IntegratorName, SceneFile};
+use crate::schedule::{Next, Schedule, Stop};
 use crate::{output, read};
 use anyhow::Result;
-use organza_transport::{Film, Integrator, RenderError, RenderSettings, Scene, Stats, render};
-use std::ops::ControlFlow;
+use organza_transport::{Film, Integrator, Pixel, RenderError, RenderSettings, Rendering, Scene};
+use std::ops::{ControlFlow, Range};
+use std::time::Instant;
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     PictureKind::of(&args.outfile)?;
     output::check_writable(&args.outfile)?;
+    if let Some(path) = &args.checkpoint {
+        output::check_writable(path)?;
+        interrupt::watch()?;
+    }
     with_threads(&args.common, || render_scene(args))
 }
 
 fn render_scene(args: &RenderArgs) -> Result<()> {
-    let started = std::time::Instant::now();
+    let started = Instant::now();
     let mut file: SceneFile = read::toml(&args.scene, &args.common.set)?;
     if let Some(spp) = args.spp {
         file.render.spp = spp;
@@ -33,34 +43,87 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         quiet: args.common.quiet,
         max_memory_bytes: args.max_memory,
     };
+    let inputs_before = read::input_count();
     let scene = scene_build::scene(&file, &build)?;
-    let settings = settings(args, &file, &scene)?;
-    let size = settings
-        .crop
-        .map_or(scene.camera.resolution(), |c| c.max - c.min);
-    let paths = u64::from(file.render.spp) * u64::from(size.x) * u64::from(size.y);
-    let progress = Progress::new("rendering", paths, args.common.quiet);
-    let (film, stats) = render(&scene, &settings, &|pass| {
-        progress.at(pass.paths_done);
-        ControlFlow::Continue(())
-    })
-    .map_err(|e| match e {
-        RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
-        _ => e.into(),
-    })?;
-    let seconds = progress.finish();
-    let attributes = attributes(args, &file);
-    picture::write(&args.outfile, &film, file.render.exposure, &attributes)?;
+    let rendering =
+        Rendering::new(&scene, settings(args, &file, &scene)?).map_err(|e| match e {
+            RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
+            _ => input(e.to_string()),
+        })?;
+    let identity = Identity {
+        scene: identity::scene_digest(&file, &read::inputs_after(inputs_before)),
+        seed: file.render.seed,
+        crop: rendering.crop(),
+    };
+    let tracing = Instant::now();
+    let resumed = args.checkpoint.as_deref().filter(|_| args.resume);
+    let rendering = match resumed {
+        Some(path) => checkpoint::resume(path, &identity, rendering)?,
+        None => rendering,
+    };
+    let paths_before = rendering.stats().paths;
+    let (rendering, stop) = trace(args, &identity, rendering, started)?;
+    if let Some(path) = &args.checkpoint {
+        checkpoint::save(path, &identity, &rendering)?;
+        if stop == Stop::Interrupted {
+            return Err(anyhow::anyhow!(
+                "interrupted with {}; saved to {}, go on with --resume",
+                taken_words(&rendering),
+                path.display()
+            ));
+        }
+    }
+    let render_s = tracing.elapsed().as_secs_f64();
+    let attributes = attributes(args, &identity, rendering.taken());
+    let film = rendering.film();
+    picture::write(&args.outfile, film, file.render.exposure, &attributes)?;
     if !args.common.quiet {
         report(
             args,
-            &film,
-            &stats,
-            seconds,
+            &rendering,
+            rendering.stats().paths - paths_before,
+            render_s,
             started.elapsed().as_secs_f64(),
         );
+        say_why(&rendering, stop);
     }
     Ok(())
+}
+
+/// Takes samples until the schedule or the user says stop.
+fn trace<'a>(
+    args: &RenderArgs,
+    identity: &Identity,
+    mut rendering: Rendering<'a>,
+    started: Instant,
+) -> Result<(Rendering<'a>, Stop)> {
+    let mut schedule = Schedule::new(args.time_limit, args.target_error);
+    let film_size = rendering.film().size();
+    let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
+    let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
+    let progress = Progress::new("rendering", paths, args.common.quiet);
+    let mut saved = Instant::now();
+    let stop = loop {
+        let pass = match schedule.next(&rendering, started.elapsed(), interrupt::came()) {
+            Next::Stop(stop) => break stop,
+            Next::Take(samples) => samples,
+        };
+        let pass_started = Instant::now();
+        rendering = rendering.take(pass, &|told| {
+            progress.at(told.paths_done);
+            ControlFlow::Continue(())
+        })?;
+        schedule.took(pass, pass_started.elapsed());
+        if let Some(path) = &args.checkpoint
+            && saved.elapsed() >= args.checkpoint_every
+            && rendering.left() > 0
+        {
+            checkpoint::save(path, identity, &rendering)?;
+            saved = Instant::now();
+        }
+    };
+    progress.finish();
+    Ok((rendering, stop))
 }
 
 fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<RenderSettings> {
@@ -83,33 +146,52 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
     }
     Ok(RenderSettings {
         integrator,
-        samples: 0..u64::from(file.render.spp),
+        samples: args
+            .samples
+            .clone()
+            .unwrap_or(0..u64::from(file.render.spp)),
         max_bounces: file.render.max_bounces.unwrap_or(u32::MAX),
         seed: file.render.seed,
         crop: args.crop,
     })
 }
 
-fn attributes(args: &RenderArgs, file: &SceneFile) -> Vec<Attribute> {
+fn attributes(args: &RenderArgs, identity: &Identity, taken: Range<u64>) -> Vec<Attribute> {
     let name = args.scene.file_name().unwrap_or_default();
-    vec![
+    let mut attributes = vec![
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("scene", name.to_string_lossy().into_owned()),
-        ("spp", file.render.spp.to_string()),
-        ("seed", file.render.seed.to_string()),
         ("backend", "scalar".to_owned()),
-    ]
+    ];
+    attributes.extend(identity.attributes(&SampleRanges::one(taken)));
+    attributes
+}
+
+fn taken_words(rendering: &Rendering<'_>) -> String {
+    let taken = rendering.taken().end - rendering.taken().start;
+    format!("{taken} of {} samples", taken + rendering.left())
 }
 
 #[allow(clippy::print_stderr)]
-fn report(args: &RenderArgs, film: &Film, stats: &Stats, render_s: f64, total_s: f64) {
-    let rate = stats.paths as f64 / render_s.max(1e-9);
+fn say_why(rendering: &Rendering<'_>, stop: Stop) {
+    let why = match stop {
+        Stop::Done => "all samples taken".to_owned(),
+        Stop::TimeLimit => "time limit reached".to_owned(),
+        Stop::TargetError(error) => format!("target error reached, {error:.5}"),
+        Stop::Interrupted => "interrupted".to_owned(),
+    };
+    eprintln!("stopped       {why}; {} a pixel", taken_words(rendering));
+}
+
+#[allow(clippy::print_stderr)]
+fn report(args: &RenderArgs, rendering: &Rendering<'_>, paths: u64, render_s: f64, total_s: f64) {
+    let (film, stats) = (rendering.film(), rendering.stats());
+    let rate = paths as f64 / render_s.max(1e-9);
     eprintln!(
-        "{}: {} x {}, {} paths in {total_s:.1} s ({render_s:.1} s tracing, {:.2} M paths/s)",
+        "{}: {} x {}, {paths} paths in {total_s:.1} s ({render_s:.1} s tracing, {:.2} M paths/s)",
         args.outfile.display(),
         film.size().x,
         film.size().y,
-        stats.paths,
         rate * 1e-6,
     );
     if !args.stats {
@@ -128,10 +210,36 @@ fn report(args: &RenderArgs, film: &Film, stats: &Stats, render_s: f64, total_s:
     );
     eprintln!("cut           {} paths at the bounce limit", stats.cut);
     eprintln!(
-        "rejected      {} samples (NaN, infinite or negative)",
-        stats.rejected
+        "rejected      {} samples (NaN, infinite, negative or above {:e})",
+        stats.rejected,
+        Pixel::RADIANCE_LIMIT
     );
-    for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(film.mean()) {
+    let means = film.mean();
+    for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(means) {
         eprintln!("mean {name:<6}   {mean:.6} +- {se:.6}");
     }
+    let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
+    eprintln!("error         {:.5} of the mean", film.relative_error());
+    eprintln!(
+        "brightest     {:.3e}, {:.1} times the mean",
+        stats.brightest,
+        f64::from(stats.brightest) / mean.max(f64::MIN_POSITIVE)
+    );
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let film_mib = mib(Film::memory_bytes(film.size()));
+    match peak_memory_bytes() {
+        Some(peak) => eprintln!(
+            "memory        {:.0} MiB at most, {film_mib:.0} of them film",
+            mib(peak)
+        ),
+        None => eprintln!("memory        {film_mib:.0} MiB of film"),
+    }
+}
+
+/// Most memory the process ever had, where the system tells (Linux does).
+fn peak_memory_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
 }

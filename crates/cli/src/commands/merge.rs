@@ -1,0 +1,120 @@
+//! `organza merge`
+
+use crate::error::input;
+use crate::flags::MergeArgs;
+use crate::output;
+use crate::picture::{self, Attribute, PictureKind};
+use crate::sample_ranges::SampleRanges;
+use anyhow::Result;
+use organza_transport::Film;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What must agree between parts, in the order in which a picture tells them.
+const SHARED: [&str; 5] = ["version", "backend", "identity", "seed", "crop"];
+
+/// A picture of some samples.
+struct Part<'a> {
+    path: &'a Path,
+    film: Film,
+    attributes: BTreeMap<String, String>,
+    samples: SampleRanges,
+}
+
+/// Runs the command.
+#[allow(clippy::print_stderr)]
+pub fn run(args: &MergeArgs) -> Result<()> {
+    if PictureKind::of(&args.outfile)? != PictureKind::Exr {
+        return Err(input(format!(
+            "{}: expected a name that ends in .exr",
+            args.outfile.display()
+        )));
+    }
+    output::check_writable(&args.outfile)?;
+    let limit = args
+        .max_memory
+        .unwrap_or_else(crate::fabric_file::free_memory_bytes);
+    let mut merged: Option<Part<'_>> = None;
+    for path in &args.parts {
+        let part = load(path, limit)?;
+        merged = Some(match merged {
+            None => part,
+            Some(all) => join(all, part)?,
+        });
+    }
+    let Some(all) = merged else {
+        return Err(input("expected at least one picture"));
+    };
+    let value = |key: &str| all.attributes.get(key).cloned().unwrap_or_default();
+    // The order in which `render` writes them: equal pictures, equal files.
+    let attributes: Vec<Attribute> = vec![
+        ("version", value("version")),
+        ("scene", value("scene")),
+        ("backend", value("backend")),
+        ("identity", value("identity")),
+        ("seed", value("seed")),
+        ("crop", value("crop")),
+        ("spp", all.samples.count().to_string()),
+        ("samples", all.samples.to_string()),
+    ];
+    picture::write(&args.outfile, &all.film, 0.0, &attributes)?;
+    if !args.quiet {
+        eprintln!(
+            "{}: {} x {}, samples {} of every pixel",
+            args.outfile.display(),
+            all.film.size().x,
+            all.film.size().y,
+            all.samples
+        );
+    }
+    Ok(())
+}
+
+fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
+    let (film, attributes) = picture::read_exr(path, max_memory_bytes)?;
+    let samples = attributes
+        .get("samples")
+        .and_then(|text| SampleRanges::parse(text))
+        .ok_or_else(|| {
+            input(format!(
+                "{}: does not tell its sample ranges; expected a picture of `organza render`",
+                path.display()
+            ))
+        })?;
+    Ok(Part {
+        path,
+        film,
+        attributes,
+        samples,
+    })
+}
+
+fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
+    let (first, second) = (all.path.display(), part.path.display());
+    for key in SHARED {
+        let (a, b) = (all.attributes.get(key), part.attributes.get(key));
+        if a != b {
+            let word = |v: Option<&String>| v.map_or("none", String::as_str).to_owned();
+            let why = match key {
+                "identity" => {
+                    "the scenes or the files they name differ, or were changed in between".into()
+                }
+                _ => format!("{key} is {}, but {} in {first}", word(b), word(a)),
+            };
+            return Err(input(format!("{second}: cannot join {first}: {why}")));
+        }
+    }
+    if all.film.size() != part.film.size() {
+        return Err(input(format!(
+            "{second}: cannot join {first}: the sizes differ"
+        )));
+    }
+    all.samples = all
+        .samples
+        .joined(&part.samples)
+        .map_err(|e| input(format!("{second}: cannot join {first}: {e}")))?;
+    for (a, b) in all.film.pixels_mut().iter_mut().zip(part.film.pixels()) {
+        a.merge(b);
+    }
+    Ok(all)
+}

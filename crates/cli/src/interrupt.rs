@@ -1,0 +1,27 @@
+//! Ctrl-C: the first one asks, the second one insists.
+
+use anyhow::{Context, Result};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static CAME: AtomicBool = AtomicBool::new(false);
+
+/// Exit status of a program that a second Ctrl-C ended, as shells have it.
+const INTERRUPTED: i32 = 130;
+
+/// From now on an interrupt is noted instead of ending the program.
+///
+/// # Errors
+/// The system does not allow it.
+pub fn watch() -> Result<()> {
+    ctrlc::set_handler(|| {
+        if CAME.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED);
+        }
+    })
+    .context("cannot watch for interrupts")
+}
+
+/// True once the user has asked to stop.
+pub fn came() -> bool {
+    CAME.load(Ordering::Relaxed)
+}

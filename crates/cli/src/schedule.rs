@@ -1,0 +1,131 @@
+//! How many samples to take next, and when to stop.
+//!
+//! A film does not depend on how its samples are split into passes, so passes
+//! may be as short as the clock wants: about half a second, that an interrupt
+//! and the time limit are met soon. Whether the target error is reached is
+//! asked only at fixed numbers of samples, so that the answer depends on the
+//! seed and not on the machine.
+//!
+//! The target stops the whole picture. Stopping single pixels by their own
+//! variance would darken the picture: a pixel that has not yet met its rare
+//! bright paths shows little variance and would stop too early. The error of a
+//! whole picture hardly knows of any one pixel's luck, so what is left of that
+//! effect falls with their number; the first look comes at
+//! [`SAMPLES_PER_LOOK`] samples a pixel at the earliest.
+
+use organza_transport::Rendering;
+use std::time::Duration;
+
+/// Samples of every pixel between two looks at the error.
+const SAMPLES_PER_LOOK: u64 = 16;
+
+/// How long a pass should take.
+const PASS: Duration = Duration::from_millis(500);
+
+/// Why a render stopped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// It has all samples.
+    Done,
+    /// The next sample would not fit into the time.
+    TimeLimit,
+    /// The error is this, and at most the target.
+    TargetError(f64),
+    /// The user asked.
+    Interrupted,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Next {
+    /// Take so many samples of every pixel.
+    Take(u64),
+    /// Stop.
+    Stop(Stop),
+}
+
+/// The plan of one run.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    time_limit: Option<Duration>,
+    target_error: Option<f64>,
+    /// Of the last pass; unknown before.
+    per_sample: Option<Duration>,
+}
+
+impl Schedule {
+    /// A plan with an optional limit and target.
+    pub fn new(time_limit: Option<Duration>, target_error: Option<f64>) -> Schedule {
+        Schedule {
+            time_limit,
+            target_error,
+            per_sample: None,
+        }
+    }
+
+    /// Notes how long a pass took.
+    pub fn took(&mut self, samples: u64, time: Duration) {
+        self.per_sample = Some(time.div_f64(samples.max(1) as f64));
+    }
+
+    /// What to do `elapsed` after the start. Every run takes one pass at least,
+    /// so that it gets on and has a picture to show.
+    pub fn next(&self, rendering: &Rendering<'_>, elapsed: Duration, interrupted: bool) -> Next {
+        let taken = rendering.taken().end - rendering.taken().start;
+        let until_look = SAMPLES_PER_LOOK - taken % SAMPLES_PER_LOOK;
+        if rendering.left() == 0 {
+            return Next::Stop(Stop::Done);
+        }
+        if interrupted {
+            return Next::Stop(Stop::Interrupted);
+        }
+        if let Some(target) = self.target_error
+            && taken > 0
+            && until_look == SAMPLES_PER_LOOK
+        {
+            let error = rendering.film().relative_error();
+            if error <= target {
+                return Next::Stop(Stop::TargetError(error));
+            }
+        }
+        self.pass(elapsed).map_or(Next::Stop(Stop::TimeLimit), |n| {
+            Next::Take(n.clamp(1, until_look))
+        })
+    }
+
+    /// Samples that fit into half a second and into the time left; `None` when
+    /// not even one does.
+    fn pass(&self, elapsed: Duration) -> Option<u64> {
+        let Some(per_sample) = self.per_sample else {
+            return Some(1);
+        };
+        let left = self
+            .time_limit
+            .map_or(Duration::MAX, |limit| limit.saturating_sub(elapsed));
+        if left < per_sample || left.is_zero() {
+            return None;
+        }
+        let fit = left.min(PASS).as_secs_f64() / per_sample.as_secs_f64().max(1e-9);
+        Some((fit as u64).max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_fit_into_half_a_second_and_the_time_left() {
+        let ms = Duration::from_millis;
+        let mut schedule = Schedule::new(Some(ms(1000)), None);
+        assert_eq!(schedule.pass(ms(5000)), Some(1), "one pass in any case");
+        schedule.took(2, ms(200));
+        assert_eq!(schedule.pass(ms(0)), Some(5));
+        assert_eq!(schedule.pass(ms(790)), Some(2));
+        assert_eq!(schedule.pass(ms(950)), None);
+        assert_eq!(schedule.pass(ms(2000)), None);
+        let mut free = Schedule::new(None, None);
+        free.took(1, ms(2000));
+        assert_eq!(free.pass(ms(9_000_000)), Some(1));
+    }
+}
