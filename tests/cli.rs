@@ -32,7 +32,7 @@ fn write_grid_scene(folder: &Path) {
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
     assert!(succeed(&folder, &["--help"]).contains("organza render"));
-    for command in ["render", "voxelize", "weave", "info"] {
+    for command in ["render", "voxelize", "measure", "weave", "info"] {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
     }
