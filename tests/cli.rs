@@ -33,7 +33,7 @@ pub fn write_grid_scene(folder: &Path) {
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
     assert!(succeed(&folder, &["--help"]).contains("organza render"));
-    for command in ["render", "merge", "voxelize", "weave", "info"] {
+    for command in ["render", "merge", "voxelize", "measure", "weave", "info"] {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
     }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 mod cli; // commands, exit codes and messages
+mod measure; // the virtual goniometer
 mod program; // how the others run the program
 mod running; // sample ranges, merging, checkpoints, stopping
 mod slab; // the tracker against an independent renderer's slab

@@ -27,7 +27,7 @@ repeat_xy = true
 "#;
 
 /// Writes the slab's grids: a few voxels, so that rays cross faces.
-fn write_slab(folder: &Path) {
+pub fn write_slab(folder: &Path) {
     let bounds = [-0.2, -0.2, -0.15, 0.2, 0.2, 0.15];
     write_vol(
         &folder.join("sigma_t.vol"),

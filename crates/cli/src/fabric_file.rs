@@ -6,11 +6,12 @@ use crate::read;
 use crate::scene_build::BuildOptions;
 use crate::scene_file::{CameraKind, CameraTable, ClothTable, Lod, LodName, ModelName};
 use anyhow::Result;
-use organza_basis::{Rgb, nearest_name};
+use organza_basis::{Rgb, SegmentSource, nearest_name};
+use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
 use organza_transport::{ClothMedium, FlakeOptics};
 use organza_volume::{Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
-    Cloth, FabricGeometry, Material,
+    Cloth, Draft, FabricGeometry, Material,
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
@@ -39,6 +40,8 @@ pub struct FabricFile {
     pub optics: BTreeMap<String, OpticsTable>,
     #[serde(default)]
     pub voxel: VoxelTable,
+    /// The cloth as a surface, where there is one to compare with.
+    pub surface: Option<SurfaceSpec>,
     /// Seed of everything random in the geometry.
     #[serde(default)]
     pub seed: u64,
@@ -157,6 +160,36 @@ impl Fabric {
                 }
             })
             .collect()
+    }
+
+    /// The surface model of the cloth. Draft and spacing are the cloth's own
+    /// unless `[surface.weave]` says otherwise; a preset supplies the yarns.
+    ///
+    /// # Errors
+    /// No `[surface]` section, or the key in it that is at fault.
+    pub fn surface(&self, path: &Path) -> Result<WovenSurface> {
+        let mut spec = self.file.surface.clone().ok_or_else(|| {
+            input(format!(
+                "{}: has no [surface] section, which the surface model needs",
+                path.display()
+            ))
+        })?;
+        let tile_mm = self.cloth.tile().bounds_mm.size();
+        let weave_of = |draft: &Draft| {
+            let repeat = draft.smallest_repeat();
+            let row = |pick| {
+                (0..repeat.ends())
+                    .map(|e| repeat.warp_up(e, pick))
+                    .collect()
+            };
+            let rows: Vec<Vec<bool>> = (0..repeat.picks()).map(row).collect();
+            let pitch = |length: f32, threads| f64::from(length) / threads as f64;
+            let (warp, weft) = (draft.ends(), draft.picks());
+            Weave::from_warp_up(&rows, pitch(tile_mm.x, warp), pitch(tile_mm.y, weft))
+        };
+        spec.weave = spec.weave.or_else(|| self.cloth.draft().map(weave_of));
+        spec.build()
+            .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 
     /// The octree of the cloth's fibres.

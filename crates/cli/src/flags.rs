@@ -31,6 +31,8 @@ pub enum Command {
     Merge(MergeArgs),
     /// Turn one tile of a fabric into a volume file
     Voxelize(VoxelizeArgs),
+    /// Measure reflection and transmission of a patch of cloth
+    Measure(MeasureArgs),
     /// Draw a draft or a fabric's weave
     Weave(WeaveArgs),
     /// Tell what is in a draft, fabric, scene or volume file
@@ -157,6 +159,70 @@ pub struct VoxelizeArgs {
     pub common: CommonArgs,
 }
 
+/// `organza measure`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  organza measure scenes/fabrics/organza.toml --pairs pairs.csv -o out.csv --target-error 0.02\n  organza measure scenes/fabrics/organza.toml --layout irawan --albedo --json"
+)]
+pub struct MeasureArgs {
+    /// A fabric file, or a scene file whose objects are measured (TOML)
+    pub file: PathBuf,
+    /// Directions to measure: CSV with the columns theta_i,phi_i,theta_o,phi_o in degrees, all away from the cloth; theta up to 180 on either side
+    #[arg(long, value_name = "FILE", required_unless_present = "layout")]
+    pub pairs: Option<PathBuf>,
+    /// Directions to measure by name
+    #[arg(long, value_enum, conflicts_with = "pairs")]
+    pub layout: Option<LayoutName>,
+    /// Measure where light from each incident direction goes, reflected, transmitted, straight through and absorbed, instead of the BSDF of pairs; --pairs then needs only theta_i,phi_i
+    #[arg(long)]
+    pub albedo: bool,
+    /// Table to write (CSV): the angles with r,g,b and their standard errors
+    #[arg(short, long, required_unless_present = "json")]
+    pub outfile: Option<PathBuf>,
+    /// What stands for the cloth: its fibres as micro-flakes, or the fabric's [surface]
+    #[arg(long, value_enum, default_value = "volume")]
+    pub model: PatchModel,
+    /// Paths per pair, or the most of them with --target-error
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = clap::value_parser!(u64).range(2..))]
+    pub spp: u64,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Stop a pair when the standard error of every channel is below this share of the value (with --albedo: of the incident light)
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Level of detail of a fabric; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub level: u8,
+    /// Edge of a fabric's finest voxels, micrometres [default: the fabric's]
+    #[arg(long, value_name = "UM")]
+    pub voxel_um: Option<f32>,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// Layouts of directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LayoutName {
+    /// 225 incident directions out to 75 degrees times 7 exitant ones
+    Irawan,
+}
+
+/// What stands for the cloth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum PatchModel {
+    /// Paths through the medium
+    Volume,
+    /// The reflectance model of the fabric's [surface] section
+    Surface,
+}
+
 /// `organza weave`
 #[derive(Debug, Args)]
 #[command(
@@ -214,6 +280,14 @@ fn parse_crop(text: &str) -> Result<Crop, String> {
             max: UVec2::new(x1, y1),
         }),
         _ => Err("expected four pixel numbers X0,Y0,X1,Y1".into()),
+    }
+}
+
+/// A positive number.
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a positive number such as 0.02".into()),
     }
 }
 

@@ -40,6 +40,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         flags::Command::Merge(a) => commands::merge::run(&a),
         flags::Command::Voxelize(a) => commands::voxelize::run(&a),
         flags::Command::Weave(a) => commands::weave::run(&a),
+        flags::Command::Measure(a) => commands::measure::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),
     };
     match outcome {

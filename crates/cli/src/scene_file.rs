@@ -1,6 +1,14 @@
 //! The scene file, as written in TOML.
 
+use organza_transport::Integrator;
 use serde::Deserialize;
+
+/// Whether a TOML text is a scene and no fabric: whichever top-level keys it
+/// has.
+pub fn is_scene(text: &str) -> bool {
+    toml::from_str::<toml::Table>(text)
+        .is_ok_and(|t| t.contains_key("camera") || t.contains_key("object"))
+}
 
 /// A whole scene file.
 #[derive(Debug, Deserialize)]
@@ -48,6 +56,15 @@ impl Default for RenderTable {
 pub enum IntegratorName {
     Woodcock,
     Regular,
+}
+
+impl From<IntegratorName> for Integrator {
+    fn from(name: IntegratorName) -> Integrator {
+        match name {
+            IntegratorName::Woodcock => Integrator::Woodcock,
+            IntegratorName::Regular => Integrator::Regular,
+        }
+    }
 }
 
 /// `[camera]`

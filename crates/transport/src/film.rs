@@ -347,6 +347,8 @@ mod tests {
                 radiance,
                 bounces: i % 7,
                 first: (i % 3 != 0).then(&mut event),
+                absorbed: Rgb::BLACK,
+                escape: None,
             })
             .collect()
     }
@@ -412,6 +414,8 @@ mod tests {
                 radiance: Rgb::splat(x),
                 bounces: 0,
                 first: None,
+                absorbed: Rgb::BLACK,
+                escape: None,
             };
             pixel.add(&sample, i);
             other.add(f64::from(x));
@@ -427,6 +431,8 @@ mod tests {
                 radiance: Rgb::new(x, 0.0, 1.0),
                 bounces: 0,
                 first: None,
+                absorbed: Rgb::BLACK,
+                escape: None,
             })
         };
         assert!(of(0.0) && of(4e9) && of(f32::MIN_POSITIVE / 8.0));
@@ -443,6 +449,8 @@ mod tests {
                         radiance: Rgb::splat(level * (i % 2) as f32),
                         bounces: 0,
                         first: None,
+                        absorbed: Rgb::BLACK,
+                        escape: None,
                     };
                     pixel.add(&sample, i);
                 }

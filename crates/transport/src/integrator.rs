@@ -1,7 +1,7 @@
 //! One path: the random walk from the camera against the light.
 
 use crate::{Light, Scene, SiteInfo, Stats};
-use glam::UVec2;
+use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 
 /// How distances and transmittances are found.
@@ -24,6 +24,15 @@ pub struct FirstEvent {
     pub depth_mm: f64,
 }
 
+/// How a path left the matter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Escape {
+    /// Unit direction in which it went.
+    pub direction: Vec3,
+    /// What it still carried.
+    pub throughput: Rgb,
+}
+
 /// What one path found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSample {
@@ -33,6 +42,10 @@ pub struct PathSample {
     pub bounces: u32,
     /// Its first event, `None` when the camera saw straight through.
     pub first: Option<FirstEvent>,
+    /// Estimate of the share that was absorbed along the way.
+    pub absorbed: Rgb,
+    /// How it left the matter, unless it ended inside.
+    pub escape: Option<Escape>,
 }
 
 /// Survival probability of Russian roulette over the mean throughput. A path
@@ -46,10 +59,6 @@ const ROULETTE_SCALE: f32 = 5.0;
 const SHADOW_SCALE: f32 = 10.0;
 
 /// Traces path `rng` of a pixel.
-///
-/// Light of one direction is gathered at every event through a shadow ray;
-/// the environment by escaping, because for light from everywhere a shadow
-/// ray in a random direction is the worse estimate.
 pub fn trace_path(
     scene: &Scene,
     pixel: UVec2,
@@ -58,8 +67,34 @@ pub fn trace_path(
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> PathSample {
-    stats.paths += 1;
     let (origin_mm, direction) = scene.camera.ray(pixel, rng);
+    trace_from(
+        scene,
+        &scene.lights,
+        (origin_mm, direction),
+        integrator,
+        max_bounces,
+        rng,
+        stats,
+    )
+}
+
+/// Traces one path from an origin in mm along a unit direction, under `lights`
+/// in place of the scene's own; the camera plays no part.
+///
+/// Light of one direction is gathered at every event through a shadow ray;
+/// the environment by escaping, because for light from everywhere a shadow
+/// ray in a random direction is the worse estimate.
+pub fn trace_from(
+    scene: &Scene,
+    lights: &[Light],
+    (origin_mm, direction): (DVec3, DVec3),
+    integrator: Integrator,
+    max_bounces: u32,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> PathSample {
+    stats.paths += 1;
     // The path goes on in f32 from a point near the matter, so that a far
     // camera costs no precision.
     let start_mm = scene.near_start(origin_mm, direction);
@@ -71,11 +106,20 @@ pub fn trace_path(
         radiance: Rgb::BLACK,
         bounces: 0,
         first: None,
+        absorbed: Rgb::BLACK,
+        escape: None,
     };
     let mut throughput = Rgb::WHITE;
     loop {
         let Some(collision) = scene.first_collision(&ray, integrator, rng, stats) else {
-            sample.radiance += throughput * scene.background(ray.direction);
+            let background = lights
+                .iter()
+                .fold(Rgb::BLACK, |sum, l| sum + l.radiance_toward(ray.direction));
+            sample.radiance += throughput * background;
+            sample.escape = Some(Escape {
+                direction: ray.direction,
+                throughput,
+            });
             return sample;
         };
         if sample.first.is_none() {
@@ -91,7 +135,7 @@ pub fn trace_path(
         sample.bounces += 1;
         let at = ray.at(collision.t);
         let w_out = -ray.direction;
-        for light in &scene.lights {
+        for light in lights {
             if let Light::Directional {
                 direction,
                 irradiance,
@@ -107,8 +151,10 @@ pub fn trace_path(
             }
         }
         let Some(scatter) = collision.sample(w_out, rng) else {
+            sample.absorbed += throughput;
             return sample;
         };
+        sample.absorbed += throughput * (Rgb::WHITE - scatter.weight);
         throughput *= scatter.weight;
         let survival = ROULETTE_SCALE * throughput.mean();
         if survival < 1.0 {

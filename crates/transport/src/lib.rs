@@ -38,7 +38,7 @@ pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, apert
 pub use cloth_medium::{ClothMedium, FlakeOptics};
 pub use film::{Film, Pixel};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
-pub use integrator::{FirstEvent, Integrator, PathSample, trace_path};
+pub use integrator::{Escape, FirstEvent, Integrator, PathSample, trace_from, trace_path};
 pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
 pub use light::{Hemisphere, Light};
 pub use medium::{Medium, SiteInfo};

@@ -141,13 +141,6 @@ impl Scene {
             .fold(f64::INFINITY, f64::min);
         if nearest.is_finite() { nearest } else { 0.0 }
     }
-
-    /// Radiance from infinity along an escaping ray.
-    pub fn background(&self, direction: Vec3) -> Rgb {
-        self.lights
-            .iter()
-            .fold(Rgb::BLACK, |sum, l| sum + l.radiance_toward(direction))
-    }
 }
 
 fn collide<M: Medium>(

@@ -4,7 +4,7 @@ use super::with_threads;
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::InfoArgs;
-use crate::scene_file::SceneFile;
+use crate::scene_file::{SceneFile, is_scene};
 use crate::{fabric_file, read};
 use anyhow::Result;
 use organza_basis::Aabb;
@@ -67,12 +67,9 @@ fn tell(args: &InfoArgs) -> Result<Value> {
     }
 }
 
-/// A fabric or a scene: whichever top-level keys it has.
+/// A fabric or a scene.
 fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
-    let text = read::text(path)?;
-    let is_scene = ::toml::from_str::<::toml::Table>(&text)
-        .is_ok_and(|t| t.contains_key("camera") || t.contains_key("object"));
-    if is_scene {
+    if is_scene(&read::text(path)?) {
         let file: SceneFile = read::toml(path, overrides)?;
         return Ok(json!({
             "kind": "scene",

@@ -10,7 +10,7 @@ use crate::picture::{self, Attribute, PictureKind};
 use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{IntegratorName, SceneFile};
+use crate::scene_file::SceneFile;
 use crate::schedule::{Next, Schedule, Stop};
 use crate::{output, read};
 use anyhow::Result;
@@ -133,10 +133,7 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
             args.scene.display()
         )));
     }
-    let integrator = match file.render.integrator {
-        IntegratorName::Woodcock => Integrator::Woodcock,
-        IntegratorName::Regular => Integrator::Regular,
-    };
+    let integrator = Integrator::from(file.render.integrator);
     if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
         return Err(input(format!(
             "{}: render.integrator: \"regular\" steps through constant voxels; \

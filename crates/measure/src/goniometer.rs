@@ -1,0 +1,320 @@
+//! Means with standard errors: the goniometer itself.
+
+use crate::{Angles, Energy, Pair, PatchResponse};
+use organza_basis::{Moments, PathRng, Rgb};
+use organza_transport::Stats;
+use rayon::prelude::*;
+
+/// How much to trace for every pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Paths per pair, or the most of them when there is a target.
+    pub paths: u64,
+    /// Names all random numbers.
+    pub seed: u64,
+    /// Stop when the standard error of every channel is at most this: as a
+    /// share of its value for a BSDF, as a share of the incident light for
+    /// where light goes. Looked at after 1024 paths and whenever their number
+    /// has doubled, so that stopping hardly depends on single paths.
+    pub target_error: Option<f64>,
+}
+
+/// Value and standard error per channel.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Measured {
+    /// Mean of the estimates.
+    pub mean: [f64; 3],
+    /// Standard error of the mean; zero for a value without noise.
+    pub se: [f64; 3],
+}
+
+impl Measured {
+    fn of(moments: &[Moments; 3]) -> Measured {
+        Measured {
+            mean: moments.map(|m| m.mean),
+            se: moments.map(|m| m.standard_error()),
+        }
+    }
+}
+
+/// The BSDF of one pair.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PairValue {
+    /// The directions.
+    pub pair: Pair,
+    /// Value, 1/sr.
+    pub bsdf: Measured,
+    /// Paths traced.
+    pub paths: u64,
+}
+
+/// Where the light of one direction goes: shares that add to one.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Albedo {
+    /// Toward the light.
+    pub incident: Angles,
+    /// Directional-hemispherical reflectance.
+    pub reflected: Measured,
+    /// Directional-hemispherical transmittance of what was scattered.
+    pub transmitted: Measured,
+    /// Direct transmittance: what met nothing.
+    pub direct: Measured,
+    /// Absorptance.
+    pub absorbed: Measured,
+    /// Sum of the four, estimated path by path.
+    pub sum: Measured,
+    /// Paths traced.
+    pub paths: u64,
+}
+
+/// What was measured, with counts of what the trackers did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told<T> {
+    /// One entry per pair or direction, in order.
+    pub list: Vec<T>,
+    /// Sums over all of them.
+    pub stats: Stats,
+}
+
+/// Why a measurement gave nothing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeasureError {
+    /// Too little for a standard error.
+    #[error("{0} paths per pair give no standard error; expected at least 2")]
+    TooFewPaths(u64),
+    /// Extinctions above their bound: the values would be biased.
+    #[error("{violations} of {lookups} look-ups exceeded their majorant; values would be biased")]
+    MajorantViolations {
+        /// How many.
+        violations: u64,
+        /// Out of how many.
+        lookups: u64,
+    },
+    /// Estimates that are no numbers; leaving them out would bias the mean.
+    #[error("{0} estimates were not finite")]
+    NotFinite(u64),
+}
+
+/// Paths traced by one thread in one go, and before the first look at the
+/// error. Fixed, so that sums are added in one order whatever the threads.
+const CHUNK: u64 = 1024;
+
+/// Paths of one item between two sums over its chunks: bounds their memory.
+const MOST_AT_ONCE: u64 = 1 << 22;
+
+/// Streams of random numbers that belong to directions, not to pairs.
+const DIRECTION_STREAMS: u64 = 1 << 63;
+
+/// Measures the BSDF at pairs. `watch` is told of paths as they are done, from
+/// any thread.
+///
+/// # Errors
+/// See [`MeasureError`].
+pub fn measure_pairs(
+    patch: &impl PatchResponse,
+    pairs: &[Pair],
+    effort: &Effort,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Told<PairValue>, MeasureError> {
+    let effort = if patch.is_exact() {
+        Effort {
+            paths: 1,
+            target_error: None,
+            ..*effort
+        }
+    } else if effort.paths < 2 {
+        return Err(MeasureError::TooFewPaths(effort.paths));
+    } else {
+        *effort
+    };
+    // A value of zero has not been seen yet, whatever its error.
+    let enough =
+        |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
+    gather(pairs, 0, &effort, &enough, watch, &|pair: &Pair| {
+        let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
+        move |rng: &mut PathRng, stats: &mut Stats| [patch.estimate_bsdf(w_i, w_o, rng, stats)]
+    })
+    .map(|(list, stats)| Told {
+        list: pairs
+            .iter()
+            .zip(list)
+            .map(|(&pair, [moments])| PairValue {
+                pair,
+                bsdf: if patch.is_exact() {
+                    Measured {
+                        mean: moments.map(|m| m.mean),
+                        se: [0.0; 3],
+                    }
+                } else {
+                    Measured::of(&moments)
+                },
+                paths: moments[0].count,
+            })
+            .collect(),
+        stats,
+    })
+}
+
+/// Measures where light from each direction goes.
+///
+/// # Errors
+/// See [`MeasureError`].
+pub fn measure_albedos(
+    patch: &impl PatchResponse,
+    incident: &[Angles],
+    effort: &Effort,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Told<Albedo>, MeasureError> {
+    if effort.paths < 2 {
+        return Err(MeasureError::TooFewPaths(effort.paths));
+    }
+    gather(
+        incident,
+        DIRECTION_STREAMS,
+        effort,
+        &|m: &Moments, target: f64| m.standard_error() <= target,
+        watch,
+        &|from: &Angles| {
+            let w = from.direction();
+            move |rng: &mut PathRng, stats: &mut Stats| {
+                let e: Energy = patch.estimate_energy(w, rng, stats);
+                [e.reflected, e.transmitted, e.direct, e.absorbed, e.sum()]
+            }
+        },
+    )
+    .map(|(list, stats)| Told {
+        list: incident
+            .iter()
+            .zip(list)
+            .map(|(&incident, moments)| {
+                let [reflected, transmitted, direct, absorbed, sum] =
+                    moments.each_ref().map(Measured::of);
+                Albedo {
+                    incident,
+                    reflected,
+                    transmitted,
+                    direct,
+                    absorbed,
+                    sum,
+                    paths: moments[0][0].count,
+                }
+            })
+            .collect(),
+        stats,
+    })
+}
+
+/// Openness of the cloth, the share of light along the normal that meets
+/// nothing, with its standard error. One minus it is the cover factor.
+///
+/// # Errors
+/// See [`MeasureError`].
+pub fn measure_openness(
+    patch: &impl PatchResponse,
+    effort: &Effort,
+) -> Result<(f64, f64), MeasureError> {
+    let normal = Angles {
+        theta_deg: 0.0,
+        phi_deg: 0.0,
+    };
+    let effort = Effort {
+        target_error: None,
+        ..*effort
+    };
+    let told = measure_albedos(patch, &[normal], &effort, &|_| ())?;
+    let direct = told.list.first().map(|a| a.direct);
+    Ok(direct.map_or((0.0, f64::INFINITY), |d| (d.mean[0], d.se[0])))
+}
+
+/// `N` colours at a time for every item: means and deviations, in order.
+type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
+
+fn gather<T: Sync, const N: usize, E>(
+    items: &[T],
+    first_stream: u64,
+    effort: &Effort,
+    enough: &(dyn Fn(&Moments, f64) -> bool + Sync),
+    watch: &(dyn Fn(u64) + Sync),
+    estimate: &(impl Fn(&T) -> E + Sync),
+) -> Result<Gathered<N>, MeasureError>
+where
+    E: Fn(&mut PathRng, &mut Stats) -> [Rgb; N] + Sync,
+{
+    let one = |(stream, item): (usize, &T)| {
+        let estimate = estimate(item);
+        let stream = first_stream + stream as u64;
+        let mut moments = [[Moments::default(); 3]; N];
+        let mut stats = Stats::default();
+        let mut done = 0;
+        while done < effort.paths {
+            let round = match effort.target_error {
+                Some(_) => done.clamp(CHUNK, MOST_AT_ONCE),
+                None => MOST_AT_ONCE,
+            };
+            let end = (done + round).min(effort.paths);
+            let chunks: Vec<([[Moments; 3]; N], Stats)> = (done.div_ceil(CHUNK)
+                ..end.div_ceil(CHUNK))
+                .into_par_iter()
+                .map(|c| {
+                    let paths = c * CHUNK..((c + 1) * CHUNK).min(end);
+                    watch(paths.end - paths.start);
+                    chunk(&estimate, effort.seed, stream, paths)
+                })
+                .collect();
+            for (part, counts) in &chunks {
+                let channels = moments.iter_mut().flatten();
+                for (sum, more) in channels.zip(part.iter().flatten()) {
+                    sum.merge(more);
+                }
+                stats.merge(counts);
+            }
+            done = end;
+            let reached = |e| moments.iter().flatten().all(|m| enough(m, e));
+            if effort.target_error.is_some_and(reached) {
+                break;
+            }
+        }
+        (moments, stats)
+    };
+    let all: Vec<_> = items.par_iter().enumerate().map(one).collect();
+    let mut stats = Stats::default();
+    let mut list = Vec::with_capacity(all.len());
+    for (moments, counts) in all {
+        list.push(moments);
+        stats.merge(&counts);
+    }
+    if stats.majorant_violations > 0 {
+        return Err(MeasureError::MajorantViolations {
+            violations: stats.majorant_violations,
+            lookups: stats.tentative + stats.shadow_steps,
+        });
+    }
+    if stats.rejected > 0 {
+        return Err(MeasureError::NotFinite(stats.rejected));
+    }
+    Ok((list, stats))
+}
+
+fn chunk<const N: usize>(
+    estimate: &impl Fn(&mut PathRng, &mut Stats) -> [Rgb; N],
+    seed: u64,
+    stream: u64,
+    paths: std::ops::Range<u64>,
+) -> ([[Moments; 3]; N], Stats) {
+    let mut moments = [[Moments::default(); 3]; N];
+    let mut stats = Stats::default();
+    for path in paths {
+        let mut rng = PathRng::new(seed, stream, path);
+        let values = estimate(&mut rng, &mut stats);
+        if !values.iter().all(|v| v.0.is_finite()) {
+            stats.rejected += 1;
+            continue;
+        }
+        for (sums, value) in moments.iter_mut().zip(values) {
+            for (sum, x) in sums.iter_mut().zip(value.0.to_array()) {
+                sum.add(f64::from(x));
+            }
+        }
+    }
+    (moments, stats)
+}

@@ -1,0 +1,85 @@
+//! Layouts of directions that goniometers use.
+
+use crate::{Angles, Pair};
+use glam::Vec2;
+use organza_basis::warp;
+
+/// Incident directions along each side of the square.
+const SIDE: usize = 15;
+
+/// The steepest incident direction, degrees.
+const RIM_DEG: f64 = 75.0;
+
+/// Exitant directions of the measurements in [Irawan2008]: theta and phi in
+/// degrees.
+const EXITANT_DEG: [(f64, f64); 7] = [
+    (0.0, 0.0),
+    (30.0, 0.0),
+    (30.0, 90.0),
+    (60.0, 0.0),
+    (60.0, 45.0),
+    (60.0, 90.0),
+    (60.0, 135.0),
+];
+
+/// The 225 incident directions of [Irawan2008]: a 15 x 15 grid over the square,
+/// borders included, brought to the hemisphere out to 75 degrees by the
+/// concentric map [Shirley1997], row by row.
+///
+/// The source does not say how the disk becomes a hemisphere; here equal areas
+/// become equal solid angles, as the source of the map proposes.
+pub fn irawan_incident() -> Vec<Angles> {
+    let step = 1.0 / (SIDE - 1) as f32;
+    let fall = 1.0 - RIM_DEG.to_radians().cos();
+    let angles = |k: usize| {
+        let square = Vec2::new((k % SIDE) as f32, (k / SIDE) as f32) * step;
+        let disk = warp::concentric_disk(square).as_dvec2();
+        let cos = 1.0 - disk.length_squared().min(1.0) * fall;
+        Angles {
+            theta_deg: cos.clamp(-1.0, 1.0).acos().to_degrees(),
+            phi_deg: disk.y.atan2(disk.x).to_degrees(),
+        }
+    };
+    (0..SIDE * SIDE).map(angles).collect()
+}
+
+/// All 225 x 7 pairs, exitant directions outermost.
+pub fn irawan_layout() -> Vec<Pair> {
+    let incident = irawan_incident();
+    let pairs_of = |&(theta_deg, phi_deg): &(f64, f64)| {
+        let exitant = Angles { theta_deg, phi_deg };
+        let pair = move |&incident: &Angles| Pair { incident, exitant };
+        incident.iter().map(pair).collect::<Vec<_>>()
+    };
+    EXITANT_DEG.iter().flat_map(pairs_of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_layout_covers_the_cap_evenly() {
+        let incident = irawan_incident();
+        assert_eq!(incident.len(), 225);
+        assert_eq!(irawan_layout().len(), 225 * 7);
+        let rim = |a: &&Angles| (a.theta_deg - 75.0).abs() < 1e-3;
+        assert_eq!(incident.iter().filter(rim).count(), 56);
+        assert!(incident.iter().all(|a| a.theta_deg < 75.0 + 1e-3));
+        // The middle of the grid is the normal; squares around it are rings of
+        // equal height: cos theta falls with the square of the ring's number.
+        assert!(incident[112].theta_deg < 1e-3);
+        for (k, a) in incident.iter().enumerate() {
+            let (x, y) = ((k % 15) as f64 - 7.0, (k / 15) as f64 - 7.0);
+            let ring = x.abs().max(y.abs()) / 7.0;
+            let cos = 1.0 - ring * ring * (1.0 - 75f64.to_radians().cos());
+            assert!((a.theta_deg.to_radians().cos() - cos).abs() < 1e-5, "{k}");
+        }
+        // No two directions coincide.
+        for (i, a) in incident.iter().enumerate() {
+            for b in &incident[..i] {
+                assert!((a.direction() - b.direction()).length() > 0.03);
+            }
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Pairs of directions and the CSV files that list them.
+
+use glam::Vec3;
+use organza_basis::nearest_name;
+
+/// A direction away from the cloth: polar angle from the face normal and
+/// azimuth from the weft toward the warp.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Angles {
+    /// 0 along the normal of the face, 180 along that of the back.
+    pub theta_deg: f64,
+    /// Any finite number.
+    pub phi_deg: f64,
+}
+
+impl Angles {
+    /// The unit vector.
+    pub fn direction(&self) -> Vec3 {
+        let (sin_t, cos_t) = self.theta_deg.to_radians().sin_cos();
+        let (sin_p, cos_p) = (self.phi_deg % 360.0).to_radians().sin_cos();
+        glam::DVec3::new(sin_t * cos_p, sin_t * sin_p, cos_t)
+            .as_vec3()
+            .normalize()
+    }
+}
+
+/// Where light comes from and where it is seen.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Pair {
+    /// Toward the light.
+    pub incident: Angles,
+    /// Toward the eye.
+    pub exitant: Angles,
+}
+
+/// A mistake in a file, with its place.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{line}:{column}: {kind}")]
+pub struct PairsError {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// What is wrong there.
+    pub kind: PairsErrorKind,
+}
+
+/// What can be wrong.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PairsErrorKind {
+    /// The header lacks a column.
+    #[error("the header has no column `{column}`; expected {expected}{}", hint(.nearest))]
+    MissingColumn {
+        /// Its name.
+        column: &'static str,
+        /// The columns that there must be.
+        expected: String,
+        /// The column there is that is nearest to it.
+        nearest: Option<String>,
+    },
+    /// A column twice.
+    #[error("the column `{0}` stands in the header twice")]
+    RepeatedColumn(&'static str),
+    /// A line that ends early.
+    #[error("the line has {found} fields; expected {expected} as in the header")]
+    Fields {
+        /// Fields of the line.
+        found: usize,
+        /// Fields of the header.
+        expected: usize,
+    },
+    /// No number, or none in range.
+    #[error("{column}: expected {expected}, found `{found}`")]
+    Number {
+        /// The column's name.
+        column: &'static str,
+        /// The valid range in words.
+        expected: &'static str,
+        /// What stands there.
+        found: String,
+    },
+    /// A header and nothing else, or less.
+    #[error("the file lists no directions")]
+    Empty,
+}
+
+fn hint(nearest: &Option<String>) -> String {
+    match nearest {
+        Some(n) => format!("; `{n}` is near, is it meant?"),
+        None => String::new(),
+    }
+}
+
+/// Directions nearer to the cloth's plane than this, as a cosine, are refused:
+/// there the BSDF's own cosine divides by nothing.
+const LEAST_COSINE: f64 = 1e-4;
+
+/// Reads a CSV file with a header that names the columns `theta_i`, `phi_i`,
+/// `theta_o` and `phi_o`, in degrees, in any order. Further columns are left
+/// alone, so that a table of results lists its own pairs; lines that are blank
+/// or begin with `#` too. theta runs from 0 to 180: light and eye may be on
+/// either side.
+///
+/// # Errors
+/// The first mistake, with line and column.
+pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
+    parse(text, ["theta_i", "phi_i", "theta_o", "phi_o"], |v| Pair {
+        incident: angles(v[0], v[1]),
+        exitant: angles(v[2], v[3]),
+    })
+}
+
+/// The incident directions of a file, which need name no others: each once, in
+/// the order of their first appearance.
+///
+/// # Errors
+/// As [`parse_pairs`].
+pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
+    let all = parse(text, ["theta_i", "phi_i"], |v| angles(v[0], v[1]))?;
+    Ok(distinct_incident(all))
+}
+
+/// Each direction once, in the order of first appearance.
+pub fn distinct_incident(all: impl IntoIterator<Item = Angles>) -> Vec<Angles> {
+    let mut seen = std::collections::HashSet::new();
+    let bits = |a: &Angles| (a.theta_deg.to_bits(), a.phi_deg.to_bits());
+    all.into_iter().filter(|a| seen.insert(bits(a))).collect()
+}
+
+fn angles(theta_deg: f64, phi_deg: f64) -> Angles {
+    Angles { theta_deg, phi_deg }
+}
+
+fn parse<const N: usize, T>(
+    text: &str,
+    names: [&'static str; N],
+    make: impl Fn([f64; N]) -> T,
+) -> Result<Vec<T>, PairsError> {
+    let mut lines = text
+        .trim_start_matches('\u{feff}')
+        .lines()
+        .enumerate()
+        .filter(|(_, l)| !(l.trim().is_empty() || l.trim_start().starts_with('#')));
+    let place = |line: usize, column: usize, kind| PairsError {
+        line: line + 1,
+        column,
+        kind,
+    };
+    let Some((header_line, header)) = lines.next() else {
+        return Err(place(0, 1, PairsErrorKind::Empty));
+    };
+    let columns: Vec<&str> = fields(header).map(|(_, f)| f).collect();
+    let mut at = [0; N];
+    for (index, name) in at.iter_mut().zip(names) {
+        let mut found = (0..columns.len()).filter(|&i| columns.get(i) == Some(&name));
+        *index = found.next().ok_or_else(|| {
+            let unknown = columns.iter().copied().filter(|c| !names.contains(c));
+            let nearest = nearest_name(name, unknown).map(str::to_owned);
+            let column = column_of(header, nearest.as_deref());
+            let kind = PairsErrorKind::MissingColumn {
+                column: name,
+                expected: names.join(","),
+                nearest,
+            };
+            place(header_line, column, kind)
+        })?;
+        if let Some(again) = found.next() {
+            let column = fields(header).nth(again).map_or(1, |(c, _)| c);
+            return Err(place(
+                header_line,
+                column,
+                PairsErrorKind::RepeatedColumn(name),
+            ));
+        }
+    }
+    let mut list = Vec::new();
+    for (number, line) in lines {
+        let row: Vec<(usize, &str)> = fields(line).collect();
+        if row.len() != columns.len() {
+            let kind = PairsErrorKind::Fields {
+                found: row.len(),
+                expected: columns.len(),
+            };
+            return Err(place(number, line.chars().count() + 1, kind));
+        }
+        let mut values = [0.0; N];
+        for ((value, &index), name) in values.iter_mut().zip(&at).zip(names) {
+            let (column, field) = row.get(index).copied().unwrap_or((1, ""));
+            let angle = if name.starts_with("theta") {
+                polar_angle(field)
+            } else {
+                azimuth(field)
+            };
+            *value = angle.map_err(|expected| {
+                let kind = PairsErrorKind::Number {
+                    column: name,
+                    expected,
+                    found: field.to_owned(),
+                };
+                place(number, column, kind)
+            })?;
+        }
+        list.push(make(values));
+    }
+    if list.is_empty() {
+        return Err(place(header_line, 1, PairsErrorKind::Empty));
+    }
+    Ok(list)
+}
+
+/// Fields of a line with the columns, from 1, where they begin.
+fn fields(line: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut column = 1;
+    line.split(',').map(move |field| {
+        let start = column + field.chars().take_while(|c| c.is_whitespace()).count();
+        column += field.chars().count() + 1;
+        (start, field.trim())
+    })
+}
+
+fn column_of(header: &str, name: Option<&str>) -> usize {
+    fields(header)
+        .find(|&(_, f)| Some(f) == name)
+        .map_or(1, |(column, _)| column)
+}
+
+fn polar_angle(field: &str) -> Result<f64, &'static str> {
+    let theta: f64 = field.parse().unwrap_or(f64::NAN);
+    if !(0.0..=180.0).contains(&theta) {
+        return Err("an angle from 0 to 180 degrees");
+    }
+    if theta.to_radians().cos().abs() < LEAST_COSINE {
+        return Err("a direction out of the cloth's plane, 0.006 degrees off 90 or more");
+    }
+    Ok(theta)
+}
+
+fn azimuth(field: &str) -> Result<f64, &'static str> {
+    match field.parse::<f64>() {
+        Ok(phi) if phi.is_finite() => Ok(phi),
+        _ => Err("an angle in degrees"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_found_by_name_and_the_rest_left_alone() {
+        let text = "# a table\n\nr, phi_i,theta_i,theta_o,phi_o\n0.1,10, 30,120,-45\n";
+        let pairs = parse_pairs(text).unwrap();
+        let expected = Pair {
+            incident: angles(30.0, 10.0),
+            exitant: angles(120.0, -45.0),
+        };
+        assert_eq!(pairs, [expected]);
+        let w = expected.exitant.direction();
+        assert!(w.z < 0.0 && (w.length() - 1.0).abs() < 1e-6);
+        let twice = "theta_i,phi_i\n30,0\n150,0\n30,0\n";
+        let list = parse_incident(twice).unwrap();
+        assert_eq!(list, [angles(30.0, 0.0), angles(150.0, 0.0)]);
+    }
+
+    #[test]
+    fn mistakes_are_told_with_their_place() {
+        let head = "theta_i,phi_i,theta_o,phi_o\n";
+        for (text, words) in [
+            (String::new(), "1:1: the file lists no directions"),
+            (head.into(), "1:1: the file lists no directions"),
+            (
+                "theta_i,phi_i,tehta_o,phi_o\n".into(),
+                "1:15: the header has no column `theta_o`; expected \
+                 theta_i,phi_i,theta_o,phi_o; `tehta_o` is near, is it meant?",
+            ),
+            (
+                "theta_i,phi_i,theta_i,phi_o,theta_o\n".into(),
+                "1:15: the column `theta_i` stands in the header twice",
+            ),
+            (
+                format!("{head}1,2,3,4\n1,2,NaN,4\n"),
+                "3:5: theta_o: expected an angle from 0 to 180 degrees, found `NaN`",
+            ),
+            (
+                format!("{head}-1,2,3,4\n"),
+                "2:1: theta_i: expected an angle from 0 to 180 degrees, found `-1`",
+            ),
+            (
+                format!("{head}1,2,180.5,4\n"),
+                "2:5: theta_o: expected an angle from 0 to 180 degrees, found `180.5`",
+            ),
+            (
+                format!("{head}90,2,3,4\n"),
+                "2:1: theta_i: expected a direction out of the cloth's plane, 0.006 degrees off \
+                 90 or more, found `90`",
+            ),
+            (
+                format!("{head}1, inf,3,4\n"),
+                "2:4: phi_i: expected an angle in degrees, found `inf`",
+            ),
+            (
+                format!("{head}1,2,3\n"),
+                "2:6: the line has 3 fields; expected 4 as in the header",
+            ),
+        ] {
+            assert_eq!(parse_pairs(&text).unwrap_err().to_string(), words);
+        }
+    }
+}

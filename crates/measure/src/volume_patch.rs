@@ -1,0 +1,133 @@
+//! Media as a patch: paths that start all over it.
+
+use crate::{Energy, PatchResponse};
+use glam::Vec3;
+use organza_basis::{Aabb, PathRng, Rgb};
+use organza_transport::{Integrator, Light, PathSample, Scene, Stats, trace_from};
+
+/// Why media make no patch.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PatchError {
+    /// Nothing to measure.
+    #[error("there is no medium to measure")]
+    Empty,
+    /// An endless cloth beside a box that ends.
+    #[error("one medium repeats without end and another does not; a patch needs all of one kind")]
+    Mixed,
+    /// No common period.
+    #[error("two media repeat with different periods, {0} and {1} mm (x, y); a patch needs one")]
+    Periods(glam::Vec2, glam::Vec2),
+    /// Exact stepping through media that are not constant in their voxels.
+    #[error(
+        "the \"regular\" integrator steps through constant voxels, which a medium does not have"
+    )]
+    NotPiecewiseConstant,
+}
+
+/// The media of a scene over their footprint: one period of an endless cloth,
+/// or the rectangle of boxes that end. Paths start evenly over that side of the
+/// footprint's box which they are seen from. The scene's lights and camera play
+/// no part.
+pub struct VolumePatch {
+    scene: Scene,
+    integrator: Integrator,
+    bounds_mm: Aabb,
+}
+
+impl VolumePatch {
+    /// A patch of all the media of a scene.
+    ///
+    /// # Errors
+    /// When the media have no common footprint, or no exact stepping is
+    /// possible and asked for.
+    pub fn new(scene: Scene, integrator: Integrator) -> Result<VolumePatch, PatchError> {
+        let mut lattices = scene.media.iter().map(|m| *m.lattice());
+        let first = lattices.next().ok_or(PatchError::Empty)?;
+        let mut bounds_mm = first.bounds_mm();
+        for lattice in lattices {
+            if lattice.repeats() != first.repeats() {
+                return Err(PatchError::Mixed);
+            }
+            let bounds = lattice.bounds_mm();
+            if first.repeats() {
+                let period = first.bounds_mm().size().truncate();
+                let other = bounds.size().truncate();
+                if (period - other).abs().max_element() > 1e-5 * period.max_element() {
+                    return Err(PatchError::Periods(period, other));
+                }
+                bounds_mm.min.z = bounds_mm.min.z.min(bounds.min.z);
+                bounds_mm.max.z = bounds_mm.max.z.max(bounds.max.z);
+            } else {
+                bounds_mm = bounds_mm.union(&bounds);
+            }
+        }
+        let exact = scene.media.iter().all(|m| m.is_piecewise_constant());
+        if integrator == Integrator::Regular && !exact {
+            return Err(PatchError::NotPiecewiseConstant);
+        }
+        Ok(VolumePatch {
+            scene,
+            integrator,
+            bounds_mm,
+        })
+    }
+
+    /// The box over which paths start.
+    pub fn bounds_mm(&self) -> Aabb {
+        self.bounds_mm
+    }
+
+    /// A path seen from `w`.
+    fn trace(&self, w: Vec3, lights: &[Light], rng: &mut PathRng, stats: &mut Stats) -> PathSample {
+        let (low, size) = (self.bounds_mm.min, self.bounds_mm.size());
+        let at = low.truncate() + rng.unit2() * size.truncate();
+        let face = if w.z > 0.0 {
+            self.bounds_mm.max.z
+        } else {
+            self.bounds_mm.min.z
+        };
+        let ray = (at.extend(face).as_dvec3(), -w.as_dvec3());
+        trace_from(
+            &self.scene,
+            lights,
+            ray,
+            self.integrator,
+            u32::MAX,
+            rng,
+            stats,
+        )
+    }
+}
+
+impl PatchResponse for VolumePatch {
+    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        let light = Light::Directional {
+            direction: -w_i,
+            irradiance: Rgb::WHITE,
+        };
+        self.trace(w_o, &[light], rng, stats).radiance / w_i.z.abs()
+    }
+
+    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
+        let path = self.trace(w, &[], rng, stats);
+        let mut energy = Energy {
+            absorbed: path.absorbed,
+            ..Energy::default()
+        };
+        if let Some(escape) = path.escape {
+            let share = if path.first.is_none() {
+                &mut energy.direct
+            } else if (escape.direction.z > 0.0) == (w.z > 0.0) {
+                &mut energy.reflected
+            } else {
+                &mut energy.transmitted
+            };
+            *share = escape.throughput;
+        }
+        energy
+    }
+
+    fn is_exact(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,300 @@
+//! The slab of SGGX fibres through the goniometer: against another renderer,
+//! against itself turned about, and against its own integrals.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use glam::{DVec3, UVec2, UVec3, Vec3};
+use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
+use organza_measure::{
+    Angles, Effort, Energy, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
+    measure_albedos, measure_openness, measure_pairs, parse_pairs, write_pairs,
+};
+use organza_transport::{
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Integrator, Interpolation, PixelFilter,
+    Projection, Scene, Stats,
+};
+
+const SIGMA_PER_MM: f32 = 20.0;
+const THICKNESS_MM: f32 = 0.3;
+const ALBEDO: [f32; 3] = [0.95, 0.8, 0.5];
+
+fn grid(albedo: [f32; 3], size_mm: f32, repeats: bool) -> AnyMedium {
+    let half = Vec3::new(0.5 * size_mm, 0.5 * size_mm, 0.5 * THICKNESS_MM);
+    let dims = UVec3::new(3, 2, 6);
+    let samples = vec![[SIGMA_PER_MM]; dims.element_product() as usize];
+    let medium = GridMedium::new(
+        Aabb::new(-half, half),
+        repeats,
+        Interpolation::Nearest,
+        Grid::new(dims, samples).unwrap(),
+        Grid::constant([0.04, 1.0, 1.0, 0.0, 0.0, 0.0]),
+        Grid::constant(albedo),
+    );
+    AnyMedium::Grid(medium.unwrap())
+}
+
+fn patch_of(media: Vec<AnyMedium>, integrator: Integrator) -> Result<VolumePatch, PatchError> {
+    let pose = CameraPose {
+        origin_mm: DVec3::Z,
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm: 1.0 };
+    let scene = Scene {
+        media,
+        lights: Vec::new(),
+        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
+    };
+    VolumePatch::new(scene, integrator)
+}
+
+fn slab(integrator: Integrator) -> VolumePatch {
+    patch_of(vec![grid(ALBEDO, 0.4, true)], integrator).unwrap()
+}
+
+fn effort(paths: u64, seed: u64) -> Effort {
+    Effort {
+        paths,
+        seed,
+        target_error: None,
+    }
+}
+
+fn angles(theta_deg: f64, phi_deg: f64) -> Angles {
+    Angles { theta_deg, phi_deg }
+}
+
+fn pair(i: (f64, f64), o: (f64, f64)) -> Pair {
+    Pair {
+        incident: angles(i.0, i.1),
+        exitant: angles(o.0, o.1),
+    }
+}
+
+/// A twin that takes the light for perpendicular to itself.
+struct ForgottenCosine(VolumePatch);
+
+impl PatchResponse for ForgottenCosine {
+    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        self.0.estimate_bsdf(w_i, w_o, rng, stats) * w_i.z.abs()
+    }
+    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
+        // And this one loses what it absorbs on the way.
+        Energy {
+            absorbed: Rgb::BLACK,
+            ..self.0.estimate_energy(w, rng, stats)
+        }
+    }
+    fn is_exact(&self) -> bool {
+        false
+    }
+}
+
+/// Distances to the reference in combined standard errors, all pairs.
+fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
+    let table = include_str!("../../../tests/data/slab_mitsuba.csv");
+    let pairs = parse_pairs(table).unwrap();
+    let rows: Vec<Vec<f64>> = table
+        .lines()
+        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
+        .collect();
+    assert_eq!((pairs.len(), rows.len()), (16, 16));
+    let told = measure_pairs(patch, &pairs, &effort(paths, seed), &|_| ()).unwrap();
+    told.list
+        .iter()
+        .zip(&rows)
+        .flat_map(|(got, row)| {
+            assert_eq!(got.paths, paths);
+            let b = &got.bsdf;
+            [0, 1, 2].map(|c| (b.mean[c] - row[4 + c]) / b.se[c].hypot(row[7 + c]))
+        })
+        .collect()
+}
+
+#[test]
+fn agrees_with_an_independent_renderer_and_the_twin_does_not() {
+    let paths = if std::env::var_os("ORGANZA_FULL").is_some() {
+        400_000
+    } else {
+        40_000
+    };
+    for integrator in [Integrator::Woodcock, Integrator::Regular] {
+        let all = distances(&slab(integrator), paths, 7);
+        assert!(
+            all.iter().all(|d| d.abs() < 4.0),
+            "seed 7, {integrator:?}: {all:.1?}"
+        );
+    }
+    let twin = distances(&ForgottenCosine(slab(Integrator::Woodcock)), paths, 7);
+    let rejected = twin.iter().filter(|d| d.abs() > 4.0).count();
+    assert!(rejected >= 20, "only {rejected}: {twin:.1?}");
+}
+
+#[test]
+fn the_bsdf_is_reciprocal() {
+    // Turning a pair about exchanges its roles: f(a, b) = f(b, a), reflected
+    // and transmitted.
+    let some = [
+        ((20.0, 30.0), (65.0, 200.0)),
+        ((70.0, 90.0), (10.0, 0.0)),
+        ((50.0, 10.0), (130.0, 150.0)),
+        ((160.0, 0.0), (40.0, 45.0)),
+    ];
+    let there: Vec<Pair> = some.iter().map(|&(a, b)| pair(a, b)).collect();
+    let back: Vec<Pair> = some.iter().map(|&(a, b)| pair(b, a)).collect();
+    let slab = slab(Integrator::Woodcock);
+    let a = measure_pairs(&slab, &there, &effort(60_000, 11), &|_| ()).unwrap();
+    let b = measure_pairs(&slab, &back, &effort(60_000, 12), &|_| ()).unwrap();
+    let twin = ForgottenCosine(slab);
+    let wrong = measure_pairs(&twin, &back, &effort(60_000, 12), &|_| ()).unwrap();
+    let mut rejected = 0;
+    for ((a, b), wrong) in a.list.iter().zip(&b.list).zip(&wrong.list) {
+        for c in 0..3 {
+            let z = |x: &organza_measure::Measured| {
+                (a.bsdf.mean[c] - x.mean[c]) / a.bsdf.se[c].hypot(x.se[c])
+            };
+            let distance = z(&b.bsdf);
+            assert!(
+                distance.abs() < 4.0,
+                "seeds 11 and 12, {:?}: {distance}",
+                a.pair
+            );
+            rejected += usize::from(z(&wrong.bsdf).abs() > 4.0);
+        }
+    }
+    assert!(rejected >= 4, "the twin was told apart {rejected} times");
+}
+
+#[test]
+fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
+    let slab = slab(Integrator::Woodcock);
+    let incident = [angles(0.0, 0.0), angles(60.0, 35.0), angles(140.0, 80.0)];
+    let told = measure_albedos(&slab, &incident, &effort(40_000, 3), &|_| ()).unwrap();
+    for a in &told.list {
+        for c in 0..3 {
+            let (sum, se) = (a.sum.mean[c], a.sum.se[c]);
+            assert!((sum - 1.0).abs() < 4.0 * se + 1e-6, "seed 3: {sum} +- {se}");
+            let parts = [a.reflected, a.transmitted, a.direct, a.absorbed];
+            let total: f64 = parts.iter().map(|p| p.mean[c]).sum();
+            assert!((total - sum).abs() < 1e-6);
+        }
+        let w = a.incident.direction().as_dvec3();
+        let area = (0.04 * w.x * w.x + w.y * w.y + w.z * w.z).sqrt();
+        let depth = f64::from(SIGMA_PER_MM * THICKNESS_MM) * area / w.z.abs();
+        let distance = (a.direct.mean[0] - (-depth).exp()).abs();
+        // The deviation of a share is known before it is measured.
+        let se = ((-depth).exp() / 40_000.0).sqrt();
+        assert!(distance < 4.0 * se, "seed 3: {distance} against {se}");
+    }
+    let (open, se) = measure_openness(&slab, &effort(40_000, 3)).unwrap();
+    assert!((open - (-6f64).exp()).abs() < 4.0 * se, "{open} +- {se}");
+    let twin = ForgottenCosine(slab);
+    let wrong = measure_albedos(&twin, &incident, &effort(40_000, 3), &|_| ()).unwrap();
+    let sum = wrong.list[0].sum;
+    assert!((sum.mean[2] - 1.0).abs() > 10.0 * sum.se[2]);
+}
+
+#[test]
+fn the_bsdf_integrates_to_reflectance_and_transmittance() {
+    // Shadow rays against escaping paths: two ways to one number. The light
+    // comes from the cosine distribution, so f / density is pi f.
+    let slab = slab(Integrator::Woodcock);
+    let from = angles(50.0, 20.0);
+    let told = measure_albedos(&slab, &[from], &effort(60_000, 5), &|_| ()).unwrap();
+    let mut sides = [[Moments::default(); 3]; 2];
+    let mut stats = Stats::default();
+    for path in 0..60_000 {
+        let mut rng = PathRng::new(6, 0, path);
+        for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
+            let w_i = warp::cosine_hemisphere(rng.unit2()).with_z_sign(sign);
+            let value = slab.estimate_bsdf(w_i, from.direction(), &mut rng, &mut stats);
+            for (m, x) in side.iter_mut().zip(value.0.to_array()) {
+                m.add(f64::from(x) * std::f64::consts::PI);
+            }
+        }
+    }
+    for (side, share) in sides
+        .iter()
+        .zip([told.list[0].reflected, told.list[0].transmitted])
+    {
+        for (c, m) in side.iter().enumerate() {
+            let z = (m.mean - share.mean[c]) / m.standard_error().hypot(share.se[c]);
+            assert!(z.abs() < 4.0, "seeds 5 and 6, channel {c}: {z}");
+        }
+    }
+}
+
+/// `w` on the side of `sign`, away from the horizon where 1/cos overflows.
+trait OnSide {
+    fn with_z_sign(self, sign: f32) -> Vec3;
+}
+
+impl OnSide for Vec3 {
+    fn with_z_sign(self, sign: f32) -> Vec3 {
+        self.with_z(sign * self.z.max(1e-4))
+    }
+}
+
+#[test]
+fn results_depend_on_the_seed_and_not_on_the_threads() {
+    let pairs = [
+        pair((30.0, 0.0), (30.0, 180.0)),
+        pair((0.0, 0.0), (150.0, 0.0)),
+    ];
+    let table = |threads, seed| {
+        let slab = slab(Integrator::Woodcock);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let told = pool
+            .build()
+            .unwrap()
+            .install(|| measure_pairs(&slab, &pairs, &effort(5000, seed), &|_| ()).unwrap());
+        let mut out = Vec::new();
+        write_pairs(&told.list, &mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    assert_eq!(table(1, 4), table(2, 4));
+    assert_ne!(table(2, 4), table(2, 5));
+    assert_eq!(parse_pairs(&table(1, 4)).unwrap(), pairs);
+}
+
+#[test]
+fn a_target_error_is_met_where_paths_allow() {
+    let pairs = [
+        pair((30.0, 0.0), (30.0, 180.0)),
+        pair((70.0, 0.0), (160.0, 0.0)),
+    ];
+    let effort = Effort {
+        paths: 50_000,
+        seed: 9,
+        target_error: Some(0.05),
+    };
+    let told = measure_pairs(&slab(Integrator::Woodcock), &pairs, &effort, &|_| ()).unwrap();
+    let (easy, hard) = (&told.list[0], &told.list[1]);
+    assert!((0..3).all(|c| easy.bsdf.se[c] <= 0.05 * easy.bsdf.mean[c]));
+    assert!(easy.paths.is_power_of_two() && easy.paths < 50_000);
+    assert_eq!(hard.paths, 50_000, "blue hardly comes through");
+}
+
+#[test]
+fn an_end_of_the_box_is_no_end_of_energy() {
+    // A box that ends loses light through its sides, but none altogether.
+    let ends = patch_of(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
+    let incident = [angles(30.0, 0.0)];
+    let told = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
+    let a = &told.list[0];
+    let rest = a.reflected.mean[0] + a.transmitted.mean[0] + a.direct.mean[0];
+    assert!((rest - 1.0).abs() < 1e-5, "nothing is absorbed: {rest}");
+}
+
+#[test]
+fn what_makes_no_patch_is_refused() {
+    let fail = |media| patch_of(media, Integrator::Woodcock).err();
+    assert_eq!(fail(Vec::new()), Some(PatchError::Empty));
+    let mixed = vec![grid(ALBEDO, 0.4, true), grid(ALBEDO, 0.4, false)];
+    assert_eq!(fail(mixed), Some(PatchError::Mixed));
+    let periods = vec![grid(ALBEDO, 0.4, true), grid(ALBEDO, 0.3, true)];
+    assert!(matches!(fail(periods), Some(PatchError::Periods(..))));
+    let one = [pair((0.0, 0.0), (30.0, 0.0))];
+    let few = measure_pairs(&slab(Integrator::Woodcock), &one, &effort(1, 0), &|_| ());
+    assert_eq!(few, Err(MeasureError::TooFewPaths(1)));
+}

@@ -1,0 +1,65 @@
+//! A surface model through the goniometer gives back its own values.
+
+use organza_measure::{
+    Angles, Effort, SurfacePatch, irawan_layout, measure_albedos, measure_openness, measure_pairs,
+};
+use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+
+const SHEER: &str = r#"
+preset = "polyester-lining"
+[transmission]
+warp_cover = 0.8
+weft_cover = 0.7
+diffuse = [0.1, 0.08, 0.05]
+forward = [0.1, 0.1, 0.1]
+concentration = 8.0
+"#;
+
+fn effort(paths: u64) -> Effort {
+    Effort {
+        paths,
+        seed: 2,
+        target_error: None,
+    }
+}
+
+#[test]
+fn measured_values_are_the_models_own() {
+    let surface = SurfaceSpec::from_toml(SHEER).unwrap().build().unwrap();
+    let patch = SurfacePatch(surface);
+    let mut pairs = irawan_layout();
+    for pair in pairs.iter_mut().step_by(5) {
+        pair.exitant.theta_deg = 180.0 - pair.exitant.theta_deg;
+    }
+    let told = measure_pairs(&patch, &pairs, &effort(1), &|_| ()).unwrap();
+    let mut lit = 0;
+    for got in &told.list {
+        let (w_i, w_o) = (got.pair.incident.direction(), got.pair.exitant.direction());
+        let own = patch.0.eval(w_i, w_o, Footprint::FAR).0.as_dvec3();
+        assert_eq!(got.bsdf.mean, own.to_array(), "{:?}", got.pair);
+        assert_eq!(got.bsdf.se, [0.0; 3]);
+        lit += usize::from(own.x > 0.0);
+    }
+    assert!(lit > 1500, "{lit} of 1575 are not black");
+}
+
+#[test]
+fn shares_add_to_one_and_openness_is_the_gap() {
+    let surface = SurfaceSpec::from_toml(SHEER).unwrap().build().unwrap();
+    let patch = SurfacePatch(surface);
+    let incident = [(0.0, 0.0), (45.0, 30.0), (150.0, 80.0)]
+        .map(|(theta_deg, phi_deg)| Angles { theta_deg, phi_deg });
+    let told = measure_albedos(&patch, &incident, &effort(40_000), &|_| ()).unwrap();
+    for a in &told.list {
+        for c in 0..3 {
+            assert!((a.sum.mean[c] - 1.0).abs() < 1e-6);
+            assert!(a.absorbed.mean[c] > -4.0 * a.absorbed.se[c], "{a:?}");
+        }
+        let gap = f64::from(patch.0.gap(a.incident.direction()));
+        let distance = (a.direct.mean[0] - gap).abs();
+        assert!(distance <= 4.0 * (gap / 40_000.0).sqrt(), "seed 2: {a:?}");
+    }
+    // (1 - 0.8)(1 - 0.7): Peirce's cover factor.
+    let (open, se) = measure_openness(&patch, &effort(40_000)).unwrap();
+    assert!((open - 0.06).abs() < 4.0 * se, "seed 2: {open} +- {se}");
+}

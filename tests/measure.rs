@@ -1,0 +1,173 @@
+//! `organza measure`: the slab against another renderer, through the program;
+//! a fabric as volume and as surface; wrong pairs files.
+
+use crate::program::{complaint, folder, succeed};
+use crate::slab::write_slab;
+use organza_measure::parse_pairs;
+use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+use std::path::Path;
+
+/// Numbers of a table, row by row; lines that hold none are left out.
+fn rows(text: &str) -> Vec<Vec<f64>> {
+    text.lines()
+        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
+        .collect()
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+#[test]
+fn the_slab_agrees_with_an_independent_renderer_at_every_pair() {
+    let folder = folder("measure-slab");
+    write_slab(&folder);
+    let table = include_str!("data/slab_mitsuba.csv");
+    std::fs::write(folder.join("pairs.csv"), table).unwrap();
+    let mut arguments = vec!["measure", "slab.toml", "--pairs", "pairs.csv"];
+    arguments.extend(["--spp", "40000", "--seed", "3", "-o", "out.csv"]);
+    succeed(&folder, &arguments);
+    let got = read(&folder, "out.csv");
+    assert!(got.starts_with("theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b\n"));
+    let (got, expected) = (rows(&got), rows(table));
+    assert_eq!((got.len(), expected.len()), (16, 16));
+    for (g, e) in got.iter().zip(&expected) {
+        assert_eq!(g[..4], e[..4]);
+        for c in 4..7 {
+            let distance = (g[c] - e[c]).abs() / g[c + 3].hypot(e[c + 3]);
+            assert!(distance < 4.0, "seed 3: {g:?} against {e:?}");
+        }
+    }
+    // Another number of threads, the same bytes.
+    let bytes = |threads: &str, name: &str| {
+        let mut arguments = vec!["measure", "slab.toml", "--pairs", "pairs.csv"];
+        arguments.extend(["--spp", "3000", "--threads", threads, "-o", name]);
+        succeed(&folder, &arguments);
+        read(&folder, name)
+    };
+    assert_eq!(bytes("1", "one.csv"), bytes("2", "two.csv"));
+}
+
+const FABRIC: &str = r#"
+name = "test cloth"
+[draft]
+weave = "twill-2-1-s"
+[warp]
+yarn = "cotton"
+per_cm = 20.0
+[weft]
+yarn = "cotton"
+per_cm = 18.0
+[yarn.cotton]
+preset = "cotton"
+tex = 20.0
+fibres_per_ply = 40
+fibre_radius_um = 8.0
+[voxel]
+size_um = 25.0
+"#;
+
+#[test]
+fn a_fabric_is_measured_as_volume_and_as_surface() {
+    let folder = folder("measure-fabric");
+    let surface = "[surface]\npreset = \"cotton-twill\"\n";
+    std::fs::write(folder.join("cloth.toml"), FABRIC.to_owned() + surface).unwrap();
+    std::fs::write(folder.join("bare.toml"), FABRIC).unwrap();
+    let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,40,170\n10,80,0,0\n20,0,150,0\n";
+    std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
+    let mut arguments = vec!["measure", "cloth.toml", "--pairs", "pairs.csv"];
+    arguments.extend(["-o", "out.csv", "--model", "surface"]);
+    succeed(&folder, &arguments);
+    // Draft and spacing are the fabric's own: 2 over, 1 under, 0.5 by 1/1.8 mm.
+    let mut spec = SurfaceSpec::preset("cotton-twill").unwrap();
+    let weave = spec.weave.as_mut().unwrap();
+    let draft = organza_weave::Draft::named("twill-2-1-s").unwrap();
+    weave.draft = draft.drawdown().lines().map(str::to_owned).collect();
+    (weave.warp_pitch_mm, weave.weft_pitch_mm) = (0.5, 1.0 / 1.8);
+    (weave.warp_width_mm, weave.weft_width_mm) = (None, None);
+    let model = spec.build().unwrap();
+    for (row, pair) in rows(&read(&folder, "out.csv"))
+        .iter()
+        .zip(parse_pairs(pairs).unwrap())
+    {
+        let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
+        let own = model.eval(w_i, w_o, Footprint::FAR).0.to_array();
+        for c in 0..3 {
+            let expected = f64::from(own[c]);
+            assert!((row[4 + c] - expected).abs() <= 1e-4 * expected, "{row:?}");
+        }
+        assert_eq!(row[7..], [0.0; 3]);
+    }
+
+    let mut arguments = vec!["measure", "bare.toml", "--pairs", "pairs.csv"];
+    arguments.extend(["--albedo", "--spp", "4000", "-o", "albedo.csv", "--json"]);
+    let told = succeed(&folder, &arguments);
+    assert!(told.contains("\"cover_factor\""), "{told}");
+    let table = rows(&read(&folder, "albedo.csv"));
+    assert_eq!(table.len(), 3);
+    for row in &table {
+        for c in 0..3 {
+            let sum: f64 = (0..4).map(|part| row[2 + 6 * part + c]).sum();
+            let errors: f64 = (0..4).map(|part| row[5 + 6 * part + c]).sum();
+            assert!((sum - 1.0).abs() < 4.0 * errors, "{row:?}");
+        }
+        assert!(
+            row[2] > 0.05 && row[2 + 18] > 0.01,
+            "cloth reflects and absorbs: {row:?}"
+        );
+    }
+    arguments.extend(["--model", "surface"]);
+    let words = complaint(&folder, &arguments);
+    assert!(
+        words.contains("bare.toml: has no [surface] section"),
+        "{words}"
+    );
+}
+
+#[test]
+fn wrong_pairs_are_told_with_line_and_column() {
+    let folder = folder("measure-wrong");
+    write_slab(&folder);
+    let say = |text: &str| {
+        std::fs::write(folder.join("pairs.csv"), text).unwrap();
+        let mut arguments = vec!["measure", "slab.toml", "--pairs", "pairs.csv"];
+        arguments.extend(["-o", "out.csv"]);
+        complaint(&folder, &arguments)
+    };
+    let head = "theta_i,phi_i,theta_o,phi_o\n";
+    let words = say(&format!("{head}10,0,nan,0\n"));
+    assert!(words.contains("pairs.csv:2:6: theta_o:"), "{words}");
+    let words = say(&format!("{head}10,0,20,0\n190,0,20,0\n"));
+    assert!(words.contains("pairs.csv:3:1: theta_i: expected an angle from 0 to 180"));
+    let words = say("theta_i,phi_i,theta_o,fi_o\n");
+    assert!(
+        words.contains("pairs.csv:1:23: the header has no column `phi_o`"),
+        "{words}"
+    );
+    for arguments in [
+        &["measure", "slab.toml", "--pairs", "pairs.csv"][..],
+        &["measure", "slab.toml", "-o", "out.csv"],
+        &[
+            "measure",
+            "slab.toml",
+            "--layout",
+            "irawan",
+            "-o",
+            "nowhere/out.csv",
+        ],
+        &[
+            "measure",
+            "slab.toml",
+            "--layout",
+            "irawan",
+            "-o",
+            "out.csv",
+            "--model",
+            "surface",
+        ],
+    ] {
+        let out = crate::program::organza(&folder, arguments);
+        assert_eq!(out.status.code(), Some(2), "{arguments:?}");
+    }
+    assert!(!folder.join("out.csv").exists(), "nothing is written");
+}
