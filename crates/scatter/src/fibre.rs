@@ -238,12 +238,21 @@ impl<'a> NearField<'a> {
     /// leaves: use it for the light and for the next direction alike. Its values
     /// are divided by the probability of the choice.
     pub fn choose_lobe(&self, rng: &mut PathRng) -> NearField<'a> {
-        let p = pick(&self.shares, rng);
+        self.only(pick(&self.shares, rng))
+    }
+
+    /// The same for a lobe that [`NearField::choose_lobe`] drew before, of this
+    /// fibre at this offset: for trackers that keep no more than its number.
+    pub fn with_lobe(&self, chosen: usize) -> NearField<'a> {
+        self.only(chosen.min(MAX_LOBES - 1))
+    }
+
+    fn only(&self, p: usize) -> NearField<'a> {
         let mut only = [0.0; MAX_LOBES];
         only[p] = 1.0;
         NearField {
             shares: only,
-            boost: self.boost / self.shares[p],
+            boost: self.boost / self.shares[p].max(f32::MIN_POSITIVE),
             chosen: Some(p),
             ..*self
         }

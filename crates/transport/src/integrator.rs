@@ -144,7 +144,8 @@ pub fn trace_from(
                 let scattered = throughput * collision.eval(w_out, -direction) * irradiance;
                 let keep = (SHADOW_SCALE * scattered.mean() / irradiance.mean()).min(1.0);
                 if keep > 0.0 && (keep == 1.0 || rng.unit() < keep) {
-                    let shadow = Ray::new(at, -direction);
+                    let from = at + collision.exit_mm(w_out, -direction, rng);
+                    let shadow = Ray::new(from, -direction);
                     let through = scene.transmittance(&shadow, integrator, rng, stats);
                     sample.radiance += scattered * (through / keep);
                 }
@@ -163,6 +164,7 @@ pub fn trace_from(
             }
             throughput *= 1.0 / survival;
         }
-        ray = Ray::new(at, scatter.w_in);
+        let from = at + collision.exit_mm(w_out, scatter.w_in, rng);
+        ray = Ray::new(from, scatter.w_in);
     }
 }

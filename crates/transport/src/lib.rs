@@ -5,7 +5,8 @@
 //! its extinction along stretches of a ray, and at a point the extinction
 //! toward a direction and the scattering there. [`GridMedium`] answers from
 //! dense grids that other programs made, [`ClothMedium`] from an octree of
-//! fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
+//! fibres taken as micro-flakes, [`FibreMedium`] from the same with fibres that
+//! scatter as fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
 //! inside are monomorphic.
 //!
 //! # The walk
@@ -22,6 +23,7 @@
 
 mod camera;
 mod cloth_medium;
+mod fibre_medium;
 mod film;
 mod grid_medium;
 mod integrator;
@@ -36,6 +38,7 @@ mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::{ClothMedium, FlakeOptics};
+pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use film::{Film, Pixel};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
 pub use integrator::{Escape, FirstEvent, Integrator, PathSample, trace_from, trace_path};

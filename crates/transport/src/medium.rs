@@ -52,6 +52,25 @@ pub trait Medium: Sync {
     /// The medium at a local point inside the lattice's box.
     fn site(&self, p: Vec3) -> Self::Site;
 
+    /// What a tentative collision at a local point of a walk along `w` finds:
+    /// [`Medium::site`], unless the medium draws something there. Its mean
+    /// extinction over what is drawn is the medium's.
+    fn meet(&self, p: Vec3, _w: Vec3, _rng: &mut PathRng) -> Self::Site {
+        self.site(p)
+    }
+
+    /// Draws what of the site a real collision is with, once: everything below
+    /// is then conditional on it. Most media leave it open.
+    fn settle(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
+        site
+    }
+
+    /// From the collision to where a ray toward `w_in` starts, mm: not zero
+    /// where light leaves matter elsewhere than it came in.
+    fn exit_mm(&self, _site: &Self::Site, _w_out: Vec3, _w_in: Vec3, _rng: &mut PathRng) -> Vec3 {
+        Vec3::ZERO
+    }
+
     /// Extinction in 1/mm of light that travels along `w` (either sense).
     fn sigma_t(&self, site: &Self::Site, w: Vec3) -> f32;
 

@@ -2,7 +2,8 @@
 
 use crate::lattice::{Lattice, LocalRay};
 use crate::{
-    Camera, ClothMedium, GridMedium, Integrator, Light, Medium, SiteInfo, Stats, tracking,
+    Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, SiteInfo, Stats,
+    tracking,
 };
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
@@ -24,6 +25,8 @@ pub enum AnyMedium {
     Grid(GridMedium),
     /// An octree of fibres, as micro-flakes.
     Cloth(ClothMedium),
+    /// An octree of fibres, as virtual fibres.
+    Fibres(FibreMedium),
 }
 
 impl AnyMedium {
@@ -32,6 +35,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => m.lattice(),
             AnyMedium::Cloth(m) => m.lattice(),
+            AnyMedium::Fibres(m) => m.lattice(),
         }
     }
 
@@ -40,6 +44,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => m.is_piecewise_constant(),
             AnyMedium::Cloth(m) => m.is_piecewise_constant(),
+            AnyMedium::Fibres(m) => m.is_piecewise_constant(),
         }
     }
 }
@@ -54,6 +59,7 @@ pub struct Collision<'a> {
 enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
     Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
+    Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
 }
 
 impl Collision<'_> {
@@ -62,6 +68,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.eval(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Fibres(m, s) => m.eval(s, w_out, w_in),
         }
     }
 
@@ -70,6 +77,25 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.sample(s, w_out, rng),
             AnySite::Cloth(m, s) => m.sample(s, w_out, rng),
+            AnySite::Fibres(m, s) => m.sample(s, w_out, rng),
+        }
+    }
+
+    /// From the collision to where a ray toward `w_in` starts, mm; see
+    /// [`Medium::exit_mm`].
+    pub fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        match &self.site {
+            AnySite::Grid(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Cloth(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Fibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
+        }
+    }
+
+    fn settle(&mut self, w_out: Vec3, rng: &mut PathRng) {
+        match &mut self.site {
+            AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
         }
     }
 
@@ -78,6 +104,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.info(s),
             AnySite::Cloth(m, s) => m.info(s),
+            AnySite::Fibres(m, s) => m.info(s),
         }
     }
 }
@@ -101,10 +128,15 @@ impl Scene {
                     .map(|(t, s)| (t, AnySite::Grid(m, s))),
                 AnyMedium::Cloth(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Cloth(m, s))),
+                AnyMedium::Fibres(m) => collide(m, ray, limit, integrator, rng, stats)
+                    .map(|(t, s)| (t, AnySite::Fibres(m, s))),
             };
             if let Some((t, site)) = found {
                 nearest = Some(Collision { t, site });
             }
+        }
+        if let Some(collision) = &mut nearest {
+            collision.settle(-ray.direction, rng);
         }
         nearest
     }
@@ -123,6 +155,7 @@ impl Scene {
             product *= match medium {
                 AnyMedium::Grid(m) => pass(m, ray, integrator, rng, stats),
                 AnyMedium::Cloth(m) => pass(m, ray, integrator, rng, stats),
+                AnyMedium::Fibres(m) => pass(m, ray, integrator, rng, stats),
             };
             if product == 0.0 {
                 break;

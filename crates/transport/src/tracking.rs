@@ -36,7 +36,7 @@ pub fn sample_collision<M: Medium>(
             t += depth / majorant;
             depth = rng.exponential();
             stats.tentative += 1;
-            let site = medium.site(span.point(ray, t));
+            let site = medium.meet(span.point(ray, t), ray.direction, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
             if sigma > majorant * MAJORANT_SLACK {
                 stats.majorant_violations += 1;
@@ -74,7 +74,7 @@ pub fn transmittance<M: Medium>(
             t += depth / majorant;
             depth = rng.exponential();
             stats.shadow_steps += 1;
-            let site = medium.site(span.point(ray, t));
+            let site = medium.meet(span.point(ray, t), ray.direction, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
             if sigma > majorant * MAJORANT_SLACK {
                 stats.majorant_violations += 1;

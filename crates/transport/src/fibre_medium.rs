@@ -1,0 +1,431 @@
+//! A medium from an octree of fibres that scatter as fibres: virtual scattering
+//! [Schroeder2011].
+//!
+//! A collision is with a population in proportion to what it blocks, and with a
+//! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
+//! what happens there.
+
+use crate::lattice::{CellSpan, Lattice, LocalRay};
+use crate::{Medium, SiteInfo};
+use glam::{IVec3, UVec3, Vec3};
+use organza_basis::{Aabb, FibreComponent, Mixture, PathRng, Rgb};
+use organza_scatter::{
+    Fibre, FibreFrame, Lobe, LobeSample, NearField, PackedEvent, meet_fibre, packing_fraction,
+    sigma_t_per_mm, void_multiplier,
+};
+use organza_volume::Octree;
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+
+/// Voxels along the edge of a node with a majorant of its own, unless fibres are
+/// thick: density varies inside yarns.
+const NODE_VOXELS: u32 = 4;
+
+/// Edge in fibre radii of the cells over which packing is averaged: smaller ones
+/// count chance clusters, larger ones the void beside the yarn.
+const PACKING_CELL_RADII: f32 = 4.0;
+
+/// What a collision with a fibre of the medium is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FibreEvent {
+    /// The surface of one virtual cylinder: density is looked up at its axis,
+    /// extinction is over the void between fibres, light scatters in the near
+    /// field and leaves where the cylinder lets it out [`PackedEvent`]. Wants an
+    /// octree with the length of a fibre at its axis
+    /// ([`organza_volume::Footprint::Axis`]).
+    ///
+    /// The tangent that takes the ray to the axis is the mean one of what lies
+    /// where the ray is, or, beside all matter, of the densest voxel around;
+    /// population and tangent of the event are drawn from what lies at the axis.
+    /// For parallel fibres this is exact; spread moves the look-up by a radius
+    /// times the spread.
+    #[default]
+    Packed,
+    /// A point where the ray is, in the far field.
+    Plain,
+}
+
+/// What lies where a ray may collide, or did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FibreSite {
+    /// Populations, their density over the void where fibres are packed.
+    mixture: Mixture,
+    /// Where across its width the virtual fibre is met, in `[-1, 1]`.
+    offset: f32,
+    met: Option<Met>,
+}
+
+impl FibreSite {
+    fn at_ray(mixture: Mixture) -> FibreSite {
+        FibreSite {
+            mixture,
+            offset: 0.0,
+            met: None,
+        }
+    }
+}
+
+/// The fibre of a real collision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Met {
+    component: FibreComponent,
+    tangent: Vec3,
+    /// The lobe drawn, of a packed fibre.
+    lobe: usize,
+}
+
+/// Bound of the extinction in a block of voxels and around it, with the densest
+/// population there.
+#[derive(Clone, Copy, Default)]
+struct Node {
+    majorant_per_mm: f32,
+    axis: Vec3,
+    radius_mm: f32,
+}
+
+/// Fibres of an octree level, met one by one.
+pub struct FibreMedium {
+    octree: Octree,
+    level: u8,
+    fibres: Vec<Fibre>,
+    event: FibreEvent,
+    packing: Vec<f32>,
+    /// The octree's box, and beside it the reach of fibres with their axes inside.
+    lattice: Lattice,
+    /// Voxels of the lattice before the octree's first.
+    pad: IVec3,
+    /// Voxels that a fibre reaches beyond its axis.
+    reach: IVec3,
+    voxels_per_mm: Vec3,
+    node_edge: u32,
+    nodes: Vec<Node>,
+}
+
+impl FibreMedium {
+    /// The cloth at a level of detail (0 the finest). `fibres` is indexed by the
+    /// octree's materials.
+    ///
+    /// `None` when the level does not exist or a material has no fibre.
+    pub fn new(
+        octree: Octree,
+        level: u8,
+        fibres: Vec<Fibre>,
+        event: FibreEvent,
+    ) -> Option<FibreMedium> {
+        if level >= octree.level_count() || fibres.len() < octree.material_count() {
+            return None;
+        }
+        let voxel_mm = octree.voxel_mm(level);
+        let (packing, reach) = match event {
+            FibreEvent::Plain => (vec![0.0; fibres.len()], IVec3::ZERO),
+            FibreEvent::Packed => {
+                let radius_mm = greatest_radius_mm(&octree, level);
+                // A thousandth more than the radius is room for rounding.
+                let reach = (radius_mm / voxel_mm + 1e-3).ceil().as_ivec3();
+                (packing_by_material(&octree, radius_mm, fibres.len()), reach)
+            }
+        };
+        let pad = if octree.repeats() {
+            IVec3::new(0, 0, reach.z)
+        } else {
+            reach
+        };
+        let margin_mm = pad.as_vec3() * voxel_mm;
+        let inner = octree.bounds_mm();
+        let lattice = Lattice::new(
+            Aabb::new(inner.min - margin_mm, inner.max + margin_mm),
+            octree.dims(level) + 2 * pad.as_uvec3(),
+            octree.repeats(),
+        )?;
+        let mut medium = FibreMedium {
+            octree,
+            level,
+            fibres,
+            event,
+            packing,
+            lattice,
+            pad,
+            reach,
+            voxels_per_mm: 1.0 / voxel_mm,
+            // At least twice the reach: bounds then cost no more than eight
+            // look-ups a voxel.
+            node_edge: NODE_VOXELS.max(2 * reach.max_element() as u32),
+            nodes: Vec::new(),
+        };
+        let dims = lattice.cell_dims(medium.node_edge);
+        medium.nodes = (0..dims.element_product())
+            .into_par_iter()
+            .map(|i| medium.node(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims))
+            .collect();
+        Some(medium)
+    }
+
+    /// The octree.
+    pub fn octree(&self) -> &Octree {
+        &self.octree
+    }
+
+    /// Part of the volume that fibres fill where each material is; zero for the
+    /// plain event, which does not ask.
+    pub fn packing(&self) -> &[f32] {
+        &self.packing
+    }
+
+    /// Populations in a voxel of the lattice, empty beyond the octree's box.
+    fn voxel(&self, cell: IVec3) -> Mixture {
+        let dims = self.octree.dims(self.level).as_ivec3();
+        let mut cell = cell - self.pad;
+        if self.octree.repeats() {
+            cell.x = cell.x.rem_euclid(dims.x);
+            cell.y = cell.y.rem_euclid(dims.y);
+        }
+        if cell.cmplt(IVec3::ZERO).any() || cell.cmpge(dims).any() {
+            return Mixture::EMPTY;
+        }
+        let stored = self.octree.mixture(self.level, cell.as_uvec3());
+        if self.event == FibreEvent::Plain {
+            return stored;
+        }
+        let mut over_void = Mixture::EMPTY;
+        for c in stored.as_slice() {
+            let m = void_multiplier(self.packing[usize::from(c.material)]);
+            over_void.push(FibreComponent {
+                length_density_per_mm2: m * c.length_density_per_mm2,
+                ..*c
+            });
+        }
+        over_void
+    }
+
+    fn node(&self, node: UVec3) -> Node {
+        let low = (node * self.node_edge).as_ivec3();
+        let high = (low + self.node_edge as i32).min(self.lattice.dims().as_ivec3());
+        let (low, high) = (low - self.reach, high + self.reach);
+        let (mut found, mut densest) = (Node::default(), 0.0);
+        for z in low.z..high.z {
+            for y in low.y..high.y {
+                for x in low.x..high.x {
+                    let mixture = self.voxel(IVec3::new(x, y, z));
+                    found.majorant_per_mm = found.majorant_per_mm.max(mixture.broadside_per_mm());
+                    for c in mixture.as_slice() {
+                        if c.broadside_per_mm() > densest {
+                            densest = c.broadside_per_mm();
+                            found.axis = c.axis;
+                            found.radius_mm = c.radius_mm;
+                        }
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn node_at(&self, node: UVec3) -> &Node {
+        let dims = self.lattice.cell_dims(self.node_edge);
+        &self.nodes[(node.x + dims.x * (node.y + dims.y * node.z)) as usize]
+    }
+
+    /// Axis and radius of the fibre that a ray may meet at `p`.
+    fn expected(&self, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
+        let here = self.voxel(p.floor().as_ivec3());
+        let Some((last, before)) = here.as_slice().split_last() else {
+            let node = self.node_at(self.lattice.cell(p) / self.node_edge);
+            return (node.axis, node.radius_mm);
+        };
+        let chosen = if before.is_empty() {
+            last
+        } else {
+            let mut left = rng.unit() * here.broadside_per_mm();
+            let found = before.iter().find(|c| {
+                left -= c.broadside_per_mm();
+                left < 0.0
+            });
+            found.unwrap_or(last)
+        };
+        (chosen.axis, chosen.radius_mm)
+    }
+
+    /// The fibre of a population.
+    fn fibre(&self, met: &Met) -> &Fibre {
+        &self.fibres[usize::from(met.component.material)]
+    }
+
+    /// The near field of a packed fibre, of the lobe drawn.
+    fn near(&self, met: &Met, offset: f32, w_out: Vec3) -> NearField<'_> {
+        let frame = FibreFrame::new(met.tangent, w_out);
+        self.fibre(met)
+            .near_field(frame, offset)
+            .with_lobe(met.lobe)
+    }
+
+    /// What `with` makes of the lobe of a settled site; `none` of another.
+    fn with_lobe<T>(
+        &self,
+        site: &FibreSite,
+        w_out: Vec3,
+        none: T,
+        with: impl FnOnce(&dyn Lobe) -> T,
+    ) -> T {
+        match (&site.met, self.event) {
+            (None, _) => none,
+            (Some(met), FibreEvent::Plain) => with(&self.fibre(met).far_field(met.tangent)),
+            (Some(met), FibreEvent::Packed) => with(&self.near(met, site.offset, w_out)),
+        }
+    }
+}
+
+fn greatest_radius_mm(octree: &Octree, level: u8) -> f32 {
+    let mut most = 0.0f32;
+    octree.for_each_occupied(level, |cell| {
+        for c in octree.mixture(level, cell).as_slice() {
+            most = most.max(c.radius_mm);
+        }
+    });
+    most
+}
+
+/// Packing where each material is: the mean over its length of the volume that
+/// fibres of any material fill in the cell around.
+fn packing_by_material(octree: &Octree, radius_mm: f32, materials: usize) -> Vec<f32> {
+    let off = |l: &u8| {
+        let edge_mm = octree.voxel_mm(*l).element_product().cbrt();
+        (edge_mm / (PACKING_CELL_RADII * radius_mm)).ln().abs()
+    };
+    let level = (0..octree.level_count()).min_by(|a, b| off(a).total_cmp(&off(b)));
+    let level = level.unwrap_or(0);
+    let mut sums = vec![(0.0f64, 0.0f64); materials];
+    octree.for_each_occupied(level, |cell| {
+        let mixture = octree.mixture(level, cell);
+        let populations = mixture.as_slice();
+        let fraction = |c: &FibreComponent| packing_fraction(c.length_density_per_mm2, c.radius_mm);
+        let packing: f32 = populations.iter().map(fraction).sum();
+        for c in populations {
+            if let Some(sum) = sums.get_mut(usize::from(c.material)) {
+                let length = f64::from(c.length_density_per_mm2);
+                sum.0 += length * f64::from(packing);
+                sum.1 += length;
+            }
+        }
+    });
+    let mean = |(sum, weight): (f64, f64)| if weight > 0.0 { sum / weight } else { 0.0 };
+    sums.into_iter().map(|s| mean(s) as f32).collect()
+}
+
+/// `eval`, `sample` and `pdf` are those of the fibre that [`Medium::settle`] drew:
+/// without it there is none to scatter light.
+impl Medium for FibreMedium {
+    type Site = FibreSite;
+
+    fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    fn for_each_span<B>(
+        &self,
+        ray: &LocalRay,
+        mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for span in self.lattice.cells(ray, self.node_edge) {
+            let majorant = self.node_at(span.cell).majorant_per_mm;
+            if majorant > 0.0 {
+                visit(&span, majorant)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn for_each_voxel<B>(
+        &self,
+        ray: &LocalRay,
+        mut visit: impl FnMut(f32, f32, FibreSite) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for span in self.lattice.cells(ray, 1) {
+            let mixture = self.voxel(span.cell.as_ivec3());
+            if !mixture.is_empty() {
+                visit(span.t0, span.t1, FibreSite::at_ray(mixture))?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn is_piecewise_constant(&self) -> bool {
+        self.event == FibreEvent::Plain
+    }
+
+    fn site(&self, p: Vec3) -> FibreSite {
+        FibreSite::at_ray(self.voxel(self.lattice.cell(p).as_ivec3()))
+    }
+
+    fn meet(&self, p: Vec3, w: Vec3, rng: &mut PathRng) -> FibreSite {
+        if self.event == FibreEvent::Plain {
+            return self.site(p);
+        }
+        let (axis, radius_mm) = self.expected(p, rng);
+        let event = PackedEvent::draw(Vec3::ZERO, -w, axis, radius_mm, rng);
+        let at_axis = p + event.axis_mm() * self.voxels_per_mm;
+        FibreSite {
+            mixture: self.voxel(at_axis.floor().as_ivec3()),
+            offset: event.offset,
+            met: None,
+        }
+    }
+
+    fn settle(&self, site: FibreSite, w_out: Vec3, rng: &mut PathRng) -> FibreSite {
+        let Some(met) = meet_fibre(&site.mixture, w_out, rng) else {
+            return site;
+        };
+        let mut met = Met {
+            component: site.mixture.as_slice()[met.component],
+            tangent: met.tangent,
+            lobe: 0,
+        };
+        if self.event == FibreEvent::Packed {
+            let frame = FibreFrame::new(met.tangent, w_out);
+            let near = self.fibre(&met).near_field(frame, site.offset);
+            met.lobe = near.choose_lobe(rng).chosen().unwrap_or(0);
+        }
+        FibreSite {
+            met: Some(met),
+            ..site
+        }
+    }
+
+    fn exit_mm(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        match (&site.met, self.event) {
+            (Some(met), FibreEvent::Packed) => {
+                let near = self.near(met, site.offset, w_out);
+                let event = PackedEvent {
+                    frame: *near.frame(),
+                    offset: site.offset,
+                    point_mm: Vec3::ZERO,
+                    radius_mm: met.component.radius_mm,
+                };
+                event.exit_mm(&near, w_in, rng)
+            }
+            _ => Vec3::ZERO,
+        }
+    }
+
+    fn sigma_t(&self, site: &FibreSite, w: Vec3) -> f32 {
+        sigma_t_per_mm(&site.mixture, w)
+    }
+
+    fn eval(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> Rgb {
+        self.with_lobe(site, w_out, Rgb::BLACK, |lobe| lobe.eval(w_out, w_in))
+    }
+
+    fn sample(&self, site: &FibreSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        self.with_lobe(site, w_out, None, |lobe| lobe.sample(w_out, rng))
+    }
+
+    fn pdf(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> f32 {
+        self.with_lobe(site, w_out, 0.0, |lobe| lobe.pdf(w_out, w_in))
+    }
+
+    fn info(&self, site: &FibreSite) -> SiteInfo {
+        site.met.map_or(SiteInfo::default(), |met| SiteInfo {
+            axis: met.component.axis,
+            yarn: Some(met.component.yarn),
+        })
+    }
+}
