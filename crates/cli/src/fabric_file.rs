@@ -1,15 +1,17 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
 use crate::error::input;
+use crate::fibre_optics;
 use crate::progress::Progress;
 use crate::read;
 use crate::scene_build::BuildOptions;
-use crate::scene_file::{CameraKind, CameraTable, ClothTable, Lod, LodName, ModelName};
+use crate::scene_file::{CameraKind, CameraTable, ClothTable, EventName, Lod, LodName, ModelName};
 use anyhow::Result;
 use organza_basis::{Rgb, SegmentSource, nearest_name};
+use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
-use organza_transport::{ClothMedium, FlakeOptics};
-use organza_volume::{Octree, VoxelizeOptions, voxelize};
+use organza_transport::{AnyMedium, ClothMedium, FibreEvent, FibreMedium, FlakeOptics};
+use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
     Cloth, Draft, FabricGeometry, Material,
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
@@ -47,8 +49,9 @@ pub struct FabricFile {
     pub seed: u64,
 }
 
-/// `[optics.YARN]`
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// `[optics.YARN]`: micro-flakes read the first two keys, virtual scattering the
+/// others.
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpticsTable {
     /// Single-scattering albedo of the fibres. Without it the thread's colour
@@ -57,6 +60,18 @@ pub struct OpticsTable {
     /// Ratio of end-on to broadside extinction of a straight bundle: how rough
     /// single fibres are.
     pub end_on_ratio: f32,
+    /// Index of refraction of the fibres.
+    pub ior: Option<f32>,
+    /// Colour of a thick heap of the fibres: that of the thread, if none.
+    pub colour: Option<[f32; 3]>,
+    /// Absorption inside the fibres, instead of `colour`.
+    pub absorption_per_mm: Option<[f32; 3]>,
+    /// Width of highlights along the fibres.
+    pub longitudinal_deg: Option<f32>,
+    /// Width of the lobes about the fibres.
+    pub azimuthal_deg: Option<f32>,
+    /// A fibre fitted to photographs, instead of all that.
+    pub fitted: Option<String>,
 }
 
 /// Estimated: the width of the highlight of a dyed staple fibre, about 6
@@ -64,13 +79,19 @@ pub struct OpticsTable {
 const DEFAULT_END_ON_RATIO: f32 = 0.1;
 
 /// Estimated: the colour of undyed bleached cloth.
-const UNDYED: Rgb = Rgb::splat(0.8);
+pub const UNDYED: Rgb = Rgb::splat(0.8);
 
 impl Default for OpticsTable {
     fn default() -> OpticsTable {
         OpticsTable {
             albedo: None,
             end_on_ratio: DEFAULT_END_ON_RATIO,
+            ior: None,
+            colour: None,
+            absorption_per_mm: None,
+            longitudinal_deg: None,
+            azimuthal_deg: None,
+            fitted: None,
         }
     }
 }
@@ -140,7 +161,7 @@ fn check_optics(
     if !in_range(&optics.end_on_ratio) {
         return fail(".end_on_ratio: expected a number from 0 to 1".into());
     }
-    Ok(())
+    fibre_optics::check(optics).or_else(fail)
 }
 
 impl Fabric {
@@ -150,7 +171,7 @@ impl Fabric {
             .materials()
             .iter()
             .map(|m| {
-                let table = self.file.optics.get(&m.yarn).copied().unwrap_or_default();
+                let table = self.optics_of(m);
                 let albedo = table
                     .albedo
                     .map_or_else(|| albedo_for_colour(m.colour.unwrap_or(UNDYED)), Rgb::from);
@@ -192,6 +213,23 @@ impl Fabric {
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 
+    fn optics_of(&self, material: &Material) -> OpticsTable {
+        let table = self.file.optics.get(&material.yarn);
+        table.cloned().unwrap_or_default()
+    }
+
+    /// The fibres of each material of the cloth.
+    ///
+    /// # Errors
+    /// Names the yarn at fault.
+    pub fn fibres(&self, path: &Path) -> Result<Vec<Fibre>> {
+        let fibre = |m: &Material| {
+            fibre_optics::fibre(&self.optics_of(m), m)
+                .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
+        };
+        self.cloth.materials().iter().map(fibre).collect()
+    }
+
     /// The octree of the cloth's fibres.
     ///
     /// # Errors
@@ -199,6 +237,23 @@ impl Fabric {
     pub fn voxelize(
         &self,
         path: &Path,
+        voxel_um: Option<f32>,
+        levels: Option<u8>,
+        max_memory_bytes: Option<u64>,
+        quiet: bool,
+    ) -> Result<Octree> {
+        let covered = Footprint::Covered;
+        self.voxelize_as(path, covered, voxel_um, levels, max_memory_bytes, quiet)
+    }
+
+    /// The same with the length of thick fibres where `footprint` says.
+    ///
+    /// # Errors
+    /// As [`Fabric::voxelize`].
+    pub fn voxelize_as(
+        &self,
+        path: &Path,
+        footprint: Footprint,
         voxel_um: Option<f32>,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
@@ -214,8 +269,8 @@ impl Fabric {
         let options = VoxelizeOptions {
             voxel_mm: size_um * 1e-3,
             levels,
+            footprint,
             max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
-            ..VoxelizeOptions::default()
         };
         let progress = Progress::new("voxelizing", 1000, quiet);
         let octree = voxelize(&self.cloth, &options, &|done| {
@@ -264,13 +319,24 @@ pub fn cloth_medium(
     table: &ClothTable,
     camera: &CameraTable,
     options: &BuildOptions<'_>,
-) -> Result<ClothMedium> {
+) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
-    let ModelName::Microflake = table.model;
+    let event = fibre_event(table).map_err(|why| {
+        input(format!(
+            "{}: object.event: {why}",
+            options.scene_path.display()
+        ))
+    })?;
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
     let fabric = load(&path, &own_seed)?;
-    let octree = fabric.voxelize(
+    let packed = event == Some(FibreEvent::Packed);
+    let octree = fabric.voxelize_as(
         &path,
+        if packed {
+            Footprint::Axis
+        } else {
+            Footprint::Covered
+        },
         table.voxel_um,
         None,
         options.max_memory_bytes,
@@ -279,15 +345,41 @@ pub fn cloth_medium(
     let level = match table.lod {
         Lod::Level(level) => level,
         Lod::Name(LodName::Volume) => 0,
-        Lod::Name(LodName::Auto) => level_for_camera(&octree, camera),
+        Lod::Name(LodName::Auto) => {
+            let level = level_for_camera(&octree, camera);
+            if packed {
+                level.max(fibre_optics::level_for_packed(
+                    &octree,
+                    fabric.cloth.materials(),
+                ))
+            } else {
+                level
+            }
+        }
     };
     let levels = octree.level_count();
-    ClothMedium::new(octree, level, fabric.optics()).ok_or_else(|| {
+    let medium = match event {
+        None => ClothMedium::new(octree, level, fabric.optics()).map(AnyMedium::Cloth),
+        Some(event) => {
+            FibreMedium::new(octree, level, fabric.fibres(&path)?, event).map(AnyMedium::Fibres)
+        }
+    };
+    medium.ok_or_else(|| {
         input(format!(
             "{}: object.lod: level {level} does not exist; the cloth has {levels}, from 0",
             options.scene_path.display()
         ))
     })
+}
+
+/// The event of virtual scattering; `None` for micro-flakes.
+fn fibre_event(table: &ClothTable) -> Result<Option<FibreEvent>, &'static str> {
+    match (table.model, table.event) {
+        (ModelName::Microflake, None) => Ok(None),
+        (ModelName::Microflake, Some(_)) => Err("belongs to model = \"virtual-scattering\""),
+        (ModelName::VirtualScattering, Some(EventName::Plain)) => Ok(Some(FibreEvent::Plain)),
+        (ModelName::VirtualScattering, _) => Ok(Some(FibreEvent::Packed)),
+    }
 }
 
 /// The coarsest level whose voxels are at most half a pixel wide where the

@@ -7,6 +7,7 @@ mod checkpoint;
 mod commands;
 mod error;
 mod fabric_file;
+mod fibre_optics;
 mod flags;
 mod identity;
 mod interrupt;

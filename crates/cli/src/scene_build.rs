@@ -42,9 +42,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     for table in &file.object {
         media.push(match table {
             ObjectTable::Grid(t) => AnyMedium::Grid(grid(t, options.scene_path)?),
-            ObjectTable::Cloth(t) => {
-                AnyMedium::Cloth(crate::fabric_file::cloth_medium(t, &file.camera, options)?)
-            }
+            ObjectTable::Cloth(t) => crate::fabric_file::cloth_medium(t, &file.camera, options)?,
         });
     }
     Ok(Scene {

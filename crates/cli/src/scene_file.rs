@@ -192,6 +192,8 @@ pub struct ClothTable {
     pub fabric: String,
     #[serde(default)]
     pub model: ModelName,
+    /// Virtual scattering: what a collision with a fibre is.
+    pub event: Option<EventName>,
     #[serde(default)]
     pub lod: Lod,
     /// Overrides the fabric's own voxel size.
@@ -205,6 +207,17 @@ pub struct ClothTable {
 pub enum ModelName {
     #[default]
     Microflake,
+    VirtualScattering,
+}
+
+/// `event`, of virtual scattering.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum EventName {
+    /// The surface of a fibre among others.
+    Packed,
+    /// A point, in the far field.
+    Plain,
 }
 
 /// `lod`: a level, or a name.

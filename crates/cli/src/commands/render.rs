@@ -137,7 +137,8 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
     if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
         return Err(input(format!(
             "{}: render.integrator: \"regular\" steps through constant voxels; \
-             use interpolation = \"nearest\" and grids of one resolution, or \"woodcock\"",
+             use interpolation = \"nearest\" and grids of one resolution, \
+             event = \"plain\" for virtual scattering, or \"woodcock\"",
             args.scene.display()
         )));
     }
