@@ -10,7 +10,9 @@ use anyhow::Result;
 use organza_basis::{Rgb, SegmentSource, nearest_name};
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
-use organza_transport::{AnyMedium, ClothMedium, FibreEvent, FibreMedium, FlakeOptics};
+use organza_transport::{
+    AnyMedium, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium, FlakeOptics,
+};
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
     Cloth, Draft, FabricGeometry, Material,
@@ -230,6 +232,27 @@ impl Fabric {
         self.cloth.materials().iter().map(fibre).collect()
     }
 
+    /// Every fibre of the cloth, to be traced.
+    ///
+    /// # Errors
+    /// A cloth without fibres, optics that make no sense, or more memory needed
+    /// than allowed.
+    pub fn explicit_fibres(
+        &self,
+        path: &Path,
+        max_memory_bytes: Option<u64>,
+        quiet: bool,
+    ) -> Result<AnyMedium> {
+        let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+        let progress = Progress::new("gathering fibres", 1000, quiet);
+        let traced = ExplicitFibres::new(&self.cloth, self.fibres(path)?, Some(allowed), &|done| {
+            progress.at((done * 1000.0) as u64);
+        })
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        progress.finish();
+        Ok(AnyMedium::Explicit(traced))
+    }
+
     /// The octree of the cloth's fibres.
     ///
     /// # Errors
@@ -372,11 +395,31 @@ pub fn cloth_medium(
     })
 }
 
+/// A cloth object of a scene as explicit fibres.
+///
+/// # Errors
+/// Names the file and the key at fault.
+pub fn cloth_fibres(table: &ClothTable, options: &BuildOptions<'_>) -> Result<AnyMedium> {
+    if table.event.is_some() && table.model != ModelName::VirtualScattering {
+        return Err(input(format!(
+            "{}: object.event: belongs to model = \"virtual-scattering\"",
+            options.scene_path.display()
+        )));
+    }
+    let path = read::beside(options.scene_path, &table.fabric);
+    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
+    let fabric = load(&path, &own_seed)?;
+    fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet)
+}
+
 /// The event of virtual scattering; `None` for micro-flakes.
 fn fibre_event(table: &ClothTable) -> Result<Option<FibreEvent>, &'static str> {
     match (table.model, table.event) {
         (ModelName::Microflake, None) => Ok(None),
-        (ModelName::Microflake, Some(_)) => Err("belongs to model = \"virtual-scattering\""),
+        (ModelName::Microflake | ModelName::Fibres, Some(_)) => {
+            Err("belongs to model = \"virtual-scattering\"")
+        }
+        (ModelName::Fibres, None) => Ok(None),
         (ModelName::VirtualScattering, Some(EventName::Plain)) => Ok(Some(FibreEvent::Plain)),
         (ModelName::VirtualScattering, _) => Ok(Some(FibreEvent::Packed)),
     }

@@ -219,6 +219,8 @@ pub enum LayoutName {
 pub enum PatchModel {
     /// Paths through the medium
     Volume,
+    /// Every fibre of the fabric, as it is: the ground truth of the others
+    Fibres,
     /// The reflectance model of the fabric's [surface] section
     Surface,
 }

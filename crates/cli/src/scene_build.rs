@@ -3,8 +3,8 @@
 use crate::error::input;
 use crate::read;
 use crate::scene_file::{
-    AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, HemisphereName, InterpolationName,
-    LightTable, ObjectTable, SceneFile,
+    AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, HemisphereName, IntegratorName,
+    InterpolationName, LightTable, ModelName, ObjectTable, SceneFile,
 };
 use anyhow::Result;
 use glam::{DVec3, UVec2, Vec3};
@@ -38,10 +38,18 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     for (i, table) in file.light.iter().enumerate() {
         lights.push(light(table).map_err(|why| fail(&format!("light[{i}]"), &why))?);
     }
+    let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
-    for table in &file.object {
+    for (i, table) in file.object.iter().enumerate() {
         media.push(match table {
+            ObjectTable::Grid(_) if as_fibres => {
+                let why = "a grid has no fibres for render.integrator = \"fibres\"";
+                return Err(fail(&format!("object[{i}]"), why));
+            }
             ObjectTable::Grid(t) => AnyMedium::Grid(grid(t, options.scene_path)?),
+            ObjectTable::Cloth(t) if as_fibres || t.model == ModelName::Fibres => {
+                crate::fabric_file::cloth_fibres(t, options)?
+            }
             ObjectTable::Cloth(t) => crate::fabric_file::cloth_medium(t, &file.camera, options)?,
         });
     }

@@ -56,12 +56,15 @@ impl Default for RenderTable {
 pub enum IntegratorName {
     Woodcock,
     Regular,
+    /// Every cloth as explicit fibres, whatever its `model`.
+    Fibres,
 }
 
 impl From<IntegratorName> for Integrator {
     fn from(name: IntegratorName) -> Integrator {
         match name {
-            IntegratorName::Woodcock => Integrator::Woodcock,
+            // Fibres are met, not tracked.
+            IntegratorName::Woodcock | IntegratorName::Fibres => Integrator::Woodcock,
             IntegratorName::Regular => Integrator::Regular,
         }
     }
@@ -208,6 +211,8 @@ pub enum ModelName {
     #[default]
     Microflake,
     VirtualScattering,
+    /// Every fibre, as it is.
+    Fibres,
 }
 
 /// `event`, of virtual scattering.

@@ -7,7 +7,8 @@
 //! dense grids that other programs made, [`ClothMedium`] from an octree of
 //! fibres taken as micro-flakes, [`FibreMedium`] from the same with fibres that
 //! scatter as fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
-//! inside are monomorphic.
+//! inside are monomorphic. Beside them stand [`ExplicitFibres`], which a ray meets
+//! one by one: the ground truth of the others.
 //!
 //! # The walk
 //! Paths start at the camera and go against the light. An event weighs the
@@ -23,6 +24,7 @@
 
 mod camera;
 mod cloth_medium;
+mod explicit_fibres;
 mod fibre_medium;
 mod film;
 mod grid_medium;
@@ -38,6 +40,7 @@ mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::{ClothMedium, FlakeOptics};
+pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use film::{Film, Pixel};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};

@@ -2,8 +2,8 @@
 
 use crate::lattice::{Lattice, LocalRay};
 use crate::{
-    Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, SiteInfo, Stats,
-    tracking,
+    Camera, ClothMedium, ExplicitFibres, FibreHit, FibreMedium, GridMedium, Integrator, Light,
+    Medium, SiteInfo, Stats, tracking,
 };
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
@@ -27,6 +27,8 @@ pub enum AnyMedium {
     Cloth(ClothMedium),
     /// An octree of fibres, as virtual fibres.
     Fibres(FibreMedium),
+    /// Fibres themselves.
+    Explicit(ExplicitFibres),
 }
 
 impl AnyMedium {
@@ -36,6 +38,7 @@ impl AnyMedium {
             AnyMedium::Grid(m) => m.lattice(),
             AnyMedium::Cloth(m) => m.lattice(),
             AnyMedium::Fibres(m) => m.lattice(),
+            AnyMedium::Explicit(m) => m.lattice(),
         }
     }
 
@@ -45,6 +48,8 @@ impl AnyMedium {
             AnyMedium::Grid(m) => m.is_piecewise_constant(),
             AnyMedium::Cloth(m) => m.is_piecewise_constant(),
             AnyMedium::Fibres(m) => m.is_piecewise_constant(),
+            // What is solid takes no stepping.
+            AnyMedium::Explicit(_) => true,
         }
     }
 }
@@ -60,6 +65,7 @@ enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
     Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
     Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
+    Explicit(&'a ExplicitFibres, FibreHit),
 }
 
 impl Collision<'_> {
@@ -69,6 +75,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.eval(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.eval(s, w_out, w_in),
             AnySite::Fibres(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Explicit(m, s) => m.eval(s, w_out, w_in),
         }
     }
 
@@ -78,6 +85,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.sample(s, w_out, rng),
             AnySite::Cloth(m, s) => m.sample(s, w_out, rng),
             AnySite::Fibres(m, s) => m.sample(s, w_out, rng),
+            AnySite::Explicit(m, s) => m.sample(s, w_out, rng),
         }
     }
 
@@ -88,6 +96,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Cloth(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Fibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Explicit(m, s) => m.exit_mm(s, w_out, w_in, rng),
         }
     }
 
@@ -96,6 +105,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Explicit(m, s) => *s = m.settle(*s, w_out, rng),
         }
     }
 
@@ -105,6 +115,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.info(s),
             AnySite::Cloth(m, s) => m.info(s),
             AnySite::Fibres(m, s) => m.info(s),
+            AnySite::Explicit(m, s) => m.info(s),
         }
     }
 }
@@ -130,6 +141,9 @@ impl Scene {
                     .map(|(t, s)| (t, AnySite::Cloth(m, s))),
                 AnyMedium::Fibres(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Fibres(m, s))),
+                AnyMedium::Explicit(m) => m
+                    .first_hit(ray, limit, stats)
+                    .map(|(t, s)| (t, AnySite::Explicit(m, s))),
             };
             if let Some((t, site)) = found {
                 nearest = Some(Collision { t, site });
@@ -156,6 +170,7 @@ impl Scene {
                 AnyMedium::Grid(m) => pass(m, ray, integrator, rng, stats),
                 AnyMedium::Cloth(m) => pass(m, ray, integrator, rng, stats),
                 AnyMedium::Fibres(m) => pass(m, ray, integrator, rng, stats),
+                AnyMedium::Explicit(m) => f32::from(u8::from(!m.blocks(ray, stats))),
             };
             if product == 0.0 {
                 break;

@@ -5,7 +5,7 @@ use crate::error::input;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
 use crate::progress::Progress;
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{SceneFile, is_scene};
+use crate::scene_file::{IntegratorName, SceneFile, is_scene};
 use crate::{fabric_file, output, read};
 use anyhow::{Context, Result};
 use glam::{DVec3, UVec2};
@@ -35,6 +35,12 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
                 let fabric = fabric_file::load(&args.file, &args.common.set)?;
                 let surface = fabric.surface(&args.file)?;
                 measure(args, &directions, &SurfacePatch(surface))
+            }
+            (PatchModel::Fibres, false) => measure(args, &directions, &fabric_fibres(args)?),
+            (PatchModel::Fibres, true) => {
+                let mut file: SceneFile = read::toml(&args.file, &args.common.set)?;
+                file.render.integrator = IntegratorName::Fibres;
+                measure(args, &directions, &patch_of_scene(args, &file)?)
             }
             (PatchModel::Surface, true) => Err(input(format!(
                 "{}: is a scene; --model surface measures a fabric file",
@@ -89,6 +95,17 @@ fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
             args.level
         ))
     })?;
+    patch_of(args, AnyMedium::Cloth(medium))
+}
+
+/// The fibres of a fabric file.
+fn fabric_fibres(args: &MeasureArgs) -> Result<VolumePatch> {
+    let fabric = fabric_file::load(&args.file, &args.common.set)?;
+    let fibres = fabric.explicit_fibres(&args.file, args.max_memory, args.common.quiet)?;
+    patch_of(args, fibres)
+}
+
+fn patch_of(args: &MeasureArgs, medium: AnyMedium) -> Result<VolumePatch> {
     // A goniometer has no camera, but every scene does.
     let pose = CameraPose {
         origin_mm: DVec3::Z,
@@ -97,7 +114,7 @@ fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
     };
     let projection = Projection::Orthographic { width_mm: 1.0 };
     let scene = Scene {
-        media: vec![AnyMedium::Cloth(medium)],
+        media: vec![medium],
         lights: Vec::new(),
         camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
     };
@@ -107,12 +124,16 @@ fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
 /// The objects of a scene file.
 fn scene_volume(args: &MeasureArgs) -> Result<VolumePatch> {
     let file: SceneFile = read::toml(&args.file, &args.common.set)?;
+    patch_of_scene(args, &file)
+}
+
+fn patch_of_scene(args: &MeasureArgs, file: &SceneFile) -> Result<VolumePatch> {
     let build = BuildOptions {
         scene_path: &args.file,
         quiet: args.common.quiet,
         max_memory_bytes: args.max_memory,
     };
-    let scene = scene_build::scene(&file, &build)?;
+    let scene = scene_build::scene(file, &build)?;
     patch(args, scene, file.render.integrator.into())
 }
 
@@ -175,6 +196,7 @@ fn report(
             "file": args.file,
             "model": match args.model {
                 PatchModel::Volume => "volume",
+                PatchModel::Fibres => "fibres",
                 PatchModel::Surface => "surface",
             },
             "seed": args.seed,

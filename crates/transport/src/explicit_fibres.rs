@@ -1,0 +1,499 @@
+//! Fibres as they are: the ground truth that media of fibres stand for.
+//!
+//! Every fibre of a tile is a chain of cylinders (or cones, where it tapers)
+//! joined at ellipses, in a hierarchy of boxes. Light meets its surface at an
+//! offset h across its width, is scattered by the near-field lobe at that offset
+//! and leaves from that lobe's own exit point on the cylinder [Marschner2003]:
+//! leaving from where it came in would shift reflection by 4 to 8 %.
+//!
+//! A tile that repeats is walked copy by copy, with the ray moved into the tile:
+//! an endless cloth takes no more memory than one period.
+//!
+//! # Inside fibres
+//! A fibre is met where a ray **enters** it from outside. What starts inside a
+//! fibre leaves it freely: exit points lie on the surface, so that the fibre just
+//! left is never met again by rounding, and no epsilon is needed; a later bend of
+//! the same fibre is. Fibres that are placed to overlap are, where they do, one
+//! body with the surface of their union. [`ExplicitFibres::measure_overlap`] tells
+//! how much of their volume that concerns.
+
+mod curves;
+mod piece;
+#[cfg(test)]
+mod tests;
+
+use crate::lattice::Lattice;
+use crate::{SiteInfo, Stats};
+use curves::{Curves, count_joints};
+use glam::{DVec2, DVec3, IVec2, UVec3, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb as BvhBox;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray as BvhRay, RayHit};
+use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
+use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearField};
+use piece::Piece;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+/// Why fibres cannot be traced.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExplicitFibresError {
+    /// No segment that is finite and has a radius.
+    #[error("the cloth has no fibres to trace")]
+    Empty,
+    /// The box of the tile.
+    #[error("the tile is not a finite box")]
+    Tile,
+    /// A material without scattering.
+    #[error("{materials} materials of fibres, but scattering for {fibres}")]
+    Materials {
+        /// Materials of the source.
+        materials: usize,
+        /// Fibres given.
+        fibres: usize,
+    },
+    /// More pieces than can be counted.
+    #[error("{0} pieces of fibre are more than a tile can hold: take a smaller tile")]
+    TooMany(u64),
+    /// More memory is needed than allowed.
+    #[error(
+        "explicit fibres need about {needed} bytes of memory, {allowed} are allowed: take a smaller tile or allow more"
+    )]
+    Memory {
+        /// Estimated need at its peak, bytes.
+        needed: u64,
+        /// The limit, bytes.
+        allowed: u64,
+    },
+}
+
+/// Peak bytes per joint while the hierarchy is built, copies at the tile's faces
+/// included: 36 of the joint, 12 per copy, the boxes and the builder's nodes.
+/// Measured with cloths of a million pieces.
+const BYTES_PER_JOINT: u64 = 320;
+
+/// A ray starts so much before its origin in the hierarchy, which drops boxes
+/// that end within 1e-4 of it.
+const BVH_LEAD_MM: f32 = 3e-4;
+
+/// A ray that starts among fibres meets none so near, in radii of the thinnest:
+/// at a bend it may start a rounding outside the fibre that it leaves.
+const START_RADII: f64 = 1e-3;
+
+/// Copies of the tile overlap by so much, for what is met at a face.
+const FACE_SLACK_MM: f64 = 1e-9;
+
+/// Copies of the tile that a ray may pass without meeting a fibre before it
+/// counts as one that never does: one exactly in the plane of the cloth, beside
+/// all fibres, would go on without end.
+const MOST_TILES: u32 = 65_536;
+
+/// Explicit fibres of one tile, alone or repeated without end.
+pub struct ExplicitFibres {
+    curves: Curves,
+    fibres: Vec<Fibre>,
+    /// The tile's box as one cell.
+    lattice: Lattice,
+    /// The tile's least corner, from which everything below is counted.
+    origin_mm: DVec3,
+    period_mm: DVec2,
+    start_mm: f64,
+    hierarchy: CwBvh,
+    /// Pieces in the order of the hierarchy's leaves.
+    placed: Vec<Placed>,
+}
+
+/// A piece in one of the copies of the tile that reach into it.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    piece: u32,
+    /// Periods that the copy is moved by.
+    shift: IVec2,
+}
+
+/// Where a ray meets a fibre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FibreHit {
+    piece: u32,
+    /// Unit tangent there.
+    tangent: Vec3,
+    /// Where across its width, in `[-1, 1]`.
+    offset: f32,
+    /// From the point met to the axis.
+    to_axis_mm: Vec3,
+    radius_mm: f32,
+    /// The lobe drawn by [`ExplicitFibres::settle`].
+    lobe: usize,
+}
+
+impl ExplicitFibres {
+    /// All fibres of a source; `fibres` is indexed by its materials. `progress`
+    /// is called with the share of the work done.
+    ///
+    /// # Errors
+    /// When there are none, one has no scattering, or memory does not suffice.
+    pub fn new(
+        source: &dyn SegmentSource,
+        fibres: Vec<Fibre>,
+        max_memory_bytes: Option<u64>,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<ExplicitFibres, ExplicitFibresError> {
+        let materials = source.material_count();
+        if fibres.len() < materials {
+            return Err(ExplicitFibresError::Materials {
+                materials,
+                fibres: fibres.len(),
+            });
+        }
+        let joints = count_joints(source);
+        if joints == 0 {
+            return Err(ExplicitFibresError::Empty);
+        }
+        let needed = joints.saturating_mul(BYTES_PER_JOINT);
+        let allowed = max_memory_bytes.unwrap_or(u64::MAX);
+        if needed > allowed {
+            return Err(ExplicitFibresError::Memory { needed, allowed });
+        }
+        if joints > u64::from(u32::MAX) / 8 {
+            return Err(ExplicitFibresError::TooMany(joints));
+        }
+        let (batches, done) = (source.batch_count().max(1), AtomicUsize::new(0));
+        let curves = Curves::gather(source, &|| {
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(0.5 * done as f32 / batches as f32);
+        });
+        let tile = source.tile();
+        let bounds_mm = reach(&curves, &tile);
+        let lattice =
+            Lattice::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
+        let (pieces, boxes) = place(&curves, &tile);
+        let mut took = Duration::default();
+        let hierarchy = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut took);
+        let leaves = hierarchy.primitive_indices.iter();
+        let placed = leaves.map(|&i| pieces[i as usize]).collect();
+        progress(1.0);
+        let start_mm = curves.joints.iter().map(|j| f64::from(j.radius_mm));
+        let start_mm = START_RADII * start_mm.fold(f64::INFINITY, f64::min);
+        Ok(ExplicitFibres {
+            origin_mm: tile.bounds_mm.min.as_dvec3(),
+            period_mm: tile.period_mm().as_dvec2(),
+            start_mm,
+            curves,
+            fibres,
+            lattice,
+            hierarchy,
+            placed,
+        })
+    }
+
+    /// Where the fibres are.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Pieces of fibre in one tile.
+    pub fn piece_count(&self) -> usize {
+        self.curves.pieces().count()
+    }
+
+    /// Bytes in use.
+    pub fn memory_bytes(&self) -> u64 {
+        let of = |count: usize, size: usize| (count * size) as u64;
+        of(self.curves.joints.len(), size_of::<curves::Joint>())
+            + of(self.curves.curves.len(), size_of::<curves::Curve>())
+            + of(self.placed.len(), size_of::<Placed>() + size_of::<u32>())
+            + of(
+                self.hierarchy.nodes.len(),
+                size_of::<obvhs::cwbvh::node::CwBvhNode>(),
+            )
+    }
+
+    /// The first fibre that the ray enters before `limit` mm, and how far.
+    pub fn first_hit(&self, ray: &Ray, limit: f32, stats: &mut Stats) -> Option<(f32, FibreHit)> {
+        let found = self.walk(ray, limit, false, &mut stats.tentative)?;
+        stats.collisions += 1;
+        Some((
+            found.distance_mm as f32,
+            self.describe(&found, ray.direction),
+        ))
+    }
+
+    /// True when a fibre stands in the ray's way, however far.
+    pub fn blocks(&self, ray: &Ray, stats: &mut Stats) -> bool {
+        let tests = &mut stats.shadow_steps;
+        self.walk(ray, f32::INFINITY, true, tests).is_some()
+    }
+
+    /// From copy to copy of the tile, each in its own coordinates.
+    fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
+        let clip = self.lattice.clip(ray, limit)?;
+        let d = ray.direction.as_dvec3();
+        let t_entry = f64::from(clip.t_entry);
+        let mut p = ray.origin.as_dvec3() + t_entry * d - self.origin_mm;
+        let (mut gone, length) = (0.0, f64::from(clip.length));
+        // A ray that starts among fibres has left its own.
+        let mut least = if t_entry > 0.0 { 0.0 } else { self.start_mm };
+        if !self.lattice.repeats() {
+            let found = self.in_tile(p, d, (least, length), any, tests)?;
+            return Some(found.later(t_entry));
+        }
+        for axis in 0..2 {
+            p[axis] = p[axis].rem_euclid(self.period_mm[axis]);
+        }
+        for _ in 0..MOST_TILES {
+            let ahead = |axis: usize| match d[axis] {
+                0.0 => f64::INFINITY,
+                along if along > 0.0 => (self.period_mm[axis] - p[axis]) / along,
+                along => p[axis] / -along,
+            };
+            let (x, y) = (ahead(0), ahead(1));
+            let axis = usize::from(y < x);
+            let span = x.min(y).max(0.0);
+            let most = (span + FACE_SLACK_MM).min(length - gone);
+            if let Some(found) = self.in_tile(p, d, (least, most), any, tests) {
+                return Some(found.later(t_entry + gone));
+            }
+            gone += span;
+            if gone >= length || !gone.is_finite() {
+                return None;
+            }
+            p += span * d;
+            p[axis] = if d[axis] > 0.0 {
+                0.0
+            } else {
+                self.period_mm[axis]
+            };
+            least = -FACE_SLACK_MM;
+        }
+        None
+    }
+
+    /// The nearest entry, or any, in the tile.
+    fn in_tile(
+        &self,
+        o: DVec3,
+        d: DVec3,
+        (least, most): (f64, f64),
+        any: bool,
+        tests: &mut u64,
+    ) -> Option<Found> {
+        let lead = f64::from(BVH_LEAD_MM);
+        let ray = BvhRay::new(
+            (o - lead * d).as_vec3a(),
+            d.as_vec3a(),
+            0.0,
+            (most + lead) as f32 * (1.0 + 1e-6),
+        );
+        let mut nearest: Option<Found> = None;
+        let mut most = most;
+        let mut test = |_: &BvhRay, leaf: usize| -> f32 {
+            *tests += 1;
+            let placed = &self.placed[leaf];
+            let shift_mm = placed.shift.as_dvec2() * self.period_mm;
+            let piece = self.curves.piece(placed.piece, shift_mm);
+            let Some(t) = piece.entry(o, d, least, most) else {
+                return f32::INFINITY;
+            };
+            most = t;
+            nearest = Some(Found {
+                distance_mm: t,
+                point: o + t * d,
+                piece,
+                index: placed.piece,
+            });
+            // Rounded up: boxes at the same distance are still looked into.
+            ((t + lead) as f32).next_up()
+        };
+        if any {
+            self.hierarchy.ray_traverse_miss(ray, test);
+        } else {
+            self.hierarchy
+                .ray_traverse(ray, &mut RayHit::none(), &mut test);
+        }
+        nearest
+    }
+
+    fn describe(&self, found: &Found, direction: Vec3) -> FibreHit {
+        let share = found.piece.nearest(found.point);
+        let to_axis = found.piece.axis_point(share) - found.point;
+        let tangent = self.curves.tangent(found.index, share as f32);
+        let out = -to_axis.as_vec3();
+        let frame = FibreFrame::new(tangent, -direction);
+        // Across the tangent, which at a bend is not that of the cylinder.
+        let across = out - tangent * tangent.dot(out);
+        let normal = across.try_normalize().unwrap_or(-frame.forward);
+        FibreHit {
+            piece: found.index,
+            tangent,
+            offset: frame.offset(normal),
+            to_axis_mm: to_axis.as_vec3(),
+            radius_mm: out.length(),
+            lobe: 0,
+        }
+    }
+
+    fn fibre(&self, hit: &FibreHit) -> &Fibre {
+        &self.fibres[usize::from(self.curves.curve_of(hit.piece).material)]
+    }
+
+    fn near(&self, hit: &FibreHit, w_out: Vec3) -> NearField<'_> {
+        let frame = FibreFrame::new(hit.tangent, w_out);
+        let near = self.fibre(hit).near_field(frame, hit.offset);
+        near.with_lobe(hit.lobe)
+    }
+
+    /// Draws the lobe of a hit: everything below is conditional on it.
+    pub fn settle(&self, hit: FibreHit, w_out: Vec3, rng: &mut PathRng) -> FibreHit {
+        let frame = FibreFrame::new(hit.tangent, w_out);
+        let near = self.fibre(&hit).near_field(frame, hit.offset);
+        FibreHit {
+            lobe: near.choose_lobe(rng).chosen().unwrap_or(0),
+            ..hit
+        }
+    }
+
+    /// Light scattered by the lobe drawn, per arriving radiance and steradian.
+    pub fn eval(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> Rgb {
+        self.near(hit, w_out).eval(w_out, w_in)
+    }
+
+    /// Draws where light comes from.
+    pub fn sample(&self, hit: &FibreHit, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        self.near(hit, w_out).sample(w_out, rng)
+    }
+
+    /// Density of [`ExplicitFibres::sample`], 1/sr.
+    pub fn pdf(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> f32 {
+        self.near(hit, w_out).pdf(w_out, w_in)
+    }
+
+    /// From the point met to where light of the lobe leaves toward `w_in`, mm.
+    pub fn exit_mm(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        let normal = self.near(hit, w_out).exit_normal(w_in, rng);
+        hit.to_axis_mm + hit.radius_mm * normal
+    }
+
+    /// What to show of a hit.
+    pub fn info(&self, hit: &FibreHit) -> SiteInfo {
+        SiteInfo {
+            axis: hit.tangent,
+            yarn: Some(self.curves.curve_of(hit.piece).yarn),
+        }
+    }
+
+    /// How much room fibres take and how much of it they share, by `points`
+    /// random points of the tile.
+    pub fn measure_overlap(&self, points: u64, seed: u64) -> Overlap {
+        let box_mm = self.lattice.bounds_mm();
+        let low = box_mm.min.as_dvec3() - self.origin_mm;
+        let (mut once, mut times) = (0u64, 0u64);
+        for i in 0..points {
+            let mut rng = PathRng::new(seed, 0, i);
+            let u = Vec3::new(rng.unit(), rng.unit(), rng.unit());
+            let fibres = self.fibres_at(low + (u * box_mm.size()).as_dvec3());
+            once += u64::from(fibres > 0);
+            times += fibres as u64;
+        }
+        let share = |n: u64| n as f64 / points.max(1) as f64;
+        Overlap {
+            union: share(once),
+            sum: share(times),
+        }
+    }
+
+    /// Number of fibres that hold a point of the tile.
+    fn fibres_at(&self, p: DVec3) -> usize {
+        let lead = BVH_LEAD_MM * Vec3A::Z;
+        let ray = BvhRay::new(p.as_vec3a() - lead, Vec3A::Z, 0.0, 2.0 * BVH_LEAD_MM);
+        let mut found: Vec<(u32, IVec2)> = Vec::new();
+        self.hierarchy.ray_traverse_anyhit(ray, |_, leaf| {
+            let Placed { piece, shift } = self.placed[leaf];
+            let curve = self.curves.joints[piece as usize].curve;
+            let shift_mm = shift.as_dvec2() * self.period_mm;
+            let inside = self.curves.piece(piece, shift_mm).contains(p);
+            if inside && !found.contains(&(curve, shift)) {
+                found.push((curve, shift));
+            }
+        });
+        found.len()
+    }
+}
+
+/// Shares of a tile's box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overlap {
+    /// In at least one fibre.
+    pub union: f64,
+    /// The sum over fibres: more than `union` by what they share.
+    pub sum: f64,
+}
+
+/// An entry into a piece, in the coordinates of its copy of the tile.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    distance_mm: f64,
+    point: DVec3,
+    piece: Piece,
+    index: u32,
+}
+
+impl Found {
+    fn later(self, by_mm: f64) -> Found {
+        Found {
+            distance_mm: self.distance_mm + by_mm,
+            ..self
+        }
+    }
+}
+
+/// The box of the tile, with all its fibres: beyond its faces only where it does
+/// not repeat.
+fn reach(curves: &Curves, tile: &Tile) -> Aabb {
+    let mut box_mm = tile.bounds_mm;
+    for j in &curves.joints {
+        let at = j.position + tile.bounds_mm.min;
+        let (low, high) = (at - j.radius_mm, at + j.radius_mm);
+        if tile.repeats {
+            box_mm.min.z = box_mm.min.z.min(low.z);
+            box_mm.max.z = box_mm.max.z.max(high.z);
+        } else {
+            box_mm = box_mm.with_point(low).with_point(high);
+        }
+    }
+    box_mm
+}
+
+/// Every piece in every copy of the tile in which it reaches into the tile, with
+/// boxes around them.
+fn place(curves: &Curves, tile: &Tile) -> (Vec<Placed>, Vec<BvhBox>) {
+    let period = tile.period_mm();
+    // Boxes are met in single precision.
+    let margin = 2e-6 * tile.bounds_mm.size().max_element();
+    let (mut placed, mut boxes) = (Vec::new(), Vec::new());
+    for piece in curves.pieces() {
+        let [a, b] = [piece, piece + 1].map(|i| &curves.joints[i as usize]);
+        let grown = a.radius_mm.max(b.radius_mm) + margin;
+        let low = a.position.min(b.position) - grown;
+        let high = a.position.max(b.position) + grown;
+        // Copies i with low + i period < period and high + i period > 0.
+        let (from, to) = if tile.repeats {
+            (
+                (-high.truncate() / period).ceil().as_ivec2(),
+                ((period - low.truncate()) / period).floor().as_ivec2(),
+            )
+        } else {
+            (IVec2::ZERO, IVec2::ZERO)
+        };
+        for y in from.y..=to.y {
+            for x in from.x..=to.x {
+                let shift = IVec2::new(x, y);
+                let by = (shift.as_vec2() * period).extend(0.0);
+                placed.push(Placed { piece, shift });
+                boxes.push(BvhBox::new((low + by).into(), (high + by).into()));
+            }
+        }
+    }
+    (placed, boxes)
+}

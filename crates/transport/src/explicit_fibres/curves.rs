@@ -1,0 +1,212 @@
+//! The fibres of one tile as chains of joints.
+
+use super::piece::Piece;
+use glam::{DVec2, DVec3, Vec3};
+use organza_basis::{Segment, SegmentSource, Tile};
+use rayon::prelude::*;
+
+/// Where two pieces of a curve meet, or where it ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Joint {
+    /// Relative to the least corner of the tile, mm.
+    pub position: Vec3,
+    pub radius_mm: f32,
+    /// Unit tangent; where both pieces have one radius, half-way between them.
+    pub tangent: Vec3,
+    pub curve: u32,
+    /// Whether the pieces are cut here, or round.
+    pub cut: bool,
+}
+
+/// What all pieces of a curve share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Curve {
+    pub yarn: u32,
+    pub fibre: u32,
+    pub material: u16,
+}
+
+/// All curves of a tile, one after the other. Piece `k` lies between joints `k`
+/// and `k + 1` when both are of one curve.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Curves {
+    pub joints: Vec<Joint>,
+    pub curves: Vec<Curve>,
+}
+
+/// Longer pieces, in radii, are divided: the boxes of long oblique ones would
+/// be mostly empty.
+const LONGEST_RADII: f32 = 12.0;
+
+/// Ends of curves this near to the tile's faces, in radii, go on in the next
+/// copy.
+const ON_FACE_RADII: f32 = 0.01;
+
+/// Pieces that a segment is divided into; none for what is no matter.
+fn division(s: &Segment) -> u32 {
+    let radius = s.start_radius_mm.max(s.end_radius_mm);
+    let finite = s.start_mm.is_finite() && s.end_mm.is_finite() && radius.is_finite();
+    if !finite || radius.is_nan() || radius <= 0.0 {
+        return 0;
+    }
+    (s.length_mm() / (LONGEST_RADII * radius))
+        .ceil()
+        .clamp(1.0, 65_536.0) as u32
+}
+
+/// Joints that a source will need.
+pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
+    let in_batch = |batch| {
+        let (mut joints, mut last) = (0u64, None);
+        source.for_each_in_batch(batch, &mut |s| {
+            let pieces = division(s);
+            if pieces > 0 {
+                let goes_on = last == Some((s.yarn, s.fibre, s.start_mm));
+                joints += u64::from(pieces) + u64::from(!goes_on);
+                last = Some((s.yarn, s.fibre, s.end_mm));
+            }
+        });
+        joints
+    };
+    (0..source.batch_count())
+        .into_par_iter()
+        .map(in_batch)
+        .sum()
+}
+
+impl Curves {
+    /// All curves of a source. `done` is told of every finished batch.
+    pub fn gather(source: &dyn SegmentSource, done: &(dyn Fn() + Sync)) -> Curves {
+        let tile = source.tile();
+        let gathered: Vec<Curves> = (0..source.batch_count())
+            .into_par_iter()
+            .map(|batch| {
+                let curves = Curves::of_batch(source, batch, &tile);
+                done();
+                curves
+            })
+            .collect();
+        let mut all = Curves::default();
+        for mut one in gathered {
+            let before = all.curves.len() as u32;
+            one.joints.iter_mut().for_each(|j| j.curve += before);
+            all.joints.append(&mut one.joints);
+            all.curves.append(&mut one.curves);
+        }
+        all
+    }
+
+    fn of_batch(source: &dyn SegmentSource, batch: usize, tile: &Tile) -> Curves {
+        let mut curves = Curves::default();
+        let mut last = None;
+        let origin = tile.bounds_mm.min;
+        source.for_each_in_batch(batch, &mut |s| {
+            let pieces = division(s);
+            if pieces == 0 {
+                return;
+            }
+            let joint = |share: f32, tangent: Vec3, curve: usize| Joint {
+                position: s.start_mm.lerp(s.end_mm, share) - origin,
+                radius_mm: s.start_radius_mm + share * (s.end_radius_mm - s.start_radius_mm),
+                tangent,
+                curve: curve as u32,
+                cut: false,
+            };
+            if last != Some((s.yarn, s.fibre, s.start_mm)) {
+                curves.close(tile);
+                curves.curves.push(Curve {
+                    yarn: s.yarn,
+                    fibre: s.fibre,
+                    material: s.material,
+                });
+                let first = joint(0.0, s.start_tangent, curves.curves.len() - 1);
+                curves.joints.push(first);
+            }
+            last = Some((s.yarn, s.fibre, s.end_mm));
+            for i in 1..=pieces {
+                let share = i as f32 / pieces as f32;
+                let next = joint(share, s.end_tangent, curves.curves.len() - 1);
+                curves.joints.push(next);
+            }
+        });
+        curves.close(tile);
+        curves
+    }
+
+    /// Settles tangents and cuts of the last curve.
+    fn close(&mut self, tile: &Tile) {
+        let Some(curve) = self.curves.len().checked_sub(1) else {
+            return;
+        };
+        let start = self.joints.partition_point(|j| (j.curve as usize) < curve);
+        let joints = &mut self.joints[start..];
+        for i in 1..joints.len().saturating_sub(1) {
+            let [before, here, after] = [joints[i - 1], joints[i], joints[i + 1]];
+            let way = |a: &Joint, b: &Joint| (b.position - a.position).as_dvec3();
+            let (back, ahead) = (way(&before, &here), way(&here, &after));
+            let (Some(u), Some(v)) = (back.try_normalize(), ahead.try_normalize()) else {
+                continue;
+            };
+            let Some(middle) = (u + v).try_normalize() else {
+                continue;
+            };
+            // Tangent of half the bend.
+            let half = (1.0 - u.dot(v)).max(0.0) / u.cross(v).length().max(1e-12);
+            let room = 0.5 * back.length().min(ahead.length());
+            let even = before.radius_mm == here.radius_mm && here.radius_mm == after.radius_mm;
+            joints[i].tangent = middle.as_vec3();
+            joints[i].cut = even && half * f64::from(here.radius_mm) < room;
+        }
+        let last = joints.len() - 1;
+        for i in [0, last] {
+            let end = &mut joints[i];
+            let size = tile.bounds_mm.size();
+            let near = |p: f32, face: f32| (p - face).abs() < ON_FACE_RADII * end.radius_mm;
+            let on_face =
+                (0..2).any(|a| near(end.position[a], 0.0) || near(end.position[a], size[a]));
+            end.cut = tile.repeats && on_face;
+            // Tangents at ends are the source's own, which may be any.
+            end.tangent = end.tangent.try_normalize().unwrap_or(Vec3::X);
+        }
+    }
+
+    /// Indices of all pieces.
+    pub fn pieces(&self) -> impl Iterator<Item = u32> + '_ {
+        let pairs = self.joints.windows(2).enumerate();
+        pairs
+            .filter(|(_, w)| w[0].curve == w[1].curve)
+            .map(|(k, _)| k as u32)
+    }
+
+    /// A piece in the copy of the tile that lies `shift_mm` on.
+    pub fn piece(&self, index: u32, shift_mm: DVec2) -> Piece {
+        let [a, b] = [self.joints[index as usize], self.joints[index as usize + 1]];
+        let cut = |j: &Joint| {
+            if j.cut {
+                j.tangent.as_dvec3()
+            } else {
+                DVec3::ZERO
+            }
+        };
+        Piece {
+            a: a.position.as_dvec3() + shift_mm.extend(0.0),
+            b: b.position.as_dvec3() + shift_mm.extend(0.0),
+            radius_a: f64::from(a.radius_mm),
+            radius_b: f64::from(b.radius_mm),
+            cut_a: cut(&a),
+            cut_b: cut(&b),
+        }
+    }
+
+    /// Unit tangent at a share of a piece's length.
+    pub fn tangent(&self, index: u32, share: f32) -> Vec3 {
+        let [a, b] = [self.joints[index as usize], self.joints[index as usize + 1]];
+        let middle = a.tangent.lerp(b.tangent, share);
+        middle.try_normalize().unwrap_or(a.tangent)
+    }
+
+    /// The curve of a piece.
+    pub fn curve_of(&self, index: u32) -> &Curve {
+        &self.curves[self.joints[index as usize].curve as usize]
+    }
+}
