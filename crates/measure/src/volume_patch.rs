@@ -11,6 +11,9 @@ pub enum PatchError {
     /// Nothing to measure.
     #[error("there is no medium to measure")]
     Empty,
+    /// An opaque plane has no other side.
+    #[error("a plane behind the cloth is no part of a patch; leave it out")]
+    Plane,
     /// An endless cloth beside a box that ends.
     #[error("one medium repeats without end and another does not; a patch needs all of one kind")]
     Mixed,
@@ -41,7 +44,8 @@ impl VolumePatch {
     /// When the media have no common footprint, or no exact stepping is
     /// possible and asked for.
     pub fn new(scene: Scene, integrator: Integrator) -> Result<VolumePatch, PatchError> {
-        let mut lattices = scene.media.iter().map(|m| *m.lattice());
+        let lattices: Option<Vec<_>> = scene.media.iter().map(|m| m.lattice().copied()).collect();
+        let mut lattices = lattices.ok_or(PatchError::Plane)?.into_iter();
         let first = lattices.next().ok_or(PatchError::Empty)?;
         let mut bounds_mm = first.bounds_mm();
         for lattice in lattices {

@@ -2,8 +2,8 @@
 
 use crate::lattice::{Lattice, LocalRay};
 use crate::{
-    Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, SiteInfo, Stats,
-    tracking,
+    Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, Plane, SiteInfo,
+    Stats, tracking,
 };
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
@@ -11,7 +11,7 @@ use organza_scatter::LobeSample;
 
 /// Media, lights and the camera that looks at them.
 pub struct Scene {
-    /// Matter; extinctions add where boxes overlap.
+    /// Matter; extinctions of media add where boxes overlap.
     pub media: Vec<AnyMedium>,
     /// Lights; their light adds.
     pub lights: Vec<Light>,
@@ -19,7 +19,7 @@ pub struct Scene {
     pub camera: Camera,
 }
 
-/// The closed set of media, resolved once per ray.
+/// The closed set of matter, resolved once per ray.
 pub enum AnyMedium {
     /// Dense grids.
     Grid(GridMedium),
@@ -27,15 +27,18 @@ pub enum AnyMedium {
     Cloth(ClothMedium),
     /// An octree of fibres, as virtual fibres.
     Fibres(FibreMedium),
+    /// No medium but an opaque plane.
+    Plane(Plane),
 }
 
 impl AnyMedium {
-    /// Where the medium is.
-    pub fn lattice(&self) -> &Lattice {
+    /// Where the medium is; `None` for a plane, which has no box.
+    pub fn lattice(&self) -> Option<&Lattice> {
         match self {
-            AnyMedium::Grid(m) => m.lattice(),
-            AnyMedium::Cloth(m) => m.lattice(),
-            AnyMedium::Fibres(m) => m.lattice(),
+            AnyMedium::Grid(m) => Some(m.lattice()),
+            AnyMedium::Cloth(m) => Some(m.lattice()),
+            AnyMedium::Fibres(m) => Some(m.lattice()),
+            AnyMedium::Plane(_) => None,
         }
     }
 
@@ -45,11 +48,12 @@ impl AnyMedium {
             AnyMedium::Grid(m) => m.is_piecewise_constant(),
             AnyMedium::Cloth(m) => m.is_piecewise_constant(),
             AnyMedium::Fibres(m) => m.is_piecewise_constant(),
+            AnyMedium::Plane(_) => true,
         }
     }
 }
 
-/// A collision in one of the scene's media.
+/// A collision with some of the scene's matter.
 pub struct Collision<'a> {
     /// Distance from the ray's origin, mm.
     pub t: f32,
@@ -60,6 +64,8 @@ enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
     Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
     Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
+    /// With where it is hit.
+    Plane(&'a Plane, Vec3),
 }
 
 impl Collision<'_> {
@@ -69,6 +75,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.eval(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.eval(s, w_out, w_in),
             AnySite::Fibres(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Plane(p, _) => p.eval(w_out, w_in),
         }
     }
 
@@ -78,6 +85,25 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.sample(s, w_out, rng),
             AnySite::Cloth(m, s) => m.sample(s, w_out, rng),
             AnySite::Fibres(m, s) => m.sample(s, w_out, rng),
+            AnySite::Plane(p, _) => p.sample(w_out, rng),
+        }
+    }
+
+    /// Density with which [`Collision::sample`] draws `w_in`, 1/sr.
+    pub fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+        match &self.site {
+            AnySite::Grid(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Cloth(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Fibres(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Plane(p, _) => p.pdf(w_out, w_in),
+        }
+    }
+
+    /// Radiance that the matter itself sends along `w_out`.
+    pub fn emitted(&self, w_out: Vec3) -> Rgb {
+        match &self.site {
+            AnySite::Plane(p, _) => p.emitted(w_out),
+            AnySite::Grid(..) | AnySite::Cloth(..) | AnySite::Fibres(..) => Rgb::BLACK,
         }
     }
 
@@ -88,6 +114,7 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Cloth(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Fibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
         }
     }
 
@@ -96,21 +123,23 @@ impl Collision<'_> {
             AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Plane(..) => {}
         }
     }
 
-    /// What to show of the place.
-    pub fn info(&self) -> SiteInfo {
+    /// What to show of the place; `None` of a plane, which is no cloth.
+    pub fn info(&self) -> Option<SiteInfo> {
         match &self.site {
-            AnySite::Grid(m, s) => m.info(s),
-            AnySite::Cloth(m, s) => m.info(s),
-            AnySite::Fibres(m, s) => m.info(s),
+            AnySite::Grid(m, s) => Some(m.info(s)),
+            AnySite::Cloth(m, s) => Some(m.info(s)),
+            AnySite::Fibres(m, s) => Some(m.info(s)),
+            AnySite::Plane(..) => None,
         }
     }
 }
 
 impl Scene {
-    /// The first collision along a ray, in whichever medium. Collisions of
+    /// The first collision along a ray, with whichever matter. Collisions of
     /// superposed media are independent, so the nearest of each medium's own
     /// first collision is the first of their sum.
     pub fn first_collision(
@@ -130,6 +159,7 @@ impl Scene {
                     .map(|(t, s)| (t, AnySite::Cloth(m, s))),
                 AnyMedium::Fibres(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Fibres(m, s))),
+                AnyMedium::Plane(p) => p.hit(ray, limit).map(|t| (t, AnySite::Plane(p, ray.at(t)))),
             };
             if let Some((t, site)) = found {
                 nearest = Some(Collision { t, site });
@@ -141,10 +171,12 @@ impl Scene {
         nearest
     }
 
-    /// Estimates the transmittance from a point to infinity.
+    /// Estimates the transmittance from a point to `reach` mm along a ray,
+    /// which may be infinite.
     pub fn transmittance(
         &self,
         ray: &Ray,
+        reach: f32,
         integrator: Integrator,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -153,9 +185,10 @@ impl Scene {
         let mut product = 1.0;
         for medium in &self.media {
             product *= match medium {
-                AnyMedium::Grid(m) => pass(m, ray, integrator, rng, stats),
-                AnyMedium::Cloth(m) => pass(m, ray, integrator, rng, stats),
-                AnyMedium::Fibres(m) => pass(m, ray, integrator, rng, stats),
+                AnyMedium::Grid(m) => pass(m, ray, reach, integrator, rng, stats),
+                AnyMedium::Cloth(m) => pass(m, ray, reach, integrator, rng, stats),
+                AnyMedium::Fibres(m) => pass(m, ray, reach, integrator, rng, stats),
+                AnyMedium::Plane(p) => f32::from(p.hit(ray, reach).is_none()),
             };
             if product == 0.0 {
                 break;
@@ -165,15 +198,27 @@ impl Scene {
     }
 
     /// Distance in mm along a ray from far away to just before the first
-    /// matter: where a walk in `f32` should start.
-    pub fn near_start(&self, origin_mm: DVec3, direction: DVec3) -> f64 {
-        let nearest = self
-            .media
+    /// matter or light with a place: where a walk in `f32` should start.
+    pub fn near_start(&self, lights: &[Light], origin_mm: DVec3, direction: DVec3) -> f64 {
+        let matter = self.media.iter().map(|m| match m {
+            AnyMedium::Plane(p) => before(p.distance_mm(origin_mm, direction)),
+            AnyMedium::Grid(m) => m.lattice().distance_mm(origin_mm, direction),
+            AnyMedium::Cloth(m) => m.lattice().distance_mm(origin_mm, direction),
+            AnyMedium::Fibres(m) => m.lattice().distance_mm(origin_mm, direction),
+        });
+        let places = lights
             .iter()
-            .map(|m| m.lattice().distance_mm(origin_mm, direction))
-            .fold(f64::INFINITY, f64::min);
+            .filter_map(|l| l.distance_mm(origin_mm, direction))
+            .map(before);
+        let nearest = matter.chain(places).fold(f64::INFINITY, f64::min);
         if nearest.is_finite() { nearest } else { 0.0 }
     }
+}
+
+/// A little short of what has no thickness, which a ray that starts on it
+/// would miss.
+fn before(distance_mm: f64) -> f64 {
+    (distance_mm - 1.0).max(0.0)
 }
 
 fn collide<M: Medium>(
@@ -195,11 +240,12 @@ fn collide<M: Medium>(
 fn pass<M: Medium>(
     medium: &M,
     ray: &Ray,
+    reach: f32,
     integrator: Integrator,
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> f32 {
-    match medium.lattice().clip(ray, f32::INFINITY) {
+    match medium.lattice().clip(ray, reach) {
         None => 1.0,
         Some(local) => match integrator {
             Integrator::Woodcock => tracking::transmittance(medium, &local, rng, stats),

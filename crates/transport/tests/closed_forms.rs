@@ -72,7 +72,7 @@ fn white_furnace() {
     };
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
-        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
+        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light.clone()], 16);
         let (film, stats) = render(&scene, &settings(integrator, 64, 1), &|_| {
             ControlFlow::Continue(())
         })
@@ -272,7 +272,7 @@ fn a_camera_ten_metres_away_sees_the_same() {
         let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap();
         let scene = Scene {
             media: vec![AnyMedium::Grid(medium)],
-            lights: vec![light],
+            lights: vec![light.clone()],
             camera,
         };
         let done = render(&scene, &settings(Integrator::Woodcock, 128, seed), &|_| {
