@@ -7,7 +7,7 @@ use crate::scene_file::{
 };
 use crate::{environment_file, read};
 use anyhow::Result;
-use glam::{DVec3, Quat, UVec2, Vec3};
+use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
 use organza_transport::{
     AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Interpolation,
@@ -43,13 +43,25 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     }
     let mut media = Vec::new();
     for (i, table) in file.object.iter().enumerate() {
-        media.push(match table {
-            ObjectTable::Plane(t) => {
-                AnyMedium::Plane(plane(t).map_err(|why| fail(&format!("object[{i}]"), &why))?)
+        let fail = |why: &str| fail(&format!("object[{i}]"), why);
+        let (mut medium, extent_mm) = match table {
+            ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
+            ObjectTable::Grid(t) if t.extent_mm.is_some() && !t.repeat_xy => {
+                return Err(fail("extent_mm belongs to repeat_xy = true"));
             }
-            ObjectTable::Grid(t) => AnyMedium::Grid(grid(t, options.scene_path)?),
-            ObjectTable::Cloth(t) => crate::fabric_file::cloth_medium(t, &file.camera, options)?,
-        });
+            ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
+            ObjectTable::Cloth(t) => {
+                let medium = crate::fabric_file::cloth_medium(t, &file.camera, options)?;
+                (medium, t.extent_mm)
+            }
+        };
+        if let Some([x0, y0, x1, y1]) = extent_mm {
+            let (min, max) = (Vec2::new(x0, y0), Vec2::new(x1, y1));
+            medium.cut_to(min, max).ok_or_else(|| {
+                fail("extent_mm: expected x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+            })?;
+        }
+        media.push(medium);
     }
     Ok(Scene {
         media,

@@ -201,6 +201,8 @@ pub struct GridTable {
     pub interpolation: InterpolationName,
     #[serde(default)]
     pub repeat_xy: bool,
+    /// Where a repeated grid is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
 }
 
 /// A colour, or the file of a three-channel grid.
@@ -237,6 +239,8 @@ pub struct ClothTable {
     pub voxel_um: Option<f32>,
     /// Overrides the fabric's own seed.
     pub seed: Option<u64>,
+    /// Where the cloth is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]

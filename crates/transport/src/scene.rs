@@ -5,7 +5,7 @@ use crate::{
     Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, Plane, SiteInfo,
     Stats, tracking,
 };
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 use organza_scatter::LobeSample;
 
@@ -40,6 +40,19 @@ impl AnyMedium {
             AnyMedium::Fibres(m) => Some(m.lattice()),
             AnyMedium::Plane(_) => None,
         }
+    }
+
+    /// Cuts a medium to a rectangle of the x-y plane ([`Lattice::cut_to`]).
+    /// `None`, and unchanged, when nothing would be left or it is a plane.
+    pub fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
+        let lattice = match self {
+            AnyMedium::Grid(m) => m.lattice_mut(),
+            AnyMedium::Cloth(m) => m.lattice_mut(),
+            AnyMedium::Fibres(m) => m.lattice_mut(),
+            AnyMedium::Plane(_) => return None,
+        };
+        *lattice = lattice.cut_to(min_mm, max_mm)?;
+        Some(())
     }
 
     /// True when exact stepping is possible.
