@@ -11,6 +11,7 @@
 //! - Nothing here reads a file or prints.
 
 pub mod aabb;
+pub mod alias_table;
 pub mod curve;
 pub mod frame;
 pub mod hypothesis;
@@ -26,6 +27,7 @@ pub mod sym3;
 pub mod warp;
 
 pub use aabb::Aabb;
+pub use alias_table::AliasTable;
 pub use curve::{Segment, SegmentSource, Tile};
 pub use frame::Frame;
 pub use mixture::{FibreComponent, MAX_COMPONENTS, Mixture};

@@ -5,6 +5,7 @@
 
 mod checkpoint;
 mod commands;
+mod environment_file;
 mod error;
 mod fabric_file;
 mod fibre_optics;

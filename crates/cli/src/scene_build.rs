@@ -1,20 +1,21 @@
 //! From a scene file to media, lights and a camera.
 
 use crate::error::input;
-use crate::read;
 use crate::scene_file::{
-    AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, HemisphereName, IntegratorName,
-    InterpolationName, LightTable, ModelName, ObjectTable, SceneFile,
+    AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
+    IntegratorName, InterpolationName, LightTable, ModelName, ObjectTable, PlaneTable, SceneFile,
 };
+use crate::{environment_file, read};
 use anyhow::Result;
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Interpolation, Light, PixelFilter,
-    Projection, Scene, aperture_mm,
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Interpolation,
+    Light, LightSearch, PixelFilter, Plane, Projection, RectangleLight, Scene, aperture_mm,
 };
 use organza_volume::VolGrid;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What building a scene needs besides the file.
 pub struct BuildOptions<'a> {
@@ -36,22 +37,39 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     let camera = camera(&file.camera).map_err(|why| fail("camera", &why))?;
     let mut lights = Vec::new();
     for (i, table) in file.light.iter().enumerate() {
-        lights.push(light(table).map_err(|why| fail(&format!("light[{i}]"), &why))?);
+        lights.push(
+            light(table, options.scene_path).map_err(|why| fail(&format!("light[{i}]"), &why))?,
+        );
     }
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
     for (i, table) in file.object.iter().enumerate() {
-        media.push(match table {
+        let fail = |why: &str| fail(&format!("object[{i}]"), why);
+        let (mut medium, extent_mm) = match table {
+            ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
             ObjectTable::Grid(_) if as_fibres => {
-                let why = "a grid has no fibres for render.integrator = \"fibres\"";
-                return Err(fail(&format!("object[{i}]"), why));
+                return Err(fail("a grid has no fibres for render.integrator = \"fibres\""));
             }
-            ObjectTable::Grid(t) => AnyMedium::Grid(grid(t, options.scene_path)?),
-            ObjectTable::Cloth(t) if as_fibres || t.model == ModelName::Fibres => {
-                crate::fabric_file::cloth_fibres(t, options)?
+            ObjectTable::Grid(t) if t.extent_mm.is_some() && !t.repeat_xy => {
+                return Err(fail("extent_mm belongs to repeat_xy = true"));
             }
-            ObjectTable::Cloth(t) => crate::fabric_file::cloth_medium(t, &file.camera, options)?,
-        });
+            ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
+            ObjectTable::Cloth(t) => {
+                let medium = if as_fibres || t.model == ModelName::Fibres {
+                    crate::fabric_file::cloth_fibres(t, options)?
+                } else {
+                    crate::fabric_file::cloth_medium(t, &file.camera, options)?
+                };
+                (medium, t.extent_mm)
+            }
+        };
+        if let Some([x0, y0, x1, y1]) = extent_mm {
+            let (min, max) = (Vec2::new(x0, y0), Vec2::new(x1, y1));
+            medium.cut_to(min, max).ok_or_else(|| {
+                fail("extent_mm: expected x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+            })?;
+        }
+        media.push(medium);
     }
     Ok(Scene {
         media,
@@ -140,17 +158,19 @@ fn projection(t: &CameraTable) -> Result<Projection, String> {
     })
 }
 
-fn light(t: &LightTable) -> Result<Light, String> {
-    let colour = |c: [f32; 3], key: &str| {
-        let c = Rgb::from(c);
-        if c.is_valid() {
-            Ok(c)
-        } else {
-            Err(format!(
-                "{key}: expected three finite numbers of at least 0"
-            ))
-        }
-    };
+/// A vector of a table, as what it must be.
+fn colour(c: [f32; 3], key: &str) -> Result<Rgb, String> {
+    let c = Rgb::from(c);
+    if c.is_valid() {
+        Ok(c)
+    } else {
+        Err(format!(
+            "{key}: expected three finite numbers of at least 0"
+        ))
+    }
+}
+
+fn light(t: &LightTable, scene_path: &Path) -> Result<Light, String> {
     match *t {
         LightTable::Directional {
             direction,
@@ -161,18 +181,102 @@ fn light(t: &LightTable) -> Result<Light, String> {
                 .ok_or("direction: expected a finite vector that is not zero")?,
             irradiance: colour(irradiance, "irradiance")?,
         }),
-        LightTable::Environment {
+        LightTable::Environment(ref t) => environment(t, scene_path),
+        LightTable::Rectangle {
+            corner_mm,
+            edge_u_mm,
+            edge_v_mm,
             radiance,
-            hemisphere,
-        } => Ok(Light::Environment {
-            radiance: colour(radiance, "radiance")?,
-            hemisphere: match hemisphere {
-                HemisphereName::All => Hemisphere::All,
-                HemisphereName::Front => Hemisphere::Front,
-                HemisphereName::Back => Hemisphere::Back,
-            },
-        }),
+            two_sided,
+        } => {
+            let radiance = colour(radiance, "radiance")?;
+            let [corner, u, v] = [corner_mm, edge_u_mm, edge_v_mm].map(Vec3::from_array);
+            let rectangle = RectangleLight::new(corner, u, v, radiance, two_sided)
+                .map_err(|e| format!("edge_u_mm, edge_v_mm: {e}"))?;
+            Ok(Light::Rectangle {
+                rectangle,
+                search: LightSearch::Both,
+            })
+        }
     }
+}
+
+fn environment(t: &EnvironmentTable, scene_path: &Path) -> Result<Light, String> {
+    let of_file = [
+        ("scale", t.scale.is_some()),
+        ("up", t.up.is_some()),
+        ("rotation_deg", t.rotation_deg.is_some()),
+    ];
+    match (&t.radiance, &t.file) {
+        (Some(radiance), None) => {
+            if let Some((key, _)) = of_file.iter().find(|(_, given)| *given) {
+                return Err(format!("{key} belongs to an environment with a file"));
+            }
+            Ok(Light::Environment {
+                radiance: colour(*radiance, "radiance")?,
+                hemisphere: match t.hemisphere.unwrap_or_default() {
+                    HemisphereName::All => Hemisphere::All,
+                    HemisphereName::Front => Hemisphere::Front,
+                    HemisphereName::Back => Hemisphere::Back,
+                },
+            })
+        }
+        (None, Some(name)) if t.hemisphere.is_none() => {
+            let image = environment_image(t, &read::beside(scene_path, name))?;
+            Ok(Light::Image {
+                image: Arc::new(image),
+                search: LightSearch::Both,
+            })
+        }
+        (None, Some(_)) => Err("hemisphere belongs to an environment with a radiance".into()),
+        _ => Err("an environment takes either radiance or file".into()),
+    }
+}
+
+fn environment_image(t: &EnvironmentTable, path: &Path) -> Result<ImageEnvironment, String> {
+    let scale = t.scale.unwrap_or(1.0);
+    if !(scale >= 0.0 && scale.is_finite()) {
+        return Err(format!(
+            "scale: expected a finite number of at least 0, found {scale}"
+        ));
+    }
+    let rotation = t.rotation_deg.unwrap_or(0.0).to_radians();
+    let up =
+        t.up.map_or(Some(Vec3::Z), |v| Vec3::from_array(v).try_normalize());
+    let (Some(up), true) = (up, rotation.is_finite()) else {
+        return Err("up, rotation_deg: expected finite numbers, and an up that is not zero".into());
+    };
+    let ahead = if up.y.abs() > 0.999 {
+        Vec3::NEG_Z
+    } else {
+        Vec3::Y
+    };
+    let centre = Quat::from_axis_angle(up, rotation) * ahead.reject_from_normalized(up);
+    let (size, mut pixels) = environment_file::decode(path)?;
+    for p in &mut pixels {
+        *p *= scale;
+    }
+    ImageEnvironment::new(size, pixels, up, centre)
+        .map_err(|e| format!("file: {}: {e}", path.display()))
+}
+
+fn plane(t: &PlaneTable) -> Result<Plane, String> {
+    let black = [0.0; 3];
+    let reflectance = colour(t.reflectance.unwrap_or(black), "reflectance")?;
+    if reflectance.max_component() > 1.0 {
+        return Err("reflectance: expected three numbers from 0 to 1".into());
+    }
+    let radiance = colour(t.radiance.unwrap_or(black), "radiance")?;
+    let normal = Vec3::from_array(t.normal.unwrap_or([0.0, 0.0, 1.0]));
+    Plane::new(
+        Vec3::from_array(t.position_mm),
+        normal,
+        reflectance,
+        radiance,
+    )
+    .ok_or_else(|| {
+        "position_mm, normal: expected finite vectors, and a normal that is not zero".into()
+    })
 }
 
 /// A `.vol` file and its path, for messages.

@@ -133,11 +133,34 @@ pub enum LightTable {
         direction: [f32; 3],
         irradiance: [f32; 3],
     },
-    Environment {
+    Environment(EnvironmentTable),
+    Rectangle {
+        corner_mm: [f32; 3],
+        /// The two edges that start at the corner; light goes to the side of
+        /// their cross product.
+        edge_u_mm: [f32; 3],
+        edge_v_mm: [f32; 3],
         radiance: [f32; 3],
         #[serde(default)]
-        hemisphere: HemisphereName,
+        two_sided: bool,
     },
+}
+
+/// An environment: one radiance, or a picture of all directions.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentTable {
+    pub radiance: Option<[f32; 3]>,
+    pub hemisphere: Option<HemisphereName>,
+    /// An equirectangular picture (.exr, .hdr).
+    pub file: Option<String>,
+    /// Radiance per value of the picture, 1 if none.
+    pub scale: Option<f32>,
+    /// Where the top of the picture is, z if none.
+    pub up: Option<[f32; 3]>,
+    /// Turns the picture about `up`, counter-clockwise seen from there. At 0
+    /// its middle is seen toward +y, or toward -z where `up` is y.
+    pub rotation_deg: Option<f32>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
@@ -155,6 +178,20 @@ pub enum HemisphereName {
 pub enum ObjectTable {
     Grid(GridTable),
     Cloth(ClothTable),
+    Plane(PlaneTable),
+}
+
+/// An opaque, endless plane.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneTable {
+    pub position_mm: [f32; 3],
+    /// The side that shines, +z if none.
+    pub normal: Option<[f32; 3]>,
+    /// Share of light scattered, evenly to all directions; 0 if none.
+    pub reflectance: Option<[f32; 3]>,
+    /// Light sent out on the side of the normal; 0 if none.
+    pub radiance: Option<[f32; 3]>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -167,6 +204,8 @@ pub struct GridTable {
     pub interpolation: InterpolationName,
     #[serde(default)]
     pub repeat_xy: bool,
+    /// Where a repeated grid is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
 }
 
 /// A colour, or the file of a three-channel grid.
@@ -203,6 +242,8 @@ pub struct ClothTable {
     pub voxel_um: Option<f32>,
     /// Overrides the fabric's own seed.
     pub seed: Option<u64>,
+    /// Where the cloth is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]

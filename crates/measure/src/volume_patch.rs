@@ -3,7 +3,7 @@
 use crate::{Energy, PatchResponse};
 use glam::Vec3;
 use organza_basis::{Aabb, PathRng, Rgb};
-use organza_transport::{Integrator, Light, PathSample, Scene, Stats, trace_from};
+use organza_transport::{Integrator, Lattice, Light, PathSample, Scene, Stats, trace_from};
 
 /// Why media make no patch.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -11,6 +11,9 @@ pub enum PatchError {
     /// Nothing to measure.
     #[error("there is no medium to measure")]
     Empty,
+    /// An opaque plane has no other side.
+    #[error("a plane behind the cloth is no part of a patch; leave it out")]
+    Plane,
     /// An endless cloth beside a box that ends.
     #[error("one medium repeats without end and another does not; a patch needs all of one kind")]
     Mixed,
@@ -41,15 +44,23 @@ impl VolumePatch {
     /// When the media have no common footprint, or no exact stepping is
     /// possible and asked for.
     pub fn new(scene: Scene, integrator: Integrator) -> Result<VolumePatch, PatchError> {
-        let mut lattices = scene.media.iter().map(|m| *m.lattice());
+        let lattices: Option<Vec<_>> = scene.media.iter().map(|m| m.lattice().copied()).collect();
+        let mut lattices = lattices.ok_or(PatchError::Plane)?.into_iter();
         let first = lattices.next().ok_or(PatchError::Empty)?;
-        let mut bounds_mm = first.bounds_mm();
+        let footprint = |l: &Lattice| {
+            if l.is_endless() {
+                l.bounds_mm()
+            } else {
+                l.reach_mm()
+            }
+        };
+        let mut bounds_mm = footprint(&first);
         for lattice in lattices {
-            if lattice.repeats() != first.repeats() {
+            if lattice.is_endless() != first.is_endless() {
                 return Err(PatchError::Mixed);
             }
-            let bounds = lattice.bounds_mm();
-            if first.repeats() {
+            let bounds = footprint(&lattice);
+            if first.is_endless() {
                 let period = first.bounds_mm().size().truncate();
                 let other = bounds.size().truncate();
                 if (period - other).abs().max_element() > 1e-5 * period.max_element() {

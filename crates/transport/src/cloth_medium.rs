@@ -82,6 +82,10 @@ impl ClothMedium {
         })
     }
 
+    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
+        &mut self.lattice
+    }
+
     /// The octree.
     pub fn octree(&self) -> &Octree {
         &self.octree

@@ -193,6 +193,11 @@ impl ExplicitFibres {
         &self.lattice
     }
 
+    /// Fibres that are cut with it are open at the cut, like what starts inside.
+    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
+        &mut self.lattice
+    }
+
     /// Pieces of fibre in one tile.
     pub fn piece_count(&self) -> usize {
         self.curves.pieces().count()
@@ -220,10 +225,10 @@ impl ExplicitFibres {
         ))
     }
 
-    /// True when a fibre stands in the ray's way, however far.
-    pub fn blocks(&self, ray: &Ray, stats: &mut Stats) -> bool {
+    /// True when a fibre stands in the ray's way before `reach` mm.
+    pub fn blocks(&self, ray: &Ray, reach: f32, stats: &mut Stats) -> bool {
         let tests = &mut stats.shadow_steps;
-        self.walk(ray, f32::INFINITY, true, tests).is_some()
+        self.walk(ray, reach, true, tests).is_some()
     }
 
     /// From copy to copy of the tile, each in its own coordinates.

@@ -160,6 +160,10 @@ impl FibreMedium {
         Some(medium)
     }
 
+    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
+        &mut self.lattice
+    }
+
     /// The octree.
     pub fn octree(&self) -> &Octree {
         &self.octree

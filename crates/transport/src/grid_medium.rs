@@ -151,6 +151,10 @@ impl GridMedium {
         Ok(medium)
     }
 
+    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
+        &mut self.lattice
+    }
+
     /// A bound for every brick: the largest extinction times the largest
     /// projected area among the samples that any point of the brick looks at.
     /// Interpolated matrices are convex combinations, and the largest

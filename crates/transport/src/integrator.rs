@@ -1,6 +1,6 @@
 //! One path: the random walk from the camera against the light.
 
-use crate::{Light, Scene, SiteInfo, Stats};
+use crate::{Collision, Light, Scene, SiteInfo, Stats};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 
@@ -40,7 +40,8 @@ pub struct PathSample {
     pub radiance: Rgb,
     /// Scattering events along the path.
     pub bounces: u32,
-    /// Its first event, `None` when the camera saw straight through.
+    /// Its first event, `None` when the camera saw straight through the cloth
+    /// (to a plane behind it, if there is one).
     pub first: Option<FirstEvent>,
     /// Estimate of the share that was absorbed along the way.
     pub absorbed: Rgb,
@@ -82,9 +83,9 @@ pub fn trace_path(
 /// Traces one path from an origin in mm along a unit direction, under `lights`
 /// in place of the scene's own; the camera plays no part.
 ///
-/// Light of one direction is gathered at every event through a shadow ray;
-/// the environment by escaping, because for light from everywhere a shadow
-/// ray in a random direction is the worse estimate.
+/// How each kind of light is found is told in [`Light`]. Densities are those
+/// of directions at the event, so that light may leave matter elsewhere than
+/// it came in.
 pub fn trace_from(
     scene: &Scene,
     lights: &[Light],
@@ -95,9 +96,9 @@ pub fn trace_from(
     stats: &mut Stats,
 ) -> PathSample {
     stats.paths += 1;
-    // The path goes on in f32 from a point near the matter, so that a far
-    // camera costs no precision.
-    let start_mm = scene.near_start(origin_mm, direction);
+    // The path goes on in f32 from a point near what it meets first, so that a
+    // far camera costs no precision.
+    let start_mm = scene.near_start(lights, origin_mm, direction);
     let mut ray = Ray::new(
         (origin_mm + start_mm * direction).as_vec3(),
         direction.as_vec3().normalize(),
@@ -110,21 +111,31 @@ pub fn trace_from(
         escape: None,
     };
     let mut throughput = Rgb::WHITE;
+    // Where the ray's direction was drawn, and how densely; none by a camera.
+    let mut drawn: Option<(Vec3, f32)> = None;
     loop {
-        let Some(collision) = scene.first_collision(&ray, integrator, rng, stats) else {
-            let background = lights
-                .iter()
-                .fold(Rgb::BLACK, |sum, l| sum + l.radiance_toward(ray.direction));
-            sample.radiance += throughput * background;
+        let collision = scene.first_collision(&ray, integrator, rng, stats);
+        let reach = collision.as_ref().map_or(f32::INFINITY, |c| c.t);
+        for light in lights {
+            if light.distance_along(&ray).is_some_and(|t| t <= reach) {
+                let share = drawn.map_or(1.0, |(from, pdf)| {
+                    light.walk_share(from, ray.direction, pdf)
+                });
+                sample.radiance += share * throughput * light.radiance_toward(ray.direction);
+            }
+        }
+        let Some(collision) = collision else {
             sample.escape = Some(Escape {
                 direction: ray.direction,
                 throughput,
             });
             return sample;
         };
-        if sample.first.is_none() {
-            sample.first = Some(FirstEvent {
-                info: collision.info(),
+        let w_out = -ray.direction;
+        sample.radiance += throughput * collision.emitted(w_out);
+        if sample.bounces == 0 {
+            sample.first = collision.info().map(|info| FirstEvent {
+                info,
                 depth_mm: start_mm + f64::from(collision.t),
             });
         }
@@ -133,23 +144,14 @@ pub fn trace_from(
             return sample;
         }
         sample.bounces += 1;
-        let at = ray.at(collision.t);
-        let w_out = -ray.direction;
+        let event = Event {
+            at: ray.at(collision.t),
+            w_out,
+            throughput,
+            collision: &collision,
+        };
         for light in lights {
-            if let Light::Directional {
-                direction,
-                irradiance,
-            } = *light
-            {
-                let scattered = throughput * collision.eval(w_out, -direction) * irradiance;
-                let keep = (SHADOW_SCALE * scattered.mean() / irradiance.mean()).min(1.0);
-                if keep > 0.0 && (keep == 1.0 || rng.unit() < keep) {
-                    let from = at + collision.exit_mm(w_out, -direction, rng);
-                    let shadow = Ray::new(from, -direction);
-                    let through = scene.transmittance(&shadow, integrator, rng, stats);
-                    sample.radiance += scattered * (through / keep);
-                }
-            }
+            sample.radiance += event.light_from(light, scene, integrator, rng, stats);
         }
         let Some(scatter) = collision.sample(w_out, rng) else {
             sample.absorbed += throughput;
@@ -164,7 +166,53 @@ pub fn trace_from(
             }
             throughput *= 1.0 / survival;
         }
-        let from = at + collision.exit_mm(w_out, scatter.w_in, rng);
-        ray = Ray::new(from, scatter.w_in);
+        drawn = Some((event.at, scatter.pdf));
+        ray = Ray::new(event.start(scatter.w_in, rng), scatter.w_in);
+    }
+}
+
+/// A scattering event of a walk.
+struct Event<'a> {
+    at: Vec3,
+    w_out: Vec3,
+    throughput: Rgb,
+    collision: &'a Collision<'a>,
+}
+
+impl Event<'_> {
+    /// Where a ray toward `w_in` starts.
+    fn start(&self, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        self.at + self.collision.exit_mm(self.w_out, w_in, rng)
+    }
+
+    /// What a shadow ray to a light adds to the path.
+    fn light_from(
+        &self,
+        light: &Light,
+        scene: &Scene,
+        integrator: Integrator,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Rgb {
+        let Some(toward) = light.sample_toward(self.at, rng) else {
+            return Rgb::BLACK;
+        };
+        let w_in = toward.w_in;
+        let scattered = self.collision.eval(self.w_out, w_in);
+        if scattered.is_black() {
+            return Rgb::BLACK;
+        }
+        let share = light.shadow_share(&toward, self.collision.pdf(self.w_out, w_in));
+        let unshadowed = share * self.throughput * scattered * toward.irradiance;
+        let keep = (SHADOW_SCALE * unshadowed.mean() / toward.irradiance.mean()).min(1.0);
+        if !(keep > 0.0 && (keep == 1.0 || rng.unit() < keep)) {
+            return Rgb::BLACK;
+        }
+        let shadow = Ray::new(self.start(w_in, rng), w_in);
+        let Some(reach) = light.distance_along(&shadow) else {
+            return Rgb::BLACK;
+        };
+        let through = scene.transmittance(&shadow, reach, integrator, rng, stats);
+        unshadowed * (through / keep)
     }
 }

@@ -1,13 +1,16 @@
 //! The regular grid that a medium lives on, repeated or not, and the walk of a
 //! ray through its cells.
 
-use glam::{DVec3, IVec3, UVec3, Vec3};
+use glam::{DVec3, IVec3, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Ray};
 
-/// A box cut into `dims` voxels, alone or repeated without end in x and y.
+/// A box cut into `dims` voxels, alone or repeated in x and y, without end or
+/// over a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     bounds_mm: Aabb,
+    /// All the matter: infinite in x and y where the box repeats without end.
+    reach_mm: Aabb,
     dims: UVec3,
     voxels_per_mm: Vec3,
     repeats: bool,
@@ -47,12 +50,41 @@ impl Lattice {
             && bounds_mm.max.is_finite()
             && size.cmpgt(Vec3::ZERO).all()
             && dims.cmpgt(UVec3::ZERO).all();
+        let mut reach_mm = bounds_mm;
+        if repeats {
+            (reach_mm.min.x, reach_mm.min.y) = (f32::NEG_INFINITY, f32::NEG_INFINITY);
+            (reach_mm.max.x, reach_mm.max.y) = (f32::INFINITY, f32::INFINITY);
+        }
         good.then(|| Lattice {
             bounds_mm,
+            reach_mm,
             dims,
             voxels_per_mm: dims.as_vec3() / size,
             repeats,
         })
+    }
+
+    /// The same with matter only inside a rectangle of the x-y plane, with its
+    /// edges cut sharply. `None` when nothing is left, or the rectangle is not
+    /// finite.
+    pub fn cut_to(&self, min_mm: Vec2, max_mm: Vec2) -> Option<Lattice> {
+        let mut reach_mm = self.reach_mm;
+        reach_mm.min = reach_mm.min.max(min_mm.extend(reach_mm.min.z));
+        reach_mm.max = reach_mm.max.min(max_mm.extend(reach_mm.max.z));
+        let good =
+            min_mm.is_finite() && max_mm.is_finite() && reach_mm.size().cmpgt(Vec3::ZERO).all();
+        good.then_some(Lattice { reach_mm, ..*self })
+    }
+
+    /// The box that holds all the matter, infinite in x and y where the lattice
+    /// has no end.
+    pub fn reach_mm(&self) -> Aabb {
+        self.reach_mm
+    }
+
+    /// Whether the matter goes on without end in x and y.
+    pub fn is_endless(&self) -> bool {
+        !self.reach_mm.size().is_finite()
     }
 
     /// The box of one period.
@@ -65,7 +97,7 @@ impl Lattice {
         self.dims
     }
 
-    /// Whether the box repeats in x and y.
+    /// Whether the box repeats in x and y; [`Lattice::reach_mm`] tells how far.
     pub fn repeats(&self) -> bool {
         self.repeats
     }
@@ -82,17 +114,9 @@ impl Lattice {
     /// into the first period, so that neither a far camera nor a grazing ray
     /// costs the look-ups their precision.
     pub fn clip(&self, ray: &Ray, t_max: f32) -> Option<LocalRay> {
-        let (near, far) = if self.repeats {
-            let slab = Aabb::new(
-                Vec3::new(f32::NEG_INFINITY, f32::NEG_INFINITY, self.bounds_mm.min.z),
-                Vec3::new(f32::INFINITY, f32::INFINITY, self.bounds_mm.max.z),
-            );
-            // Infinite faces over a finite direction stay infinite, never NaN:
-            // the parallel case is taken apart by `intersect`.
-            slab.intersect(ray)?
-        } else {
-            self.bounds_mm.intersect(ray)?
-        };
+        // Infinite faces over a finite direction stay infinite, never NaN: the
+        // parallel case is taken apart by `intersect`.
+        let (near, far) = self.reach_mm.intersect(ray)?;
         let far = far.min(t_max);
         if near >= far {
             return None;
@@ -112,12 +136,12 @@ impl Lattice {
         })
     }
 
-    /// Distance in mm along a ray to the box (to the slab, where it repeats);
+    /// Distance in mm along a ray to the matter's box (to the slab, where it is endless);
     /// zero from inside, infinite when the ray misses.
     pub fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> f64 {
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
-        let (min, max) = (self.bounds_mm.min.as_dvec3(), self.bounds_mm.max.as_dvec3());
-        for axis in if self.repeats { 2..3 } else { 0..3 } {
+        let (min, max) = (self.reach_mm.min.as_dvec3(), self.reach_mm.max.as_dvec3());
+        for axis in 0..3 {
             let (o, d) = (origin_mm[axis], direction[axis]);
             if d == 0.0 {
                 if o < min[axis] || o > max[axis] {

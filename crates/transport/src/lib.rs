@@ -12,8 +12,8 @@
 //!
 //! # The walk
 //! Paths start at the camera and go against the light. An event weighs the
-//! path by albedo times phase over density; lights of a single direction are
-//! reached by shadow rays, the environment by escaping. Media may overlap:
+//! path by albedo times phase over density; each kind of [`Light`] is found by
+//! shadow rays, by the walk, or by both. Media may overlap:
 //! collisions of their sum are the nearest of the collisions of each.
 //!
 //! # Determinism
@@ -28,10 +28,13 @@ mod explicit_fibres;
 mod fibre_medium;
 mod film;
 mod grid_medium;
+mod image_environment;
 mod integrator;
 mod lattice;
 mod light;
 mod medium;
+mod plane;
+mod rectangle;
 mod render;
 mod scene;
 mod stats;
@@ -44,10 +47,13 @@ pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use film::{Film, Pixel};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
+pub use image_environment::{ImageEnvironment, ImageEnvironmentError};
 pub use integrator::{Escape, FirstEvent, Integrator, PathSample, trace_from, trace_path};
 pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
-pub use light::{Hemisphere, Light};
+pub use light::{Hemisphere, Light, LightSample, LightSearch};
 pub use medium::{Medium, SiteInfo};
+pub use plane::Plane;
+pub use rectangle::{RectangleError, RectangleLight};
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::{AnyMedium, Collision, Scene};
 pub use stats::Stats;

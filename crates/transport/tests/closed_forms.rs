@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
-use glam::{DVec3, UVec2, UVec3, Vec3};
+use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator, Interpolation, Light,
@@ -72,7 +72,7 @@ fn white_furnace() {
     };
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
-        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
+        let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light.clone()], 16);
         let (film, stats) = render(&scene, &settings(integrator, 64, 1), &|_| {
             ControlFlow::Continue(())
         })
@@ -272,7 +272,7 @@ fn a_camera_ten_metres_away_sees_the_same() {
         let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap();
         let scene = Scene {
             media: vec![AnyMedium::Grid(medium)],
-            lights: vec![light],
+            lights: vec![light.clone()],
             camera,
         };
         let done = render(&scene, &settings(Integrator::Woodcock, 128, seed), &|_| {
@@ -287,4 +287,80 @@ fn a_camera_ten_metres_away_sees_the_same() {
         "seeds 11, 12"
     );
     assert!(inside.0.is_finite() && inside.0 > 0.0);
+}
+
+/// A tile repeated and cut to a rectangle is the grid cut out by hand, ray by
+/// ray: voxels that the cut divides are divided by hand too. A cut half a
+/// voxel off is told apart.
+#[test]
+fn a_cut_edge_is_the_grid_cut_by_hand() {
+    // Tile 3 x 2 x 2 voxels of 0.1 mm; the cut runs through the middle of
+    // voxels in x and between them in y, over a corner of several periods.
+    let tile = UVec3::new(3, 2, 2);
+    let density = |x: u32, y: u32, z: u32| [3.0 + ((x % 3) + 3 * (y % 2) + 6 * z) as f32];
+    let medium = |bounds, repeats, dims: UVec3, at: &dyn Fn(UVec3) -> [f32; 1]| {
+        let cells = (0..dims.z).flat_map(|z| {
+            (0..dims.y).flat_map(move |y| (0..dims.x).map(move |x| UVec3::new(x, y, z)))
+        });
+        let grid = Grid::new(dims, cells.map(at).collect()).unwrap();
+        GridMedium::new(
+            bounds,
+            repeats,
+            Interpolation::Nearest,
+            grid,
+            Grid::constant(tilted().to_array()),
+            Grid::constant([0.5; 3]),
+        )
+        .unwrap()
+    };
+    let bounds = Aabb::new(Vec3::ZERO, Vec3::new(0.3, 0.2, 0.2));
+    let (min, max) = (Vec2::new(-0.35, 0.1), Vec2::new(0.45, 0.7));
+    let cut_to = |min, max| {
+        let tile = medium(bounds, true, tile, &|c| density(c.x, c.y, c.z));
+        let mut cut = AnyMedium::Grid(tile);
+        cut.cut_to(min, max).unwrap();
+        assert!(!cut.lattice().unwrap().is_endless());
+        cut
+    };
+    // By hand, in half voxels along x.
+    let by_hand = AnyMedium::Grid(medium(
+        Aabb::new(min.extend(0.0), max.extend(0.2)),
+        false,
+        UVec3::new(16, 6, 2),
+        &|c| density((c.x + 5) / 2, c.y + 1, c.z),
+    ));
+    let seen = |medium: AnyMedium| {
+        let scene = looking_down(vec![medium], vec![], 1);
+        let mut rng = PathRng::from_seed(20);
+        let mut stats = Stats::default();
+        let mut through = Vec::new();
+        for _ in 0..2000 {
+            let p = Vec3::new(rng.unit() - 0.4, 0.9 * rng.unit(), 0.2 * rng.unit());
+            let w = organza_basis::warp::uniform_sphere(rng.unit2());
+            let ray = Ray::new(p - 2.0 * w, w);
+            let regular = Integrator::Regular;
+            let t = scene.transmittance(&ray, f32::INFINITY, regular, &mut rng.clone(), &mut stats);
+            // The walk's start from far away belongs to the same box.
+            let start = scene.near_start(&[], ray.origin.as_dvec3(), w.as_dvec3());
+            through.push(t + start as f32);
+        }
+        through
+    };
+    let expected = seen(by_hand);
+    let off = |medium| {
+        let got = seen(medium);
+        let far = got
+            .iter()
+            .zip(&expected)
+            .filter(|(a, b)| (*a - *b).abs() > 1e-4);
+        far.count()
+    };
+    // A ray along an edge may fall on either side of it.
+    assert!(off(cut_to(min, max)) <= 2, "seed 20");
+    let shifted = Vec2::new(0.05, 0.0);
+    assert!(
+        off(cut_to(min + shifted, max + shifted)) > 500,
+        "the twin passed"
+    );
+    assert!(cut_to(min, max).cut_to(max, max + 1.0).is_none());
 }

@@ -111,7 +111,7 @@ fn white_furnace() {
     let source = strewn(0.4, Vec3::new(0.2, 0.2, 0.12), 1);
     let off = |absorption: f32| {
         let media = vec![traced(&source, rough(absorption))];
-        let scene = scene(media, vec![everywhere], direction(30.0, 70.0), 24);
+        let scene = scene(media, vec![everywhere.clone()], direction(30.0, 70.0), 24);
         let (film, stats) = picture(&scene, full(24), 21);
         let (mean, se) = film.mean()[0];
         let events = stats.collisions as f64 / stats.paths as f64;
@@ -305,7 +305,7 @@ fn threads_change_nothing() {
         pool.build().unwrap().install(|| {
             let source = strewn(0.3, Vec3::new(0.2, 0.2, 0.12), 3);
             let media = vec![traced(&source, rough(0.1))];
-            let scene = scene(media, vec![sun], direction(10.0, 0.0), 12);
+            let scene = scene(media, vec![sun.clone()], direction(10.0, 0.0), 12);
             let (film, stats) = picture(&scene, 4, seed);
             (
                 film.mean().map(|(m, se)| (m.to_bits(), se.to_bits())),

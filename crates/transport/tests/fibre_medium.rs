@@ -166,7 +166,7 @@ fn white_furnace() {
     for event in [FibreEvent::Plain, FibreEvent::Packed] {
         let off = |absorption: f32| {
             let medium = slab(dielectric(absorption), event);
-            let (film, stats) = picture(medium, light, view, full(24), 41);
+            let (film, stats) = picture(medium, light.clone(), view, full(24), 41);
             let (mean, se) = film.mean()[0];
             let events = stats.collisions as f64 / stats.paths as f64;
             println!(
@@ -327,7 +327,7 @@ fn threads_change_nothing() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {
             let medium = slab(dielectric(0.1), FibreEvent::Packed);
-            let (film, stats) = picture(medium, light, direction(10.0, 0.0), 2, seed);
+            let (film, stats) = picture(medium, light.clone(), direction(10.0, 0.0), 2, seed);
             (
                 film.mean().map(|(m, se)| (m.to_bits(), se.to_bits())),
                 stats,

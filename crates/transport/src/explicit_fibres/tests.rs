@@ -219,11 +219,11 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
                         "seed 12, {i}: {t} {t_got}"
                     );
                     hits += 1;
-                    assert!(traced.blocks(&ray, &mut stats));
+                    assert!(traced.blocks(&ray, f32::INFINITY, &mut stats));
                     // From inside the slab, a far origin moved by periods.
                     ray.origin.x += 3.0 * 0.4;
                     assert_eq!(
-                        traced.blocks(&ray, &mut stats),
+                        traced.blocks(&ray, f32::INFINITY, &mut stats),
                         repeats || hit_again(&all, &ray)
                     );
                 }

@@ -1,0 +1,503 @@
+//! Lights against closed forms, and the ways of finding them against each
+//! other.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use glam::{DVec3, UVec2, UVec3, Vec3};
+use organza_basis::quadrature::gauss_legendre;
+use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
+use organza_transport::{
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Integrator,
+    Interpolation, Light, LightSearch, PixelFilter, Plane, Projection, RectangleLight,
+    RenderSettings, Scene, Stats, render,
+};
+use std::f64::consts::PI;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+const SEARCHES: [LightSearch; 3] = [
+    LightSearch::Both,
+    LightSearch::ShadowRays,
+    LightSearch::Walk,
+];
+
+/// 0.2 mm of fibres, endless or a box 0.4 mm wide.
+fn slab(sigma_t_per_mm: f32, albedo: f32, s: Sym3, repeats: bool) -> AnyMedium {
+    let half = if repeats { 0.05 } else { 0.2 };
+    let bounds = Aabb::new(Vec3::new(-half, -half, -0.1), Vec3::new(half, half, 0.1));
+    let dims = UVec3::new(4, 4, 10);
+    let n = dims.element_product() as usize;
+    let medium = GridMedium::new(
+        bounds,
+        repeats,
+        Interpolation::Nearest,
+        Grid::new(dims, vec![[sigma_t_per_mm]; n]).unwrap(),
+        Grid::constant(s.to_array()),
+        Grid::constant([albedo; 3]),
+    );
+    AnyMedium::Grid(medium.unwrap())
+}
+
+fn tilted() -> Sym3 {
+    Sym3::axial(Vec3::new(0.6, 0.48, 0.64), 1.0, 0.09)
+}
+
+/// Orthographic, looking down at the origin from 2 mm above.
+fn looking_down(media: Vec<AnyMedium>, lights: Vec<Light>, width_mm: f64) -> Scene {
+    let pose = CameraPose {
+        origin_mm: DVec3::new(0.0, 0.0, 2.0),
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm };
+    let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box);
+    Scene {
+        media,
+        lights,
+        camera: camera.unwrap(),
+    }
+}
+
+/// Samples of a pixel, eight times as many where time allows.
+fn full(spp: u64) -> u64 {
+    spp * if std::env::var_os("ORGANZA_FULL").is_some() {
+        8
+    } else {
+        1
+    }
+}
+
+/// Mean of the first channel and its standard error.
+fn mean(
+    scene: &Scene,
+    integrator: Integrator,
+    max_bounces: u32,
+    spp: u64,
+    seed: u64,
+) -> (f64, f64) {
+    let settings = RenderSettings {
+        integrator,
+        samples: 0..full(spp),
+        max_bounces,
+        seed,
+        crop: None,
+    };
+    let (film, stats) = render(scene, &settings, &|_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(stats.rejected, 0);
+    film.mean()[0]
+}
+
+/// Distance of two estimates in standard errors of their difference.
+fn apart(a: (f64, f64), b: (f64, f64)) -> f64 {
+    (a.0 - b.0).abs() / (a.1.hypot(b.1) + 1e-7)
+}
+
+fn rectangle(corner: Vec3, u: Vec3, v: Vec3, search: LightSearch) -> Light {
+    Light::Rectangle {
+        rectangle: RectangleLight::new(corner, u, v, Rgb::WHITE, false).unwrap(),
+        search,
+    }
+}
+
+/// A panel 0.8 x 0.3 mm, 0.4 mm behind the slab and to the side, facing it.
+const PANEL: [Vec3; 3] = [
+    Vec3::new(0.1, -0.2, -0.5),
+    Vec3::new(0.8, 0.0, 0.0),
+    Vec3::new(0.0, 0.3, 0.0),
+];
+
+fn panel(search: LightSearch) -> Light {
+    rectangle(PANEL[0], PANEL[1], PANEL[2], search)
+}
+
+/// Light of a panel scattered once by isotropic matter, by quadrature over
+/// depth and panel, for every search and tracker. The twin forgets the way in.
+#[test]
+fn a_slab_under_a_rectangle_is_the_quadrature() {
+    let (sigma, albedo) = (12.0f64, 0.8f64);
+    let rule = gauss_legendre(24);
+    let (mut expected, mut twin) = (0.0, 0.0);
+    for (x, wx) in &rule {
+        let depth = 0.1 * (x + 1.0);
+        for (u, wu) in &rule {
+            for (v, wv) in &rule {
+                let p = PANEL[0].as_dvec3()
+                    + 0.5 * (u + 1.0) * PANEL[1].as_dvec3()
+                    + 0.5 * (v + 1.0) * PANEL[2].as_dvec3();
+                let to = p - DVec3::new(0.0, 0.0, 0.1 - depth);
+                let cos = -to.z / to.length();
+                let inside = (0.2 - depth) / cos;
+                let area = 0.8 * 0.3 / 4.0 * wu * wv;
+                let seen = area * cos / to.length_squared() / (4.0 * PI) * albedo;
+                let event = 0.1 * wx * sigma * (-sigma * depth).exp() * seen;
+                expected += event * (-sigma * inside).exp();
+                twin += event;
+            }
+        }
+    }
+    for integrator in [Integrator::Woodcock, Integrator::Regular] {
+        for (i, search) in SEARCHES.into_iter().enumerate() {
+            let medium = slab(sigma as f32, albedo as f32, Sym3::IDENTITY, true);
+            let scene = looking_down(vec![medium], vec![panel(search)], 1e-3);
+            let seed = 70 + i as u64;
+            let got = mean(&scene, integrator, 1, 96, seed);
+            let off = |x: f64| (got.0 - x).abs() / got.1;
+            assert!(
+                off(expected) < 4.0,
+                "{integrator:?}, {search:?}, seed {seed}: {got:?} for {expected}"
+            );
+            assert!(off(twin) > 4.0, "the twin passed: {got:?} for {twin}");
+        }
+    }
+}
+
+/// One scattering event and the panel, by the public interface, with the
+/// shares of shadow ray and walk as `shares(light_pdf, walk_pdf)` says.
+fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u64) -> (f64, f64) {
+    let mut stats = Stats::default();
+    let light = &scene.lights[0];
+    let mut moments = Moments::default();
+    for index in 0..n {
+        let mut rng = PathRng::new(seed, 0, u64::from(index));
+        let (o, d) = scene.camera.ray(UVec2::splat(8), &mut rng);
+        let ray = Ray::new(o.as_vec3(), d.as_vec3());
+        let mut sum = 0.0;
+        let met = scene.first_collision(&ray, Integrator::Woodcock, &mut rng, &mut stats);
+        if let Some(collision) = met {
+            let (at, w_out) = (ray.at(collision.t), -ray.direction);
+            if let Some(to) = light.sample_toward(at, &mut rng) {
+                let share = shares(to.pdf, collision.pdf(w_out, to.w_in)).0;
+                let shadow = Ray::new(at, to.w_in);
+                let reach = light.distance_along(&shadow).unwrap_or(0.0);
+                let through =
+                    scene.transmittance(&shadow, reach, Integrator::Woodcock, &mut rng, &mut stats);
+                let scattered = collision.eval(w_out, to.w_in) * to.irradiance;
+                sum += share * through * scattered.0.x;
+            }
+            if let Some(drawn) = collision.sample(w_out, &mut rng) {
+                let on = Ray::new(at, drawn.w_in);
+                let next = scene.first_collision(&on, Integrator::Woodcock, &mut rng, &mut stats);
+                let reach = next.map_or(f32::INFINITY, |c| c.t);
+                if light.distance_along(&on).is_some_and(|t| t <= reach) {
+                    let light_pdf = match light {
+                        Light::Rectangle { rectangle, .. } => {
+                            rectangle.pdf_toward(at, on.direction)
+                        }
+                        _ => 0.0,
+                    };
+                    let share = shares(light_pdf, drawn.pdf).1;
+                    let seen = drawn.weight * light.radiance_toward(on.direction);
+                    sum += share * seen.0.x;
+                }
+            }
+        }
+        moments.add(f64::from(sum));
+    }
+    (moments.mean, moments.standard_error())
+}
+
+/// Any two shares that sum to one give the same light; a pair that does not
+/// is told apart.
+#[test]
+fn shares_of_shadow_ray_and_walk_sum_to_one() {
+    let scene = looking_down(
+        vec![slab(12.0, 0.8, tilted(), true)],
+        vec![panel(LightSearch::Both)],
+        1e-3,
+    );
+    let n = 30_000;
+    let balance = |light: f32, walk: f32| (light / (light + walk), walk / (light + walk));
+    let power = |light: f32, walk: f32| {
+        let (l, w) = (light * light, walk * walk);
+        (l / (l + w), w / (l + w))
+    };
+    // Both weighed by where the shadow ray is good.
+    let unequal = |light: f32, walk: f32| (light / (light + walk), light / (light + walk));
+    let program = mean(&scene, Integrator::Woodcock, 1, 256, 80);
+    let (a, b) = (
+        one_event(&scene, balance, n, 81),
+        one_event(&scene, power, n, 82),
+    );
+    assert!(apart(program, a) < 4.0, "seeds 80, 81: {program:?} {a:?}");
+    assert!(apart(program, b) < 4.0, "seeds 80, 82: {program:?} {b:?}");
+    let twin = one_event(&scene, unequal, n, 83);
+    assert!(apart(program, twin) > 4.0, "the twin passed: {twin:?}");
+}
+
+/// Unlimited bounces among tilted fibres: three searches, one answer.
+#[test]
+fn every_search_finds_the_same_light() {
+    let got: Vec<_> = SEARCHES
+        .into_iter()
+        .zip(90u64..)
+        .map(|(search, seed)| {
+            let medium = slab(30.0, 0.95, tilted(), false);
+            let scene = looking_down(vec![medium], vec![panel(search)], 0.4);
+            mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
+        })
+        .collect();
+    println!("both, shadow rays, walk: {got:?}");
+    assert!(apart(got[0], got[1]) < 4.0, "seeds 90, 91: {got:?}");
+    assert!(apart(got[0], got[2]) < 4.0, "seeds 90, 92: {got:?}");
+}
+
+/// Six panels that close a room around a box of albedo one: whatever the
+/// search, every ray sees one. The twin leaves a wall away.
+#[test]
+fn a_room_of_rectangles_is_a_furnace() {
+    let walls = |search, count: usize| -> Vec<Light> {
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+        let wall = |i: usize| {
+            let (n, u, v) = (axes[i % 3], axes[(i + 1) % 3], axes[(i + 2) % 3]);
+            // Edges so ordered that every wall shines inwards.
+            let corner = |side: f32| 3.0 * (side * n - u - v);
+            match i < 3 {
+                true => rectangle(corner(-1.0), 6.0 * u, 6.0 * v, search),
+                false => rectangle(corner(1.0), 6.0 * v, 6.0 * u, search),
+            }
+        };
+        (0..count).map(wall).collect()
+    };
+    for (search, seed) in SEARCHES.into_iter().zip(100u64..) {
+        let off = |count| {
+            let medium = slab(20.0, 1.0, tilted(), false);
+            let scene = looking_down(vec![medium], walls(search, count), 0.8);
+            let (got, se) = mean(&scene, Integrator::Woodcock, u32::MAX, 16, seed);
+            (got - 1.0).abs() / (4.0 * se + 1e-5)
+        };
+        let closed = off(6);
+        assert!(closed < 1.0, "{search:?}, seed {seed}: {closed}");
+        assert!(off(5) > 1.0, "{search:?}, seed {seed}: the twin passed");
+    }
+}
+
+fn picture(size: UVec2, search: LightSearch, pixel: impl Fn(u32, u32) -> f32) -> Light {
+    let pixels = (0..size.y)
+        .flat_map(|y| (0..size.x).map(move |x| (x, y)))
+        .map(|(x, y)| Rgb::splat(pixel(x, y)))
+        .collect();
+    let up = Vec3::new(0.1, 1.0, 0.2);
+    let image = ImageEnvironment::new(size, pixels, up, Vec3::NEG_Z).unwrap();
+    Light::Image {
+        image: Arc::new(image),
+        search,
+    }
+}
+
+/// A constant picture is a constant environment: the furnace, by every search,
+/// and a slab that absorbs. The twin is a picture
+/// of a tenth less.
+#[test]
+fn a_constant_picture_is_a_constant_environment() {
+    let size = UVec2::new(32, 16);
+    let environment = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    let under = |light, albedo, seed| {
+        let scene = looking_down(vec![slab(20.0, albedo, tilted(), true)], vec![light], 0.1);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
+    };
+    let constant = under(environment, 0.8, 110);
+    for (search, seed) in SEARCHES.into_iter().zip(111u64..) {
+        let white = under(picture(size, search, |_, _| 1.0), 1.0, seed);
+        let off = |x: f64| (white.0 - x).abs() / (4.0 * white.1 + 1e-5);
+        assert!(off(1.0) < 1.0, "{search:?}, seed {seed}: {white:?}");
+        assert!(off(0.9) > 1.0, "{search:?}, seed {seed}: the twin passed");
+        let grey = under(picture(size, search, |_, _| 1.0), 0.8, seed + 10);
+        assert!(
+            apart(grey, constant) < 4.0,
+            "{search:?}: {grey:?} {constant:?}"
+        );
+    }
+}
+
+/// A picture with one bright pixel is parallel light from there.
+#[test]
+fn one_bright_pixel_is_a_directional_light() {
+    let size = UVec2::new(512, 256);
+    let bright = UVec2::new(200, 150);
+    let light = picture(size, LightSearch::Both, |x, y| {
+        f32::from(UVec2::new(x, y) == bright) * 1e4
+    });
+    let Light::Image { image, .. } = &light else {
+        panic!("a picture is a picture");
+    };
+    // Irradiance and mean direction by adding up the interpolated picture
+    // around the pixel.
+    let [up, centre, left] = image.frame().map(|v| v.as_dvec3());
+    let (steps, reach) = (64, 1.5);
+    let (mut vector, mut irradiance) = (DVec3::ZERO, 0.0);
+    for i in 0..steps {
+        for j in 0..steps {
+            let across = |k: i32| (f64::from(k) + 0.5) / f64::from(steps) * 2.0 * reach - reach;
+            let x = f64::from(bright.x) + 0.5 + across(i);
+            let y = f64::from(bright.y) + 0.5 + across(j);
+            let (theta, phi) = (
+                PI * y / f64::from(size.y),
+                2.0 * PI * (0.5 - x / f64::from(size.x)),
+            );
+            let w = theta.sin() * (phi.cos() * centre + phi.sin() * left) + theta.cos() * up;
+            let cell = (2.0 * reach / f64::from(steps)).powi(2);
+            let solid_angle =
+                cell * PI / f64::from(size.y) * 2.0 * PI / f64::from(size.x) * theta.sin();
+            let e = solid_angle * f64::from(image.radiance_toward(w.as_vec3()).0.x);
+            irradiance += e;
+            vector += e * w;
+        }
+    }
+    let sun = |scale: f64| Light::Directional {
+        direction: -vector.normalize().as_vec3(),
+        irradiance: Rgb::splat((scale * irradiance) as f32),
+    };
+    let under = |light, seed| {
+        let scene = looking_down(vec![slab(20.0, 0.8, tilted(), true)], vec![light], 0.1);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 100, seed)
+    };
+    let (a, b) = (under(light.clone(), 120), under(sun(1.0), 121));
+    // 0.7 degrees of width change the slab by less than a thousandth.
+    let off = |b: (f64, f64)| (a.0 - b.0).abs() / (4.0 * a.1.hypot(b.1) + 1e-3 * b.0);
+    println!("pixel {a:?}, sun {b:?}");
+    assert!(off(b) < 1.0, "seeds 120, 121: {a:?} {b:?}");
+    let twin = under(sun(1.1), 122);
+    assert!(off(twin) > 1.0, "the twin passed: {a:?} {twin:?}");
+}
+
+/// Directions come as often as their density says, in every octant.
+#[test]
+fn directions_of_a_picture_follow_their_density() {
+    let size = UVec2::new(24, 12);
+    let light = picture(size, LightSearch::Both, |x, y| {
+        ((x * 7 + y * 13) % 11) as f32 + if x == 3 && y == 4 { 200.0 } else { 0.0 }
+    });
+    let octant =
+        |w: Vec3| usize::from(w.x > 0.0) + 2 * usize::from(w.y > 0.0) + 4 * usize::from(w.z > 0.0);
+    let mut rng = PathRng::from_seed(130);
+    let n = 200_000;
+    let (mut drawn, mut total) = (vec![0.0; 8], Moments::default());
+    let mut uniform = vec![0.0f64; 8];
+    for _ in 0..n {
+        let to = light.sample_toward(Vec3::ZERO, &mut rng).unwrap();
+        drawn[octant(to.w_in)] += 1.0 / f64::from(n);
+        total.add(f64::from(to.irradiance.0.x));
+        let w = organza_basis::warp::uniform_sphere(rng.unit2());
+        let share = light.walk_share(Vec3::ZERO, w, 1.0);
+        // The share is 1 / (1 + pdf).
+        let pdf = f64::from(1.0 / share - 1.0);
+        uniform[octant(w)] += pdf * 4.0 * PI / f64::from(n);
+    }
+    for (a, b) in drawn.iter().zip(&uniform) {
+        assert!(
+            (a - b).abs() < 0.01 + 0.05 * b,
+            "seed 130: {drawn:?} {uniform:?}"
+        );
+    }
+    assert!(
+        total.standard_error() < 2e-3 * total.mean,
+        "by luminance, nearly without noise"
+    );
+}
+
+/// A plane that shines is half an environment; a white one below a slab that
+/// absorbs nothing is a furnace from the front. The twin absorbs.
+#[test]
+fn planes_close_the_furnace_from_behind() {
+    let plane = |reflectance: f32, radiance: f32| {
+        let (r, l) = (Rgb::splat(reflectance), Rgb::splat(radiance));
+        AnyMedium::Plane(Plane::new(Vec3::new(0.0, 0.0, -0.3), Vec3::Z, r, l).unwrap())
+    };
+    let half = |hemisphere| Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere,
+    };
+    let of = |media, lights, seed| {
+        let scene = looking_down(media, lights, 0.1);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
+    };
+    let cloth = |albedo| slab(12.0, albedo, tilted(), true);
+    let back = of(vec![cloth(0.9)], vec![half(Hemisphere::Back)], 140);
+    let table = of(vec![cloth(0.9), plane(0.0, 1.0)], vec![], 141);
+    assert!(
+        apart(back, table) < 4.0,
+        "seeds 140, 141: {back:?} {table:?}"
+    );
+    let front = || vec![half(Hemisphere::Front)];
+    let closed = of(vec![cloth(1.0), plane(1.0, 0.0)], front(), 142);
+    let twin = of(vec![cloth(1.0), plane(0.9, 0.0)], front(), 143);
+    let off = |m: (f64, f64)| (m.0 - 1.0).abs() / (4.0 * m.1 + 1e-5);
+    assert!(off(closed) < 1.0, "seed 142: {closed:?}");
+    assert!(off(twin) > 1.0, "the twin passed: {twin:?}");
+}
+
+/// A diffuse plane under parallel light and under a panel, in closed form;
+/// nothing of it is first met, and it hides what is behind.
+#[test]
+fn a_diffuse_plane_scatters_by_lamberts_law() {
+    let plane = || {
+        let made = Plane::new(Vec3::ZERO, Vec3::Z, Rgb::splat(0.6), Rgb::BLACK);
+        AnyMedium::Plane(made.unwrap())
+    };
+    let sun = Light::Directional {
+        direction: Vec3::new(0.6, 0.0, -0.8),
+        irradiance: Rgb::splat(2.0),
+    };
+    let scene = looking_down(vec![plane()], vec![sun], 0.1);
+    let got = mean(&scene, Integrator::Woodcock, u32::MAX, 64, 150);
+    let expected = 0.6 / PI * 2.0 * 0.8;
+    assert!(
+        (got.0 - expected).abs() < 4.0 * got.1 + 1e-5,
+        "seed 150: {got:?} for {expected}"
+    );
+    let from_below = Light::Directional {
+        direction: Vec3::Z,
+        irradiance: Rgb::WHITE,
+    };
+    let scene = looking_down(vec![plane()], vec![from_below], 0.1);
+    assert_eq!(mean(&scene, Integrator::Woodcock, u32::MAX, 4, 151).0, 0.0);
+    // A panel of 2 x 2 mm facing the plane from 1 mm above: the form factor to
+    // a point below its middle is known.
+    let a = 1.0f64;
+    let s = (1.0 + a * a).sqrt();
+    let form_factor = 4.0 / (2.0 * PI) * 2.0 * (a / s * (a / s).atan());
+    for (search, seed) in SEARCHES.into_iter().zip(152u64..) {
+        let (u, v) = (Vec3::new(0.0, 2.0, 0.0), Vec3::new(2.0, 0.0, 0.0));
+        let light = rectangle(Vec3::new(-1.0, -1.0, 1.0), u, v, search);
+        let scene = looking_down(vec![plane()], vec![light], 1e-3);
+        let got = mean(&scene, Integrator::Woodcock, u32::MAX, 256, seed);
+        let expected = 0.6 * form_factor;
+        assert!(
+            (got.0 - expected).abs() < 4.0 * got.1 + 1e-6,
+            "{search:?}, seed {seed}: {got:?} for {expected}"
+        );
+    }
+}
+
+/// Cameras see rectangles, whatever is in front or behind, from one side or
+/// from both.
+#[test]
+fn rectangles_are_seen() {
+    let seen = |two_sided, from_below: bool| {
+        let (mut u, mut v) = (Vec3::X, Vec3::Y);
+        if from_below {
+            std::mem::swap(&mut u, &mut v);
+        }
+        let rectangle =
+            RectangleLight::new(Vec3::new(-0.5, -0.5, 0.5), u, v, Rgb::WHITE, two_sided).unwrap();
+        let light = Light::Rectangle {
+            rectangle,
+            search: LightSearch::Both,
+        };
+        let scene = looking_down(vec![slab(20.0, 0.0, tilted(), true)], vec![light], 0.1);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 4, 160).0
+    };
+    assert_eq!(seen(false, false), 1.0);
+    assert_eq!(seen(false, true), 0.0);
+    assert_eq!(seen(true, true), 1.0);
+    let skew = RectangleLight::new(Vec3::ZERO, Vec3::X, Vec3::ONE, Rgb::WHITE, false);
+    assert_eq!(
+        skew.unwrap_err().to_string(),
+        "the edges are not perpendicular"
+    );
+    let flat = RectangleLight::new(Vec3::ZERO, Vec3::X, Vec3::X, Rgb::WHITE, false);
+    assert_eq!(flat.unwrap_err().to_string(), "the edges span no area");
+}
