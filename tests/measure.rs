@@ -78,13 +78,17 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
     let mut arguments = vec!["measure", "cloth.toml", "--pairs", "pairs.csv"];
     arguments.extend(["-o", "out.csv", "--model", "surface"]);
     succeed(&folder, &arguments);
-    // Draft and spacing are the fabric's own: 2 over, 1 under, 0.5 by 1/1.8 mm.
+    // Draft and spacing are the fabric's own: 2 over, 1 under, 0.5 by 1/1.8 mm,
+    // and warp of the same yarn as the weft but denser shows at full pitch.
     let mut spec = SurfaceSpec::preset("cotton-twill").unwrap();
     let weave = spec.weave.as_mut().unwrap();
     let draft = organza_weave::Draft::named("twill-2-1-s").unwrap();
     weave.draft = draft.drawdown().lines().map(str::to_owned).collect();
     (weave.warp_pitch_mm, weave.weft_pitch_mm) = (0.5, 1.0 / 1.8);
-    (weave.warp_width_mm, weave.weft_width_mm) = (None, None);
+    let told = succeed(&folder, &["info", "cloth.toml", "--json"]);
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let width = told["figures"]["weft"]["width_mm"].as_f64().unwrap();
+    (weave.warp_width_mm, weave.weft_width_mm) = (None, Some(width));
     let model = spec.build().unwrap();
     for (row, pair) in rows(&read(&folder, "out.csv"))
         .iter()

@@ -186,7 +186,8 @@ impl Fabric {
     }
 
     /// The surface model of the cloth. Draft and spacing are the cloth's own
-    /// unless `[surface.weave]` says otherwise; a preset supplies the yarns.
+    /// unless `[surface.weave]` says otherwise; a preset supplies the yarns. The
+    /// system that covers more hides all but the threads of the other.
     ///
     /// # Errors
     /// No `[surface]` section, or the key in it that is at fault.
@@ -198,6 +199,7 @@ impl Fabric {
             ))
         })?;
         let tile_mm = self.cloth.tile().bounds_mm.size();
+        let figures = self.cloth.figures();
         let weave_of = |draft: &Draft| {
             let repeat = draft.smallest_repeat();
             let row = |pick| {
@@ -208,7 +210,18 @@ impl Fabric {
             let rows: Vec<Vec<bool>> = (0..repeat.picks()).map(row).collect();
             let pitch = |length: f32, threads| f64::from(length) / threads as f64;
             let (warp, weft) = (draft.ends(), draft.picks());
-            Weave::from_warp_up(&rows, pitch(tile_mm.x, warp), pitch(tile_mm.y, weft))
+            let mut weave =
+                Weave::from_warp_up(&rows, pitch(tile_mm.x, warp), pitch(tile_mm.y, weft));
+            if let (Some(warp), Some(weft)) = (&figures.warp, &figures.weft) {
+                // Side by side, threads of the denser system hide all but the
+                // width of the others.
+                if warp.cover_factor > weft.cover_factor {
+                    weave.weft_width_mm = Some(weft.width_mm.min(weave.weft_pitch_mm));
+                } else if weft.cover_factor > warp.cover_factor {
+                    weave.warp_width_mm = Some(warp.width_mm.min(weave.warp_pitch_mm));
+                }
+            }
+            weave
         };
         spec.weave = spec.weave.or_else(|| self.cloth.draft().map(weave_of));
         spec.build()
