@@ -33,11 +33,36 @@ pub fn write_grid_scene(folder: &Path) {
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
     assert!(succeed(&folder, &["--help"]).contains("organza render"));
-    for command in ["render", "merge", "voxelize", "measure", "weave", "info"] {
+    let commands = [
+        "render",
+        "merge",
+        "voxelize",
+        "measure",
+        "weave",
+        "info",
+        "completions",
+        "man",
+    ];
+    for command in commands {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
     }
     assert!(succeed(&folder, &["--version"]).starts_with("organza "));
+}
+
+#[test]
+fn completions_and_manual_pages_know_every_command() {
+    let folder = folder("manual");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = succeed(&folder, &["completions", shell]);
+        assert!(script.contains("voxelize"), "{shell}");
+    }
+    succeed(&folder, &["man", "-o", "."]);
+    let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert!(page("organza.1").contains("voxelize"));
+    assert!(page("organza-render.1").contains("checkpoint"));
+    let message = complaint(&folder, &["man", "-o", "nowhere"]);
+    assert!(message.contains("nowhere: expected a folder"), "{message}");
 }
 
 #[test]

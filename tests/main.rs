@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 mod cli; // commands, exit codes and messages
+mod corpora; // readers on damaged files
+mod invalid; // the message for every kind of wrong input
 mod measure; // the virtual goniometer
 mod program; // how the others run the program
 mod running; // sample ranges, merging, checkpoints, stopping

@@ -37,6 +37,10 @@ pub enum Command {
     Weave(WeaveArgs),
     /// Tell what is in a draft, fabric, scene or volume file
     Info(InfoArgs),
+    /// Print the completions of a shell
+    Completions(CompletionsArgs),
+    /// Write the manual pages
+    Man(ManArgs),
 }
 
 /// The definition of the whole command line.
@@ -85,7 +89,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub time_limit: Option<Duration>,
     /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
-    #[arg(long, value_name = "FRACTION", value_parser = parse_fraction)]
+    #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Save what was gathered to this file now and then, when interrupted and at the end
     #[arg(long, value_name = "FILE")]
@@ -273,6 +277,25 @@ pub struct InfoArgs {
     pub common: CommonArgs,
 }
 
+/// `organza completions`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza completions bash > ~/.local/share/bash-completion/completions/organza"
+)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: clap_complete::Shell,
+}
+
+/// `organza man`
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  organza man -o ~/.local/share/man/man1")]
+pub struct ManArgs {
+    /// Folder for one page a command, organza.1 and so on
+    #[arg(short, long, value_name = "DIR")]
+    pub outfile: PathBuf,
+}
+
 /// A crop from "X0,Y0,X1,Y1".
 fn parse_crop(text: &str) -> Result<Crop, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
@@ -328,13 +351,6 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
         .ok()
         .and_then(|n: f64| Duration::try_from_secs_f64(n * seconds).ok())
         .ok_or_else(|| "expected a time such as 60s, 500ms, 5m or 2h".into())
-}
-
-fn parse_fraction(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
-        _ => Err("expected a positive number such as 0.02".into()),
-    }
 }
 
 #[cfg(test)]

@@ -44,6 +44,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         flags::Command::Weave(a) => commands::weave::run(&a),
         flags::Command::Measure(a) => commands::measure::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),
+        flags::Command::Completions(a) => commands::manual::completions(&a),
+        flags::Command::Man(a) => commands::manual::pages(&a),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,7 @@
 //! One file per command.
 
 pub mod info;
+pub mod manual;
 pub mod measure;
 pub mod merge;
 pub mod render;

@@ -1,0 +1,129 @@
+//! What every reader does with bytes that anybody may hand it: an answer or an
+//! error, in bounded time and memory, and never a panic.
+#![allow(dead_code)] // each fuzz target uses one of them
+
+use organza_volume::VolGrid;
+use organza_weave::{Draft, curve_file::CurveSet};
+use std::path::PathBuf;
+
+/// Memory that a reader of a volume may take.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// All entries by the name of their corpus.
+pub const ALL: [(&str, fn(&[u8])); 10] = [
+    ("wif", wif),
+    ("curve_text", curve_text),
+    ("bcc", bcc),
+    ("vol", vol),
+    ("vdb", vdb),
+    ("ovox", ovox),
+    ("obj", obj),
+    ("scene", scene),
+    ("fabric", fabric),
+    ("checkpoint", checkpoint),
+];
+
+/// A WIF draft.
+pub fn wif(data: &[u8]) {
+    if let Ok(draft) = Draft::from_wif(data) {
+        assert!(draft.ends() > 0 && draft.picks() > 0);
+        let _ = draft.smallest_repeat();
+    }
+}
+
+/// Curves as text.
+pub fn curve_text(data: &[u8]) {
+    let _ = CurveSet::read_text(&String::from_utf8_lossy(data), 1.0);
+}
+
+/// A binary curve collection.
+pub fn bcc(data: &[u8]) {
+    let _ = CurveSet::read_bcc(data, 1.0, 0.01);
+}
+
+/// A Mitsuba grid.
+pub fn vol(data: &[u8]) {
+    if let Ok(grid) = VolGrid::read(&mut &data[..], MAX_BYTES) {
+        let cells: u64 = grid.dims.to_array().iter().map(|&n| u64::from(n)).product();
+        assert_eq!(grid.data.len() as u64, cells * u64::from(grid.channels));
+    }
+}
+
+/// An OpenVDB file: every grid of it.
+pub fn vdb(data: &[u8]) {
+    if let Ok(file) = organza_volume::vdb::read(data) {
+        let _ = file.medium(MAX_BYTES);
+    }
+}
+
+/// A native volume; what is read is well formed.
+pub fn ovox(data: &[u8]) {
+    if let Ok(octree) = organza_volume::ovox::read(&mut &data[..], MAX_BYTES) {
+        octree.assert_well_formed();
+    }
+}
+
+/// A Wavefront OBJ.
+pub fn obj(data: &[u8]) {
+    let placement = organza_mesh::Placement {
+        mm_per_unit: 1.0,
+        mm_per_uv: 1.0,
+    };
+    let _ = organza_mesh::read_obj(data, placement);
+}
+
+/// A scene file, as `organza info` reads it.
+pub fn scene(data: &[u8]) {
+    run(data, "scene.toml", &["info", "scene.toml", "--quiet"]);
+}
+
+/// A fabric file, as `organza info` reads it.
+pub fn fabric(data: &[u8]) {
+    run(data, "fabric.toml", &["info", "fabric.toml", "--quiet"]);
+}
+
+/// A checkpoint that a render is told to go on from.
+pub fn checkpoint(data: &[u8]) {
+    let scene = "[camera]\norigin_mm=[0,0,1]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[2,2]\n";
+    let _ = std::fs::write(folder().join("blank.toml"), scene);
+    run(
+        data,
+        "state",
+        &[
+            "render",
+            "blank.toml",
+            "-o",
+            "out.exr",
+            "--spp",
+            "1",
+            "--quiet",
+            "--checkpoint",
+            "state",
+            "--resume",
+        ],
+    );
+}
+
+/// A folder of this process.
+fn folder() -> PathBuf {
+    let path = std::env::temp_dir().join(format!("organza-fuzz-{}", std::process::id()));
+    let _ = std::fs::create_dir_all(&path);
+    path
+}
+
+/// Runs the program in this process on a file that holds `data`; a name among
+/// the arguments that has a dot or is the file's is put in the folder.
+fn run(data: &[u8], name: &str, arguments: &[&str]) {
+    let folder = folder();
+    if std::fs::write(folder.join(name), data).is_err() {
+        return;
+    }
+    let placed = arguments.iter().map(|a| {
+        if *a == name || a.contains('.') {
+            folder.join(a).into_os_string()
+        } else {
+            a.into()
+        }
+    });
+    let _ = organza_cli::run(std::iter::once("organza".into()).chain(placed));
+}

@@ -1,0 +1,79 @@
+//! Every reader of files on every file of its corpus, whole and damaged: an
+//! answer or an error, never a panic. The same entries run under a fuzzer, see
+//! `fuzz/`.
+
+#[path = "../fuzz/entries.rs"]
+mod entries;
+
+use organza_basis::PathRng;
+use std::path::Path;
+
+const SEED: u64 = 0x5eed;
+
+/// Damaged copies of every file; full size with ORGANZA_FULL=1.
+fn copies() -> u64 {
+    if std::env::var_os("ORGANZA_FULL").is_some() {
+        20_000
+    } else {
+        60
+    }
+}
+
+/// A place in `0..n`.
+fn below(n: usize, rng: &mut PathRng) -> usize {
+    ((rng.unit() * n as f32) as usize).min(n.saturating_sub(1))
+}
+
+/// A copy with a few bytes changed, swapped about, repeated or cut.
+fn damaged(bytes: &[u8], rng: &mut PathRng) -> Vec<u8> {
+    const TELLING: [u8; 8] = [0, 1, 0x7f, 0x80, 0xff, b'-', b'9', b'\n'];
+    let mut copy = bytes.to_vec();
+    for _ in 0..=below(4, rng) {
+        if copy.is_empty() {
+            break;
+        }
+        let at = below(copy.len(), rng);
+        let run = 1 + below(16.min(copy.len() - at), rng);
+        match below(5, rng) {
+            0 => copy[at] ^= 1 << below(8, rng),
+            1 => copy[at] = TELLING[below(TELLING.len(), rng)],
+            2 => copy.truncate(at),
+            3 => drop(copy.drain(at..at + run)),
+            _ => {
+                let piece = copy[at..at + run].to_vec();
+                let to = below(copy.len(), rng);
+                copy.splice(to..to, piece);
+            }
+        }
+    }
+    copy
+}
+
+#[test]
+fn no_file_of_any_corpus_panics_a_reader_whole_or_damaged() {
+    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    for (stream, (name, read)) in entries::ALL.iter().enumerate() {
+        let mut files: Vec<_> = std::fs::read_dir(corpora.join(name))
+            .unwrap_or_else(|e| panic!("fuzz/corpus/{name}: {e}"))
+            .map(|f| f.unwrap().path())
+            .collect();
+        files.sort();
+        assert!(!files.is_empty(), "fuzz/corpus/{name} is empty");
+        let each = copies() / files.len() as u64 + 1;
+        for (i, file) in files.iter().enumerate() {
+            let bytes = std::fs::read(file).unwrap();
+            read(&bytes);
+            for copy in 0..each {
+                let index = copy + ((i as u64) << 32);
+                let mut rng = PathRng::new(SEED, stream as u64, index);
+                let bytes = damaged(&bytes, &mut rng);
+                let read = std::panic::catch_unwind(|| read(&bytes));
+                assert!(
+                    read.is_ok(),
+                    "{}: copy {copy} damaged with seed {SEED:#x}",
+                    file.display()
+                );
+            }
+        }
+    }
+}
