@@ -1,3 +1,4 @@
+//! Fuzzes `curve_text`, see `entries.rs`.
 #![no_main]
 #[path = "../entries.rs"]
 mod entries;

@@ -1,3 +1,4 @@
+//! Fuzzes `fabric`, see `entries.rs`.
 #![no_main]
 #[path = "../entries.rs"]
 mod entries;

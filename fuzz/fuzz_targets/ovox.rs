@@ -1,3 +1,4 @@
+//! Fuzzes `ovox`, see `entries.rs`.
 #![no_main]
 #[path = "../entries.rs"]
 mod entries;

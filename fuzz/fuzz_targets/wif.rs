@@ -1,3 +1,4 @@
+//! Fuzzes `wif`, see `entries.rs`.
 #![no_main]
 #[path = "../entries.rs"]
 mod entries;

@@ -48,7 +48,9 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
         let (mut medium, extent_mm) = match table {
             ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
             ObjectTable::Grid(_) if as_fibres => {
-                return Err(fail("a grid has no fibres for render.integrator = \"fibres\""));
+                return Err(fail(
+                    "a grid has no fibres for render.integrator = \"fibres\"",
+                ));
             }
             ObjectTable::Grid(t) if t.extent_mm.is_some() && !t.repeat_xy => {
                 return Err(fail("extent_mm belongs to repeat_xy = true"));
