@@ -91,7 +91,7 @@ pub mod packed_fibre;
 pub mod sggx;
 pub mod virtual_fibres;
 
-pub use band::{BandFlakes, GaussianBand, SineBand};
+pub use band::{BandFlakes, BandProfile, GaussianBand, SineBand};
 pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters, absorption_for_colour};
 pub use error::Error;

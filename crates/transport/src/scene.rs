@@ -2,8 +2,8 @@
 
 use crate::lattice::{Lattice, LocalRay};
 use crate::{
-    Camera, ClothMedium, FibreMedium, GridMedium, Integrator, Light, Medium, SiteInfo, Stats,
-    tracking,
+    Camera, ClothMedium, FibreMedium, FlakeMedium, GridMedium, Integrator, Light, Medium, SiteInfo,
+    Stats, tracking,
 };
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
@@ -25,6 +25,8 @@ pub enum AnyMedium {
     Grid(GridMedium),
     /// An octree of fibres, as micro-flakes.
     Cloth(ClothMedium),
+    /// An octree of fibres, as micro-flakes of another family.
+    Flakes(FlakeMedium),
     /// An octree of fibres, as virtual fibres.
     Fibres(FibreMedium),
 }
@@ -35,6 +37,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => m.lattice(),
             AnyMedium::Cloth(m) => m.lattice(),
+            AnyMedium::Flakes(m) => m.lattice(),
             AnyMedium::Fibres(m) => m.lattice(),
         }
     }
@@ -44,6 +47,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => m.is_piecewise_constant(),
             AnyMedium::Cloth(m) => m.is_piecewise_constant(),
+            AnyMedium::Flakes(m) => m.is_piecewise_constant(),
             AnyMedium::Fibres(m) => m.is_piecewise_constant(),
         }
     }
@@ -59,6 +63,7 @@ pub struct Collision<'a> {
 enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
     Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
+    Flakes(&'a FlakeMedium, <FlakeMedium as Medium>::Site),
     Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
 }
 
@@ -68,6 +73,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.eval(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Flakes(m, s) => m.eval(s, w_out, w_in),
             AnySite::Fibres(m, s) => m.eval(s, w_out, w_in),
         }
     }
@@ -77,6 +83,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.sample(s, w_out, rng),
             AnySite::Cloth(m, s) => m.sample(s, w_out, rng),
+            AnySite::Flakes(m, s) => m.sample(s, w_out, rng),
             AnySite::Fibres(m, s) => m.sample(s, w_out, rng),
         }
     }
@@ -87,6 +94,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Cloth(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Flakes(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Fibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
         }
     }
@@ -95,6 +103,7 @@ impl Collision<'_> {
         match &mut self.site {
             AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Flakes(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
         }
     }
@@ -104,6 +113,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.info(s),
             AnySite::Cloth(m, s) => m.info(s),
+            AnySite::Flakes(m, s) => m.info(s),
             AnySite::Fibres(m, s) => m.info(s),
         }
     }
@@ -128,6 +138,8 @@ impl Scene {
                     .map(|(t, s)| (t, AnySite::Grid(m, s))),
                 AnyMedium::Cloth(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Cloth(m, s))),
+                AnyMedium::Flakes(m) => collide(m, ray, limit, integrator, rng, stats)
+                    .map(|(t, s)| (t, AnySite::Flakes(m, s))),
                 AnyMedium::Fibres(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Fibres(m, s))),
             };
@@ -155,6 +167,7 @@ impl Scene {
             product *= match medium {
                 AnyMedium::Grid(m) => pass(m, ray, integrator, rng, stats),
                 AnyMedium::Cloth(m) => pass(m, ray, integrator, rng, stats),
+                AnyMedium::Flakes(m) => pass(m, ray, integrator, rng, stats),
                 AnyMedium::Fibres(m) => pass(m, ray, integrator, rng, stats),
             };
             if product == 0.0 {
