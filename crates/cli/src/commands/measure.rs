@@ -4,6 +4,7 @@ use super::with_threads;
 use crate::error::input;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
 use crate::progress::Progress;
+use crate::scattering::ScatteringTable;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{SceneFile, is_scene};
 use crate::{fabric_file, output, read};
@@ -14,9 +15,7 @@ use organza_measure::{
     irawan_layout, measure_albedos, measure_openness, measure_pairs, parse_incident, parse_pairs,
     write_albedos, write_pairs,
 };
-use organza_transport::{
-    AnyMedium, Camera, CameraPose, ClothMedium, Integrator, PixelFilter, Projection, Scene, Stats,
-};
+use organza_transport::{Camera, CameraPose, Integrator, PixelFilter, Projection, Scene, Stats};
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -75,20 +74,26 @@ fn patch(args: &MeasureArgs, scene: Scene, integrator: Integrator) -> Result<Vol
 /// The endless cloth of a fabric file.
 fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
     let fabric = fabric_file::load(&args.file, &args.common.set)?;
-    let octree = fabric.voxelize(
+    let model = ScatteringTable::default()
+        .over(fabric.file.scattering)
+        .map_err(|why| input(format!("{}: scattering{why}", args.file.display())))?;
+    let octree = fabric.voxelize_as(
         &args.file,
+        model.footprint(),
         args.voxel_um,
         None,
         args.max_memory,
         args.common.quiet,
     )?;
     let levels = octree.level_count();
-    let medium = ClothMedium::new(octree, args.level, fabric.optics()).ok_or_else(|| {
-        input(format!(
-            "--level {}: the octree has {levels} levels, from 0",
-            args.level
-        ))
-    })?;
+    let medium = model
+        .medium(&fabric, &args.file, octree, args.level)?
+        .ok_or_else(|| {
+            input(format!(
+                "--level {}: the octree has {levels} levels, from 0",
+                args.level
+            ))
+        })?;
     // A goniometer has no camera, but every scene does.
     let pose = CameraPose {
         origin_mm: DVec3::Z,
@@ -97,7 +102,7 @@ fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
     };
     let projection = Projection::Orthographic { width_mm: 1.0 };
     let scene = Scene {
-        media: vec![AnyMedium::Cloth(medium)],
+        media: vec![medium],
         lights: Vec::new(),
         camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
     };
