@@ -2,17 +2,17 @@
 
 use crate::error::input;
 use crate::fibre_optics;
+use crate::optics::{self, OpticsFile};
 use crate::progress::Progress;
 use crate::read;
+use crate::scattering::{ScatteringModel, ScatteringTable};
 use crate::scene_build::BuildOptions;
-use crate::scene_file::{CameraKind, CameraTable, ClothTable, EventName, Lod, LodName, ModelName};
+use crate::scene_file::{CameraKind, CameraTable, ClothTable, Lod, LodName};
 use anyhow::Result;
-use organza_basis::{Rgb, SegmentSource, nearest_name};
+use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
-use organza_transport::{
-    AnyMedium, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium, FlakeOptics,
-};
+use organza_transport::{AnyMedium, ExplicitFibres, FibreEvent, FlakeOptics};
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
     Cloth, Draft, FabricGeometry, Material,
@@ -41,7 +41,10 @@ pub struct FabricFile {
     pub tile: TileSpec,
     /// How the fibres of a yarn scatter light, by the yarn's name.
     #[serde(default)]
-    pub optics: BTreeMap<String, OpticsTable>,
+    pub optics: OpticsFile,
+    /// Which model scatters light, unless a scene says otherwise.
+    #[serde(default)]
+    pub scattering: ScatteringTable,
     #[serde(default)]
     pub voxel: VoxelTable,
     /// The cloth as a surface, where there is one to compare with.
@@ -49,53 +52,6 @@ pub struct FabricFile {
     /// Seed of everything random in the geometry.
     #[serde(default)]
     pub seed: u64,
-}
-
-/// `[optics.YARN]`: micro-flakes read the first two keys, virtual scattering the
-/// others.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct OpticsTable {
-    /// Single-scattering albedo of the fibres. Without it the thread's colour
-    /// in the draft is taken for the colour of a thick heap of its fibres.
-    pub albedo: Option<[f32; 3]>,
-    /// Ratio of end-on to broadside extinction of a straight bundle: how rough
-    /// single fibres are.
-    pub end_on_ratio: f32,
-    /// Index of refraction of the fibres.
-    pub ior: Option<f32>,
-    /// Colour of a thick heap of the fibres: that of the thread, if none.
-    pub colour: Option<[f32; 3]>,
-    /// Absorption inside the fibres, instead of `colour`.
-    pub absorption_per_mm: Option<[f32; 3]>,
-    /// Width of highlights along the fibres.
-    pub longitudinal_deg: Option<f32>,
-    /// Width of the lobes about the fibres.
-    pub azimuthal_deg: Option<f32>,
-    /// A fibre fitted to photographs, instead of all that.
-    pub fitted: Option<String>,
-}
-
-/// Estimated: the width of the highlight of a dyed staple fibre, about 6
-/// degrees, seen as the end-on ratio of its flakes.
-const DEFAULT_END_ON_RATIO: f32 = 0.1;
-
-/// Estimated: the colour of undyed bleached cloth.
-pub const UNDYED: Rgb = Rgb::splat(0.8);
-
-impl Default for OpticsTable {
-    fn default() -> OpticsTable {
-        OpticsTable {
-            albedo: None,
-            end_on_ratio: DEFAULT_END_ON_RATIO,
-            ior: None,
-            colour: None,
-            absorption_per_mm: None,
-            longitudinal_deg: None,
-            azimuthal_deg: None,
-            fitted: None,
-        }
-    }
 }
 
 /// `[voxel]`
@@ -118,6 +74,8 @@ pub struct Fabric {
     pub file: FabricFile,
     /// The cloth.
     pub cloth: Cloth,
+    /// Optics, the first to speak first.
+    optics: Vec<OpticsFile>,
 }
 
 /// Reads a fabric file and relaxes its yarns.
@@ -137,33 +95,14 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
     let open = |name: &str| read::bytes_or_why(&read::beside(path, name));
     let cloth = Cloth::build(&geometry, &open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    for (yarn, optics) in &file.optics {
-        check_optics(path, yarn, optics, cloth.materials())?;
-    }
-    Ok(Fabric { file, cloth })
-}
-
-fn check_optics(
-    path: &Path,
-    yarn: &str,
-    optics: &OpticsTable,
-    materials: &[Material],
-) -> Result<()> {
-    let fail = |why: String| Err(input(format!("{}: optics.{yarn}{why}", path.display())));
-    let names: Vec<&str> = materials.iter().map(|m| m.yarn.as_str()).collect();
-    if !names.contains(&yarn) {
-        let near = nearest_name(yarn, names.iter().copied())
-            .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
-        return fail(format!(": no yarn of the cloth has this name{near}"));
-    }
-    let in_range = |c: &f32| (0.0..=1.0).contains(c);
-    if optics.albedo.is_some_and(|a| !a.iter().all(in_range)) {
-        return fail(".albedo: expected three numbers from 0 to 1".into());
-    }
-    if !in_range(&optics.end_on_ratio) {
-        return fail(".end_on_ratio: expected a number from 0 to 1".into());
-    }
-    fibre_optics::check(optics).or_else(fail)
+    let optics = vec![file.optics.clone()];
+    optics::check(&file.optics, cloth.materials())
+        .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
+    Ok(Fabric {
+        file,
+        cloth,
+        optics,
+    })
 }
 
 impl Fabric {
@@ -172,16 +111,7 @@ impl Fabric {
         self.cloth
             .materials()
             .iter()
-            .map(|m| {
-                let table = self.optics_of(m);
-                let albedo = table
-                    .albedo
-                    .map_or_else(|| albedo_for_colour(m.colour.unwrap_or(UNDYED)), Rgb::from);
-                FlakeOptics {
-                    albedo,
-                    end_on_ratio: table.end_on_ratio,
-                }
-            })
+            .map(|m| optics::of_material(&self.optics, m).flakes(m.colour))
             .collect()
     }
 
@@ -228,9 +158,14 @@ impl Fabric {
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 
-    fn optics_of(&self, material: &Material) -> OpticsTable {
-        let table = self.file.optics.get(&material.yarn);
-        table.cloned().unwrap_or_default()
+    /// Lets the optics of a scene speak before the fabric's own.
+    ///
+    /// # Errors
+    /// As [`optics::check`].
+    fn override_optics(&mut self, scene: &OpticsFile) -> Result<(), String> {
+        optics::check(scene, self.cloth.materials())?;
+        self.optics.insert(0, scene.clone());
+        Ok(())
     }
 
     /// The fibres of each material of the cloth.
@@ -239,7 +174,7 @@ impl Fabric {
     /// Names the yarn at fault.
     pub fn fibres(&self, path: &Path) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
-            fibre_optics::fibre(&self.optics_of(m), m)
+            fibre_optics::fibre(&optics::of_material(&self.optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
         self.cloth.materials().iter().map(fibre).collect()
@@ -329,50 +264,33 @@ pub fn free_memory_bytes() -> u64 {
     from_kernel().unwrap_or(u64::MAX)
 }
 
-/// The single-scattering albedo at which a half-space of isotropic scatterers
-/// has the diffuse albedo `colour`.
-///
-/// Van de Hulst's fit R = (1 - s)(1 - 0.139 s) / (1 + 1.17 s) with
-/// s = sqrt(1 - albedo) [vanDeHulst1980], solved for s.
-/// Cloth is neither thick nor isotropic, so this is an estimate of what was
-/// dyed, not a fit of a measurement.
-pub fn albedo_for_colour(colour: Rgb) -> Rgb {
-    let channel = |r: f32| {
-        let r = r.clamp(0.0, 1.0);
-        // 0.139 s^2 - (1.139 + 1.17 R) s + (1 - R) = 0, the smaller root.
-        let b = 1.139 + 1.17 * r;
-        let s = (b - (b * b - 4.0 * 0.139 * (1.0 - r)).max(0.0).sqrt()) / (2.0 * 0.139);
-        (1.0 - s * s).clamp(0.0, 1.0)
-    };
-    Rgb::from(<[f32; 3]>::from(colour).map(channel))
-}
-
-/// A cloth object of a scene.
+/// A cloth object of a scene; `as_fibres` whatever its model.
 ///
 /// # Errors
 /// Names the file and the key at fault.
 pub fn cloth_medium(
     table: &ClothTable,
+    as_fibres: bool,
     camera: &CameraTable,
     options: &BuildOptions<'_>,
 ) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
-    let event = fibre_event(table).map_err(|why| {
-        input(format!(
-            "{}: object.event: {why}",
-            options.scene_path.display()
-        ))
-    })?;
+    let fail = |why: &str| input(format!("{}: object{why}", options.scene_path.display()));
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
-    let fabric = load(&path, &own_seed)?;
-    let packed = event == Some(FibreEvent::Packed);
+    let mut fabric = load(&path, &own_seed)?;
+    fabric
+        .override_optics(&table.optics)
+        .map_err(|why| fail(&format!(".optics{why}")))?;
+    let model = table
+        .scattering()
+        .over(fabric.file.scattering)
+        .map_err(fail)?;
+    if as_fibres || model == ScatteringModel::Explicit {
+        return fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet);
+    }
     let octree = fabric.voxelize_as(
         &path,
-        if packed {
-            Footprint::Axis
-        } else {
-            Footprint::Covered
-        },
+        model.footprint(),
         table.voxel_um,
         None,
         options.max_memory_bytes,
@@ -383,7 +301,7 @@ pub fn cloth_medium(
         Lod::Name(LodName::Volume) => 0,
         Lod::Name(LodName::Auto) => {
             let level = level_for_camera(&octree, camera);
-            if packed {
+            if model == ScatteringModel::Fibres(FibreEvent::Packed) {
                 level.max(fibre_optics::level_for_packed(
                     &octree,
                     fabric.cloth.materials(),
@@ -394,48 +312,12 @@ pub fn cloth_medium(
         }
     };
     let levels = octree.level_count();
-    let medium = match event {
-        None => ClothMedium::new(octree, level, fabric.optics()).map(AnyMedium::Cloth),
-        Some(event) => {
-            FibreMedium::new(octree, level, fabric.fibres(&path)?, event).map(AnyMedium::Fibres)
-        }
-    };
-    medium.ok_or_else(|| {
+    model.medium(&fabric, &path, octree, level)?.ok_or_else(|| {
         input(format!(
             "{}: object.lod: level {level} does not exist; the cloth has {levels}, from 0",
             options.scene_path.display()
         ))
     })
-}
-
-/// A cloth object of a scene as explicit fibres.
-///
-/// # Errors
-/// Names the file and the key at fault.
-pub fn cloth_fibres(table: &ClothTable, options: &BuildOptions<'_>) -> Result<AnyMedium> {
-    if table.event.is_some() && table.model != ModelName::VirtualScattering {
-        return Err(input(format!(
-            "{}: object.event: belongs to model = \"virtual-scattering\"",
-            options.scene_path.display()
-        )));
-    }
-    let path = read::beside(options.scene_path, &table.fabric);
-    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
-    let fabric = load(&path, &own_seed)?;
-    fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet)
-}
-
-/// The event of virtual scattering; `None` for micro-flakes.
-fn fibre_event(table: &ClothTable) -> Result<Option<FibreEvent>, &'static str> {
-    match (table.model, table.event) {
-        (ModelName::Microflake, None) => Ok(None),
-        (ModelName::Microflake | ModelName::Fibres, Some(_)) => {
-            Err("belongs to model = \"virtual-scattering\"")
-        }
-        (ModelName::Fibres, None) => Ok(None),
-        (ModelName::VirtualScattering, Some(EventName::Plain)) => Ok(Some(FibreEvent::Plain)),
-        (ModelName::VirtualScattering, _) => Ok(Some(FibreEvent::Packed)),
-    }
 }
 
 /// The coarsest level whose voxels are at most half a pixel wide where the
@@ -456,20 +338,4 @@ fn level_for_camera(octree: &Octree, camera: &CameraTable) -> u8 {
         .rev()
         .find(|&l| octree.voxel_mm(l).max_element() <= 0.5 * pixel_mm)
         .unwrap_or(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn colours_and_albedos_invert_each_other() {
-        for i in 0..=20 {
-            let r = i as f32 / 20.0;
-            let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
-            let s = (1.0 - albedo).sqrt();
-            let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
-            assert!((back - r).abs() < 1e-4, "{r}: {albedo} gives {back}");
-        }
-    }
 }

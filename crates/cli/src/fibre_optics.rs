@@ -1,6 +1,6 @@
 //! Fibres that scatter as fibres: from a yarn's optics to the model.
 
-use crate::fabric_file::{OpticsTable, UNDYED};
+use crate::optics::{FittedValue, OpticsTable, UNDYED};
 use organza_basis::Rgb;
 use organza_scatter::fitted::PRESETS;
 use organza_scatter::{
@@ -29,27 +29,15 @@ const PACKED_VOXEL_RADII: f32 = 2.0;
 /// # Errors
 /// The key at fault, as `.key: what was expected`.
 pub fn check(t: &OpticsTable) -> Result<(), String> {
-    if let Some(name) = &t.fitted {
-        let others = [
-            ("ior", t.ior.is_some()),
-            ("colour", t.colour.is_some()),
-            ("absorption_per_mm", t.absorption_per_mm.is_some()),
-            ("longitudinal_deg", t.longitudinal_deg.is_some()),
-            ("azimuthal_deg", t.azimuthal_deg.is_some()),
-        ];
-        if let Some((key, _)) = others.iter().find(|o| o.1) {
+    if let Some(value) = &t.fitted {
+        if let Some((key, _)) = t.dielectric_keys().iter().find(|k| k.1) {
             return Err(format!(
                 ".{key}: does not go with `fitted`, which has its own"
             ));
         }
-        return match FittedParameters::preset(name) {
-            Ok(_) => Ok(()),
-            Err(near) => Err(format!(
-                ".fitted: no fibre is named `{name}`; expected one of {}{}",
-                PRESETS.join(", "),
-                near.map_or(String::new(), |n| format!("; did you mean `{n}`?"))
-            )),
-        };
+        return fitted(value)
+            .map(|_| ())
+            .map_err(|why| format!(".fitted{why}"));
     }
     if t.colour.is_some() && t.absorption_per_mm.is_some() {
         return Err(".colour: does not go with `absorption_per_mm`".into());
@@ -81,11 +69,10 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
 /// # Errors
 /// What is wrong with its parameters.
 pub fn fibre(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
-    if let Some(name) = &t.fitted {
-        let parameters =
-            FittedParameters::preset(name).map_err(|_| format!("no fibre is named `{name}`"))?;
-        let fibre = FittedFibre::new(parameters).map_err(|e| e.to_string())?;
-        return Ok(Fibre::Fitted(fibre));
+    if let Some(value) = &t.fitted {
+        return fitted(value)
+            .map(Fibre::Fitted)
+            .map_err(|why| format!("fitted{why}"));
     }
     let ior = t.ior.unwrap_or(IOR);
     let absorption_radii = match t.absorption_per_mm {
@@ -103,6 +90,57 @@ pub fn fibre(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
     };
     let fibre = DielectricFibre::new(parameters).map_err(|e| e.to_string())?;
     Ok(Fibre::Dielectric(fibre))
+}
+
+/// The error is `: why` or `.key: why`.
+fn fitted(value: &FittedValue) -> Result<FittedFibre, String> {
+    let named = |name: &str| {
+        FittedParameters::preset(name).map_err(|near| {
+            format!(
+                ": no fibre is named `{name}`; expected one of {}{}",
+                PRESETS.join(", "),
+                near.map_or(String::new(), |n| format!("; did you mean `{n}`?"))
+            )
+        })
+    };
+    let parameters = match value {
+        FittedValue::Preset(name) => named(name)?,
+        FittedValue::Table(t) => {
+            let preset = t.preset.as_deref().map(named).transpose()?;
+            let colour = |key, own: Option<[f32; 3]>, preset: Option<Rgb>| {
+                own.map(Rgb::from).or(preset).ok_or_else(|| missing(key))
+            };
+            let width = |key, own: Option<f32>, preset: Option<f32>| {
+                own.map(f32::to_radians)
+                    .or(preset)
+                    .ok_or_else(|| missing(key))
+            };
+            FittedParameters {
+                colour_r: colour("colour_r", t.colour_r, preset.map(|p| p.colour_r))?,
+                colour_tt: colour("colour_tt", t.colour_tt, preset.map(|p| p.colour_tt))?,
+                longitudinal_r_rad: width(
+                    "longitudinal_r_deg",
+                    t.longitudinal_r_deg,
+                    preset.map(|p| p.longitudinal_r_rad),
+                )?,
+                longitudinal_tt_rad: width(
+                    "longitudinal_tt_deg",
+                    t.longitudinal_tt_deg,
+                    preset.map(|p| p.longitudinal_tt_rad),
+                )?,
+                azimuthal_tt_rad: width(
+                    "azimuthal_tt_deg",
+                    t.azimuthal_tt_deg,
+                    preset.map(|p| p.azimuthal_tt_rad),
+                )?,
+            }
+        }
+    };
+    FittedFibre::new(parameters).map_err(|e| format!(": {e}"))
+}
+
+fn missing(key: &str) -> String {
+    format!(".{key}: is missing, and there is no `preset`")
 }
 
 /// The level of detail that suits packed fibres of a cloth's materials.

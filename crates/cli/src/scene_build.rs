@@ -3,7 +3,7 @@
 use crate::error::input;
 use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
-    IntegratorName, InterpolationName, LightTable, ModelName, ObjectTable, PlaneTable, SceneFile,
+    IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
 };
 use crate::{environment_file, read};
 use anyhow::Result;
@@ -57,11 +57,8 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
             }
             ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
             ObjectTable::Cloth(t) => {
-                let medium = if as_fibres || t.model == ModelName::Fibres {
-                    crate::fabric_file::cloth_fibres(t, options)?
-                } else {
-                    crate::fabric_file::cloth_medium(t, &file.camera, options)?
-                };
+                let camera = &file.camera;
+                let medium = crate::fabric_file::cloth_medium(t, as_fibres, camera, options)?;
                 (medium, t.extent_mm)
             }
         };

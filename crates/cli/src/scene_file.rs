@@ -1,6 +1,8 @@
 //! The scene file, as written in TOML.
 
-use organza_transport::Integrator;
+use crate::optics::OpticsFile;
+use crate::scattering::ScatteringTable;
+use organza_transport::{FibreEvent, Integrator};
 use serde::Deserialize;
 
 /// Whether a TOML text is a scene and no fabric: whichever top-level keys it
@@ -232,10 +234,15 @@ pub enum InterpolationName {
 pub struct ClothTable {
     /// A fabric file.
     pub fabric: String,
-    #[serde(default)]
-    pub model: ModelName,
+    /// The model of scattering; the fabric's own if none, and so are the next two.
+    pub model: Option<ModelName>,
+    /// Micro-flakes: their family.
+    pub flake: Option<FlakeName>,
     /// Virtual scattering: what a collision with a fibre is.
     pub event: Option<EventName>,
+    /// How fibres scatter, before what the fabric says of it.
+    #[serde(default)]
+    pub optics: OpticsFile,
     #[serde(default)]
     pub lod: Lod,
     /// Overrides the fabric's own voxel size.
@@ -244,6 +251,17 @@ pub struct ClothTable {
     pub seed: Option<u64>,
     /// Where the cloth is: x and y of two corners; without end if none.
     pub extent_mm: Option<[f32; 4]>,
+}
+
+impl ClothTable {
+    /// Its keys of a [`ScatteringTable`].
+    pub fn scattering(&self) -> ScatteringTable {
+        ScatteringTable {
+            model: self.model,
+            flake: self.flake,
+            event: self.event,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
@@ -256,14 +274,39 @@ pub enum ModelName {
     Fibres,
 }
 
+/// `flake`, of micro-flakes.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlakeName {
+    /// Mirrors distributed as the normals of an ellipsoid.
+    #[default]
+    SggxSpecular,
+    /// Diffuse flakes distributed so.
+    SggxDiffuse,
+    /// Mirrors with a truncated Gaussian about the fibre's cross-section.
+    Gaussian,
+    /// Mirrors with a power of the sine of the angle to the fibre.
+    SinPower,
+}
+
 /// `event`, of virtual scattering.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum EventName {
     /// The surface of a fibre among others.
+    #[default]
     Packed,
     /// A point, in the far field.
     Plain,
+}
+
+impl From<EventName> for FibreEvent {
+    fn from(name: EventName) -> FibreEvent {
+        match name {
+            EventName::Packed => FibreEvent::Packed,
+            EventName::Plain => FibreEvent::Plain,
+        }
+    }
 }
 
 /// `lod`: a level, or a name.

@@ -22,7 +22,10 @@ use std::sync::LazyLock;
 pub const MIN_GAMMA: f32 = 1e-4;
 
 /// A profile g(x) over the cosine x between normal and fibre axis.
-pub trait BandProfile {
+pub trait BandProfile: Sized {
+    /// The profile of a width: [`GaussianBand::new`] of gamma, and the sine power
+    /// with its curvature at the top.
+    fn of_width(gamma: f32) -> Self;
     /// g(x), with unit integral over `[-1, 1]`.
     fn density(&self, x: f32) -> f32;
     /// Mean of |x|: the projected area end-on.
@@ -35,6 +38,27 @@ pub trait BandProfile {
     fn mean_over_circle(&self, amplitude: f32) -> f32;
     /// Projected area of unit flake area for the sine of the angle to the axis.
     fn projected_area(&self, sine: f32) -> f32;
+
+    /// Ratio of the end-on to the broadside area, which names a width in every
+    /// family of flakes.
+    fn end_on_ratio(&self) -> f32 {
+        self.mean_abs() / self.projected_area(1.0)
+    }
+
+    /// The profile whose [`BandProfile::end_on_ratio`] is this, to 1e-4.
+    fn with_end_on_ratio(ratio: f32) -> Self {
+        // The ratio rises with the width; halve on its logarithm.
+        let (mut low, mut high) = (MIN_GAMMA.ln(), 1e4f32.ln());
+        for _ in 0..40 {
+            let mid = 0.5 * (low + high);
+            if Self::of_width(mid.exp()).end_on_ratio() < ratio {
+                low = mid;
+            } else {
+                high = mid;
+            }
+        }
+        Self::of_width((0.5 * (low + high)).exp())
+    }
 }
 
 /// `D = exp(-x^2 / (2 gamma^2))`, normalised: gamma is the deviation of x, small
@@ -68,6 +92,10 @@ impl GaussianBand {
 }
 
 impl BandProfile for GaussianBand {
+    fn of_width(gamma: f32) -> GaussianBand {
+        GaussianBand::new(gamma)
+    }
+
     fn density(&self, x: f32) -> f32 {
         let y = x / self.gamma;
         self.peak * (-0.5 * y * y).exp()
@@ -138,6 +166,10 @@ impl SineBand {
 }
 
 impl BandProfile for SineBand {
+    fn of_width(gamma: f32) -> SineBand {
+        SineBand::new(sine_power_from_gamma(gamma))
+    }
+
     fn density(&self, x: f32) -> f32 {
         // ln_1p keeps (1 - x^2)^(p/2) accurate where p is large and x small.
         self.peak * (0.5 * self.power * (-x * x).max(-0.999_999_9).ln_1p()).exp()
@@ -258,8 +290,10 @@ impl<P: BandProfile> BandFlakes<P> {
     /// broadside one for Gaussian bands and 2 % for sine powers (tested).
     pub fn to_sggx(&self) -> (AxialFlake, f32) {
         let broadside = self.profile.projected_area(1.0);
-        let ratio = self.profile.mean_abs() / broadside;
-        (AxialFlake::new(self.axis, ratio), broadside)
+        (
+            AxialFlake::new(self.axis, self.profile.end_on_ratio()),
+            broadside,
+        )
     }
 }
 
@@ -268,21 +302,7 @@ impl BandFlakes<GaussianBand> {
     /// SGGX flakes, to 1e-4.
     pub fn from_sggx(flakes: &AxialFlake) -> BandFlakes<GaussianBand> {
         let axis = flakes.scaled_axis().normalize_or(Vec3::Z);
-        let ratio = |gamma: f32| {
-            let band = GaussianBand::new(gamma);
-            band.mean_abs() / band.projected_area(1.0)
-        };
-        // The ratio rises with the width; halve on its logarithm.
-        let (mut low, mut high) = (MIN_GAMMA.ln(), 1e4f32.ln());
-        for _ in 0..40 {
-            let mid = 0.5 * (low + high);
-            if ratio(mid.exp()) < flakes.end_on() {
-                low = mid;
-            } else {
-                high = mid;
-            }
-        }
-        BandFlakes::new(axis, GaussianBand::new((0.5 * (low + high)).exp()))
+        BandFlakes::new(axis, GaussianBand::with_end_on_ratio(flakes.end_on()))
     }
 }
 

@@ -50,7 +50,7 @@ fn near_fields_are_proved() {
         for (w_out, h) in oblique().into_iter().zip([-0.97, -0.4, 0.0, 0.3, 0.8]) {
             let near = fibre.near_field(FibreFrame::new(TANGENT, w_out), h);
             prove_lobe(name, &near, TANGENT, w_out, 40);
-            prove_lobe(
+            prove_part(
                 &format!("chosen {name}"),
                 &near.choose_lobe(&mut rng),
                 TANGENT,

@@ -88,10 +88,11 @@ pub mod flake;
 pub mod lobe;
 pub mod longitudinal;
 pub mod packed_fibre;
+pub mod proofs;
 pub mod sggx;
 pub mod virtual_fibres;
 
-pub use band::{BandFlakes, GaussianBand, SineBand};
+pub use band::{BandFlakes, BandProfile, GaussianBand, SineBand};
 pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters, absorption_for_colour};
 pub use error::Error;
@@ -106,7 +107,5 @@ pub use virtual_fibres::{MetFibre, effective_cross_section, meet_fibre, sigma_t_
 
 #[cfg(test)]
 mod fibre_tests;
-#[cfg(test)]
-mod proofs;
 #[cfg(test)]
 mod sggx_tests;

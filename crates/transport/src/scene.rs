@@ -2,8 +2,8 @@
 
 use crate::lattice::{Lattice, LocalRay};
 use crate::{
-    Camera, ClothMedium, ExplicitFibres, FibreHit, FibreMedium, GridMedium, Integrator, Light,
-    Medium, Plane, SiteInfo, Stats, tracking,
+    Camera, ClothMedium, ExplicitFibres, FibreHit, FibreMedium, FlakeMedium, GridMedium,
+    Integrator, Light, Medium, Plane, SiteInfo, Stats, tracking,
 };
 use glam::{DVec3, Vec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
@@ -25,6 +25,8 @@ pub enum AnyMedium {
     Grid(GridMedium),
     /// An octree of fibres, as micro-flakes.
     Cloth(ClothMedium),
+    /// An octree of fibres, as micro-flakes of another family.
+    Flakes(FlakeMedium),
     /// An octree of fibres, as virtual fibres.
     Fibres(FibreMedium),
     /// Fibres themselves.
@@ -39,6 +41,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => Some(m.lattice()),
             AnyMedium::Cloth(m) => Some(m.lattice()),
+            AnyMedium::Flakes(m) => Some(m.lattice()),
             AnyMedium::Fibres(m) => Some(m.lattice()),
             AnyMedium::Explicit(m) => Some(m.lattice()),
             AnyMedium::Plane(_) => None,
@@ -51,6 +54,7 @@ impl AnyMedium {
         let lattice = match self {
             AnyMedium::Grid(m) => m.lattice_mut(),
             AnyMedium::Cloth(m) => m.lattice_mut(),
+            AnyMedium::Flakes(m) => m.lattice_mut(),
             AnyMedium::Fibres(m) => m.lattice_mut(),
             AnyMedium::Explicit(m) => m.lattice_mut(),
             AnyMedium::Plane(_) => return None,
@@ -64,6 +68,7 @@ impl AnyMedium {
         match self {
             AnyMedium::Grid(m) => m.is_piecewise_constant(),
             AnyMedium::Cloth(m) => m.is_piecewise_constant(),
+            AnyMedium::Flakes(m) => m.is_piecewise_constant(),
             AnyMedium::Fibres(m) => m.is_piecewise_constant(),
             // What is solid takes no stepping.
             AnyMedium::Explicit(_) | AnyMedium::Plane(_) => true,
@@ -81,6 +86,7 @@ pub struct Collision<'a> {
 enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
     Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
+    Flakes(&'a FlakeMedium, <FlakeMedium as Medium>::Site),
     Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
     Explicit(&'a ExplicitFibres, FibreHit),
     /// With where it is hit.
@@ -93,6 +99,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.eval(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Flakes(m, s) => m.eval(s, w_out, w_in),
             AnySite::Fibres(m, s) => m.eval(s, w_out, w_in),
             AnySite::Explicit(m, s) => m.eval(s, w_out, w_in),
             AnySite::Plane(p, _) => p.eval(w_out, w_in),
@@ -104,6 +111,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.sample(s, w_out, rng),
             AnySite::Cloth(m, s) => m.sample(s, w_out, rng),
+            AnySite::Flakes(m, s) => m.sample(s, w_out, rng),
             AnySite::Fibres(m, s) => m.sample(s, w_out, rng),
             AnySite::Explicit(m, s) => m.sample(s, w_out, rng),
             AnySite::Plane(p, _) => p.sample(w_out, rng),
@@ -115,6 +123,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.pdf(s, w_out, w_in),
             AnySite::Cloth(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Flakes(m, s) => m.pdf(s, w_out, w_in),
             AnySite::Fibres(m, s) => m.pdf(s, w_out, w_in),
             AnySite::Explicit(m, s) => m.pdf(s, w_out, w_in),
             AnySite::Plane(p, _) => p.pdf(w_out, w_in),
@@ -127,6 +136,7 @@ impl Collision<'_> {
             AnySite::Plane(p, _) => p.emitted(w_out),
             AnySite::Grid(..)
             | AnySite::Cloth(..)
+            | AnySite::Flakes(..)
             | AnySite::Fibres(..)
             | AnySite::Explicit(..) => Rgb::BLACK,
         }
@@ -138,6 +148,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Cloth(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Flakes(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Fibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Explicit(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
@@ -148,6 +159,7 @@ impl Collision<'_> {
         match &mut self.site {
             AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Flakes(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Explicit(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Plane(..) => {}
@@ -159,6 +171,7 @@ impl Collision<'_> {
         match &self.site {
             AnySite::Grid(m, s) => Some(m.info(s)),
             AnySite::Cloth(m, s) => Some(m.info(s)),
+            AnySite::Flakes(m, s) => Some(m.info(s)),
             AnySite::Fibres(m, s) => Some(m.info(s)),
             AnySite::Explicit(m, s) => Some(m.info(s)),
             AnySite::Plane(..) => None,
@@ -185,6 +198,8 @@ impl Scene {
                     .map(|(t, s)| (t, AnySite::Grid(m, s))),
                 AnyMedium::Cloth(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Cloth(m, s))),
+                AnyMedium::Flakes(m) => collide(m, ray, limit, integrator, rng, stats)
+                    .map(|(t, s)| (t, AnySite::Flakes(m, s))),
                 AnyMedium::Fibres(m) => collide(m, ray, limit, integrator, rng, stats)
                     .map(|(t, s)| (t, AnySite::Fibres(m, s))),
                 AnyMedium::Explicit(m) => m
@@ -218,6 +233,7 @@ impl Scene {
             product *= match medium {
                 AnyMedium::Grid(m) => pass(m, ray, reach, integrator, rng, stats),
                 AnyMedium::Cloth(m) => pass(m, ray, reach, integrator, rng, stats),
+                AnyMedium::Flakes(m) => pass(m, ray, reach, integrator, rng, stats),
                 AnyMedium::Fibres(m) => pass(m, ray, reach, integrator, rng, stats),
                 AnyMedium::Explicit(m) => f32::from(!m.blocks(ray, reach, stats)),
                 AnyMedium::Plane(p) => f32::from(p.hit(ray, reach).is_none()),
@@ -236,6 +252,7 @@ impl Scene {
             AnyMedium::Plane(p) => before(p.distance_mm(origin_mm, direction)),
             AnyMedium::Grid(m) => m.lattice().distance_mm(origin_mm, direction),
             AnyMedium::Cloth(m) => m.lattice().distance_mm(origin_mm, direction),
+            AnyMedium::Flakes(m) => m.lattice().distance_mm(origin_mm, direction),
             AnyMedium::Fibres(m) => m.lattice().distance_mm(origin_mm, direction),
             AnyMedium::Explicit(m) => m.lattice().distance_mm(origin_mm, direction),
         });

@@ -4,6 +4,7 @@ use super::with_threads;
 use crate::error::input;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
 use crate::progress::Progress;
+use crate::scattering::{ScatteringModel, ScatteringTable};
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{IntegratorName, SceneFile, is_scene};
 use crate::{fabric_file, output, read};
@@ -15,7 +16,7 @@ use organza_measure::{
     write_albedos, write_pairs,
 };
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, ClothMedium, Integrator, PixelFilter, Projection, Scene, Stats,
+    AnyMedium, Camera, CameraPose, Integrator, PixelFilter, Projection, Scene, Stats,
 };
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -81,21 +82,31 @@ fn patch(args: &MeasureArgs, scene: Scene, integrator: Integrator) -> Result<Vol
 /// The endless cloth of a fabric file.
 fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
     let fabric = fabric_file::load(&args.file, &args.common.set)?;
-    let octree = fabric.voxelize(
+    let model = ScatteringTable::default()
+        .over(fabric.file.scattering)
+        .map_err(|why| input(format!("{}: scattering{why}", args.file.display())))?;
+    if model == ScatteringModel::Explicit {
+        let fibres = fabric.explicit_fibres(&args.file, args.max_memory, args.common.quiet)?;
+        return patch_of(args, fibres);
+    }
+    let octree = fabric.voxelize_as(
         &args.file,
+        model.footprint(),
         args.voxel_um,
         None,
         args.max_memory,
         args.common.quiet,
     )?;
     let levels = octree.level_count();
-    let medium = ClothMedium::new(octree, args.level, fabric.optics()).ok_or_else(|| {
-        input(format!(
-            "--level {}: the octree has {levels} levels, from 0",
-            args.level
-        ))
-    })?;
-    patch_of(args, AnyMedium::Cloth(medium))
+    let medium = model
+        .medium(&fabric, &args.file, octree, args.level)?
+        .ok_or_else(|| {
+            input(format!(
+                "--level {}: the octree has {levels} levels, from 0",
+                args.level
+            ))
+        })?;
+    patch_of(args, medium)
 }
 
 /// The fibres of a fabric file.

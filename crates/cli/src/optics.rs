@@ -1,0 +1,430 @@
+//! How fibres scatter light, as written in TOML: `[optics.YARN]` of fabric files
+//! and `[object.optics.YARN]` of scenes, and which of it holds for a material.
+
+use crate::fibre_optics;
+use organza_basis::{Rgb, nearest_name};
+use organza_scatter::band::MIN_GAMMA;
+use organza_scatter::{BandProfile, GaussianBand, SineBand};
+use organza_transport::FlakeOptics;
+use organza_weave::Material;
+use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Tables by yarn; [`EVERY_YARN`] stands for all.
+pub type OpticsFile = BTreeMap<String, OpticsList>;
+
+/// The name under which tables hold for every yarn.
+pub const EVERY_YARN: &str = "*";
+
+/// Estimated: the width of the highlight of a dyed staple fibre, about 6
+/// degrees, seen as the end-on ratio of its flakes.
+const END_ON_RATIO: f32 = 0.1;
+
+/// Estimated: the colour of undyed bleached cloth.
+pub const UNDYED: Rgb = Rgb::splat(0.8);
+
+/// Colours of threads count as one up to this difference in a channel, about a
+/// step of eight bits.
+const SAME_COLOUR: f32 = 0.005;
+
+/// One table, or a list that tells colours of thread apart.
+#[derive(Clone, Debug, Default)]
+pub struct OpticsList(Vec<OpticsTable>);
+
+/// `[optics.YARN]`: micro-flakes read `albedo` and a width, virtual scattering the
+/// others. Every key may be left out.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpticsTable {
+    /// Only threads of this colour; all of the yarn's if none.
+    pub thread: Option<[f32; 3]>,
+    /// Single-scattering albedo of the fibres. Without it the thread's colour
+    /// in the draft is taken for the colour of a thick heap of its fibres.
+    pub albedo: Option<[f32; 3]>,
+    /// Ratio of end-on to broadside extinction of a straight bundle: how rough
+    /// single fibres are.
+    pub end_on_ratio: Option<f32>,
+    /// The same as the width of the Gaussian flakes that have this ratio.
+    pub gamma: Option<f32>,
+    /// The same as the exponent of the sine-power flakes that have this ratio.
+    pub sin_power: Option<f32>,
+    /// Index of refraction of the fibres.
+    pub ior: Option<f32>,
+    /// Colour of a thick heap of the fibres: that of the thread, if none.
+    pub colour: Option<[f32; 3]>,
+    /// Absorption inside the fibres, instead of `colour`.
+    pub absorption_per_mm: Option<[f32; 3]>,
+    /// Width of highlights along the fibres.
+    pub longitudinal_deg: Option<f32>,
+    /// Width of the lobes about the fibres.
+    pub azimuthal_deg: Option<f32>,
+    /// A fibre fitted to photographs, instead of all that.
+    pub fitted: Option<FittedValue>,
+}
+
+/// `fitted`: the name of a preset, or a table.
+#[derive(Clone, Debug)]
+pub enum FittedValue {
+    /// Its name.
+    Preset(String),
+    /// Parameters.
+    Table(FittedTable),
+}
+
+/// `fitted = { preset = "silk", colour_tt = [0.8, 0.1, 0.1] }`: a preset with
+/// other values for some keys, or all five keys.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FittedTable {
+    pub preset: Option<String>,
+    /// Reflectance of the surface straight on.
+    pub colour_r: Option<[f32; 3]>,
+    /// Part of the rest that goes through.
+    pub colour_tt: Option<[f32; 3]>,
+    pub longitudinal_r_deg: Option<f32>,
+    pub longitudinal_tt_deg: Option<f32>,
+    pub azimuthal_tt_deg: Option<f32>,
+}
+
+impl OpticsTable {
+    /// Keys that describe a dielectric fibre, and whether they are given.
+    pub fn dielectric_keys(&self) -> [(&'static str, bool); 5] {
+        [
+            ("ior", self.ior.is_some()),
+            ("colour", self.colour.is_some()),
+            ("absorption_per_mm", self.absorption_per_mm.is_some()),
+            ("longitudinal_deg", self.longitudinal_deg.is_some()),
+            ("azimuthal_deg", self.azimuthal_deg.is_some()),
+        ]
+    }
+
+    /// This table, and `under` where it is silent. Keys that say the same in
+    /// different words give way together.
+    fn over(self, under: OpticsTable) -> OpticsTable {
+        let widths = [self.end_on_ratio, self.gamma, self.sin_power];
+        let width = |under: Option<f32>| under.filter(|_| widths == [None; 3]);
+        let dyed = self.colour.is_some() || self.absorption_per_mm.is_some();
+        let colour = |under: Option<[f32; 3]>| under.filter(|_| !dyed);
+        let dielectric = self.dielectric_keys().iter().any(|k| k.1);
+        let fitted = self.fitted.is_some();
+        let clear = |under: Option<f32>| under.filter(|_| !fitted);
+        let clear3 = |under: Option<[f32; 3]>| under.filter(|_| !fitted);
+        OpticsTable {
+            thread: None,
+            albedo: self.albedo.or(under.albedo),
+            end_on_ratio: self.end_on_ratio.or(width(under.end_on_ratio)),
+            gamma: self.gamma.or(width(under.gamma)),
+            sin_power: self.sin_power.or(width(under.sin_power)),
+            ior: self.ior.or(clear(under.ior)),
+            colour: self.colour.or(clear3(colour(under.colour))),
+            absorption_per_mm: self
+                .absorption_per_mm
+                .or(clear3(colour(under.absorption_per_mm))),
+            longitudinal_deg: self.longitudinal_deg.or(clear(under.longitudinal_deg)),
+            azimuthal_deg: self.azimuthal_deg.or(clear(under.azimuthal_deg)),
+            fitted: self.fitted.or(under.fitted.filter(|_| !dielectric)),
+        }
+    }
+
+    /// The error is the key at fault, as `.key: what was expected`.
+    fn check(&self) -> Result<(), String> {
+        let unit = |c: &f32| (0.0..=1.0).contains(c);
+        for (key, colour) in [("thread", self.thread), ("albedo", self.albedo)] {
+            if colour.is_some_and(|c| !c.iter().all(unit)) {
+                return Err(format!(".{key}: expected three numbers from 0 to 1"));
+            }
+        }
+        if self.end_on_ratio.is_some_and(|r| !unit(&r)) {
+            return Err(".end_on_ratio: expected a number from 0 to 1".into());
+        }
+        let gammas = MIN_GAMMA..=10.0;
+        if self.gamma.is_some_and(|g| !gammas.contains(&g)) {
+            return Err(".gamma: expected a number from 0.0001 to 10".into());
+        }
+        if self.sin_power.is_some_and(|p| !(0.0..=1e8).contains(&p)) {
+            return Err(".sin_power: expected a number from 0 to 1e8".into());
+        }
+        let widths = [
+            ("end_on_ratio", self.end_on_ratio.is_some()),
+            ("gamma", self.gamma.is_some()),
+            ("sin_power", self.sin_power.is_some()),
+        ];
+        let mut given = widths.iter().filter(|w| w.1);
+        if let (Some(first), Some(second)) = (given.next(), given.next()) {
+            return Err(format!(
+                ".{}: says what `{}` says; give one of them",
+                second.0, first.0
+            ));
+        }
+        fibre_optics::check(self)
+    }
+
+    /// As micro-flakes, of threads of `colour`.
+    pub fn flakes(&self, colour: Option<Rgb>) -> FlakeOptics {
+        let end_on_ratio = match (self.end_on_ratio, self.gamma, self.sin_power) {
+            (Some(ratio), _, _) => ratio,
+            (_, Some(gamma), _) => GaussianBand::new(gamma).end_on_ratio(),
+            (_, _, Some(power)) => SineBand::new(power).end_on_ratio(),
+            _ => END_ON_RATIO,
+        };
+        FlakeOptics {
+            albedo: self
+                .albedo
+                .map_or_else(|| albedo_for_colour(colour.unwrap_or(UNDYED)), Rgb::from),
+            end_on_ratio: end_on_ratio.min(1.0),
+        }
+    }
+}
+
+impl OpticsList {
+    /// What holds for threads of `colour`: the tables of that colour over the
+    /// others.
+    fn of(&self, colour: Option<Rgb>) -> OpticsTable {
+        let own = self.0.iter().filter(|t| t.is_for(colour, true));
+        let any = self.0.iter().filter(|t| t.is_for(colour, false));
+        own.chain(any)
+            .fold(OpticsTable::default(), |sum, t| sum.over(t.clone()))
+    }
+}
+
+impl OpticsTable {
+    /// True for a table of the given colour, or of none in particular.
+    fn is_for(&self, colour: Option<Rgb>, in_particular: bool) -> bool {
+        match (self.thread, colour) {
+            (None, _) => !in_particular,
+            (Some(_), None) => false,
+            (Some(thread), Some(colour)) => {
+                let off = (Rgb::from(thread).0 - colour.0).abs().max_element();
+                in_particular && off <= SAME_COLOUR
+            }
+        }
+    }
+}
+
+/// What holds for a material: its yarn's tables over those for every yarn, and
+/// earlier files over later ones.
+pub fn of_material(files: &[OpticsFile], material: &Material) -> OpticsTable {
+    files
+        .iter()
+        .flat_map(|f| [f.get(&material.yarn), f.get(EVERY_YARN)])
+        .flatten()
+        .fold(OpticsTable::default(), |sum, list| {
+            sum.over(list.of(material.colour))
+        })
+}
+
+/// Checks the tables against the cloth.
+///
+/// # Errors
+/// `.yarn.key: what was expected`, to be put after the name of the section.
+pub fn check(file: &OpticsFile, materials: &[Material]) -> Result<(), String> {
+    for (yarn, list) in file {
+        let names: Vec<&str> = materials.iter().map(|m| m.yarn.as_str()).collect();
+        if yarn != EVERY_YARN && !names.contains(&yarn.as_str()) {
+            let near = nearest_name(yarn, names.iter().copied())
+                .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+            return Err(format!(".{yarn}: no yarn of the cloth has this name{near}"));
+        }
+        for table in &list.0 {
+            table.check().map_err(|why| format!(".{yarn}{why}"))?;
+            let of_yarn = || {
+                materials
+                    .iter()
+                    .filter(|m| yarn == EVERY_YARN || m.yarn == *yarn)
+            };
+            if table.thread.is_some() && !of_yarn().any(|m| table.is_for(m.colour, true)) {
+                let mut colours: Vec<String> = of_yarn()
+                    .filter_map(|m| m.colour)
+                    .map(|c| format!("[{:.3}, {:.3}, {:.3}]", c.0.x, c.0.y, c.0.z))
+                    .collect();
+                colours.dedup();
+                return Err(format!(
+                    ".{yarn}.thread: no thread has this colour; there are {}",
+                    if colours.is_empty() {
+                        "none with colours".into()
+                    } else {
+                        colours.join(", ")
+                    }
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The single-scattering albedo at which a half-space of isotropic scatterers
+/// has the diffuse albedo `colour`.
+///
+/// Van de Hulst's fit R = (1 - s)(1 - 0.139 s) / (1 + 1.17 s) with
+/// s = sqrt(1 - albedo) [vanDeHulst1980], solved for s.
+/// Cloth is neither thick nor isotropic, so this is an estimate of what was
+/// dyed, not a fit of a measurement.
+pub fn albedo_for_colour(colour: Rgb) -> Rgb {
+    let channel = |r: f32| {
+        let r = r.clamp(0.0, 1.0);
+        // 0.139 s^2 - (1.139 + 1.17 R) s + (1 - R) = 0, the smaller root.
+        let b = 1.139 + 1.17 * r;
+        let s = (b - (b * b - 4.0 * 0.139 * (1.0 - r)).max(0.0).sqrt()) / (2.0 * 0.139);
+        (1.0 - s * s).clamp(0.0, 1.0)
+    };
+    Rgb::from(<[f32; 3]>::from(colour).map(channel))
+}
+
+impl<'de> Deserialize<'de> for OpticsList {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<OpticsList, D::Error> {
+        struct OneOrMany;
+        impl<'de> Visitor<'de> for OneOrMany {
+            type Value = OpticsList;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table, or a list of tables with `thread` colours")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<OpticsList, A::Error> {
+                OpticsTable::deserialize(MapAccessDeserializer::new(map))
+                    .map(|t| OpticsList(vec![t]))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<OpticsList, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(OpticsList)
+            }
+        }
+        deserializer.deserialize_any(OneOrMany)
+    }
+}
+
+impl<'de> Deserialize<'de> for FittedValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<FittedValue, D::Error> {
+        struct NameOrTable;
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = FittedValue;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a preset, or a table")
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<FittedValue, E> {
+                Ok(FittedValue::Preset(name.to_owned()))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<FittedValue, A::Error> {
+                FittedTable::deserialize(MapAccessDeserializer::new(map)).map(FittedValue::Table)
+            }
+        }
+        deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<OpticsFile, String> {
+        toml::from_str(text).map_err(|e| e.message().to_owned())
+    }
+
+    fn material(yarn: &str, colour: Option<[f32; 3]>) -> Material {
+        Material {
+            yarn: yarn.into(),
+            colour: colour.map(Rgb::from),
+            fibre_radius_mm: 0.008,
+        }
+    }
+
+    const RED: [f32; 3] = [0.8, 0.1, 0.1];
+
+    #[test]
+    fn tables_hold_for_all_for_a_yarn_and_for_a_colour() {
+        let fabric = read(
+            "['*']\ngamma = 0.3\nior = 1.4\n\
+             [silk]\nsin_power = 90.0\n\
+             [[wool]]\nlongitudinal_deg = 9.0\n\
+             [[wool]]\nthread = [0.8, 0.1, 0.1]\nfitted = { preset = 'silk', colour_tt = [1.0, 0.0, 0.0] }\n",
+        )
+        .unwrap();
+        let materials = [
+            material("silk", None),
+            material("wool", Some(RED)),
+            material("wool", Some([0.1; 3])),
+        ];
+        check(&fabric, &materials).unwrap();
+        let files = [fabric];
+        let [silk, red, wool] = [0, 1, 2].map(|i| of_material(&files, &materials[i]));
+        assert_eq!((silk.gamma, silk.sin_power), (None, Some(90.0)));
+        assert_eq!((silk.ior, wool.ior, red.ior), (Some(1.4), Some(1.4), None));
+        assert_eq!(wool.longitudinal_deg, Some(9.0));
+        assert_eq!(red.longitudinal_deg, None, "gives way to `fitted`");
+        assert!(wool.fitted.is_none() && red.fitted.is_some());
+        assert_eq!(red.gamma, Some(0.3));
+        let scene = read("['*']\nend_on_ratio = 0.5\n").unwrap();
+        let both = [scene, files[0].clone()];
+        assert_eq!(
+            of_material(&both, &materials[0]).flakes(None).end_on_ratio,
+            0.5
+        );
+    }
+
+    #[test]
+    fn widths_of_all_families_mean_the_same_ratio() {
+        for gamma in [0.01, 0.1, 0.5] {
+            let table = OpticsTable {
+                gamma: Some(gamma),
+                ..Default::default()
+            };
+            let ratio = table.flakes(None).end_on_ratio;
+            let back = GaussianBand::with_end_on_ratio(ratio).gamma();
+            assert!((back / gamma - 1.0).abs() < 2e-3, "{gamma} {back}");
+        }
+    }
+
+    #[test]
+    fn mistakes_are_told() {
+        let silk = [material("silk", Some(RED))];
+        for (text, words) in [
+            (
+                "[slik]\n",
+                ".slik: no yarn of the cloth has this name; did you mean `silk`?",
+            ),
+            (
+                "[silk]\ngamma = 0.0\n",
+                ".silk.gamma: expected a number from 0.0001 to 10",
+            ),
+            (
+                "[silk]\ngamma = 0.1\nsin_power = 3.0\n",
+                ".silk.sin_power: says what `gamma` says; give one of them",
+            ),
+            ("[silk]\nfitted = 'coton'\n", "did you mean `cotton`?"),
+            (
+                "[silk]\nfitted = { colour_r = [1.0, 1.0, 1.0] }\n",
+                ".silk.fitted.colour_tt: is missing, and there is no `preset`",
+            ),
+            (
+                "[silk]\nfitted = { preset = 'silk', colour_r = [2.0, 1.0, 1.0] }\n",
+                ".silk.fitted: colour_r is 2, expected 0 to 1 in every channel",
+            ),
+            (
+                "[[silk]]\nthread = [0.0, 0.0, 1.0]\n",
+                ".silk.thread: no thread has this colour; there are [0.800, 0.100, 0.100]",
+            ),
+            (
+                "[silk]\nfitted = 'silk'\nior = 1.5\n",
+                ".silk.ior: does not go with `fitted`, which has its own",
+            ),
+        ] {
+            let got = check(&read(text).unwrap(), &silk).unwrap_err();
+            assert!(got.ends_with(words), "{got}");
+        }
+        let got = read("[silk]\ngama = 0.1\n").unwrap_err();
+        assert!(got.starts_with("unknown field `gama`"), "{got}");
+        let got = read("[silk]\nfitted = { colour_x = 1 }\n").unwrap_err();
+        assert!(got.starts_with("unknown field `colour_x`"), "{got}");
+    }
+
+    #[test]
+    fn colours_and_albedos_invert_each_other() {
+        for i in 0..=20 {
+            let r = i as f32 / 20.0;
+            let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
+            let s = (1.0 - albedo).sqrt();
+            let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
+            assert!((back - r).abs() < 1e-4, "{r}: {albedo} gives {back}");
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! What the fibres of a voxel are as micro-flakes: the shape that spread and
+//! roughness give together, and how populations share an event.
+
+use glam::Vec3;
+use organza_basis::{FibreComponent, Mixture, PathRng, Rgb, spread};
+use organza_scatter::{BandFlakes, BandProfile, LobeSample, MicroFlake};
+use std::sync::LazyLock;
+
+/// How the fibres of one material scatter as micro-flakes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlakeOptics {
+    /// Single-scattering albedo, each channel in `[0, 1]`.
+    pub albedo: Rgb,
+    /// Ratio of end-on to broadside extinction of a straight bundle, from the
+    /// roughness of single fibres, in `[0, 1]`; a voxel's spread adds to it.
+    pub end_on_ratio: f32,
+}
+
+/// Broadside area and end-on ratio of the flakes of a population, relative to a
+/// straight bundle of smooth fibres seen broadside: `spread_rad` and the end-on
+/// ratio of the single fibre, both in their whole range.
+///
+/// The matrix of a rough fibre, I - (1 - e^2) t t^T, averages over tangents to
+/// S + e^2 (I - S), where S is that of the spread alone. Against the mean over
+/// tangents of what single fibres show, for SGGX, Gaussian and sine-power flakes
+/// alike, it is off by at most 3 % of the broadside area (tested).
+pub fn population_shape(spread_rad: f32, end_on_ratio: f32) -> (f32, f32) {
+    shape(spread::sggx_across_along(spread_rad), end_on_ratio)
+}
+
+/// From the eigenvalues of S across and along.
+fn shape((across, along): (f32, f32), end_on_ratio: f32) -> (f32, f32) {
+    let rough = end_on_ratio * end_on_ratio;
+    let with = |squared: f32| squared + rough * (1.0 - squared);
+    let broadside = with(across).sqrt();
+    (broadside, with(along).sqrt() / broadside)
+}
+
+/// [`population_shape`] against spread for one material, tabulated: the
+/// quadrature behind it has no place at a look-up.
+pub(crate) struct ShapeTable<T> {
+    rows: Vec<T>,
+}
+
+/// Rows in `s / (1 + s)`, which takes every spread into `[0, 1)`; linear
+/// interpolation between 512 of them is exact to 1e-4, below what a voxel's
+/// quantised spread is.
+const ROWS: usize = 512;
+
+/// Eigenvalues of S across and along at each row.
+static ACROSS_ALONG: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
+    let row = |i| {
+        let u = (i as f32 / ROWS as f32).min(1.0 - 1e-6);
+        spread::sggx_across_along(u / (1.0 - u))
+    };
+    (0..=ROWS).map(row).collect()
+});
+
+impl<T> ShapeTable<T> {
+    /// `row` of each broadside area and end-on ratio.
+    pub(crate) fn new(end_on_ratio: f32, row: impl Fn(f32, f32) -> T) -> ShapeTable<T> {
+        let of = |&eigenvalues: &(f32, f32)| {
+            let (broadside, end_on) = shape(eigenvalues, end_on_ratio);
+            row(broadside, end_on)
+        };
+        ShapeTable {
+            rows: ACROSS_ALONG.iter().map(of).collect(),
+        }
+    }
+
+    fn place(spread_rad: f32) -> f32 {
+        spread_rad / (1.0 + spread_rad) * ROWS as f32
+    }
+
+    /// The row nearest to a spread.
+    fn nearest(&self, spread_rad: f32) -> &T {
+        &self.rows[((Self::place(spread_rad) + 0.5) as usize).min(ROWS)]
+    }
+}
+
+impl ShapeTable<(f32, f32)> {
+    pub(crate) fn look_up(&self, spread_rad: f32) -> (f32, f32) {
+        let u = Self::place(spread_rad);
+        let i = (u as usize).min(ROWS - 1);
+        let (a, b, f) = (self.rows[i], self.rows[i + 1], u - i as f32);
+        (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
+    }
+}
+
+/// The populations of a cloth as mirror flakes of one family.
+pub(crate) trait PopulationFlakes {
+    /// The family.
+    type Flakes: MicroFlake;
+
+    /// Extinction of a population toward `w`, 1/mm: at most its broadside one.
+    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32;
+
+    /// Its flakes, at any scale.
+    fn flakes(&self, c: &FibreComponent) -> Self::Flakes;
+
+    /// Albedo of its material.
+    fn albedo(&self, c: &FibreComponent) -> Rgb;
+
+    /// Extinction of all toward `w`, 1/mm.
+    fn total(&self, site: &Mixture, w: Vec3) -> f32 {
+        site.as_slice().iter().map(|c| self.extinction(c, w)).sum()
+    }
+
+    /// Draws the population that a walk meets, in proportion to its extinction.
+    fn meet<'a>(
+        &self,
+        site: &'a Mixture,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<&'a FibreComponent> {
+        let mut left = rng.unit() * self.total(site, w_out);
+        let (last, before) = site.as_slice().split_last()?;
+        let found = before.iter().find(|c| {
+            left -= self.extinction(c, w_out);
+            left < 0.0
+        });
+        Some(found.unwrap_or(last))
+    }
+
+    /// Albedo times phase, and phase, of the mixture: each population weighs
+    /// as much as it extinguishes toward `w_out`.
+    fn mix(&self, site: &Mixture, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
+        let (mut value, mut pdf, mut total) = (Rgb::BLACK, 0.0, 0.0);
+        for c in site.as_slice() {
+            let sigma = self.extinction(c, w_out);
+            let phase = sigma * self.flakes(c).eval(w_out, w_in);
+            value += self.albedo(c) * phase;
+            pdf += phase;
+            total += sigma;
+        }
+        if total > 0.0 {
+            (value / total, pdf / total)
+        } else {
+            (Rgb::BLACK, 0.0)
+        }
+    }
+
+    /// Draws from the phase function of the mixture.
+    fn scatter(&self, site: &Mixture, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        let met = self.meet(site, w_out, rng)?;
+        let w_in = self.flakes(met).sample(w_out, rng);
+        let (value, pdf) = self.mix(site, w_out, w_in);
+        (pdf > 0.0).then(|| LobeSample {
+            w_in,
+            weight: value / pdf,
+            pdf,
+        })
+    }
+}
+
+/// Populations as flakes of a band profile.
+pub(crate) struct Bands<P> {
+    materials: Vec<(Rgb, ShapeTable<Band<P>>)>,
+}
+
+#[derive(Clone, Copy)]
+struct Band<P> {
+    profile: P,
+    /// From the profile's projected area to the population's, relative to
+    /// straight smooth fibres seen broadside.
+    scale: f32,
+}
+
+impl<P: BandProfile + Copy> Bands<P> {
+    /// The profiles with the shapes of each material's populations.
+    pub(crate) fn new(optics: &[FlakeOptics]) -> Bands<P> {
+        let row = |broadside, end_on| {
+            let profile = P::with_end_on_ratio(end_on);
+            let scale = broadside / profile.projected_area(1.0);
+            Band { profile, scale }
+        };
+        let materials = optics
+            .iter()
+            .map(|o| (o.albedo, ShapeTable::new(o.end_on_ratio, row)))
+            .collect();
+        Bands { materials }
+    }
+
+    /// Rows are taken whole, not mixed, so that sampler and density stay those
+    /// of one profile: a spread s is then off by less than (1 + s)^2 / 1000, as
+    /// it is by being stored in eight bits.
+    fn band(&self, c: &FibreComponent) -> &Band<P> {
+        self.materials[usize::from(c.material)]
+            .1
+            .nearest(c.spread_rad)
+    }
+}
+
+impl<P: BandProfile + Copy> PopulationFlakes for Bands<P> {
+    type Flakes = BandFlakes<P>;
+
+    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
+        let band = self.band(c);
+        let sine = c.axis.cross(w).length().min(1.0);
+        // The bound holds but for the table's thousandth.
+        c.broadside_per_mm() * (band.scale * band.profile.projected_area(sine)).min(1.0)
+    }
+
+    fn flakes(&self, c: &FibreComponent) -> BandFlakes<P> {
+        BandFlakes::new(c.axis, self.band(c).profile)
+    }
+
+    fn albedo(&self, c: &FibreComponent) -> Rgb {
+        self.materials[usize::from(c.material)].0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_scatter::{GaussianBand, SineBand};
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    #[test]
+    fn the_table_is_the_quadrature() {
+        for end_on_ratio in [0.0, 0.1, 1.0] {
+            let table = ShapeTable::new(end_on_ratio, |broadside, end_on| (broadside, end_on));
+            for i in 0..200 {
+                let s = 0.0247 * i as f32;
+                let (broadside, end_on) = population_shape(s, end_on_ratio);
+                let got = table.look_up(s);
+                assert!((broadside - got.0).abs() < 1e-4, "{s}");
+                assert!((end_on - got.1).abs() < 1e-4, "{s}");
+            }
+        }
+    }
+
+    /// Mean of `area(sine of the angle between w and t)` over tangents t spread
+    /// about an axis at `beta` from w.
+    fn mean_over_tangents(spread: f64, beta: f64, area: &dyn Fn(f32) -> f32) -> f64 {
+        let (mut sum, mut all) = (0.0, 0.0);
+        let reach = FRAC_PI_2.min(7.0 * spread);
+        for i in 0..120 {
+            let alpha = (f64::from(i) + 0.5) / 120.0 * reach;
+            let weight = (-0.5 * (alpha / spread).powi(2)).exp();
+            for k in 0..60 {
+                let phi = (f64::from(k) + 0.5) / 60.0 * PI;
+                let along = beta.cos() * alpha.cos() + beta.sin() * alpha.sin() * phi.cos();
+                sum += weight * f64::from(area((1.0 - along * along).max(0.0).sqrt() as f32));
+                all += weight;
+            }
+        }
+        sum / all
+    }
+
+    /// What [`population_shape`] promises, for all families.
+    #[test]
+    fn populations_show_what_their_fibres_show() {
+        let mut worst = [0.0f64; 3];
+        for ratio in [0.02f32, 0.1, 0.3, 0.7, 1.0] {
+            let axial = |sine: f32| (ratio * ratio * (1.0 - sine * sine) + sine * sine).sqrt();
+            let (g, s) = (
+                GaussianBand::with_end_on_ratio(ratio),
+                SineBand::with_end_on_ratio(ratio),
+            );
+            let gaussian = |sine: f32| g.projected_area(sine) / g.projected_area(1.0);
+            let sine_power = |sine: f32| s.projected_area(sine) / s.projected_area(1.0);
+            let optics = [FlakeOptics {
+                albedo: Rgb::WHITE,
+                end_on_ratio: ratio,
+            }];
+            let (gaussians, sines) = (
+                Bands::<GaussianBand>::new(&optics),
+                Bands::<SineBand>::new(&optics),
+            );
+            for spread_rad in [0.02f32, 0.1, 0.3, 0.8, 3.0] {
+                let c = FibreComponent {
+                    length_density_per_mm2: 50.0,
+                    axis: Vec3::Z,
+                    spread_rad,
+                    radius_mm: 0.01,
+                    ..Default::default()
+                };
+                for i in 0..=12 {
+                    let beta = FRAC_PI_2 * f64::from(i) / 12.0;
+                    let w = Vec3::new(beta.sin() as f32, 0.0, beta.cos() as f32);
+                    let sin_sq = w.x * w.x;
+                    let (broadside, e) = population_shape(spread_rad, ratio);
+                    let sggx = broadside * (e * e * (1.0 - sin_sq) + sin_sq).sqrt();
+                    let pairs: [(&dyn Fn(f32) -> f32, f32); 3] = [
+                        (&axial, sggx),
+                        (&gaussian, gaussians.extinction(&c, w)),
+                        (&sine_power, sines.extinction(&c, w)),
+                    ];
+                    for ((area, got), worst) in pairs.into_iter().zip(&mut worst) {
+                        let exact = mean_over_tangents(f64::from(spread_rad), beta, area);
+                        *worst = worst.max((f64::from(got) - exact).abs());
+                        assert!(got <= c.broadside_per_mm(), "{got}");
+                    }
+                }
+            }
+        }
+        assert!(worst.iter().all(|w| *w < 0.03), "{worst:?}");
+    }
+}

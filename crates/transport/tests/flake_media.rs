@@ -1,0 +1,195 @@
+//! Octrees of fibres as micro-flakes of every family: nothing gained, nothing
+//! lost, however light is gathered, and free flight that agrees with the closed
+//! form.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use glam::Vec3;
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::{t_test, welch_test};
+use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, warp};
+use organza_transport::{
+    ClothMedium, FlakeFamily, FlakeMedium, FlakeOptics, Medium, Stats, exact_transmittance,
+    sample_collision, transmittance,
+};
+use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+
+/// Two layers of fibres that cross, each strewn by a few tenths about its mean.
+fn cloth() -> Octree {
+    const EDGE_MM: f32 = 0.24;
+    let mut rng = PathRng::from_seed(91);
+    let mut segments = Vec::new();
+    for i in 0..240 {
+        let centre = Vec3::new(rng.unit(), rng.unit(), 0.2 + 0.6 * rng.unit()) * EDGE_MM;
+        let mean = if i % 2 == 0 { Vec3::X } else { Vec3::Y };
+        let way = (mean + 0.3 * warp::uniform_sphere(rng.unit2())).normalize() * 0.03;
+        segments.push(Segment::straight(centre - way, centre + way, 0.008));
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::splat(EDGE_MM)),
+        repeats: true,
+    };
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        levels: Some(2),
+        footprint: Footprint::Covered,
+        max_memory_bytes: None,
+    };
+    voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap()
+}
+
+const FAMILIES: [FlakeFamily; 3] = [
+    FlakeFamily::SggxDiffuse,
+    FlakeFamily::Gaussian,
+    FlakeFamily::SinePower,
+];
+
+fn flakes(family: FlakeFamily, albedo: f32) -> FlakeMedium {
+    let optics = FlakeOptics {
+        albedo: Rgb::splat(albedo),
+        end_on_ratio: 0.2,
+    };
+    FlakeMedium::new(cloth(), 0, vec![optics], family).unwrap()
+}
+
+fn draws(small: u32) -> u32 {
+    match std::env::var_os("ORGANZA_FULL") {
+        Some(_) => small * 20,
+        None => small,
+    }
+}
+
+/// One path of a furnace of radiance one, each event gathering a uniform
+/// direction and a drawn one by the balance heuristic: directions, densities and
+/// values must all belong together.
+fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
+    let mut stats = Stats::default();
+    let mut ray = Ray::new(Vec3::splat(0.12) - w, w);
+    let (mut sum, mut throughput) = (0.0f64, 1.0f64);
+    let mut drawn_pdf = None::<f32>;
+    let balance = |a: f32, b: f32| f64::from(a / (a + b));
+    loop {
+        let local = medium.lattice().clip(&ray, f32::INFINITY);
+        let hit = local
+            .as_ref()
+            .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
+        let Some((local, (t, site))) = hit else {
+            assert_eq!(stats.majorant_violations, 0);
+            let weight = drawn_pdf.map_or(1.0, |p| balance(p, warp::UNIFORM_SPHERE_PDF));
+            return sum + throughput * weight;
+        };
+        let at = ray.at(local.t_entry + t);
+        let w_out = -ray.direction;
+        let site = medium.settle(site, w_out, rng);
+        let w_light = warp::uniform_sphere(rng.unit2());
+        let through = medium
+            .lattice()
+            .clip(&Ray::new(at, w_light), f32::INFINITY)
+            .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
+        let pdf = medium.pdf(&site, w_out, w_light);
+        let value = medium.eval(&site, w_out, w_light).0.x;
+        let weight = balance(warp::UNIFORM_SPHERE_PDF, pdf);
+        sum += throughput * weight * f64::from(value * through / warp::UNIFORM_SPHERE_PDF);
+        let Some(scatter) = medium.sample(&site, w_out, rng) else {
+            return sum;
+        };
+        throughput *= f64::from(scatter.weight.0.x);
+        if throughput < 1e-3 {
+            return sum;
+        }
+        drawn_pdf = Some(scatter.pdf);
+        ray = Ray::new(at, scatter.w_in);
+    }
+}
+
+#[test]
+fn the_furnace_is_one_for_every_family() {
+    let w = -Vec3::new(1.0, 0.5, 3.0).normalize();
+    let off = |family, albedo| {
+        let medium = flakes(family, albedo);
+        let mut rng = PathRng::from_seed(92);
+        let gathered: Moments = (0..draws(15_000))
+            .map(|_| gather(&medium, w, &mut rng))
+            .collect();
+        (t_test(&gathered, 1.0).p_value, gathered)
+    };
+    for family in FAMILIES {
+        let (p, got) = off(family, 1.0);
+        assert!(p > 1e-4, "seed 92, {family:?}: {p} {got:?}");
+        let (p, got) = off(family, 0.97);
+        assert!(p < 1e-6, "seed 92, {family:?}: the twin passed: {got:?}");
+    }
+}
+
+#[test]
+fn ratio_tracking_is_the_closed_form() {
+    let mut stats = Stats::default();
+    for (k, family) in FAMILIES.into_iter().enumerate() {
+        let medium = flakes(family, 1.0);
+        for w in [Vec3::NEG_Z, -Vec3::new(0.5, 0.4, 1.0).normalize()] {
+            let local = medium
+                .lattice()
+                .clip(&Ray::new(Vec3::splat(0.12) - w, w), f32::INFINITY)
+                .unwrap();
+            let exact = f64::from(exact_transmittance(&medium, &local, &mut stats));
+            let mut rng = PathRng::new(93, k as u64, 0);
+            let got: Moments = (0..draws(20_000))
+                .map(|_| f64::from(transmittance(&medium, &local, &mut rng, &mut stats)))
+                .collect();
+            let v = t_test(&got, exact);
+            assert!(v.p_value > 1e-4, "seed 93, {family:?} {w}: {got:?} {exact}");
+        }
+    }
+    assert_eq!(stats.majorant_violations, 0);
+}
+
+/// At one point, sigma(a) f(a, b) is sigma(b) f(b, a), as a mean over drawn
+/// flakes; the families block alike.
+#[test]
+fn points_are_reciprocal_and_families_block_alike() {
+    let specular = ClothMedium::new(
+        cloth(),
+        0,
+        vec![FlakeOptics {
+            albedo: Rgb::WHITE,
+            end_on_ratio: 0.2,
+        }],
+    )
+    .unwrap();
+    let (a, b) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.64, -0.48));
+    for family in FAMILIES {
+        let medium = flakes(family, 0.8);
+        let dims = medium.lattice().dims().as_vec3();
+        let sites: Vec<_> = (0..200)
+            .map(|i| {
+                let u = i as f32 / 200.0;
+                let p = Vec3::new(u, (7.3 * u).fract(), 0.25 + 0.5 * (3.1 * u).fract()) * dims;
+                (medium.site(p), specular.site(p))
+            })
+            .filter(|(s, _)| medium.sigma_t(s, a) > 0.0)
+            .collect();
+        assert!(sites.len() > 50);
+        for (site, same) in &sites {
+            let (own, sggx) = (medium.sigma_t(site, a), specular.sigma_t(same, a));
+            assert!((own / sggx - 1.0).abs() < 0.03, "{family:?}: {own} {sggx}");
+        }
+        let mut rng = PathRng::from_seed(94);
+        let mut way = |from: Vec3, to: Vec3| -> Moments {
+            let draws = draws(400);
+            let mut one = |s: &_| {
+                let met = medium.settle(*s, from, &mut rng);
+                f64::from(medium.sigma_t(s, from) * medium.eval(&met, from, to).0.x)
+            };
+            sites
+                .iter()
+                .flat_map(|(s, _)| (0..draws).map(|_| one(s)).collect::<Vec<_>>())
+                .collect()
+        };
+        let (there, back) = (way(a, b), way(b, a));
+        let v = welch_test(&there, &back);
+        assert!(
+            v.p_value > 1e-3 && (there.mean / back.mean - 1.0).abs() < 0.02,
+            "seed 94, {family:?}: {there:?} {back:?} {v:?}"
+        );
+    }
+}
