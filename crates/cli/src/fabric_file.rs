@@ -13,7 +13,7 @@ use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
 use organza_transport::{AnyMedium, ExplicitFibres, FibreEvent, FlakeOptics};
-use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, Draft, FabricGeometry, Material,
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
@@ -221,6 +221,7 @@ impl Fabric {
     ///
     /// # Errors
     /// As [`Fabric::voxelize`].
+    #[allow(clippy::print_stderr)]
     pub fn voxelize_as(
         &self,
         path: &Path,
@@ -243,11 +244,19 @@ impl Fabric {
             footprint,
             max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
         };
+        let refused = |e| input(format!("{}: {e}", path.display()));
+        let plan = Plan::new(&self.cloth, &options).map_err(refused)?;
+        if !quiet {
+            eprintln!(
+                "{}: voxelizing takes at most about {} MiB of memory",
+                path.display(),
+                plan.memory_bytes().div_ceil(1 << 20)
+            );
+        }
         let progress = Progress::new("voxelizing", 1000, quiet);
-        let octree = voxelize(&self.cloth, &options, &|done| {
-            progress.at((done * 1000.0) as u64);
-        })
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        let octree = plan
+            .run(&|done| progress.at((done * 1000.0) as u64))
+            .map_err(refused)?;
         progress.finish();
         Ok(octree)
     }

@@ -12,7 +12,7 @@ use glam::{DVec3, IVec3};
 pub fn for_each_clip(a: DVec3, b: DVec3, mut visit: impl FnMut(IVec3, f64, f64)) {
     let mut cell = a.floor().as_ivec3();
     let end = b.floor().as_ivec3();
-    let d = b - a;
+    let per_t = 1.0 / (b - a);
     let mut left = (end - cell).abs();
     let step = (end - cell).signum();
     // Distance to the far face of the present cell, per axis. Axes without
@@ -22,7 +22,7 @@ pub fn for_each_clip(a: DVec3, b: DVec3, mut visit: impl FnMut(IVec3, f64, f64))
             return f64::INFINITY;
         }
         let face = cell[axis] + i32::from(step[axis] > 0);
-        (f64::from(face) - a[axis]) / d[axis]
+        (f64::from(face) - a[axis]) * per_t[axis]
     };
     let mut next = [0, 1, 2].map(|axis| crossing(cell, axis, left[axis]));
     let mut t = 0.0;

@@ -9,8 +9,8 @@ use organza_basis::Sym3;
 /// tensor is left of two.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lump {
-    /// From the top: voxel in its brick (8 bits), yarn (32), material (16),
-    /// lobe (8). Sorting by it goes voxel by voxel.
+    /// From the top: voxel in its block (15 bits), yarn (32), material (16),
+    /// lobe (1). Sorting by it goes voxel by voxel.
     pub key: u64,
     /// Sum of lengths, mm. Double, since ten thousand equal pieces round the
     /// same way; once rounded to whole quanta (a power of two), sums are exact.
@@ -23,36 +23,55 @@ pub struct Lump {
 
 impl Lump {
     /// A straight piece along the unit vector `tangent`.
-    pub fn new(key: u64, length_mm: f32, radius_mm: f32, tangent: Vec3) -> Lump {
+    #[cfg(test)]
+    pub fn new(key: u64, length_mm: f64, radius_mm: f32, tangent: Vec3) -> Lump {
+        let piece = Lump::of_line(length_mm, radius_mm, Sym3::outer(tangent));
+        Lump { key, ..piece }
+    }
+
+    /// A straight piece, `tensor` being `t t^T` of its unit tangent; not named yet.
+    #[inline]
+    pub fn of_line(length_mm: f64, radius_mm: f32, tensor: Sym3) -> Lump {
         Lump {
-            key,
-            length_mm: f64::from(length_mm),
-            radius_length_mm2: length_mm * radius_mm,
-            moment_mm: Sym3::outer(tangent).scaled(length_mm),
+            key: 0,
+            length_mm,
+            radius_length_mm2: length_mm as f32 * radius_mm,
+            moment_mm: tensor.scaled(length_mm as f32),
         }
     }
 
-    /// The key of a population.
-    pub fn key_of(bit: u32, yarn: u32, material: u16) -> u64 {
-        u64::from(bit) << 56 | u64::from(yarn) << 24 | u64::from(material) << 8
+    /// The key of the first population of a group (yarn in the upper 32 of 48
+    /// bits, material below).
+    #[inline]
+    pub fn key_of(voxel: u32, group: u64) -> u64 {
+        u64::from(voxel) << 49 | group << 1
+    }
+
+    /// Number of the voxel in its block.
+    #[inline]
+    pub fn voxel(&self) -> u32 {
+        (self.key >> 49) as u32
     }
 
     /// Bit number of the voxel in its brick.
+    #[inline]
     pub fn bit(&self) -> u32 {
-        (self.key >> 56) as u32
+        self.voxel() & 63
     }
 
-    /// The same in another voxel of the brick.
-    pub fn moved_to(&self, bit: u32) -> Lump {
+    /// The same in another voxel of the block.
+    #[inline]
+    pub fn moved_to(&self, voxel: u32) -> Lump {
         Lump {
-            key: u64::from(bit) << 56 | (self.key << 8 >> 8),
+            key: u64::from(voxel) << 49 | (self.key << 15 >> 15),
             ..*self
         }
     }
 
     /// Yarn and material together.
+    #[inline]
     pub fn group(&self) -> u64 {
-        self.key << 8 >> 16
+        self.key << 15 >> 16
     }
 
     /// Adds the sums of another; the key stays.
@@ -82,20 +101,28 @@ impl Lump {
     /// eigenvector of the tensor, and what its eigenvalue leaves of the trace.
     ///
     /// Squares the tensor until one eigenvector is left, which takes few steps
-    /// for bundles. Two eigenvalues that differ by
-    /// less than a part in 10^4 are not told apart: either axis will do then.
+    /// for bundles; where it takes many, again in double precision. Two
+    /// eigenvalues that differ by less than a part in 10^4 are not told apart:
+    /// either axis will do then.
     pub fn axis_and_sin_sq(&self) -> (Vec3, f32) {
-        let tensor = self.moment_mm.scaled(1.0 / self.length_mm as f32);
-        // One fibre or parallel ones: any column will do, the longest does best.
-        if contract(tensor, tensor) > 1.0 - 1e-4 {
-            let (d, o) = (tensor.diagonal, tensor.off_diagonal);
-            let column = match d.max_position() {
-                0 => Vec3::new(d.x, o.x, o.y),
-                1 => Vec3::new(o.x, d.y, o.z),
-                _ => Vec3::new(o.y, o.z, d.z),
-            };
-            let axis = column.normalize_or(Vec3::Z);
-            return (axis, (tensor.trace() - tensor.quadratic(axis)).max(0.0));
+        let trace = self.moment_mm.trace().max(f32::MIN_POSITIVE);
+        let tensor = self.moment_mm.scaled(1.0 / trace);
+        let mut power = tensor;
+        for _ in 0..6 {
+            let purity = contract(power, power);
+            // The sum of squared eigenvalues, whose own sum is one.
+            if purity > 1.0 - 1e-4 {
+                // Any column will do, the longest does best.
+                let (d, o) = (power.diagonal, power.off_diagonal);
+                let column = match d.max_position() {
+                    0 => Vec3::new(d.x, o.x, o.y),
+                    1 => Vec3::new(o.x, d.y, o.z),
+                    _ => Vec3::new(o.y, o.z, d.z),
+                };
+                let axis = column.normalize_or(Vec3::Z);
+                return (axis, (1.0 - tensor.quadratic(axis)).max(0.0));
+            }
+            power = square(power).scaled(1.0 / purity);
         }
         let (d, o) = (tensor.diagonal.as_dvec3(), tensor.off_diagonal.as_dvec3());
         let unit = 1.0 / (d.x + d.y + d.z).max(f64::MIN_POSITIVE);
@@ -137,6 +164,22 @@ impl Lump {
     }
 }
 
+/// The matrix times itself; its trace is `contract(a, a)`.
+#[inline]
+fn square(a: Sym3) -> Sym3 {
+    let (d, o) = (a.diagonal, a.off_diagonal);
+    let (xy, xz, yz) = (o.x * o.x, o.y * o.y, o.z * o.z);
+    Sym3 {
+        diagonal: d * d + Vec3::new(xy + xz, xy + yz, xz + yz),
+        off_diagonal: Vec3::new(
+            o.x * (d.x + d.y) + o.y * o.z,
+            o.y * (d.x + d.z) + o.x * o.z,
+            o.z * (d.y + d.z) + o.x * o.y,
+        ),
+    }
+}
+
+#[inline]
 fn contract(a: Sym3, b: Sym3) -> f32 {
     a.diagonal.dot(b.diagonal) + 2.0 * a.off_diagonal.dot(b.off_diagonal)
 }
@@ -150,54 +193,61 @@ pub enum Apart {
     Materials,
 }
 
-/// Merges populations of one voxel until at most `limit` are left and no
-/// allowed merger is cheaper than `tolerance`.
-///
-/// Ward's criterion on the tensors: of all pairs, the one whose merger adds
-/// least to the extinction-weighted variance of `t t^T` about the populations'
-/// means, `w_a w_b / (w_a + w_b) |T_a - T_b|^2`; in units of the whole weight,
-/// so that two equal halves at right angles cost 1/2 and at angle alpha
-/// `sin^2(alpha) / 2`. Pairs that should stay apart go last. The heavier
-/// population names the merged one.
-pub fn merge_to(lumps: &mut Vec<Lump>, limit: usize, tolerance: f32, apart: Apart) {
-    let total: f32 = lumps.iter().map(Lump::weight).sum();
-    let mut candidates: Vec<Candidate> = Vec::with_capacity(lumps.len());
-    // Most neighbours are all but parallel. Taking those together at once, at
-    // a sixteenth of the tolerance, leaves few pairs to compare.
-    for l in lumps.iter() {
-        let new = Candidate::new(*l);
-        let near = |c: &&mut Candidate| {
-            !c.should_part(&new, apart) && c.cost(&new) <= 0.0625 * tolerance * total
-        };
-        match candidates.iter_mut().find(near) {
-            Some(c) => c.merge(&new),
-            None => candidates.push(new),
-        }
-    }
-    while candidates.len() > 1 {
-        let must = candidates.len() > limit;
-        let mut best = (f32::INFINITY, 0, 0);
-        for (j, b) in candidates.iter().enumerate() {
-            for (i, a) in candidates[..j].iter().enumerate() {
-                let mut cost = a.cost(b);
-                if a.should_part(b, apart) {
-                    // More than any pair of one kind can cost.
-                    cost += if must { 2.0 * total } else { f32::INFINITY };
-                }
-                if cost < best.0 {
-                    best = (cost, i, j);
-                }
+/// Room to compare the populations of a voxel in.
+#[derive(Default)]
+pub struct Merger(Vec<Candidate>);
+
+impl Merger {
+    /// Merges populations of one voxel until at most `limit` are left and no
+    /// allowed merger is cheaper than `tolerance`.
+    ///
+    /// Ward's criterion on the tensors: of all pairs, the one whose merger adds
+    /// least to the extinction-weighted variance of `t t^T` about the populations'
+    /// means, `w_a w_b / (w_a + w_b) |T_a - T_b|^2`; in units of the whole weight,
+    /// so that two equal halves at right angles cost 1/2 and at angle alpha
+    /// `sin^2(alpha) / 2`. Pairs that should stay apart go last. The heavier
+    /// population names the merged one.
+    pub fn merge_to(&mut self, lumps: &mut Vec<Lump>, limit: usize, tolerance: f32, apart: Apart) {
+        let total: f32 = lumps.iter().map(Lump::weight).sum();
+        let candidates = &mut self.0;
+        candidates.clear();
+        // Most neighbours are all but parallel. Taking those together at once, at
+        // a sixteenth of the tolerance, leaves few pairs to compare.
+        for l in lumps.iter() {
+            let new = Candidate::new(*l);
+            let near = |c: &&mut Candidate| {
+                !c.should_part(&new, apart) && c.cost(&new) <= 0.0625 * tolerance * total
+            };
+            match candidates.iter_mut().find(near) {
+                Some(c) => c.merge(&new),
+                None => candidates.push(new),
             }
         }
-        let (cost, i, j) = best;
-        if j == 0 || (!must && cost > tolerance * total) {
-            break;
+        while candidates.len() > 1 {
+            let must = candidates.len() > limit;
+            let mut best = (f32::INFINITY, 0, 0);
+            for (j, b) in candidates.iter().enumerate() {
+                for (i, a) in candidates[..j].iter().enumerate() {
+                    let mut cost = a.cost(b);
+                    if a.should_part(b, apart) {
+                        // More than any pair of one kind can cost.
+                        cost += if must { 2.0 * total } else { f32::INFINITY };
+                    }
+                    if cost < best.0 {
+                        best = (cost, i, j);
+                    }
+                }
+            }
+            let (cost, i, j) = best;
+            if j == 0 || (!must && cost > tolerance * total) {
+                break;
+            }
+            let other = candidates.remove(j);
+            candidates[i].merge(&other);
         }
-        let other = candidates.remove(j);
-        candidates[i].merge(&other);
+        lumps.clear();
+        lumps.extend(candidates.iter().map(|c| c.lump));
     }
-    lumps.clear();
-    lumps.extend(candidates.iter().map(|c| c.lump));
 }
 
 /// A population with what its comparisons need.
@@ -248,9 +298,14 @@ mod tests {
     use super::*;
     use organza_basis::{PathRng, warp};
 
-    fn lump(angle_deg: f32, length: f32, yarn: u32) -> Lump {
+    fn lump(angle_deg: f32, length: f64, yarn: u64) -> Lump {
         let (s, c) = angle_deg.to_radians().sin_cos();
-        Lump::new(Lump::key_of(0, yarn, 0), length, 0.01, Vec3::new(c, s, 0.0))
+        Lump::new(
+            Lump::key_of(0, yarn << 16),
+            length,
+            0.01,
+            Vec3::new(c, s, 0.0),
+        )
     }
 
     #[test]
@@ -261,7 +316,7 @@ mod tests {
             for _ in 0..rng.below(4) {
                 l.add(&Lump::new(
                     0,
-                    rng.unit(),
+                    rng.unit().into(),
                     1.0,
                     warp::uniform_sphere(rng.unit2()),
                 ));
@@ -284,7 +339,7 @@ mod tests {
             lump(4.0, 2.0, 0),
             lump(86.0, 0.5, 0),
         ];
-        merge_to(&mut l, 4, 0.02, Apart::Materials);
+        Merger::default().merge_to(&mut l, 4, 0.02, Apart::Materials);
         assert_eq!(l.len(), 2);
         let lengths: Vec<f64> = l.iter().map(|x| x.length_mm).collect();
         assert_eq!(lengths, [3.0, 1.5]);
@@ -292,8 +347,8 @@ mod tests {
 
     #[test]
     fn yarns_merge_only_when_there_is_no_room() {
-        let mut l: Vec<Lump> = (0..6).map(|k| lump(k as f32, 1.0, k)).collect();
-        merge_to(&mut l, 4, 1.0, Apart::Yarns);
+        let mut l: Vec<Lump> = (0..6).map(|k| lump(k as f32, 1.0, k as u64)).collect();
+        Merger::default().merge_to(&mut l, 4, 1.0, Apart::Yarns);
         assert_eq!(l.len(), 4);
         let total: f64 = l.iter().map(|x| x.length_mm).sum();
         assert_eq!(total, 6.0);

@@ -138,6 +138,11 @@ impl Lattice {
                 .is_finite()
     }
 
+    /// Blocks along each axis.
+    pub fn blocks_across(&self) -> UVec3 {
+        (self.dims + (BLOCK - 1)) / BLOCK
+    }
+
     /// Position in units of finest voxels from the least corner.
     pub fn grid_from_mm(&self, p_mm: Vec3) -> DVec3 {
         (p_mm.as_dvec3() - self.min_mm) / self.voxel_mm
@@ -174,6 +179,31 @@ pub fn cell_of_bit(bit: u32) -> UVec3 {
     UVec3::new(bit & 3, bit >> 2 & 3, bit >> 4)
 }
 
+/// Voxels along an edge of a block: what is filled, and built up to the level
+/// at which it is one brick, in one go. Its sums fit a second-level cache.
+pub const BLOCK: u32 = 32;
+
+/// Levels that are built block by block.
+pub const LEVELS_IN_BLOCK: u8 = 4;
+
+/// Voxels of a block.
+pub const VOXELS: usize = (BLOCK * BLOCK * BLOCK) as usize;
+
+/// Number of a voxel in its block: bricks of the block (x fastest, then y, z),
+/// in each the bit of the voxel.
+#[inline]
+pub fn voxel_in_block(c: UVec3) -> u32 {
+    let split = |c: u32, at: u32| (c >> 2) << (6 + 3 * at) | (c & 3) << (2 * at);
+    split(c.x, 0) | split(c.y, 1) | split(c.z, 2)
+}
+
+/// The inverse of [`voxel_in_block`].
+#[inline]
+pub fn cell_in_block(voxel: u32) -> UVec3 {
+    let brick = voxel >> 6;
+    (UVec3::new(brick, brick >> 3, brick >> 6) & 7) * 4 + cell_of_bit(voxel & 63)
+}
+
 /// Place of the `i`-th of eight: x fastest, then y, z.
 pub fn octant(i: u32) -> UVec3 {
     UVec3::new(i & 1, i >> 1 & 1, i >> 2)
@@ -202,6 +232,16 @@ mod tests {
             for level in 0..l.levels {
                 assert_eq!(l.dims_at(level) << u32::from(level), l.dims);
             }
+        }
+    }
+
+    #[test]
+    fn voxels_of_a_block_are_numbered_brick_by_brick() {
+        for voxel in 0..VOXELS as u32 {
+            let c = cell_in_block(voxel);
+            assert_eq!(voxel_in_block(c), voxel);
+            assert_eq!(voxel & 63, bit_of(c));
+            assert_eq!(voxel >> 6, brick_index(c >> 2u32, UVec3::splat(8)));
         }
     }
 

@@ -10,15 +10,17 @@
 //! - [`vol`] reads and writes Mitsuba's `.vol` grids, [`vdb`] OpenVDB files;
 //!   [`export`] says what of an octree goes into them.
 
+mod block;
 mod clip;
 mod cluster;
 mod error;
 pub mod export;
-mod gather;
+mod fold;
 mod lattice;
 pub mod octree;
 pub mod ovox;
 mod record;
+mod route;
 pub mod vdb;
 pub mod vol;
 pub mod voxelize;
@@ -26,4 +28,4 @@ pub mod voxelize;
 pub use error::Error;
 pub use octree::Octree;
 pub use vol::VolGrid;
-pub use voxelize::{Footprint, VoxelizeOptions, estimate_memory_bytes, voxelize};
+pub use voxelize::{Footprint, Plan, VoxelizeOptions, voxelize};

@@ -10,8 +10,9 @@
 //! A population takes 12 bytes, a brick 40, the table 4 for each brick of the
 //! box. Against exact sums in the finest voxels,
 //! - length, and with it extinction, is off by one length quantum at most: a
-//!   2^32th of the fibre in the fullest coarsest cell. Sums over cells are
-//!   exact: every level holds the same total;
+//!   2^31th of the fibre that may lie in the fullest block of 32^3 voxels, or
+//!   coarsest cell if that is larger. Sums over cells are exact: every level
+//!   holds the same total;
 //! - the radius, and with it extinction, by 1/8190 of the range of radii in
 //!   the tile, nothing where there is only one;
 //! - the axis by 0.0006 rad at most;
@@ -20,7 +21,7 @@
 //! Tests hold all four. Coarse cells are merged from the exact tensors, not
 //! from what was stored of the cells below.
 
-mod build;
+pub(crate) mod build;
 mod validate;
 
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};

@@ -4,24 +4,26 @@
 //! (u32), the header, its CRC-32. Then the octree's arrays one after another
 //! (yarn and material table; for each level the table of bricks, bricks,
 //! populations), each cut into blocks of at most 1 MiB: stored length, raw
-//! length, CRC-32 of the stored bytes (u32 each) and a zlib stream of the raw
-//! bytes with the bytes of equal place in their record brought together.
-//! Blocks are packed and unpacked in parallel. Nothing follows the last.
+//! length, CRC-32 of the stored bytes (u32 each) and, packed as one LZ4 block, the
+//! raw bytes with the bytes of equal place in their record brought together
+//! (version 1: a zlib stream instead). Blocks are packed and unpacked in
+//! parallel. Nothing follows the last.
 
 use crate::Error;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::{Group, Level, Octree};
 use crate::record::{Brick, RadiusScale, Record};
 use bytemuck::Pod;
-use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
+use flate2::{Crc, read::ZlibDecoder};
 use glam::{DVec3, UVec3};
+use lz4_flex::block::{compress, decompress_into};
 use rayon::prelude::*;
 use std::io::{Read, Write};
 
 const FORMAT: &str = ".ovox";
 const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
 /// The version that this program writes, and the newest that it reads.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 const BLOCK: usize = 1 << 20;
 
 /// Writes an octree.
@@ -62,9 +64,9 @@ pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
         return Err(wrong("it does not begin as one"));
     }
     let version = word(&start, 8);
-    if version != VERSION {
+    if !(1..=VERSION).contains(&version) {
         return Err(wrong(format!(
-            "version {version}; this program reads version {VERSION}"
+            "version {version}; this program reads versions 1 to {VERSION}"
         )));
     }
     let mut header = vec![0u8; word(&start, 12).min(4096) as usize];
@@ -81,7 +83,7 @@ pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
             "it needs {needed} bytes of memory, {max_bytes} are allowed"
         )));
     }
-    let groups: Vec<[u32; 2]> = read_array(input, h.group_count)?;
+    let groups: Vec<[u32; 2]> = read_array(input, version, h.group_count)?;
     let groups = groups.iter().map(|&[yarn, material]| Group {
         yarn,
         material: material as u16,
@@ -93,9 +95,9 @@ pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
         let (bricks, records) = h.counts[usize::from(level)];
         levels.push(Level {
             grid,
-            brick_of: read_array(input, grid.as_u64vec3().element_product())?,
-            bricks: read_array(input, bricks)?,
-            records: read_array(input, records)?,
+            brick_of: read_array(input, version, grid.as_u64vec3().element_product())?,
+            bricks: read_array(input, version, bricks)?,
+            records: read_array(input, version, records)?,
             density_per_quantum: h.lattice.density_of(h.quantum_mm, level),
         });
     }
@@ -214,29 +216,31 @@ fn write_array<T: Pod + Send + Sync>(array: &[T], out: &mut dyn Write) -> Result
     let per_block = BLOCK / size_of::<T>();
     // A few blocks at a time: memory stays small and threads busy.
     for part in array.chunks(per_block * 4 * rayon::current_num_threads()) {
-        let packed: Vec<Result<Vec<u8>, std::io::Error>> = part
+        let packed: Vec<Vec<u8>> = part
             .par_chunks(per_block)
             .map(|block| {
                 let raw: &[u8] = bytemuck::cast_slice(block);
-                let mut zlib = ZlibEncoder::new(Vec::new(), Compression::fast());
-                zlib.write_all(&planes_from_records(raw, size_of::<T>()))?;
-                let stored = zlib.finish()?;
+                let stored = compress(&planes_from_records(raw, size_of::<T>()));
                 let mut bytes = Vec::with_capacity(12 + stored.len());
                 for n in [stored.len() as u32, raw.len() as u32, crc(&stored)] {
                     bytes.extend(n.to_le_bytes());
                 }
                 bytes.extend(stored);
-                Ok(bytes)
+                bytes
             })
             .collect();
         for block in packed {
-            out.write_all(&block?)?;
+            out.write_all(&block)?;
         }
     }
     Ok(())
 }
 
-fn read_array<T: Pod + Send + Sync>(input: &mut dyn Read, count: u64) -> Result<Vec<T>, Error> {
+fn read_array<T: Pod + Send + Sync>(
+    input: &mut dyn Read,
+    version: u32,
+    count: u64,
+) -> Result<Vec<T>, Error> {
     let mut array: Vec<T> = Vec::new();
     while (array.len() as u64) < count {
         // Read as many blocks as threads like, unpack them together.
@@ -264,12 +268,7 @@ fn read_array<T: Pod + Send + Sync>(input: &mut dyn Read, count: u64) -> Result<
                 if crc(bytes) != *sum {
                     return None;
                 }
-                let mut planes = Vec::with_capacity(*raw);
-                let mut zlib = ZlibDecoder::new(&bytes[..]).take(*raw as u64 + 1);
-                zlib.read_to_end(&mut planes).ok()?;
-                if planes.len() != *raw {
-                    return None;
-                }
+                let planes = unpack(version, bytes, *raw)?;
                 let mut records = vec![T::zeroed(); raw / size_of::<T>()];
                 let bytes = bytemuck::cast_slice_mut(&mut records);
                 records_from_planes(&planes, size_of::<T>(), bytes);
@@ -281,6 +280,19 @@ fn read_array<T: Pod + Send + Sync>(input: &mut dyn Read, count: u64) -> Result<
         }
     }
     Ok(array)
+}
+
+/// The raw bytes of a block, if there are as many as it says.
+fn unpack(version: u32, stored: &[u8], raw: usize) -> Option<Vec<u8>> {
+    if version == 1 {
+        let mut bytes = Vec::with_capacity(raw);
+        let mut zlib = ZlibDecoder::new(stored).take(raw as u64 + 1);
+        zlib.read_to_end(&mut bytes).ok()?;
+        return (bytes.len() == raw).then_some(bytes);
+    }
+    let mut bytes = vec![0u8; raw];
+    let length = decompress_into(stored, &mut bytes).ok()?;
+    (length == raw).then_some(bytes)
 }
 
 /// Brings the first bytes of all records together, then the second, and so on:

@@ -3,7 +3,7 @@
 //! One population takes 12 bytes:
 //! - `length`: an integer count of the octree's length quantum, so that sums
 //!   over voxels are exact and every level holds the same total. The quantum
-//!   lets the fullest coarsest voxel just fit 32 bits.
+//!   lets what may lie in the fullest block or coarsest voxel fit 32 bits.
 //! - `direction`: the axis on an octahedral grid of 4095 x 4095 steps over the
 //!   half sphere (within 0.0006 rad), and in the top 8 bits the square root of
 //!   the mean squared sine in 255 steps up to its greatest value sqrt(1/2): a
@@ -82,12 +82,9 @@ static SPREAD_OF_CODE: LazyLock<[f32; 256]> = LazyLock::new(|| {
 pub fn encode_direction(axis: Vec3, mean_sin_sq: f32) -> u32 {
     let n = if axis.z < 0.0 { -axis } else { axis };
     let p = n.truncate() / (n.x.abs() + n.y.abs() + n.z);
-    let code = |u: f32| {
-        (0.5 * (u + 1.0) * AXIS_STEPS)
-            .round()
-            .clamp(0.0, AXIS_STEPS) as u32
-    };
-    let spread = (mean_sin_sq.max(0.0).sqrt() / *WIDEST_SINE * SPREAD_STEPS).round();
+    // A cast is at hand everywhere, rounding is a call on older processors.
+    let code = |u: f32| (0.5 * (u + 1.0) * AXIS_STEPS + 0.5).clamp(0.0, AXIS_STEPS) as u32;
+    let spread = mean_sin_sq.max(0.0).sqrt() / *WIDEST_SINE * SPREAD_STEPS + 0.5;
     code(p.x + p.y) | code(p.x - p.y) << 12 | (spread.min(SPREAD_STEPS) as u32) << 24
 }
 
@@ -136,7 +133,7 @@ impl RadiusScale {
     /// Packs group and radius.
     pub fn encode(&self, group: u32, radius_mm: f32) -> u32 {
         // Zero over zero is NaN, which becomes code 0.
-        let code = ((radius_mm - self.min_mm) / self.step_mm).round();
+        let code = (radius_mm - self.min_mm) / self.step_mm + 0.5;
         group | (code.clamp(0.0, RADIUS_STEPS) as u32) << 20
     }
 

@@ -1,14 +1,18 @@
 //! From a stream of curve segments to an octree.
+//!
+//! Batches of segments are sorted into blocks of voxels, where they wait; then
+//! each block is filled, quantised and built up on its own, all levels at once.
+//! Sums run in the order of batches whatever thread works on them.
 
-use crate::clip::for_each_clip;
+use crate::block::BlockSums;
 use crate::cluster::Lump;
-use crate::gather::{Gather, Gathered, Shard};
-use crate::lattice::{Lattice, bit_of, brick_index, bricks_across};
+use crate::fold::fold;
+use crate::lattice::{Lattice, brick_at, bricks_across};
+use crate::octree::build::{Assembly, Scales, build_block};
+use crate::route::{Piece, Routed, route};
 use crate::{Error, Octree};
-use glam::{DVec2, DVec3, IVec3, UVec3};
-use organza_basis::{Frame, Segment, SegmentSource};
+use organza_basis::SegmentSource;
 use rayon::prelude::*;
-use std::f64::consts::PI;
 use std::sync::Mutex;
 
 /// Where the length of a fibre goes that is thicker than a voxel (by more than
@@ -22,6 +26,14 @@ pub enum Footprint {
     /// Into the voxels that its axis passes: for media that look the density
     /// up at the axis of the fibre they are about to hit.
     Axis,
+}
+
+impl Footprint {
+    /// True when fibres so thick count as lines.
+    pub(crate) fn is_line(self, radius_mm: f32, lattice: &Lattice) -> bool {
+        let narrowest = lattice.voxel_mm.min_element();
+        self == Footprint::Axis || 2.0 * f64::from(radius_mm) <= 1.1 * narrowest
+    }
 }
 
 /// How to voxelize.
@@ -49,27 +61,19 @@ impl Default for VoxelizeOptions {
     }
 }
 
-/// Shards of the gathered bricks: enough to keep threads busy while folding.
-const SHARDS: u32 = 32;
+/// Most pieces that wait: 280 MB. When there are more, all blocks take theirs
+/// in and remember sums instead.
+const MOST_WAITING: usize = 4_000_000;
 
-/// Longest segment, in voxels; more is a mistake in the source.
-const MAX_SPAN: f64 = 1e6;
+/// Batches that a thread is given at a time.
+const BATCHES: usize = 4;
+/// Blocks that a thread is given at a time.
+const BLOCKS: usize = 16;
 
-/// Most lines that stand for one thick segment; with them the lines are half
-/// a voxel apart up to a radius of 64 voxels.
-const MAX_LINES: f64 = 65_536.0;
-
-/// Voxelizes all segments of a source.
-///
-/// Segments are clipped to voxels exactly, so that the sum of density times
-/// volume is the length put in (within 1e-5, the quantisation of lengths). The
-/// result is the same bit for bit on any number of threads. `progress` is
-/// called with the share of the work done, in `[0, 1]`.
+/// Voxelizes all segments of a source: [`Plan::new`] and [`Plan::run`].
 ///
 /// # Errors
-/// For a voxel edge or tile that makes no sense, segments that are not finite
-/// or lie outside a tile that does not repeat, and when more memory would be
-/// needed than allowed.
+/// As those.
 pub fn voxelize(
     source: &dyn SegmentSource,
     options: &VoxelizeOptions,
@@ -77,247 +81,287 @@ pub fn voxelize(
 ) -> Result<Octree, Error> {
     let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
     if let Some(allowed) = options.max_memory_bytes {
-        check_memory(memory_of(&lattice, 0), allowed)?;
-        check_memory(estimate(source, &lattice, options)?, allowed)?;
+        Plan::new(source, options)?.check(allowed)?;
     }
-    let brick_count = bricks_across(lattice.dims).element_product();
+    run(source, &lattice, options, progress)
+}
 
-    let idle: Mutex<Vec<Gather>> = Mutex::new(Vec::new());
-    let mut shards: Vec<Shard> = (0..SHARDS).map(|_| Shard::default()).collect();
+/// A voxelization that has not begun.
+pub struct Plan<'a> {
+    source: &'a dyn SegmentSource,
+    options: VoxelizeOptions,
+    lattice: Lattice,
+    memory_bytes: u64,
+}
+
+impl<'a> Plan<'a> {
+    /// Judges the memory that it will take by a sample of the source's batches
+    /// (a sixteenth of them, eight at most).
+    ///
+    /// # Errors
+    /// For a voxel edge or tile that makes no sense, when the tables alone take
+    /// more than allowed, and as [`Plan::run`] for what the sample meets.
+    pub fn new(
+        source: &'a dyn SegmentSource,
+        options: &VoxelizeOptions,
+    ) -> Result<Plan<'a>, Error> {
+        let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
+        let mut plan = Plan {
+            source,
+            options: *options,
+            lattice,
+            memory_bytes: table_bytes(&lattice),
+        };
+        plan.check(options.max_memory_bytes.unwrap_or(u64::MAX))?;
+        plan.memory_bytes += sampled_bytes(source, &lattice, options)?;
+        Ok(plan)
+    }
+
+    /// Most bytes that it will hold at one time, estimated.
+    pub fn memory_bytes(&self) -> u64 {
+        self.memory_bytes
+    }
+
+    fn check(&self, allowed: u64) -> Result<(), Error> {
+        let needed = self.memory_bytes;
+        if needed > allowed {
+            return Err(Error::Memory { needed, allowed });
+        }
+        Ok(())
+    }
+
+    /// Voxelizes all segments of the source.
+    ///
+    /// Segments are clipped to voxels exactly, so that the sum of density times
+    /// volume is the length put in (within 1e-5, the quantisation of lengths). The
+    /// result is the same bit for bit on any number of threads. `progress` is
+    /// called with the share of the work done, in `[0, 1]`.
+    ///
+    /// # Errors
+    /// When more memory would be needed than allowed, and for segments that are
+    /// not finite or lie outside a tile that does not repeat.
+    pub fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
+        self.check(self.options.max_memory_bytes.unwrap_or(u64::MAX))?;
+        run(self.source, &self.lattice, &self.options, progress)
+    }
+}
+
+fn run(
+    source: &dyn SegmentSource,
+    lattice: &Lattice,
+    options: &VoxelizeOptions,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Octree, Error> {
+    let mut tile = Tiled::new(lattice, options.footprint);
     let batches: Vec<usize> = (0..source.batch_count()).collect();
     let mut done = 0;
-    for chunk in batches.chunks(4 * rayon::current_num_threads()) {
-        let gathered: Vec<Gathered> = chunk
+    for chunk in batches.chunks(BATCHES * rayon::current_num_threads()) {
+        let routed: Vec<Routed> = chunk
             .par_iter()
-            .map(|&batch| {
-                let spare = idle.lock().ok().and_then(|mut l| l.pop());
-                let mut gather = spare.unwrap_or_else(|| Gather::new(brick_count as usize));
-                let gathered = gather_batch(source, batch, &lattice, options, &mut gather);
-                if let Ok(mut l) = idle.lock() {
-                    l.push(gather);
-                }
-                gathered
-            })
+            .map(|&batch| route(source, batch, lattice, options.footprint))
             .collect::<Result<_, Error>>()?;
-        shards.par_iter_mut().enumerate().for_each(|(i, shard)| {
-            gathered
-                .iter()
-                .for_each(|g| shard.fold(g, i as u32, SHARDS));
-        });
+        for r in routed {
+            // Whatever the number of threads: else it would change sums.
+            if tile.waiting > 0 && tile.waiting + r.pieces.len() > MOST_WAITING {
+                tile.take_in();
+            }
+            tile.add(r);
+        }
         done += chunk.len();
-        let lumps = shards.iter().map(|s| s.lump_count as u64).sum();
-        check_memory(
-            memory_of(&lattice, lumps),
-            options.max_memory_bytes.unwrap_or(u64::MAX),
-        )?;
-        progress(0.9 * done as f32 / batches.len() as f32);
+        progress(0.4 * done as f32 / batches.len() as f32);
     }
-    drop(idle);
-    let mut bricks: Vec<_> = shards.into_iter().flat_map(|s| s.bricks).collect();
-    bricks.par_sort_unstable_by_key(|b| b.0);
-    let octree = Octree::build(lattice, source.material_count(), bricks)?;
+    let octree = tile.build(source.material_count(), progress)?;
     progress(1.0);
     Ok(octree)
 }
 
-/// Bytes that [`voxelize()`] will need at most at one time, judged by a sample
-/// of the source's batches (a sixteenth of them).
-///
-/// # Errors
-/// As [`voxelize()`], for what the sample meets.
-pub fn estimate_memory_bytes(
-    source: &dyn SegmentSource,
-    options: &VoxelizeOptions,
-) -> Result<u64, Error> {
-    let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
-    estimate(source, &lattice, options)
+/// All blocks of a tile.
+struct Tiled<'a> {
+    lattice: &'a Lattice,
+    footprint: Footprint,
+    blocks: Vec<Block>,
+    routed: Vec<Routed>,
+    /// Pieces in `routed`.
+    waiting: usize,
+    groups: Vec<u64>,
+    radii_mm: [f32; 2],
+    idle: Mutex<Vec<BlockSums>>,
 }
 
-fn estimate(
+#[derive(Default)]
+struct Block {
+    /// Batch among `routed` and its run for this block.
+    runs: Vec<(u32, u32)>,
+    /// What was taken in before.
+    kept: Vec<Lump>,
+    most_length_mm: f64,
+}
+
+impl<'a> Tiled<'a> {
+    fn new(lattice: &'a Lattice, footprint: Footprint) -> Tiled<'a> {
+        let count = lattice.blocks_across().element_product();
+        Tiled {
+            lattice,
+            footprint,
+            blocks: (0..count).map(|_| Block::default()).collect(),
+            routed: Vec::new(),
+            waiting: 0,
+            groups: Vec::new(),
+            radii_mm: [f32::INFINITY, 0.0],
+            idle: Mutex::new(Vec::new()),
+        }
+    }
+
+    fn add(&mut self, r: Routed) {
+        let batch = self.routed.len() as u32;
+        for (i, run) in r.runs.iter().enumerate() {
+            let block = &mut self.blocks[run.block as usize];
+            block.runs.push((batch, i as u32));
+            block.most_length_mm += run.most_length_mm;
+        }
+        self.waiting += r.pieces.len();
+        self.groups.extend(&r.groups);
+        if self.groups.len() > 1 << 21 {
+            self.groups.sort_unstable();
+            self.groups.dedup();
+        }
+        self.radii_mm = [
+            self.radii_mm[0].min(r.radii_mm[0]),
+            self.radii_mm[1].max(r.radii_mm[1]),
+        ];
+        self.routed.push(r);
+    }
+
+    /// What waits for a block and what it kept, together.
+    fn filled(&self, index: u32, block: &mut Block) -> Vec<Lump> {
+        let mut pieces: Vec<(u64, &Piece)> = Vec::new();
+        for &(batch, run) in &block.runs {
+            let r = &self.routed[batch as usize];
+            let run = &r.runs[run as usize];
+            let ids = &r.ids[run.start as usize..run.end as usize];
+            pieces.extend(ids.iter().map(|&id| {
+                let p = &r.pieces[id as usize];
+                (r.groups[p.group as usize], p)
+            }));
+        }
+        block.runs = Vec::new();
+        let kept = std::mem::take(&mut block.kept);
+        if pieces.is_empty() {
+            return kept;
+        }
+        let spare = self.idle.lock().ok().and_then(|mut l| l.pop());
+        let mut sums = spare.unwrap_or_else(BlockSums::new);
+        let at = brick_at(index, self.lattice.blocks_across());
+        let new = sums.fill(self.lattice, self.footprint, at, &mut pieces);
+        if let Ok(mut l) = self.idle.lock() {
+            l.push(sums);
+        }
+        fold(kept, new)
+    }
+
+    /// Every block takes in what waits for it.
+    fn take_in(&mut self) {
+        let mut blocks = std::mem::take(&mut self.blocks);
+        blocks
+            .par_iter_mut()
+            .enumerate()
+            .filter(|(_, b)| !b.runs.is_empty())
+            .for_each(|(i, b)| b.kept = self.filled(i as u32, b));
+        self.blocks = blocks;
+        self.routed.clear();
+        self.waiting = 0;
+    }
+
+    fn scales(&mut self) -> Result<Scales, Error> {
+        let mut groups = std::mem::take(&mut self.groups);
+        groups.sort_unstable();
+        groups.dedup();
+        let lengths = self.blocks.iter().map(|b| b.most_length_mm);
+        Scales::new(self.lattice, lengths, self.radii_mm, groups)
+    }
+
+    fn build(
+        mut self,
+        material_count: usize,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<Octree, Error> {
+        let scales = self.scales()?;
+        let mut blocks: Vec<(u32, Block)> = std::mem::take(&mut self.blocks)
+            .into_iter()
+            .enumerate()
+            .filter(|(_, b)| !(b.runs.is_empty() && b.kept.is_empty()))
+            .map(|(i, b)| (i as u32, b))
+            .collect();
+        let mut assembly = Assembly::new(self.lattice, &scales);
+        let count = blocks.len();
+        let mut done = 0;
+        for part in blocks.chunks_mut(BLOCKS * rayon::current_num_threads()) {
+            let built: Vec<_> = part
+                .par_iter_mut()
+                .map(|(i, b)| build_block(self.lattice, &scales, *i, self.filled(*i, b)))
+                .collect();
+            for b in built {
+                assembly.add(b)?;
+            }
+            done += part.len();
+            progress(0.4 + 0.6 * done as f32 / count as f32);
+        }
+        assembly.finish(material_count)
+    }
+}
+
+/// Bytes of what is as large as the box: the tables of bricks and of blocks.
+fn table_bytes(lattice: &Lattice) -> u64 {
+    let bricks = |level| {
+        bricks_across(lattice.dims_at(level))
+            .as_u64vec3()
+            .element_product()
+    };
+    let blocks = lattice.blocks_across().as_u64vec3().element_product();
+    let levels: u64 = (0..lattice.levels).map(bricks).sum();
+    4 * levels + size_of::<Block>() as u64 * blocks
+}
+
+/// Bytes of the rest, as though no two batches shared a voxel.
+fn sampled_bytes(
     source: &dyn SegmentSource,
     lattice: &Lattice,
     options: &VoxelizeOptions,
 ) -> Result<u64, Error> {
     let batches = source.batch_count();
     let sample = batches.div_ceil(16).min(8);
-    let mut gather = Gather::new(bricks_across(lattice.dims).element_product() as usize);
-    let mut found = 0;
+    let (mut waiting, mut pieces, mut sums, mut octree) = (0, 0, 0, 0);
     for i in 0..sample {
         // The middle of each equal part of the batches.
         let batch = (2 * i + 1) * batches / (2 * sample);
-        found += gather_batch(source, batch, lattice, options, &mut gather)?
-            .lumps
-            .len();
+        let routed = route(source, batch, lattice, options.footprint)?;
+        waiting += routed.bytes();
+        pieces += routed.pieces.len();
+        let mut tile = Tiled::new(lattice, options.footprint);
+        tile.add(routed);
+        let scales = tile.scales()?;
+        let mut blocks = std::mem::take(&mut tile.blocks);
+        let parts: Vec<(u64, u64)> = blocks
+            .par_iter_mut()
+            .enumerate()
+            .filter(|(_, b)| !b.runs.is_empty())
+            .map(|(i, b)| {
+                let lumps = tile.filled(i as u32, b);
+                let kept = size_of_val(&lumps[..]) as u64;
+                (kept, build_block(lattice, &scales, i as u32, lumps).bytes())
+            })
+            .collect();
+        sums += parts.iter().map(|p| p.0).sum::<u64>();
+        octree += parts.iter().map(|p| p.1).sum::<u64>();
     }
-    let lumps = found as f64 * batches as f64 / sample.max(1) as f64;
-    Ok(memory_of(lattice, lumps as u64))
-}
-
-/// Bytes needed to build an octree of so many populations.
-fn memory_of(lattice: &Lattice, lumps: u64) -> u64 {
-    // A table of bricks for each thread, each level's and what is in flight.
-    let bricks = bricks_across(lattice.dims).as_u64vec3().element_product();
-    let tables = 4 * bricks * (rayon::current_num_threads() as u64 + 2);
-    // Populations live twice while a level is made from the one below, and
-    // once more as records.
-    tables + lumps * (2 * size_of::<Lump>() as u64 + 24)
-}
-
-fn check_memory(needed: u64, allowed: u64) -> Result<(), Error> {
-    if needed > allowed {
-        return Err(Error::Memory { needed, allowed });
-    }
-    Ok(())
-}
-
-/// Clips all segments of one batch.
-fn gather_batch(
-    source: &dyn SegmentSource,
-    batch: usize,
-    lattice: &Lattice,
-    options: &VoxelizeOptions,
-    gather: &mut Gather,
-) -> Result<Gathered, Error> {
-    let mut clipper = Clipper {
-        lattice,
-        grid: bricks_across(lattice.dims),
-        footprint: options.footprint,
-        gather,
-        disk: Vec::new(),
-        problem: None,
+    let scale = batches as f64 / sample.max(1) as f64;
+    let all = |bytes: u64| (bytes as f64 * scale) as u64;
+    // Either all wait to the end, or what came first is kept as sums.
+    let before = if pieces as f64 * scale <= MOST_WAITING as f64 {
+        all(waiting)
+    } else {
+        all(sums) + 80 * MOST_WAITING as u64
     };
-    source.for_each_in_batch(batch, &mut |s| clipper.add(s));
-    let problem = clipper.problem.take();
-    let gathered = gather.take();
-    problem.map_or(Ok(gathered), Err)
-}
-
-/// Cuts segments into pieces and hands them to a gather.
-struct Clipper<'a> {
-    lattice: &'a Lattice,
-    grid: UVec3,
-    footprint: Footprint,
-    gather: &'a mut Gather,
-    /// Places of lines in the cross-section of a thick fibre of radius one.
-    disk: Vec<DVec2>,
-    problem: Option<Error>,
-}
-
-impl Clipper<'_> {
-    fn add(&mut self, s: &Segment) {
-        if self.problem.is_none()
-            && let Err(problem) = self.try_add(s)
-        {
-            self.problem = Some(Error::Segment {
-                yarn: s.yarn,
-                fibre: s.fibre,
-                problem,
-            });
-        }
-    }
-
-    fn try_add(&mut self, s: &Segment) -> Result<(), String> {
-        let (r0, r1) = (s.start_radius_mm, s.end_radius_mm);
-        if !(s.start_mm.is_finite() && s.end_mm.is_finite()) {
-            return Err(format!("runs from {} to {} mm", s.start_mm, s.end_mm));
-        }
-        if !(r0 >= 0.0 && r1 >= 0.0 && r0.is_finite() && r1.is_finite()) {
-            return Err(format!("has radii {r0} and {r1} mm"));
-        }
-        let (a, b) = (
-            self.lattice.grid_from_mm(s.start_mm),
-            self.lattice.grid_from_mm(s.end_mm),
-        );
-        self.check_inside(s, a)?;
-        self.check_inside(s, b)?;
-        if (b - a).abs().max_element() > MAX_SPAN {
-            return Err(format!("is longer than {MAX_SPAN} voxels"));
-        }
-        let chord_mm = (s.end_mm.as_dvec3() - s.start_mm.as_dvec3()).length();
-        if chord_mm == 0.0 {
-            return Ok(());
-        }
-        let radius = f64::from(r0.max(r1));
-        let narrowest = self.lattice.voxel_mm.min_element();
-        if self.footprint == Footprint::Axis || 2.0 * radius <= 1.1 * narrowest {
-            self.add_line(s, a, b, chord_mm, 1.0);
-            return Ok(());
-        }
-        // Lines spread over the cross-section, half a voxel apart or less,
-        // share the length.
-        let lines = 4.0 * PI * (radius / narrowest).powi(2);
-        self.spread_disk(lines.ceil().min(MAX_LINES) as usize);
-        let frame = Frame::from_normal(((s.end_mm - s.start_mm) / chord_mm as f32).normalize());
-        let u = frame.s.as_dvec3() / self.lattice.voxel_mm;
-        let v = frame.t.as_dvec3() / self.lattice.voxel_mm;
-        let share = 1.0 / self.disk.len() as f64;
-        for k in 0..self.disk.len() {
-            let offset = self.disk[k].x * u + self.disk[k].y * v;
-            let (a, b) = (a + f64::from(r0) * offset, b + f64::from(r1) * offset);
-            self.add_line(s, a, b, chord_mm, share);
-        }
-        Ok(())
-    }
-
-    /// Spreads points evenly over the unit disk: a sunflower.
-    fn spread_disk(&mut self, count: usize) {
-        if self.disk.len() == count {
-            return;
-        }
-        let golden = PI * (3.0 - 5f64.sqrt());
-        let point = |k: usize| {
-            let out = ((k as f64 + 0.5) / count as f64).sqrt();
-            out * DVec2::from_angle(k as f64 * golden)
-        };
-        self.disk = (0..count).map(point).collect();
-    }
-
-    /// Positions in grid units must lie in the box where it does not repeat,
-    /// and can be counted in 32 bits where it does.
-    fn check_inside(&self, s: &Segment, p: DVec3) -> Result<(), String> {
-        let slack = 0.5;
-        let dims = self.lattice.dims.as_dvec3();
-        let outside = p.cmplt(DVec3::splat(-slack)) | p.cmpgt(dims + slack);
-        let wrong = if self.lattice.repeats {
-            outside.z || p.truncate().abs().max_element() > 1e9
-        } else {
-            outside.any()
-        };
-        if wrong {
-            let b = self.lattice.bounds_mm();
-            return Err(format!(
-                "runs from {} to {} mm, outside the tile from {} to {} mm",
-                s.start_mm, s.end_mm, b.min, b.max
-            ));
-        }
-        Ok(())
-    }
-
-    fn add_line(&mut self, s: &Segment, a: DVec3, b: DVec3, chord_mm: f64, share: f64) {
-        let tangent = ((s.end_mm.as_dvec3() - s.start_mm.as_dvec3()) / chord_mm).as_vec3();
-        let (r0, dr) = (
-            f64::from(s.start_radius_mm),
-            f64::from(s.end_radius_mm - s.start_radius_mm),
-        );
-        let dims = self.lattice.dims.as_ivec3();
-        for_each_clip(a, b, |cell, t0, t1| {
-            if t1 <= t0 {
-                return;
-            }
-            let inside = cell.clamp(IVec3::ZERO, dims - 1);
-            let cell = if self.lattice.repeats && inside != cell {
-                let wrapped = cell.rem_euclid(dims);
-                IVec3::new(wrapped.x, wrapped.y, inside.z)
-            } else {
-                inside
-            };
-            let cell = cell.as_uvec3();
-            let brick = brick_index(cell >> 2u32, self.grid);
-            let length = share * chord_mm * (t1 - t0);
-            let radius = r0 + 0.5 * (t0 + t1) * dr;
-            let key = Lump::key_of(bit_of(cell), s.yarn, s.material);
-            let piece = Lump::new(key, length as f32, radius as f32, tangent);
-            self.gather.add(brick, &piece);
-        });
-    }
+    let threads = rayon::current_num_threads() as u64;
+    Ok(before + all(octree) + threads * (BlockSums::BYTES + (8 << 20)))
 }

@@ -2,8 +2,12 @@
 
 use super::{EMPTY, Group, Level, Octree, broadside};
 use crate::Error;
-use crate::cluster::{Apart, Lump, merge_to};
-use crate::lattice::{Lattice, bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
+use crate::block::sort_by_voxel;
+use crate::cluster::{Apart, Lump, Merger};
+use crate::lattice::{
+    BLOCK, LEVELS_IN_BLOCK, Lattice, bit_of, brick_at, brick_index, bricks_across, cell_in_block,
+    cell_of_bit, octant, voxel_in_block,
+};
 use crate::record::{Brick, MAX_GROUPS, RadiusScale, Record, encode_direction};
 use glam::UVec3;
 use organza_basis::MAX_COMPONENTS;
@@ -18,117 +22,38 @@ const FINEST_TOLERANCE: f32 = 0.05;
 const COARSE_TOLERANCE: f32 = 0.01;
 
 /// The populations of one brick under construction, sorted by voxel.
-pub(crate) type BuildBrick = (u32, Vec<Lump>);
+type BuildBrick = (u32, Vec<Lump>);
 
 /// What quantisation needs to know of the whole tile.
-struct Scales {
+pub(crate) struct Scales {
     quantum_mm: f64,
     radii: RadiusScale,
     groups: Vec<u64>,
 }
 
-impl Octree {
-    /// Builds all levels from the finest voxels' populations, given brick by
-    /// brick in rising order.
-    pub(crate) fn build(
-        lattice: Lattice,
-        material_count: usize,
-        mut bricks: Vec<BuildBrick>,
-    ) -> Result<Octree, Error> {
-        bricks
-            .par_iter_mut()
-            .for_each(|(_, lumps)| reduce(lumps, Apart::Yarns));
-        let scales = Scales::new(&lattice, &bricks)?;
-        // What is left of each number after rounding goes to the next, so that
-        // a sum over voxels is off by half a quantum and not by its root.
-        bricks.par_iter_mut().for_each(|(_, lumps)| {
-            let mut carry = 0.0;
-            for l in lumps.iter_mut() {
-                let exact = l.length_mm / scales.quantum_mm + carry;
-                let quanta = exact.round().max(0.0);
-                carry = exact - quanta;
-                l.rescale(quanta * scales.quantum_mm);
-            }
-            lumps.retain(|l| l.length_mm > 0.0);
-        });
-        bricks.retain(|b| !b.1.is_empty());
-
-        let mut levels: Vec<Level> = Vec::new();
-        for level in 0..lattice.levels {
-            if let Some(finer) = levels.last() {
-                bricks = coarsen(&bricks, finer, bricks_across(lattice.dims_at(level)));
-            }
-            let stored = store(&lattice, level, &bricks, &scales, levels.last())?;
-            levels.push(stored);
-        }
-        let groups = scales.groups.iter().map(|&g| Group {
-            yarn: (g >> 16) as u32,
-            material: g as u16,
-        });
-        Ok(Octree::assemble(
-            lattice,
-            levels,
-            groups.collect(),
-            scales.radii,
-            scales.quantum_mm,
-            material_count as u32,
-        ))
-    }
-}
-
-/// Merges the populations of each voxel of a brick, which are sorted by voxel.
-fn reduce(lumps: &mut Vec<Lump>, apart: Apart) {
-    let all = std::mem::take(lumps);
-    lumps.reserve_exact(all.len());
-    let mut voxel = Vec::new();
-    for part in all.chunk_by(|a, b| a.bit() == b.bit()) {
-        if let [only] = part {
-            lumps.push(*only);
-            continue;
-        }
-        voxel.extend_from_slice(part);
-        let tolerance = match apart {
-            Apart::Yarns => FINEST_TOLERANCE,
-            Apart::Materials => COARSE_TOLERANCE,
-        };
-        merge_to(&mut voxel, MAX_COMPONENTS, tolerance, apart);
-        // Largest first: a reader who wants only one takes the first.
-        voxel.sort_by(|a, b| b.radius_length_mm2.total_cmp(&a.radius_length_mm2));
-        lumps.append(&mut voxel);
-    }
-}
-
 impl Scales {
-    fn new(lattice: &Lattice, bricks: &[BuildBrick]) -> Result<Scales, Error> {
-        // Sums over the coarsest cells, or over whole bricks where those are
-        // larger: an upper bound is enough.
-        let shift = u32::from(lattice.levels.saturating_sub(3));
-        let grid = bricks_across(lattice.dims);
-        let mut sums: HashMap<UVec3, f64> = HashMap::new();
-        let (mut least, mut most) = (f32::INFINITY, 0.0f32);
-        let mut groups = Vec::new();
-        for (brick, lumps) in bricks {
-            let cell = brick_at(*brick, grid) >> shift;
-            *sums.entry(cell).or_default() += lumps.iter().map(|l| l.length_mm).sum::<f64>();
-            for l in lumps {
-                let r = l.radius_mm();
-                (least, most) = (least.min(r), most.max(r));
-                if groups.last() != Some(&l.group()) {
-                    groups.push(l.group());
-                }
-            }
-            if groups.len() > 4 * MAX_GROUPS {
-                groups.sort_unstable();
-                groups.dedup();
-            }
-        }
-        groups.sort_unstable();
-        groups.dedup();
+    /// For the greatest lengths that may lie in each block, the least and
+    /// greatest radius, and all groups in order.
+    pub fn new(
+        lattice: &Lattice,
+        most_lengths_mm: impl Iterator<Item = f64>,
+        radii_mm: [f32; 2],
+        groups: Vec<u64>,
+    ) -> Result<Scales, Error> {
         if groups.len() > MAX_GROUPS {
             return Err(Error::Options(format!(
                 "{} pairs of yarn and material; at most {MAX_GROUPS} fit an octree",
                 groups.len()
             )));
+        }
+        // Sums over the coarsest cells where those are larger than blocks.
+        let shift = (u32::from(lattice.levels) - 1).saturating_sub(BLOCK.ilog2());
+        let mut sums: HashMap<UVec3, f64> = HashMap::new();
+        for (block, length) in most_lengths_mm.enumerate() {
+            if length > 0.0 {
+                let cell = brick_at(block as u32, lattice.blocks_across()) >> shift;
+                *sums.entry(cell).or_default() += length;
+            }
         }
         let fullest = sums.values().fold(0.0f64, |a, &b| a.max(b));
         // Rounding up in every voxel must not carry the sum past 32 bits.
@@ -137,6 +62,7 @@ impl Scales {
         } else {
             1.0
         };
+        let [least, most] = radii_mm;
         Ok(Scales {
             quantum_mm,
             radii: RadiusScale::new(if most > 0.0 { least } else { 0.0 }, most),
@@ -155,23 +81,20 @@ impl Scales {
     }
 }
 
-/// Quantises a level.
-fn store(
-    lattice: &Lattice,
-    level: u8,
-    bricks: &[BuildBrick],
-    scales: &Scales,
-    finer: Option<&Level>,
-) -> Result<Level, Error> {
-    let grid = bricks_across(lattice.dims_at(level));
-    let density_per_quantum = lattice.density_of(scales.quantum_mm, level);
-    let mut brick_of = vec![EMPTY; grid.element_product() as usize];
-    let mut headers = Vec::with_capacity(bricks.len());
-    let mut count = 0usize;
-    for (i, (brick, lumps)) in bricks.iter().enumerate() {
-        brick_of[*brick as usize] = i as u32;
+/// Bricks of one level with their populations, in the order they were made.
+#[derive(Default)]
+struct Part {
+    /// Where each brick belongs in the table of its level.
+    places: Vec<u32>,
+    bricks: Vec<Brick>,
+    records: Vec<Record>,
+}
+
+impl Part {
+    /// Quantises the populations of a brick; returns its records.
+    fn push(&mut self, place: u32, lumps: &[Lump], scales: &Scales) -> (&mut Brick, &[Record]) {
         let mut header = Brick {
-            first: u32::try_from(count).map_err(|_| too_many())?,
+            first: self.records.len() as u32,
             ..Brick::default()
         };
         for l in lumps {
@@ -181,70 +104,226 @@ fn store(
                 *mask |= bit;
             }
         }
-        count += lumps.len();
-        headers.push(header);
+        let start = self.records.len();
+        self.records.extend(lumps.iter().map(|l| scales.record(l)));
+        self.places.push(place);
+        self.bricks.push(header);
+        let last = self.bricks.len() - 1;
+        (&mut self.bricks[last], &self.records[start..])
     }
-    u32::try_from(count).map_err(|_| too_many())?;
-    let mut records = vec![Record::default(); count];
-    let mut parts = Vec::with_capacity(bricks.len());
-    let mut rest = &mut records[..];
-    for (_, lumps) in bricks {
-        let (part, tail) = rest.split_at_mut(lumps.len());
-        parts.push(part);
-        rest = tail;
+}
+
+/// The levels of one block, and the populations of the last.
+pub(crate) struct BuiltBlock {
+    levels: Vec<Part>,
+    top: Option<BuildBrick>,
+}
+
+impl BuiltBlock {
+    /// Bytes that it will take in the octree, levels above it included.
+    pub fn bytes(&self) -> u64 {
+        let bytes = |p: &Part| size_of_val(&p.bricks[..]) + size_of_val(&p.records[..]);
+        let above = self.levels.last().map_or(0, bytes);
+        (self.levels.iter().map(bytes).sum::<usize>() + above) as u64
     }
-    parts
-        .into_par_iter()
-        .zip(bricks)
-        .for_each(|(part, (_, lumps))| {
-            for (r, l) in part.iter_mut().zip(lumps) {
-                *r = scales.record(l);
-            }
-        });
-    let mut stored = Level {
-        grid,
-        brick_of,
-        bricks: headers,
-        records,
-        density_per_quantum,
+}
+
+/// Quantises and builds up one block from its finest voxels' populations,
+/// sorted by voxel.
+pub(crate) fn build_block(
+    lattice: &Lattice,
+    scales: &Scales,
+    block: u32,
+    lumps: Vec<Lump>,
+) -> BuiltBlock {
+    let corner = brick_at(block, lattice.blocks_across());
+    let mut merger = Merger::default();
+    let mut lumps = reduce(&mut merger, lumps, Apart::Yarns);
+    // What is left of each number after rounding goes to the next, so that
+    // a sum over voxels is off by half a quantum and not by its root.
+    let mut carry = 0.0;
+    for l in lumps.iter_mut() {
+        let exact = l.length_mm / scales.quantum_mm + carry;
+        let quanta = exact.round().max(0.0);
+        carry = exact - quanta;
+        l.rescale(quanta * scales.quantum_mm);
+    }
+    lumps.retain(|l| l.length_mm > 0.0);
+
+    let mut built = BuiltBlock {
+        levels: Vec::new(),
+        top: None,
     };
-    let majorants: Vec<f32> = bricks
-        .par_iter()
-        .enumerate()
-        .map(|(i, (brick, _))| match finer {
-            None => finest_majorant(&stored, i, &scales.radii),
-            Some(finer) => {
-                let below = children(brick_at(*brick, grid), finer);
-                below
-                    .iter()
-                    .flatten()
-                    .fold(0.0, |m, &c| finer.bricks[c as usize].majorant_per_mm.max(m))
-            }
-        })
-        .collect();
-    for (b, m) in stored.bricks.iter_mut().zip(majorants) {
-        b.majorant_per_mm = m;
+    if lumps.is_empty() {
+        return built;
     }
-    Ok(stored)
+    let bricks_in_block = UVec3::splat(BLOCK / 4);
+    let mut below = [0.0f32; (BLOCK * BLOCK * BLOCK / 64) as usize];
+    for level in 0..lattice.levels.min(LEVELS_IN_BLOCK) {
+        if level > 0 {
+            for l in lumps.iter_mut() {
+                let cell = cell_in_block(l.voxel()) >> 1u32;
+                *l = l.moved_to(voxel_in_block(cell));
+            }
+            sort_by_voxel(&mut lumps);
+            lumps = reduce(&mut merger, lumps, Apart::Materials);
+        }
+        let grid = bricks_across(lattice.dims_at(level));
+        let low = corner * (bricks_in_block >> u32::from(level));
+        let density_per_quantum = lattice.density_of(scales.quantum_mm, level);
+        let finer = std::mem::replace(&mut below, [0.0; _]);
+        let mut part = Part::default();
+        for brick in lumps.chunk_by(|a, b| a.voxel() >> 6 == b.voxel() >> 6) {
+            let number = brick[0].voxel() >> 6;
+            let at = brick_at(number, bricks_in_block);
+            let (header, records) = part.push(brick_index(low + at, grid), brick, scales);
+            header.majorant_per_mm = if level == 0 {
+                finest_majorant(header, records, density_per_quantum, &scales.radii)
+            } else {
+                let child = |i| brick_index((at << 1u32) + octant(i), bricks_in_block);
+                (0..8).fold(0.0, |m, i| finer[child(i) as usize].max(m))
+            };
+            below[number as usize] = header.majorant_per_mm;
+        }
+        built.levels.push(part);
+    }
+    if lattice.levels > LEVELS_IN_BLOCK {
+        // One brick is left, where the block is in the grid of blocks.
+        built.top = Some((block, lumps));
+    }
+    built
 }
 
-fn too_many() -> Error {
-    Error::Options("more than 4294967295 populations in one level: take larger voxels".into())
+/// Merges the populations of each voxel; they are sorted by voxel.
+fn reduce(merger: &mut Merger, all: Vec<Lump>, apart: Apart) -> Vec<Lump> {
+    let tolerance = match apart {
+        Apart::Yarns => FINEST_TOLERANCE,
+        Apart::Materials => COARSE_TOLERANCE,
+    };
+    let mut lumps = Vec::with_capacity(all.len());
+    let mut voxel = Vec::new();
+    for part in all.chunk_by(|a, b| a.voxel() == b.voxel()) {
+        if let [only] = part {
+            lumps.push(*only);
+            continue;
+        }
+        voxel.extend_from_slice(part);
+        merger.merge_to(&mut voxel, MAX_COMPONENTS, tolerance, apart);
+        // Largest first: a reader who wants only one takes the first.
+        voxel.sort_by(|a, b| b.radius_length_mm2.total_cmp(&a.radius_length_mm2));
+        lumps.append(&mut voxel);
+    }
+    lumps
 }
 
-fn finest_majorant(level: &Level, brick: usize, radii: &RadiusScale) -> f32 {
-    let b = &level.bricks[brick];
-    let most = (0..64)
-        .map(|bit| {
-            broadside(
-                &level.records[b.records_of(bit)],
-                level.density_per_quantum,
-                radii,
-            )
-        })
-        .fold(0.0f32, f32::max);
+fn finest_majorant(
+    brick: &Brick,
+    records: &[Record],
+    density_per_quantum: f32,
+    radii: &RadiusScale,
+) -> f32 {
+    let first = brick.first as usize;
+    let mut left = brick.masks[0];
+    let mut most = 0.0f32;
+    while left != 0 {
+        let r = brick.records_of(left.trailing_zeros());
+        left &= left - 1;
+        let own = &records[r.start - first..r.end - first];
+        most = most.max(broadside(own, density_per_quantum, radii));
+    }
     // Whoever sums in another order must not exceed it.
     most * (1.0 + 1e-6)
+}
+
+/// An octree under construction.
+pub(crate) struct Assembly<'a> {
+    lattice: &'a Lattice,
+    scales: &'a Scales,
+    levels: Vec<Level>,
+    /// Populations of the last level that blocks build.
+    tops: Vec<BuildBrick>,
+}
+
+impl<'a> Assembly<'a> {
+    pub fn new(lattice: &'a Lattice, scales: &'a Scales) -> Assembly<'a> {
+        let level = |level| {
+            let grid = bricks_across(lattice.dims_at(level));
+            Level {
+                grid,
+                brick_of: vec![EMPTY; grid.element_product() as usize],
+                bricks: Vec::new(),
+                records: Vec::new(),
+                density_per_quantum: lattice.density_of(scales.quantum_mm, level),
+            }
+        };
+        Assembly {
+            lattice,
+            scales,
+            levels: (0..lattice.levels).map(level).collect(),
+            tops: Vec::new(),
+        }
+    }
+
+    /// Adds the next block: bricks lie in memory in the order of blocks.
+    pub fn add(&mut self, block: BuiltBlock) -> Result<(), Error> {
+        for (level, part) in self.levels.iter_mut().zip(block.levels) {
+            append(level, part)?;
+        }
+        self.tops.extend(block.top);
+        Ok(())
+    }
+
+    /// Builds the levels above the blocks.
+    pub fn finish(mut self, material_count: usize) -> Result<Octree, Error> {
+        let mut bricks = std::mem::take(&mut self.tops);
+        for level in usize::from(LEVELS_IN_BLOCK)..self.levels.len() {
+            let (finer, coarser) = self.levels.split_at_mut(level);
+            let finer = &finer[level - 1];
+            bricks = coarsen(&bricks, finer, coarser[0].grid);
+            let mut part = Part::default();
+            for (place, lumps) in &bricks {
+                let (header, _) = part.push(*place, lumps, self.scales);
+                let below = children(brick_at(*place, coarser[0].grid), finer);
+                header.majorant_per_mm = below
+                    .iter()
+                    .flatten()
+                    .fold(0.0, |m, &c| finer.bricks[c as usize].majorant_per_mm.max(m));
+            }
+            append(&mut coarser[0], part)?;
+        }
+        for l in &mut self.levels {
+            l.bricks.shrink_to_fit();
+            l.records.shrink_to_fit();
+        }
+        let groups = self.scales.groups.iter().map(|&g| Group {
+            yarn: (g >> 16) as u32,
+            material: g as u16,
+        });
+        Ok(Octree::assemble(
+            *self.lattice,
+            self.levels,
+            groups.collect(),
+            self.scales.radii,
+            self.scales.quantum_mm,
+            material_count as u32,
+        ))
+    }
+}
+
+fn append(level: &mut Level, mut part: Part) -> Result<(), Error> {
+    let first = level.records.len();
+    if u32::try_from(first + part.records.len()).is_err() {
+        return Err(Error::Options(
+            "more than 4294967295 populations in one level: take larger voxels".into(),
+        ));
+    }
+    for (place, brick) in part.places.iter().zip(&mut part.bricks) {
+        brick.first += first as u32;
+        level.brick_of[*place as usize] = level.bricks.len() as u32;
+        level.bricks.push(*brick);
+    }
+    level.records.append(&mut part.records);
+    Ok(())
 }
 
 /// Indices of the eight bricks below a brick, x fastest.
@@ -282,8 +361,8 @@ fn coarsen(bricks: &[BuildBrick], finer: &Level, grid: UVec3) -> Vec<BuildBrick>
                 }));
             }
             lumps.sort_by_key(Lump::bit);
-            reduce(&mut lumps, Apart::Materials);
-            (parent, lumps)
+            let merged = reduce(&mut Merger::default(), lumps, Apart::Materials);
+            (parent, merged)
         })
         .collect()
 }

@@ -1,9 +1,11 @@
 //! Every invariant of the octree, checked.
 
 use super::{EMPTY, Level, Octree, broadside};
-use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit};
+use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
+use crate::record::Brick;
 use crate::record::{decode_group, is_valid_direction};
 use glam::UVec3;
+use rayon::prelude::*;
 
 impl Octree {
     /// Panics, saying what is wrong, unless every invariant holds: tables,
@@ -46,114 +48,149 @@ impl Octree {
         {
             return Err("the table of bricks has the wrong size".into());
         }
-        let mut next = 0;
-        let mut first = 0;
+        let mut place_of = vec![EMPTY; l.bricks.len()];
         for (at, &index) in l.brick_of.iter().enumerate() {
             if index == EMPTY {
                 continue;
             }
-            let low = brick_at(at as u32, l.grid) << 2u32;
-            let Some(brick) = l.bricks.get(index as usize).filter(|_| index == next) else {
-                return Err(format!(
-                    "brick at {low} has number {index}, expected {next}"
-                ));
-            };
-            next += 1;
-            let [a, b, c, d] = brick.masks;
-            if a == 0 || b & !a != 0 || c & !b != 0 || d & !c != 0 {
-                return Err(format!("brick at {low} has masks {a:x} {b:x} {c:x} {d:x}"));
+            match place_of.get_mut(index as usize) {
+                Some(place) if *place == EMPTY => *place = at as u32,
+                _ => {
+                    let low = brick_at(at as u32, l.grid) << 2u32;
+                    return Err(format!("brick at {low} has number {index}"));
+                }
             }
-            if brick.first != first {
+        }
+        if place_of.contains(&EMPTY) {
+            return Err("a brick that no place names".into());
+        }
+        let mut first = 0u64;
+        for (&at, brick) in place_of.iter().zip(&l.bricks) {
+            if u64::from(brick.first) != first {
+                let low = brick_at(at, l.grid) << 2u32;
                 return Err(format!(
                     "brick at {low} begins at {}, expected {first}",
                     brick.first
                 ));
             }
-            first += brick.masks.iter().map(|m| m.count_ones()).sum::<u32>();
-            if first as usize > l.records.len() {
-                return Err(format!("brick at {low} ends beyond the populations"));
-            }
-            for bit in 0..64 {
-                let records = &l.records[brick.records_of(bit)];
-                let cell = low + cell_of_bit(bit);
-                if !records.is_empty() && cell.cmpge(dims).any() {
-                    return Err(format!("cell {cell} lies outside {dims}"));
-                }
-                for r in records {
-                    if r.length == 0
-                        || decode_group(r.population) >= self.groups.len()
-                        || !is_valid_direction(r.direction)
-                    {
-                        return Err(format!("cell {cell} has the population {r:?}"));
-                    }
-                }
-                let own = broadside(records, l.density_per_quantum, &self.radii);
-                let bounded = own <= brick.majorant_per_mm * (1.0 + 1e-5);
-                if !(bounded && brick.majorant_per_mm.is_finite()) {
-                    return Err(format!(
-                        "cell {cell} exceeds its majorant: {own} > {}",
-                        brick.majorant_per_mm
-                    ));
-                }
-            }
+            first += u64::from(brick.masks.iter().map(|m| m.count_ones()).sum::<u32>());
         }
-        if next as usize != l.bricks.len() || first as usize != l.records.len() {
-            return Err("bricks or populations that no cell names".into());
+        if first != l.records.len() as u64 {
+            return Err("populations that no cell names".into());
+        }
+        let problem = place_of
+            .par_iter()
+            .zip(&l.bricks)
+            .find_map_first(|(&at, brick)| self.check_brick(l, dims, at, brick).err());
+        problem.map_or(Ok(()), Err)
+    }
+
+    /// Checks a brick whose populations are there.
+    fn check_brick(&self, l: &Level, dims: UVec3, at: u32, brick: &Brick) -> Result<(), String> {
+        let low = brick_at(at, l.grid) << 2u32;
+        let [a, b, c, d] = brick.masks;
+        if a == 0 || b & !a != 0 || c & !b != 0 || d & !c != 0 {
+            return Err(format!("brick at {low} has masks {a:x} {b:x} {c:x} {d:x}"));
+        }
+        let mut left = a;
+        while left != 0 {
+            let bit = left.trailing_zeros();
+            left &= left - 1;
+            let records = &l.records[brick.records_of(bit)];
+            let cell = low + cell_of_bit(bit);
+            if cell.cmpge(dims).any() {
+                return Err(format!("cell {cell} lies outside {dims}"));
+            }
+            for r in records {
+                if r.length == 0
+                    || decode_group(r.population) >= self.groups.len()
+                    || !is_valid_direction(r.direction)
+                {
+                    return Err(format!("cell {cell} has the population {r:?}"));
+                }
+            }
+            let own = broadside(records, l.density_per_quantum, &self.radii);
+            let bounded = own <= brick.majorant_per_mm * (1.0 + 1e-5);
+            if !(bounded && brick.majorant_per_mm.is_finite()) {
+                return Err(format!(
+                    "cell {cell} exceeds its majorant: {own} > {}",
+                    brick.majorant_per_mm
+                ));
+            }
         }
         Ok(())
     }
 }
 
-/// Sum of the lengths in a cell, quanta.
-fn quanta(l: &Level, cell: UVec3) -> u64 {
-    let at = l.brick_of[brick_index(cell >> 2u32, l.grid) as usize];
-    if at == EMPTY {
-        return 0;
+/// Lengths in the cells of a brick, quanta.
+fn quanta(l: &Level, brick: &Brick) -> [u64; 64] {
+    let mut sums = [0u64; 64];
+    let mut left = brick.masks[0];
+    while left != 0 {
+        let bit = left.trailing_zeros();
+        left &= left - 1;
+        let records = &l.records[brick.records_of(bit)];
+        sums[bit as usize] = records.iter().map(|r| u64::from(r.length)).sum();
     }
-    let records = &l.records[l.bricks[at as usize].records_of(bit_of(cell))];
-    records.iter().map(|r| u64::from(r.length)).sum()
+    sums
 }
 
 fn check_pair(finer: &Level, coarser: &Level) -> Result<(), String> {
-    let mut sums = vec![[0u64; 64]; coarser.bricks.len()];
-    let mut majorants = vec![0.0f32; coarser.bricks.len()];
-    for (at, &index) in finer.brick_of.iter().enumerate() {
-        if index == EMPTY {
+    let checked: Vec<Result<usize, String>> = coarser
+        .brick_of
+        .par_iter()
+        .enumerate()
+        .filter(|(_, index)| **index != EMPTY)
+        .map(|(at, &index)| check_parent(finer, coarser, at as u32, index))
+        .collect();
+    let mut children = 0;
+    for number in checked {
+        children += number?;
+    }
+    if children != finer.bricks.len() {
+        return Err("a brick has no brick above it".into());
+    }
+    Ok(())
+}
+
+/// Checks a brick against the eight below it; returns how many there are.
+fn check_parent(finer: &Level, coarser: &Level, at: u32, index: u32) -> Result<usize, String> {
+    let place = brick_at(at, coarser.grid);
+    let brick = &coarser.bricks[index as usize];
+    let mut sums = [0u64; 64];
+    let mut majorant = 0.0f32;
+    let mut children = 0;
+    for i in 0..8 {
+        let child = (place << 1u32) + octant(i);
+        if child.cmpge(finer.grid).any() {
             continue;
         }
-        let brick = brick_at(at as u32, finer.grid);
-        let parent = brick_index(brick >> 1u32, coarser.grid) as usize;
-        let parent = coarser.brick_of.get(parent).map_or(EMPTY, |&p| p);
-        if parent == EMPTY {
-            return Err(format!("brick {brick} has no brick above it"));
+        let below = finer.brick_of[brick_index(child, finer.grid) as usize];
+        if below == EMPTY {
+            continue;
         }
-        let parent = parent as usize;
-        let fine = &finer.bricks[index as usize];
-        majorants[parent] = majorants[parent].max(fine.majorant_per_mm);
-        for bit in 0..64 {
-            let cell = (brick << 2u32) + cell_of_bit(bit);
-            sums[parent][bit_of(cell >> 1u32) as usize] += quanta(finer, cell);
+        children += 1;
+        let below = &finer.bricks[below as usize];
+        majorant = majorant.max(below.majorant_per_mm);
+        for (bit, held) in quanta(finer, below).into_iter().enumerate() {
+            let cell = (octant(i) << 1u32) + (cell_of_bit(bit as u32) >> 1u32);
+            sums[bit_of(cell) as usize] += held;
         }
     }
-    for (at, &index) in coarser.brick_of.iter().enumerate() {
-        if index == EMPTY {
-            continue;
-        }
-        let low = brick_at(at as u32, coarser.grid) << 2u32;
-        for bit in 0..64 {
-            let cell = low + cell_of_bit(bit);
-            let (held, below) = (quanta(coarser, cell), sums[index as usize][bit as usize]);
-            if held != below {
-                return Err(format!(
-                    "cell {cell} holds {held} quanta, its eight {below}"
-                ));
-            }
-        }
-        if coarser.bricks[index as usize].majorant_per_mm != majorants[index as usize] {
+    for (bit, held) in quanta(coarser, brick).into_iter().enumerate() {
+        let below = sums[bit];
+        if held != below {
+            let cell = (place << 2u32) + cell_of_bit(bit as u32);
             return Err(format!(
-                "brick at {low} does not carry the greatest majorant below it"
+                "cell {cell} holds {held} quanta, its eight {below}"
             ));
         }
     }
-    Ok(())
+    if brick.majorant_per_mm != majorant {
+        return Err(format!(
+            "brick at {} does not carry the greatest majorant below it",
+            place << 2u32
+        ));
+    }
+    Ok(children)
 }

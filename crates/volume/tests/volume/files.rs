@@ -59,7 +59,7 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
         let why = refusal(&bad);
         match at {
             0..8 => assert!(why.contains("does not begin"), "{why}"),
-            8..12 => assert!(why.contains("this program reads version 1"), "{why}"),
+            8..12 => assert!(why.contains("this program reads versions 1 to 2"), "{why}"),
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
     }
@@ -68,4 +68,17 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
     assert!(refusal(&long).contains("goes on"));
     let small = ovox::read(&mut &good[..], 1000).unwrap_err().to_string();
     assert!(small.contains("1000 are allowed"), "{small}");
+}
+
+/// A knit of 100 um voxels as version 1 of the format kept it.
+#[test]
+fn files_of_version_1_are_read() {
+    let old = include_bytes!("../data/version_1.ovox");
+    let tree = ovox::read(&mut &old[..], PLENTY).unwrap();
+    tree.assert_well_formed();
+    assert_eq!((tree.level_count(), tree.occupied_voxels()), (2, 528));
+    assert!((tree.fibre_length_mm(0) - 767.365197).abs() < 1e-6);
+    let mut again = Vec::new();
+    ovox::write(&tree, &mut again).unwrap();
+    assert!(ovox::read(&mut &again[..], PLENTY).unwrap() == tree);
 }

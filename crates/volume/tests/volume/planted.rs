@@ -1,7 +1,7 @@
 use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{UVec3, Vec3};
 use organza_basis::{Segment, SegmentSource};
-use organza_volume::{Footprint, Octree, VoxelizeOptions, estimate_memory_bytes, voxelize};
+use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions, voxelize};
 
 fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
     let options = VoxelizeOptions {
@@ -302,7 +302,9 @@ fn hard_sources_are_survived_or_refused() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("1000 are allowed"), "{error}");
-    let need = estimate_memory_bytes(&PlainWeave::cotton(2), &options).unwrap();
+    let need = Plan::new(&PlainWeave::cotton(2), &options)
+        .unwrap()
+        .memory_bytes();
     let just_short = VoxelizeOptions {
         max_memory_bytes: Some(need / 2),
         ..options
