@@ -219,6 +219,10 @@ fn the_volumes_of_the_project_can_be_told_and_made_again() {
         &folder,
         &["voxelize", fabric, "-o", "tile.vol", "--level", "1"],
     );
+    let told = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox"]);
+    assert!(told.contains("MiB of memory"), "{told}");
+    let told = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox", "--quiet"]);
+    assert!(told.is_empty(), "{told}");
     let told = succeed(&folder, &["info", "tile.sggx.vol"]);
     assert!(told.contains("channels: 6"), "{told}");
     let words = complaint(

@@ -221,7 +221,6 @@ impl Fabric {
     ///
     /// # Errors
     /// As [`Fabric::voxelize`].
-    #[allow(clippy::print_stderr)]
     pub fn voxelize_as(
         &self,
         path: &Path,
@@ -231,6 +230,22 @@ impl Fabric {
         max_memory_bytes: Option<u64>,
         quiet: bool,
     ) -> Result<Octree> {
+        let plan = self.plan(path, footprint, voxel_um, levels, max_memory_bytes)?;
+        voxelize_planned(path, &plan, quiet)
+    }
+
+    /// What voxelizing will take.
+    ///
+    /// # Errors
+    /// As [`Fabric::voxelize`].
+    pub fn plan(
+        &self,
+        path: &Path,
+        footprint: Footprint,
+        voxel_um: Option<f32>,
+        levels: Option<u8>,
+        max_memory_bytes: Option<u64>,
+    ) -> Result<Plan<'_>> {
         let size_um = voxel_um.unwrap_or(self.file.voxel.size_um);
         if !(size_um.is_finite() && size_um > 0.0) {
             return Err(input(format!(
@@ -244,22 +259,29 @@ impl Fabric {
             footprint,
             max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
         };
-        let refused = |e| input(format!("{}: {e}", path.display()));
-        let plan = Plan::new(&self.cloth, &options).map_err(refused)?;
-        if !quiet {
-            eprintln!(
-                "{}: voxelizing takes at most about {} MiB of memory",
-                path.display(),
-                plan.memory_bytes().div_ceil(1 << 20)
-            );
-        }
-        let progress = Progress::new("voxelizing", 1000, quiet);
-        let octree = plan
-            .run(&|done| progress.at((done * 1000.0) as u64))
-            .map_err(refused)?;
-        progress.finish();
-        Ok(octree)
+        Plan::new(&self.cloth, &options).map_err(|e| input(format!("{}: {e}", path.display())))
     }
+}
+
+/// Voxelizes as planned; says first how much memory it will take.
+///
+/// # Errors
+/// Segments that cannot be placed.
+#[allow(clippy::print_stderr)]
+pub fn voxelize_planned(path: &Path, plan: &Plan, quiet: bool) -> Result<Octree> {
+    if !quiet {
+        eprintln!(
+            "{}: voxelizing takes at most about {} MiB of memory",
+            path.display(),
+            plan.memory_bytes().div_ceil(1 << 20)
+        );
+    }
+    let progress = Progress::new("voxelizing", 1000, quiet);
+    let octree = plan
+        .run(&|done| progress.at((done * 1000.0) as u64))
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    progress.finish();
+    Ok(octree)
 }
 
 /// Memory that the machine has free, where it tells (Linux does); else no limit.

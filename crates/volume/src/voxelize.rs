@@ -80,8 +80,8 @@ pub fn voxelize(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Octree, Error> {
     let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
-    if let Some(allowed) = options.max_memory_bytes {
-        Plan::new(source, options)?.check(allowed)?;
+    if options.max_memory_bytes.is_some() {
+        return Plan::new(source, options)?.run(progress);
     }
     run(source, &lattice, options, progress)
 }
@@ -99,8 +99,8 @@ impl<'a> Plan<'a> {
     /// (a sixteenth of them, eight at most).
     ///
     /// # Errors
-    /// For a voxel edge or tile that makes no sense, when the tables alone take
-    /// more than allowed, and as [`Plan::run`] for what the sample meets.
+    /// For a voxel edge or tile that makes no sense, when more memory will be
+    /// needed than allowed, and as [`Plan::run`] for what the sample meets.
     pub fn new(
         source: &'a dyn SegmentSource,
         options: &VoxelizeOptions,
@@ -114,7 +114,13 @@ impl<'a> Plan<'a> {
         };
         plan.check(options.max_memory_bytes.unwrap_or(u64::MAX))?;
         plan.memory_bytes += sampled_bytes(source, &lattice, options)?;
+        plan.check(options.max_memory_bytes.unwrap_or(u64::MAX))?;
         Ok(plan)
+    }
+
+    /// Levels that the octree will have.
+    pub fn level_count(&self) -> u8 {
+        self.lattice.levels
     }
 
     /// Most bytes that it will hold at one time, estimated.
@@ -138,10 +144,9 @@ impl<'a> Plan<'a> {
     /// called with the share of the work done, in `[0, 1]`.
     ///
     /// # Errors
-    /// When more memory would be needed than allowed, and for segments that are
-    /// not finite or lie outside a tile that does not repeat.
+    /// For segments that are not finite or lie outside a tile that does not
+    /// repeat.
     pub fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
-        self.check(self.options.max_memory_bytes.unwrap_or(u64::MAX))?;
         run(self.source, &self.lattice, &self.options, progress)
     }
 }

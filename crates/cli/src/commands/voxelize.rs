@@ -7,7 +7,7 @@ use crate::flags::VoxelizeArgs;
 use crate::output;
 use anyhow::{Context, Result};
 use organza_basis::Rgb;
-use organza_volume::{Octree, VolGrid, export, ovox, vdb};
+use organza_volume::{Footprint, Octree, VolGrid, export, ovox, vdb};
 use std::path::{Path, PathBuf};
 
 /// The formats that a volume can be written in.
@@ -40,20 +40,21 @@ pub fn run(args: &VoxelizeArgs) -> Result<()> {
 fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
     let started = std::time::Instant::now();
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
-    let octree = fabric.voxelize(
+    let plan = fabric.plan(
         &args.fabric,
+        Footprint::Covered,
         args.voxel_um,
         args.levels,
         args.max_memory,
-        args.common.quiet,
     )?;
-    let levels = octree.level_count();
+    let levels = plan.level_count();
     if args.level >= levels {
         return Err(input(format!(
             "--level {}: the octree has {levels} levels, from 0",
             args.level
         )));
     }
+    let octree = fabric_file::voxelize_planned(&args.fabric, &plan, args.common.quiet)?;
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
