@@ -13,7 +13,9 @@
 use crate::cone_table::node;
 use crate::cylinder::{Crossing, LOBES, mean_attenuations, offsets};
 use crate::error::{Error, in_range};
-use crate::longitudinal::{Balance, Blur, MIN_BLUR_RAD, wrapped_gaussian};
+use crate::longitudinal::{
+    Balance, Blur, Inclinations, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
+};
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::{PI, TAU};
@@ -48,6 +50,8 @@ const SHAPED: usize = LOBES - 1;
 pub struct DielectricFibre {
     parameters: DielectricParameters,
     blurs: [Blur; LOBES],
+    /// True when no limit has changed the ratios of the blurs.
+    geometric: bool,
     azimuth_blur: f32,
     balance: Balance,
     rows: Vec<Row>,
@@ -103,6 +107,7 @@ impl DielectricFibre {
         let mut fibre = DielectricFibre {
             parameters,
             blurs,
+            geometric: (2.0 * MIN_BLUR_RAD..=0.5 * MAX_BLUR_RAD).contains(&p.longitudinal_rad),
             azimuth_blur,
             balance,
             rows: Vec::with_capacity(ROWS),
@@ -216,6 +221,11 @@ impl DielectricFibre {
 
     pub(crate) fn balance(&self) -> &Balance {
         &self.balance
+    }
+
+    /// Density of the inclinations in each lobe.
+    pub(crate) fn densities(&self, pair: &Inclinations) -> [f32; LOBES] {
+        pair.densities(&self.blurs, self.geometric)
     }
 
     /// Probability with which each lobe is drawn.

@@ -6,7 +6,7 @@ use crate::dielectric::DielectricFibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::fitted::FittedFibre;
 use crate::lobe::{Lobe, LobeSample};
-use crate::longitudinal::{Blur, Inclinations, folded_gaussian_sample, wrap};
+use crate::longitudinal::{Blur, Inclinations, folded_gaussian_sample, normal2, wrap};
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::PI;
@@ -79,26 +79,29 @@ pub struct FarField<'a> {
 }
 
 impl FarField<'_> {
-    /// Value and density together, which share most of their work.
-    fn value(&self, frame: &FibreFrame, a: &FibreAngles, pair: &Inclinations) -> (Rgb, f32) {
-        let blurs = self.fibre.blurs();
-        let kernel = |p: usize| pair.density(&blurs[p]);
+    /// Value and density together, which share most of their work, for lobes
+    /// drawn with the probabilities `shares`.
+    fn value(
+        &self,
+        frame: &FibreFrame,
+        a: &FibreAngles,
+        pair: &Inclinations,
+        shares: &[f32; LOBES],
+    ) -> (Rgb, f32) {
         let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
         match self.fibre {
             Fibre::Dielectric(f) => {
                 let lobes = f.far(pair.mean_cos, a.azimuth_rad);
-                let drawn = f.far_lobes(self.fibre.drawing_cosine(frame));
+                let kernels = f.densities(pair);
                 for p in 0..LOBES {
-                    let k = kernel(p);
-                    value += k * lobes[p].truncate();
-                    pdf += k * drawn[p] * lobes[p].w;
+                    value += kernels[p] * lobes[p].truncate();
+                    pdf += kernels[p] * shares[p] * lobes[p].w;
                 }
             }
             Fibre::Fitted(f) => {
                 let energies = f.energies(pair.mean_cos);
-                let shares = shares(f.energies(self.fibre.drawing_cosine(frame)));
                 for p in 0..energies.len() {
-                    let k = kernel(p) * f.azimuth(p, a.azimuth_rad);
+                    let k = pair.density(&f.blurs()[p]) * f.azimuth(p, a.azimuth_rad);
                     value += k * energies[p].0;
                     pdf += k * shares[p];
                 }
@@ -111,7 +114,20 @@ impl FarField<'_> {
     fn toward(&self, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
         let frame = FibreFrame::new(self.tangent, w_out);
         let a = frame.angles(w_in);
-        self.value(&frame, &a, &inclinations(&frame, &a))
+        let shares = self.lobe_shares(&frame);
+        self.value(&frame, &a, &inclinations(&frame, &a), &shares)
+    }
+
+    /// Probability with which each lobe is drawn.
+    fn lobe_shares(&self, frame: &FibreFrame) -> [f32; LOBES] {
+        let cos = self.fibre.drawing_cosine(frame);
+        match self.fibre {
+            Fibre::Dielectric(f) => f.far_lobes(cos),
+            Fibre::Fitted(f) => {
+                let [r, tt] = shares(f.energies(cos));
+                [r, tt, 0.0, 0.0]
+            }
+        }
     }
 }
 
@@ -126,28 +142,24 @@ impl Lobe for FarField<'_> {
 
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let frame = FibreFrame::new(self.tangent, w_out);
-        let normals = rng.normal2();
-        let drawing_cos = self.fibre.drawing_cosine(&frame);
-        let p = match self.fibre {
-            Fibre::Dielectric(f) => pick(&f.far_lobes(drawing_cos), rng),
-            Fibre::Fitted(f) => pick(&shares(f.energies(drawing_cos)), rng),
-        };
+        let normals = normal2(rng);
+        let shares = self.lobe_shares(&frame);
+        let p = pick(&shares, rng);
         let blur = &self.fibre.blurs()[p];
-        let theta = folded_gaussian_sample(frame.theta_out_rad(), blur, normals.x);
-        let (sin, cos) = theta.sin_cos();
+        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals[0]);
         let mut a = FibreAngles {
             sin,
-            cos: cos.max(0.0),
+            cos,
             azimuth_rad: 0.0,
         };
         let pair = inclinations(&frame, &a);
         let azimuth = match self.fibre {
             Fibre::Dielectric(f) => f.far_azimuth_sample(p, pair.mean_cos, rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals.y),
+            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals[1]),
         };
         a.azimuth_rad = wrap(azimuth);
         let w_in = frame.direction(&a);
-        let (value, pdf) = self.value(&frame, &a, &pair);
+        let (value, pdf) = self.value(&frame, &a, &pair, &shares);
         finish(w_in, value, pdf)
     }
 }
@@ -305,8 +317,9 @@ impl<'a> NearField<'a> {
                     .crossing
                     .turned(f.parameters().ior, pair.mean_cos, self.h);
                 let attenuations = f.attenuations(&mid);
+                let kernels = f.densities(&pair);
                 for p in active {
-                    let k = pair.density(&blurs[p]);
+                    let k = kernels[p];
                     value += k * f.near_azimuth(&mid, p, a.azimuth_rad) * attenuations[p].0;
                     pdf += self.shares[p] * k * f.near_azimuth(&self.crossing, p, a.azimuth_rad);
                 }
@@ -336,18 +349,17 @@ impl Lobe for NearField<'_> {
 
     fn sample(&self, _w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let frame = &self.frame;
-        let normals = rng.normal2();
+        let normals = normal2(rng);
         let p = self.chosen.unwrap_or_else(|| pick(&self.shares, rng));
         let azimuth = match self.fibre {
-            Fibre::Dielectric(f) => f.near_azimuth_sample(&self.crossing, p, normals.y, rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals.y),
+            Fibre::Dielectric(f) => f.near_azimuth_sample(&self.crossing, p, normals[1], rng),
+            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals[1]),
         };
         let blur = &self.fibre.blurs()[p];
-        let theta = folded_gaussian_sample(frame.theta_out_rad(), blur, normals.x);
-        let (sin, cos) = theta.sin_cos();
+        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals[0]);
         let a = FibreAngles {
             sin,
-            cos: cos.max(0.0),
+            cos,
             azimuth_rad: wrap(azimuth),
         };
         let w_in = frame.direction(&a);

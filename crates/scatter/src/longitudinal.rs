@@ -11,10 +11,10 @@
 //! all integrals are one [Sinkhorn1967].
 
 use crate::cone_table::node;
-use crate::fibre_frame::quick_atan2;
+use crate::fibre_frame::{quick_atan2, quick_sin_cos};
 use glam::Vec3;
-use organza_basis::Rgb;
-use std::f32::consts::{FRAC_PI_2, PI};
+use organza_basis::{PathRng, Rgb};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Least deviation of a blur, half a degree: below it, tables would have to be
 /// finer than anything visible.
@@ -93,23 +93,44 @@ impl Inclinations {
         }
         value
     }
+
+    /// [`Inclinations::density`] of the four blurs of a dielectric. Where they are
+    /// b, b / 2, 2 b and 2 b, as no limit has changed, one exponential is all of
+    /// them: its fourth and sixteenth power are the narrower ones.
+    pub fn densities(&self, blurs: &[Blur; 4], geometric: bool) -> [f32; 4] {
+        // Only the widest can fold where the narrower do not.
+        if !geometric || self.folded[1] > blurs[2].fold_cos {
+            return blurs.map(|b| self.density(&b));
+        }
+        let wide = blurs[2].gaussian(self.sum_rad);
+        let peak = |b: &Blur| INVERSE_SQRT_TAU * b.inverse;
+        let q = wide / peak(&blurs[2]);
+        let q4 = (q * q) * (q * q);
+        let q16 = (q4 * q4) * (q4 * q4);
+        [peak(&blurs[0]) * q4, peak(&blurs[1]) * q16, wide, wide]
+    }
 }
 
 const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
 
-/// Draws theta_in with density [`Inclinations::density`] from a standard normal
-/// number.
-pub fn folded_gaussian_sample(theta_out: f32, blur: &Blur, normal: f32) -> f32 {
-    let mut theta = blur.deviation_rad * normal - theta_out;
-    // Deviates of seven at the greatest blur still need two folds.
-    for _ in 0..4 {
-        if theta > FRAC_PI_2 {
-            theta = PI - theta;
-        } else if theta < -FRAC_PI_2 {
-            theta = -PI - theta;
-        }
-    }
-    theta.clamp(-FRAC_PI_2, FRAC_PI_2)
+/// Draws sine and cosine of theta_in with density [`Inclinations::density`] from
+/// a standard normal number, for sine and cosine of theta_out.
+///
+/// Turned by a sum with -theta_out: folding at an end keeps the sine and changes
+/// the sign of the cosine, however often it is done.
+pub fn folded_gaussian_sample([sin_out, cos_out]: [f32; 2], blur: &Blur, normal: f32) -> [f32; 2] {
+    let (sin, cos) = quick_sin_cos(blur.deviation_rad * normal);
+    [
+        (sin * cos_out - cos * sin_out).clamp(-1.0, 1.0),
+        (cos * cos_out + sin * sin_out).abs().min(1.0),
+    ]
+}
+
+/// Two independent standard normal numbers (Box-Muller).
+pub fn normal2(rng: &mut PathRng) -> [f32; 2] {
+    let r = (2.0 * rng.exponential()).sqrt();
+    let (sin, cos) = quick_sin_cos(TAU * rng.unit());
+    [r * cos, r * sin]
 }
 
 /// Density per radian at `azimuth_rad` in `[-pi, pi]` of a Gaussian about
@@ -229,6 +250,24 @@ impl Balance {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn powers_of_one_exponential_are_all_four() {
+        for width in [0.02f32, 0.1, 0.25] {
+            let blurs = [1.0, 0.5, 2.0, 2.0].map(|k| Blur::new(k * width));
+            for i in -80..=80 {
+                for o in [-1.5f32, -0.7, 0.0, 1.2] {
+                    let theta = i as f32 / 80.0 * FRAC_PI_2;
+                    let pair = Inclinations::new(theta.sin_cos().into(), o.sin_cos().into());
+                    let got = pair.densities(&blurs, true);
+                    for (g, b) in got.into_iter().zip(&blurs) {
+                        let want = pair.density(b);
+                        assert!((g - want).abs() < 2e-4 * want + 1e-6, "{width} {theta} {o}");
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn balanced_kernels_integrate_to_one() {

@@ -27,7 +27,7 @@ pub fn effective_cross_section(sine: f32, spread_rad: f32) -> f32 {
     if spread_rad <= MIN_SPREAD_RAD {
         return sine;
     }
-    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, 0.5, mean_sine));
+    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, mean_sine));
     TABLE.area(sine, spread_rad.min(MAX_SPREAD_RAD))
 }
 
@@ -45,19 +45,20 @@ fn mean_sine(sine: f64, spread_rad: f64) -> f64 {
     let (sin_beta, cos_beta) = beta.sin_cos();
     // Over azimuth the squared sine is quadratic in its cosine; the midpoint
     // rule over half a period converges fast except at the cone's tip.
+    let azimuths: [(f64, f64); 48] =
+        std::array::from_fn(|k| ((k as f64 + 0.5) / 48.0 * std::f64::consts::PI).sin_cos());
     let around = |alpha: f64| {
         let (sin, cos) = alpha.sin_cos();
-        let n = 48;
-        let sum: f64 = (0..n)
-            .map(|k| {
-                let phi = (f64::from(k) + 0.5) / f64::from(n) * std::f64::consts::PI;
+        let sum: f64 = azimuths
+            .iter()
+            .map(|(sin_phi, cos_phi)| {
                 // sin^2 = |w x t|^2 without cancellation.
-                let x = sin_beta * cos - cos_beta * sin * phi.cos();
-                let y = sin * phi.sin();
+                let x = sin_beta * cos - cos_beta * sin * cos_phi;
+                let y = sin * sin_phi;
                 (x * x + y * y).sqrt()
             })
             .sum();
-        sum / f64::from(n)
+        sum / azimuths.len() as f64
     };
     let reach = (9.0 * spread_rad).min(std::f64::consts::FRAC_PI_2);
     let weight = |alpha: f64| (-0.5 * (alpha / spread_rad).powi(2)).exp();
