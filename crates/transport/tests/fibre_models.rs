@@ -160,7 +160,7 @@ fn add(sums: &mut Shares, one: &Shares) {
 }
 
 fn measure(medium: AnyMedium, view: Vec3, paths: u64, seed: u64) -> Shares {
-    let box_mm = medium.lattice().bounds_mm();
+    let box_mm = medium.lattice().unwrap().bounds_mm();
     let pose = CameraPose {
         origin_mm: DVec3::Z,
         target_mm: DVec3::ZERO,
