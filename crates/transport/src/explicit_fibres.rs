@@ -287,7 +287,8 @@ impl ExplicitFibres {
         let lead = f64::from(BVH_LEAD_MM);
         let ray = BvhRay::new(
             (o - lead * d).as_vec3a(),
-            d.as_vec3a(),
+            // The hierarchy loses rays with a component of minus zero.
+            d.as_vec3a() + Vec3A::ZERO,
             0.0,
             (most + lead) as f32 * (1.0 + 1e-6),
         );

@@ -64,6 +64,8 @@ fn rays(seed: u64, count: u64, box_mm: Aabb) -> impl Iterator<Item = Ray> {
         match i % 4 {
             0 => d = (d + 30.0 * Vec3::X).normalize(),
             1 => d = (d * Vec3::new(1.0, 1.0, 0.05)).normalize(),
+            // Zeros of either sign.
+            2 => d = [-Vec3::Z, Vec3::Z, -Vec3::Y, Vec3::Y][(i / 16 % 4) as usize],
             _ => {}
         }
         let back = [0.0, 0.3, 3.0, 30.0][(i / 4 % 4) as usize];
