@@ -4,6 +4,7 @@
 
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
+mod far; // surface models, meshes and levels of detail in scenes
 mod invalid; // the message for every kind of wrong input
 mod measure; // the virtual goniometer
 mod program; // how the others run the program

@@ -15,7 +15,7 @@ const EDGES: [(&str, &[&str]); 9] = [
     ("volume", &["basis"]),
     ("scatter", &["basis"]),
     ("mesh", &["basis"]),
-    ("transport", &["basis", "scatter", "volume"]),
+    ("transport", &["basis", "mesh", "scatter", "volume"]),
     ("surface", &["basis", "scatter", "weave"]),
     ("measure", &["basis", "surface", "transport"]),
     (

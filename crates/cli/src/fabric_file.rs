@@ -1,5 +1,7 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
+use crate::cloth_levels::{FarSheet, Levels, Place};
+use crate::drape;
 use crate::error::input;
 use crate::fibre_optics;
 use crate::optics::{self, OpticsFile};
@@ -7,12 +9,13 @@ use crate::progress::Progress;
 use crate::read;
 use crate::scattering::{ScatteringModel, ScatteringTable};
 use crate::scene_build::BuildOptions;
-use crate::scene_file::{CameraKind, CameraTable, ClothTable, Lod, LodName};
+use crate::scene_file::{ClothTable, Lod, LodName};
+use crate::woven_sheet::WovenSheet;
 use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
-use organza_transport::{AnyMedium, ExplicitFibres, FibreEvent, FlakeOptics};
+use organza_transport::{AnyMedium, Camera, ExplicitFibres, FibreEvent, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, Draft, FabricGeometry, Material,
@@ -21,6 +24,7 @@ use organza_weave::{
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A whole fabric file.
 #[derive(Debug, Deserialize)]
@@ -168,6 +172,17 @@ impl Fabric {
         Ok(())
     }
 
+    /// The surface model as a sheet, in register with the volume.
+    fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
+        let surface = self.surface(path)?;
+        let repeat_mm = surface.period_mm().max_element();
+        let tile_min_mm = self.cloth.tile().bounds_mm.min.truncate();
+        Ok(FarSheet {
+            sheet: Box::new(WovenSheet::new(surface, tile_min_mm)),
+            repeat_mm,
+        })
+    }
+
     /// The fibres of each material of the cloth.
     ///
     /// # Errors
@@ -201,27 +216,12 @@ impl Fabric {
         Ok(AnyMedium::Explicit(traced))
     }
 
-    /// The octree of the cloth's fibres.
+    /// The octree of the cloth's fibres, with the length of thick ones where
+    /// `footprint` says.
     ///
     /// # Errors
     /// A voxel size out of range, or more memory needed than allowed.
     pub fn voxelize(
-        &self,
-        path: &Path,
-        voxel_um: Option<f32>,
-        levels: Option<u8>,
-        max_memory_bytes: Option<u64>,
-        quiet: bool,
-    ) -> Result<Octree> {
-        let covered = Footprint::Covered;
-        self.voxelize_as(path, covered, voxel_um, levels, max_memory_bytes, quiet)
-    }
-
-    /// The same with the length of thick fibres where `footprint` says.
-    ///
-    /// # Errors
-    /// As [`Fabric::voxelize`].
-    pub fn voxelize_as(
         &self,
         path: &Path,
         footprint: Footprint,
@@ -302,7 +302,7 @@ pub fn free_memory_bytes() -> u64 {
 pub fn cloth_medium(
     table: &ClothTable,
     as_fibres: bool,
-    camera: &CameraTable,
+    camera: &Camera,
     options: &BuildOptions<'_>,
 ) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
@@ -317,56 +317,70 @@ pub fn cloth_medium(
         .over(fabric.file.scattering)
         .map_err(fail)?;
     if as_fibres || model == ScatteringModel::Explicit {
+        if table.mesh.is_some() {
+            return Err(fail(
+                ".mesh: fibres one by one lie flat; take another model",
+            ));
+        }
         return fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet);
     }
-    let octree = fabric.voxelize_as(
+    let lod = match (model, table.lod) {
+        (ScatteringModel::Surface, Lod::Name(LodName::Auto | LodName::Surface)) => {
+            Lod::Name(LodName::Surface)
+        }
+        (ScatteringModel::Surface, _) => {
+            return Err(fail(".lod: a surface has no levels; leave it out"));
+        }
+        (_, lod) => lod,
+    };
+    let mesh = drape::mesh(table, options)?;
+    let mut place = Place {
+        bounds_mm: fabric.cloth.tile().bounds_mm,
+        mesh: mesh.as_ref(),
+        max_memory_bytes: options.max_memory_bytes.unwrap_or_else(free_memory_bytes),
+        quiet: options.quiet,
+    };
+    if lod == Lod::Name(LodName::Surface) {
+        return place
+            .sheet_alone(fabric.far_sheet(&path)?)?
+            .ok_or_else(|| fail(".fabric: its tile has no volume"));
+    }
+    let octree = Arc::new(fabric.voxelize(
         &path,
         model.footprint(),
         table.voxel_um,
         None,
         options.max_memory_bytes,
         options.quiet,
-    )?;
-    let level = match table.lod {
-        Lod::Level(level) => level,
-        Lod::Name(LodName::Volume) => 0,
-        Lod::Name(LodName::Auto) => {
-            let level = level_for_camera(&octree, camera);
-            if model == ScatteringModel::Fibres(FibreEvent::Packed) {
-                level.max(fibre_optics::level_for_packed(
-                    &octree,
-                    fabric.cloth.materials(),
-                ))
-            } else {
-                level
-            }
-        }
+    )?);
+    if mesh.is_some() && !octree.repeats() {
+        return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
+    }
+    place.bounds_mm = octree.bounds_mm();
+    let sheet = match (&fabric.file.surface, lod) {
+        (Some(_), Lod::Name(LodName::Auto)) => Some(fabric.far_sheet(&path)?),
+        _ => None,
     };
-    let levels = octree.level_count();
-    model.medium(&fabric, &path, octree, level)?.ok_or_else(|| {
-        input(format!(
-            "{}: object.lod: level {level} does not exist; the cloth has {levels}, from 0",
-            options.scene_path.display()
+    let (name, levels) = match lod {
+        Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
+        Lod::Name(LodName::Auto) => {
+            let finest = if model == ScatteringModel::Fibres(FibreEvent::Packed) {
+                fibre_optics::level_for_packed(&octree, fabric.cloth.materials())
+            } else {
+                0
+            };
+            let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
+            let widths = place.footprints_mm(camera);
+            let levels = Levels::for_footprints(&octree, finest, repeat_mm, widths);
+            ("auto".into(), levels)
+        }
+        Lod::Name(_) => ("volume".into(), Levels::only(0)),
+    };
+    let volume = |level| model.medium(&fabric, &path, Arc::clone(&octree), level);
+    levels.medium(&place, sheet, volume)?.ok_or_else(|| {
+        let levels = octree.level_count();
+        fail(&format!(
+            ".lod: {name} does not exist; the cloth has {levels}, from 0"
         ))
     })
-}
-
-/// The coarsest level whose voxels are at most half a pixel wide where the
-/// camera looks.
-fn level_for_camera(octree: &Octree, camera: &CameraTable) -> u8 {
-    let pixels = f64::from(camera.resolution[0].max(1));
-    let width_mm = match camera.kind {
-        CameraKind::Orthographic => camera.width_mm.unwrap_or(0.0),
-        CameraKind::Perspective | CameraKind::ThinLens => {
-            let distance = (glam::DVec3::from(camera.target_mm)
-                - glam::DVec3::from(camera.origin_mm))
-            .length();
-            2.0 * distance * (0.5 * camera.fov_deg.unwrap_or(0.0).to_radians()).tan()
-        }
-    };
-    let pixel_mm = (width_mm / pixels) as f32;
-    (0..octree.level_count())
-        .rev()
-        .find(|&l| octree.voxel_mm(l).max_element() <= 0.5 * pixel_mm)
-        .unwrap_or(0)
 }

@@ -4,7 +4,9 @@
 //! file) end with exit status 2, failures while running with 1.
 
 mod checkpoint;
+mod cloth_levels;
 mod commands;
+mod drape;
 mod environment_file;
 mod error;
 mod fabric_file;
@@ -22,6 +24,7 @@ mod scattering;
 mod scene_build;
 mod scene_file;
 mod schedule;
+mod woven_sheet;
 
 pub use flags::command;
 

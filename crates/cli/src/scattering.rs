@@ -10,6 +10,7 @@ use organza_transport::{
 use organza_volume::{Footprint, Octree};
 use serde::Deserialize;
 use std::path::Path;
+use std::sync::Arc;
 
 /// `[scattering]`
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -31,6 +32,8 @@ pub enum ScatteringModel {
     Fibres(FibreEvent),
     /// No voxels: every fibre as it is.
     Explicit,
+    /// No volume: the fabric's `[surface]`.
+    Surface,
 }
 
 impl ScatteringTable {
@@ -48,13 +51,14 @@ impl ScatteringTable {
                 Err(".event: belongs to model = \"virtual-scattering\"")
             }
             ModelName::Microflake => Ok(ScatteringModel::Flakes(flake)),
-            ModelName::Fibres if self.event.is_some() => {
+            ModelName::Fibres | ModelName::Surface if self.event.is_some() => {
                 Err(".event: belongs to model = \"virtual-scattering\"")
             }
-            ModelName::Fibres if self.flake.is_some() => {
+            ModelName::Fibres | ModelName::Surface if self.flake.is_some() => {
                 Err(".flake: belongs to model = \"microflake\"")
             }
             ModelName::Fibres => Ok(ScatteringModel::Explicit),
+            ModelName::Surface => Ok(ScatteringModel::Surface),
             ModelName::VirtualScattering if self.flake.is_some() => {
                 Err(".flake: belongs to model = \"microflake\"")
             }
@@ -81,11 +85,11 @@ impl ScatteringModel {
         self,
         fabric: &Fabric,
         path: &Path,
-        octree: Octree,
+        octree: impl Into<Arc<Octree>>,
         level: u8,
     ) -> Result<Option<AnyMedium>> {
         let family = match self {
-            ScatteringModel::Explicit => return Ok(None),
+            ScatteringModel::Explicit | ScatteringModel::Surface => return Ok(None),
             ScatteringModel::Fibres(event) => {
                 let fibres = fabric.fibres(path)?;
                 return Ok(FibreMedium::new(octree, level, fibres, event).map(AnyMedium::Fibres));

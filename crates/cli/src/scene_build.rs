@@ -56,9 +56,13 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
                 return Err(fail("extent_mm belongs to repeat_xy = true"));
             }
             ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
+            ObjectTable::Cloth(t) if t.extent_mm.is_some() && t.mesh.is_some() => {
+                return Err(fail(
+                    "extent_mm is for flat cloth and does not go with mesh",
+                ));
+            }
             ObjectTable::Cloth(t) => {
-                let camera = &file.camera;
-                let medium = crate::fabric_file::cloth_medium(t, as_fibres, camera, options)?;
+                let medium = crate::fabric_file::cloth_medium(t, as_fibres, &camera, options)?;
                 (medium, t.extent_mm)
             }
         };

@@ -245,6 +245,12 @@ pub struct ClothTable {
     pub optics: OpticsFile,
     #[serde(default)]
     pub lod: Lod,
+    /// A mesh with texture coordinates to lay the cloth over.
+    pub mesh: Option<String>,
+    /// With `mesh`: length of its units; 1000 for glTF and else 1, if none.
+    pub mm_per_unit: Option<f32>,
+    /// With `mesh`: cloth to a unit of texture coordinate.
+    pub mm_per_uv: Option<f32>,
     /// Overrides the fabric's own voxel size.
     pub voxel_um: Option<f32>,
     /// Overrides the fabric's own seed.
@@ -272,6 +278,8 @@ pub enum ModelName {
     VirtualScattering,
     /// Every fibre, as it is.
     Fibres,
+    /// The fabric's `[surface]`, from near and far.
+    Surface,
 }
 
 /// `flake`, of micro-flakes.
@@ -311,7 +319,10 @@ impl From<EventName> for FibreEvent {
 
 /// `lod`: a level, or a name.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(untagged, expecting = "\"auto\", \"volume\" or a level (0 the finest)")]
+#[serde(
+    untagged,
+    expecting = "\"auto\", \"volume\", \"surface\" or a level (0 the finest)"
+)]
 pub enum Lod {
     Level(u8),
     Name(LodName),
@@ -326,8 +337,10 @@ impl Default for Lod {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum LodName {
-    /// The level whose voxels suit the camera's pixels.
+    /// What suits the width of each path's pixel, blended.
     Auto,
     /// The finest level.
     Volume,
+    /// The fabric's `[surface]`.
+    Surface,
 }

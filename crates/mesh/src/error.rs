@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why a mesh was refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Error {
-    /// The text is not an OBJ file.
+    /// The bytes are not what the format wants.
     #[error("mesh: {0}")]
     Syntax(String),
     /// Cloth needs to know where it lies.

@@ -33,6 +33,7 @@ pub struct Repairs {
 #[derive(Clone, Debug)]
 pub struct Mesh {
     triangles: Vec<[Vertex; 3]>,
+    corners: Vec<[u32; 3]>,
     repairs: Repairs,
 }
 
@@ -95,6 +96,7 @@ impl Mesh {
         }
         Ok(Mesh {
             triangles: kept,
+            corners: ids,
             repairs,
         })
     }
@@ -104,10 +106,36 @@ impl Mesh {
         &self.triangles
     }
 
+    /// For every face the points that its corners share with other faces.
+    pub fn corners(&self) -> &[[u32; 3]] {
+        &self.corners
+    }
+
     /// What had to be repaired, to be told to the user.
     pub fn repairs(&self) -> Repairs {
         self.repairs
     }
+}
+
+/// Places of a face's corners in the fabric plane; where they have no area, as
+/// if the face were unfolded there from its first corner, weft along the first
+/// edge.
+pub(crate) fn unfolded_uv(t: &[Vertex; 3]) -> [Vec2; 3] {
+    let uv = t.map(|v| v.uv_mm);
+    if stretch(t).is_some() {
+        return uv;
+    }
+    let (p, q) = (
+        t[1].position_mm - t[0].position_mm,
+        t[2].position_mm - t[0].position_mm,
+    );
+    let weft = p.normalize();
+    let across = (q - weft * q.dot(weft)).length();
+    [
+        uv[0],
+        uv[0] + Vec2::new(p.length(), 0.0),
+        uv[0] + Vec2::new(q.dot(weft), across),
+    ]
 }
 
 /// Normal of a face, as long as twice its area.

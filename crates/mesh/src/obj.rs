@@ -14,7 +14,22 @@ pub struct Placement {
 }
 
 /// The most triangles that are taken.
-const MAX_FACES: usize = 1 << 28;
+pub(crate) const MAX_FACES: usize = 1 << 28;
+
+impl Placement {
+    /// Refuses scales that are none.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        for (key, value) in [
+            ("mm_per_unit", self.mm_per_unit),
+            ("mm_per_uv", self.mm_per_uv),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::Scale { key, value });
+            }
+        }
+        Ok(())
+    }
+}
 
 /// Reads every object of an OBJ file as one mesh. Polygons are fanned into
 /// triangles; materials are not read.
@@ -24,14 +39,7 @@ const MAX_FACES: usize = 1 << 28;
 /// finite, and when nothing is left. Faces without area and missing normals are
 /// repaired: see [`Mesh::repairs`].
 pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
-    for (key, value) in [
-        ("mm_per_unit", placement.mm_per_unit),
-        ("mm_per_uv", placement.mm_per_uv),
-    ] {
-        if !(value > 0.0 && value.is_finite()) {
-            return Err(Error::Scale { key, value });
-        }
-    }
+    placement.check()?;
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,

@@ -9,6 +9,7 @@ use organza_basis::{FibreComponent, Mixture, PathRng, Rgb};
 use organza_scatter::{AxialFlake, LobeSample};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Levels between a voxel and the node whose majorant a span uses: 4 voxels
 /// along an edge, because the density of cloth varies inside yarns.
@@ -16,7 +17,7 @@ const NODE_LEVELS: u8 = 2;
 
 /// Fibres of an octree level as specular SGGX flakes.
 pub struct ClothMedium {
-    octree: Octree,
+    octree: Arc<Octree>,
     level: u8,
     optics: Vec<FlakeOptics>,
     /// Per material.
@@ -26,10 +27,15 @@ pub struct ClothMedium {
 
 impl ClothMedium {
     /// The cloth at a level of detail (0 the finest). `optics` is indexed by
-    /// the octree's materials.
+    /// the octree's materials. Media of several levels may share one octree.
     ///
     /// `None` when the level does not exist or a material has no optics.
-    pub fn new(octree: Octree, level: u8, optics: Vec<FlakeOptics>) -> Option<ClothMedium> {
+    pub fn new(
+        octree: impl Into<Arc<Octree>>,
+        level: u8,
+        optics: Vec<FlakeOptics>,
+    ) -> Option<ClothMedium> {
+        let octree = octree.into();
         if level >= octree.level_count() || optics.len() < octree.material_count() {
             return None;
         }

@@ -16,6 +16,7 @@ use organza_scatter::{
 use organza_volume::Octree;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Voxels along the edge of a node with a majorant of its own, unless fibres are
 /// thick: density varies inside yarns.
@@ -85,7 +86,7 @@ struct Node {
 
 /// Fibres of an octree level, met one by one.
 pub struct FibreMedium {
-    octree: Octree,
+    octree: Arc<Octree>,
     level: u8,
     fibres: Vec<Fibre>,
     event: FibreEvent,
@@ -103,15 +104,16 @@ pub struct FibreMedium {
 
 impl FibreMedium {
     /// The cloth at a level of detail (0 the finest). `fibres` is indexed by the
-    /// octree's materials.
+    /// octree's materials. Media of several levels may share one octree.
     ///
     /// `None` when the level does not exist or a material has no fibre.
     pub fn new(
-        octree: Octree,
+        octree: impl Into<Arc<Octree>>,
         level: u8,
         fibres: Vec<Fibre>,
         event: FibreEvent,
     ) -> Option<FibreMedium> {
+        let octree = octree.into();
         if level >= octree.level_count() || fibres.len() < octree.material_count() {
             return None;
         }

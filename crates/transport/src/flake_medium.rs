@@ -9,6 +9,7 @@ use organza_basis::{Mixture, PathRng, Rgb};
 use organza_scatter::{DiffuseFlake, GaussianBand, Lobe, LobeSample, SineBand};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A family of micro-flakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +60,7 @@ impl FlakeMedium {
     ///
     /// `None` when the level does not exist or a material has no optics.
     pub fn new(
-        octree: Octree,
+        octree: impl Into<Arc<Octree>>,
         level: u8,
         optics: Vec<FlakeOptics>,
         family: FlakeFamily,

@@ -1,6 +1,6 @@
 //! One path: the random walk from the camera against the light.
 
-use crate::{Collision, Light, Scene, SiteInfo, Stats};
+use crate::{Collision, Light, Scene, SiteInfo, Stats, Tracking};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 
@@ -68,20 +68,14 @@ pub fn trace_path(
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> PathSample {
-    let (origin_mm, direction) = scene.camera.ray(pixel, rng);
-    trace_from(
-        scene,
-        &scene.lights,
-        (origin_mm, direction),
-        integrator,
-        max_bounces,
-        rng,
-        stats,
-    )
+    let ray = scene.camera.ray(pixel, rng);
+    let tracking = scene.tracking(integrator, ray, rng);
+    trace_from(scene, &scene.lights, ray, tracking, max_bounces, rng, stats)
 }
 
 /// Traces one path from an origin in mm along a unit direction, under `lights`
-/// in place of the scene's own; the camera plays no part.
+/// in place of the scene's own; the camera plays no part. An [`Integrator`]
+/// alone meets the finest representation of everything.
 ///
 /// How each kind of light is found is told in [`Light`]. Densities are those
 /// of directions at the event, so that light may leave matter elsewhere than
@@ -90,11 +84,12 @@ pub fn trace_from(
     scene: &Scene,
     lights: &[Light],
     (origin_mm, direction): (DVec3, DVec3),
-    integrator: Integrator,
+    tracking: impl Into<Tracking>,
     max_bounces: u32,
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> PathSample {
+    let tracking = tracking.into();
     stats.paths += 1;
     // The path goes on in f32 from a point near what it meets first, so that a
     // far camera costs no precision.
@@ -114,7 +109,7 @@ pub fn trace_from(
     // Where the ray's direction was drawn, and how densely; none by a camera.
     let mut drawn: Option<(Vec3, f32)> = None;
     loop {
-        let collision = scene.first_collision(&ray, integrator, rng, stats);
+        let collision = scene.first_collision(&ray, tracking, rng, stats);
         let reach = collision.as_ref().map_or(f32::INFINITY, |c| c.t);
         for light in lights {
             if light.distance_along(&ray).is_some_and(|t| t <= reach) {
@@ -151,7 +146,7 @@ pub fn trace_from(
             collision: &collision,
         };
         for light in lights {
-            sample.radiance += event.light_from(light, scene, integrator, rng, stats);
+            sample.radiance += event.light_from(light, scene, tracking, rng, stats);
         }
         let Some(scatter) = collision.sample(w_out, rng) else {
             sample.absorbed += throughput;
@@ -190,7 +185,7 @@ impl Event<'_> {
         &self,
         light: &Light,
         scene: &Scene,
-        integrator: Integrator,
+        tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
@@ -212,7 +207,7 @@ impl Event<'_> {
         let Some(reach) = light.distance_along(&shadow) else {
             return Rgb::BLACK;
         };
-        let through = scene.transmittance(&shadow, reach, integrator, rng, stats);
+        let through = scene.transmittance(&shadow, reach, tracking, rng, stats);
         unshadowed * (through / keep)
     }
 }

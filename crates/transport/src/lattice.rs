@@ -3,6 +3,7 @@
 
 use glam::{DVec3, IVec3, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Ray};
+use organza_mesh::ShellSpan;
 
 /// A box cut into `dims` voxels, alone or repeated in x and y, without end or
 /// over a rectangle.
@@ -132,6 +133,38 @@ impl Lattice {
             step: ray.direction * self.voxels_per_mm,
             direction: ray.direction,
             t_entry: near,
+            length: far - near,
+        })
+    }
+
+    /// A straight stretch of a ray through a shell, as one through this lattice;
+    /// `None` when it misses. The lattice repeats in x and y whatever it does
+    /// elsewhere. `direction` is the ray's in the world.
+    pub fn enter(&self, span: &ShellSpan, direction: Vec3) -> Option<LocalRay> {
+        let (low, high) = (self.bounds_mm.min.z, self.bounds_mm.max.z);
+        let (mut near, mut far) = (0.0f32, span.t1 - span.t0);
+        let (z, slope) = (span.cloth_mm.z, span.step.z);
+        if slope == 0.0 {
+            if z < low || z > high {
+                return None;
+            }
+        } else {
+            let (a, b) = ((low - z) / slope, (high - z) / slope);
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        if near >= far {
+            return None;
+        }
+        let entry = (span.cloth_mm + near * span.step).as_dvec3();
+        let mut local = (entry - self.bounds_mm.min.as_dvec3()) * self.voxels_per_mm.as_dvec3();
+        local.x = local.x.rem_euclid(f64::from(self.dims.x));
+        local.y = local.y.rem_euclid(f64::from(self.dims.y));
+        Some(LocalRay {
+            origin: local.as_vec3(),
+            step: span.step * self.voxels_per_mm,
+            direction: (span.world_from_cloth.transpose() * direction).normalize(),
+            t_entry: span.t0 + near,
             length: far - near,
         })
     }

@@ -8,7 +8,9 @@
 //! fibres taken as micro-flakes, [`FibreMedium`] from the same with fibres that
 //! scatter as fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
 //! inside are monomorphic. Beside them stand [`ExplicitFibres`], which a ray meets
-//! one by one: the ground truth of the others.
+//! one by one: the ground truth of the others. A [`LevelledCloth`] holds several of
+//! them, and last a [`Sheet`], of which every path meets the one that suits its
+//! pixel.
 //!
 //! # The walk
 //! Paths start at the camera and go against the light. An event weighs the
@@ -24,6 +26,8 @@
 
 mod camera;
 mod cloth_medium;
+mod detail;
+mod draping;
 mod explicit_fibres;
 mod fibre_medium;
 mod film;
@@ -32,6 +36,7 @@ mod grid_medium;
 mod image_environment;
 mod integrator;
 mod lattice;
+mod levelled_cloth;
 mod light;
 mod medium;
 mod plane;
@@ -39,12 +44,15 @@ mod population_flakes;
 mod rectangle;
 mod render;
 mod scene;
+mod sheet;
 mod stats;
 mod tracking;
 mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::ClothMedium;
+pub use detail::{Detail, LevelSteps, PixelCone, Tracking};
+pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use film::{Film, Pixel};
@@ -53,6 +61,7 @@ pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
 pub use image_environment::{ImageEnvironment, ImageEnvironmentError};
 pub use integrator::{Escape, FirstEvent, Integrator, PathSample, trace_from, trace_path};
 pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
+pub use levelled_cloth::LevelledCloth;
 pub use light::{Hemisphere, Light, LightSample, LightSearch};
 pub use medium::{Medium, SiteInfo};
 pub use plane::Plane;
@@ -60,6 +69,7 @@ pub use population_flakes::{FlakeOptics, population_shape};
 pub use rectangle::{RectangleError, RectangleLight};
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::{AnyMedium, Collision, Scene};
+pub use sheet::{Sheet, SheetPoint};
 pub use stats::Stats;
 pub use tracking::{
     exact_transmittance, sample_collision, sample_collision_exactly, transmittance,

@@ -338,7 +338,7 @@ fn a_cut_edge_is_the_grid_cut_by_hand() {
             let p = Vec3::new(rng.unit() - 0.4, 0.9 * rng.unit(), 0.2 * rng.unit());
             let w = organza_basis::warp::uniform_sphere(rng.unit2());
             let ray = Ray::new(p - 2.0 * w, w);
-            let regular = Integrator::Regular;
+            let regular = Integrator::Regular.into();
             let t = scene.transmittance(&ray, f32::INFINITY, regular, &mut rng.clone(), &mut stats);
             // The walk's start from far away belongs to the same box.
             let start = scene.near_start(&[], ray.origin.as_dvec3(), w.as_dvec3());

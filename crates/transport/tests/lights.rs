@@ -162,21 +162,27 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
         let (o, d) = scene.camera.ray(UVec2::splat(8), &mut rng);
         let ray = Ray::new(o.as_vec3(), d.as_vec3());
         let mut sum = 0.0;
-        let met = scene.first_collision(&ray, Integrator::Woodcock, &mut rng, &mut stats);
+        let met = scene.first_collision(&ray, Integrator::Woodcock.into(), &mut rng, &mut stats);
         if let Some(collision) = met {
             let (at, w_out) = (ray.at(collision.t), -ray.direction);
             if let Some(to) = light.sample_toward(at, &mut rng) {
                 let share = shares(to.pdf, collision.pdf(w_out, to.w_in)).0;
                 let shadow = Ray::new(at, to.w_in);
                 let reach = light.distance_along(&shadow).unwrap_or(0.0);
-                let through =
-                    scene.transmittance(&shadow, reach, Integrator::Woodcock, &mut rng, &mut stats);
+                let through = scene.transmittance(
+                    &shadow,
+                    reach,
+                    Integrator::Woodcock.into(),
+                    &mut rng,
+                    &mut stats,
+                );
                 let scattered = collision.eval(w_out, to.w_in) * to.irradiance;
                 sum += share * through * scattered.0.x;
             }
             if let Some(drawn) = collision.sample(w_out, &mut rng) {
                 let on = Ray::new(at, drawn.w_in);
-                let next = scene.first_collision(&on, Integrator::Woodcock, &mut rng, &mut stats);
+                let next =
+                    scene.first_collision(&on, Integrator::Woodcock.into(), &mut rng, &mut stats);
                 let reach = next.map_or(f32::INFINITY, |c| c.t);
                 if light.distance_along(&on).is_some_and(|t| t <= reach) {
                     let light_pdf = match light {

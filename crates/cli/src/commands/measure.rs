@@ -89,7 +89,7 @@ fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
         let fibres = fabric.explicit_fibres(&args.file, args.max_memory, args.common.quiet)?;
         return patch_of(args, fibres);
     }
-    let octree = fabric.voxelize_as(
+    let octree = fabric.voxelize(
         &args.file,
         model.footprint(),
         args.voxel_um,

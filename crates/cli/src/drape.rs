@@ -1,0 +1,84 @@
+//! `object.mesh`: the mesh that a cloth is laid over.
+
+use crate::error::input;
+use crate::read;
+use crate::scene_build::BuildOptions;
+use crate::scene_file::ClothTable;
+use anyhow::Result;
+use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
+
+/// Millimetres to a unit of length: glTF prescribes metres, the others nothing.
+const GLTF_MM_PER_UNIT: f32 = 1000.0;
+
+/// The mesh of a cloth object, if it has one.
+///
+/// # Errors
+/// Names the file and what is wrong with it, or the key that is missing.
+pub fn mesh(table: &ClothTable, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
+    let fail = |key: &str, why: &str| {
+        input(format!(
+            "{}: object.{key}: {why}",
+            options.scene_path.display()
+        ))
+    };
+    let Some(name) = &table.mesh else {
+        for (key, given) in [
+            ("mm_per_unit", table.mm_per_unit),
+            ("mm_per_uv", table.mm_per_uv),
+        ] {
+            if given.is_some() {
+                return Err(fail(key, "belongs to a `mesh`, which is not given"));
+            }
+        }
+        return Ok(None);
+    };
+    let mm_per_uv = table.mm_per_uv.ok_or_else(|| {
+        let why = "is missing: millimetres of cloth per unit of texture coordinate";
+        fail("mm_per_uv", why)
+    })?;
+    let path = read::beside(options.scene_path, name);
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    let placement = Placement {
+        mm_per_unit: table.mm_per_unit.unwrap_or(match ending.as_str() {
+            "gltf" | "glb" => GLTF_MM_PER_UNIT,
+            _ => 1.0,
+        }),
+        mm_per_uv,
+    };
+    let bytes = read::bytes(&path)?;
+    let mesh = match ending.as_str() {
+        "obj" => read_obj(&bytes, placement),
+        "ply" => read_ply(&bytes, placement),
+        "gltf" | "glb" => {
+            let open = |uri: &str| read::bytes_or_why(&read::beside(&path, uri));
+            read_gltf(&bytes, placement, &open)
+        }
+        _ => return Err(fail("mesh", "expected a file .obj, .ply, .gltf or .glb")),
+    }
+    .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    if !options.quiet {
+        tell(name, mesh.repairs());
+    }
+    Ok(Some(mesh))
+}
+
+#[allow(clippy::print_stderr)]
+fn tell(name: &str, repairs: Repairs) {
+    for (count, what) in [
+        (repairs.dropped_faces, "faces without area left out"),
+        (repairs.computed_normals, "normals computed from faces"),
+        (
+            repairs.collapsed_uv,
+            "faces without texture area laid out flat",
+        ),
+        (repairs.mirrored_uv, "faces with mirrored texture"),
+    ] {
+        if count > 0 {
+            eprintln!("{name}: {count} {what}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Stanford PLY, text and binary.
+
+use crate::error::Error;
+use crate::indexed::Indexed;
+use crate::mesh::Mesh;
+use crate::obj::Placement;
+use glam::{Vec2, Vec3};
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::{DefaultElement, Property};
+
+/// Names under which programs write texture coordinates of vertices.
+const UV_NAMES: [[&str; 2]; 4] = [
+    ["s", "t"],
+    ["u", "v"],
+    ["texture_u", "texture_v"],
+    ["texture_s", "texture_t"],
+];
+
+/// Reads a PLY file. Texture coordinates may belong to vertices or, in a list
+/// `texcoord`, to the corners of faces; polygons are fanned into triangles.
+///
+/// # Errors
+/// As [`read_obj`](crate::read_obj).
+pub fn read_ply(bytes: &[u8], placement: Placement) -> Result<Mesh, Error> {
+    placement.check()?;
+    let syntax = |what: String| Error::Syntax(format!("PLY: {what}"));
+    let mut reader = bytes;
+    let ply = Parser::<DefaultElement>::new()
+        .read_ply(&mut reader)
+        .map_err(|e| syntax(e.to_string()))?;
+    let elements = |name: &str| {
+        let list = ply.payload.get(name);
+        list.ok_or_else(|| syntax(format!("has no element `{name}`")))
+    };
+    let vertices = elements("vertex")?;
+    let number = |e: &DefaultElement, key: &str| e.get(key).and_then(scalar);
+    let first = vertices.first();
+    let has = |key: &str| first.is_some_and(|v| v.contains_key(key));
+    let uv_names = UV_NAMES.into_iter().find(|n| n.iter().all(|k| has(k)));
+    let has_normals = ["nx", "ny", "nz"].iter().all(|k| has(k));
+    let mut mesh = Indexed::new("ply");
+    for v in vertices {
+        let vector = |keys: [&str; 3]| -> Result<Vec3, Error> {
+            let axis = |k: &str| {
+                number(v, k).ok_or_else(|| syntax(format!("a vertex has no number `{k}`")))
+            };
+            Ok(Vec3::new(axis(keys[0])?, axis(keys[1])?, axis(keys[2])?))
+        };
+        mesh.positions.push(vector(["x", "y", "z"])?);
+        if has_normals {
+            mesh.normals.push(vector(["nx", "ny", "nz"])?);
+        }
+        if let Some([u, v_name]) = uv_names {
+            let uv = number(v, u).zip(number(v, v_name));
+            mesh.uvs.extend(uv.map(|(x, y)| Vec2::new(x, y)));
+        }
+    }
+    for face in elements("face")? {
+        let corners = face.get("vertex_indices").or(face.get("vertex_index"));
+        let corners = corners
+            .and_then(indices)
+            .ok_or_else(|| syntax("a face has no list `vertex_indices` of whole numbers".into()))?;
+        let own_uv = face.get("texcoord").and_then(floats);
+        let own_uv: Option<Vec<Vec2>> = own_uv.map(|list| {
+            let (pairs, _) = list.as_chunks::<2>();
+            pairs.iter().map(|&p| Vec2::from(p)).collect()
+        });
+        mesh.fan(&corners, own_uv.as_deref())?;
+    }
+    mesh.into_mesh(placement)
+}
+
+fn scalar(p: &Property) -> Option<f32> {
+    match *p {
+        Property::Float(x) => Some(x),
+        Property::Double(x) => Some(x as f32),
+        Property::Char(x) => Some(x.into()),
+        Property::UChar(x) => Some(x.into()),
+        Property::Short(x) => Some(x.into()),
+        Property::UShort(x) => Some(x.into()),
+        Property::Int(x) => Some(x as f32),
+        Property::UInt(x) => Some(x as f32),
+        _ => None,
+    }
+}
+
+/// A list of indices; a negative one comes out beyond every list.
+fn indices(p: &Property) -> Option<Vec<u32>> {
+    let wide = |list: Vec<i64>| {
+        let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);
+        list.into_iter().map(index).collect()
+    };
+    Some(match p {
+        Property::ListUInt(l) => l.clone(),
+        Property::ListInt(l) => wide(l.iter().map(|&i| i.into()).collect()),
+        Property::ListUShort(l) => wide(l.iter().map(|&i| i.into()).collect()),
+        Property::ListShort(l) => wide(l.iter().map(|&i| i.into()).collect()),
+        Property::ListUChar(l) => wide(l.iter().map(|&i| i.into()).collect()),
+        Property::ListChar(l) => wide(l.iter().map(|&i| i.into()).collect()),
+        _ => return None,
+    })
+}
+
+fn floats(p: &Property) -> Option<Vec<f32>> {
+    match p {
+        Property::ListFloat(l) => Some(l.clone()),
+        Property::ListDouble(l) => Some(l.iter().map(|&x| x as f32).collect()),
+        _ => None,
+    }
+}

@@ -1,0 +1,340 @@
+//! Cloth of some thickness over a mesh: shell mapping \[Porumbescu2005].
+//!
+//! Every face of the mesh becomes a prism between its corners moved down and up
+//! along their normals, and every prism three tetrahedra in which the map
+//! between world and cloth is affine. A ray is a straight line in each of them
+//! on either side of the map, so that what walks straight lines through flat
+//! cloth walks draped cloth.
+
+use crate::error::Error;
+use crate::mesh::{Mesh, area_vector, unfolded_uv};
+use glam::{DMat3, DVec3, Mat3, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb as BvhBox;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray as BvhRay, RayHit};
+use organza_basis::{Aabb, Ray};
+use std::time::Duration;
+
+/// Tetrahedra to a prism.
+const CUT: usize = 3;
+
+/// A mesh thickened by a slab of cloth.
+pub struct Shell {
+    /// [`CUT`] to a face.
+    tetrahedra: Vec<Tetrahedron>,
+    hierarchy: CwBvh,
+    bounds_mm: Aabb,
+    folds: Folds,
+}
+
+/// Where the shell is no one-to-one map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Folds {
+    /// Tetrahedra turned inside out, where the mesh bends tighter than the
+    /// cloth is thick. Matter overlaps there.
+    pub inverted: usize,
+    /// Tetrahedra without volume, left out.
+    pub flat: usize,
+}
+
+/// The part of a ray inside one tetrahedron.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShellSpan {
+    /// Where the ray enters, mm along it.
+    pub t0: f32,
+    /// Where it leaves; greater than `t0`.
+    pub t1: f32,
+    /// The cloth there, at `t0`: weft, warp and height, mm.
+    pub cloth_mm: Vec3,
+    /// Growth of `cloth_mm` per mm along the ray.
+    pub step: Vec3,
+    /// Rotation that comes nearest to the map: the factor of its polar
+    /// decomposition. A reflection where the texture is mirrored.
+    pub world_from_cloth: Mat3,
+}
+
+#[derive(Clone, Copy)]
+struct Tetrahedron {
+    /// Weights of the second to fourth corner, from the world relative to the
+    /// first; zero for a tetrahedron without volume.
+    weights_from_world: Mat3,
+    corner_mm: Vec3,
+    cloth_from_world: Mat3,
+    cloth_corner_mm: Vec3,
+    world_from_cloth: Mat3,
+}
+
+/// A point of the world and of the cloth.
+type Corner = (DVec3, DVec3);
+
+impl Tetrahedron {
+    fn new([a, b, c, d]: [Corner; 4]) -> Option<(Tetrahedron, f64)> {
+        let edges = |of: fn(&Corner) -> DVec3| {
+            DMat3::from_cols(of(&b) - of(&a), of(&c) - of(&a), of(&d) - of(&a))
+        };
+        let (world, cloth) = (edges(|c| c.0), edges(|c| c.1));
+        let volume = |m: &DMat3| m.determinant().abs();
+        // Below a millionth of the largest possible the shape is rounding.
+        let room = |m: &DMat3| m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+        let good = |m: &DMat3| volume(m) > 1e-6 * room(m);
+        if !(good(&world) && good(&cloth)) {
+            return None;
+        }
+        let weights = world.inverse();
+        let map = world * cloth.inverse();
+        let tetrahedron = Tetrahedron {
+            weights_from_world: weights.as_mat3(),
+            corner_mm: a.0.as_vec3(),
+            cloth_from_world: (cloth * weights).as_mat3(),
+            cloth_corner_mm: a.1.as_vec3(),
+            world_from_cloth: rotation_of(map)?.as_mat3(),
+        };
+        Some((tetrahedron, map.determinant()))
+    }
+
+    const FLAT: Tetrahedron = Tetrahedron {
+        weights_from_world: Mat3::ZERO,
+        corner_mm: Vec3::ZERO,
+        cloth_from_world: Mat3::ZERO,
+        cloth_corner_mm: Vec3::ZERO,
+        world_from_cloth: Mat3::IDENTITY,
+    };
+
+    /// The part of a ray between 0 and `limit` inside.
+    fn clip(&self, ray: &Ray, limit: f32) -> Option<ShellSpan> {
+        let from = ray.origin - self.corner_mm;
+        let (w, slope) = (
+            self.weights_from_world * from,
+            self.weights_from_world * ray.direction,
+        );
+        if slope == Vec3::ZERO {
+            return None;
+        }
+        let (mut t0, mut t1) = (0.0f32, limit);
+        for (w, slope) in [
+            (1.0 - w.element_sum(), -slope.element_sum()),
+            (w.x, slope.x),
+            (w.y, slope.y),
+            (w.z, slope.z),
+        ] {
+            if slope > 0.0 {
+                t0 = t0.max(-w / slope);
+            } else if slope < 0.0 {
+                t1 = t1.min(-w / slope);
+            } else if w < 0.0 {
+                return None;
+            }
+        }
+        (t0 < t1).then(|| {
+            let step = self.cloth_from_world * ray.direction;
+            ShellSpan {
+                t0,
+                t1,
+                cloth_mm: self.cloth_corner_mm + self.cloth_from_world * from + t0 * step,
+                step,
+                world_from_cloth: self.world_from_cloth,
+            }
+        })
+    }
+}
+
+/// The orthogonal factor of a matrix, by Newton's iteration \[Higham1986].
+fn rotation_of(map: DMat3) -> Option<DMat3> {
+    let mut r = map;
+    for _ in 0..64 {
+        let next = 0.5 * (r + r.inverse().transpose());
+        if !next.is_finite() {
+            return None;
+        }
+        let change = (next - r)
+            .to_cols_array()
+            .iter()
+            .map(|x| x * x)
+            .sum::<f64>();
+        r = next;
+        if change < 1e-24 {
+            break;
+        }
+    }
+    Some(r)
+}
+
+impl Shell {
+    /// The cloth between two heights over a mesh that lies half way between
+    /// them; heights in mm along the normal, in the cloth's own coordinates.
+    ///
+    /// One normal is used for all corners at a point, the mean over the faces
+    /// there, so that prisms meet. Faces whose texture has no area are laid out
+    /// flat from their first corner, weft along the first edge.
+    ///
+    /// # Errors
+    /// When the heights do not rise, or nothing is left.
+    pub fn new(mesh: &Mesh, low_mm: f32, high_mm: f32) -> Result<Shell, Error> {
+        if !(low_mm < high_mm && low_mm.is_finite() && high_mm.is_finite()) {
+            return Err(Error::Scale {
+                key: "thickness",
+                value: high_mm - low_mm,
+            });
+        }
+        let (low, high) = (f64::from(low_mm), f64::from(high_mm));
+        let half = 0.5 * (high - low);
+        let normals = point_normals(mesh);
+        let mut folds = Folds::default();
+        let mut bounds_mm = Aabb::EMPTY;
+        let mut tetrahedra = Vec::with_capacity(CUT * mesh.triangles().len());
+        let mut boxes = Vec::with_capacity(mesh.triangles().len());
+        for (triangle, ids) in mesh.triangles().iter().zip(mesh.corners()) {
+            let uv = unfolded_uv(triangle);
+            let face = area_vector(triangle);
+            let side = |k: usize, up: bool| -> Corner {
+                let own = triangle[k].normal;
+                let n = normals[ids[k] as usize].unwrap_or(own).as_dvec3();
+                let (height, offset) = if up { (high, half) } else { (low, -half) };
+                (
+                    triangle[k].position_mm.as_dvec3() + offset * n,
+                    uv[k].as_dvec2().extend(height),
+                )
+            };
+            // From the least to the greatest corner: both prisms at an edge cut
+            // their common side along the same diagonal.
+            let mut order = [0, 1, 2];
+            order.sort_by_key(|&k| ids[k]);
+            let [a, b, c] = order;
+            let (bottom, top) = (|k| side(k, false), |k| side(k, true));
+            let mirrored = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) < 0.0;
+            let outward = if face.dot(triangle[0].normal) < 0.0 {
+                -1.0
+            } else {
+                1.0
+            };
+            for corners in [
+                [bottom(a), bottom(b), bottom(c), top(c)],
+                [bottom(a), bottom(b), top(b), top(c)],
+                [bottom(a), top(a), top(b), top(c)],
+            ] {
+                match Tetrahedron::new(corners) {
+                    Some((tetrahedron, determinant)) => {
+                        let upright = (determinant * outward > 0.0) != mirrored;
+                        folds.inverted += usize::from(!upright);
+                        tetrahedra.push(tetrahedron);
+                    }
+                    None => {
+                        folds.flat += 1;
+                        tetrahedra.push(Tetrahedron::FLAT);
+                    }
+                }
+            }
+            let mut prism = Aabb::EMPTY;
+            for k in 0..3 {
+                prism = prism.with_point(bottom(k).0.as_vec3());
+                prism = prism.with_point(top(k).0.as_vec3());
+            }
+            bounds_mm = bounds_mm.union(&prism);
+            boxes.push(prism);
+        }
+        if folds.flat == tetrahedra.len() {
+            return Err(Error::Empty {
+                dropped: boxes.len(),
+            });
+        }
+        // Boxes are met in single precision: room for its rounding.
+        let margin = 1e-5 * bounds_mm.size().length();
+        let boxes: Vec<BvhBox> = boxes
+            .iter()
+            .map(|b| {
+                let b = b.grown(margin);
+                BvhBox::new(Vec3A::from(b.min), Vec3A::from(b.max))
+            })
+            .collect();
+        let params = BvhBuildParams::medium_build();
+        Ok(Shell {
+            hierarchy: build_cwbvh(&boxes, params, &mut Duration::default()),
+            tetrahedra,
+            bounds_mm: bounds_mm.grown(margin),
+            folds,
+        })
+    }
+
+    /// Memory that the shell of a mesh with so many faces takes.
+    pub fn memory_bytes(faces: usize) -> u64 {
+        // Tetrahedra, and the hierarchy with its boxes while it is built.
+        let face = CUT * size_of::<Tetrahedron>() + 4 * size_of::<BvhBox>();
+        face as u64 * faces as u64
+    }
+
+    /// A box around all.
+    pub fn bounds_mm(&self) -> Aabb {
+        self.bounds_mm
+    }
+
+    /// Where the map folds, to be told to the user.
+    pub fn folds(&self) -> Folds {
+        self.folds
+    }
+
+    /// Visits the parts of a ray inside the shell before `limit_mm`, in no
+    /// strict order but with near ones early. `visit` returns the distance up to
+    /// which parts are still wanted.
+    pub fn visit_spans(&self, ray: &Ray, limit_mm: f32, mut visit: impl FnMut(&ShellSpan) -> f32) {
+        if !(ray.origin.is_finite() && ray.direction.is_finite() && limit_mm > 0.0) {
+            return;
+        }
+        let bvh_ray = BvhRay::new(ray.origin.into(), ray.direction.into(), 0.0, limit_mm);
+        self.hierarchy
+            .ray_traverse(bvh_ray, &mut RayHit::none(), |bvh_ray, id| {
+                let face = self.hierarchy.primitive_indices[id] as usize;
+                let mut limit = bvh_ray.tmax;
+                for tetrahedron in &self.tetrahedra[CUT * face..CUT * face + CUT] {
+                    if let Some(span) = tetrahedron.clip(ray, limit) {
+                        limit = limit.min(visit(&span));
+                    }
+                }
+                limit
+            });
+    }
+
+    /// Distance along a ray to the shell; `None` for a miss.
+    pub fn distance_mm(&self, ray: &Ray) -> Option<f32> {
+        let mut nearest = f32::INFINITY;
+        self.visit_spans(ray, f32::INFINITY, |span| {
+            nearest = nearest.min(span.t0);
+            nearest
+        });
+        nearest.is_finite().then_some(nearest)
+    }
+}
+
+/// The mean normal at every point that faces share; `None` where normals cancel.
+fn point_normals(mesh: &Mesh) -> Vec<Option<Vec3>> {
+    let most = mesh.corners().iter().flatten().max().copied().unwrap_or(0);
+    let mut sums = vec![Vec3::ZERO; most as usize + 1];
+    for (triangle, ids) in mesh.triangles().iter().zip(mesh.corners()) {
+        for (vertex, &id) in triangle.iter().zip(ids) {
+            sums[id as usize] += vertex.normal;
+        }
+    }
+    sums.into_iter().map(Vec3::try_normalize).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rotation_of_a_stretched_turn_is_the_turn() {
+        for (angle, mirror) in [(0.3, 1.0), (2.0, 1.0), (-1.2, -1.0)] {
+            let turn = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle)
+                * DMat3::from_diagonal(DVec3::new(mirror, 1.0, 1.0));
+            let stretch = DMat3::from_cols(
+                DVec3::new(1.3, 0.2, 0.0),
+                DVec3::new(0.2, 0.9, 0.1),
+                DVec3::new(0.0, 0.1, 1.1),
+            );
+            let found = rotation_of(turn * stretch).unwrap();
+            let off = (found - turn).to_cols_array().map(f64::abs);
+            assert!(off.iter().all(|&x| x < 1e-12), "{angle}: {off:?}");
+        }
+    }
+}

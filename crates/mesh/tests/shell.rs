@@ -1,0 +1,232 @@
+//! The other formats, and the shell around a mesh.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use base64::Engine;
+use glam::{Mat3, Vec2, Vec3};
+use organza_basis::{PathRng, Ray, warp};
+use organza_mesh::{
+    Error, Folds, Mesh, Placement, Shell, ShellSpan, Vertex, read_gltf, read_obj, read_ply,
+};
+
+const PLACEMENT: Placement = Placement {
+    mm_per_unit: 10.0,
+    mm_per_uv: 25.0,
+};
+
+const OBJ: &str = "o square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+    vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
+
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\n\
+    property float x\nproperty float y\nproperty float z\n\
+    property float nx\nproperty float ny\nproperty float nz\n\
+    property float s\nproperty float t\n\
+    element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+    0 0 0 0 0 1 0 0\n1 0 0 0 0 1 1 0\n1 1 0 0 0 1 1 1\n0 1 0 0 0 1 0 1\n4 0 1 2 3\n";
+
+fn ply_binary() -> Vec<u8> {
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\n\
+        property float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_index\n\
+        property list uchar float texcoord\nend_header\n";
+    let mut bytes = header.as_bytes().to_vec();
+    let corners = [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    for [x, y] in corners {
+        [x, y, 0.0]
+            .iter()
+            .for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    bytes.push(4);
+    (0i32..4).for_each(|i| bytes.extend(i.to_le_bytes()));
+    bytes.push(8);
+    corners
+        .iter()
+        .flatten()
+        .for_each(|x| bytes.extend(x.to_le_bytes()));
+    bytes
+}
+
+/// The square with its buffer inside the text; texture coordinates run down in
+/// this format. `change` may damage the text.
+fn gltf(change: impl Fn(String) -> String) -> String {
+    let mut buffer = Vec::new();
+    let mut put = |x: f32| buffer.extend(x.to_le_bytes());
+    let corners = [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    for c in corners {
+        [c[0], c[1], 0.0].into_iter().for_each(&mut put);
+    }
+    for c in corners {
+        [c[0], 1.0 - c[1]].into_iter().for_each(&mut put);
+    }
+    for i in [0u16, 1, 2, 0, 2, 3] {
+        buffer.extend(i.to_le_bytes());
+    }
+    let data = base64::engine::general_purpose::STANDARD.encode(&buffer);
+    change(format!(
+        r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],
+        "nodes":[{{"mesh":0,"translation":[0,0,0]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"indices":2}}]}}],
+        "accessors":[
+        {{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
+        {{"bufferView":1,"componentType":5126,"count":4,"type":"VEC2"}},
+        {{"bufferView":2,"componentType":5123,"count":6,"type":"SCALAR"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":48}},{{"buffer":0,"byteOffset":48,"byteLength":32}},
+        {{"buffer":0,"byteOffset":80,"byteLength":12}}],
+        "buffers":[{{"byteLength":92,"uri":"data:application/octet-stream;base64,{data}"}}]}}"#
+    ))
+}
+
+fn nothing_beside(_: &str) -> std::io::Result<Vec<u8>> {
+    Err(std::io::ErrorKind::NotFound.into())
+}
+
+fn from_gltf(text: &str) -> Result<Mesh, Error> {
+    read_gltf(text.as_bytes(), PLACEMENT, &nothing_beside)
+}
+
+#[test]
+fn every_format_gives_the_same_square() {
+    let obj = read_obj(OBJ.as_bytes(), PLACEMENT).unwrap();
+    for (name, mesh) in [
+        ("text PLY", read_ply(PLY.as_bytes(), PLACEMENT).unwrap()),
+        ("binary PLY", read_ply(&ply_binary(), PLACEMENT).unwrap()),
+        ("glTF", from_gltf(&gltf(|t| t)).unwrap()),
+    ] {
+        assert_eq!(mesh.triangles(), obj.triangles(), "{name}");
+        assert_eq!(mesh.corners(), obj.corners(), "{name}");
+    }
+}
+
+#[test]
+fn damage_is_told_and_never_panics() {
+    let bare = PLY.replace(
+        "property float s\nproperty float t\n",
+        "property float a\nproperty float b\n",
+    );
+    let said = read_ply(bare.as_bytes(), PLACEMENT)
+        .unwrap_err()
+        .to_string();
+    assert!(said.contains("no texture coordinates"), "{said}");
+    let outside = PLY.replace("4 0 1 2 3\n", "4 0 1 2 -3\n");
+    let said = read_ply(outside.as_bytes(), PLACEMENT)
+        .unwrap_err()
+        .to_string();
+    assert!(said.contains("of 4") || said.contains("texture"), "{said}");
+    for (from, to) in [
+        ("\"count\":6", "\"count\":600"),
+        ("\"count\":6", "\"count\":0"),
+        ("\"byteOffset\":80", "\"byteOffset\":4294967296"),
+        ("5123", "5126"),
+        ("\"VEC2\"", "\"VEC3\""),
+        ("base64,", "base64,#"),
+        ("\"indices\":2", "\"indices\":2,\"mode\":5"),
+        (",\"TEXCOORD_0\":1", ""),
+    ] {
+        let text = gltf(|t| t.replace(from, to));
+        assert!(from_gltf(&text).is_err(), "{from} -> {to}");
+    }
+    for cut in 0..PLY.len() {
+        let _ = read_ply(&PLY.as_bytes()[..cut], PLACEMENT);
+    }
+    let binary = ply_binary();
+    for cut in 0..binary.len() {
+        assert!(read_ply(&binary[..cut], PLACEMENT).is_err());
+    }
+}
+
+/// A cylinder of cloth, 8 x 4 mm.
+fn bent(radius_mm: f32, cells: u32) -> Mesh {
+    let vertex = |i: u32, j: u32| {
+        let uv_mm = Vec2::new(8.0 * i as f32 / cells as f32, 4.0 * j as f32 / cells as f32);
+        let (s, c) = (uv_mm.x / radius_mm).sin_cos();
+        let normal = Vec3::new(s, 0.0, c);
+        Vertex {
+            position_mm: radius_mm * normal + Vec3::new(0.0, uv_mm.y, 0.0),
+            normal,
+            uv_mm,
+        }
+    };
+    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
+    for (i, j) in (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j))) {
+        let quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+        for face in [[0, 1, 2], [0, 2, 3]] {
+            triangles.push(face.map(|k: usize| vertex(quad[k].0, quad[k].1)));
+            corners.push(face.map(|k| quad[k].0 * (cells + 1) + quad[k].1));
+        }
+    }
+    Mesh::new(triangles, &corners).unwrap()
+}
+
+fn spans(shell: &Shell, ray: &Ray) -> Vec<ShellSpan> {
+    let mut list = Vec::new();
+    shell.visit_spans(ray, f32::INFINITY, |span| {
+        list.push(*span);
+        f32::INFINITY
+    });
+    list.sort_by(|a, b| a.t0.total_cmp(&b.t0));
+    list
+}
+
+/// Parts join without gap, overlap or jump of the cloth: prisms are cut alike on
+/// both sides of every edge.
+#[test]
+fn spans_join_in_the_world_and_in_the_cloth() {
+    let shell = Shell::new(&bent(3.0, 12), -0.2, 0.3).unwrap();
+    assert_eq!(shell.folds(), Folds::default());
+    let mut rng = PathRng::from_seed(8);
+    let mut joins = 0;
+    for _ in 0..3000 {
+        let (turn, y) = (0.4 + 1.6 * rng.unit(), 0.5 + 3.0 * rng.unit());
+        let aim = Vec3::new(turn.sin(), 0.0, turn.cos()) * (2.8 + 0.4 * rng.unit());
+        let w = warp::uniform_sphere(rng.unit2());
+        let list = spans(&shell, &Ray::new(aim + Vec3::Y * y - 9.0 * w, w));
+        assert!(!list.is_empty(), "seed 8");
+        for pair in list.windows(2) {
+            let gap = pair[1].t0 - pair[0].t1;
+            assert!(gap > -1e-4, "seed 8: overlap of {gap}");
+            if gap < 1e-4 {
+                let end = pair[0].cloth_mm + (pair[0].t1 - pair[0].t0) * pair[0].step;
+                assert!((end - pair[1].cloth_mm).length() < 2e-3, "seed 8: {pair:?}");
+                joins += 1;
+            }
+        }
+        for span in &list {
+            let turned = span.world_from_cloth;
+            let off = turned.transpose() * turned - Mat3::IDENTITY;
+            assert!(off.to_cols_array().iter().all(|x| x.abs() < 1e-5));
+            // Bent, but hardly stretched.
+            assert!(
+                (span.step.length() - 1.0).abs() < 0.15,
+                "{}",
+                span.step.length()
+            );
+            let z = span.cloth_mm.z;
+            assert!((-0.2001..=0.3001).contains(&z), "{z}");
+        }
+    }
+    assert!(joins > 5000, "{joins}");
+}
+
+#[test]
+fn a_ray_across_sees_the_whole_thickness() {
+    let shell = Shell::new(&bent(3.0, 24), -0.2, 0.3).unwrap();
+    let turn = 1.2f32;
+    let out = Vec3::new(turn.sin(), 0.0, turn.cos());
+    let ray = Ray::new(5.0 * out + 1.7 * Vec3::Y, -out);
+    let list = spans(&shell, &ray);
+    let inside: f32 = list.iter().map(|s| s.t1 - s.t0).sum();
+    assert!((inside - 0.5).abs() < 2e-3, "{inside}");
+    let first = list[0].cloth_mm;
+    // Weft by arc length, warp, and in at the top.
+    assert!(
+        (first - Vec3::new(3.6, 1.7, 0.3)).length() < 0.01,
+        "{first}"
+    );
+    assert!((shell.distance_mm(&ray).unwrap() - 1.75).abs() < 2e-3);
+}
+
+#[test]
+fn a_bend_tighter_than_the_cloth_is_told() {
+    let shell = Shell::new(&bent(0.2, 80), -0.5, 0.5).unwrap();
+    assert!(shell.folds().inverted > 0);
+}

@@ -1,0 +1,216 @@
+//! Matter over a mesh: sheets on its faces, media in the shell around it.
+
+use crate::lattice::LocalRay;
+use crate::scene::{AnySite, Collision};
+use crate::sheet::{Sheet, SheetPoint, SheetSite};
+use crate::{Integrator, Medium, Stats, Tracking, tracking};
+use glam::{Mat3, Vec3};
+use organza_basis::{Aabb, Frame, PathRng, Ray};
+use organza_mesh::{DrapedMesh, MeshHit, Shell};
+
+/// A mesh that cloth lies on, with the shell that its thickness fills.
+///
+/// Inside the shell the cloth keeps its extinction per mm of the world and its
+/// fibres turn with the rotation nearest to the map. So a stretched cloth stays
+/// as opaque across as it is flat, at the price of fibre length that grows with
+/// its area; the medium stays reciprocal, and majorants hold.
+pub struct Draping {
+    mesh: DrapedMesh,
+    shell: Option<Shell>,
+}
+
+impl Draping {
+    /// A mesh, with a shell where media are to fill it.
+    pub fn new(mesh: DrapedMesh, shell: Option<Shell>) -> Draping {
+        Draping { mesh, shell }
+    }
+
+    /// A box around all.
+    pub fn bounds_mm(&self) -> Aabb {
+        let mesh = self.mesh.bounds_mm();
+        self.shell
+            .as_ref()
+            .map_or(mesh, |s| s.bounds_mm().union(&mesh))
+    }
+
+    /// Whether there is a shell for media.
+    pub fn has_shell(&self) -> bool {
+        self.shell.is_some()
+    }
+
+    /// Distance along a ray to mesh or shell.
+    pub(crate) fn distance_mm(&self, ray: &Ray) -> Option<f32> {
+        match &self.shell {
+            Some(shell) => shell.distance_mm(ray),
+            None => self
+                .mesh
+                .hit(ray, 0.0, f32::INFINITY)
+                .map(|h| h.distance_mm),
+        }
+    }
+
+    /// The first collision in a medium that fills the shell: what is found
+    /// first in each of its parts is found independently, so the nearest is the
+    /// first of all, whatever the order in which parts are visited.
+    pub(crate) fn collide<M: Medium>(
+        &self,
+        medium: &M,
+        ray: &Ray,
+        limit: f32,
+        integrator: Integrator,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<(f32, M::Site, Mat3)> {
+        let mut nearest = None;
+        let mut reach = limit;
+        self.shell.as_ref()?.visit_spans(ray, limit, |span| {
+            let turn = span.world_from_cloth;
+            if let Some(local) = medium.lattice().enter(span, ray.direction) {
+                let found = find(medium, &local, integrator, rng, stats);
+                if let Some((t, site)) = found {
+                    reach = local.t_entry + t;
+                    nearest = Some((reach, site, turn));
+                }
+            }
+            reach
+        });
+        nearest
+    }
+
+    /// Estimates the transmittance through a medium that fills the shell, up to
+    /// `reach` mm.
+    pub(crate) fn pass<M: Medium>(
+        &self,
+        medium: &M,
+        ray: &Ray,
+        reach: f32,
+        integrator: Integrator,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        let mut product = 1.0;
+        let Some(shell) = &self.shell else {
+            return product;
+        };
+        shell.visit_spans(ray, reach, |span| {
+            if let Some(local) = medium.lattice().enter(span, ray.direction) {
+                product *= pass_through(medium, &local, integrator, rng, stats);
+            }
+            if product > 0.0 { reach } else { 0.0 }
+        });
+        product
+    }
+
+    /// The first meeting with a sheet on the faces.
+    pub(crate) fn collide_sheet<'a>(
+        &self,
+        sheet: &'a dyn Sheet,
+        ray: &Ray,
+        limit: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'a>> {
+        let w_out = -ray.direction;
+        let mut from = 0.0;
+        loop {
+            let hit = self.mesh.hit(ray, from, limit)?;
+            let frame = frame_toward(&hit, w_out);
+            stats.tentative += 1;
+            if rng.unit() < sheet.gap(frame.frame_from_world(w_out)) {
+                from = beyond(&hit);
+                continue;
+            }
+            stats.collisions += 1;
+            let site = SheetSite {
+                sheet,
+                point: SheetPoint {
+                    position_mm: hit.uv_mm,
+                    footprint_mm: tracking.detail.footprint_mm,
+                },
+                frame,
+                face_normal: hit.face_normal,
+                to_sheet_mm: hit.position_mm - ray.at(hit.distance_mm),
+                margin_mm: margin_mm(&hit),
+            };
+            return Some(Collision::new(hit.distance_mm, AnySite::Sheet(site)));
+        }
+    }
+
+    /// Transmittance of the gaps in a sheet, up to `reach` mm.
+    pub(crate) fn pass_sheet(
+        &self,
+        sheet: &dyn Sheet,
+        ray: &Ray,
+        reach: f32,
+        stats: &mut Stats,
+    ) -> f32 {
+        let w_out = -ray.direction;
+        let (mut product, mut from) = (1.0, 0.0);
+        while product > 0.0
+            && let Some(hit) = self.mesh.hit(ray, from, reach)
+        {
+            stats.shadow_steps += 1;
+            let frame = frame_toward(&hit, w_out);
+            product *= sheet.gap(frame.frame_from_world(w_out));
+            from = beyond(&hit);
+        }
+        product
+    }
+}
+
+/// The first collision along a stretch of a ray.
+pub(crate) fn find<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    integrator: Integrator,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> Option<(f32, M::Site)> {
+    match integrator {
+        Integrator::Woodcock => tracking::sample_collision(medium, ray, rng, stats),
+        Integrator::Regular => tracking::sample_collision_exactly(medium, ray, rng, stats),
+    }
+}
+
+/// Estimates the transmittance along a stretch of a ray.
+pub(crate) fn pass_through<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    integrator: Integrator,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> f32 {
+    match integrator {
+        Integrator::Woodcock => tracking::transmittance(medium, ray, rng, stats),
+        Integrator::Regular => tracking::exact_transmittance(medium, ray, stats),
+    }
+}
+
+/// Room for rounding around a hit: positions are sums over corners in `f32`.
+fn margin_mm(hit: &MeshHit) -> f32 {
+    1e-6 + 8.0 * f32::EPSILON * hit.position_mm.abs().max_element()
+}
+
+/// Where a ray that passed a hit goes on, past what rounding may make a second
+/// one.
+fn beyond(hit: &MeshHit) -> f32 {
+    (hit.distance_mm * (1.0 + 4.0 * f32::EPSILON)).max(hit.distance_mm + margin_mm(hit))
+}
+
+/// The fabric's frame where a ray comes along `-w_out`: with the face's own
+/// normal where the interpolated one looks the other way.
+fn frame_toward(hit: &MeshHit, w_out: Vec3) -> Frame {
+    let (smooth, face) = (hit.frame, hit.face_normal);
+    if (smooth.n.dot(w_out) > 0.0) == (face.dot(w_out) > 0.0) {
+        return smooth;
+    }
+    match (smooth.s - face * smooth.s.dot(face)).try_normalize() {
+        Some(s) => Frame {
+            s,
+            t: face.cross(s),
+            n: face,
+        },
+        None => Frame::from_normal(face),
+    }
+}

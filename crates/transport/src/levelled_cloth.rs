@@ -1,0 +1,197 @@
+//! A cloth in several representations: volumes from fine to coarse, and last a
+//! sheet.
+
+use crate::Stats;
+use crate::detail::{Detail, LevelSteps, PixelCone, Tracking};
+use crate::draping::Draping;
+use crate::lattice::Lattice;
+use crate::scene::{AnyMedium, AnySite, Collision};
+use crate::sheet::{Sheet, SheetPoint, SheetSite};
+use glam::{DVec3, UVec3, Vec2, Vec3};
+use organza_basis::{Frame, PathRng, Ray};
+
+/// A cloth of which every path meets one representation, the one that suits the
+/// width of its pixel: endless and flat, or over a mesh.
+pub struct LevelledCloth {
+    /// Finest first.
+    volumes: Vec<AnyMedium>,
+    sheet: Option<Box<dyn Sheet>>,
+    steps: LevelSteps,
+    /// The box of one period, of which the sheet is the middle, or the box
+    /// around a draping.
+    lattice: Lattice,
+    draping: Option<Draping>,
+}
+
+impl LevelledCloth {
+    /// An endless flat cloth. `volumes`, finest first, then `sheet`: one more
+    /// than there are `steps` between them. `lattice` is the box of the cloth;
+    /// the sheet lies half way up in it.
+    ///
+    /// `None` when the numbers do not match.
+    pub fn new(
+        volumes: Vec<AnyMedium>,
+        sheet: Option<Box<dyn Sheet>>,
+        steps: LevelSteps,
+        lattice: Lattice,
+    ) -> Option<LevelledCloth> {
+        let count = volumes.len() + usize::from(sheet.is_some());
+        (count == steps.count()).then_some(LevelledCloth {
+            volumes,
+            sheet,
+            steps,
+            lattice,
+            draping: None,
+        })
+    }
+
+    /// A cloth over a mesh; its volumes fill the shell and repeat without end.
+    ///
+    /// `None` when the numbers do not match, a volume is none that repeats, or
+    /// there are volumes and no shell for them.
+    pub fn draped(
+        volumes: Vec<AnyMedium>,
+        sheet: Option<Box<dyn Sheet>>,
+        steps: LevelSteps,
+        draping: Draping,
+    ) -> Option<LevelledCloth> {
+        // A flat mesh has a box without volume.
+        let bounds = draping.bounds_mm();
+        let bounds = bounds.grown(1e-4 * bounds.size().length());
+        let lattice = Lattice::new(bounds, UVec3::ONE, false)?;
+        let good = volumes.iter().all(AnyMedium::can_be_draped)
+            && (volumes.is_empty() || draping.has_shell());
+        let flat = LevelledCloth::new(volumes, sheet, steps, lattice)?;
+        good.then_some(LevelledCloth {
+            draping: Some(draping),
+            ..flat
+        })
+    }
+
+    /// The box of one period, or around everything that is draped.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Cuts a flat cloth to a rectangle; `None` when nothing is left, or it is
+    /// over a mesh.
+    pub(crate) fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
+        if self.draping.is_some() {
+            return None;
+        }
+        self.lattice = self.lattice.cut_to(min_mm, max_mm)?;
+        self.volumes
+            .iter_mut()
+            .try_for_each(|v| v.cut_to(min_mm, max_mm))
+    }
+
+    /// True when exact stepping is possible through all volumes.
+    pub fn is_piecewise_constant(&self) -> bool {
+        self.volumes.iter().all(AnyMedium::is_piecewise_constant)
+    }
+
+    /// Width of a pixel where its ray comes to the cloth; `None` for a miss.
+    pub(crate) fn footprint_mm(
+        &self,
+        cone: PixelCone,
+        origin_mm: DVec3,
+        direction: DVec3,
+    ) -> Option<f64> {
+        let to_box = self.lattice.distance_mm(origin_mm, direction);
+        if !to_box.is_finite() {
+            return None;
+        }
+        let beyond = match &self.draping {
+            None => 0.0,
+            Some(draping) => {
+                let at_box = (origin_mm + to_box * direction).as_vec3();
+                let ray = Ray::new(at_box, direction.as_vec3().normalize());
+                f64::from(draping.distance_mm(&ray)?)
+            }
+        };
+        Some(cone.width_at_mm(to_box + beyond))
+    }
+
+    fn volume(&self, detail: Detail) -> Option<&AnyMedium> {
+        self.volumes.get(self.steps.choose(detail))
+    }
+
+    pub(crate) fn collide(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        if let Some(volume) = self.volume(tracking.detail) {
+            return match &self.draping {
+                None => volume.collide(ray, limit, tracking, rng, stats),
+                Some(draping) => volume.collide_draped(draping, ray, limit, tracking, rng, stats),
+            };
+        }
+        let sheet = self.sheet.as_deref()?;
+        if let Some(draping) = &self.draping {
+            return draping.collide_sheet(sheet, ray, limit, tracking, rng, stats);
+        }
+        let t = self.sheet_distance_mm(ray).filter(|&t| t < limit)?;
+        stats.tentative += 1;
+        if rng.unit() < sheet.gap(-ray.direction) {
+            return None;
+        }
+        stats.collisions += 1;
+        let at = ray.at(t);
+        let site = SheetSite {
+            sheet,
+            point: SheetPoint {
+                position_mm: at.truncate(),
+                footprint_mm: tracking.detail.footprint_mm,
+            },
+            frame: Frame {
+                s: Vec3::X,
+                t: Vec3::Y,
+                n: Vec3::Z,
+            },
+            face_normal: Vec3::Z,
+            to_sheet_mm: Vec3::new(0.0, 0.0, self.sheet_z_mm() - at.z),
+            margin_mm: 1e-6 + 4.0 * f32::EPSILON * self.sheet_z_mm().abs(),
+        };
+        Some(Collision::new(t, AnySite::Sheet(site)))
+    }
+
+    pub(crate) fn pass(
+        &self,
+        ray: &Ray,
+        reach: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        if let Some(volume) = self.volume(tracking.detail) {
+            return match &self.draping {
+                None => volume.pass(ray, reach, tracking, rng, stats),
+                Some(draping) => volume.pass_draped(draping, ray, reach, tracking, rng, stats),
+            };
+        }
+        match (&self.sheet, &self.draping, self.sheet_distance_mm(ray)) {
+            (Some(sheet), Some(draping), _) => {
+                draping.pass_sheet(sheet.as_ref(), ray, reach, stats)
+            }
+            (Some(sheet), None, Some(t)) if t < reach => {
+                stats.shadow_steps += 1;
+                sheet.gap(-ray.direction)
+            }
+            _ => 1.0,
+        }
+    }
+
+    fn sheet_z_mm(&self) -> f32 {
+        self.lattice.bounds_mm().centre().z
+    }
+
+    fn sheet_distance_mm(&self, ray: &Ray) -> Option<f32> {
+        let t = (self.sheet_z_mm() - ray.origin.z) / ray.direction.z;
+        // A ray in the plane of the sheet meets its edge at most: nothing.
+        (t > 0.0 && t.is_finite() && self.lattice.reach_mm().contains(ray.at(t))).then_some(t)
+    }
+}
