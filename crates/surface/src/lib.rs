@@ -18,6 +18,7 @@
 // Negated comparisons are meant: what is not a number goes the safe way.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod band;
 mod cone;
 mod energy;
 pub mod error;

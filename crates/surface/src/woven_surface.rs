@@ -1,5 +1,6 @@
 //! The whole cloth: two faces, gaps, transmission, and how to sample them.
 
+use crate::cone::Fibres;
 use crate::energy::EnergyBound;
 use crate::error::Error;
 use crate::face::{Face, Local, face_from_segment, segment_from_face};
@@ -61,8 +62,10 @@ pub struct WovenSurface {
     sides: [Side; 2],
     transmission: Option<Transmission>,
     gain: f32,
-    /// Longer side of the repeat, mm.
-    repeat_mm: f32,
+    /// True without gaps and where no direction needs its energy bounded.
+    is_plain: bool,
+    /// Two over the longer side of the repeat, 1/mm.
+    far_slope: f32,
 }
 
 #[derive(Debug)]
@@ -131,11 +134,14 @@ impl WovenSurface {
                 face,
             })
         };
+        let sides = [side(front)?, side(back)?];
+        let is_bounded = sides.iter().any(|s| s.bound.largest() > 1.0);
         Ok(WovenSurface {
-            sides: [side(front)?, side(back)?],
+            is_plain: !is_bounded && p.transmission.is_none(),
+            sides,
             transmission: p.transmission.clone(),
             gain,
-            repeat_mm,
+            far_slope: 2.0 / repeat_mm,
         })
     }
 
@@ -175,6 +181,7 @@ impl WovenSurface {
     }
 
     /// The side that faces `w`, with direction and place in that side's frame.
+    #[inline]
     fn side(&self, w: Vec3, position_mm: Vec2) -> (&Side, Vec3, Vec2) {
         if w.z > 0.0 {
             (&self.sides[0], w, position_mm)
@@ -198,18 +205,21 @@ impl WovenSurface {
 
     /// How much the mean replaces the texture: from nothing when the footprint
     /// is half a repeat to all when it is a whole one.
+    #[inline]
     fn far_share(&self, width_mm: f32) -> f32 {
-        let x = (2.0 * width_mm / self.repeat_mm - 1.0).clamp(0.0, 1.0);
+        let x = (width_mm * self.far_slope - 1.0).clamp(0.0, 1.0);
         x * x * (3.0 - 2.0 * x)
     }
 
     /// Share of the cloth that is yarn for both directions. The yarn that is
     /// lit is taken to be the yarn that is seen, as far as there is enough.
+    #[inline]
     fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
         1.0 - self.gap(w_i).max(self.gap(w_o))
     }
 
     /// Probabilities of the specular, diffuse and transmitted part.
+    #[inline]
     fn choices(&self, side: &Side, far: f32, local: Option<&Local<'_>>) -> [f32; 3] {
         let (mut specular, mut diffuse) = side.far_weights;
         if let Some(local) = local {
@@ -232,15 +242,16 @@ impl WovenSurface {
     }
 
     /// Density of scattered directions given what lies under the footprint.
+    #[inline]
     fn scattered_pdf(
         &self,
         side: &Side,
         far: f32,
-        local: Option<&Local<'_>>,
+        local: Option<&(Local<'_>, Fibres)>,
         w_i: Vec3,
         w_o: Vec3,
     ) -> f32 {
-        let [specular, diffuse, transmitted] = self.choices(side, far, local);
+        let [specular, diffuse, transmitted] = self.choices(side, far, local.map(|l| &l.0));
         if w_i.z < 0.0 {
             return match &self.transmission {
                 Some(t) => transmitted * t.pdf(w_i, w_o),
@@ -251,20 +262,18 @@ impl WovenSurface {
         if far > 0.0 {
             highlight += far * side.half_vectors.pdf(w_i, w_o);
         }
-        if let Some(local) = local {
+        if let Some((local, fibres)) = local {
             let pair = Pair::new(
                 segment_from_face(local.yarn, w_i),
                 segment_from_face(local.yarn, w_o),
             );
-            highlight += (1.0 - far)
-                * local
-                    .segment
-                    .cone_pdf(&pair, local.spot.across_mm, local.spot.along_mm);
+            highlight += (1.0 - far) * local.segment.cone_pdf(&pair, fibres);
         }
         specular * highlight + diffuse * w_i.z * FRAC_1_PI
     }
 
     /// Value in the frame of a side, whose `w_o` is above it.
+    #[inline]
     fn scattered(
         &self,
         side: &Side,
@@ -283,6 +292,9 @@ impl WovenSurface {
             }
         } else if let Some(t) = &self.transmission {
             value = t.eval(w_i, w_o);
+        }
+        if self.is_plain {
+            return value;
         }
         let bound = if w_i.z > 0.0 {
             side.bound.divisor(w_i)
@@ -332,16 +344,15 @@ impl SurfaceModel for WovenSurface {
         choice = (choice - gap) / (1.0 - gap);
         let (side, w, position) = self.side(w_o, at.position_mm);
         let far = self.far_share(at.width_mm);
-        let local = (far < 1.0).then(|| side.face.local(position));
-        let [specular, diffuse, _] = self.choices(side, far, local.as_ref());
+        let local = (far < 1.0).then(|| side.face.local(position).with_fibres(w));
+        let [specular, diffuse, _] = self.choices(side, far, local.as_ref().map(|l| &l.0));
         let w_i = if choice < specular {
             match &local {
-                Some(l) if rng.unit() >= far => {
+                Some((l, fibres)) if rng.unit() >= far => {
                     let seen = segment_from_face(l.yarn, w);
-                    let (x, y) = (l.spot.across_mm, l.spot.along_mm);
-                    let drawn = l.segment.sample_cone(seen, x, y, rng)?;
+                    let drawn = l.segment.sample_cone(seen, fibres, rng)?;
                     // Draws outside the density's support carry no highlight.
-                    if l.segment.cone_pdf(&Pair::new(drawn, seen), x, y) <= 0.0 {
+                    if l.segment.cone_pdf(&Pair::new(drawn, seen), fibres) <= 0.0 {
                         return None;
                     }
                     face_from_segment(l.yarn, drawn)
@@ -364,7 +375,7 @@ impl SurfaceModel for WovenSurface {
         if !(pdf > 0.0 && pdf.is_finite()) {
             return None;
         }
-        let value = self.scattered(side, far, local.as_ref(), w_i, w);
+        let value = self.scattered(side, far, local.as_ref().map(|l| &l.0), w_i, w);
         let weight = value * (w_i.z.abs() / pdf);
         let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
         (weight.is_valid() && !weight.is_black()).then_some(SurfaceSample { w_i, weight, pdf })
@@ -378,7 +389,7 @@ impl SurfaceModel for WovenSurface {
         let (side, w, position) = self.side(w_o, at.position_mm);
         let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
         let far = self.far_share(at.width_mm);
-        let local = (far < 1.0).then(|| side.face.local(position));
+        let local = (far < 1.0).then(|| side.face.local(position).with_fibres(w));
         let pdf = (1.0 - gap) * self.scattered_pdf(side, far, local.as_ref(), w_i, w);
         if pdf.is_finite() { pdf } else { 0.0 }
     }
