@@ -9,11 +9,11 @@ use crate::scene_file::{CameraKind, CameraTable, ClothTable, EventName, Lod, Lod
 use anyhow::Result;
 use organza_basis::{Rgb, SegmentSource, nearest_name};
 use organza_scatter::Fibre;
-use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
+use organza_surface::{SurfaceSpec, WovenSurface};
 use organza_transport::{AnyMedium, ClothMedium, FibreEvent, FibreMedium, FlakeOptics};
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
-    Cloth, Draft, FabricGeometry, Material,
+    Cloth, FabricGeometry, Material,
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
@@ -189,27 +189,14 @@ impl Fabric {
     /// # Errors
     /// No `[surface]` section, or the key in it that is at fault.
     pub fn surface(&self, path: &Path) -> Result<WovenSurface> {
-        let mut spec = self.file.surface.clone().ok_or_else(|| {
+        let spec = self.file.surface.clone().ok_or_else(|| {
             input(format!(
                 "{}: has no [surface] section, which the surface model needs",
                 path.display()
             ))
         })?;
-        let tile_mm = self.cloth.tile().bounds_mm.size();
-        let weave_of = |draft: &Draft| {
-            let repeat = draft.smallest_repeat();
-            let row = |pick| {
-                (0..repeat.ends())
-                    .map(|e| repeat.warp_up(e, pick))
-                    .collect()
-            };
-            let rows: Vec<Vec<bool>> = (0..repeat.picks()).map(row).collect();
-            let pitch = |length: f32, threads| f64::from(length) / threads as f64;
-            let (warp, weft) = (draft.ends(), draft.picks());
-            Weave::from_warp_up(&rows, pitch(tile_mm.x, warp), pitch(tile_mm.y, weft))
-        };
-        spec.weave = spec.weave.or_else(|| self.cloth.draft().map(weave_of));
-        spec.build()
+        spec.for_cloth(&self.cloth)
+            .and_then(SurfaceSpec::build)
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 

@@ -12,7 +12,7 @@ use crate::shadowing::Shadowing;
 use crate::weave::{PlacedSegment, Spot, Tiling, Yarn};
 use crate::woven_surface::{WovenParameters, YarnParameters};
 use glam::{Vec2, Vec3};
-use organza_basis::{Rgb, warp};
+use organza_basis::{PathRng, Rgb, warp};
 use std::f32::consts::FRAC_1_PI;
 
 /// Steps that the inclination of noisy yarn is quantised to. Texture and mean
@@ -68,11 +68,33 @@ pub(crate) struct Local<'a> {
 
 impl Local<'_> {
     /// With the fibres that may mirror light to `w_o`.
+    #[inline]
     pub fn with_fibres(self, w_o: Vec3) -> (Self, Fibres) {
         let seen = segment_from_face(self.yarn, w_o);
         let spot = &self.spot;
         let fibres = self.segment.fibres(seen, spot.across_mm, spot.along_mm);
         (self, fibres)
+    }
+
+    /// Draws a direction from the cone of one of them.
+    #[inline]
+    pub fn sample_cone(&self, fibres: &Fibres, w_o: Vec3, rng: &mut PathRng) -> Option<Vec3> {
+        let seen = segment_from_face(self.yarn, w_o);
+        let drawn = self.segment.sample_cone(seen, fibres, rng)?;
+        Some(face_from_segment(self.yarn, drawn))
+    }
+
+    /// Density of [`sample_cone`](Self::sample_cone), 1/sr.
+    #[inline]
+    pub fn cone_pdf(&self, fibres: &Fibres, w_i: Vec3, w_o: Vec3) -> f32 {
+        if w_i.z <= 0.0 {
+            return 0.0;
+        }
+        let pair = Pair::new(
+            segment_from_face(self.yarn, w_i),
+            segment_from_face(self.yarn, w_o),
+        );
+        self.segment.cone_pdf(&pair, fibres)
     }
 }
 
@@ -86,14 +108,14 @@ fn turn(yarn: Yarn) -> (f32, f32) {
 
 /// A direction of the face in the frame of a yarn's segments.
 #[inline(always)]
-pub(crate) fn segment_from_face(yarn: Yarn, w: Vec3) -> Direction<f32> {
+fn segment_from_face(yarn: Yarn, w: Vec3) -> Direction<f32> {
     let (sin, cos) = turn(yarn);
     Direction::new(cos * w.x - sin * w.y, sin * w.x + cos * w.y, w.z)
 }
 
 /// The way back.
 #[inline(always)]
-pub(crate) fn face_from_segment(yarn: Yarn, w: Direction<f32>) -> Vec3 {
+fn face_from_segment(yarn: Yarn, w: Direction<f32>) -> Vec3 {
     let (sin, cos) = turn(yarn);
     Vec3::new(cos * w.x + sin * w.y, cos * w.y - sin * w.x, w.z)
 }
