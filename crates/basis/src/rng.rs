@@ -42,16 +42,19 @@ impl PathRng {
     }
 
     /// Uniform in `[0, 1)` on the 24-bit grid: never one.
+    #[inline]
     pub fn unit(&mut self) -> f32 {
         (self.pcg.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Uniform in `(0, 1]`: never zero, so that its logarithm is finite.
+    #[inline]
     pub fn positive_unit(&mut self) -> f32 {
         ((self.pcg.next_u32() >> 8) + 1) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Two independent uniform numbers in `[0, 1)`.
+    #[inline]
     pub fn unit2(&mut self) -> Vec2 {
         let x = self.unit();
         Vec2::new(x, self.unit())

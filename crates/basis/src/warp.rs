@@ -18,6 +18,7 @@ pub const UNIFORM_SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;
 /// Area-preserving map of the unit square onto the unit disk that keeps
 /// concentric squares concentric [Shirley1997]; the layout of incident
 /// directions in [Irawan2008] uses it too.
+#[inline]
 pub fn concentric_disk(u: Vec2) -> Vec2 {
     let p = 2.0 * u - Vec2::ONE;
     if p == Vec2::ZERO {
@@ -33,6 +34,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
 }
 
 /// Direction in the upper hemisphere with density cos(theta)/pi.
+#[inline]
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = concentric_disk(u);
     d.extend((1.0 - d.length_squared()).max(0.0).sqrt())

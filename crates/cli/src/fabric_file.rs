@@ -14,11 +14,11 @@ use crate::woven_sheet::WovenSheet;
 use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
-use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
+use organza_surface::{SurfaceSpec, WovenSurface};
 use organza_transport::{AnyMedium, Camera, ExplicitFibres, FibreEvent, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
-    Cloth, Draft, FabricGeometry, Material,
+    Cloth, FabricGeometry, Material,
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
@@ -126,39 +126,14 @@ impl Fabric {
     /// # Errors
     /// No `[surface]` section, or the key in it that is at fault.
     pub fn surface(&self, path: &Path) -> Result<WovenSurface> {
-        let mut spec = self.file.surface.clone().ok_or_else(|| {
+        let spec = self.file.surface.clone().ok_or_else(|| {
             input(format!(
                 "{}: has no [surface] section, which the surface model needs",
                 path.display()
             ))
         })?;
-        let tile_mm = self.cloth.tile().bounds_mm.size();
-        let figures = self.cloth.figures();
-        let weave_of = |draft: &Draft| {
-            let repeat = draft.smallest_repeat();
-            let row = |pick| {
-                (0..repeat.ends())
-                    .map(|e| repeat.warp_up(e, pick))
-                    .collect()
-            };
-            let rows: Vec<Vec<bool>> = (0..repeat.picks()).map(row).collect();
-            let pitch = |length: f32, threads| f64::from(length) / threads as f64;
-            let (warp, weft) = (draft.ends(), draft.picks());
-            let mut weave =
-                Weave::from_warp_up(&rows, pitch(tile_mm.x, warp), pitch(tile_mm.y, weft));
-            if let (Some(warp), Some(weft)) = (&figures.warp, &figures.weft) {
-                // Side by side, threads of the denser system hide all but the
-                // width of the others.
-                if warp.cover_factor > weft.cover_factor {
-                    weave.weft_width_mm = Some(weft.width_mm.min(weave.weft_pitch_mm));
-                } else if weft.cover_factor > warp.cover_factor {
-                    weave.warp_width_mm = Some(warp.width_mm.min(weave.warp_pitch_mm));
-                }
-            }
-            weave
-        };
-        spec.weave = spec.weave.or_else(|| self.cloth.draft().map(weave_of));
-        spec.build()
+        spec.for_cloth(&self.cloth)
+            .and_then(SurfaceSpec::build)
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 

@@ -2,11 +2,11 @@
 //! light is drawn from the cones on which they reflect.
 
 use crate::filament::Ring;
-use crate::real::Direction;
+use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
 use crate::staple::Inclination;
 use organza_basis::PathRng;
-use std::f32::consts::FRAC_PI_2;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 type Vector = Direction<f32>;
 
@@ -18,46 +18,71 @@ fn combine(a: f32, p: Vector, b: f32, q: Vector, c: f32, r: Vector) -> Vector {
     )
 }
 
+/// The fibres at a place whose highlight may cover it and that face a
+/// direction: v runs over `low..high` at one u in staple yarn, u at one v in
+/// filament yarn. None when `high` is not above `low`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fibres {
+    low: f32,
+    high: f32,
+    /// Sine and cosine of the angle that is fixed.
+    sin: f32,
+    cos: f32,
+}
+
 impl YarnSegment<f32> {
-    /// The angles whose highlight may cover the place and whose fibres face
-    /// `w_o`: v for staple yarn, u for filament yarn. Empty when the second is
-    /// not above the first.
-    fn fibre_range(&self, w_o: Vector, across_mm: f32, along_mm: f32) -> (f32, f32) {
+    /// The fibres at a place that face `w_o`.
+    #[inline]
+    pub(crate) fn fibres(&self, w_o: Vector, across_mm: f32, along_mm: f32) -> Fibres {
         // n.w_o is a cosine of the angle from `middle`, less a constant.
-        let (band, middle, reach) = if self.is_filament() {
-            let (sin_v, cos_v) = self.angle_at(across_mm).sin_cos();
+        let (band, (sin, cos), middle, reach) = if self.is_filament() {
+            let (sin_v, cos_v) = self.v_band.angle(across_mm).sin_cos_acute();
             let constant = w_o.x * sin_v / (cos_v * (w_o.y * w_o.y + w_o.z * w_o.z).sqrt());
-            let reach = (-constant).clamp(-1.0, 1.0).acos();
-            (self.filament_band(along_mm), w_o.y.atan2(w_o.z), reach)
+            let reach = arc_cosine((-constant).clamp(-1.0, 1.0));
+            (
+                self.u_band.angles(along_mm),
+                (sin_v, cos_v),
+                azimuth(w_o.y, w_o.z),
+                reach,
+            )
         } else {
-            let (sin_u, cos_u) = self.inclination_at(along_mm).sin_cos();
+            let (sin_u, cos_u) = self.u_band.angle(along_mm).sin_cos_acute();
             let out = w_o.y * sin_u + w_o.z * cos_u;
-            (self.staple_band(across_mm), w_o.x.atan2(out), FRAC_PI_2)
+            (
+                self.v_band.angles(across_mm),
+                (sin_u, cos_u),
+                azimuth(w_o.x, out),
+                FRAC_PI_2,
+            )
         };
-        (band.0.max(middle - reach), band.1.min(middle + reach))
+        Fibres {
+            low: band.0.larger(middle - reach),
+            high: band.1.smaller(middle + reach),
+            sin,
+            cos,
+        }
     }
 
-    /// Draws `w_i` for a highlight seen from `w_o` at a place of the
-    /// rectangle; `None` when the fibre drawn is turned away. It may lie below
+    /// Draws `w_i` for a highlight seen from `w_o` among its fibres; `None`
+    /// when there are none or the fibre drawn is turned away. It may lie below
     /// the horizon.
+    #[inline]
     pub(crate) fn sample_cone(
         &self,
         w_o: Vector,
-        across_mm: f32,
-        along_mm: f32,
+        fibres: &Fibres,
         rng: &mut PathRng,
     ) -> Option<Vector> {
-        let (low, high) = self.fibre_range(w_o, across_mm, along_mm);
-        let angle = low + (high - low) * rng.unit();
-        let (u, v) = if self.is_filament() {
-            (angle, self.angle_at(across_mm))
+        let angle = fibres.low + (fibres.high - fibres.low) * rng.unit();
+        let drawn = angle.sin_cos_acute();
+        let ((sin_u, cos_u), (sin_v, cos_v)) = if self.is_filament() {
+            (drawn, (fibres.sin, fibres.cos))
         } else {
-            (self.inclination_at(along_mm), angle)
+            ((fibres.sin, fibres.cos), drawn)
         };
-        let ((sin_u, cos_u), (sin_v, cos_v)) = (u.sin_cos(), v.sin_cos());
         let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
         // Else the pair may have its highlight at the other solution for v.
-        if !(low < high && w_o.dot(normal) > 0.0) {
+        if !(fibres.low < fibres.high && w_o.dot(normal) > 0.0) {
             return None;
         }
         let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
@@ -73,9 +98,9 @@ impl YarnSegment<f32> {
         );
         // Around the cone with the cosine to the normal.
         let sin_theta = -w_o.dot(fibre);
-        let ring = (1.0 - sin_theta * sin_theta).max(0.0).sqrt();
+        let ring = (1.0 - sin_theta * sin_theta).larger(0.0).sqrt();
         let sin_phi = 2.0 * rng.unit() - 1.0;
-        let cos_phi = (1.0 - sin_phi * sin_phi).max(0.0).sqrt();
+        let cos_phi = (1.0 - sin_phi * sin_phi).larger(0.0).sqrt();
         Some(combine(
             sin_theta,
             fibre,
@@ -88,45 +113,54 @@ impl YarnSegment<f32> {
 
     /// Density of [`sample_cone`](Self::sample_cone), 1/sr; both directions
     /// above the horizon.
-    pub(crate) fn cone_pdf(&self, pair: &Pair<f32>, across_mm: f32, along_mm: f32) -> f32 {
-        if self.is_filament() {
+    #[inline]
+    pub(crate) fn cone_pdf(&self, pair: &Pair<f32>, fibres: &Fibres) -> f32 {
+        let (angle, along, n_i, n_r, width) = if self.is_filament() {
             let ring = Ring::new(pair);
-            if !self.holds(&ring) {
-                return 0.0;
-            }
-            let (low, high) = self.fibre_range(pair.w_r, across_mm, along_mm);
-            let u = ring.u();
-            if !(u > low && u < high) {
-                return 0.0;
-            }
-            let (sin_v, cos_v) = self.angle_at(across_mm).sin_cos();
-            let toward = |w: Vector| w.x * sin_v + (w.y * ring.sin_u + w.z * ring.cos_u) * cos_v;
-            let (n_i, n_r) = (toward(pair.w_i), toward(pair.w_r));
-            if !(n_i > 0.0 && n_r > 0.0) {
-                return 0.0;
-            }
+            let toward =
+                |w: Vector| w.x * fibres.sin + (w.y * ring.sin_u + w.z * ring.cos_u) * fibres.cos;
             let along = pair.w_i.y * ring.cos_u - pair.w_i.z * ring.sin_u;
-            n_i / (2.0 * radius(along) * (high - low) * ring.p)
+            let (n_i, n_r) = (toward(pair.w_i), toward(pair.w_r));
+            (ring.u, along, n_i, n_r, ring.inv_p)
         } else {
-            let (sin_u, cos_u) = self.inclination_at(along_mm).sin_cos();
+            let (sin_u, cos_u) = (fibres.sin, fibres.cos);
             let m = self.mirror(pair, &Inclination::new(pair, sin_u, cos_u));
-            let sum = m.n_i + m.n_r;
-            // Where no fibre mirrors, the two normals' cosines cancel.
-            if !(m.cos_v > 0.0 && m.n_i > 0.0 && m.n_r > 0.0) {
-                return 0.0;
-            }
-            let (low, high) = self.fibre_range(pair.w_r, across_mm, along_mm);
-            let v = (m.sin_v / m.cos_v).atan();
-            if !(v > low && v < high) {
-                return 0.0;
-            }
             let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
             let along = -pair.w_i.x * m.cos_v * sin_p
                 + pair.w_i.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
                 + pair.w_i.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
-            m.n_i / (2.0 * radius(along) * (high - low) * sum * sin_p.abs())
+            // The other solution is no draw.
+            let v = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
+            // Where no fibre mirrors, the two normals' cosines cancel.
+            let width = 1.0 / ((m.n_i + m.n_r) * sin_p.abs());
+            (v, along, m.n_i, m.n_r, width)
+        };
+        if angle > fibres.low && angle < fibres.high && n_i.smaller(n_r) > 0.0 {
+            n_i * width / (2.0 * radius(along) * (fibres.high - fibres.low))
+        } else {
+            0.0
         }
     }
+}
+
+/// Angle from z towards x, by the tangent of its half.
+#[inline(always)]
+fn azimuth(x: f32, z: f32) -> f32 {
+    let r = (x * x + z * z).sqrt();
+    let half = (x / (r + z.abs())).atan_unit();
+    if z >= 0.0 {
+        2.0 * half
+    } else {
+        PI.copysign(x) - 2.0 * half
+    }
+}
+
+/// Arc cosine, by the tangent of its half.
+#[inline(always)]
+fn arc_cosine(x: f32) -> f32 {
+    let sin = (1.0 - x * x).larger(0.0).sqrt();
+    let angle = 2.0 * (sin / (1.0 + x.abs())).atan_unit();
+    if x < 0.0 { PI - angle } else { angle }
 }
 
 /// Radius of the cone whose sine of inclination is given.
@@ -160,17 +194,18 @@ mod tests {
             let (x, y) = (0.5 * rng.unit() - 0.25, rng.unit() - 0.5);
             let w = warp::cosine_hemisphere(rng.unit2());
             let w_o = Direction::new(w.x, w.y, w.z);
+            let fibres = segment.fibres(w_o, x, y);
             let (mut drawn, mut expected) = ([Moments::default(); 4], [Moments::default(); 4]);
             let quarter = |w: Direction<f32>| usize::from(w.x > 0.0) + 2 * usize::from(w.y > 0.0);
             let density = |w_i: Direction<f32>| {
                 if w_i.z > 0.0 {
-                    segment.cone_pdf(&Pair::new(w_i, w_o), x, y)
+                    segment.cone_pdf(&Pair::new(w_i, w_o), &fibres)
                 } else {
                     0.0
                 }
             };
             for _ in 0..20_000 {
-                let w_i = segment.sample_cone(w_o, x, y, &mut rng);
+                let w_i = segment.sample_cone(w_o, &fibres, &mut rng);
                 let w_i = w_i.unwrap_or(Direction::new(0.0, 0.0, -1.0));
                 let counts = density(w_i) > 0.0;
                 let w = warp::uniform_sphere(rng.unit2());

@@ -1,8 +1,9 @@
 //! One side of the cloth: its segments, their scattering, their mean.
 
+use crate::cone::Fibres;
 use crate::error::Error;
 use crate::filament::Ring;
-use crate::noise;
+use crate::noise::{self, TensionNoise};
 use crate::quadrature::Rule;
 use crate::real::Direction;
 use crate::segment::{Pair, SegmentParameters, YarnSegment};
@@ -11,7 +12,7 @@ use crate::shadowing::Shadowing;
 use crate::weave::{PlacedSegment, Spot, Tiling, Yarn};
 use crate::woven_surface::{WovenParameters, YarnParameters};
 use glam::{Vec2, Vec3};
-use organza_basis::{Rgb, warp};
+use organza_basis::{PathRng, Rgb, warp};
 use std::f32::consts::FRAC_1_PI;
 
 /// Steps that the inclination of noisy yarn is quantised to. Texture and mean
@@ -46,12 +47,12 @@ pub(crate) struct Face {
     tiling: Tiling,
     types: Vec<SegmentType>,
     type_of: Vec<u32>,
-    warp: Thread,
-    weft: Thread,
+    /// Warp and weft.
+    threads: [Thread; 2],
     shadowing: Option<Shadowing>,
     seed: u64,
-    grain_mm: f32,
-    noise_period_mm: f32,
+    grains_per_mm: f32,
+    noise: Option<TensionNoise>,
     rule: Rule<f32>,
     /// Factor that makes the specular albedo what `specular` says.
     gain: f32,
@@ -65,20 +66,58 @@ pub(crate) struct Local<'a> {
     placed: &'a PlacedSegment,
 }
 
-/// A direction of the face in the frame of a yarn's segments.
-pub(crate) fn segment_from_face(yarn: Yarn, w: Vec3) -> Direction<f32> {
-    match yarn {
-        Yarn::Warp => Direction::new(w.x, w.y, w.z),
-        Yarn::Weft => Direction::new(-w.y, w.x, w.z),
+impl Local<'_> {
+    /// With the fibres that may mirror light to `w_o`.
+    #[inline]
+    pub fn with_fibres(self, w_o: Vec3) -> (Self, Fibres) {
+        let seen = segment_from_face(self.yarn, w_o);
+        let spot = &self.spot;
+        let fibres = self.segment.fibres(seen, spot.across_mm, spot.along_mm);
+        (self, fibres)
+    }
+
+    /// Draws a direction from the cone of one of them.
+    #[inline]
+    pub fn sample_cone(&self, fibres: &Fibres, w_o: Vec3, rng: &mut PathRng) -> Option<Vec3> {
+        let seen = segment_from_face(self.yarn, w_o);
+        let drawn = self.segment.sample_cone(seen, fibres, rng)?;
+        Some(face_from_segment(self.yarn, drawn))
+    }
+
+    /// Density of [`sample_cone`](Self::sample_cone), 1/sr.
+    #[inline]
+    pub fn cone_pdf(&self, fibres: &Fibres, w_i: Vec3, w_o: Vec3) -> f32 {
+        if w_i.z <= 0.0 {
+            return 0.0;
+        }
+        let pair = Pair::new(
+            segment_from_face(self.yarn, w_i),
+            segment_from_face(self.yarn, w_o),
+        );
+        self.segment.cone_pdf(&pair, fibres)
     }
 }
 
+/// Sine and cosine of the quarter turn from the face to a yarn's segments, as
+/// numbers: which yarn it is cannot be foretold, so it should cost no branch.
+#[inline(always)]
+fn turn(yarn: Yarn) -> (f32, f32) {
+    let sin = f32::from(yarn as u8);
+    (sin, 1.0 - sin)
+}
+
+/// A direction of the face in the frame of a yarn's segments.
+#[inline(always)]
+fn segment_from_face(yarn: Yarn, w: Vec3) -> Direction<f32> {
+    let (sin, cos) = turn(yarn);
+    Direction::new(cos * w.x - sin * w.y, sin * w.x + cos * w.y, w.z)
+}
+
 /// The way back.
-pub(crate) fn face_from_segment(yarn: Yarn, w: Direction<f32>) -> Vec3 {
-    match yarn {
-        Yarn::Warp => Vec3::new(w.x, w.y, w.z),
-        Yarn::Weft => Vec3::new(w.y, -w.x, w.z),
-    }
+#[inline(always)]
+fn face_from_segment(yarn: Yarn, w: Direction<f32>) -> Vec3 {
+    let (sin, cos) = turn(yarn);
+    Vec3::new(cos * w.x + sin * w.y, cos * w.y - sin * w.x, w.z)
 }
 
 impl Face {
@@ -120,16 +159,21 @@ impl Face {
             u_noise_own_rad: y.u_noise_own_rad,
             u_noise_cross_rad: y.u_noise_cross_rad,
         };
+        let is_noisy = types.iter().any(|t| t.steps.len() > 1);
+        let pitch_mm = Vec2::new(tiling.yarns(Yarn::Warp).1, tiling.yarns(Yarn::Weft).1);
         Ok(Face {
             tiling,
             types,
             type_of,
-            warp: thread(&p.warp),
-            weft: thread(&p.weft),
+            threads: [thread(&p.warp), thread(&p.weft)],
             shadowing: p.shadowing,
             seed: p.seed,
-            grain_mm: p.grain_mm,
-            noise_period_mm: p.noise_period_mm,
+            grains_per_mm: if p.grain_mm > 0.0 {
+                1.0 / p.grain_mm
+            } else {
+                0.0
+            },
+            noise: is_noisy.then(|| TensionNoise::new(p.seed, p.noise_period_mm, pitch_mm)),
             rule: Rule::for_accuracy(p.accuracy),
             gain: 1.0,
         })
@@ -144,13 +188,11 @@ impl Face {
     }
 
     fn thread(&self, yarn: Yarn) -> &Thread {
-        match yarn {
-            Yarn::Warp => &self.warp,
-            Yarn::Weft => &self.weft,
-        }
+        &self.threads[yarn as usize]
     }
 
     /// Visible share of a segment that may lie lower than its neighbours.
+    #[inline]
     fn visible_share(&self, yarn: Yarn, size_mm: [f32; 2], pair: &Pair<f32>) -> f32 {
         let Some(shadowing) = self.shadowing else {
             return 1.0;
@@ -199,11 +241,9 @@ impl Face {
     ) -> f32 {
         if !segment.is_filament() {
             segment.staple_reflectance(pair, &self.rule)
-        } else if segment.holds(ring) {
+        } else {
             let integrals = integrals.get_or_insert_with(|| ring.attenuation_integrals(pair));
             segment.filament_reflectance(ring, *integrals)
-        } else {
-            0.0
         }
     }
 
@@ -247,14 +287,14 @@ impl Face {
     }
 
     /// What lies under a point.
+    #[inline]
     pub fn local(&self, position_mm: Vec2) -> Local<'_> {
         let spot = self.tiling.locate(position_mm);
         let placed = &self.tiling.segments()[spot.segment];
         let t = &self.types[self.type_of[spot.segment] as usize];
-        let step = if t.steps.len() == 1 {
-            0
-        } else {
-            self.noise_step(placed.yarn, &spot, placed.corner_mm, placed.length_mm)
+        let step = match &self.noise {
+            Some(noise) if t.steps.len() > 1 => self.noise_step(placed.yarn, &spot, noise),
+            _ => 0,
         };
         Local {
             segment: &t.steps[step],
@@ -265,12 +305,13 @@ impl Face {
     }
 
     /// Brightness of the grain of fibre at a place.
+    #[inline]
     fn grain(&self, local: &Local<'_>) -> f32 {
-        if self.grain_mm <= 0.0 {
+        if self.grains_per_mm <= 0.0 {
             return 1.0;
         }
         // Counted from the corner, so that no grain is cut at the segment's edge.
-        let cell = |x: f32| (x / self.grain_mm) as i64;
+        let cell = |x: f32| i64::from((x * self.grains_per_mm) as i32);
         let (spot, placed) = (&local.spot, local.placed);
         let segment = noise::name(
             self.seed,
@@ -287,40 +328,19 @@ impl Face {
 
     /// Inclination step of a segment: noise along its own yarn and along the
     /// one that crosses under its middle.
-    fn noise_step(&self, yarn: Yarn, spot: &Spot, corner_mm: Vec2, length_mm: f32) -> usize {
-        let thread = self.thread(yarn);
-        let period = self.tiling.period_mm();
+    #[inline]
+    fn noise_step(&self, yarn: Yarn, spot: &Spot, noise: &TensionNoise) -> usize {
         let copy = Vec2::new(spot.copy[0] as f32, spot.copy[1] as f32);
-        let half = match yarn {
-            Yarn::Warp => Vec2::new(0.0, 0.5 * length_mm),
-            Yarn::Weft => Vec2::new(0.5 * length_mm, 0.0),
-        };
-        let middle = corner_mm + half + copy * period;
-        let (_, warp_pitch) = self.tiling.yarns(Yarn::Warp);
-        let (_, weft_pitch) = self.tiling.yarns(Yarn::Weft);
-        // The corner is rounded to half a pitch, since it lies on a boundary.
-        let end = ((middle.x + 0.25 * warp_pitch) / warp_pitch).floor() as i64;
-        let pick = ((middle.y + 0.25 * weft_pitch) / weft_pitch).floor() as i64;
-        let along = |yarn: Yarn| {
-            let (number, kind, place) = match yarn {
-                Yarn::Warp => (end, 0, middle.y),
-                Yarn::Weft => (pick, 1, middle.x),
-            };
-            let line = noise::name(self.seed, [number, kind, 1]);
-            // Yarns start anywhere in the noise.
-            let offset = (line >> 40) as f32 * (1.0 / 16_777_216.0);
-            noise::gradient_noise(line, place / self.noise_period_mm + offset)
-        };
-        let other = match yarn {
-            Yarn::Warp => Yarn::Weft,
-            Yarn::Weft => Yarn::Warp,
-        };
-        let delta = thread.u_noise_own_rad * along(yarn) + thread.u_noise_cross_rad * along(other);
-        let reach = thread.u_noise_own_rad + thread.u_noise_cross_rad;
-        noise::nearest_step(delta, reach, NOISE_STEPS)
+        let middle = self.tiling.middle_mm(spot.segment) + copy * self.tiling.period_mm();
+        let along = noise.at(middle);
+        let thread = self.thread(yarn);
+        let (own, cross) = (thread.u_noise_own_rad, thread.u_noise_cross_rad);
+        let delta = own * along[yarn as usize] + cross * along[1 - yarn as usize];
+        noise::nearest_step(delta, own + cross, NOISE_STEPS)
     }
 
     /// Value at a place already looked up, 1/sr; both directions above the face.
+    #[inline]
     pub fn texture_at(&self, local: &Local<'_>, w_i: Vec3, w_o: Vec3) -> Rgb {
         let thread = self.thread(local.yarn);
         let pair = Pair::new(

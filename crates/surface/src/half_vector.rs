@@ -64,6 +64,7 @@ impl HalfVectorTable {
     }
 
     /// Draws `w_i`; below the horizon when the draw is lost.
+    #[inline]
     pub fn sample(&self, w_o: Vec3, rng: &mut PathRng) -> Vec3 {
         let pick = rng.unit() * (SIDE * SIDE) as f32;
         let (threshold, alias) = self.alias[pick as usize];
@@ -86,6 +87,7 @@ impl HalfVectorTable {
     }
 
     /// Density of `w_i`, 1/sr; both directions above the horizon.
+    #[inline]
     pub fn pdf(&self, w_i: Vec3, w_o: Vec3) -> f32 {
         let sum = w_i + w_o;
         let length = sum.length();

@@ -18,6 +18,8 @@
 // Negated comparisons are meant: what is not a number goes the safe way.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod band;
+mod cloth;
 mod cone;
 mod energy;
 pub mod error;
@@ -36,10 +38,12 @@ pub mod spec;
 pub mod spine;
 mod staple;
 pub mod transmission;
+pub mod transmission_fit;
 pub mod weave;
 pub mod woven_surface;
 
 pub use error::Error;
 pub use model::{Footprint, SurfaceModel, SurfaceSample};
 pub use spec::SurfaceSpec;
+pub use transmission_fit::MeasuredTransmission;
 pub use woven_surface::{WovenParameters, WovenSurface, YarnParameters};

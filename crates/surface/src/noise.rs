@@ -3,15 +3,19 @@
 //! Everything is a function of names (seed, yarn, place), so that a cloth
 //! looks the same from every thread.
 
+use crate::weave::floor;
+use glam::Vec2;
 use organza_basis::rng::mix64;
 
 /// Uniform in (0, 1] from a name.
+#[inline]
 fn unit(name: u64) -> f32 {
     ((name >> 40) + 1) as f32 * (1.0 / 16_777_216.0)
 }
 
 /// One name from several: small whole numbers, spread by odd factors before
 /// they are mixed.
+#[inline]
 pub(crate) fn name(seed: u64, parts: [i64; 3]) -> u64 {
     const SPREAD: [u64; 3] = [
         0x9e37_79b9_7f4a_7c15,
@@ -30,16 +34,68 @@ pub(crate) fn exponential(name: u64) -> f32 {
     -unit(name).ln()
 }
 
-/// Gradient noise along a line [Perlin2002], in `[-1, 1]`, with one slope per
-/// unit of `x`; zero at integers, which the caller's own offset hides.
-pub(crate) fn gradient_noise(line: u64, x: f32) -> f32 {
-    let cell = x.floor();
-    let t = x - cell;
-    let slope = |i: f32| 2.0 * unit(name(line, [i as i64, 1, 0])) - 1.0;
-    interpolate(t, slope(cell), slope(cell + 1.0))
+/// Slow changes of tension along every yarn of a cloth: gradient noise
+/// [Perlin2002] with slopes from a table, which each yarn runs through from
+/// its own place in its own step.
+#[derive(Debug)]
+pub(crate) struct TensionNoise {
+    seed: u64,
+    slopes: Vec<f32>,
+    cells_per_mm: f32,
+    yarns_per_mm: Vec2,
+}
+
+/// Slopes in the table: a yarn repeats after so many.
+const SLOPES: usize = 1024;
+
+impl TensionNoise {
+    /// Noise that changes over `period_mm`, for yarns of the given pitch.
+    pub fn new(seed: u64, period_mm: f32, pitch_mm: Vec2) -> TensionNoise {
+        TensionNoise {
+            seed,
+            slopes: (0..SLOPES as i64)
+                .map(|i| 2.0 * unit(name(seed, [i, 1, 3])) - 1.0)
+                .collect(),
+            cells_per_mm: 1.0 / period_mm,
+            yarns_per_mm: pitch_mm.recip(),
+        }
+    }
+
+    /// Noise of the warp and of the weft yarn that cross at a place, in
+    /// `[-1, 1]`.
+    #[inline]
+    pub fn at(&self, place_mm: Vec2) -> [f32; 2] {
+        // A place may lie on the boundary between yarns, where rounding must not
+        // choose: a quarter pitch on, it does not.
+        let number = |x: f32, per_mm: f32| i64::from(floor(x * per_mm + 0.25));
+        let (end, pick) = (
+            number(place_mm.x, self.yarns_per_mm.x),
+            number(place_mm.y, self.yarns_per_mm.y),
+        );
+        [
+            self.along(name(self.seed, [end, 0, 1]), place_mm.y),
+            self.along(name(self.seed, [pick, 1, 1]), place_mm.x),
+        ]
+    }
+
+    /// One slope per cell; zero at whole cells, which the yarn's own offset
+    /// hides.
+    #[inline]
+    fn along(&self, line: u64, place_mm: f32) -> f32 {
+        let offset = (line >> 40) as f32 * (1.0 / 16_777_216.0);
+        let x = place_mm * self.cells_per_mm + offset;
+        let cell = floor(x);
+        let (start, step) = (line as u32, (line >> 16) as u32 | 1);
+        let slope = |i: i32| {
+            let k = start.wrapping_add((i as u32).wrapping_mul(step)) as usize % SLOPES;
+            self.slopes.get(k).copied().unwrap_or(0.0)
+        };
+        interpolate(x - cell as f32, slope(cell), slope(cell.wrapping_add(1)))
+    }
 }
 
 /// Gradient noise at `t` in `[0, 1]` between two slopes in `[-1, 1]`.
+#[inline]
 fn interpolate(t: f32, left: f32, right: f32) -> f32 {
     let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     // The largest value, one half, is scaled to one.
@@ -70,9 +126,10 @@ pub(crate) fn step_shares(own: f32, cross: f32, count: usize) -> Vec<f32> {
 }
 
 /// Which of `count` equal steps over `[-reach, reach]` is nearest.
+#[inline]
 pub(crate) fn nearest_step(value: f32, reach: f32, count: usize) -> usize {
     let place = (value / reach + 1.0) * 0.5 * (count - 1) as f32;
-    (place.round().max(0.0) as usize).min(count - 1)
+    ((place + 0.5) as i32).clamp(0, count as i32 - 1) as usize
 }
 
 #[cfg(test)]
@@ -100,13 +157,13 @@ mod tests {
         let shares = step_shares(own, cross, count);
         assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-3);
         let mut seen = vec![0.0f32; count];
-        // Well-separated places are independent up to the slopes' hash.
+        // Places on yarns far apart, each with its own offset.
+        let noise = TensionNoise::new(9, 1.0, Vec2::ONE);
         let n = 100_000;
         for i in 0..n {
-            let x = |line: i64| 1e3 * unit(name(9, [i, line, 7])) + 3.0;
-            let delta = own * gradient_noise(name(9, [i, 0, 0]), x(0))
-                + cross * gradient_noise(name(9, [i, 1, 0]), x(1));
-            seen[nearest_step(delta, own + cross, count)] += 1.0 / n as f32;
+            let x = |line: i64| (1e4 * unit(name(9, [i, line, 7]))).floor() + 0.5;
+            let [warp, weft] = noise.at(Vec2::new(x(0), x(1)));
+            seen[nearest_step(own * warp + cross * weft, own + cross, count)] += 1.0 / n as f32;
         }
         for (s, e) in seen.iter().zip(&shares) {
             let sigma = (e * (1.0 - e) / n as f32).sqrt();
@@ -116,9 +173,11 @@ mod tests {
 
     #[test]
     fn noise_is_continuous_and_bounded() {
-        let mut before = gradient_noise(3, -5.0);
+        let noise = TensionNoise::new(3, 1.0, Vec2::ONE);
+        let at = |i: i32| noise.at(Vec2::new(0.5, -5.0 + i as f32 * 1e-3))[0];
+        let mut before = at(0);
         for i in 1..10_000 {
-            let here = gradient_noise(3, -5.0 + i as f32 * 1e-3);
+            let here = at(i);
             assert!(here.abs() <= 1.0 && (here - before).abs() < 1e-2);
             before = here;
         }

@@ -26,7 +26,9 @@ impl<T: Real> CircularPhase<T> {
 
     /// Its value for two directions that point away from the yarn, whose
     /// cosine is `cos_io`: light that goes straight on has -1.
+    #[inline(always)]
     pub fn eval(&self, cos_io: T) -> T {
-        self.alpha + self.forward_peak * (-self.beta * (T::one() + cos_io)).exp()
+        self.alpha
+            + self.forward_peak * (-self.beta * (T::one() + cos_io).larger(T::zero())).exp_decay()
     }
 }

@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 pub struct Rule<T> {
     /// Four nodes and four weights each.
     nodes: Vec<([T; 4], [T; 4])>,
-    scan: Vec<T>,
+    scan: Vec<[T; 4]>,
     steps: usize,
 }
 
@@ -43,7 +43,6 @@ impl<T: Real> Rule<T> {
             }
         };
         let nodes: Vec<(T, T)> = gauss_legendre(count).into_iter().map(node).collect();
-        let count = if smooth_ends { 24 } else { 8 };
         Rule {
             nodes: nodes
                 .chunks_exact(4)
@@ -54,9 +53,7 @@ impl<T: Real> Rule<T> {
                     )
                 })
                 .collect(),
-            scan: (0..=count)
-                .map(|i| T::of(-(2.0 * FRAC_PI_2 * f64::from(i) / f64::from(count)).cos()))
-                .collect(),
+            scan: scan(if smooth_ends { 28 } else { 8 }),
             steps: if smooth_ends {
                 40
             } else {
@@ -76,56 +73,65 @@ impl<T: Real> Rule<T> {
 
     /// The part of `[low, high]` on which `g` is positive, taken as one
     /// interval; `None` when no scanned place is.
+    #[inline(always)]
     pub(crate) fn support(&self, low: T, high: T, g: impl Fn(T) -> T) -> Option<(T, T)> {
-        let half = T::of(0.5);
+        let (zero, half) = (T::zero(), T::of(0.5));
         let (mid, span) = ((low + high) * half, (high - low) * half);
-        // The first place from one end where g is positive, refined against
-        // the place before it.
-        let end = |from_low: bool| {
-            let mut before = None;
-            for i in 0..self.scan.len() {
-                let x = if from_low {
-                    self.scan[i]
-                } else {
-                    -self.scan[i]
-                };
-                let t = mid + span * x;
-                let value = g(t);
-                if value > T::zero() {
-                    return Some(match before {
-                        None => t,
-                        Some(outside) => self.refine(outside, (t, value), &g),
-                    });
-                }
-                before = Some((t, value));
+        // All places at once, and both ends together: what waits for one
+        // value works on another.
+        let mut values = [[zero; 4]; MOST_SCANNED / 4];
+        let mut positive = 0u32;
+        for (i, (xs, values)) in self.scan.iter().zip(&mut values).enumerate() {
+            for lane in 0..4 {
+                values[lane] = g(mid + span * xs[lane]);
             }
-            None
-        };
-        Some((end(true)?, end(false)?))
-    }
-
-    /// False position with the halving of a retained end (the Illinois rule).
-    fn refine(&self, outside: (T, T), inside: (T, T), g: &impl Fn(T) -> T) -> T {
-        let half = T::of(0.5);
-        let ((mut a, mut g_a), (mut b, mut g_b)) = (outside, inside);
+            for (lane, &value) in values.iter().enumerate() {
+                positive |= u32::from(value > zero) << (4 * i + lane);
+            }
+        }
+        if positive == 0 {
+            return None;
+        }
+        let last = 4 * self.scan.len() - 1;
+        let inside = [positive.trailing_zeros(), positive.ilog2()].map(|i| i as usize);
+        // An end of the interval that is inside already is its own neighbour,
+        // which the steps below leave where it is.
+        let outside = [inside[0].saturating_sub(1), (inside[1] + 1).min(last)];
+        let place = |i: usize| mid + span * self.scan[i / 4][i % 4];
+        let value = |i: usize| values[i / 4][i % 4];
+        let (mut a, mut b) = (outside.map(place), inside.map(place));
+        let (mut g_a, mut g_b) = (outside.map(|i| value(i).smaller(zero)), inside.map(value));
+        // False position with the halving of a retained end (the Illinois rule).
+        let meet = |a: T, g_a: T, b: T, g_b: T| (a * g_b - b * g_a) / (g_b - g_a);
         for _ in 0..self.steps {
-            let slope = g_b - g_a;
-            if !(slope > T::zero()) {
-                break;
+            for end in 0..2 {
+                let t = meet(a[end], g_a[end], b[end], g_b[end]);
+                let value = g(t);
+                if value > zero {
+                    (b[end], g_b[end], g_a[end]) = (t, value, g_a[end] * half);
+                } else {
+                    (a[end], g_a[end], g_b[end]) = (t, value, g_b[end] * half);
+                }
             }
-            let t = (a * g_b - b * g_a) / slope;
-            let value = g(t);
-            if value > T::zero() {
-                (b, g_b, g_a) = (t, value, g_a * half);
+        }
+        let end = |k: usize| {
+            if g_b[k] > g_a[k] {
+                meet(a[k], g_a[k], b[k], g_b[k])
             } else {
-                (a, g_a, g_b) = (t, value, g_b * half);
+                b[k]
             }
-        }
-        let slope = g_b - g_a;
-        if slope > T::zero() {
-            (a * g_b - b * g_a) / slope
-        } else {
-            b
-        }
+        };
+        Some((end(0), end(1)))
     }
 }
+
+/// Places on `[-1, 1]`, denser at its ends, which are among them.
+fn scan<T: Real>(count: usize) -> Vec<[T; 4]> {
+    let at = |i: usize| T::of(-(2.0 * FRAC_PI_2 * i as f64 / (count - 1) as f64).cos());
+    (0..count / 4)
+        .map(|i| std::array::from_fn(|lane| at(4 * i + lane)))
+        .collect()
+}
+
+/// The most places that a scan looks at.
+const MOST_SCANNED: usize = 28;

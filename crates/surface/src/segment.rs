@@ -8,6 +8,7 @@
 //! are twisted) or u to the directions alone (filament yarn, whose fibres run
 //! along the spine).
 
+use crate::band::Band;
 use crate::error::Error;
 use crate::filament::Ring;
 use crate::phase::CircularPhase;
@@ -89,13 +90,19 @@ pub struct YarnSegment<T> {
     pub(crate) sin_psi: T,
     pub(crate) cos_psi: T,
     pub(crate) cot_psi: T,
-    pub(crate) u_max: T,
-    pub(crate) tan_u_max: T,
+    pub(crate) tan_half_u_max: T,
     pub(crate) radius_mm: T,
     pub(crate) width_mm: T,
     pub(crate) length_mm: T,
-    pub(crate) smoothing: T,
-    pub(crate) highlight_width: T,
+    /// Where the filament's highlight fades: a linear function of |u|.
+    pub(crate) fade_slope: T,
+    pub(crate) fade_start: T,
+    pub(crate) u_band: Band<T>,
+    pub(crate) v_band: Band<T>,
+    /// What all places share of the geometry factor of staple yarn, mm.
+    pub(crate) staple_factor: T,
+    /// What all places share of the texture's value.
+    pub(crate) texture_factor: T,
     pub(crate) spine: Spine<T>,
     pub(crate) phase: CircularPhase<T>,
 }
@@ -143,18 +150,37 @@ impl<T: Real> YarnSegment<T> {
             radius_mm = 0.5 * p.length_mm / sin;
             half_spine_mm = 0.0;
         }
+        let sin_psi = p.twist_rad.sin();
+        let staple_factor = radius_mm / sin_psi.abs();
+        let along = Band::new(p.length_mm, p.highlight_width, p.u_max_rad);
+        let around = Band::new(p.width_mm, p.highlight_width, right);
+        // Per area of the rectangle; the band is as wide as the highlight.
+        let area = p.highlight_width * p.width_mm * p.length_mm;
+        let texture_factor = if sin_psi == 0.0 {
+            radius_mm * std::f64::consts::PI / area
+        } else {
+            staple_factor * 2.0 * p.u_max_rad / area
+        };
+        let (fade_slope, fade_start) = if p.smoothing > 0.0 {
+            (1.0 / (p.u_max_rad * p.smoothing), 1.0 - 1.0 / p.smoothing)
+        } else {
+            (0.0, 0.0)
+        };
         Ok(YarnSegment {
-            sin_psi: T::of(p.twist_rad.sin()),
+            sin_psi: T::of(sin_psi),
             cos_psi: T::of(p.twist_rad.cos()),
             // Not used where it would be infinite.
             cot_psi: T::of(p.twist_rad.tan().recip()),
-            u_max: T::of(p.u_max_rad),
-            tan_u_max: T::of(p.u_max_rad.tan()),
+            tan_half_u_max: T::of((0.5 * p.u_max_rad).tan()),
             radius_mm: T::of(radius_mm),
             width_mm: T::of(p.width_mm),
             length_mm: T::of(p.length_mm),
-            smoothing: T::of(p.smoothing),
-            highlight_width: T::of(p.highlight_width),
+            fade_slope: T::of(fade_slope),
+            fade_start: T::of(fade_start),
+            u_band: along,
+            v_band: around,
+            staple_factor: T::of(staple_factor),
+            texture_factor: T::of(texture_factor),
             spine: Spine::new(half_spine_mm, p.u_max_rad, p.kappa)?,
             phase: CircularPhase::new(p.alpha, p.beta),
         })
@@ -186,11 +212,7 @@ impl<T: Real> YarnSegment<T> {
         }
         let lobe = if self.is_filament() {
             let ring = Ring::new(pair);
-            if self.holds(&ring) {
-                self.filament_reflectance(&ring, ring.attenuation_integrals(pair))
-            } else {
-                T::zero()
-            }
+            self.filament_reflectance(&ring, ring.attenuation_integrals(pair))
         } else {
             self.staple_reflectance(pair, rule)
         };
@@ -202,6 +224,7 @@ impl<T: Real> YarnSegment<T> {
     /// area, which is equation 8.4 with the letters of 8.5 put right.
     ///
     /// `x` and `y` are mm from the middle of the rectangle, across and along.
+    #[inline]
     pub fn texture(&self, pair: &Pair<T>, x: T, y: T) -> T {
         if !(pair.w_i.z > T::zero() && pair.w_r.z > T::zero()) {
             return T::zero();

@@ -48,11 +48,12 @@ impl<T: Real> Spine<T> {
     }
 
     /// Radius of curvature, mm, where the tangent is inclined by u.
+    #[inline(always)]
     pub fn radius_mm(&self, sin_u: T, cos_u: T) -> T {
         if self.q == T::one() {
             return self.scale_mm; // a circle
         }
-        let k = (cos_u * cos_u + self.q * sin_u * sin_u).max(self.floor);
+        let k = (cos_u * cos_u + self.q * sin_u * sin_u).larger(self.floor);
         self.scale_mm / (k * k.sqrt())
     }
 }

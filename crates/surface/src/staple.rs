@@ -16,6 +16,7 @@ pub(crate) struct Inclination<T> {
 }
 
 impl<T: Real> Inclination<T> {
+    #[inline(always)]
     pub fn new(pair: &Pair<T>, sin_u: T, cos_u: T) -> Self {
         Inclination {
             sin_u,
@@ -39,12 +40,13 @@ pub(crate) struct Mirror<T> {
 impl<T: Real> YarnSegment<T> {
     /// The one solution v = v0 - asin(D) that can be lit and seen, without an
     /// inverse function; `|D|` above one, where there is none, is cut to one.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn mirror(&self, pair: &Pair<T>, at: &Inclination<T>) -> Mirror<T> {
         let one = T::one();
-        let inv_rho = one / (pair.s.x * pair.s.x + at.out * at.out).sqrt();
+        let rho2 = pair.s.x * pair.s.x + at.out * at.out;
+        let inv_rho = one / rho2.larger(T::of(1e-30)).sqrt();
         let d = at.along * self.cot_psi * inv_rho;
-        let d = d.max(-one).min(one);
+        let d = d.larger(-one).smaller(one);
         let e = (one - d * d).sqrt();
         let sin_v = (pair.s.x * e - at.out * d) * inv_rho;
         let cos_v = (at.out * e + pair.s.x * d) * inv_rho;
@@ -57,16 +59,11 @@ impl<T: Real> YarnSegment<T> {
         }
     }
 
-    /// What all places share of the geometry factor, mm.
-    fn staple_factor(&self) -> T {
-        self.radius_mm / self.sin_psi.abs()
-    }
-
-    /// The rest of geometry factor times attenuation, mm, at a place that faces both
-    /// directions. With `|s| (n.h) = w_i.n + w_r.n` no half vector is
-    /// normalised and the quotient is at most a quarter:
+    /// Geometry factor times attenuation, over the shared factor, mm, at a
+    /// place that faces both directions. With `|s| (n.h) = w_i.n + w_r.n` no
+    /// half vector is normalised and the quotient is at most a quarter:
     /// `a (R + a cos v) (w_i.n)(w_r.n) / ((w_i.n + w_r.n)^2 |sin psi|)`.
-    #[inline]
+    #[inline(always)]
     fn staple_strength(&self, at: &Inclination<T>, m: &Mirror<T>) -> T {
         let sum = m.n_i + m.n_r;
         let spine = self.spine.radius_mm(at.sin_u, at.cos_u);
@@ -80,18 +77,22 @@ impl<T: Real> YarnSegment<T> {
     /// Integrating over d keeps s along the spine free of cancellation when
     /// psi is small, and in the tangent of d/2 a node costs arithmetic alone.
     pub(crate) fn staple_reflectance(&self, pair: &Pair<T>, rule: &Rule<T>) -> T {
-        let (one, two, half) = (T::one(), T::of(2.0), T::of(0.5));
+        let (zero, one, two, half) = (T::zero(), T::one(), T::of(2.0), T::of(0.5));
         let p = (pair.s.y * pair.s.y + pair.s.z * pair.s.z).sqrt();
-        let phi = pair.s.y.atan2(pair.s.z);
-        let (mut low, mut high) = (phi - self.u_max, phi + self.u_max);
-        let sin_limit = self.sin_psi.abs() * pair.s2.sqrt();
-        if sin_limit < p {
-            let limit = (sin_limit / p).asin();
-            low = low.max(-limit);
-            high = high.min(limit);
+        // Tangents of halves of angles add without an inverse function.
+        let (phi, reach) = (pair.s.y / (p + pair.s.z), self.tan_half_u_max);
+        let (mut low, mut high) = (
+            (phi - reach) / (one + phi * reach),
+            (phi + reach) / (one - phi * reach).larger(T::of(1e-6)),
+        );
+        let sin_limit = self.sin_psi.abs() * pair.s2.sqrt() / p;
+        if sin_limit < one {
+            let limit = sin_limit / (one + (one - sin_limit * sin_limit).sqrt());
+            low = low.larger(-limit);
+            high = high.smaller(limit);
         }
         if !(low < high) {
-            return T::zero();
+            return zero;
         }
         let (sin_phi, cos_phi) = (pair.s.y / p, pair.s.z / p);
         let inclination = |t: T| {
@@ -107,80 +108,49 @@ impl<T: Real> YarnSegment<T> {
         };
         let faces_both = |t: T| {
             let m = self.mirror(pair, &inclination(t).0);
-            m.n_i.min(m.n_r).min(m.cos_v)
+            m.n_i.smaller(m.n_r).smaller(m.cos_v)
         };
-        let ends = rule.support((low * half).tan(), (high * half).tan(), faces_both);
-        let Some((t0, t1)) = ends else {
-            return T::zero();
+        let Some((t0, t1)) = rule.support(low, high, faces_both) else {
+            return zero;
         };
         let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
         // Four at a time and without branches, for the vector unit.
-        let mut sums = [T::zero(); 4];
+        let mut sums = [zero; 4];
         for (xs, ws) in rule.nodes() {
             for lane in 0..4 {
                 let (at, k) = inclination(mid + span * xs[lane]);
                 let m = self.mirror(pair, &at);
-                let faces = m.n_i > T::zero() && m.n_r > T::zero() && m.cos_v > T::zero();
-                let strength = self.staple_strength(&at, &m);
-                sums[lane] = sums[lane]
-                    + if faces {
-                        ws[lane] * k * strength
-                    } else {
-                        T::zero()
-                    };
+                let faces = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero;
+                let strength = ws[lane] * k * self.staple_strength(&at, &m);
+                sums[lane] = sums[lane] + if faces { strength } else { zero };
             }
         }
         let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-        two * span * sum * self.staple_factor()
+        two * span * sum * self.staple_factor
     }
 
-    /// The angles v whose highlight is drawn at x: a band of constant width
-    /// about it, pushed inside the rectangle at its edges.
-    pub(crate) fn staple_band(&self, x: T) -> (T, T) {
-        band(x, self.width_mm, self.highlight_width, T::FRAC_PI_2())
-    }
-
-    /// The texture's value over the phase function at inclination u.
+    /// The texture's value over the phase function.
+    #[inline(always)]
     pub(crate) fn staple_texture(&self, pair: &Pair<T>, x: T, y: T) -> T {
-        let (sin_u, cos_u) = self.inclination_at(y).sin_cos();
+        let zero = T::zero();
+        let (sin_u, cos_u) = self.u_band.angle(y).sin_cos_acute();
         let at = Inclination::new(pair, sin_u, cos_u);
         let m = self.mirror(pair, &at);
-        if !(m.n_i > T::zero() && m.n_r > T::zero() && m.cos_v > T::zero()) {
-            return T::zero();
+        let v = m.angle();
+        let (low, high) = self.v_band.angles(x);
+        let drawn = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero && v > low && v < high;
+        if drawn {
+            self.staple_strength(&at, &m) * self.texture_factor
+        } else {
+            zero
         }
-        let v = (m.sin_v / m.cos_v).atan();
-        let (low, high) = self.staple_band(x);
-        if !(v > low && v < high) {
-            return T::zero();
-        }
-        let band_mm = self.highlight_width * self.width_mm;
-        self.staple_strength(&at, &m) * self.staple_factor() * T::of(2.0) * self.u_max
-            / (self.length_mm * band_mm)
-    }
-
-    /// u at a distance y along the rectangle (equation 8.2).
-    pub(crate) fn inclination_at(&self, y: T) -> T {
-        T::of(2.0) * self.u_max * y / self.length_mm
     }
 }
 
-/// Angles in `[-limit, limit]` whose band covers the place x of a rectangle of
-/// width `size`, angle and place being proportional. A band keeps its width at
-/// the edges: angles past the last place where it fits are drawn there.
-pub(crate) fn band<T: Real>(x: T, size: T, share: T, limit: T) -> (T, T) {
-    let half = T::of(0.5);
-    let per_mm = limit / (half * size);
-    let edge = half * size - share * size;
-    let reach = half * share * size;
-    let low = if x - reach < -(edge + reach) {
-        -limit
-    } else {
-        (x - reach) * per_mm
-    };
-    let high = if x + reach > edge + reach {
-        limit
-    } else {
-        (x + reach) * per_mm
-    };
-    (low, high)
+impl<T: Real> Mirror<T> {
+    /// The angle v where `cos_v` is positive.
+    #[inline(always)]
+    pub fn angle(&self) -> T {
+        T::of(2.0) * (self.sin_v / (T::one() + self.cos_v)).atan_unit()
+    }
 }

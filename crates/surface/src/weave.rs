@@ -2,7 +2,7 @@
 //! among them.
 
 use crate::error::Error;
-use glam::Vec2;
+use glam::{UVec2, Vec2, Vec2Swizzles};
 use serde::{Deserialize, Serialize};
 
 /// The two systems of yarn.
@@ -106,14 +106,25 @@ pub struct Spot {
 #[derive(Clone, Debug)]
 pub struct Tiling {
     segments: Vec<PlacedSegment>,
+    /// Middle of every segment, mm.
+    middles_mm: Vec<Vec2>,
     /// Segment at each strip: yarn strips and the free strips between them
-    /// alternate in both directions.
+    /// alternate in both directions. The highest bit, the yarn's, is set for
+    /// weft, the next where the segment began in the copy of the tile before.
     owner: Vec<u32>,
     columns: usize,
     rows: usize,
     pitch_mm: Vec2,
-    width_mm: Vec2,
+    /// Where free space begins after the edge of a yarn; infinite if nowhere.
+    free_from_mm: Vec2,
+    yarns_per_mm: Vec2,
+    period_mm: Vec2,
+    repeats_per_mm: Vec2,
 }
+
+/// Marks of [`Tiling::owner`].
+const WEFT: u32 = 1 << 31;
+const WRAPPED: u32 = 1 << 30;
 
 /// The most crossings of a draft: a jacquard of 4,000 by 4,000 ends and picks.
 const MAX_CROSSINGS: usize = 1 << 24;
@@ -173,13 +184,26 @@ impl Tiling {
                     .into(),
             ));
         }
+        let pitch_mm = Vec2::new(px as f32, py as f32);
+        let period_mm = pitch_mm * Vec2::new(columns as f32, rows as f32);
+        let free_from = |width: f64, pitch: f64| {
+            if width < pitch {
+                width as f32
+            } else {
+                f32::INFINITY
+            }
+        };
         let mut tiling = Tiling {
             segments: Vec::new(),
+            middles_mm: Vec::new(),
             owner: vec![u32::MAX; 4 * columns * rows],
             columns,
             rows,
-            pitch_mm: Vec2::new(px as f32, py as f32),
-            width_mm: Vec2::new(wx as f32, wy as f32),
+            pitch_mm,
+            free_from_mm: Vec2::new(free_from(wx, px), free_from(wy, py)),
+            yarns_per_mm: pitch_mm.recip(),
+            period_mm,
+            repeats_per_mm: period_mm.recip(),
         };
         // Strip 2 i is yarn i, strip 2 i + 1 the free space after it.
         let warp_is_up = |column: usize, row: usize| up[row][column];
@@ -227,6 +251,11 @@ impl Tiling {
                     Yarn::Weft => Vec2::new(start as f32, side as f32),
                 };
                 let id = self.segments.len() as u32;
+                let half = 0.5 * Vec2::new(across[0] as f32, length as f32);
+                self.middles_mm.push(match yarn {
+                    Yarn::Warp => corner + half,
+                    Yarn::Weft => corner + half.yx(),
+                });
                 self.segments.push(PlacedSegment {
                     yarn,
                     corner_mm: corner,
@@ -239,7 +268,8 @@ impl Tiling {
                         Yarn::Warp => along * 2 * self.columns + 2 * index,
                         Yarn::Weft => 2 * index * 2 * self.columns + along,
                     };
-                    self.owner[cell] = id;
+                    let wrapped = if along < strip { WRAPPED } else { 0 };
+                    self.owner[cell] = id | wrapped | if yarn == Yarn::Weft { WEFT } else { 0 };
                 }
             }
             s += 1;
@@ -251,9 +281,14 @@ impl Tiling {
         &self.segments
     }
 
+    /// Middle of a segment, mm, in the copy of the tile that holds its corner.
+    pub(crate) fn middle_mm(&self, segment: usize) -> Vec2 {
+        self.middles_mm[segment]
+    }
+
     /// Size of one repeat, mm.
     pub fn period_mm(&self) -> Vec2 {
-        self.pitch_mm * Vec2::new(self.columns as f32, self.rows as f32)
+        self.period_mm
     }
 
     /// Number of yarns of a system in one repeat, and their pitch in mm.
@@ -265,35 +300,35 @@ impl Tiling {
     }
 
     /// The segment under a point of the fabric plane.
+    #[inline]
     pub fn locate(&self, position_mm: Vec2) -> Spot {
-        let period = self.period_mm();
-        let turns = (position_mm / period).floor();
+        let period = self.period_mm;
+        let mut copy = [
+            floor(position_mm.x * self.repeats_per_mm.x),
+            floor(position_mm.y * self.repeats_per_mm.y),
+        ];
+        let turns = Vec2::new(copy[0] as f32, copy[1] as f32);
         // A tiny negative position may round up to the whole period.
         let p = (position_mm - turns * period).clamp(Vec2::ZERO, period);
-        let strip = |x: f32, pitch: f32, width: f32, count: usize| {
-            let i = ((x / pitch) as usize).min(count - 1);
-            2 * i + usize::from(x - i as f32 * pitch >= width && width < pitch)
+        let strip = |x: f32, per_mm: f32, pitch: f32, free_from: f32, count: usize| {
+            let i = ((x * per_mm) as i32 as usize).min(count - 1);
+            2 * i + usize::from(x - i as f32 * pitch >= free_from)
         };
-        let sx = strip(p.x, self.pitch_mm.x, self.width_mm.x, self.columns);
-        let sy = strip(p.y, self.pitch_mm.y, self.width_mm.y, self.rows);
-        let segment = self.owner[sy * 2 * self.columns + sx] as usize;
-        let s = &self.segments[segment];
-        let mut from = p - s.corner_mm;
-        let mut copy = [turns.x as i32, turns.y as i32];
-        // A run that goes around the repeat began in the copy before.
-        if s.yarn == Yarn::Weft && from.x < 0.0 {
-            from.x += period.x;
-            copy[0] -= 1;
-        }
-        if s.yarn == Yarn::Warp && from.y < 0.0 {
-            from.y += period.y;
-            copy[1] -= 1;
-        }
-        let (across_mm, along_mm) = match s.yarn {
-            Yarn::Warp => (from.x - 0.5 * s.width_mm, from.y - 0.5 * s.length_mm),
-            // The weft's frame has its x along the fabric's -y.
-            Yarn::Weft => (0.5 * s.width_mm - from.y, from.x - 0.5 * s.length_mm),
-        };
+        let (per_mm, pitch, free_from) = (self.yarns_per_mm, self.pitch_mm, self.free_from_mm);
+        let sx = strip(p.x, per_mm.x, pitch.x, free_from.x, self.columns);
+        let sy = strip(p.y, per_mm.y, pitch.y, free_from.y, self.rows);
+        let owner = self.owner[sy * 2 * self.columns + sx];
+        let segment = (owner & !(WEFT | WRAPPED)) as usize;
+        // Without branches, which no processor could foretell: the weft is
+        // turned, and a run that goes around the repeat began in the copy before.
+        let (weft, wrapped) = (owner >> 31, owner >> 30 & 1);
+        let turn = UVec2::new(weft, 1 - weft) * wrapped;
+        copy[0] = copy[0].wrapping_sub(turn.x as i32);
+        copy[1] = copy[1].wrapping_sub(turn.y as i32);
+        let from = p + turn.as_vec2() * period - self.middles_mm[segment];
+        // The weft's frame has its x along the fabric's -y.
+        let (sin, cos) = (weft as f32, (1 - weft) as f32);
+        let (across_mm, along_mm) = (cos * from.x - sin * from.y, sin * from.x + cos * from.y);
         Spot {
             segment,
             across_mm,
@@ -301,6 +336,13 @@ impl Tiling {
             copy,
         }
     }
+}
+
+/// Largest integer not above `x`, without a call.
+#[inline(always)]
+pub(crate) fn floor(x: f32) -> i32 {
+    let i = x as i32;
+    i.wrapping_sub(i32::from(x < i as f32))
 }
 
 #[cfg(test)]

@@ -1,15 +1,16 @@
 //! The whole cloth: two faces, gaps, transmission, and how to sample them.
 
+use crate::cone::Fibres;
 use crate::energy::EnergyBound;
 use crate::error::Error;
-use crate::face::{Face, Local, face_from_segment, segment_from_face};
+use crate::face::{Face, Local};
 use crate::half_vector::HalfVectorTable;
 use crate::model::{Footprint, SurfaceModel, SurfaceSample};
-use crate::segment::{Pair, SegmentParameters};
+use crate::segment::SegmentParameters;
 use crate::sequence::sequence;
 use crate::shadowing::Shadowing;
 use crate::transmission::Transmission;
-use crate::weave::{Tiling, Weave};
+use crate::weave::{Tiling, Weave, Yarn};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -61,17 +62,52 @@ pub struct WovenSurface {
     sides: [Side; 2],
     transmission: Option<Transmission>,
     gain: f32,
-    /// Longer side of the repeat, mm.
-    repeat_mm: f32,
+    /// True without gaps and where no direction needs its energy bounded.
+    is_plain: bool,
+    /// Two over the longer side of the repeat, 1/mm.
+    far_slope: f32,
 }
 
 #[derive(Debug)]
 struct Side {
     face: Face,
     half_vectors: HalfVectorTable,
-    /// Specular and diffuse weight of the mean, for choosing between them.
-    far_weights: (f32, f32),
+    /// Probabilities of the specular, diffuse and transmitted part, of the
+    /// mean and of warp and weft.
+    far_choices: [f32; 3],
+    near_choices: [[f32; 3]; 2],
     bound: EnergyBound,
+}
+
+/// What lies under a footprint: how much the mean counts, and the segment at
+/// its middle unless the mean is all.
+struct Under<'a> {
+    far: f32,
+    local: Option<(Local<'a>, Fibres)>,
+}
+
+/// What a draw came to, in the frame of the side that it left from.
+enum Drawn<'a> {
+    Straight,
+    Scattered {
+        side: &'a Side,
+        under: Under<'a>,
+        w_i: Vec3,
+        w_o: Vec3,
+        pdf: f32,
+    },
+}
+
+/// Probabilities of the specular, diffuse and transmitted part by their weights.
+fn choices((specular, diffuse): (f32, f32), transmitted: f32) -> [f32; 3] {
+    // The diffuse part also covers what the half vectors miss.
+    let diffuse = diffuse.max(0.1 * specular);
+    let total = specular + diffuse + transmitted;
+    if total > 0.0 {
+        [specular / total, diffuse / total, transmitted / total]
+    } else {
+        [0.0; 3]
+    }
 }
 
 impl WovenSurface {
@@ -126,16 +162,21 @@ impl WovenSurface {
                 half_vectors: HalfVectorTable::new(&views, |w_i, w_o| {
                     face.specular_reflectance(w_i, w_o).mean()
                 }),
-                far_weights: face.specular_and_diffuse(None),
+                far_choices: choices(face.specular_and_diffuse(None), passed.mean()),
+                near_choices: [Yarn::Warp, Yarn::Weft]
+                    .map(|yarn| choices(face.specular_and_diffuse(Some(yarn)), passed.mean())),
                 bound: EnergyBound::new(returned),
                 face,
             })
         };
+        let sides = [side(front)?, side(back)?];
+        let is_bounded = sides.iter().any(|s| s.bound.largest() > 1.0);
         Ok(WovenSurface {
-            sides: [side(front)?, side(back)?],
+            is_plain: !is_bounded && p.transmission.is_none(),
+            sides,
             transmission: p.transmission.clone(),
             gain,
-            repeat_mm,
+            far_slope: 2.0 / repeat_mm,
         })
     }
 
@@ -175,6 +216,7 @@ impl WovenSurface {
     }
 
     /// The side that faces `w`, with direction and place in that side's frame.
+    #[inline]
     fn side(&self, w: Vec3, position_mm: Vec2) -> (&Side, Vec3, Vec2) {
         if w.z > 0.0 {
             (&self.sides[0], w, position_mm)
@@ -198,49 +240,41 @@ impl WovenSurface {
 
     /// How much the mean replaces the texture: from nothing when the footprint
     /// is half a repeat to all when it is a whole one.
+    #[inline]
     fn far_share(&self, width_mm: f32) -> f32 {
-        let x = (2.0 * width_mm / self.repeat_mm - 1.0).clamp(0.0, 1.0);
+        let x = (width_mm * self.far_slope - 1.0).clamp(0.0, 1.0);
         x * x * (3.0 - 2.0 * x)
     }
 
     /// Share of the cloth that is yarn for both directions. The yarn that is
     /// lit is taken to be the yarn that is seen, as far as there is enough.
+    #[inline]
     fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
         1.0 - self.gap(w_i).max(self.gap(w_o))
     }
 
     /// Probabilities of the specular, diffuse and transmitted part.
-    fn choices(&self, side: &Side, far: f32, local: Option<&Local<'_>>) -> [f32; 3] {
-        let (mut specular, mut diffuse) = side.far_weights;
-        if let Some(local) = local {
-            let (s, d) = side.face.specular_and_diffuse(Some(local.yarn));
-            specular = far * specular + (1.0 - far) * s;
-            diffuse = far * diffuse + (1.0 - far) * d;
-        }
-        let transmitted = self
-            .transmission
-            .as_ref()
-            .map_or(0.0, |t| t.albedo().mean());
-        // The diffuse part also covers what the half vectors miss.
-        let diffuse = diffuse.max(0.1 * specular);
-        let total = specular + diffuse + transmitted;
-        if total > 0.0 {
-            [specular / total, diffuse / total, transmitted / total]
-        } else {
-            [0.0; 3]
-        }
+    #[inline]
+    fn choices(&self, side: &Side, under: &Under<'_>) -> [f32; 3] {
+        let Some((local, _)) = &under.local else {
+            return side.far_choices;
+        };
+        let near = side.near_choices[local.yarn as usize];
+        std::array::from_fn(|k| near[k] + under.far * (side.far_choices[k] - near[k]))
     }
 
-    /// Density of scattered directions given what lies under the footprint.
+    /// Density of scattered directions given what lies under the footprint;
+    /// `cone` is that of the texture's highlight, when it is known already.
+    #[inline]
     fn scattered_pdf(
         &self,
         side: &Side,
-        far: f32,
-        local: Option<&Local<'_>>,
+        under: &Under<'_>,
         w_i: Vec3,
         w_o: Vec3,
+        cone: Option<f32>,
     ) -> f32 {
-        let [specular, diffuse, transmitted] = self.choices(side, far, local);
+        let [specular, diffuse, transmitted] = self.choices(side, under);
         if w_i.z < 0.0 {
             return match &self.transmission {
                 Some(t) => transmitted * t.pdf(w_i, w_o),
@@ -248,23 +282,108 @@ impl WovenSurface {
             };
         }
         let mut highlight = 0.0;
-        if far > 0.0 {
-            highlight += far * side.half_vectors.pdf(w_i, w_o);
+        if under.far > 0.0 {
+            highlight += under.far * side.half_vectors.pdf(w_i, w_o);
         }
-        if let Some(local) = local {
-            let pair = Pair::new(
-                segment_from_face(local.yarn, w_i),
-                segment_from_face(local.yarn, w_o),
-            );
-            highlight += (1.0 - far)
-                * local
-                    .segment
-                    .cone_pdf(&pair, local.spot.across_mm, local.spot.along_mm);
+        if let Some((local, fibres)) = &under.local {
+            let cone = cone.unwrap_or_else(|| local.cone_pdf(fibres, w_i, w_o));
+            highlight += (1.0 - under.far) * cone;
         }
         specular * highlight + diffuse * w_i.z * FRAC_1_PI
     }
 
+    /// Draws a direction for light that leaves along `w_o`, above the side, of
+    /// which `gap` went straight on; with its density.
+    #[inline]
+    fn draw_scattered(
+        &self,
+        side: &Side,
+        under: &Under<'_>,
+        w_o: Vec3,
+        choice: f32,
+        rng: &mut PathRng,
+    ) -> Option<(Vec3, f32)> {
+        let [specular, diffuse, _] = self.choices(side, under);
+        let mut cone = None;
+        let w_i = if choice < specular {
+            match &under.local {
+                Some((local, fibres)) if under.far <= 0.0 || rng.unit() >= under.far => {
+                    let drawn = local.sample_cone(fibres, w_o, rng)?;
+                    // Draws outside the density's support carry no highlight.
+                    let pdf = local.cone_pdf(fibres, drawn, w_o);
+                    if pdf <= 0.0 {
+                        return None;
+                    }
+                    cone = Some(pdf);
+                    drawn
+                }
+                _ => side.half_vectors.sample(w_o, rng),
+            }
+        } else if choice < specular + diffuse {
+            warp::cosine_hemisphere(rng.unit2())
+        } else {
+            self.transmission.as_ref()?.sample(w_o, rng)
+        };
+        // Reflected light stays above, transmitted light goes below.
+        if (w_i.z > 0.0) != (choice < specular + diffuse) || w_i.z == 0.0 {
+            return None;
+        }
+        let pdf = self.scattered_pdf(side, under, w_i, w_o, cone);
+        (pdf > 0.0 && pdf.is_finite()).then_some((w_i, pdf))
+    }
+
+    /// Draws a direction like [`SurfaceModel::sample`], but evaluates nothing:
+    /// the direction and its density in 1/sr, infinite for light that went
+    /// straight through a gap. For callers that learn first whether light comes
+    /// from there at all; [`SurfaceModel::eval`] tells how much of it is sent on.
+    pub fn sample_direction(
+        &self,
+        w_o: Vec3,
+        at: Footprint,
+        rng: &mut PathRng,
+    ) -> Option<(Vec3, f32)> {
+        let drawn = self.draw(w_o, at, rng)?;
+        Some(match drawn {
+            Drawn::Straight => (-w_o, f32::INFINITY),
+            Drawn::Scattered { w_i, pdf, .. } => (if w_o.z > 0.0 { w_i } else { behind(w_i) }, pdf),
+        })
+    }
+
+    #[inline]
+    fn draw(&self, w_o: Vec3, at: Footprint, rng: &mut PathRng) -> Option<Drawn<'_>> {
+        if !is_usable(w_o) {
+            return None;
+        }
+        let gap = self.gap(w_o);
+        let choice = rng.unit();
+        if choice < gap {
+            return Some(Drawn::Straight);
+        }
+        let (side, w_o, position) = self.side(w_o, at.position_mm);
+        let under = self.under(side, w_o, at.width_mm, position);
+        let choice = (choice - gap) / (1.0 - gap);
+        let (w_i, pdf) = self.draw_scattered(side, &under, w_o, choice, rng)?;
+        Some(Drawn::Scattered {
+            side,
+            under,
+            w_i,
+            w_o,
+            pdf: (1.0 - gap) * pdf,
+        })
+    }
+
+    /// What lies under a footprint, for light that leaves along `w_o`.
+    #[inline]
+    fn under<'a>(&self, side: &'a Side, w_o: Vec3, width_mm: f32, position_mm: Vec2) -> Under<'a> {
+        let far = self.far_share(width_mm);
+        Under {
+            far,
+            local: (far < 1.0).then(|| side.face.local(position_mm).with_fibres(w_o)),
+        }
+    }
+
     /// Value in the frame of a side, whose `w_o` is above it.
+    #[inline]
     fn scattered(
         &self,
         side: &Side,
@@ -283,6 +402,9 @@ impl WovenSurface {
             }
         } else if let Some(t) = &self.transmission {
             value = t.eval(w_i, w_o);
+        }
+        if self.is_plain {
+            return value;
         }
         let bound = if w_i.z > 0.0 {
             side.bound.divisor(w_i)
@@ -317,56 +439,27 @@ impl SurfaceModel for WovenSurface {
     }
 
     fn sample(&self, w_o: Vec3, at: Footprint, rng: &mut PathRng) -> Option<SurfaceSample> {
-        if !is_usable(w_o) {
-            return None;
-        }
-        let gap = self.gap(w_o);
-        let mut choice = rng.unit();
-        if choice < gap {
-            return Some(SurfaceSample {
-                w_i: -w_o,
-                weight: Rgb::WHITE,
-                pdf: f32::INFINITY,
-            });
-        }
-        choice = (choice - gap) / (1.0 - gap);
-        let (side, w, position) = self.side(w_o, at.position_mm);
-        let far = self.far_share(at.width_mm);
-        let local = (far < 1.0).then(|| side.face.local(position));
-        let [specular, diffuse, _] = self.choices(side, far, local.as_ref());
-        let w_i = if choice < specular {
-            match &local {
-                Some(l) if rng.unit() >= far => {
-                    let seen = segment_from_face(l.yarn, w);
-                    let (x, y) = (l.spot.across_mm, l.spot.along_mm);
-                    let drawn = l.segment.sample_cone(seen, x, y, rng)?;
-                    // Draws outside the density's support carry no highlight.
-                    if l.segment.cone_pdf(&Pair::new(drawn, seen), x, y) <= 0.0 {
-                        return None;
-                    }
-                    face_from_segment(l.yarn, drawn)
-                }
-                _ => side.half_vectors.sample(w, rng),
+        let is_front = w_o.z > 0.0;
+        let (side, under, w_i, w_o, pdf) = match self.draw(w_o, at, rng)? {
+            Drawn::Straight => {
+                return Some(SurfaceSample {
+                    w_i: -w_o,
+                    weight: Rgb::WHITE,
+                    pdf: f32::INFINITY,
+                });
             }
-        } else if choice < specular + diffuse {
-            warp::cosine_hemisphere(rng.unit2())
-        } else {
-            let drawn = self.transmission.as_ref()?.sample(w, rng);
-            if drawn.z >= 0.0 {
-                return None;
-            }
-            drawn
+            Drawn::Scattered {
+                side,
+                under,
+                w_i,
+                w_o,
+                pdf,
+            } => (side, under, w_i, w_o, pdf),
         };
-        if choice < specular + diffuse && w_i.z <= 0.0 {
-            return None;
-        }
-        let pdf = (1.0 - gap) * self.scattered_pdf(side, far, local.as_ref(), w_i, w);
-        if !(pdf > 0.0 && pdf.is_finite()) {
-            return None;
-        }
-        let value = self.scattered(side, far, local.as_ref(), w_i, w);
+        let local = under.local.as_ref().map(|(local, _)| local);
+        let value = self.scattered(side, under.far, local, w_i, w_o);
         let weight = value * (w_i.z.abs() / pdf);
-        let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
+        let w_i = if is_front { w_i } else { behind(w_i) };
         (weight.is_valid() && !weight.is_black()).then_some(SurfaceSample { w_i, weight, pdf })
     }
 
@@ -377,9 +470,8 @@ impl SurfaceModel for WovenSurface {
         let gap = self.gap(w_o);
         let (side, w, position) = self.side(w_o, at.position_mm);
         let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
-        let far = self.far_share(at.width_mm);
-        let local = (far < 1.0).then(|| side.face.local(position));
-        let pdf = (1.0 - gap) * self.scattered_pdf(side, far, local.as_ref(), w_i, w);
+        let under = self.under(side, w, at.width_mm, position);
+        let pdf = (1.0 - gap) * self.scattered_pdf(side, &under, w_i, w, None);
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 

@@ -1,0 +1,143 @@
+//! From the cloth of a fabric file to its surface.
+
+use crate::error::Error;
+use crate::spec::SurfaceSpec;
+use crate::weave::Weave;
+use organza_basis::SegmentSource;
+use organza_weave::{Cloth, Draft};
+
+impl Weave {
+    /// The smallest repeat of a draft, in yarns as wide as their pitch.
+    /// `size_mm` is that of the whole draft, along the weft and along the warp;
+    /// threads of uneven spacing count with their mean.
+    pub fn from_draft(draft: &Draft, size_mm: [f64; 2]) -> Weave {
+        let repeat = draft.smallest_repeat();
+        let row = |pick| {
+            (0..repeat.ends())
+                .map(|end| repeat.warp_up(end, pick))
+                .collect()
+        };
+        let rows: Vec<Vec<bool>> = (0..repeat.picks()).map(row).collect();
+        Weave::from_warp_up(
+            &rows,
+            size_mm[0] / draft.ends() as f64,
+            size_mm[1] / draft.picks() as f64,
+        )
+    }
+}
+
+impl SurfaceSpec {
+    /// The same with the weave of a cloth, unless a weave is given.
+    ///
+    /// # Errors
+    /// When the cloth has no draft: knits and imported curves are not made of
+    /// the straight visible segments that the model knows. They are not
+    /// approximated; a preset's weave would be another cloth.
+    pub fn for_cloth(mut self, cloth: &Cloth) -> Result<SurfaceSpec, Error> {
+        if self.weave.is_none() {
+            let draft = cloth.draft().ok_or_else(|| {
+                Error::Draft(
+                    "knits and imported curves have none, and the surface model knows woven cloth \
+                     alone; give surface.weave for a woven cloth that looks alike"
+                        .into(),
+                )
+            })?;
+            let size = cloth.tile().bounds_mm.size();
+            let mut weave = Weave::from_draft(draft, [size.x.into(), size.y.into()]);
+            let figures = cloth.figures();
+            if let (Some(warp), Some(weft)) = (&figures.warp, &figures.weft) {
+                // Side by side, threads of the denser system hide all but the
+                // width of the others.
+                if warp.cover_factor > weft.cover_factor {
+                    weave.weft_width_mm = Some(weft.width_mm.min(weave.weft_pitch_mm));
+                } else if weft.cover_factor > warp.cover_factor {
+                    weave.warp_width_mm = Some(warp.width_mm.min(weave.warp_pitch_mm));
+                }
+            }
+            self.weave = Some(weave);
+        }
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_weave::FabricGeometry;
+
+    #[test]
+    fn knits_are_refused_and_weaves_are_taken() {
+        let cloth = |text: &str| {
+            let geometry: FabricGeometry = toml::from_str(text).unwrap();
+            let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+            Cloth::build(&geometry, &none, 1).unwrap()
+        };
+        let yarn = "\n[yarn.y]\npreset = \"cotton\"\ntex = 30.0\n";
+        let twill = format!(
+            "[draft]\nweave = \"twill-3-1-z\"\n[warp]\nyarn = \"y\"\nper_cm = 25.0\n[weft]\nyarn = \
+             \"y\"\nper_cm = 17.0\n{yarn}"
+        );
+        let spec = SurfaceSpec::preset("denim").unwrap();
+        let bare = SurfaceSpec {
+            weave: None,
+            ..spec.clone()
+        };
+        let weave = bare.clone().for_cloth(&cloth(&twill)).unwrap().weave;
+        let weave = weave.unwrap();
+        assert_eq!(weave.draft.len(), 4);
+        assert!((weave.warp_pitch_mm - 0.4).abs() < 1e-6);
+        assert!((weave.weft_pitch_mm - 10.0 / 17.0).abs() < 1e-6);
+        // A weave that is given stays.
+        let given = spec.clone().for_cloth(&cloth(&twill)).unwrap();
+        assert_eq!(given, spec);
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/fabrics/jersey.toml"
+        );
+        let mut file: toml::Table = std::fs::read_to_string(path).unwrap().parse().unwrap();
+        file.retain(|key, _| {
+            ["draft", "warp", "weft", "yarn", "relaxation", "tile"].contains(&key)
+        });
+        let jersey = cloth(&toml::to_string(&file).unwrap());
+        let message = bare.for_cloth(&jersey).unwrap_err().to_string();
+        assert!(message.contains("knits"), "{message}");
+    }
+
+    #[test]
+    fn real_drafts_become_surfaces() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/wif");
+        let Ok(files) = std::fs::read_dir(folder) else {
+            println!("skipped: the drafts are not here");
+            return;
+        };
+        let mut built = 0;
+        for path in files.flatten().map(|f| f.path()) {
+            let Ok(draft) = Draft::from_wif(&std::fs::read(&path).unwrap()) else {
+                continue;
+            };
+            let size = [draft.ends() as f64 * 0.3, draft.picks() as f64 * 0.3];
+            let mut spec = SurfaceSpec::preset("wool-gabardine").unwrap();
+            spec.weave = Some(Weave::from_draft(&draft, size));
+            // What must hold for any draft: the rectangles cover the repeat,
+            // and the drawdown is what is seen.
+            let weave = spec.weave.as_ref().unwrap();
+            let tiling = crate::weave::Tiling::new(weave).unwrap();
+            for k in 0..2000usize {
+                let (end, pick) = (7919 * k % draft.ends(), 104_729 * k % draft.picks());
+                let at = glam::Vec2::new(end as f32 + 0.5, pick as f32 + 0.5) * 0.3;
+                let seen = tiling.segments()[tiling.locate(at).segment].yarn;
+                let warp = seen == crate::weave::Yarn::Warp;
+                assert_eq!(warp, draft.warp_up(end, pick), "{}", path.display());
+            }
+            // Every kind of segment costs the construction an integral.
+            if draft.smallest_repeat().ends() <= 64 && built < 3 {
+                let cloth = spec.build().unwrap();
+                let w = glam::Vec3::new(0.36, 0.48, 0.8);
+                assert!(cloth.reflectance(w, glam::Vec3::Z).is_valid());
+                built += 1;
+            }
+        }
+        println!("{built} drafts built");
+        assert!(built > 0);
+    }
+}
