@@ -30,7 +30,7 @@ pub fn effective_cross_section(sine: f32, spread_rad: f32) -> f32 {
     if spread_rad <= MIN_SPREAD_RAD {
         return sine;
     }
-    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, mean_sine));
+    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, 0.5, mean_sine));
     TABLE.area(sine, spread_rad.min(MAX_SPREAD_RAD))
 }
 
