@@ -4,6 +4,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{Mat3, Vec3};
 use organza_basis::{FibreComponent, Frame, Mixture, PathRng, Rgb, Sym3, warp};
+use organza_scatter::longitudinal::{Blur, Inclinations};
 use organza_scatter::virtual_fibres::tangent_sample;
 use organza_scatter::{
     AxialFlake, BandFlakes, DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre,
@@ -168,6 +169,23 @@ fn fibres(c: &mut Criterion) {
             })
             .sum()
     });
+    let group = "scatter/inclinations of four lobes";
+    let blurs = [0.1, 0.05, 0.2, 0.2].map(Blur::new);
+    let toward = other.dot(tangent);
+    let pair = |w: Vec3| {
+        let sine = w.dot(tangent);
+        Inclinations::new(
+            [sine, (1.0 - sine * sine).max(0.0).sqrt()],
+            [toward, (1.0 - toward * toward).sqrt()],
+        )
+    };
+    per_direction(c, group, "powers of one exponential", |w, _| {
+        pair(w).densities(&blurs, true).iter().sum()
+    });
+    per_direction(c, group, "an exponential each (rival)", |w, _| {
+        let pair = pair(w);
+        blurs.iter().map(|b| pair.density(b)).sum()
+    });
     c.benchmark_group("scatter/build")
         .sample_size(10)
         .bench_function("dielectric", |b| {
@@ -176,7 +194,9 @@ fn fibres(c: &mut Criterion) {
 }
 
 /// Components by density, tangents whoever sees them: Algorithm 6 to the letter
-/// [Schroeder2012]. Biased; `crates/scatter/tests/slabs.rs` measures by how much.
+/// [Schroeder2012]. Biased: in a slab of two populations radiance is off by -18 %
+/// to +2 % and up to 44 % apart when light and view are swapped, as
+/// `crates/scatter/tests/slabs.rs` measures.
 fn meet_as_published(mixture: &Mixture, rng: &mut PathRng) -> Vec3 {
     let all: f32 = mixture
         .as_slice()

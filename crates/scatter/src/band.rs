@@ -123,7 +123,7 @@ impl BandProfile for GaussianBand {
 
     fn projected_area(&self, sine: f32) -> f32 {
         static TABLE: LazyLock<ConeTable> = LazyLock::new(|| {
-            ConeTable::build(FRAC_2_PI_64, |sine, gamma| {
+            ConeTable::build(FRAC_2_PI_64, 0.3, |sine, gamma| {
                 let g = |x: f64| (-0.5 * (x / gamma).powi(2)).exp();
                 band_area(sine, (10.0 * gamma).min(1.0), g)
             })
@@ -213,7 +213,7 @@ impl BandProfile for SineBand {
 
     fn projected_area(&self, sine: f32) -> f32 {
         static TABLE: LazyLock<ConeTable> = LazyLock::new(|| {
-            ConeTable::build(FRAC_2_PI_64, |sine, gamma| {
+            ConeTable::build(FRAC_2_PI_64, 0.3, |sine, gamma| {
                 let p = 1.0 / (gamma * gamma);
                 let g = |x: f64| (0.5 * p * (-x * x).max(-1.0 + 1e-300).ln_1p()).exp();
                 band_area(sine, (10.0 * gamma).min(1.0), g)

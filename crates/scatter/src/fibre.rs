@@ -6,7 +6,7 @@ use crate::dielectric::DielectricFibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::fitted::FittedFibre;
 use crate::lobe::{Lobe, LobeSample};
-use crate::longitudinal::{Blur, Inclinations, folded_gaussian_sample, normal2, wrap};
+use crate::longitudinal::{Blur, Inclinations, folded_gaussian_sample, wrap};
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::PI;
@@ -142,11 +142,11 @@ impl Lobe for FarField<'_> {
 
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let frame = FibreFrame::new(self.tangent, w_out);
-        let normals = normal2(rng);
+        let normals = rng.normal2();
         let shares = self.lobe_shares(&frame);
         let p = pick(&shares, rng);
         let blur = &self.fibre.blurs()[p];
-        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals[0]);
+        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals.x);
         let mut a = FibreAngles {
             sin,
             cos,
@@ -155,7 +155,7 @@ impl Lobe for FarField<'_> {
         let pair = inclinations(&frame, &a);
         let azimuth = match self.fibre {
             Fibre::Dielectric(f) => f.far_azimuth_sample(p, pair.mean_cos, rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals[1]),
+            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals.y),
         };
         a.azimuth_rad = wrap(azimuth);
         let w_in = frame.direction(&a);
@@ -349,14 +349,14 @@ impl Lobe for NearField<'_> {
 
     fn sample(&self, _w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let frame = &self.frame;
-        let normals = normal2(rng);
+        let normals = rng.normal2();
         let p = self.chosen.unwrap_or_else(|| pick(&self.shares, rng));
         let azimuth = match self.fibre {
-            Fibre::Dielectric(f) => f.near_azimuth_sample(&self.crossing, p, normals[1], rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals[1]),
+            Fibre::Dielectric(f) => f.near_azimuth_sample(&self.crossing, p, normals.y, rng),
+            Fibre::Fitted(f) => f.azimuth_sample(p, rng.unit(), normals.y),
         };
         let blur = &self.fibre.blurs()[p];
-        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals[0]);
+        let [sin, cos] = folded_gaussian_sample([frame.sin_out, frame.cos_out], blur, normals.x);
         let a = FibreAngles {
             sin,
             cos,

@@ -65,7 +65,7 @@ impl FibreFrame {
 
     /// The unit vector across the fibre at an azimuth.
     pub fn across(&self, azimuth_rad: f32) -> Vec3 {
-        let (sin, cos) = quick_sin_cos(azimuth_rad);
+        let (sin, cos) = azimuth_rad.sin_cos();
         self.forward * cos + self.side * sin
     }
 
@@ -110,26 +110,6 @@ pub(crate) fn quick_atan2(y: f32, x: f32) -> f32 {
     p.copysign(y)
 }
 
-/// `x.sin_cos()` to within 2e-7 for |x| up to 100 and 1e-8 of |x| beyond, inline:
-/// a quarter turn at a time, by polynomials as in [Moshier1989].
-pub(crate) fn quick_sin_cos(x: f32) -> (f32, f32) {
-    let turns = x * std::f32::consts::FRAC_2_PI;
-    let quarter = (turns + 0.5f32.copysign(turns)) as i32;
-    let q = quarter as f32;
-    // pi / 2 in three parts, so that the difference keeps its digits.
-    let r = ((x - q * 1.570_312_5) - q * 4.837_513e-4) - q * 7.549_79e-8;
-    let s = r * r;
-    let sin = r + r * s * (-0.166_666_55 + s * (0.008_332_161 - s * 0.000_195_152_96));
-    let cos = 1.0 - 0.5 * s + s * s * (0.041_666_646 + s * (-0.001_388_731_6 + s * 2.443_315_7e-5));
-    let (a, b) = if quarter & 1 == 0 {
-        (sin, cos)
-    } else {
-        (cos, sin)
-    };
-    let sign = |bit: i32| if bit & 2 == 0 { 1.0 } else { -1.0 };
-    (a * sign(quarter), b * sign(quarter + 1))
-}
-
 /// A direction about a fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FibreAngles {
@@ -156,17 +136,6 @@ mod tests {
         }
         assert_eq!(quick_atan2(0.0, 0.0), 0.0);
         assert_eq!(quick_atan2(0.0, -1.0), std::f32::consts::PI);
-    }
-
-    #[test]
-    fn quick_sines_are_accurate() {
-        for i in -100_000..=100_000 {
-            let x = i as f32 * 1e-3;
-            let (sin, cos) = quick_sin_cos(x);
-            let (s, c) = f64::from(x).sin_cos();
-            let error = (f64::from(sin) - s).abs().max((f64::from(cos) - c).abs());
-            assert!(error < 2e-7, "{x}: {error}");
-        }
     }
 
     #[test]

@@ -64,6 +64,26 @@
 //! # }
 //! ```
 //!
+//! # Models
+//!
+//! | model | source | parameters | limits |
+//! |---|---|---|---|
+//! | [`AxialFlake`], [`Sggx`] mirrors ([`SpecularFlakes`]) | [Heitz2015] | end-on ratio; matrix of areas; albedo | ratio 0.001 to 1, smaller is raised |
+//! | the same, diffuse ([`DiffuseFlake`]) | [Heitz2015] | the same | one flake a collision: noisier than mirrors |
+//! | [`GaussianBand`] mirrors | [Schroeder2012] | gamma, deviation of the cosine between normal and fibre, no unit | 0.0001 to 10000, cut; areas to 1e-3 |
+//! | [`SineBand`] mirrors | [Schroeder2012] | power, no unit | 0 to 1e8, cut; areas to 1e-3 |
+//! | [`DielectricFibre`], near and far field | [Marschner2003] | index; absorption times radius; widths, radians | index 1 to 3; widths half a degree to 34 along, 1 to 90 about; energy to 1e-3, to 1e-2 within 5 degrees of the fibre |
+//! | [`FittedFibre`], R and TT | [Khungurn2015] | two colours; three widths, radians | widths half a degree to 34, 90 about; fitted, so not physical: reflectances up to 0.99 |
+//! | virtual scattering, plain ([`meet_fibre`]) | [Schroeder2011] | populations: length per volume, 1/mm^2; radius, mm; spread, radians | fibres strewn at random; cross-sections to 1e-3 |
+//! | the same, packed ([`PackedEvent`]) | this crate | and the packing | packing to 0.7; see [`packed_fibre`] |
+//!
+//! Flakes of every kind name their width by the ratio of end-on to broadside area:
+//! [`BandProfile::end_on_ratio`] and [`BandProfile::with_end_on_ratio`] convert,
+//! and the areas of the families then agree to 2 % of the broadside one (tested).
+//!
+//! A model of your own implements [`Lobe`] or [`MicroFlake`]; [`proofs`] tests it
+//! in ten lines.
+//!
 //! # What holds
 //! - Phase functions integrate to one and `projected_area(a) eval(a, b)` is
 //!   symmetric; fibres keep energy and `sin(angle(a, t)) eval(a, b)` is symmetric.

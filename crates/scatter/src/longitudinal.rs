@@ -11,10 +11,10 @@
 //! all integrals are one [Sinkhorn1967].
 
 use crate::cone_table::node;
-use crate::fibre_frame::{quick_atan2, quick_sin_cos};
+use crate::fibre_frame::quick_atan2;
 use glam::Vec3;
-use organza_basis::{PathRng, Rgb};
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use organza_basis::Rgb;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Least deviation of a blur, half a degree: below it, tables would have to be
 /// finer than anything visible.
@@ -119,18 +119,11 @@ const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
 /// Turned by a sum with -theta_out: folding at an end keeps the sine and changes
 /// the sign of the cosine, however often it is done.
 pub fn folded_gaussian_sample([sin_out, cos_out]: [f32; 2], blur: &Blur, normal: f32) -> [f32; 2] {
-    let (sin, cos) = quick_sin_cos(blur.deviation_rad * normal);
+    let (sin, cos) = (blur.deviation_rad * normal).sin_cos();
     [
         (sin * cos_out - cos * sin_out).clamp(-1.0, 1.0),
         (cos * cos_out + sin * sin_out).abs().min(1.0),
     ]
-}
-
-/// Two independent standard normal numbers (Box-Muller).
-pub fn normal2(rng: &mut PathRng) -> [f32; 2] {
-    let r = (2.0 * rng.exponential()).sqrt();
-    let (sin, cos) = quick_sin_cos(TAU * rng.unit());
-    [r * cos, r * sin]
 }
 
 /// Density per radian at `azimuth_rad` in `[-pi, pi]` of a Gaussian about

@@ -7,7 +7,10 @@
 //! to sigma_i, and with a fibre of tangent t in proportion to what it shows,
 //! `sin(angle(w, t))` times its share of the population. Both follow from the
 //! extinction; the published Algorithm 6 takes densities instead, which is
-//! neither reciprocal nor unbiased (kept as a rival in the benches).
+//! neither reciprocal nor unbiased (kept as a rival in the benches): in a slab of
+//! two populations that cross, three pairs of light and view are off by -18, +2
+//! and -11 %, and swapping light and view changes one by 44 %
+//! (`tests/slabs.rs` in full, errors below 1 %).
 
 use crate::cone_table::ConeTable;
 use glam::Vec3;
@@ -27,7 +30,7 @@ pub fn effective_cross_section(sine: f32, spread_rad: f32) -> f32 {
     if spread_rad <= MIN_SPREAD_RAD {
         return sine;
     }
-    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, mean_sine));
+    static TABLE: LazyLock<ConeTable> = LazyLock::new(|| ConeTable::build(1.0, 0.5, mean_sine));
     TABLE.area(sine, spread_rad.min(MAX_SPREAD_RAD))
 }
 
