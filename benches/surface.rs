@@ -77,6 +77,13 @@ fn surface(c: &mut Criterion) {
                     black_box(cloth.sample(w_o, footprint(at), &mut rng))
                 });
             });
+            // Without the value, which `sample` evaluates with its weight.
+            group.bench_function(format!("direction/{label}/{name}"), |b| {
+                b.iter(|| {
+                    let (_, w_o, at) = next();
+                    black_box(cloth.sample_direction(w_o, footprint(at), &mut rng))
+                });
+            });
             group.bench_function(format!("pdf/{label}/{name}"), |b| {
                 b.iter(|| {
                     let (w_i, w_o, at) = next();

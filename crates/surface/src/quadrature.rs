@@ -10,6 +10,22 @@ use std::f64::consts::FRAC_PI_2;
 /// or a jump there (a jump where the highlight reaches the rim of the yarn), so
 /// the ends are found first: a scan brackets them, false position refines them,
 /// Gauss-Legendre does the rest.
+///
+/// Errors over 1000 random pairs on a segment of twist 30 degrees, in `f32`,
+/// relative to the mean value (`benches/surface.rs`), beside the trapezoid rule
+/// of \[Irawan2008], who takes 11 points of u:
+///
+/// | rule | points | mean error | 99 of 100 below |
+/// |---|---|---|---|
+/// | trapezoid | 11 | 1.7e-2 | 1.5e-1 |
+/// | | 21 | 6.4e-3 | 5.1e-2 |
+/// | | 41 | 2.3e-3 | 1.6e-2 |
+/// | | 81 | 9.8e-4 | 8.4e-3 |
+/// | | 161 | 4.5e-4 | 3.8e-3 |
+/// | between the ends, accuracy 0.1 | 8 | 5.6e-4 | 4.7e-3 |
+/// | 1e-2 | 12 | 1.5e-4 | 1.4e-3 |
+/// | 1e-3 | 16 | 7.0e-5 | 6.7e-4 |
+/// | 1e-4 | 36 | 1.4e-7 | 1.4e-6 |
 #[derive(Clone, Debug)]
 pub struct Rule<T> {
     /// Four nodes and four weights each.

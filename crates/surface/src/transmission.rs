@@ -1,5 +1,12 @@
 //! What goes through the cloth: gaps between yarns, and light that yarns pass
-//! on. The thesis has neither.
+//! on. The thesis has neither. [`MeasuredTransmission`](crate::MeasuredTransmission)
+//! fits the parameters to a measured cloth, real or voxels.
+//!
+//! Light on its way through is symmetric in its two directions but for
+//! rounding (2e-4 of the value, tested over all presets), as reflected light
+//! is; gaps pass a ray straight on both ways alike. Reflected, transmitted and
+//! straight light together never exceed what comes in: tested to 89 degrees on
+//! both sides of all presets, with transmission and without.
 
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb, quadrature, warp};

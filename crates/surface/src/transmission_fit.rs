@@ -1,4 +1,9 @@
 //! Gaps and transmitted lobes from what was measured of a cloth.
+//!
+//! On the volume of organza, sheer cloth, the fit is within 0.015 of the direct
+//! transmittance out to 55 degrees (at 70 it has 0.04 for 0.15: round yarns
+//! shut the view sooner than flat ones) and within 14 percent, root mean
+//! square over 17 directions, of the hemispherical transmittance.
 
 use crate::error::Error;
 use crate::sequence::sequence;

@@ -57,6 +57,20 @@ pub struct WovenParameters {
 }
 
 /// Irawan's model of a woven cloth \[Irawan2008], two-sided.
+///
+/// Samples follow the highlights: cones of the fibres at a point, half vectors
+/// of the whole cloth in the mean. How many samples by the cosine have the
+/// variance of one (albedo estimates, mean over views;
+/// `tests/woven_surface.rs`):
+///
+/// | fabric | mean | texture |
+/// |---|---|---|
+/// | denim | 1.5 | 1.5 |
+/// | cotton twill | 2.0 | 3.2 |
+/// | wool gabardine | 1.9 | 4.0 |
+/// | polyester lining | 2.3 | 4.8 |
+/// | silk charmeuse | 5.3 | 2.8 |
+/// | silk shantung | 1.4 | 7.5 |
 #[derive(Debug)]
 pub struct WovenSurface {
     sides: [Side; 2],
