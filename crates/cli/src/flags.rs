@@ -35,6 +35,8 @@ pub enum Command {
     Measure(MeasureArgs),
     /// Draw a draft or a fabric's weave
     Weave(WeaveArgs),
+    /// Write a scene for another renderer
+    Export(ExportArgs),
     /// Tell what is in a draft, fabric, scene or volume file
     Info(InfoArgs),
     /// Print the completions of a shell
@@ -128,6 +130,42 @@ pub struct MergeArgs {
     /// Say nothing but errors
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// `organza export`
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Which renderer
+    #[command(subcommand)]
+    pub to: ExportTo,
+}
+
+/// The renderers that scenes are written for.
+#[derive(Debug, Subcommand)]
+pub enum ExportTo {
+    /// Mitsuba 3: scene.xml with .vol grids
+    Mitsuba(MitsubaArgs),
+}
+
+/// `organza export mitsuba`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza export mitsuba scenes/first_light.toml -o mitsuba --repeats 4,4\n  mitsuba -m scalar_rgb mitsuba/scene.xml\n\nMitsuba 3.9.1 draws directions of its sggx phase function in a wrong frame (its issue 1728): its pictures come out too dark. benches/peers/mitsuba_values.py loads a scene with the frame mended."
+)]
+pub struct MitsubaArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Folder to write to; made if there is none
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Periods in x and y to write of a cloth without end, around where the camera looks
+    #[arg(long, value_name = "NX,NY", value_parser = parse_repeats)]
+    pub repeats: Option<UVec2>,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    #[command(flatten)]
+    pub common: CommonArgs,
 }
 
 /// `organza voxelize`
@@ -351,6 +389,13 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
         .ok()
         .and_then(|n: f64| Duration::try_from_secs_f64(n * seconds).ok())
         .ok_or_else(|| "expected a time such as 60s, 500ms, 5m or 2h".into())
+}
+
+fn parse_repeats(text: &str) -> Result<UVec2, String> {
+    let number = |t: &str| t.trim().parse().ok().filter(|n| (1..=4096).contains(n));
+    text.split_once(',')
+        .and_then(|(x, y)| Some(UVec2::new(number(x)?, number(y)?)))
+        .ok_or_else(|| "expected two whole numbers from 1 to 4096 such as 8,8".into())
 }
 
 #[cfg(test)]

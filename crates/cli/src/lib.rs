@@ -14,6 +14,7 @@ mod fibre_optics;
 mod flags;
 mod identity;
 mod interrupt;
+mod mitsuba;
 mod optics;
 mod output;
 mod picture;
@@ -48,6 +49,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         flags::Command::Voxelize(a) => commands::voxelize::run(&a),
         flags::Command::Weave(a) => commands::weave::run(&a),
         flags::Command::Measure(a) => commands::measure::run(&a),
+        flags::Command::Export(a) => commands::export::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),
         flags::Command::Completions(a) => commands::manual::completions(&a),
         flags::Command::Man(a) => commands::manual::pages(&a),

@@ -130,6 +130,34 @@ fn write_exr(path: &Path, film: &Film, attributes: &[Attribute]) -> Result<()> {
     })
 }
 
+/// Writes colours alone, in rows from the top, as a linear EXR.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_plain(path: &Path, size: UVec2, pixels: &[Rgb]) -> Result<()> {
+    let channel = |name: &str, of: fn(&Rgb) -> f32| {
+        AnyChannel::new(name, FlatSamples::F32(pixels.iter().map(of).collect()))
+    };
+    let channels = [
+        channel("B", |p| p.0.z),
+        channel("G", |p| p.0.y),
+        channel("R", |p| p.0.x),
+    ];
+    let layer = Layer::new(
+        (size.x as usize, size.y as usize),
+        LayerAttributes::default(),
+        Encoding::SMALL_LOSSLESS,
+        AnyChannels::sort(channels.into_iter().collect()),
+    );
+    let image = Image::from_layer(layer);
+    output::write_file(path, |out| {
+        image
+            .write()
+            .to_buffered(out)
+            .context("encoding the EXR failed")
+    })
+}
+
 /// The film of an EXR file that [`write`] made, and its comment's attributes.
 ///
 /// # Errors

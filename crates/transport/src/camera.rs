@@ -172,6 +172,25 @@ impl Camera {
         })
     }
 
+    /// How film points become rays.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// Where the camera stands and looks: its target is 1 mm ahead.
+    pub fn pose(&self) -> CameraPose {
+        CameraPose {
+            origin_mm: self.origin_mm,
+            target_mm: self.origin_mm + self.forward,
+            up: self.up,
+        }
+    }
+
+    /// How samples spread around a pixel's centre.
+    pub fn filter(&self) -> PixelFilter {
+        self.filter
+    }
+
     /// Pixels in x and y.
     pub fn resolution(&self) -> UVec2 {
         self.resolution

@@ -4,8 +4,8 @@
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::population_flakes::{FlakeOptics, PopulationFlakes, ShapeTable};
 use crate::{Medium, SiteInfo};
-use glam::Vec3;
-use organza_basis::{FibreComponent, Mixture, PathRng, Rgb};
+use glam::{UVec3, Vec3};
+use organza_basis::{FibreComponent, Mixture, PathRng, Rgb, Sym3};
 use organza_scatter::{AxialFlake, LobeSample};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
@@ -14,6 +14,19 @@ use std::sync::Arc;
 /// Levels between a voxel and the node whose majorant a span uses: 4 voxels
 /// along an edge, because the density of cloth varies inside yarns.
 const NODE_LEVELS: u8 = 2;
+
+/// A voxel's populations as one; see [`ClothMedium::merged`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MergedFlakes {
+    /// Extinction at unit projected area; zero where there is no fibre.
+    pub density_per_mm: f32,
+    /// SGGX matrix, greatest eigenvalue at most one; zero without fibre.
+    pub sggx: Sym3,
+    /// Single-scattering albedo.
+    pub albedo: Rgb,
+    /// How many populations there are.
+    pub populations: usize,
+}
 
 /// Fibres of an octree level as specular SGGX flakes.
 pub struct ClothMedium {
@@ -60,6 +73,28 @@ impl ClothMedium {
     /// The octree.
     pub fn octree(&self) -> &Octree {
         &self.octree
+    }
+
+    /// What a voxel of the lattice would be if its populations were one, for
+    /// programs that know no more: extinctions at unit area add, matrices are
+    /// their mean by extinction [Heitz2015]. Exact for one population.
+    pub fn merged(&self, cell: UVec3) -> MergedFlakes {
+        let mixture = self.octree.mixture(self.level, cell);
+        let mut merged = MergedFlakes {
+            density_per_mm: mixture.broadside_per_mm(),
+            sggx: Sym3::default(),
+            albedo: Rgb::BLACK,
+            populations: mixture.as_slice().len(),
+        };
+        for c in mixture.as_slice() {
+            let share = c.broadside_per_mm() / merged.density_per_mm;
+            let (broadside, end_on) = self.flake_shape(c);
+            let across = broadside * broadside;
+            let s = Sym3::axial(c.axis, across, across * end_on * end_on);
+            merged.sggx = merged.sggx.plus(s.scaled(share));
+            merged.albedo += self.optics[usize::from(c.material)].albedo * share;
+        }
+        merged
     }
 
     /// Broadside area, relative to straight smooth fibres, and end-on ratio of the
@@ -120,13 +155,21 @@ impl Medium for ClothMedium {
         ray: &LocalRay,
         mut visit: impl FnMut(f32, f32, Mixture) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for span in self.lattice.cells(ray, 1) {
-            let site = self.octree.mixture(self.level, span.cell);
-            if !site.is_empty() {
-                visit(span.t0, span.t1, site)?;
+        // Node by node, so that a stretch of air costs one step.
+        self.for_each_span(ray, |node, _| {
+            let within = LocalRay {
+                origin: node.point(ray, node.t0),
+                length: node.t1 - node.t0,
+                ..*ray
+            };
+            for span in self.lattice.cells(&within, 1) {
+                let site = self.octree.mixture(self.level, span.cell);
+                if !site.is_empty() {
+                    visit(node.t0 + span.t0, node.t0 + span.t1, site)?;
+                }
             }
-        }
-        ControlFlow::Continue(())
+            ControlFlow::Continue(())
+        })
     }
 
     fn is_piecewise_constant(&self) -> bool {

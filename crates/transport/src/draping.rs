@@ -182,6 +182,9 @@ pub(crate) fn pass_through<M: Medium>(
     stats: &mut Stats,
 ) -> f32 {
     match integrator {
+        Integrator::Woodcock if medium.is_piecewise_constant() => {
+            tracking::stopped_transmittance(medium, ray, rng, stats)
+        }
         Integrator::Woodcock => tracking::transmittance(medium, ray, rng, stats),
         Integrator::Regular => tracking::exact_transmittance(medium, ray, stats),
     }

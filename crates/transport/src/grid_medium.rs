@@ -51,6 +51,11 @@ impl<const N: usize> Grid<N> {
         self.dims
     }
 
+    /// The samples, x fastest.
+    pub fn data(&self) -> &[[f32; N]] {
+        &self.data
+    }
+
     fn at(&self, c: UVec3) -> &[f32; N] {
         let (nx, ny) = (self.dims.x as usize, self.dims.y as usize);
         &self.data[(c.z as usize * ny + c.y as usize) * nx + c.x as usize]
@@ -149,6 +154,17 @@ impl GridMedium {
         };
         medium.majorants = medium.brick_majorants();
         Ok(medium)
+    }
+
+    /// Extinction at unit projected area, matrices (eigenvalues floored) and
+    /// albedo.
+    pub fn grids(&self) -> (&Grid<1>, &Grid<6>, &Grid<3>) {
+        (&self.sigma_t_per_mm, &self.s, &self.albedo)
+    }
+
+    /// How values between samples are found.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
     }
 
     pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {

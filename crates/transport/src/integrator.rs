@@ -7,7 +7,8 @@ use organza_basis::{PathRng, Ray, Rgb};
 /// How distances and transmittances are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integrator {
-    /// Delta tracking for collisions, ratio tracking for shadow rays.
+    /// Delta tracking for collisions; for shadow rays exact stepping that stops
+    /// early where voxels are constant, ratio tracking elsewhere.
     #[default]
     Woodcock,
     /// Exact stepping through constant voxels, with closed-form transmittance

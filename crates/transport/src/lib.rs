@@ -50,7 +50,7 @@ mod tracking;
 mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
-pub use cloth_medium::ClothMedium;
+pub use cloth_medium::{ClothMedium, MergedFlakes};
 pub use detail::{Detail, LevelSteps, PixelCone, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
@@ -72,5 +72,6 @@ pub use scene::{AnyMedium, Collision, Scene};
 pub use sheet::{Sheet, SheetPoint};
 pub use stats::Stats;
 pub use tracking::{
-    exact_transmittance, sample_collision, sample_collision_exactly, transmittance,
+    exact_transmittance, sample_collision, sample_collision_exactly, stopped_transmittance,
+    transmittance,
 };

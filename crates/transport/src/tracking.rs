@@ -122,16 +122,40 @@ pub fn sample_collision_exactly<M: Medium>(
 
 /// The transmittance along a ray through constant voxels, in closed form.
 pub fn exact_transmittance<M: Medium>(medium: &M, ray: &LocalRay, stats: &mut Stats) -> f32 {
+    // e^-88 is the smallest f32 worth carrying on for.
+    (-optical_depth(medium, ray, 88.0, stats)).exp()
+}
+
+/// Estimates the same without bias and with fewer steps: what falls below a
+/// tenth ends by Russian roulette, for which one number is drawn ahead, as a
+/// depth at which to stop.
+pub fn stopped_transmittance<M: Medium>(
+    medium: &M,
+    ray: &LocalRay,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> f32 {
+    let stop = rng.exponential() - SHADOW_ROULETTE.ln();
+    let depth = optical_depth(medium, ray, stop, stats);
+    if depth > stop {
+        0.0
+    } else {
+        (-depth).exp().max(SHADOW_ROULETTE)
+    }
+}
+
+/// Optical depth along a ray through constant voxels, or any number above
+/// `stop` where it is above that.
+fn optical_depth<M: Medium>(medium: &M, ray: &LocalRay, stop: f32, stats: &mut Stats) -> f32 {
     let mut depth = 0.0f32;
     let _ = medium.for_each_voxel(ray, |t0, t1, site| {
         stats.shadow_steps += 1;
         depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
-        // e^-88 is the smallest f32 worth carrying on for.
-        if depth > 88.0 {
+        if depth > stop {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())
         }
     });
-    (-depth).exp()
+    depth
 }

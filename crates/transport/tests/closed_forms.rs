@@ -7,8 +7,8 @@ use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator, Interpolation, Light,
-    Medium, PixelFilter, Projection, RenderSettings, Scene, Stats, render, sample_collision,
-    sample_collision_exactly, transmittance,
+    Medium, PixelFilter, Projection, RenderSettings, Scene, Stats, exact_transmittance, render,
+    sample_collision, sample_collision_exactly, stopped_transmittance, transmittance,
 };
 use std::ops::ControlFlow;
 
@@ -154,6 +154,33 @@ fn beer_lambert_at_every_angle_to_the_fibre() {
             "the wrong law was told apart {twin_rejected} of 20 times"
         );
         assert_eq!(stats.majorant_violations, 0);
+    }
+}
+
+/// Exact stepping that stops early has the mean of exact stepping, thick or
+/// thin; without the roulette's weight it would lose light.
+#[test]
+fn stopping_early_is_unbiased() {
+    let w = Vec3::new(0.2, -0.1, -0.9).normalize();
+    let ray = Ray::new(Vec3::new(0.03, 0.02, 1.0), w);
+    let mut stats = Stats::default();
+    for (sigma, seed) in [(3.0, 31), (14.0, 32), (30.0, 33)] {
+        let medium = slab(sigma, 0.5, tilted(), Interpolation::Nearest);
+        let local = medium.lattice().clip(&ray, f32::INFINITY).unwrap();
+        let exact = f64::from(exact_transmittance(&medium, &local, &mut stats));
+        let mut rng = PathRng::from_seed(seed);
+        let (mut got, mut twin) = (Moments::default(), Moments::default());
+        for _ in 0..40_000 {
+            let t = stopped_transmittance(&medium, &local, &mut rng, &mut stats);
+            got.add(f64::from(t));
+            twin.add(if t > 0.0 { exact } else { 0.0 });
+        }
+        let allowed = |m: &Moments| 4.0 * m.standard_error() + 1e-6;
+        let off = (got.mean - exact).abs();
+        assert!(off < allowed(&got), "seed {seed}: {} for {exact}", got.mean);
+        let ended = exact < 0.09;
+        let told = (twin.mean - exact).abs() > allowed(&twin);
+        assert_eq!(told, ended, "seed {seed}: the twin");
     }
 }
 

@@ -1,5 +1,6 @@
 //! One file per command.
 
+pub mod export;
 pub mod info;
 pub mod manual;
 pub mod measure;

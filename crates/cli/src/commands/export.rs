@@ -1,0 +1,69 @@
+//! `organza export`
+
+use super::with_threads;
+use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
+use crate::flags::{ExportArgs, ExportTo, MitsubaArgs};
+use crate::mitsuba::{self, Tiling};
+use crate::scene_build::{self, BuildOptions};
+use crate::scene_file::SceneFile;
+use crate::{output, picture, read};
+use anyhow::{Context, Result};
+use glam::DVec3;
+
+/// Runs the command.
+pub fn run(args: &ExportArgs) -> Result<()> {
+    match &args.to {
+        ExportTo::Mitsuba(args) => with_threads(&args.common, || to_mitsuba(args)),
+    }
+}
+
+#[allow(clippy::print_stderr)]
+fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
+    let folder = &args.outfile;
+    if folder.exists() && !folder.is_dir() {
+        return Err(input(format!(
+            "{}: is a file; expected a folder",
+            folder.display()
+        )));
+    }
+    let file: SceneFile = read::toml(&args.scene, &args.common.set)?;
+    let build = BuildOptions {
+        scene_path: &args.scene,
+        quiet: args.common.quiet,
+        max_memory_bytes: args.max_memory,
+    };
+    let scene = scene_build::scene(&file, &build)?;
+    let tiling = Tiling {
+        repeats: args.repeats,
+        around_mm: DVec3::from(file.camera.target_mm),
+        max_bytes: args.max_memory.unwrap_or_else(free_memory_bytes),
+    };
+    let export = mitsuba::export(&scene, file.render.spp, file.render.max_bounces, &tiling)
+        .map_err(|why| input(format!("{}: {why}", args.scene.display())))?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    for (name, grid) in &export.grids {
+        output::write_file(&folder.join(name), |out| {
+            grid.write(out).context("writing the grid failed")
+        })?;
+    }
+    for (name, size, pixels) in &export.pictures {
+        picture::write_plain(&folder.join(name), *size, pixels)?;
+    }
+    // Last, so that a folder with a scene is a whole one.
+    let scene_path = folder.join("scene.xml");
+    output::write_file(&scene_path, |out| Ok(out.write_all(export.xml.as_bytes())?))?;
+    if !args.common.quiet {
+        for note in &export.notes {
+            eprintln!("note: {note}");
+        }
+        eprintln!(
+            "{}: {} grids, {} pictures",
+            scene_path.display(),
+            export.grids.len(),
+            export.pictures.len()
+        );
+    }
+    Ok(())
+}

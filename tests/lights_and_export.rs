@@ -1,0 +1,112 @@
+//! Lights and planes of scene files, and scenes written for another renderer.
+
+use crate::cli::write_grid_scene;
+use crate::program::{complaint, folder, succeed};
+use std::path::Path;
+
+/// The grid scene with more text.
+fn scene_with(folder: &Path, more: &str) {
+    write_grid_scene(folder);
+    let path = folder.join("scene.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(path, text + more).unwrap();
+}
+
+#[test]
+fn mistakes_in_lights_and_planes_are_told_with_their_key() {
+    let folder = folder("light_mistakes");
+    std::fs::write(folder.join("not.exr"), "no picture").unwrap();
+    let hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n";
+    std::fs::write(folder.join("short.hdr"), hdr).unwrap();
+    for (more, expected) in [
+        (
+            "[[light]]\nkind = \"rectangle\"\ncorner_mm = [0.0, 0.0, 1.0]\n\
+             edge_u_mm = [1.0, 0.0, 0.0]\nedge_v_mm = [1.0, 1.0, 0.0]\nradiance = [1.0, 1.0, 1.0]\n",
+            "light[1]: edge_u_mm, edge_v_mm: the edges are not perpendicular",
+        ),
+        (
+            "[[light]]\nkind = \"environment\"\n",
+            "light[1]: an environment takes either radiance or file",
+        ),
+        (
+            "[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\nscale = 2.0\n",
+            "light[1]: scale belongs to an environment with a file",
+        ),
+        (
+            "[[light]]\nkind = \"environment\"\nfile = \"none.exr\"\n",
+            "none.exr: no such file",
+        ),
+        (
+            "[[light]]\nkind = \"environment\"\nfile = \"not.exr\"\n",
+            "not.exr: expected an OpenEXR (.exr) or Radiance (.hdr) picture",
+        ),
+        (
+            "[[light]]\nkind = \"environment\"\nfile = \"short.hdr\"\n",
+            "short.hdr: ",
+        ),
+        (
+            "[[object]]\nkind = \"plane\"\nposition_mm = [0.0, 0.0, -1.0]\nreflectance = [1.0, 2.0, 0.0]\n",
+            "object[1]: reflectance: expected three numbers from 0 to 1",
+        ),
+        (
+            "extent_mm = [0.0, 0.0, 1.0, 1.0]\n",
+            "object[0]: extent_mm belongs to repeat_xy = true",
+        ),
+        (
+            "repeat_xy = true\nextent_mm = [1.0, 0.0, 0.0, 1.0]\n",
+            "object[0]: extent_mm: expected x0, y0, x1, y1",
+        ),
+    ] {
+        scene_with(&folder, more);
+        let said = complaint(&folder, &["render", "scene.toml", "-o", "a.png"]);
+        assert!(said.contains(expected), "{more}\n{said}");
+    }
+}
+
+/// Every light, a plane, a cut cloth and an environment from a file render and
+/// are written for Mitsuba; what it cannot do is told.
+#[test]
+fn scenes_are_written_for_mitsuba() {
+    let folder = folder("export");
+    let lights = "repeat_xy = true\nextent_mm = [-0.5, -0.3, 0.7, 0.3]\n\
+        [[light]]\nkind = \"rectangle\"\ncorner_mm = [0.0, 0.0, 1.0]\nedge_u_mm = [0.0, 1.0, 0.0]\n\
+        edge_v_mm = [1.0, 0.0, 0.0]\nradiance = [1.0, 2.0, 3.0]\ntwo_sided = true\n\
+        [[light]]\nkind = \"directional\"\ndirection = [0.0, 0.0, 1.0]\nirradiance = [1.0, 1.0, 1.0]\n\
+        [[object]]\nkind = \"plane\"\nposition_mm = [0.0, 0.0, -1.0]\nreflectance = [0.5, 0.5, 0.5]\n";
+    scene_with(&folder, lights);
+    succeed(&folder, &["render", "scene.toml", "-o", "a.exr", "--quiet"]);
+    let export = ["export", "mitsuba", "scene.toml", "-o", "out"];
+    succeed(&folder, &export);
+    let xml = std::fs::read_to_string(folder.join("out/scene.xml")).unwrap();
+    for part in [
+        "<sensor type=\"orthographic\">",
+        "<emitter type=\"constant\">",
+        "<emitter type=\"directional\">",
+        "<shape type=\"rectangle\">",
+        "<medium type=\"heterogeneous\" name=\"interior\">",
+        "<bsdf type=\"twosided\">",
+    ] {
+        assert!(xml.contains(part), "{part} in\n{xml}");
+    }
+    assert_eq!(xml.matches("<emitter type=\"area\">").count(), 2);
+    // Periods of 0.4 mm from -0.2 mm on: from -0.6 to 1.0, and from -0.6 to 0.6.
+    let sigma_t = std::fs::read(folder.join("out/object0.sigma_t.vol")).unwrap();
+    assert_eq!(sigma_t.len(), 48 + 4 * 4 * 3);
+    let float = |i: usize| f32::from_le_bytes(sigma_t[i..i + 4].try_into().unwrap());
+    let corners = [24, 28, 36, 40].map(float);
+    for (got, expected) in corners.into_iter().zip([-0.6, -0.6, 1.0, 0.6]) {
+        assert!((got - expected).abs() < 1e-6, "{corners:?}");
+    }
+
+    scene_with(&folder, "repeat_xy = true\n");
+    let said = complaint(&folder, &export);
+    assert!(said.contains("--repeats NX,NY"), "{said}");
+    let three: Vec<&str> = export.iter().copied().chain(["--repeats", "3,1"]).collect();
+    succeed(&folder, &three);
+    let sigma_t = std::fs::read(folder.join("out/object0.sigma_t.vol")).unwrap();
+    assert_eq!(sigma_t.len(), 48 + 4 * 3);
+    let two_skies = "[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n";
+    scene_with(&folder, two_skies);
+    let said = complaint(&folder, &export);
+    assert!(said.contains("one environment at most"), "{said}");
+}
