@@ -35,5 +35,5 @@ pub use moments::Moments;
 pub use nearest_name::nearest_name;
 pub use ray::Ray;
 pub use rgb::Rgb;
-pub use rng::PathRng;
+pub use rng::{PathRng, mix64};
 pub use sym3::Sym3;

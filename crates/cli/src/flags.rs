@@ -102,6 +102,9 @@ pub struct RenderArgs {
     /// Go on from the checkpoint
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
+    /// What walks the paths; auto takes the widest vectors there are where the scene allows it, else the general walk
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: BackendName,
     /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
     #[arg(long)]
     pub stats: bool,
@@ -110,6 +113,21 @@ pub struct RenderArgs {
     pub max_memory: Option<u64>,
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+/// What walks the paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum BackendName {
+    /// The widest kernel there is where the scene allows it, else the walk
+    Auto,
+    /// The general walk, which can do every scene
+    Walk,
+    /// The kernel, one path at a time
+    Scalar,
+    /// The kernel, 16 paths at a time
+    Avx2,
+    /// The kernel, 32 paths at a time
+    Avx512,
 }
 
 /// `organza merge`

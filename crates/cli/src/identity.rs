@@ -20,9 +20,10 @@ pub struct Identity {
 
 /// Digest of everything that decides the value of a sample besides the seed:
 /// the version of the program, the scene file after all overrides (but what
-/// only says how many samples to take and how to show them) and the bytes of
-/// all files that it names.
-pub fn scene_digest(file: &SceneFile, inputs: &[[u8; 32]]) -> [u8; 32] {
+/// only says how many samples to take and how to show them), the bytes of all
+/// files that it names, and whether the kernel walks the paths (all of whose
+/// back ends give the same) or the general walk.
+pub fn scene_digest(file: &SceneFile, inputs: &[[u8; 32]], by_kernel: bool) -> [u8; 32] {
     let render = RenderTable {
         spp: 0,
         seed: 0,
@@ -38,6 +39,7 @@ pub fn scene_digest(file: &SceneFile, inputs: &[[u8; 32]]) -> [u8; 32] {
     let mut digest = Sha256::new();
     digest.update(env!("CARGO_PKG_VERSION"));
     digest.update(format!("{render:?}{camera:?}{light:?}{object:?}"));
+    digest.update([u8::from(by_kernel)]);
     for input in inputs {
         digest.update(input);
     }

@@ -221,6 +221,35 @@ impl AxialFlake {
         }
     }
 
+    /// The flakes of a matrix S and their broadside area, when S is that of a
+    /// fibre: `a^2 I - a^2 (1 - e^2) t t^T`, within a 10,000th of its trace.
+    ///
+    /// The deviator of such a matrix has the eigenvalues d, d and -2 d.
+    pub fn from_matrix(s: Sym3) -> Option<(f32, AxialFlake)> {
+        let third = s.trace() / 3.0;
+        let deviator = s.plus(Sym3::IDENTITY.scaled(-third));
+        let (d, o) = (deviator.diagonal, deviator.off_diagonal);
+        let d = ((d.length_squared() + 2.0 * o.length_squared()) / 6.0).sqrt();
+        let (across, along) = (third + d, (third - 2.0 * d).max(0.0));
+        if across.is_nan() || across <= 0.0 {
+            return None;
+        }
+        // 3 d t t^T, whose longest row runs along t.
+        let rest = Sym3::IDENTITY.scaled(across).plus(s.scaled(-1.0));
+        let axis = [Vec3::X, Vec3::Y, Vec3::Z]
+            .map(|e| rest.mul_vec(e))
+            .into_iter()
+            .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?
+            .normalize_or(Vec3::Z);
+        let wrong = rest.plus(Sym3::outer(axis).scaled(-3.0 * d)).to_array();
+        let slack = 1e-4 * s.trace();
+        if wrong.iter().any(|x| x.abs() > slack) {
+            return None;
+        }
+        let flake = AxialFlake::new(axis, (along / across).sqrt());
+        Some((across.sqrt(), flake))
+    }
+
     /// The axis times `sqrt(1 - e^2)`.
     pub fn scaled_axis(&self) -> Vec3 {
         self.scaled_axis

@@ -238,3 +238,24 @@ fn isotropic_flakes_scatter_evenly() {
         assert!((flakes.eval(d[0], w) / warp::UNIFORM_SPHERE_PDF - 1.0).abs() < 1e-5);
     }
 }
+
+/// There and back, and refused where flakes are no fibre's.
+#[test]
+fn axial_flakes_are_found_in_their_matrices() {
+    let mut rng = PathRng::from_seed(23);
+    for _ in 0..200 {
+        let axis = warp::uniform_sphere(rng.unit2());
+        let end_on = 0.05 + 0.9 * rng.unit();
+        let area = 0.1 + 3.0 * rng.unit();
+        let matrix = AxialFlake::new(axis, end_on).matrix().scaled(area * area);
+        let (found, flake) = AxialFlake::from_matrix(matrix).unwrap();
+        assert!((found / area - 1.0).abs() < 1e-5, "seed 23");
+        assert!((flake.end_on() - end_on).abs() < 1e-4, "seed 23");
+        assert!(flake.scaled_axis().cross(axis).length() < 1e-3, "seed 23");
+    }
+    let (area, ball) = AxialFlake::from_matrix(Sym3::IDENTITY).unwrap();
+    assert!(area == 1.0 && ball.end_on() > 0.999);
+    assert!(AxialFlake::from_matrix(matrices()[1]).is_none());
+    assert!(AxialFlake::from_matrix(matrices()[2]).is_none());
+    assert!(AxialFlake::from_matrix(Sym3::default()).is_none());
+}

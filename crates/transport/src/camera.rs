@@ -105,6 +105,17 @@ pub struct Camera {
     film_width: f64,
 }
 
+/// See the fields of [`Camera`].
+pub(crate) struct CameraParts {
+    pub projection: Projection,
+    pub filter: PixelFilter,
+    pub origin_mm: DVec3,
+    pub forward: DVec3,
+    pub right: DVec3,
+    pub up: DVec3,
+    pub film_width: f64,
+}
+
 impl Camera {
     /// A camera from its pose.
     ///
@@ -256,6 +267,19 @@ impl Camera {
         let x = (f64::from(at.x) - 0.5 * f64::from(self.resolution.x)) * scale;
         let y = (0.5 * f64::from(self.resolution.y) - f64::from(at.y)) * scale;
         x * self.right + y * self.up
+    }
+
+    /// What the vector kernel makes its own rays from.
+    pub(crate) fn parts(&self) -> CameraParts {
+        CameraParts {
+            projection: self.projection,
+            filter: self.filter,
+            origin_mm: self.origin_mm,
+            forward: self.forward,
+            right: self.right,
+            up: self.up,
+            film_width: self.film_width,
+        }
     }
 
     /// Origin and unit direction of a random ray of a pixel; pixel (0, 0) is

@@ -1,6 +1,7 @@
 //! A medium from an octree of fibres: every population of fibres in a voxel
 //! scatters as SGGX micro-flakes.
 
+use crate::kernel::Population;
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::population_flakes::{FlakeOptics, PopulationFlakes, ShapeTable};
 use crate::{Medium, SiteInfo};
@@ -101,6 +102,19 @@ impl ClothMedium {
     /// flakes of a population: [`crate::population_shape`], tabulated.
     pub fn flake_shape(&self, c: &FibreComponent) -> (f32, f32) {
         self.shapes[usize::from(c.material)].look_up(c.spread_rad)
+    }
+}
+
+impl ClothMedium {
+    /// The populations of a cell, one by one.
+    pub(crate) fn axial_populations(&self, cell: UVec3, out: &mut Vec<Population>) {
+        let mixture = self.octree.mixture(self.level, cell);
+        out.extend(mixture.as_slice().iter().map(|c| Population {
+            broadside_per_mm: c.broadside_per_mm() * self.flake_shape(c).0,
+            flake: self.flakes(c),
+            albedo: self.albedo(c),
+            yarn: c.yarn,
+        }));
     }
 }
 

@@ -1,6 +1,7 @@
 //! Films: what every pixel has gathered.
 
 use crate::integrator::PathSample;
+use crate::kernel::{Brightness, Tally};
 use crate::wide_sum::{WideSum, mantissa_and_exponent};
 use glam::{UVec2, Vec3};
 use organza_basis::{Moments, Rgb, Sym3};
@@ -35,7 +36,8 @@ impl ChannelSums {
 
 /// Everything a pixel knows, as whole numbers: adding samples in any order and
 /// merging pixels in any grouping gives the same bits. Fewer than `2^32`
-/// samples.
+/// samples. The vector kernel's samples may be negative, which is noise around
+/// a value that is not; sums of radiance have a sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pixel {
     radiance: [ChannelSums; 3],
@@ -106,6 +108,32 @@ impl Pixel {
         }
     }
 
+    /// Adds the samples of a tally.
+    pub(crate) fn add_tally(&mut self, t: &Tally, brightness: &Brightness) {
+        for (channel, (&value, &square)) in self
+            .radiance
+            .iter_mut()
+            .zip(t.values.iter().zip(&t.squares))
+        {
+            let shift = brightness.value_shift(RADIANCE_BITS);
+            channel.values.add_signed(value, shift);
+            let shift = brightness.square_shift(SQUARE_BITS);
+            channel.squares.add_scaled(square, shift);
+        }
+        for (sum, &product) in self.axis.iter_mut().zip(&t.axis) {
+            *sum += product;
+        }
+        self.depth.add_scaled(t.depth, 0);
+        self.bounces += t.bounces;
+        self.count += t.count;
+        self.hits += t.hits;
+        if let Some((yarn, sample)) = t.yarn
+            && sample < self.yarn_sample
+        {
+            (self.yarn, self.yarn_sample) = (yarn, sample);
+        }
+    }
+
     /// Adds all samples of the same pixel of another film. Both together must
     /// have fewer than `2^32`.
     pub fn merge(&mut self, o: &Pixel) {
@@ -137,7 +165,7 @@ impl Pixel {
     pub fn moments(&self, channel: usize) -> Moments {
         let sums = &self.radiance[channel];
         let n = f64::from(self.count.max(1));
-        let sum = sums.values.to_f64() * 2f64.powi(-RADIANCE_BITS);
+        let sum = sums.values.to_f64_signed() * 2f64.powi(-RADIANCE_BITS);
         let squares = sums.squares.to_f64() * 2f64.powi(-SQUARE_BITS);
         Moments {
             count: self.count(),

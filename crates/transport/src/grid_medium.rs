@@ -1,11 +1,12 @@
 //! A medium from dense grids that other programs made: extinction, SGGX
 //! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
 
+use crate::kernel::{NO_YARN, Population};
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
-use organza_scatter::{Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
+use organza_scatter::{AxialFlake, Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
 use std::ops::ControlFlow;
 
 /// Voxels along the edge of a brick with one majorant.
@@ -178,11 +179,7 @@ impl GridMedium {
     fn brick_majorants(&self) -> Vec<f32> {
         let areas = Grid {
             dims: self.s.dims,
-            data: self
-                .flakes
-                .iter()
-                .map(|f| [f.max_projected_area()])
-                .collect(),
+            data: self.flakes.iter().map(|f| [area_bound(f)]).collect(),
         };
         let bricks = self.lattice.cell_dims(BRICK);
         let mut bounds = Vec::new();
@@ -256,6 +253,35 @@ impl GridMedium {
         }
     }
 
+    /// The flakes of a cell as those of a fibre; `None` where they are not.
+    /// Only for grids that are [piecewise constant](Medium::is_piecewise_constant).
+    pub(crate) fn axial_population(&self, cell: UVec3) -> Option<Population> {
+        let sigma_t = self.sigma_t_per_mm.at(cell)[0];
+        let in_grid = |dims: UVec3| {
+            if dims == UVec3::ONE {
+                UVec3::ZERO
+            } else {
+                cell
+            }
+        };
+        let s = self.s.at(in_grid(self.s.dims));
+        if sigma_t == 0.0 {
+            return Some(Population {
+                broadside_per_mm: 0.0,
+                flake: AxialFlake::new(Vec3::Z, 1.0),
+                albedo: Rgb::BLACK,
+                yarn: NO_YARN,
+            });
+        }
+        let (across, flake) = AxialFlake::from_matrix(Sym3::from_array(*s))?;
+        Some(Population {
+            broadside_per_mm: sigma_t * across,
+            flake,
+            albedo: Rgb::from(*self.albedo.at(in_grid(self.albedo.dims))),
+            yarn: NO_YARN,
+        })
+    }
+
     fn flakes_at(&self, p: Vec3) -> Sggx {
         match self.interpolation {
             Interpolation::Nearest => {
@@ -266,6 +292,14 @@ impl GridMedium {
             }
             Interpolation::Trilinear => Sggx::new(Sym3::from_array(self.look_up(&self.s, p))),
         }
+    }
+}
+
+/// The largest projected area, or a little more where that is quicker.
+fn area_bound(flakes: &Sggx) -> f32 {
+    match AxialFlake::from_matrix(flakes.matrix()) {
+        Some((area, _)) => area * (1.0 + 3e-4),
+        None => flakes.max_projected_area(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
+use crate::kernel::Block;
+use crate::{Film, Integrator, Kernel, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
 use rayon::prelude::*;
@@ -70,6 +71,10 @@ pub enum RenderError {
 /// Samples of a pixel between two looks at the clock.
 const SAMPLES_PER_PASS: u64 = 16;
 
+/// Blocks of the film that a thread does one after the other in a pass, so that
+/// threads end at about the same time.
+const BLOCKS_PER_THREAD: u32 = 4;
+
 /// Told of progress between rows, from any thread; may break to stop.
 pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 
@@ -77,6 +82,7 @@ pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 /// [`Rendering::take`], the film comes out the same, bit for bit.
 pub struct Rendering<'a> {
     scene: &'a Scene,
+    kernel: Option<Kernel>,
     settings: RenderSettings,
     crop: Crop,
     film: Film,
@@ -103,12 +109,25 @@ impl<'a> Rendering<'a> {
         }
         Ok(Rendering {
             scene,
+            kernel: None,
             crop,
             film: Film::new(crop.max - crop.min),
             stats: Stats::default(),
             next: settings.samples.start,
             settings,
         })
+    }
+
+    /// Has the paths walked by a kernel, made from the same scene and settings,
+    /// instead of by the general walk. Samples are other ones then.
+    pub fn with_kernel(mut self, kernel: Kernel) -> Self {
+        self.kernel = Some(kernel);
+        self
+    }
+
+    /// What walks the paths; `None` is the general walk.
+    pub fn kernel(&self) -> Option<&Kernel> {
+        self.kernel.as_ref()
     }
 
     /// Goes on from what an earlier rendering of the same scene, seed and crop
@@ -141,21 +160,40 @@ impl<'a> Rendering<'a> {
         let paths_done = AtomicU64::new(paths(self.next - range.start));
         let stopped = AtomicBool::new(false);
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
+        let kernel = self.kernel.as_ref();
+        // The lanes of a kernel run dry at the end of a block.
+        let rows = match kernel {
+            Some(_) => size
+                .y
+                .div_ceil(BLOCKS_PER_THREAD * rayon::current_num_threads() as u32),
+            None => 1,
+        };
         let stats = self
             .film
             .pixels_mut()
-            .par_chunks_mut(size.x as usize)
+            .par_chunks_mut((rows * size.x) as usize)
             .enumerate()
-            .map(|(row, pixels)| {
+            .map(|(block, pixels)| {
                 let mut stats = Stats::default();
                 if stopped.load(Ordering::Relaxed) {
                     return stats;
                 }
-                for (column, out) in pixels.iter_mut().enumerate() {
-                    let pixel = crop.min + UVec2::new(column as u32, row as u32);
-                    add_samples(scene, settings, pixel, indices.clone(), out, &mut stats);
+                let paths = (indices.end - indices.start) * pixels.len() as u64;
+                let min = crop.min + UVec2::new(0, block as u32 * rows);
+                if let Some(kernel) = kernel {
+                    let mut block = Block {
+                        pixels,
+                        width: size.x,
+                        min,
+                        samples: indices.start as u32..indices.end as u32,
+                    };
+                    stats = kernel.take(&mut block);
+                } else {
+                    for (column, out) in pixels.iter_mut().enumerate() {
+                        let pixel = min + UVec2::new(column as u32, 0);
+                        add_samples(scene, settings, pixel, indices.clone(), out, &mut stats);
+                    }
                 }
-                let paths = (indices.end - indices.start) * u64::from(size.x);
                 let told = Pass {
                     paths_done: paths_done.fetch_add(paths, Ordering::Relaxed) + paths,
                     paths_total,

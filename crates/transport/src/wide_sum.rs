@@ -57,6 +57,32 @@ impl<const N: usize> WideSum<N> {
         self.merge(&WideSum(term));
     }
 
+    /// As [`WideSum::add_scaled`] for a term of either sign. The sum is then to
+    /// be read by [`WideSum::to_f64_signed`].
+    pub fn add_signed(&mut self, mantissa: i64, shift: i32) {
+        let mut term = WideSum::default();
+        term.add_scaled(mantissa.unsigned_abs(), shift);
+        self.merge(&if mantissa < 0 { term.negated() } else { term });
+    }
+
+    /// The number that gives zero together with this one, modulo `2^(64 N)`.
+    fn negated(mut self) -> WideSum<N> {
+        let mut carry = true;
+        for limb in &mut self.0 {
+            (*limb, carry) = (!*limb).overflowing_add(u64::from(carry));
+        }
+        self
+    }
+
+    /// As [`WideSum::to_f64`] when the topmost bit is a sign.
+    pub fn to_f64_signed(self) -> f64 {
+        if self.0.last().is_some_and(|&top| top >> 63 != 0) {
+            -self.negated().to_f64()
+        } else {
+            self.to_f64()
+        }
+    }
+
     /// The nearest `f64`, but for a few units in its last place.
     pub fn to_f64(self) -> f64 {
         let limb = 2f64.powi(64);
@@ -115,6 +141,25 @@ mod tests {
         let [low, high] = sum.limbs();
         assert_eq!(u128::from(low) | (u128::from(high) << 64), plain);
         assert!((sum.to_f64() / plain as f64 - 1.0).abs() < 1e-15);
+    }
+
+    /// Against 128-bit integers of the language.
+    #[test]
+    fn terms_of_either_sign_cancel() {
+        let mut rng = PathRng::from_seed(7);
+        let (mut sum, mut plain) = (WideSum::<2>::default(), 0i128);
+        for _ in 0..10_000 {
+            let m = i64::from(rng.bits() as i32) << 20;
+            let shift = rng.below(60) as i32;
+            sum.add_signed(m, shift);
+            plain += i128::from(m) << shift;
+        }
+        let [low, high] = sum.limbs();
+        assert_eq!((u128::from(low) | (u128::from(high) << 64)) as i128, plain);
+        assert!((sum.to_f64_signed() / plain as f64 - 1.0).abs() < 1e-15);
+        let mut little = WideSum::<2>::default();
+        little.add_signed(-3, 0);
+        assert_eq!(little.to_f64_signed(), -3.0);
     }
 
     #[test]

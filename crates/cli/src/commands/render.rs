@@ -3,7 +3,8 @@
 use super::with_threads;
 use crate::checkpoint;
 use crate::error::input;
-use crate::flags::RenderArgs;
+use crate::fabric_file::free_memory_bytes;
+use crate::flags::{BackendName, RenderArgs};
 use crate::identity::{self, Identity};
 use crate::interrupt;
 use crate::picture::{self, Attribute, PictureKind};
@@ -14,8 +15,11 @@ use crate::scene_file::SceneFile;
 use crate::schedule::{Next, Schedule, Stop};
 use crate::{output, read};
 use anyhow::Result;
-use organza_transport::{Film, Integrator, Pixel, RenderError, RenderSettings, Rendering, Scene};
-use std::ops::{ControlFlow, Range};
+use organza_transport::{
+    Backend, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
+    Rendering, Scene,
+};
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Runs the command.
@@ -45,13 +49,21 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     };
     let inputs_before = read::input_count();
     let scene = scene_build::scene(&file, &build)?;
-    let rendering =
-        Rendering::new(&scene, settings(args, &file, &scene)?).map_err(|e| match e {
-            RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
-            _ => input(e.to_string()),
-        })?;
+    let settings = settings(args, &file, &scene)?;
+    let most_bytes = args.max_memory.unwrap_or_else(free_memory_bytes);
+    let kernel = kernel(args, &scene, &settings, most_bytes)?;
+    let refusal = kernel.as_ref().err().copied();
+    let rendering = Rendering::new(&scene, settings).map_err(|e| match e {
+        RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
+        _ => input(e.to_string()),
+    })?;
+    let rendering = match kernel {
+        Ok(kernel) => rendering.with_kernel(kernel),
+        Err(_) => rendering,
+    };
+    let inputs = read::inputs_after(inputs_before);
     let identity = Identity {
-        scene: identity::scene_digest(&file, &read::inputs_after(inputs_before)),
+        scene: identity::scene_digest(&file, &inputs, rendering.kernel().is_some()),
         seed: file.render.seed,
         crop: rendering.crop(),
     };
@@ -74,13 +86,14 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         }
     }
     let render_s = tracing.elapsed().as_secs_f64();
-    let attributes = attributes(args, &identity, rendering.taken());
+    let attributes = attributes(args, &identity, &rendering);
     let film = rendering.film();
     picture::write(&args.outfile, film, file.render.exposure, &attributes)?;
     if !args.common.quiet {
         report(
             args,
             &rendering,
+            refusal.flatten(),
             rendering.stats().paths - paths_before,
             render_s,
             started.elapsed().as_secs_f64(),
@@ -154,14 +167,42 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
     })
 }
 
-fn attributes(args: &RenderArgs, identity: &Identity, taken: Range<u64>) -> Vec<Attribute> {
+/// The kernel, or why there is none.
+fn kernel(
+    args: &RenderArgs,
+    scene: &Scene,
+    settings: &RenderSettings,
+    most_bytes: u64,
+) -> Result<Result<Kernel, Option<KernelRefusal>>> {
+    let backend = match args.backend {
+        BackendName::Auto => Backend::widest(),
+        BackendName::Walk => return Ok(Err(None)),
+        BackendName::Scalar => Backend::Scalar,
+        BackendName::Avx2 => Backend::Avx2,
+        BackendName::Avx512 => Backend::Avx512,
+    };
+    match Kernel::new(scene, settings, backend, most_bytes) {
+        Err(why) if args.backend != BackendName::Auto => Err(input(format!(
+            "--backend {}: {why}; --backend auto takes the general walk then",
+            backend.name()
+        ))),
+        made => Ok(made.map_err(Some)),
+    }
+}
+
+/// What walks the paths, as pictures tell it.
+fn backend_name(rendering: &Rendering<'_>) -> &'static str {
+    rendering.kernel().map_or("walk", |k| k.backend().name())
+}
+
+fn attributes(args: &RenderArgs, identity: &Identity, rendering: &Rendering<'_>) -> Vec<Attribute> {
     let name = args.scene.file_name().unwrap_or_default();
     let mut attributes = vec![
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("scene", name.to_string_lossy().into_owned()),
-        ("backend", "scalar".to_owned()),
+        ("backend", backend_name(rendering).to_owned()),
     ];
-    attributes.extend(identity.attributes(&SampleRanges::one(taken)));
+    attributes.extend(identity.attributes(&SampleRanges::one(rendering.taken())));
     attributes
 }
 
@@ -182,7 +223,14 @@ fn say_why(rendering: &Rendering<'_>, stop: Stop) {
 }
 
 #[allow(clippy::print_stderr)]
-fn report(args: &RenderArgs, rendering: &Rendering<'_>, paths: u64, render_s: f64, total_s: f64) {
+fn report(
+    args: &RenderArgs,
+    rendering: &Rendering<'_>,
+    refusal: Option<KernelRefusal>,
+    paths: u64,
+    render_s: f64,
+    total_s: f64,
+) {
     let (film, stats) = (rendering.film(), rendering.stats());
     let rate = paths as f64 / render_s.max(1e-9);
     eprintln!(
@@ -196,6 +244,8 @@ fn report(args: &RenderArgs, rendering: &Rendering<'_>, paths: u64, render_s: f6
         return;
     }
     let per_path = |n: u64| n as f64 / stats.paths.max(1) as f64;
+    let why = refusal.map_or(String::new(), |why| format!(": {why}"));
+    eprintln!("backend       {}{why}", backend_name(rendering));
     eprintln!(
         "collisions    {:.3} real, {:.3} tentative a path",
         per_path(stats.collisions),
@@ -226,10 +276,14 @@ fn report(args: &RenderArgs, rendering: &Rendering<'_>, paths: u64, render_s: f6
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let film_mib = mib(Film::memory_bytes(film.size()));
     match peak_memory_bytes() {
-        Some(peak) => eprintln!(
-            "memory        {:.0} MiB at most, {film_mib:.0} of them film",
-            mib(peak)
-        ),
+        Some(peak) => {
+            let tables = rendering.kernel().map_or(0, Kernel::memory_bytes);
+            eprintln!(
+                "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
+                mib(peak),
+                mib(tables)
+            );
+        }
         None => eprintln!("memory        {film_mib:.0} MiB of film"),
     }
 }

@@ -1,0 +1,432 @@
+//! Lanes: one number for each of the paths that are walked side by side.
+//!
+//! The kernel is written once over these traits. Every operation is one that
+//! IEEE 754 rounds in one way only (no reciprocal estimates, products fused
+//! with sums wherever the source says so and nowhere else), so a lane computes
+//! the same bits whatever vector it is part of.
+
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
+
+/// Most lanes of any back end.
+pub const MAX_LANES: usize = 32;
+
+/// A truth value in every lane.
+pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {
+    /// Bit i is lane i.
+    fn bits(self) -> u32;
+    /// The lanes whose bits are set.
+    fn from_bits(bits: u32) -> Self;
+    /// True when some lane is.
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.bits() != 0
+    }
+}
+
+/// A whole number of 32 bits in every lane, arithmetic modulo 2^32.
+pub trait Ints:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + BitXor<Output = Self>
+{
+    /// Numbers of the same lanes.
+    type Floats: Floats<Ints = Self, Mask = Self::Mask>;
+    /// Truth values of the same lanes.
+    type Mask: Mask;
+    /// The same in all lanes.
+    fn splat(x: u32) -> Self;
+    /// From the front of `x`, which must be long enough.
+    fn load(x: &[u32]) -> Self;
+    /// To the front of `x`.
+    fn store(self, x: &mut [u32]);
+    /// Shifted left.
+    fn shl<const BITS: u32>(self) -> Self;
+    /// Shifted right, zeros coming in.
+    fn shr<const BITS: u32>(self) -> Self;
+    /// The number, which must be below 2^31.
+    fn to_floats(self) -> Self::Floats;
+    /// The number with these bits.
+    fn as_floats(self) -> Self::Floats;
+    /// Equality.
+    fn equals(self, o: Self) -> Self::Mask;
+    /// `self` where `mask`, else `o`.
+    fn or_where_not(self, mask: Self::Mask, o: Self) -> Self;
+    /// `table[self]`, the last entry beyond the end. The table must not be
+    /// empty and have fewer than 2^31 entries.
+    fn gather(self, table: &[u32]) -> Self;
+}
+
+/// An `f32` in every lane.
+pub trait Floats:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// Whole numbers of the same lanes.
+    type Ints: Ints<Floats = Self, Mask = Self::Mask>;
+    /// Truth values of the same lanes.
+    type Mask: Mask;
+    /// Number of lanes.
+    const LANES: usize;
+    /// The same in all lanes.
+    fn splat(x: f32) -> Self;
+    /// From the front of `x`.
+    fn load(x: &[f32]) -> Self;
+    /// To the front of `x`.
+    fn store(self, x: &mut [f32]);
+    /// `self * b + c`, rounded once.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// The lesser, `o` when either is NaN.
+    fn min(self, o: Self) -> Self;
+    /// The greater, `o` when either is NaN.
+    fn max(self, o: Self) -> Self;
+    /// The greatest whole number not above.
+    fn floor(self) -> Self;
+    /// Without its sign.
+    fn abs(self) -> Self;
+    /// Less than.
+    fn below(self, o: Self) -> Self::Mask;
+    /// The whole number toward zero; must fit 31 bits and a sign.
+    fn to_ints(self) -> Self::Ints;
+    /// The bits.
+    fn as_ints(self) -> Self::Ints;
+    /// `self` where `mask`, else `o`.
+    fn or_where_not(self, mask: Self::Mask, o: Self) -> Self;
+}
+
+/// The back end without vectors: one lane.
+pub mod one {
+    use super::{Floats, Ints, Mask};
+
+    impl Mask for bool {
+        #[inline(always)]
+        fn bits(self) -> u32 {
+            u32::from(self)
+        }
+        #[inline(always)]
+        fn from_bits(bits: u32) -> bool {
+            bits & 1 != 0
+        }
+    }
+
+    /// One whole number.
+    #[derive(Clone, Copy)]
+    pub struct U(u32);
+
+    /// One number.
+    #[derive(Clone, Copy)]
+    pub struct F(pub f32);
+
+    macro_rules! operators {
+        ($type:ident: $($trait:ident $name:ident = $operation:expr;)*) => {$(
+            impl std::ops::$trait for $type {
+                type Output = $type;
+                #[inline(always)]
+                fn $name(self, o: $type) -> $type {
+                    $type($operation(self.0, o.0))
+                }
+            }
+        )*};
+    }
+    operators!(U:
+        Add add = u32::wrapping_add;
+        Sub sub = u32::wrapping_sub;
+        Mul mul = u32::wrapping_mul;
+        BitAnd bitand = |a, b| a & b;
+        BitOr bitor = |a, b| a | b;
+        BitXor bitxor = |a, b| a ^ b;
+    );
+    operators!(F:
+        Add add = |a, b| a + b;
+        Sub sub = |a, b| a - b;
+        Mul mul = |a, b| a * b;
+        Div div = |a, b| a / b;
+    );
+
+    impl std::ops::Neg for F {
+        type Output = F;
+        #[inline(always)]
+        fn neg(self) -> F {
+            F(-self.0)
+        }
+    }
+
+    impl Ints for U {
+        type Floats = F;
+        type Mask = bool;
+        #[inline(always)]
+        fn splat(x: u32) -> U {
+            U(x)
+        }
+        #[inline(always)]
+        fn load(x: &[u32]) -> U {
+            U(x[0])
+        }
+        #[inline(always)]
+        fn store(self, x: &mut [u32]) {
+            x[0] = self.0;
+        }
+        #[inline(always)]
+        fn shl<const BITS: u32>(self) -> U {
+            U(self.0 << BITS)
+        }
+        #[inline(always)]
+        fn shr<const BITS: u32>(self) -> U {
+            U(self.0 >> BITS)
+        }
+        #[inline(always)]
+        fn to_floats(self) -> F {
+            F(self.0 as i32 as f32)
+        }
+        #[inline(always)]
+        fn as_floats(self) -> F {
+            F(f32::from_bits(self.0))
+        }
+        #[inline(always)]
+        fn equals(self, o: U) -> bool {
+            self.0 == o.0
+        }
+        #[inline(always)]
+        fn or_where_not(self, mask: bool, o: U) -> U {
+            if mask { self } else { o }
+        }
+        #[inline(always)]
+        fn gather(self, table: &[u32]) -> U {
+            U(table[(self.0 as usize).min(table.len() - 1)])
+        }
+    }
+
+    impl Floats for F {
+        type Ints = U;
+        type Mask = bool;
+        const LANES: usize = 1;
+        #[inline(always)]
+        fn splat(x: f32) -> F {
+            F(x)
+        }
+        #[inline(always)]
+        fn load(x: &[f32]) -> F {
+            F(x[0])
+        }
+        #[inline(always)]
+        fn store(self, x: &mut [f32]) {
+            x[0] = self.0;
+        }
+        #[inline(always)]
+        fn mul_add(self, b: F, c: F) -> F {
+            F(self.0.mul_add(b.0, c.0))
+        }
+        #[inline(always)]
+        fn sqrt(self) -> F {
+            F(self.0.sqrt())
+        }
+        #[inline(always)]
+        fn min(self, o: F) -> F {
+            if self.0 < o.0 { self } else { o }
+        }
+        #[inline(always)]
+        fn max(self, o: F) -> F {
+            if self.0 > o.0 { self } else { o }
+        }
+        #[inline(always)]
+        fn floor(self) -> F {
+            F(self.0.floor())
+        }
+        #[inline(always)]
+        fn abs(self) -> F {
+            F(self.0.abs())
+        }
+        #[inline(always)]
+        fn below(self, o: F) -> bool {
+            self.0 < o.0
+        }
+        #[inline(always)]
+        fn to_ints(self) -> U {
+            U(self.0 as i32 as u32)
+        }
+        #[inline(always)]
+        fn as_ints(self) -> U {
+            U(self.0.to_bits())
+        }
+        #[inline(always)]
+        fn or_where_not(self, mask: bool, o: F) -> F {
+            if mask { self } else { o }
+        }
+    }
+}
+
+/// Two vectors side by side: while one waits for memory, the other computes.
+#[derive(Clone, Copy)]
+pub struct Two<T>(T, T);
+
+macro_rules! pairwise {
+    ($($trait:ident $name:ident;)*) => {$(
+        impl<T: $trait<Output = T>> $trait for Two<T> {
+            type Output = Two<T>;
+            #[inline(always)]
+            fn $name(self, o: Two<T>) -> Two<T> {
+                Two(self.0.$name(o.0), self.1.$name(o.1))
+            }
+        }
+    )*};
+}
+pairwise!(Add add; Sub sub; Mul mul; Div div; BitAnd bitand; BitOr bitor; BitXor bitxor;);
+
+impl<T: Neg<Output = T>> Neg for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn neg(self) -> Two<T> {
+        Two(-self.0, -self.1)
+    }
+}
+
+impl<T: Not<Output = T>> Not for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn not(self) -> Two<T> {
+        Two(!self.0, !self.1)
+    }
+}
+
+/// A mask of one vector of a pair: knows how many lanes that is.
+pub trait HalfMask: Mask {
+    /// Lanes of the vector.
+    const LANES: u32;
+}
+
+impl<M: HalfMask> Mask for Two<M> {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self.0.bits() | self.1.bits() << M::LANES
+    }
+    #[inline(always)]
+    fn from_bits(bits: u32) -> Self {
+        Two(M::from_bits(bits), M::from_bits(bits >> M::LANES))
+    }
+}
+
+impl<U: Ints> Ints for Two<U>
+where
+    U::Mask: HalfMask,
+{
+    type Floats = Two<U::Floats>;
+    type Mask = Two<U::Mask>;
+    #[inline(always)]
+    fn splat(x: u32) -> Self {
+        Two(U::splat(x), U::splat(x))
+    }
+    #[inline(always)]
+    fn load(x: &[u32]) -> Self {
+        Two(U::load(x), U::load(&x[U::Floats::LANES..]))
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [u32]) {
+        self.0.store(x);
+        self.1.store(&mut x[U::Floats::LANES..]);
+    }
+    #[inline(always)]
+    fn shl<const BITS: u32>(self) -> Self {
+        Two(self.0.shl::<BITS>(), self.1.shl::<BITS>())
+    }
+    #[inline(always)]
+    fn shr<const BITS: u32>(self) -> Self {
+        Two(self.0.shr::<BITS>(), self.1.shr::<BITS>())
+    }
+    #[inline(always)]
+    fn to_floats(self) -> Self::Floats {
+        Two(self.0.to_floats(), self.1.to_floats())
+    }
+    #[inline(always)]
+    fn as_floats(self) -> Self::Floats {
+        Two(self.0.as_floats(), self.1.as_floats())
+    }
+    #[inline(always)]
+    fn equals(self, o: Self) -> Self::Mask {
+        Two(self.0.equals(o.0), self.1.equals(o.1))
+    }
+    #[inline(always)]
+    fn or_where_not(self, mask: Self::Mask, o: Self) -> Self {
+        Two(
+            self.0.or_where_not(mask.0, o.0),
+            self.1.or_where_not(mask.1, o.1),
+        )
+    }
+    #[inline(always)]
+    fn gather(self, table: &[u32]) -> Self {
+        Two(self.0.gather(table), self.1.gather(table))
+    }
+}
+
+impl<F: Floats> Floats for Two<F>
+where
+    F::Mask: HalfMask,
+{
+    type Ints = Two<F::Ints>;
+    type Mask = Two<F::Mask>;
+    const LANES: usize = 2 * F::LANES;
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Two(F::splat(x), F::splat(x))
+    }
+    #[inline(always)]
+    fn load(x: &[f32]) -> Self {
+        Two(F::load(x), F::load(&x[F::LANES..]))
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f32]) {
+        self.0.store(x);
+        self.1.store(&mut x[F::LANES..]);
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        Two(self.0.mul_add(b.0, c.0), self.1.mul_add(b.1, c.1))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Two(self.0.sqrt(), self.1.sqrt())
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        Two(self.0.min(o.0), self.1.min(o.1))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        Two(self.0.max(o.0), self.1.max(o.1))
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        Two(self.0.floor(), self.1.floor())
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Two(self.0.abs(), self.1.abs())
+    }
+    #[inline(always)]
+    fn below(self, o: Self) -> Self::Mask {
+        Two(self.0.below(o.0), self.1.below(o.1))
+    }
+    #[inline(always)]
+    fn to_ints(self) -> Self::Ints {
+        Two(self.0.to_ints(), self.1.to_ints())
+    }
+    #[inline(always)]
+    fn as_ints(self) -> Self::Ints {
+        Two(self.0.as_ints(), self.1.as_ints())
+    }
+    #[inline(always)]
+    fn or_where_not(self, mask: Self::Mask, o: Self) -> Self {
+        Two(
+            self.0.or_where_not(mask.0, o.0),
+            self.1.or_where_not(mask.1, o.1),
+        )
+    }
+}

@@ -1,0 +1,311 @@
+//! The fast way through cloth: many paths at once, one in each lane of a
+//! vector, over matter laid out for it.
+//!
+//! One source, [`walk`], for every [`Backend`]; which back end walks makes no
+//! difference to any bit of the picture. What the kernel cannot do is told by
+//! [`Kernel::new`], and the general walk ([`crate::trace_path`]) does it; that
+//! one is also its oracle: both estimate the same picture with other random
+//! numbers.
+//!
+//! Light of one direction comes from a table that an occasional exact shadow
+//! ray corrects ([`light_table`]), the environment by escaping.
+
+mod film_rays;
+mod flat_medium;
+mod lanes;
+mod light_table;
+mod math;
+mod tally;
+#[cfg(test)]
+mod tests;
+#[cfg(target_arch = "x86_64")]
+mod vector;
+mod walk;
+
+pub(crate) use flat_medium::{NO_YARN, Population};
+pub(crate) use tally::{Brightness, Tally};
+
+use crate::{
+    AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
+};
+use film_rays::FilmRays;
+use flat_medium::{FlatMedium, Unsuited};
+use glam::{UVec2, Vec3};
+use light_table::LightTable;
+use std::ops::Range;
+
+/// What walks the paths of the kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backend {
+    /// One path at a time.
+    Scalar,
+    /// Two vectors of eight.
+    Avx2,
+    /// Two vectors of sixteen.
+    Avx512,
+}
+
+impl Backend {
+    /// The widest that this processor has.
+    pub fn widest() -> Backend {
+        if Backend::Avx512.is_available() {
+            Backend::Avx512
+        } else if Backend::Avx2.is_available() {
+            Backend::Avx2
+        } else {
+            Backend::Scalar
+        }
+    }
+
+    /// Whether this processor has it.
+    pub fn is_available(self) -> bool {
+        match self {
+            Backend::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Backend::Avx2 => {
+                std::arch::is_x86_feature_detected!("avx2")
+                    && std::arch::is_x86_feature_detected!("fma")
+            }
+            #[cfg(target_arch = "x86_64")]
+            Backend::Avx512 => {
+                Backend::Avx2.is_available()
+                    && std::arch::is_x86_feature_detected!("avx512f")
+                    && std::arch::is_x86_feature_detected!("avx512bw")
+                    && std::arch::is_x86_feature_detected!("avx512dq")
+                    && std::arch::is_x86_feature_detected!("avx512vl")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// Its name on the command line and in pictures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Backend::Scalar => "scalar",
+            Backend::Avx2 => "avx2",
+            Backend::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Why the kernel leaves a scene to the general walk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum KernelRefusal {
+    /// Not one medium but none or several.
+    #[error("the scene has {0} media; the kernel walks through one")]
+    MediumCount(usize),
+    /// A medium of other than micro-flakes.
+    #[error("what scatters is no micro-flakes about fibre axes")]
+    NotFlakes,
+    /// Matter that ends in the middle of a period.
+    #[error("a repeated medium is cut to a rectangle")]
+    Cut,
+    /// A medium that does not suit it.
+    #[error(transparent)]
+    Medium(#[from] Unsuited),
+    /// Another light than parallel light and constant environments.
+    #[error("a light is neither parallel nor a constant environment")]
+    Light,
+    /// Exact stepping was asked for.
+    #[error("exact stepping was asked for; the kernel tracks")]
+    Integrator,
+    /// Its tables would take too much.
+    #[error("its tables would take up to {0} bytes, more than {1}")]
+    Memory(u64, u64),
+    /// The processor lacks it.
+    #[error("this processor does not have {0:?}")]
+    Backend(Backend),
+}
+
+/// A scene laid out for lanes.
+pub struct Kernel {
+    backend: Backend,
+    medium: FlatMedium,
+    voxels_per_mm: Vec3,
+    lights: Vec<LightTable>,
+    /// Radiance from directions with z below zero, and from others.
+    environment: [Vec3; 2],
+    rays: FilmRays,
+    film_width: u32,
+    seed: u64,
+    max_bounces: u32,
+    brightness: Brightness,
+    /// An exact shadow ray is traced with a probability of the light scattered
+    /// toward the camera, over the irradiance, per steradian, times this,
+    residual_scale: f32,
+    /// times what the table lets through, plus this.
+    residual_floor: f32,
+}
+
+/// Pixels across a strip of neighbours.
+const STRIP: u32 = 8;
+
+/// A part of the film and the samples to take in it.
+pub(crate) struct Block<'a> {
+    /// Whole rows.
+    pub pixels: &'a mut [Pixel],
+    /// Pixels in a row.
+    pub width: u32,
+    /// The first pixel's place in the whole picture.
+    pub min: UVec2,
+    pub samples: Range<u32>,
+}
+
+impl Block<'_> {
+    /// The pixel that is walked as number `turn`, and its column and row in the
+    /// whole picture. Neighbours in the picture follow each other in strips, so
+    /// that the lanes look at the same part of the matter.
+    fn pixel(&self, turn: usize) -> Option<(usize, u32, u32)> {
+        if turn >= self.pixels.len() {
+            return None;
+        }
+        let (turn, width) = (turn as u32, self.width);
+        let rows = self.pixels.len() as u32 / width;
+        let strip = turn / (STRIP * rows);
+        let across = STRIP.min(width - strip * STRIP);
+        let within = turn - strip * STRIP * rows;
+        let (x, y) = (strip * STRIP + within % across, within / across);
+        let index = (y * width + x) as usize;
+        Some((index, self.min.x + x, self.min.y + y))
+    }
+}
+
+impl Kernel {
+    /// Lays a scene out for a back end.
+    ///
+    /// # Errors
+    /// Why the general walk must do it.
+    pub fn new(
+        scene: &Scene,
+        settings: &RenderSettings,
+        backend: Backend,
+        most_bytes: u64,
+    ) -> Result<Kernel, KernelRefusal> {
+        if !backend.is_available() {
+            return Err(KernelRefusal::Backend(backend));
+        }
+        if settings.integrator != Integrator::Woodcock {
+            return Err(KernelRefusal::Integrator);
+        }
+        let [medium] = &scene.media[..] else {
+            return Err(KernelRefusal::MediumCount(scene.media.len()));
+        };
+        let lattice = match medium {
+            AnyMedium::Grid(m) => *m.lattice(),
+            AnyMedium::Cloth(m) => *m.lattice(),
+            _ => return Err(KernelRefusal::NotFlakes),
+        };
+        if lattice.reach_mm() != lattice.bounds_mm() && !lattice.is_endless() {
+            return Err(KernelRefusal::Cut);
+        }
+        let mut parallel = Vec::new();
+        let mut environment = [Vec3::ZERO; 2];
+        for light in &scene.lights {
+            match light {
+                Light::Directional {
+                    direction,
+                    irradiance,
+                } => parallel.push((*direction, *irradiance)),
+                Light::Environment {
+                    radiance,
+                    hemisphere,
+                } => {
+                    if *hemisphere != Hemisphere::Front {
+                        environment[0] += radiance.0;
+                    }
+                    if *hemisphere != Hemisphere::Back {
+                        environment[1] += radiance.0;
+                    }
+                }
+                Light::Image { .. } | Light::Rectangle { .. } => return Err(KernelRefusal::Light),
+            }
+        }
+        let bytes = FlatMedium::least_bytes(&lattice)
+            + LightTable::most_bytes(&lattice, parallel.len() as u64);
+        if bytes > most_bytes {
+            return Err(KernelRefusal::Memory(bytes, most_bytes));
+        }
+        let medium = match medium {
+            AnyMedium::Grid(m) => FlatMedium::from_grid(m)?,
+            AnyMedium::Cloth(m) => FlatMedium::from_cloth(m)?,
+            _ => return Err(KernelRefusal::NotFlakes),
+        };
+        let brightest = parallel
+            .iter()
+            .map(|(_, irradiance)| irradiance.max_component())
+            .chain(environment.iter().map(|e| e.max_element()))
+            .fold(0.0, f32::max);
+        Ok(Kernel {
+            backend,
+            lights: parallel
+                .into_iter()
+                .map(|(direction, irradiance)| LightTable::new(&medium, direction, irradiance))
+                .collect(),
+            medium,
+            voxels_per_mm: 1.0 / lattice.voxel_mm(),
+            environment,
+            rays: FilmRays::new(&scene.camera, &lattice),
+            film_width: scene.camera.resolution().x,
+            seed: settings.seed,
+            max_bounces: settings.max_bounces,
+            brightness: Brightness::of(brightest),
+            residual_scale: 1.0,
+            residual_floor: 0.01,
+        })
+    }
+
+    /// What walks.
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// Bytes of the matter and tables.
+    pub fn memory_bytes(&self) -> u64 {
+        let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
+        self.medium.memory_bytes() + tables
+    }
+
+    /// Takes the samples of a block.
+    pub(crate) fn take(&self, block: &mut Block<'_>) -> Stats {
+        dispatch(self, block)
+    }
+}
+
+/// Walks with the kernel's back end: the one place where code for instructions
+/// that a processor may lack is entered, after [`Kernel::new`] has asked it.
+#[allow(unsafe_code)]
+fn dispatch(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use lanes::Two;
+
+        #[target_feature(
+            enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
+        )]
+        fn avx512(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+            walk::walk::<Two<vector::avx512::F>>(kernel, block)
+        }
+
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+        fn avx2(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+            walk::walk::<Two<vector::avx2::F>>(kernel, block)
+        }
+
+        /// One lane, where fused products need no function call.
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+        fn fused(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+            walk::walk::<lanes::one::F>(kernel, block)
+        }
+
+        match kernel.backend {
+            Backend::Avx512 => return unsafe { avx512(kernel, block) },
+            Backend::Avx2 => return unsafe { avx2(kernel, block) },
+            Backend::Scalar if Backend::Avx2.is_available() => {
+                return unsafe { fused(kernel, block) };
+            }
+            Backend::Scalar => {}
+        }
+    }
+    walk::walk::<lanes::one::F>(kernel, block)
+}

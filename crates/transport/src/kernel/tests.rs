@@ -1,0 +1,483 @@
+//! The kernel against the general walk, and its parts against second ways.
+
+use super::lanes::{Floats, Ints, Mask, one};
+use super::math::{LaneRng, exp2, minus_ln, pixel_key, sin_cos_of_turns};
+use super::*;
+use crate::*;
+use glam::{DVec3, IVec3, UVec3};
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::{Verdict, z_test};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3, warp};
+use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use std::ops::ControlFlow;
+
+/// Voxels of the test tile: no multiple of anything, not cubic.
+const DIMS: UVec3 = UVec3::new(13, 11, 9);
+const SIZE_MM: Vec3 = Vec3::new(0.26, 0.2, 0.16);
+
+/// Two crossing bundles of fibres with air around them; density varies from
+/// voxel to voxel.
+fn grid(repeats: bool) -> GridMedium {
+    let mut rng = PathRng::from_seed(77);
+    let (mut density, mut sggx, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..DIMS.element_product() {
+        let c = UVec3::new(i % DIMS.x, i / DIMS.x % DIMS.y, i / (DIMS.x * DIMS.y));
+        let p = (c.as_vec3() + 0.5) / DIMS.as_vec3() - 0.5;
+        let low = (p.y * 2.5).powi(2) + (p.z * 6.0 + 1.2).powi(2) < 1.0;
+        let high = (p.x * 2.5).powi(2) + (p.z * 6.0 - 1.2).powi(2) < 1.0;
+        let inside = if low || high { 1.0 } else { 0.0 };
+        density.push([inside * (5.0 + 60.0 * rng.unit() * rng.unit())]);
+        let axis = if low {
+            Vec3::new(1.0, 0.2, 0.3)
+        } else {
+            Vec3::new(0.1, 1.0, -0.2)
+        };
+        sggx.push(Sym3::axial(axis.normalize(), 1.0, 0.06).to_array());
+        albedo.push(if low {
+            [0.95, 0.8, 0.6]
+        } else {
+            [0.5, 0.9, 0.99]
+        });
+    }
+    GridMedium::new(
+        Aabb::new(
+            Vec3::new(0.1, -0.2, 0.0),
+            Vec3::new(0.1, -0.2, 0.0) + SIZE_MM,
+        ),
+        repeats,
+        Interpolation::Nearest,
+        Grid::new(DIMS, density).unwrap(),
+        Grid::new(DIMS, sggx).unwrap(),
+        Grid::new(DIMS, albedo).unwrap(),
+    )
+    .unwrap()
+}
+
+/// Fibres that cross in the same voxels: mixtures of two populations.
+fn cloth() -> ClothMedium {
+    let mut segments = Vec::new();
+    for i in 0..24 {
+        let at = (i as f32 + 0.5) / 24.0 * 0.2;
+        let z = 0.05 + 0.015 * (i % 3) as f32;
+        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at, z + 0.02)];
+        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at, 0.2, z)];
+        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
+        segments.push(Segment::straight(along_y[0], along_y[1], 0.006));
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
+        repeats: true,
+    };
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        levels: Some(2),
+        footprint: Footprint::Axis,
+        max_memory_bytes: None,
+    };
+    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    let optics = FlakeOptics {
+        albedo: Rgb::new(0.9, 0.7, 0.5),
+        end_on_ratio: 0.1,
+    };
+    ClothMedium::new(octree, 0, vec![optics]).unwrap()
+}
+
+fn parallel() -> Vec<Light> {
+    [
+        (Vec3::new(0.5, 0.3, -0.8), 1.0),
+        (Vec3::new(-0.4, 0.2, 0.9), 1.5),
+    ]
+    .map(|(d, e)| Light::Directional {
+        direction: d.normalize(),
+        irradiance: Rgb::new(e, 1.0, 0.5 * e),
+    })
+    .to_vec()
+}
+
+fn sky() -> Vec<Light> {
+    let of = |radiance, hemisphere| Light::Environment {
+        radiance,
+        hemisphere,
+    };
+    vec![
+        of(Rgb::new(0.7, 0.8, 1.0), Hemisphere::All),
+        of(Rgb::new(0.5, 0.2, 0.1), Hemisphere::Back),
+    ]
+}
+
+fn lens() -> Projection {
+    Projection::ThinLens {
+        fov_rad: 0.3,
+        aperture_mm: 0.1,
+        focus_mm: 0.8,
+    }
+}
+
+fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
+    let middle = medium.lattice().unwrap().bounds_mm().centre().as_dvec3();
+    let pose = CameraPose {
+        origin_mm: middle + DVec3::new(0.2, -0.3, 0.8),
+        target_mm: middle,
+        up: DVec3::Y,
+    };
+    let filter = match projection {
+        Projection::Orthographic { .. } => PixelFilter::Tent,
+        Projection::Perspective { .. } => PixelFilter::Box,
+        Projection::ThinLens { .. } => PixelFilter::Gaussian,
+    };
+    Scene {
+        media: vec![medium],
+        lights,
+        camera: Camera::new(projection, pose, UVec2::new(7, 5), filter).unwrap(),
+    }
+}
+
+fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
+    RenderSettings {
+        integrator: Integrator::Woodcock,
+        samples,
+        max_bounces,
+        seed: 9,
+        crop: None,
+    }
+}
+
+fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Film, Stats) {
+    let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
+    if let Some(kernel) = kernel {
+        rendering = rendering.with_kernel(kernel);
+    }
+    let all = settings.samples.end;
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    rendering.into_parts()
+}
+
+fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> Kernel {
+    Kernel::new(scene, settings, backend, u64::MAX).unwrap()
+}
+
+/// Whether two films are of one picture: all pixels and channels together, and
+/// their mean.
+fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
+    let (mut squares, mut values) = (0.0, 0.0);
+    for (p, q) in a.pixels().iter().zip(b.pixels()) {
+        for c in 0..3 {
+            let (m, n) = (p.moments(c), q.moments(c));
+            let variance = m.variance() / m.count as f64 + n.variance() / n.count as f64;
+            if variance > 0.0 {
+                squares += (m.mean - n.mean).powi(2) / variance;
+                values += 1.0;
+            }
+        }
+    }
+    // Channels of a pixel are nearly one value: a third as many.
+    let spread = z_test(squares / values, 1.0, (2.0 * 3.0 / values).sqrt());
+    let (m, n) = (a.mean()[0], b.mean()[0]);
+    (spread, z_test(m.0, n.0, m.1.hypot(n.1)))
+}
+
+fn samples() -> u64 {
+    if std::env::var("ORGANZA_FULL").is_ok() {
+        65_536
+    } else {
+        2048
+    }
+}
+
+#[test]
+fn the_kernel_agrees_with_the_general_walk() {
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    for (name, scene) in [
+        (
+            "finite",
+            scene(AnyMedium::Grid(grid(false)), parallel(), pinhole),
+        ),
+        (
+            "endless",
+            scene(AnyMedium::Grid(grid(true)), parallel(), flat),
+        ),
+        ("sky", scene(AnyMedium::Grid(grid(false)), sky(), lens())),
+        (
+            "endless sky",
+            scene(AnyMedium::Grid(grid(true)), sky(), pinhole),
+        ),
+        (
+            "mixtures",
+            scene(AnyMedium::Cloth(cloth()), parallel(), flat),
+        ),
+        (
+            "mixtures, sky",
+            scene(AnyMedium::Cloth(cloth()), sky(), flat),
+        ),
+    ] {
+        let settings = settings(0..samples(), u32::MAX);
+        let widest = kernel(&scene, &settings, Backend::widest());
+        let (a, stats) = film(&scene, &settings, Some(widest));
+        let (b, _) = film(&scene, &settings, None);
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&a, &b);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        for (p, q) in a.pixels().iter().zip(b.pixels()) {
+            let n = samples() as f64;
+            let through = f64::from(q.straight_through());
+            let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
+            let apart = f64::from(p.straight_through()) - through;
+            assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
+            assert!(p.count() == q.count());
+            if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
+                && through < 0.9
+            {
+                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
+                // Crossed fibres have no main direction.
+                let crossed = name.starts_with("mixtures");
+                let along = p.tangent().dot(q.tangent()).abs();
+                assert!(crossed || along > 0.95, "{name}");
+            }
+            let (m, n) = (p.mean_bounces(), q.mean_bounces());
+            assert!((m - n).abs() < 0.15 * n + 0.05, "{name}: bounces {m}, {n}");
+        }
+    }
+}
+
+/// Exact rays set even a wrong table right; without them it is rejected.
+#[test]
+fn a_table_without_exact_rays_is_rejected() {
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let settings = settings(0..2048, 1);
+    let (oracle, _) = film(&scene, &settings, None);
+    let with_wrong_table = |residual_scale: f32| {
+        let mut twin = kernel(&scene, &settings, Backend::widest());
+        for light in &mut twin.lights {
+            light.depths.fill(0x0e0e_0e0e);
+        }
+        twin.residual_scale = residual_scale;
+        film(&scene, &settings, Some(twin))
+    };
+    let (right, stats) = with_wrong_table(1.0);
+    let (spread, mean) = agree(&right, &oracle);
+    assert!(stats.shadow_rays > 0);
+    assert!(
+        spread.p_value > 1e-4 && mean.p_value > 1e-4,
+        "seed 9: {spread:?} {mean:?}"
+    );
+    let (wrong, stats) = with_wrong_table(0.0);
+    assert_eq!(stats.shadow_rays, 0);
+    assert!(agree(&wrong, &oracle).0.p_value < 1e-9, "seed 9");
+}
+
+#[test]
+fn back_ends_threads_and_passes_give_the_same_bits() {
+    let scene = scene(AnyMedium::Cloth(cloth()), parallel(), lens());
+    let settings = settings(0..6, 40);
+    let (film_of_one, stats) = film(
+        &scene,
+        &settings,
+        Some(kernel(&scene, &settings, Backend::Scalar)),
+    );
+    for backend in [Backend::Avx2, Backend::Avx512] {
+        if !backend.is_available() {
+            continue;
+        }
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let made = kernel(&scene, &settings, backend);
+                let (whole, counts) = film(&scene, &settings, Some(made));
+                assert_eq!(whole, film_of_one, "{backend:?}, {threads} threads");
+                assert_eq!(counts, stats, "{backend:?}, {threads} threads");
+            });
+        }
+        let mut parts = Rendering::new(&scene, settings.clone())
+            .unwrap()
+            .with_kernel(kernel(&scene, &settings, backend));
+        for samples in [1, 3, 2] {
+            parts = parts.take(samples, &|_| ControlFlow::Continue(())).unwrap();
+        }
+        assert_eq!(*parts.film(), film_of_one, "{backend:?} in passes");
+    }
+}
+
+#[test]
+fn what_the_kernel_cannot_do_it_refuses() {
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let refusal = |scene: &Scene, settings: &RenderSettings| {
+        Kernel::new(scene, settings, Backend::Scalar, 1 << 30).err()
+    };
+    let mut scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let mut exact = settings(0..1, 1);
+    assert_eq!(refusal(&scene, &exact), None);
+    exact.integrator = Integrator::Regular;
+    assert_eq!(refusal(&scene, &exact), Some(KernelRefusal::Integrator));
+    scene.media.push(AnyMedium::Grid(grid(false)));
+    let two = refusal(&scene, &settings(0..1, 1));
+    assert_eq!(two, Some(KernelRefusal::MediumCount(2)));
+    // A flat flake is no fibre's.
+    let flat = GridMedium::new(
+        Aabb::new(Vec3::ZERO, Vec3::ONE),
+        false,
+        Interpolation::Nearest,
+        Grid::constant([1.0]),
+        Grid::constant(Sym3::axial(Vec3::Z, 0.1, 1.0).to_array()),
+        Grid::constant([0.5; 3]),
+    );
+    scene.media = vec![AnyMedium::Grid(flat.unwrap())];
+    let not_axial = refusal(&scene, &settings(0..1, 1));
+    assert_eq!(not_axial, Some(KernelRefusal::Medium(Unsuited::NotAxial)));
+}
+
+/// Laid out and general medium, everywhere and toward many directions.
+#[test]
+fn laid_out_matter_is_the_medium() {
+    let mut rng = PathRng::from_seed(4);
+    let grid = grid(false);
+    let cloth = cloth();
+    let flat_grid = FlatMedium::from_grid(&grid).unwrap();
+    let flat_cloth = FlatMedium::from_cloth(&cloth).unwrap();
+    fn check<M: Medium>(medium: &M, flat: &FlatMedium, rng: &mut PathRng) {
+        let dims = medium.lattice().dims();
+        for (i, &cell) in flat.cells.iter().enumerate() {
+            let i = i as u32;
+            let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+            let w = warp::uniform_sphere(rng.unit2());
+            let site = medium.site(c.as_vec3() + 0.5);
+            let (a, b) = (
+                medium.sigma_t(&site, w),
+                flat.populations_of(cell)
+                    .map(|p| p.extinction_per_mm(w))
+                    .sum::<f32>(),
+            );
+            assert!((a - b).abs() <= 1e-3 * a, "seed 4: {a}, {b} at {c}");
+            if cell & flat_medium::EMPTY == 0 {
+                let shown = flat.first_event(cell & 0x1fff_ffff, 1.0).unwrap().info;
+                let info = medium.info(&site);
+                assert!(shown.axis.dot(info.axis).abs() > 0.9999, "seed 4: {c}");
+                assert_eq!(shown.yarn, info.yarn);
+            }
+        }
+    }
+    check(&grid, &flat_grid, &mut rng);
+    check(&cloth, &flat_cloth, &mut rng);
+    let shared = |cell: &u32| cell & flat_medium::EMPTY == 0 && cell >> 29 > 0;
+    assert!(flat_cloth.cells.iter().any(shared), "no mixtures");
+}
+
+/// Every voxel within the reach of another is below its bound.
+#[test]
+fn reaches_bound_what_they_hold() {
+    for medium in [
+        FlatMedium::from_grid(&grid(false)).unwrap(),
+        FlatMedium::from_grid(&grid(true)).unwrap(),
+    ] {
+        let lattice = medium.lattice;
+        let dims = lattice.dims();
+        let at = |c: UVec3| medium.cells[((c.z * dims.y + c.y) * dims.x + c.x) as usize];
+        let mut widest = 0;
+        for i in 0..dims.element_product() {
+            let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+            let packed = match at(c) {
+                cell if cell & flat_medium::EMPTY != 0 => cell & 0xffff,
+                cell => medium.populations[4 * (cell & 0x1fff_ffff) as usize + 3] & 0xffff,
+            };
+            let bound = f32::from_bits(flat_medium::Reach::BOUND_BASE + ((packed & 0xfff) << 16))
+                * medium.bound_scale;
+            let reach = f32::from_bits(flat_medium::Reach::STEPS_BASE + ((packed >> 12) << 22));
+            let around = reach as i32 - 1;
+            widest = widest.max(around);
+            for dz in -around..=around {
+                for dy in -around..=around {
+                    for dx in -around..=around {
+                        let n = c.as_ivec3() + IVec3::new(dx, dy, dz);
+                        let inside = lattice.wrap(n, dims);
+                        let beyond = inside.as_ivec3() != n;
+                        let is_matter = inside.z as i32 == n.z && (lattice.repeats() || !beyond);
+                        if is_matter {
+                            let own: f32 = medium
+                                .populations_of(at(inside))
+                                .map(|p| p.broadside_per_mm)
+                                .sum();
+                            assert!(own <= bound, "{own} > {bound} at {n} from {c}");
+                        }
+                    }
+                }
+            }
+        }
+        assert!(widest > 1, "no voxel reaches beyond its neighbours");
+    }
+}
+
+/// The nodes of a table against exact rays from the same places.
+#[test]
+fn tables_hold_exact_depths() {
+    for repeats in [false, true] {
+        let medium = FlatMedium::from_grid(&grid(repeats)).unwrap();
+        for light in parallel() {
+            let Light::Directional {
+                direction,
+                irradiance,
+            } = light
+            else {
+                continue;
+            };
+            let table = LightTable::new(&medium, direction, irradiance);
+            let n = table.dims;
+            for (i, &word) in table.depths.iter().enumerate() {
+                let i = i as u32;
+                let c = UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
+                let p = (c.as_vec3() + 0.5) / table.per_voxel as f32;
+                let exact = -table.transmittance(p).0.ln();
+                let depth = (word & 0xff) as f32 * (light_table::MOST_DEPTH / 255.0);
+                let least = exact.min(light_table::MOST_DEPTH);
+                assert!((depth - least).abs() < 0.025, "{depth}, {exact} at {p}");
+            }
+        }
+    }
+}
+
+#[test]
+fn elementary_functions_are_those_of_the_library() {
+    let of = |f: fn(one::F) -> one::F, x: f32| f(one::F::splat(x)).0;
+    for i in 1..=100_000u32 {
+        let u = i as f32 / 100_000.0;
+        let ln = of(minus_ln, u);
+        assert!((ln + u.ln()).abs() <= 3e-7 * u.ln().abs() + 1e-9, "{u}");
+        let x = -20.0 * u;
+        let e = of(exp2, x);
+        assert!((e / x.exp2() - 1.0).abs() < 3e-7, "{x}");
+        let turns = u - 1e-5;
+        let (s, c) = sin_cos_of_turns(one::F::splat(turns));
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(turns)).sin_cos();
+        assert!((f64::from(s.0) - sin).abs() < 3e-7, "{turns}");
+        assert!((f64::from(c.0) - cos).abs() < 3e-7, "{turns}");
+    }
+    assert_eq!(of(exp2, -1e9), f32::MIN_POSITIVE);
+    assert_eq!(of(minus_ln, 1.0), 0.0);
+}
+
+/// First numbers of neighbouring pixels and samples are uncorrelated, and means
+/// are those of uniform numbers.
+#[test]
+fn random_numbers_of_lanes_are_uniform_and_independent() {
+    let n = 60_000u32;
+    let first = |pixel: u32, sample: u32| {
+        let (a, b) = pixel_key(3, u64::from(pixel));
+        let mut rng = LaneRng::new((one::U::splat(a), one::U::splat(b)), one::U::splat(sample));
+        rng.units(Mask::from_bits(1)).map(|f| f64::from(f.0) - 0.5)
+    };
+    let (mut mean, mut of_samples, mut of_pixels, mut of_three) = (0.0, 0.0, 0.0, 0.0);
+    for i in 0..n {
+        let own = first(7, i);
+        mean += own.iter().sum::<f64>() / 3.0;
+        of_samples += own[0] * first(7, i + 1)[0];
+        of_pixels += first(i, 5)[1] * first(i + 1, 5)[1];
+        of_three += own[0] * own[1] + own[1] * own[2] + own[0] * own[2];
+    }
+    let n = f64::from(n);
+    let four = |sum: f64, variance: f64| assert!(sum.abs() < 4.0 * (variance * n).sqrt(), "{sum}");
+    four(mean, 1.0 / 36.0);
+    four(of_samples, 1.0 / 144.0);
+    four(of_pixels, 1.0 / 144.0);
+    four(of_three, 3.0 / 144.0);
+}
