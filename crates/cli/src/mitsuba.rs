@@ -92,6 +92,13 @@ pub fn export(
                 }
                 (grids, m.lattice())
             }
+            AnyMedium::Levelled(_) => {
+                return Err(fail(
+                    "has several levels of detail, or lies over a mesh; Mitsuba takes one \
+                     level of a flat cloth: set lod to a number, 0 the finest"
+                        .into(),
+                ));
+            }
             _ => {
                 return Err(fail(
                     "only micro-flakes have a counterpart in Mitsuba; \
