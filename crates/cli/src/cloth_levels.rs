@@ -33,17 +33,21 @@ impl Levels {
     /// gives way to the next while a pixel grows from two of its voxels to two
     /// of the next one's. The sheet takes over while a pixel grows from half a
     /// repeat to a whole one; levels that would still be on their way to a
-    /// coarser one there are left out.
+    /// coarser one there are left out, and so are levels with voxels over
+    /// `most_mm`.
     pub fn for_footprints(
         octree: &Octree,
         finest: u8,
+        most_mm: f32,
         repeat_mm: Option<f32>,
         (nearest, farthest): (f32, f32),
     ) -> Levels {
         let enough_mm = |level: u8| 2.0 * octree.voxel_mm(level).max_element();
-        let sheet_from_mm = repeat_mm.map_or(f32::INFINITY, |r| 0.5 * r);
+        let last_mm = repeat_mm
+            .map_or(f32::INFINITY, |r| 0.5 * r)
+            .min(2.0 * most_mm);
         let most = (finest + 1..octree.level_count())
-            .take_while(|&l| enough_mm(l) <= sheet_from_mm)
+            .take_while(|&l| enough_mm(l) <= last_mm)
             .last()
             .unwrap_or(finest);
         let mut steps: Vec<(f32, f32)> = (finest..most)

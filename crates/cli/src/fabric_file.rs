@@ -72,6 +72,10 @@ impl Default for VoxelTable {
     }
 }
 
+/// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
+/// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
+const VOXELS_ACROSS_THREAD: f32 = 12.0;
+
 /// A fabric file with the cloth it describes.
 pub struct Fabric {
     /// The file.
@@ -145,6 +149,14 @@ impl Fabric {
         optics::check(scene, self.cloth.materials())?;
         self.optics.insert(0, scene.clone());
         Ok(())
+    }
+
+    /// The narrower spacing of threads; infinite for cloth that has no draft.
+    fn thread_spacing_mm(&self) -> f32 {
+        let tile_mm = self.cloth.tile().bounds_mm.size();
+        self.cloth.draft().map_or(f32::INFINITY, |draft| {
+            (tile_mm.x / draft.ends() as f32).min(tile_mm.y / draft.picks() as f32)
+        })
     }
 
     /// The surface model as a sheet, in register with the volume.
@@ -346,7 +358,8 @@ pub fn cloth_medium(
             };
             let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
             let widths = place.footprints_mm(camera);
-            let levels = Levels::for_footprints(&octree, finest, repeat_mm, widths);
+            let most_mm = fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
+            let levels = Levels::for_footprints(&octree, finest, most_mm, repeat_mm, widths);
             ("auto".into(), levels)
         }
         Lod::Name(_) => ("volume".into(), Levels::only(0)),

@@ -153,7 +153,9 @@ impl DrapedMesh {
             return None;
         }
         let sheared = Sheared::new(ray);
-        let bvh_ray = BvhRay::new(ray.origin.into(), ray.direction.into(), min_mm, max_mm);
+        // The hierarchy loses rays with a component of minus zero.
+        let direction = ray.direction + 0.0;
+        let bvh_ray = BvhRay::new(ray.origin.into(), direction.into(), min_mm, max_mm);
         let mut nearest: Option<(usize, f32, [f32; 3])> = None;
         let mut hit = RayHit::none();
         self.hierarchy

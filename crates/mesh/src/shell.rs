@@ -281,7 +281,9 @@ impl Shell {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && limit_mm > 0.0) {
             return;
         }
-        let bvh_ray = BvhRay::new(ray.origin.into(), ray.direction.into(), 0.0, limit_mm);
+        // The hierarchy loses rays with a component of minus zero.
+        let direction = ray.direction + 0.0;
+        let bvh_ray = BvhRay::new(ray.origin.into(), direction.into(), 0.0, limit_mm);
         self.hierarchy
             .ray_traverse(bvh_ray, &mut RayHit::none(), |bvh_ray, id| {
                 let face = self.hierarchy.primitive_indices[id] as usize;
