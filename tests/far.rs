@@ -23,6 +23,12 @@ fibre_radius_um = 8.0
 size_um = 40.0
 [surface]
 preset = "polyester-lining"
+[surface.warp] # without the preset's noise, whose mean one repeat does not reach
+u_max_noise_own_deg = 0.0
+u_max_noise_cross_deg = 0.0
+[surface.weft]
+u_max_noise_own_deg = 0.0
+u_max_noise_cross_deg = 0.0
 [surface.transmission]
 warp_cover = 0.8
 weft_cover = 0.7
