@@ -153,21 +153,23 @@ fn between<F: Floats>(at: F, per_step: F, size: f32) -> (F, F) {
     (a.min(b), a.max(b))
 }
 
-/// One over a step, where zero counts as very little.
+/// One over a step, where zero counts as very little; by one division.
 #[inline(always)]
 pub fn inverse_of_step<F: Floats>(step: V3<F>) -> V3<F> {
+    let (x, y, z) = (not_zero(step.x), not_zero(step.y), not_zero(step.z));
+    let (xy, yz) = (x * y, y * z);
+    let per_all = F::splat(1.0) / (xy * z);
     V3 {
-        x: inverse(step.x),
-        y: inverse(step.y),
-        z: inverse(step.z),
+        x: yz * per_all,
+        y: x * z * per_all,
+        z: xy * per_all,
     }
 }
 
 #[inline(always)]
-fn inverse<F: Floats>(s: F) -> F {
-    let little = F::splat(1e-15);
-    let kept = little.below(s.abs());
-    F::splat(1.0) / s.or_where_not(kept, with_sign_of(little, s))
+fn not_zero<F: Floats>(s: F) -> F {
+    let little = F::splat(1e-10);
+    s.or_where_not(little.below(s.abs()), with_sign_of(little, s))
 }
 
 /// `size`, which must not be negative, with the sign of `s`.

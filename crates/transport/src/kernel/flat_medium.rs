@@ -208,6 +208,9 @@ impl FlatMedium {
             .any(|s| s.populations.iter().any(|p| p.yarn != NO_YARN));
         let has_mixtures = slices.iter().any(|s| s.counts.iter().any(|&n| n > 1));
         let mut albedos = HashMap::new();
+        // Grids of procedural yarns say the same again and again.
+        let share = !knows_yarns && !has_mixtures;
+        let mut recent = vec![0usize; RECENT];
         let mut reach = reaches.into_iter();
         for slice in &slices {
             let mut left = &slice.populations[..];
@@ -219,7 +222,21 @@ impl FlatMedium {
                     flat.cells.push(EMPTY | reach);
                     continue;
                 }
-                let first = (flat.populations.len() / WORDS) as u32;
+                let mut first = (flat.populations.len() / WORDS) as u32;
+                if let ([p], true) = (own, share) {
+                    let albedo = flat.albedo_number(&mut albedos, p.albedo)?;
+                    let words = pack(p, 1.0, reach | albedo << 16);
+                    let known = &mut recent[slot(&words)];
+                    let stored = flat.populations.get(*known..*known + WORDS);
+                    if stored == Some(&words[..]) {
+                        first = (*known / WORDS) as u32;
+                    } else {
+                        *known = flat.populations.len();
+                        flat.populations.extend(words);
+                    }
+                    flat.cells.push(first);
+                    continue;
+                }
                 flat.cells.push(first | u32::from(count - 1) << INDEX_BITS);
                 if has_mixtures {
                     let dense = |&(_, p): &(u32, &Population)| p.broadside_per_mm;
@@ -349,6 +366,17 @@ fn pack(p: &Population, shared_by: f32, last: u32) -> [u32; WORDS] {
         (p.broadside_per_mm * shared_by).to_bits(),
         last,
     ]
+}
+
+/// Populations that are remembered while a medium is laid out.
+const RECENT: usize = 1 << 14;
+
+/// Where a population is remembered.
+fn slot(words: &[u32; WORDS]) -> usize {
+    let mixed = words.iter().fold(0u32, |h, &w| {
+        (h.rotate_left(5) ^ w).wrapping_mul(0x9e37_79b9)
+    });
+    mixed as usize >> 18
 }
 
 /// One layer of voxels.

@@ -40,7 +40,8 @@ pub struct LightTable {
     /// Nodes along the edge of a voxel.
     pub per_voxel: u32,
     /// Four optical depths a word, in 255 steps up to [`MOST_DEPTH`]: of the
-    /// node, of its neighbours in x, in y and in both; x fastest, then y, z.
+    /// node, of its neighbours in x, in y and in both; z fastest, then x, y: a
+    /// look-up takes two that lie one above the other.
     pub depths: Vec<u32>,
     /// Extinction toward the light in every voxel, 1/mm.
     extinction_per_mm: Vec<f32>,
@@ -195,15 +196,17 @@ impl LightTable {
             (false, false) => i,
         };
         let mut words = vec![0u32; depths.len()];
-        words.par_chunks_mut(n.x).enumerate().for_each(|(at, out)| {
-            let (y, z) = (at % n.y, at / n.y);
+        let rows = words.par_chunks_mut(n.x * n.z).enumerate();
+        rows.for_each(|(y, out)| {
             let beyond = next(y, n.y);
-            for (x, word) in out.iter_mut().enumerate() {
+            for (x, column) in out.chunks_exact_mut(n.z).enumerate() {
                 let beside = next(x, n.x);
-                *word = code(x, y, z)
-                    | code(beside, y, z) << 8
-                    | code(x, beyond, z) << 16
-                    | code(beside, beyond, z) << 24;
+                for (z, word) in column.iter_mut().enumerate() {
+                    *word = code(x, y, z)
+                        | code(beside, y, z) << 8
+                        | code(x, beyond, z) << 16
+                        | code(beside, beyond, z) << 24;
+                }
             }
         });
         words

@@ -425,7 +425,7 @@ fn tables_hold_exact_depths() {
             let n = table.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;
-                let c = UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
+                let c = UVec3::new(i / n.z % n.x, i / (n.z * n.x), i % n.z);
                 let p = (c.as_vec3() + 0.5) / table.per_voxel as f32;
                 let exact = -table.transmittance(p).0.ln();
                 let depth = (word & 0xff) as f32 * (light_table::MOST_DEPTH / 255.0);

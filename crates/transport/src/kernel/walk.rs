@@ -57,26 +57,31 @@ impl<F: Floats> Flakes<F> {
         self.end_on.mul_add(self.end_on, across.dot(across)).sqrt()
     }
 
-    /// S^1/2 v.
+    /// S^1/2 v, given one over 1 + e.
     #[inline(always)]
-    fn root(&self, v: V3<F>) -> V3<F> {
-        let along = self.scaled_axis.dot(v) / (F::splat(1.0) + self.end_on);
+    fn root(&self, v: V3<F>, per_one_and_end_on: F) -> V3<F> {
+        let along = self.scaled_axis.dot(v) * per_one_and_end_on;
         self.scaled_axis.scaled_add(-along, v)
     }
 
-    /// Mirror phase function toward `w_in`; see `MicroFlake::eval`.
+    /// Mirror phase function toward `w_in`, given one over the area that
+    /// `w_out` sees; see `MicroFlake::eval`. Quadratic forms are times e^2, so
+    /// that there is one division.
     #[inline(always)]
-    fn phase(&self, w_out: V3<F>, area: F, w_in: V3<F>) -> F {
+    fn phase(&self, w_out: V3<F>, per_area: F, w_in: V3<F>) -> F {
         let h = w_out + w_in;
         let squared = h.dot(h);
-        let along = self.scaled_axis.dot(h) / self.end_on;
-        let q = along.mul_add(along, squared);
-        let value = F::splat(0.25 * FRAC_1_PI) * squared * squared / (self.end_on * q * q * area);
+        let along = self.scaled_axis.dot(h);
+        let e2 = self.end_on * self.end_on;
+        let q = along.mul_add(along, squared * e2);
+        let scale = F::splat(0.25 * FRAC_1_PI) * e2 * self.end_on * per_area;
+        let value = scale * squared * squared / (q * q).max(F::splat(f32::MIN_POSITIVE));
         // Half vector undefined: the mean over the circle of possible ones.
         let opposite = squared.below(F::splat(1e-10));
         if opposite.any() {
-            let sum = self.end_on.mul_add(self.end_on, area * area);
-            let mean = F::splat(0.125 * FRAC_1_PI) * sum / (area * area * area * area);
+            let per_square = per_area * per_area;
+            let sum = e2.mul_add(per_square, F::splat(1.0)) * per_square;
+            let mean = F::splat(0.125 * FRAC_1_PI) * sum;
             return mean.or_where_not(opposite, value);
         }
         value
@@ -84,7 +89,7 @@ impl<F: Floats> Flakes<F> {
 
     /// Draws where a mirror flake sends `w_out`; see `MicroFlake::sample`.
     #[inline(always)]
-    fn scatter(&self, w_out: V3<F>, area: F, turns: F, height: F) -> V3<F> {
+    fn scatter(&self, w_out: V3<F>, per_area: F, turns: F, height: F) -> V3<F> {
         let one = F::splat(1.0);
         let (sin, cos) = sin_cos_of_turns(turns);
         let r = (F::splat(4.0) * height * (one - height)).sqrt();
@@ -93,8 +98,11 @@ impl<F: Floats> Flakes<F> {
             y: r * sin,
             z: height.mul_add(F::splat(-2.0), one),
         };
-        let seen = self.root(w_out).scaled_add(one / area, on_sphere);
-        let m = self.root(seen);
+        let per_one_and_end_on = one / (one + self.end_on);
+        let seen = self
+            .root(w_out, per_one_and_end_on)
+            .scaled_add(per_area, on_sphere);
+        let m = self.root(seen, per_one_and_end_on);
         let across = w_out.dot(m) / m.dot(m).max(F::splat(f32::MIN_POSITIVE));
         let w_in = m.scaled(across + across) - w_out;
         // One step toward unit length, against rounding along a path.
@@ -378,14 +386,14 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
         y: -paths.direction.y,
         z: -paths.direction.z,
     };
-    let area = flakes.area(w_out);
+    let per_area = one / flakes.area(w_out);
     let mut throughput = paths.throughput.times(albedo);
     let mean = throughput.sum() * F::splat(1.0 / 3.0);
 
     for lights in kernel.lights.chunks(3) {
         let units = paths.rng.units(met);
         for (light, u) in lights.iter().zip(units) {
-            let phase = flakes.phase(w_out, area, V3::splat(light.to_light));
+            let phase = flakes.phase(w_out, per_area, V3::splat(light.to_light));
             let scattered = throughput
                 .scaled(phase)
                 .times(V3::splat(light.irradiance.0));
@@ -406,7 +414,7 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
     }
 
     let [turns, height, u_survive] = paths.rng.units(met);
-    let direction = flakes.scatter(w_out, area, turns, height);
+    let direction = flakes.scatter(w_out, per_area, turns, height);
     let survival = (mean * F::splat(ROULETTE_SCALE)).min(one);
     let survives = met & u_survive.below(survival);
     throughput = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
@@ -434,10 +442,9 @@ fn depth_from_table<F: Floats>(light: &LightTable, at: V3<F>) -> F {
     let above = (z.to_floats() + F::splat(1.0))
         .min(F::splat(size.z - 1.0))
         .to_ints();
-    let column = x + word(light.dims.x) * y;
-    let layer = word(light.dims.x * light.dims.y);
-    let low = between_four((column + layer * z).gather(&light.depths), fx, fy);
-    let high = between_four((column + layer * above).gather(&light.depths), fx, fy);
+    let column = (x + word(light.dims.x) * y) * word(light.dims.z);
+    let low = between_four((column + z).gather(&light.depths), fx, fy);
+    let high = between_four((column + above).gather(&light.depths), fx, fy);
     (high - low).mul_add(fz, low) * F::splat(MOST_DEPTH / 255.0)
 }
 
