@@ -229,7 +229,8 @@ fn a_ray_across_sees_the_whole_thickness() {
         (first - Vec3::new(3.6, 1.7, 0.3)).length() < 0.01,
         "{first}"
     );
-    assert!((shell.distance_mm(&ray).unwrap() - 1.75).abs() < 2e-3);
+    // Faces of a ninth of a radian lie up to 3.25 (1 - cos(1/18)) = 0.005 mm inside.
+    assert!((shell.distance_mm(&ray).unwrap() - 1.75).abs() < 6e-3);
 }
 
 #[test]
