@@ -11,7 +11,7 @@ use organza_basis::{Rgb, SegmentSource, nearest_name};
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface, weave::Weave};
 use organza_transport::{
-    AnyMedium, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium, FlakeOptics,
+    AnyMedium, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium, FlakeOptics, LocalVisibility,
 };
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use organza_weave::{
@@ -256,6 +256,16 @@ impl Fabric {
         max_memory_bytes: Option<u64>,
         quiet: bool,
     ) -> Result<AnyMedium> {
+        self.trace_fibres(path, max_memory_bytes, quiet)
+            .map(AnyMedium::Explicit)
+    }
+
+    fn trace_fibres(
+        &self,
+        path: &Path,
+        max_memory_bytes: Option<u64>,
+        quiet: bool,
+    ) -> Result<ExplicitFibres> {
         let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
         let progress = Progress::new("gathering fibres", 1000, quiet);
         let traced = ExplicitFibres::new(&self.cloth, self.fibres(path)?, Some(allowed), &|done| {
@@ -263,7 +273,7 @@ impl Fabric {
         })
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
         progress.finish();
-        Ok(AnyMedium::Explicit(traced))
+        Ok(traced)
     }
 
     /// The octree of the cloth's fibres.
@@ -363,6 +373,12 @@ pub fn cloth_medium(
             options.scene_path.display()
         ))
     })?;
+    if table.local_visibility && event.is_none() {
+        return Err(input(format!(
+            "{}: object.local_visibility: belongs to model = \"virtual-scattering\"",
+            options.scene_path.display()
+        )));
+    }
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
     let fabric = load(&path, &own_seed)?;
     let packed = event == Some(FibreEvent::Packed);
@@ -397,7 +413,22 @@ pub fn cloth_medium(
     let medium = match event {
         None => ClothMedium::new(octree, level, fabric.optics()).map(AnyMedium::Cloth),
         Some(event) => {
-            FibreMedium::new(octree, level, fabric.fibres(&path)?, event).map(AnyMedium::Fibres)
+            let local = if table.local_visibility && level < levels {
+                let materials = octree.material_count();
+                let (corner, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(level));
+                let fibres = fabric.trace_fibres(&path, options.max_memory_bytes, options.quiet)?;
+                let seed = fabric.file.seed;
+                let counted = LocalVisibility::count(&fibres, materials, corner, voxel_mm, seed);
+                Some(counted.map_err(|e| input(format!("{}: {e}", path.display())))?)
+            } else {
+                None
+            };
+            FibreMedium::new(octree, level, fabric.fibres(&path)?, event).map(|medium| {
+                AnyMedium::Fibres(match local {
+                    Some(local) => medium.with_local_visibility(local),
+                    None => medium,
+                })
+            })
         }
     };
     medium.ok_or_else(|| {
@@ -413,9 +444,14 @@ pub fn cloth_medium(
 /// # Errors
 /// Names the file and the key at fault.
 pub fn cloth_fibres(table: &ClothTable, options: &BuildOptions<'_>) -> Result<AnyMedium> {
-    if table.event.is_some() && table.model != ModelName::VirtualScattering {
+    let virtual_only = [
+        ("event", table.event.is_some()),
+        ("local_visibility", table.local_visibility),
+    ];
+    let misplaced = virtual_only.iter().find(|k| k.1);
+    if let Some((key, _)) = misplaced.filter(|_| table.model != ModelName::VirtualScattering) {
         return Err(input(format!(
-            "{}: object.event: belongs to model = \"virtual-scattering\"",
+            "{}: object.{key}: belongs to model = \"virtual-scattering\"",
             options.scene_path.display()
         )));
     }
@@ -461,6 +497,26 @@ fn level_for_camera(octree: &Octree, camera: &CameraTable) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Where explicit fibres overlap they are one body, and less than the volume
+    /// that stands for them: how much less is a property of our yarns.
+    #[test]
+    fn fibres_of_the_projects_fabrics_overlap_little() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/");
+        for (name, most) in [("denim", 0.2), ("organza", 0.2)] {
+            let path = Path::new(folder).join(name).with_extension("toml");
+            let fabric = load(&path, &[]).unwrap();
+            let fibres = fabric.trace_fibres(&path, None, true).unwrap();
+            let overlap = fibres.measure_overlap(100_000, 1);
+            let shared = 1.0 - overlap.union / overlap.sum;
+            println!(
+                "{name}: {} pieces, {} bytes, {overlap:?}, {shared:.3} of it shared",
+                fibres.piece_count(),
+                fibres.memory_bytes()
+            );
+            assert!(shared < most, "seed 1, {name}: {overlap:?}");
+        }
+    }
 
     #[test]
     fn colours_and_albedos_invert_each_other() {

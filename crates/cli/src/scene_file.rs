@@ -236,6 +236,10 @@ pub struct ClothTable {
     pub model: ModelName,
     /// Virtual scattering: what a collision with a fibre is.
     pub event: Option<EventName>,
+    /// Virtual scattering: direct light of the first event sees what stands in
+    /// its way within two voxels as tables counted from the fibres tell.
+    #[serde(default)]
+    pub local_visibility: bool,
     #[serde(default)]
     pub lod: Lod,
     /// Overrides the fabric's own voxel size.

@@ -144,6 +144,20 @@ impl Collision<'_> {
         }
     }
 
+    /// Visibility within the cell around the collision at `at_mm`, and the
+    /// distance to the cell's face, where matter has tables of it.
+    pub(crate) fn local_visibility(
+        &self,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        match &self.site {
+            AnySite::Fibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
+            _ => None,
+        }
+    }
+
     fn settle(&mut self, w_out: Vec3, rng: &mut PathRng) {
         match &mut self.site {
             AnySite::Grid(m, s) => *s = m.settle(*s, w_out, rng),
