@@ -451,10 +451,13 @@ fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Mom
     })
 }
 
-/// Tables of local visibility change the light of the first event and nothing
-/// else. In full: how near they bring either event to the fibres.
+/// How near tables of local visibility bring either event to the fibres. Only in
+/// full.
 #[test]
 fn local_visibility_against_fibres() {
+    if std::env::var_os("ORGANZA_FULL").is_none() {
+        return;
+    }
     let yarn = Yarn {
         twist_deg: 25.0,
         ..STRAIGHT
@@ -466,10 +469,7 @@ fn local_visibility_against_fibres() {
         azimuthal_rad: 0.4,
     };
     let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let (voxel_radii, paths) = match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => (2.0, 120_000),
-        None => (2.0, 4_000),
-    };
+    let (voxel_radii, paths) = (2.0, 120_000);
     let source = yarn.segments(300);
     let angle =
         |theta: f32, phi: f32| warp::direction_from_angles(theta.to_radians(), phi.to_radians());
