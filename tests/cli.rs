@@ -1,6 +1,6 @@
 //! Commands, exit codes and messages.
 
-use crate::program::{complaint, folder, organza, succeed, write_vol};
+use crate::program::{complaint, exr_channels, folder, organza, succeed, write_vol};
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -274,4 +274,104 @@ fn drafts_and_curves_go_through_the_command_line() {
     assert!(text("again.txt") == text("yarns.txt"));
     complaint(&folder, &["weave", "plain", "-o", "plain.obj"]);
     complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
+}
+
+/// Explicit fibres from scene and fabric files, by either key; wrong uses of
+/// them.
+#[test]
+fn fibres_are_traced_from_scenes_and_fabrics() {
+    let folder = folder("cli-fibres");
+    let fabric = r#"
+[draft]
+weave = "plain"
+[warp]
+yarn = "thread"
+per_cm = 40.0
+[weft]
+yarn = "thread"
+per_cm = 40.0
+[yarn.thread]
+preset = "silk"
+tex = 4.0
+[voxel]
+size_um = 20.0
+"#;
+    std::fs::write(folder.join("cloth.toml"), fabric).unwrap();
+    let scene = r#"
+[render]
+spp = 4
+[camera]
+origin_mm = [0.2, 0.2, 5.0]
+target_mm = [0.2, 0.2, 0.0]
+width_mm = 0.5
+resolution = [12, 12]
+[[light]]
+kind = "directional"
+direction = [0.2, 0.3, -0.9]
+irradiance = [3.0, 3.0, 3.0]
+[[object]]
+kind = "cloth"
+fabric = "cloth.toml"
+"#;
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let render = |name: &str, sets: &[&str]| {
+        let mut arguments = vec!["render", "scene.toml", "-o", name, "--quiet"];
+        arguments.extend(sets.iter().flat_map(|s| ["--set", s]));
+        succeed(&folder, &arguments);
+        std::fs::read(folder.join(name)).unwrap()
+    };
+    let red = |name: &str| {
+        let channels = exr_channels(&folder.join(name));
+        channels["R"].iter().map(|&v| f64::from(v)).sum::<f64>()
+    };
+    render("model.exr", &["object.0.model=fibres"]);
+    render("integrator.exr", &["render.integrator=fibres"]);
+    assert!(red("model.exr") > 0.0);
+    assert_eq!(red("model.exr"), red("integrator.exr"));
+    render("volume.exr", &["object.0.model=virtual-scattering"]);
+    let near = [
+        "object.0.model=virtual-scattering",
+        "object.0.local_visibility=true",
+    ];
+    render("near.exr", &near);
+    assert_ne!(red("volume.exr"), red("near.exr"));
+    std::fs::write(
+        folder.join("pairs.csv"),
+        "theta_i,phi_i,theta_o,phi_o\n20,0,0,0\n",
+    )
+    .unwrap();
+    let told = succeed(
+        &folder,
+        &[
+            "measure",
+            "cloth.toml",
+            "--model",
+            "fibres",
+            "--pairs",
+            "pairs.csv",
+            "--spp",
+            "64",
+            "--json",
+        ],
+    );
+    assert!(told.contains("\"model\": \"fibres\""), "{told}");
+    let refuse = |sets: &[&str]| {
+        let mut arguments = vec!["render", "scene.toml", "-o", "x.exr"];
+        arguments.extend(sets);
+        complaint(&folder, &arguments)
+    };
+    let why = refuse(&[
+        "--set",
+        "object.0.model=fibres",
+        "--set",
+        "object.0.event=packed",
+    ]);
+    assert!(
+        why.contains("object.event") && why.contains("virtual-scattering"),
+        "{why}"
+    );
+    let why = refuse(&["--set", "object.0.local_visibility=true"]);
+    assert!(why.contains("object.local_visibility"), "{why}");
+    let why = refuse(&["--set", "object.0.model=fibres", "--max-memory", "64KB"]);
+    assert!(why.contains("bytes of memory"), "{why}");
 }

@@ -240,6 +240,10 @@ pub struct ClothTable {
     pub flake: Option<FlakeName>,
     /// Virtual scattering: what a collision with a fibre is.
     pub event: Option<EventName>,
+    /// Virtual scattering: direct light of the first event sees what stands in
+    /// its way within two voxels as tables counted from the fibres tell.
+    #[serde(default)]
+    pub local_visibility: bool,
     /// How fibres scatter, before what the fabric says of it.
     #[serde(default)]
     pub optics: OpticsFile,

@@ -6,7 +6,7 @@
 //! what happens there.
 
 use crate::lattice::{CellSpan, Lattice, LocalRay};
-use crate::{Medium, SiteInfo};
+use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::{Aabb, FibreComponent, Mixture, PathRng, Rgb};
 use organza_scatter::{
@@ -100,6 +100,7 @@ pub struct FibreMedium {
     voxels_per_mm: Vec3,
     node_edge: u32,
     nodes: Vec<Node>,
+    local: Option<LocalVisibility>,
 }
 
 impl FibreMedium {
@@ -153,6 +154,7 @@ impl FibreMedium {
             // look-ups a voxel.
             node_edge: NODE_VOXELS.max(2 * reach.max_element() as u32),
             nodes: Vec::new(),
+            local: None,
         };
         let dims = lattice.cell_dims(medium.node_edge);
         medium.nodes = (0..dims.element_product())
@@ -164,6 +166,35 @@ impl FibreMedium {
 
     pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
         &mut self.lattice
+    }
+
+    /// The same with tables of local visibility, counted for its voxels.
+    pub fn with_local_visibility(self, local: LocalVisibility) -> FibreMedium {
+        FibreMedium {
+            local: Some(local),
+            ..self
+        }
+    }
+
+    /// Where there are tables: visibility, within its cell, of light from `w_in`
+    /// at a settled collision at `at_mm`, and the distance to the cell's face.
+    pub(crate) fn local_visibility(
+        &self,
+        site: &FibreSite,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        let (local, met) = (self.local.as_ref()?, site.met.as_ref()?);
+        let bounds_mm = self.octree.bounds_mm();
+        let mut p = at_mm - bounds_mm.min;
+        if self.octree.repeats() {
+            let period = bounds_mm.size();
+            p.x = p.x.rem_euclid(period.x);
+            p.y = p.y.rem_euclid(period.y);
+        }
+        let visible = local.at(met.component.material, met.tangent, w_in, w_out);
+        Some((visible, local.to_face_mm(p, w_in)))
     }
 
     /// The octree.

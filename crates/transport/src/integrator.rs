@@ -145,6 +145,7 @@ pub fn trace_from(
             w_out,
             throughput,
             collision: &collision,
+            is_first: sample.bounces == 1,
         };
         for light in lights {
             sample.radiance += event.light_from(light, scene, tracking, rng, stats);
@@ -173,6 +174,7 @@ struct Event<'a> {
     w_out: Vec3,
     throughput: Rgb,
     collision: &'a Collision<'a>,
+    is_first: bool,
 }
 
 impl Event<'_> {
@@ -204,11 +206,20 @@ impl Event<'_> {
         if !(keep > 0.0 && (keep == 1.0 || rng.unit() < keep)) {
             return Rgb::BLACK;
         }
-        let shadow = Ray::new(self.start(w_in, rng), w_in);
+        let local = if self.is_first {
+            self.collision.local_visibility(self.at, self.w_out, w_in)
+        } else {
+            None
+        };
+        let (visible, start) = match local {
+            Some((visible, skip_mm)) => (visible, self.at + skip_mm * w_in),
+            None => (1.0, self.start(w_in, rng)),
+        };
+        let shadow = Ray::new(start, w_in);
         let Some(reach) = light.distance_along(&shadow) else {
             return Rgb::BLACK;
         };
         let through = scene.transmittance(&shadow, reach, tracking, rng, stats);
-        unshadowed * (through / keep)
+        unshadowed * (visible * through / keep)
     }
 }

@@ -310,6 +310,20 @@ impl<'a> Collision<'a> {
         self.world(exit)
     }
 
+    /// Visibility within the cell around the collision at `at_mm`, and the
+    /// distance to the cell's face, where matter has tables of it.
+    pub(crate) fn local_visibility(
+        &self,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        match &self.site {
+            AnySite::Fibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
+            _ => None,
+        }
+    }
+
     fn settle(&mut self, w_out: Vec3, rng: &mut PathRng) {
         let w_out = self.own(w_out);
         match &mut self.site {

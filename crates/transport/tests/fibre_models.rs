@@ -10,8 +10,8 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, ExplicitFibres, FibreEvent, FibreMedium, Integrator,
-    PixelFilter, Projection, Scene, Stats, trace_from,
+    AnyMedium, Camera, CameraPose, ExplicitFibres, FibreEvent, FibreMedium, Integrator, Light,
+    LocalVisibility, PixelFilter, Projection, Scene, Stats, trace_from,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use rayon::prelude::*;
@@ -404,4 +404,121 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
     for case in &cases {
         run(case, 4, 16_000);
     }
+}
+
+/// The mean of a yarn's radiance toward `view` under parallel light from `light`.
+fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Moments {
+    let box_mm = medium.lattice().unwrap().bounds_mm();
+    let pose = CameraPose {
+        origin_mm: DVec3::Z,
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm: 1.0 };
+    let scene = Scene {
+        media: vec![medium],
+        lights: Vec::new(),
+        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
+    };
+    let lights = [Light::Directional {
+        direction: -light,
+        irradiance: Rgb::WHITE,
+    }];
+    let block = |b: u64| {
+        let mut stats = Stats::default();
+        let one = |i| {
+            let mut rng = PathRng::new(seed, b, i);
+            let at = Vec3::new(rng.unit(), rng.unit(), 1.0) * box_mm.size() + box_mm.min;
+            let ray = (at.as_dvec3(), -view.as_dvec3());
+            let tracker = Integrator::Woodcock;
+            let path = trace_from(
+                &scene,
+                &lights,
+                ray,
+                tracker,
+                u32::MAX,
+                &mut rng,
+                &mut stats,
+            );
+            f64::from(path.radiance.0.y)
+        };
+        (0..paths / 16).map(one).collect::<Moments>()
+    };
+    let blocks: Vec<Moments> = (0..16).into_par_iter().map(block).collect();
+    blocks.iter().fold(Moments::default(), |mut sum, b| {
+        sum.merge(b);
+        sum
+    })
+}
+
+/// How near tables of local visibility bring either event to the fibres. Only in
+/// full.
+#[test]
+fn local_visibility_against_fibres() {
+    if std::env::var_os("ORGANZA_FULL").is_none() {
+        return;
+    }
+    let yarn = Yarn {
+        twist_deg: 25.0,
+        ..STRAIGHT
+    };
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::new(0.06, 0.06, 0.06),
+        longitudinal_rad: 0.25,
+        azimuthal_rad: 0.4,
+    };
+    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let (voxel_radii, paths) = (2.0, 120_000);
+    let source = yarn.segments(300);
+    let angle =
+        |theta: f32, phi: f32| warp::direction_from_angles(theta.to_radians(), phi.to_radians());
+    let mut changed = 0.0f64;
+    for (view, light) in [
+        (angle(30.0, 90.0), angle(32.0, 88.0)),
+        (angle(30.0, 90.0), angle(30.0, 270.0)),
+        (angle(10.0, 0.0), angle(60.0, 90.0)),
+        (angle(20.0, 45.0), angle(150.0, 60.0)),
+    ] {
+        let truth = lit(
+            AnyMedium::Explicit(explicit(&source, &fibre)),
+            view,
+            light,
+            paths,
+            1,
+        );
+        print!(
+            "{view:.2} {light:.2}: explicit {:.4} +- {:.4}",
+            truth.mean,
+            truth.standard_error()
+        );
+        for event in [FibreEvent::Plain, FibreEvent::Packed] {
+            let means = [false, true].map(|with_tables| {
+                let AnyMedium::Fibres(mut medium) = volume(&source, &fibre, event, voxel_radii)
+                else {
+                    panic!("virtual fibres");
+                };
+                if with_tables {
+                    let octree = medium.octree();
+                    let (corner, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(0));
+                    let fibres = explicit(&source, &fibre);
+                    let local = LocalVisibility::count(&fibres, 1, corner, voxel_mm, 3).unwrap();
+                    medium = medium.with_local_visibility(local);
+                }
+                lit(AnyMedium::Fibres(medium), view, light, paths, 1)
+            });
+            let off = |m: &Moments| 100.0 * (m.mean / truth.mean - 1.0);
+            print!(
+                ", {event:?} {:+.1} % with tables {:+.1} %",
+                off(&means[0]),
+                off(&means[1])
+            );
+            changed = changed.max((means[1].mean / means[0].mean - 1.0).abs());
+        }
+        println!();
+    }
+    assert!(
+        changed > 0.02,
+        "seeds 1, 3: tables changed light by {changed} at most"
+    );
 }
