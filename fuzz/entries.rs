@@ -9,8 +9,11 @@ use std::path::PathBuf;
 /// Memory that a reader of a volume may take.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// All entries by the name of their corpus.
-pub const ALL: [(&str, fn(&[u8])); 10] = [
+/// A reader by the name of its corpus.
+pub type Entry = (&'static str, fn(&[u8]));
+
+/// All of them.
+pub const ALL: [Entry; 10] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
