@@ -132,6 +132,16 @@ impl Fabric {
     /// # Errors
     /// No `[surface]` section, or the key in it that is at fault.
     pub fn surface(&self, path: &Path) -> Result<WovenSurface> {
+        self.surface_spec(path)?
+            .build()
+            .map_err(|e| input(format!("{}: surface: {e}", path.display())))
+    }
+
+    /// The `[surface]` section with draft and spacing.
+    ///
+    /// # Errors
+    /// No such section, or a weave that is none.
+    pub fn surface_spec(&self, path: &Path) -> Result<SurfaceSpec> {
         let spec = self.file.surface.clone().ok_or_else(|| {
             input(format!(
                 "{}: has no [surface] section, which the surface model needs",
@@ -139,7 +149,6 @@ impl Fabric {
             ))
         })?;
         spec.for_cloth(&self.cloth)
-            .and_then(SurfaceSpec::build)
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 

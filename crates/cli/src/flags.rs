@@ -3,6 +3,7 @@
 use crate::sample_ranges::parse_range;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use glam::UVec2;
+use organza_measure::KlemsBasis;
 use organza_transport::Crop;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -33,6 +34,10 @@ pub enum Command {
     Voxelize(VoxelizeArgs),
     /// Measure reflection and transmission of a patch of cloth
     Measure(MeasureArgs),
+    /// Compare the models of a fabric with each other or with measured values
+    Compare(CompareArgs),
+    /// Find the surface or the fibres that measured values ask for
+    Fit(FitArgs),
     /// Draw a draft or a fabric's weave
     Weave(WeaveArgs),
     /// Write a scene for another renderer
@@ -236,10 +241,10 @@ pub struct MeasureArgs {
     /// Measure where light from each incident direction goes, reflected, transmitted, straight through and absorbed, instead of the BSDF of pairs; --pairs then needs only theta_i,phi_i
     #[arg(long)]
     pub albedo: bool,
-    /// Table to write (CSV): the angles with r,g,b and their standard errors
+    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW, with --layout klems), .exr (one picture of the tile per pair)
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
-    /// What stands for the cloth: its fibres as micro-flakes, or the fabric's [surface]
+    /// What stands for the cloth
     #[arg(long, value_enum, default_value = "volume")]
     pub model: PatchModel,
     /// Paths per pair, or the most of them with --target-error
@@ -251,6 +256,18 @@ pub struct MeasureArgs {
     /// Stop a pair when the standard error of every channel is below this share of the value (with --albedo: of the incident light)
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
+    /// Polar steps on each side and azimuths of --layout grid
+    #[arg(long, value_name = "POLAR,AZIMUTHS", value_parser = parse_grid, default_value = "6,12")]
+    pub grid: [u32; 2],
+    /// Patches of --layout klems
+    #[arg(long, value_enum, default_value = "full")]
+    pub klems_basis: KlemsBasisName,
+    /// Degrees between positions of the lamp of --layout sweep
+    #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_share)]
+    pub step: f64,
+    /// Texels of the longer side of pictures (.exr)
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub texels: u32,
     /// Level of detail of a fabric; 0 is the finest
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub level: u8,
@@ -272,17 +289,168 @@ pub struct MeasureArgs {
 pub enum LayoutName {
     /// 225 incident directions out to 75 degrees times 7 exitant ones
     Irawan,
+    /// A regular grid of directions, see --grid
+    Grid,
+    /// The four matrices of the Klems basis, one path for all exitant directions
+    Klems,
+    /// A linear light swung over face and back, seen along the normal
+    Sweep,
+}
+
+/// Klems bases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum KlemsBasisName {
+    /// 145 patches a side
+    Full,
+    /// 73
+    Half,
+    /// 41
+    Quarter,
+}
+
+impl From<KlemsBasisName> for KlemsBasis {
+    fn from(name: KlemsBasisName) -> KlemsBasis {
+        match name {
+            KlemsBasisName::Full => KlemsBasis::Full,
+            KlemsBasisName::Half => KlemsBasis::Half,
+            KlemsBasisName::Quarter => KlemsBasis::Quarter,
+        }
+    }
 }
 
 /// What stands for the cloth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum PatchModel {
-    /// Paths through the medium
+    /// Its fibres as the fabric's [scattering] says, micro-flakes if nothing
     Volume,
     /// Every fibre of the fabric, as it is: the ground truth of the others
     Fibres,
+    /// Virtual scattering off fibres among others
+    Packed,
+    /// Virtual scattering off points, in the far field
+    Plain,
     /// The reflectance model of the fabric's [surface] section
     Surface,
+}
+
+impl PatchModel {
+    /// Its name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            PatchModel::Volume => "volume",
+            PatchModel::Fibres => "fibres",
+            PatchModel::Packed => "packed",
+            PatchModel::Plain => "plain",
+            PatchModel::Surface => "surface",
+        }
+    }
+}
+
+/// `organza compare`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza compare scenes/fabrics/organza.toml -o report --models volume,surface --spp 4096"
+)]
+pub struct CompareArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Folder to write: report.html, report.json, pairs.csv
+    #[arg(short, long)]
+    pub outdir: PathBuf,
+    /// What to compare; the first is the reference unless --data is
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "volume,surface"
+    )]
+    pub models: Vec<PatchModel>,
+    /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+    /// Paths per pair
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
+    pub spp: u64,
+    /// Stop a pair when the standard error of every channel is below this share of the value
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Texels of the longer side of the pictures
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    pub texels: u32,
+    /// Paths per texel of the pictures
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(2..))]
+    pub texel_spp: u64,
+    /// Median relative error below which models are said to agree
+    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
+    pub limit: f64,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Level of detail of the volumes; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub level: u8,
+    /// Edge of the finest voxels, micrometres [default: the fabric's]
+    #[arg(long, value_name = "UM")]
+    pub voxel_um: Option<f32>,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// `organza fit`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml"
+)]
+pub struct FitArgs {
+    /// Fabric file (TOML): where the search begins
+    pub fabric: PathBuf,
+    /// Fabric file to write, with the fitted values
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// What to fit
+    #[arg(long, value_enum, default_value = "surface")]
+    pub what: FitWhat,
+    /// Measured values to fit to: CSV with r,g,b or a WINDOW file (.xml) [default for a surface: the fabric's volume]
+    #[arg(long, value_name = "FILE", required_if_eq("what", "fibres"))]
+    pub data: Option<PathBuf>,
+    /// What stands for the volume
+    #[arg(long, value_enum, default_value = "volume")]
+    pub model: PatchModel,
+    /// Paths per pair of the volume
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
+    pub spp: u64,
+    /// Places of the search: looked at all over, then steps of each descent
+    #[arg(long, value_name = "SCAN,STEPS", value_parser = parse_patience, default_value = "60,300")]
+    pub patience: [u32; 2],
+    /// Remember what was computed in this file, and go on from it
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Edge of the finest voxels, micrometres [default: the fabric's]
+    #[arg(long, value_name = "UM")]
+    pub voxel_um: Option<f32>,
+    /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// What to fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum FitWhat {
+    /// The [surface] section
+    Surface,
+    /// Colour, roughness and density of the fibres
+    Fibres,
 }
 
 /// `organza weave`
@@ -362,6 +530,23 @@ fn parse_crop(text: &str) -> Result<Crop, String> {
         }),
         _ => Err("expected four pixel numbers X0,Y0,X1,Y1".into()),
     }
+}
+
+/// Two counts "A,B", each at most a thousand.
+fn parse_counts(text: &str, least: u32) -> Result<[u32; 2], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[a, b]) if [a, b].iter().all(|n| (least..=1000).contains(n)) => Ok([a, b]),
+        _ => Err(format!("expected two numbers from {least} to 1000, A,B")),
+    }
+}
+
+fn parse_grid(text: &str) -> Result<[u32; 2], String> {
+    parse_counts(text, 1)
+}
+
+fn parse_patience(text: &str) -> Result<[u32; 2], String> {
+    parse_counts(text, 0)
 }
 
 /// A positive number.

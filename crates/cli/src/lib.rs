@@ -3,6 +3,7 @@
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
 
+mod btf_file;
 mod checkpoint;
 mod cloth_levels;
 mod commands;
@@ -14,12 +15,15 @@ mod fibre_optics;
 mod flags;
 mod identity;
 mod interrupt;
+mod journal;
 mod mitsuba;
 mod optics;
 mod output;
+mod patches;
 mod picture;
 mod progress;
 mod read;
+mod report;
 mod sample_ranges;
 mod scattering;
 mod scene_build;
@@ -50,6 +54,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         flags::Command::Weave(a) => commands::weave::run(&a),
         flags::Command::Measure(a) => commands::measure::run(&a),
         flags::Command::Export(a) => commands::export::run(&a),
+        flags::Command::Compare(a) => commands::compare::run(&a),
+        flags::Command::Fit(a) => commands::fit::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),
         flags::Command::Completions(a) => commands::manual::completions(&a),
         flags::Command::Man(a) => commands::manual::pages(&a),

@@ -29,7 +29,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    fn of(moments: &[Moments; 3]) -> Measured {
+    pub(crate) fn of(moments: &[Moments; 3]) -> Measured {
         Measured {
             mean: moments.map(|m| m.mean),
             se: moments.map(|m| m.standard_error()),
@@ -93,6 +93,22 @@ pub enum MeasureError {
     /// Estimates that are no numbers; leaving them out would bias the mean.
     #[error("{0} estimates were not finite")]
     NotFinite(u64),
+}
+
+impl MeasureError {
+    /// Whether the counts of a measurement leave it without bias.
+    pub(crate) fn check(stats: &Stats) -> Result<(), MeasureError> {
+        if stats.majorant_violations > 0 {
+            return Err(MeasureError::MajorantViolations {
+                violations: stats.majorant_violations,
+                lookups: stats.tentative + stats.shadow_steps,
+            });
+        }
+        if stats.rejected > 0 {
+            return Err(MeasureError::NotFinite(stats.rejected));
+        }
+        Ok(())
+    }
 }
 
 /// Paths traced by one thread in one go, and before the first look at the
@@ -227,9 +243,9 @@ pub fn measure_openness(
 }
 
 /// `N` colours at a time for every item: means and deviations, in order.
-type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
+pub(crate) type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
 
-fn gather<T: Sync, const N: usize, E>(
+pub(crate) fn gather<T: Sync, const N: usize, E>(
     items: &[T],
     first_stream: u64,
     effort: &Effort,
@@ -283,15 +299,7 @@ where
         list.push(moments);
         stats.merge(&counts);
     }
-    if stats.majorant_violations > 0 {
-        return Err(MeasureError::MajorantViolations {
-            violations: stats.majorant_violations,
-            lookups: stats.tentative + stats.shadow_steps,
-        });
-    }
-    if stats.rejected > 0 {
-        return Err(MeasureError::NotFinite(stats.rejected));
-    }
+    MeasureError::check(&stats)?;
     Ok((list, stats))
 }
 

@@ -43,6 +43,11 @@ pub fn irawan_incident() -> Vec<Angles> {
     (0..SIDE * SIDE).map(angles).collect()
 }
 
+/// The 7 exitant directions of [Irawan2008].
+pub fn irawan_exitant() -> [Angles; 7] {
+    EXITANT_DEG.map(|(theta_deg, phi_deg)| Angles { theta_deg, phi_deg })
+}
+
 /// All 225 x 7 pairs, exitant directions outermost.
 pub fn irawan_layout() -> Vec<Pair> {
     let incident = irawan_incident();
@@ -52,6 +57,53 @@ pub fn irawan_layout() -> Vec<Pair> {
         incident.iter().map(pair).collect::<Vec<_>>()
     };
     EXITANT_DEG.iter().flat_map(pairs_of).collect()
+}
+
+/// Directions at the middles of equal steps: `polar` of them from 0 to 90
+/// degrees, or to 180 with the back, times `azimuths` around.
+pub fn grid_directions(polar: u32, azimuths: u32, with_back: bool) -> Vec<Angles> {
+    let rings = if with_back { 2 * polar } else { polar };
+    let middle = |k: u32, n: u32, range: f64| (f64::from(k) + 0.5) * range / f64::from(n);
+    (0..rings)
+        .flat_map(|t| (0..azimuths).map(move |p| (t, p)))
+        .map(|(t, p)| Angles {
+            theta_deg: middle(t, polar, 90.0),
+            phi_deg: f64::from(p) * 360.0 / f64::from(azimuths),
+        })
+        .collect()
+}
+
+/// Every incident direction of a regular grid over the face with every exitant
+/// one of both sides, exitant directions outermost.
+pub fn grid_layout(polar: u32, azimuths: u32) -> Vec<Pair> {
+    let incident = grid_directions(polar, azimuths, false);
+    let pairs_of = |exitant: Angles| {
+        let pair = move |&incident: &Angles| Pair { incident, exitant };
+        incident.iter().map(pair).collect::<Vec<_>>()
+    };
+    let exitant = grid_directions(polar, azimuths, true);
+    exitant.into_iter().flat_map(pairs_of).collect()
+}
+
+/// Reflection and transmission in the planes of weft and warp, light at
+/// `theta_deg` in that plane, exitant directions every 10 degrees to 80 on both
+/// sides of the cloth.
+pub fn in_plane_layout(theta_deg: f64) -> Vec<Pair> {
+    let mut list = Vec::new();
+    for phi_deg in [0.0, 90.0] {
+        let incident = Angles { theta_deg, phi_deg };
+        for back in [false, true] {
+            for step in -8..=8 {
+                let tilt = 10.0 * f64::from(step);
+                let exitant = Angles {
+                    theta_deg: if back { 180.0 - tilt.abs() } else { tilt.abs() },
+                    phi_deg: if tilt < 0.0 { phi_deg + 180.0 } else { phi_deg },
+                };
+                list.push(Pair { incident, exitant });
+            }
+        }
+    }
+    list
 }
 
 #[cfg(test)]
@@ -75,6 +127,8 @@ mod tests {
             let cos = 1.0 - ring * ring * (1.0 - 75f64.to_radians().cos());
             assert!((a.theta_deg.to_radians().cos() - cos).abs() < 1e-5, "{k}");
         }
+        assert_eq!(grid_layout(3, 4).len(), 12 * 24);
+        assert_eq!(in_plane_layout(30.0).len(), 2 * 2 * 17);
         // No two directions coincide.
         for (i, a) in incident.iter().enumerate() {
             for b in &incident[..i] {

@@ -18,23 +18,41 @@
 //! The random numbers of a path are named by seed, pair and index. Paths are
 //! added in order, in chunks of fixed size.
 
+pub mod fit;
+mod fit_surface;
 mod goniometer;
+mod klems;
+mod klems_file;
 mod layout;
+mod metrics;
 mod pairs;
 mod patch;
 mod surface_patch;
+mod sweep;
 mod table;
+mod texture;
 mod volume_patch;
 
+pub use fit_surface::{FitError, FittedSurface, Journal, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Told, measure_albedos, measure_openness,
     measure_pairs,
 };
-pub use layout::{irawan_incident, irawan_layout};
+pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
+pub use klems_file::{KlemsFileError, read_klems, write_klems};
+pub use layout::{
+    grid_directions, grid_layout, in_plane_layout, irawan_exitant, irawan_incident, irawan_layout,
+};
+pub use metrics::{Difference, Figure, difference, reciprocity};
 pub use pairs::{
     Angles, Pair, PairsError, PairsErrorKind, distinct_incident, parse_incident, parse_pairs,
+    parse_values,
 };
-pub use patch::{Energy, PatchResponse};
+pub use patch::{Energy, Exit, PatchResponse};
 pub use surface_patch::SurfacePatch;
-pub use table::{write_albedos, write_pairs};
+pub use sweep::{
+    LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,
+};
+pub use table::{write_albedos, write_pairs, write_sweep};
+pub use texture::{TexelGrid, Texture, measure_texture};
 pub use volume_patch::{PatchError, VolumePatch};

@@ -1,5 +1,6 @@
 //! Pairs of directions and the CSV files that list them.
 
+use crate::{Measured, PairValue};
 use glam::Vec3;
 use organza_basis::nearest_name;
 
@@ -120,6 +121,30 @@ pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
     Ok(distinct_incident(all))
 }
 
+/// Measured values of a table as [`write_pairs`](crate::write_pairs) writes it;
+/// without the columns of standard errors they are zero.
+///
+/// # Errors
+/// See [`PairsError`].
+pub fn parse_values(text: &str) -> Result<Vec<PairValue>, PairsError> {
+    let value = |v: [f64; 7], se: [f64; 3]| PairValue {
+        pair: Pair {
+            incident: angles(v[0], v[1]),
+            exitant: angles(v[2], v[3]),
+        },
+        bsdf: Measured {
+            mean: [v[4], v[5], v[6]],
+            se,
+        },
+        paths: 0,
+    };
+    const NAMES: [&str; 7] = ["theta_i", "phi_i", "theta_o", "phi_o", "r", "g", "b"];
+    let mean = parse(text, NAMES, |v| v)?;
+    let se = parse(text, ["se_r", "se_g", "se_b"], |v| v);
+    let se = se.unwrap_or_else(|_| vec![[0.0; 3]; mean.len()]);
+    Ok(mean.into_iter().zip(se).map(|(v, s)| value(v, s)).collect())
+}
+
 /// Each direction once, in the order of first appearance.
 pub fn distinct_incident(all: impl IntoIterator<Item = Angles>) -> Vec<Angles> {
     let mut seen = std::collections::HashSet::new();
@@ -188,8 +213,10 @@ fn parse<const N: usize, T>(
             let (column, field) = row.get(index).copied().unwrap_or((1, ""));
             let angle = if name.starts_with("theta") {
                 polar_angle(field)
-            } else {
+            } else if name.starts_with("phi") {
                 azimuth(field)
+            } else {
+                quantity(field)
             };
             *value = angle.map_err(|expected| {
                 let kind = PairsErrorKind::Number {
@@ -233,6 +260,13 @@ fn polar_angle(field: &str) -> Result<f64, &'static str> {
         return Err("a direction out of the cloth's plane, 0.006 degrees off 90 or more");
     }
     Ok(theta)
+}
+
+fn quantity(field: &str) -> Result<f64, &'static str> {
+    match field.parse::<f64>() {
+        Ok(x) if x.is_finite() && x >= 0.0 => Ok(x),
+        _ => Err("a number of at least 0"),
+    }
 }
 
 fn azimuth(field: &str) -> Result<f64, &'static str> {

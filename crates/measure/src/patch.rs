@@ -1,6 +1,6 @@
 //! What a goniometer asks of a patch.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_transport::Stats;
 
@@ -25,6 +25,18 @@ impl Energy {
     }
 }
 
+/// Where one path ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Exit {
+    /// Where it went, away from the cloth, and with what weight; `None` when
+    /// nothing came out.
+    pub escape: Option<(Vec3, Rgb)>,
+    /// It met nothing on its way.
+    pub is_straight: bool,
+    /// What the cloth kept.
+    pub absorbed: Rgb,
+}
+
 /// A patch of cloth, as volume or as surface.
 ///
 /// Directions are unit vectors away from the cloth that do not lie in its
@@ -34,13 +46,71 @@ pub trait PatchResponse: Sync {
     /// what goes straight through.
     fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
 
-    /// One unbiased estimate of where light from `w` goes.
+    /// The same at a place of the cloth's middle plane, mm.
+    fn estimate_at(
+        &self,
+        place_mm: Vec2,
+        w_i: Vec3,
+        w_o: Vec3,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Rgb;
+
+    /// One path of light that comes from `w`.
     ///
     /// By reciprocity it may be traced as light that leaves along `w`
     /// under a furnace that fills the sphere.
-    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy;
+    fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit;
+
+    /// One unbiased estimate of where light from `w` goes.
+    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
+        let exit = self.estimate_exit(w, rng, stats);
+        let mut energy = Energy {
+            absorbed: exit.absorbed,
+            ..Energy::default()
+        };
+        if let Some((direction, weight)) = exit.escape {
+            let share = if exit.is_straight {
+                &mut energy.direct
+            } else if (direction.z > 0.0) == (w.z > 0.0) {
+                &mut energy.reflected
+            } else {
+                &mut energy.transmitted
+            };
+            *share = weight;
+        }
+        energy
+    }
 
     /// True when [`estimate_bsdf`](Self::estimate_bsdf) uses no random numbers:
     /// one estimate is the value.
     fn is_exact(&self) -> bool;
+}
+
+impl<P: PatchResponse + ?Sized> PatchResponse for Box<P>
+where
+    Box<P>: Sync,
+{
+    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        (**self).estimate_bsdf(w_i, w_o, rng, stats)
+    }
+
+    fn estimate_at(
+        &self,
+        place_mm: Vec2,
+        w_i: Vec3,
+        w_o: Vec3,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Rgb {
+        (**self).estimate_at(place_mm, w_i, w_o, rng, stats)
+    }
+
+    fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
+        (**self).estimate_exit(w, rng, stats)
+    }
+
+    fn is_exact(&self) -> bool {
+        (**self).is_exact()
+    }
 }

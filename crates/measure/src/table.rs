@@ -1,6 +1,6 @@
 //! Results as CSV.
 
-use crate::{Albedo, Angles, Measured, Pair, PairValue};
+use crate::{Albedo, Angles, LampAxis, Measured, Pair, PairValue, SweepValue};
 use std::io::{Result, Write};
 
 /// Writes pairs with value and standard error per channel, 1/sr.
@@ -44,6 +44,24 @@ pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result
         for part in [&a.reflected, &a.transmitted, &a.direct, &a.absorbed] {
             write_measured(part, out)?;
         }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// Writes mean intensities under a swung linear light.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_sweep(list: &[SweepValue], out: &mut (impl Write + ?Sized)) -> Result<()> {
+    writeln!(out, "axis,angle,r,g,b,se_r,se_g,se_b")?;
+    for SweepValue { lamp, intensity } in list {
+        let axis = match lamp.axis {
+            LampAxis::Weft => "weft",
+            LampAxis::Warp => "warp",
+        };
+        write!(out, "{axis},{}", lamp.angle_deg)?;
+        write_measured(intensity, out)?;
         writeln!(out)?;
     }
     Ok(())

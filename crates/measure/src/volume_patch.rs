@@ -1,7 +1,7 @@
 //! Media as a patch: paths that start all over it.
 
-use crate::{Energy, PatchResponse};
-use glam::Vec3;
+use crate::{Exit, PatchResponse};
+use glam::{Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
 use organza_transport::{Integrator, Lattice, Light, PathSample, Scene, Stats, trace_from};
 
@@ -19,7 +19,7 @@ pub enum PatchError {
     Mixed,
     /// No common period.
     #[error("two media repeat with different periods, {0} and {1} mm (x, y); a patch needs one")]
-    Periods(glam::Vec2, glam::Vec2),
+    Periods(Vec2, Vec2),
     /// Exact stepping through media that are not constant in their voxels.
     #[error(
         "the \"regular\" integrator steps through constant voxels, which a medium does not have"
@@ -88,16 +88,31 @@ impl VolumePatch {
         self.bounds_mm
     }
 
-    /// A path seen from `w`.
-    fn trace(&self, w: Vec3, lights: &[Light], rng: &mut PathRng, stats: &mut Stats) -> PathSample {
+    /// A place of the footprint, evenly drawn, mm, on the side that `w` sees.
+    fn start_mm(&self, w: Vec3, rng: &mut PathRng) -> Vec3 {
         let (low, size) = (self.bounds_mm.min, self.bounds_mm.size());
-        let at = low.truncate() + rng.unit2() * size.truncate();
-        let face = if w.z > 0.0 {
+        (low.truncate() + rng.unit2() * size.truncate()).extend(self.face_mm(w))
+    }
+
+    /// Height of the side that `w` sees.
+    fn face_mm(&self, w: Vec3) -> f32 {
+        if w.z > 0.0 {
             self.bounds_mm.max.z
         } else {
             self.bounds_mm.min.z
-        };
-        let ray = (at.extend(face).as_dvec3(), -w.as_dvec3());
+        }
+    }
+
+    /// A path seen from `w` at a point.
+    fn trace(
+        &self,
+        from_mm: Vec3,
+        w: Vec3,
+        lights: &[Light],
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> PathSample {
+        let ray = (from_mm.as_dvec3(), -w.as_dvec3());
         trace_from(
             &self.scene,
             lights,
@@ -110,32 +125,41 @@ impl VolumePatch {
     }
 }
 
+/// Light from `w` of unit irradiance across the beam.
+fn beam(w: Vec3) -> Light {
+    Light::Directional {
+        direction: -w,
+        irradiance: Rgb::WHITE,
+    }
+}
+
 impl PatchResponse for VolumePatch {
     fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
-        let light = Light::Directional {
-            direction: -w_i,
-            irradiance: Rgb::WHITE,
-        };
-        self.trace(w_o, &[light], rng, stats).radiance / w_i.z.abs()
+        let from = self.start_mm(w_o, rng);
+        self.trace(from, w_o, &[beam(w_i)], rng, stats).radiance / w_i.z.abs()
     }
 
-    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
-        let path = self.trace(w, &[], rng, stats);
-        let mut energy = Energy {
+    fn estimate_at(
+        &self,
+        place_mm: Vec2,
+        w_i: Vec3,
+        w_o: Vec3,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Rgb {
+        let face = self.face_mm(w_o);
+        let from = (place_mm + w_o.truncate() * (face / w_o.z)).extend(face);
+        self.trace(from, w_o, &[beam(w_i)], rng, stats).radiance / w_i.z.abs()
+    }
+
+    fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
+        let from = self.start_mm(w, rng);
+        let path = self.trace(from, w, &[], rng, stats);
+        Exit {
+            escape: path.escape.map(|e| (e.direction, e.throughput)),
+            is_straight: path.first.is_none(),
             absorbed: path.absorbed,
-            ..Energy::default()
-        };
-        if let Some(escape) = path.escape {
-            let share = if path.first.is_none() {
-                &mut energy.direct
-            } else if (escape.direction.z > 0.0) == (w.z > 0.0) {
-                &mut energy.reflected
-            } else {
-                &mut energy.transmitted
-            };
-            *share = escape.throughput;
         }
-        energy
     }
 
     fn is_exact(&self) -> bool {

@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
-use glam::{DVec3, UVec2, UVec3, Vec3};
+use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_measure::{
-    Angles, Effort, Energy, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
+    Angles, Effort, Exit, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
     measure_albedos, measure_openness, measure_pairs, parse_pairs, write_pairs,
 };
 use organza_transport::{
@@ -78,11 +78,21 @@ impl PatchResponse for ForgottenCosine {
     fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
         self.0.estimate_bsdf(w_i, w_o, rng, stats) * w_i.z.abs()
     }
-    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
+    fn estimate_at(
+        &self,
+        place_mm: Vec2,
+        w_i: Vec3,
+        w_o: Vec3,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Rgb {
+        self.0.estimate_at(place_mm, w_i, w_o, rng, stats) * w_i.z.abs()
+    }
+    fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         // And this one loses what it absorbs on the way.
-        Energy {
+        Exit {
             absorbed: Rgb::BLACK,
-            ..self.0.estimate_energy(w, rng, stats)
+            ..self.0.estimate_exit(w, rng, stats)
         }
     }
     fn is_exact(&self) -> bool {

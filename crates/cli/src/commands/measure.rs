@@ -3,20 +3,19 @@
 use super::with_threads;
 use crate::error::input;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
+use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
-use crate::scattering::{ScatteringModel, ScatteringTable};
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{IntegratorName, SceneFile, is_scene};
-use crate::{fabric_file, output, read};
+use crate::{btf_file, fabric_file, output, read};
 use anyhow::{Context, Result};
-use glam::{DVec3, UVec2};
+use glam::UVec2;
 use organza_measure::{
-    Angles, Effort, MeasureError, Pair, PatchResponse, SurfacePatch, VolumePatch, irawan_incident,
-    irawan_layout, measure_albedos, measure_openness, measure_pairs, parse_incident, parse_pairs,
-    write_albedos, write_pairs,
-};
-use organza_transport::{
-    AnyMedium, Camera, CameraPose, Integrator, PixelFilter, Projection, Scene, Stats,
+    Angles, Effort, KlemsBasis, LampPosition, MeasureError, Pair, PairValue, TexelGrid,
+    VolumePatch, front_and_back, grid_directions, grid_layout, irawan_incident, irawan_layout,
+    lamp_positions, measure_albedos, measure_klems, measure_openness, measure_pairs, measure_sweep,
+    measure_texture, parse_incident, parse_pairs, write_albedos, write_klems, write_pairs,
+    write_sweep,
 };
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,158 +25,236 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     if let Some(path) = &args.outfile {
         output::check_writable(path)?;
     }
-    let directions = directions(args)?;
+    let wanted = wanted(args)?;
     with_threads(&args.common, || {
-        let scene = is_scene(&read::text(&args.file)?);
-        match (args.model, scene) {
-            (PatchModel::Volume, false) => measure(args, &directions, &fabric_volume(args)?),
-            (PatchModel::Volume, true) => measure(args, &directions, &scene_volume(args)?),
-            (PatchModel::Surface, false) => {
-                let fabric = fabric_file::load(&args.file, &args.common.set)?;
-                let surface = fabric.surface(&args.file)?;
-                measure(args, &directions, &SurfacePatch(surface))
-            }
-            (PatchModel::Fibres, false) => measure(args, &directions, &fabric_fibres(args)?),
-            (PatchModel::Fibres, true) => {
-                let mut file: SceneFile = read::toml(&args.file, &args.common.set)?;
-                file.render.integrator = IntegratorName::Fibres;
-                measure(args, &directions, &patch_of_scene(args, &file)?)
-            }
-            (PatchModel::Surface, true) => Err(input(format!(
-                "{}: is a scene; --model surface measures a fabric file",
-                args.file.display()
-            ))),
-        }
+        let build = PatchOptions {
+            voxel_um: args.voxel_um,
+            level: args.level,
+            max_memory_bytes: args.max_memory,
+            quiet: args.common.quiet,
+        };
+        let (patch, grid) = if is_scene(&read::text(&args.file)?) {
+            scene_patch(args)?
+        } else {
+            let fabric = fabric_file::load(&args.file, &args.common.set)?;
+            let patch = fabric_patch(&fabric, &args.file, args.model, &build)?;
+            (patch, texel_grid(&fabric, args.texels))
+        };
+        measure(args, &wanted, &patch, &grid)
     })
 }
 
 /// What to measure.
-enum Directions {
+enum Wanted {
     Pairs(Vec<Pair>),
     Incident(Vec<Angles>),
+    Textures(Vec<Pair>),
+    Klems(KlemsBasis),
+    Sweep(Vec<LampPosition>),
 }
 
-fn directions(args: &MeasureArgs) -> Result<Directions> {
-    if let Some(path) = &args.pairs {
-        let text = read::text(path)?;
-        let parsed = if args.albedo {
-            parse_incident(&text).map(Directions::Incident)
-        } else {
-            parse_pairs(&text).map(Directions::Pairs)
-        };
-        return parsed.map_err(|e| input(format!("{}:{e}", path.display())));
-    }
-    let LayoutName::Irawan = args.layout.unwrap_or(LayoutName::Irawan);
-    Ok(if args.albedo {
-        Directions::Incident(irawan_incident())
-    } else {
-        Directions::Pairs(irawan_layout())
+/// Whether the table to write ends in `.ending`.
+fn ends_in(args: &MeasureArgs, ending: &str) -> bool {
+    let path = args.outfile.as_ref();
+    path.is_some_and(|p| {
+        p.extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case(ending))
     })
 }
 
-fn patch(args: &MeasureArgs, scene: Scene, integrator: Integrator) -> Result<VolumePatch> {
-    VolumePatch::new(scene, integrator).map_err(|e| input(format!("{}: {e}", args.file.display())))
-}
-
-/// The endless cloth of a fabric file.
-fn fabric_volume(args: &MeasureArgs) -> Result<VolumePatch> {
-    let fabric = fabric_file::load(&args.file, &args.common.set)?;
-    let model = ScatteringTable::default()
-        .over(fabric.file.scattering)
-        .map_err(|why| input(format!("{}: scattering{why}", args.file.display())))?;
-    if model == ScatteringModel::Explicit {
-        let fibres = fabric.explicit_fibres(&args.file, args.max_memory, args.common.quiet)?;
-        return patch_of(args, fibres);
+fn wanted(args: &MeasureArgs) -> Result<Wanted> {
+    let layout = args.layout.unwrap_or(LayoutName::Irawan);
+    let is_klems = args.pairs.is_none() && layout == LayoutName::Klems;
+    if ends_in(args, "xml") && !is_klems {
+        return Err(input("a table that ends in .xml needs --layout klems"));
     }
-    let octree = fabric.voxelize(
-        &args.file,
-        model.footprint(),
-        args.voxel_um,
-        None,
-        args.max_memory,
-        args.common.quiet,
-    )?;
-    let levels = octree.level_count();
-    let medium = model
-        .medium(&fabric, &args.file, octree, args.level)?
-        .ok_or_else(|| {
-            input(format!(
-                "--level {}: the octree has {levels} levels, from 0",
-                args.level
-            ))
-        })?;
-    patch_of(args, medium)
+    if let Some(path) = &args.pairs {
+        let text = read::text(path)?;
+        let parsed = if args.albedo {
+            parse_incident(&text).map(Wanted::Incident)
+        } else {
+            parse_pairs(&text).map(Wanted::Pairs)
+        };
+        let wanted = parsed.map_err(|e| input(format!("{}:{e}", path.display())))?;
+        return Ok(as_textures(args, wanted));
+    }
+    let [polar, azimuths] = args.grid;
+    let wanted = match (layout, args.albedo) {
+        (LayoutName::Irawan, false) => Wanted::Pairs(irawan_layout()),
+        (LayoutName::Irawan, true) => Wanted::Incident(irawan_incident()),
+        (LayoutName::Grid, false) => Wanted::Pairs(grid_layout(polar, azimuths)),
+        (LayoutName::Grid, true) => Wanted::Incident(grid_directions(polar, azimuths, true)),
+        (LayoutName::Klems, false) => Wanted::Klems(args.klems_basis.into()),
+        (LayoutName::Sweep, false) => Wanted::Sweep(lamp_positions(args.step)),
+        (LayoutName::Klems | LayoutName::Sweep, true) => {
+            return Err(input("--albedo goes with pairs, not with this layout"));
+        }
+    };
+    Ok(as_textures(args, wanted))
 }
 
-/// The fibres of a fabric file.
-fn fabric_fibres(args: &MeasureArgs) -> Result<VolumePatch> {
-    let fabric = fabric_file::load(&args.file, &args.common.set)?;
-    let fibres = fabric.explicit_fibres(&args.file, args.max_memory, args.common.quiet)?;
-    patch_of(args, fibres)
-}
-
-fn patch_of(args: &MeasureArgs, medium: AnyMedium) -> Result<VolumePatch> {
-    // A goniometer has no camera, but every scene does.
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
-    let scene = Scene {
-        media: vec![medium],
-        lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
-    };
-    patch(args, scene, Integrator::Woodcock)
+fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
+    match wanted {
+        Wanted::Pairs(pairs) if ends_in(args, "exr") => Wanted::Textures(pairs),
+        other => other,
+    }
 }
 
 /// The objects of a scene file.
-fn scene_volume(args: &MeasureArgs) -> Result<VolumePatch> {
-    let file: SceneFile = read::toml(&args.file, &args.common.set)?;
-    patch_of_scene(args, &file)
-}
-
-fn patch_of_scene(args: &MeasureArgs, file: &SceneFile) -> Result<VolumePatch> {
+fn scene_patch(args: &MeasureArgs) -> Result<(AnyPatch, TexelGrid)> {
+    let mut file: SceneFile = read::toml(&args.file, &args.common.set)?;
+    match args.model {
+        PatchModel::Volume => {}
+        PatchModel::Fibres => file.render.integrator = IntegratorName::Fibres,
+        other => {
+            return Err(input(format!(
+                "{}: is a scene; --model {} measures a fabric file",
+                args.file.display(),
+                other.name()
+            )));
+        }
+    }
     let build = BuildOptions {
         scene_path: &args.file,
         quiet: args.common.quiet,
         max_memory_bytes: args.max_memory,
     };
-    let scene = scene_build::scene(file, &build)?;
-    patch(args, scene, file.render.integrator.into())
+    let scene = scene_build::scene(&file, &build)?;
+    let patch = VolumePatch::new(scene, file.render.integrator.into())
+        .map_err(|e| input(format!("{}: {e}", args.file.display())))?;
+    let bounds = patch.bounds_mm();
+    let grid = TexelGrid {
+        low_mm: bounds.min.truncate(),
+        size_mm: bounds.size().truncate(),
+        texels: UVec2::splat(args.texels),
+    };
+    Ok((Box::new(patch), grid))
 }
 
-fn measure(args: &MeasureArgs, directions: &Directions, patch: &impl PatchResponse) -> Result<()> {
+fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGrid) -> Result<()> {
     let effort = Effort {
         paths: args.spp,
         seed: args.seed,
         target_error: args.target_error,
     };
-    let count = match directions {
-        Directions::Pairs(list) => list.len(),
-        Directions::Incident(list) => list.len(),
+    let count = match wanted {
+        Wanted::Pairs(list) => list.len(),
+        Wanted::Incident(list) => list.len(),
+        Wanted::Textures(list) => list.len() * grid.texels.element_product() as usize,
+        Wanted::Klems(basis) => 2 * basis.len(),
+        Wanted::Sweep(list) => list.len(),
     };
     let total = args.spp.saturating_mul(count as u64);
     let progress = Progress::new("measuring", total, args.common.quiet);
     let done = AtomicU64::new(0);
     let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
     let failed = |e: MeasureError| anyhow::Error::new(e);
-    let (list, stats, openness) = match directions {
-        Directions::Pairs(pairs) => {
-            let told = measure_pairs(patch, pairs, &effort, &watch).map_err(failed)?;
-            write(args, |out| write_pairs(&told.list, out))?;
-            (json!(told.list), told.stats, None)
-        }
-        Directions::Incident(incident) => {
-            let told = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
-            write(args, |out| write_albedos(&told.list, out))?;
-            let openness = measure_openness(patch, &effort).map_err(failed)?;
-            (json!(told.list), told.stats, Some(openness))
-        }
+    let mut told = Told {
+        what: "pairs",
+        list: Value::Null,
+        extra: Vec::new(),
+        words: None,
+        count,
+        paths: 0,
     };
+    match wanted {
+        Wanted::Pairs(pairs) => {
+            let result = measure_pairs(patch, pairs, &effort, &watch).map_err(failed)?;
+            write(args, |out| write_pairs(&result.list, out))?;
+            told.list = json!(result.list);
+            told.paths = result.stats.paths;
+            told.words = median_error(&result.list);
+        }
+        Wanted::Incident(incident) => {
+            let result = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
+            write(args, |out| write_albedos(&result.list, out))?;
+            let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
+            told.what = "albedo";
+            told.list = json!(result.list);
+            told.paths = result.stats.paths;
+            told.extra = vec![
+                ("openness", json!(open)),
+                ("cover_factor", json!(1.0 - open)),
+                ("se_openness", json!(se)),
+            ];
+            let cover = 1.0 - open;
+            told.words = Some(format!(
+                "openness {open:.4} +- {se:.4}, cover factor {cover:.4}"
+            ));
+        }
+        Wanted::Textures(pairs) => {
+            let mut textures = Vec::with_capacity(pairs.len());
+            for pair in pairs {
+                let texture = measure_texture(patch, *pair, grid, args.spp, args.seed);
+                textures.push(texture.map_err(failed)?);
+                watch(args.spp * u64::from(grid.texels.element_product()));
+            }
+            told.what = "textures";
+            told.list = json!(pairs);
+            told.paths = args.spp * count as u64;
+            if let Some(path) = &args.outfile {
+                btf_file::write(path, &textures, grid)?;
+            }
+        }
+        Wanted::Klems(basis) => {
+            let result = measure_klems(patch, *basis, args.spp, args.seed, &watch);
+            let (bsdf, stats) = result.map_err(failed)?;
+            let name = args.file.file_stem().unwrap_or_default().to_string_lossy();
+            if ends_in(args, "xml") {
+                let text = write_klems(&bsdf, &name)?;
+                write(args, |out| out.write_all(text.as_bytes()))?;
+            } else {
+                write(args, |out| write_pairs(&bsdf.pairs(), out))?;
+            }
+            told.what = "klems";
+            told.list = json!(bsdf.pairs());
+            told.paths = stats.paths;
+            let along = [
+                bsdf.hemispherical(&bsdf.reflection[0], 0),
+                bsdf.hemispherical(&bsdf.transmission[0], 0),
+            ];
+            told.words = Some(format!(
+                "along the normal R {:.4?}, T {:.4?}",
+                along[0], along[1]
+            ));
+        }
+        Wanted::Sweep(lamps) => {
+            let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;
+            write(args, |out| write_sweep(&sweep, out))?;
+            let [front, back] = front_and_back(&sweep);
+            told.what = "sweep";
+            told.list = json!(sweep);
+            told.paths = args.spp * count as u64;
+            told.extra = vec![("front_lit", json!(front)), ("back_lit", json!(back))];
+            told.words = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
+        }
+    }
     let seconds = progress.finish();
-    report(args, count, list, &stats, openness, seconds)
+    report(args, told, seconds)
+}
+
+/// Median of the standard errors as shares of their values.
+fn median_error(list: &[PairValue]) -> Option<String> {
+    let channels = list
+        .iter()
+        .flat_map(|v| v.bsdf.mean.into_iter().zip(v.bsdf.se));
+    let mut shares: Vec<f64> = channels.filter(|v| v.0 > 0.0).map(|(m, s)| s / m).collect();
+    shares.sort_by(f64::total_cmp);
+    let median = shares.get(shares.len() / 2)?;
+    Some(format!(
+        "median standard error {:.2} % of the value",
+        100.0 * median
+    ))
+}
+
+/// What to say in the end.
+struct Told {
+    what: &'static str,
+    list: Value,
+    extra: Vec<(&'static str, Value)>,
+    words: Option<String>,
+    count: usize,
+    paths: u64,
 }
 
 fn write(
@@ -185,55 +262,48 @@ fn write(
     table: impl FnOnce(&mut dyn output::SeekWrite) -> std::io::Result<()>,
 ) -> Result<()> {
     match &args.outfile {
-        None => Ok(()),
-        Some(path) => {
+        Some(path) if !ends_in(args, "json") => {
             output::write_file(path, |out| table(out).context("writing the table failed"))
         }
+        _ => Ok(()),
     }
 }
 
 #[allow(clippy::print_stdout, clippy::print_stderr)]
-fn report(
-    args: &MeasureArgs,
-    count: usize,
-    list: Value,
-    stats: &Stats,
-    openness: Option<(f64, f64)>,
-    seconds: f64,
-) -> Result<()> {
+fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
+    let mut map = serde_json::Map::new();
+    let mut put = |key: &str, value: Value| map.insert(key.into(), value);
+    put("file", json!(args.file));
+    put("model", json!(args.model.name()));
+    put("seed", json!(args.seed));
+    put("paths", json!(told.paths));
+    put("seconds", json!(seconds));
+    put(told.what, told.list);
+    for (key, value) in told.extra {
+        put(key, value);
+    }
+    let text = serde_json::to_string_pretty(&Value::Object(map))?;
+    if let Some(path) = args.outfile.as_ref().filter(|_| ends_in(args, "json")) {
+        output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))?;
+    }
     if args.json {
-        let what = if args.albedo { "albedo" } else { "pairs" };
-        let mut told = json!({
-            "file": args.file,
-            "model": match args.model {
-                PatchModel::Volume => "volume",
-                PatchModel::Fibres => "fibres",
-                PatchModel::Surface => "surface",
-            },
-            "seed": args.seed,
-            "paths": stats.paths,
-            what: list,
-        });
-        if let (Value::Object(map), Some((open, se))) = (&mut told, openness) {
-            map.insert("openness".into(), json!(open));
-            map.insert("cover_factor".into(), json!(1.0 - open));
-            map.insert("se_openness".into(), json!(se));
-        }
-        println!("{}", serde_json::to_string_pretty(&told)?);
+        println!("{text}");
     }
     if !args.common.quiet {
-        let what = if args.albedo { "directions" } else { "pairs" };
         eprintln!(
-            "{}: {count} {what}, {} paths in {seconds:.1} s ({:.2} M paths/s)",
+            "{}: {} {}, {} paths in {seconds:.1} s ({:.2} M paths/s)",
             args.file.display(),
-            stats.paths,
-            stats.paths as f64 / seconds.max(1e-9) * 1e-6,
+            told.count,
+            if told.what == "pairs" {
+                "pairs"
+            } else {
+                "directions"
+            },
+            told.paths,
+            told.paths as f64 / seconds.max(1e-9) * 1e-6,
         );
-        if let Some((open, se)) = openness {
-            eprintln!(
-                "openness {open:.4} +- {se:.4}, cover factor {:.4}",
-                1.0 - open
-            );
+        if let Some(words) = told.words {
+            eprintln!("{words}");
         }
     }
     Ok(())

@@ -1,6 +1,8 @@
 //! One file per command.
 
+pub mod compare;
 pub mod export;
+pub mod fit;
 pub mod info;
 pub mod manual;
 pub mod measure;

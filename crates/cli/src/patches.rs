@@ -1,0 +1,106 @@
+//! Patches to measure: what stands for the cloth of a fabric file.
+
+use crate::error::input;
+use crate::fabric_file::Fabric;
+use crate::flags::PatchModel;
+use crate::scattering::{ScatteringModel, ScatteringTable};
+use anyhow::Result;
+use glam::{DVec3, UVec2, Vec2};
+use organza_basis::SegmentSource;
+use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
+use organza_transport::{
+    AnyMedium, Camera, CameraPose, FibreEvent, Integrator, PixelFilter, Projection, Scene,
+};
+use std::path::Path;
+
+/// A patch of whatever kind.
+pub type AnyPatch = Box<dyn PatchResponse>;
+
+/// How to make the volume.
+#[derive(Clone, Copy, Debug)]
+pub struct PatchOptions {
+    /// Edge of the finest voxels; the fabric's own if none.
+    pub voxel_um: Option<f32>,
+    /// Level of detail.
+    pub level: u8,
+    /// Limit on memory.
+    pub max_memory_bytes: Option<u64>,
+    /// No progress.
+    pub quiet: bool,
+}
+
+/// The endless cloth of a fabric.
+///
+/// # Errors
+/// Names the file and the key at fault.
+pub fn fabric_patch(
+    fabric: &Fabric,
+    path: &Path,
+    model: PatchModel,
+    options: &PatchOptions,
+) -> Result<AnyPatch> {
+    let explicit = || {
+        let fibres = fabric.explicit_fibres(path, options.max_memory_bytes, options.quiet)?;
+        volume_patch(path, fibres)
+    };
+    let scattering = match model {
+        PatchModel::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?))),
+        PatchModel::Fibres => return explicit(),
+        PatchModel::Volume => ScatteringTable::default()
+            .over(fabric.file.scattering)
+            .map_err(|why| input(format!("{}: scattering{why}", path.display())))?,
+        PatchModel::Plain => ScatteringModel::Fibres(FibreEvent::Plain),
+        PatchModel::Packed => ScatteringModel::Fibres(FibreEvent::Packed),
+    };
+    if scattering == ScatteringModel::Explicit {
+        return explicit();
+    }
+    let octree = fabric.voxelize(
+        path,
+        scattering.footprint(),
+        options.voxel_um,
+        None,
+        options.max_memory_bytes,
+        options.quiet,
+    )?;
+    let levels = octree.level_count();
+    let level = options.level;
+    let medium = scattering
+        .medium(fabric, path, octree, level)?
+        .ok_or_else(|| {
+            input(format!(
+                "--level {level}: the octree has {levels} levels, from 0"
+            ))
+        })?;
+    volume_patch(path, medium)
+}
+
+fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
+    // A goniometer has no camera, but every scene does.
+    let pose = CameraPose {
+        origin_mm: DVec3::Z,
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm: 1.0 };
+    let scene = Scene {
+        media: vec![medium],
+        lights: Vec::new(),
+        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
+    };
+    let patch = VolumePatch::new(scene, Integrator::Woodcock)
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    Ok(Box::new(patch))
+}
+
+/// Texels over one tile of a fabric, `longer` of them along its longer side.
+pub fn texel_grid(fabric: &Fabric, longer: u32) -> TexelGrid {
+    let bounds = fabric.cloth.tile().bounds_mm;
+    let size: Vec2 = bounds.size().truncate();
+    let texels = (size / size.max_element() * longer as f32).round();
+    TexelGrid {
+        low_mm: bounds.min.truncate(),
+        size_mm: size,
+        texels: texels.as_uvec2().max(UVec2::ONE),
+    }
+}

@@ -1,0 +1,434 @@
+//! WINDOW's XML files of a BSDF on the Klems basis, schema BSDF-v1.4.
+//!
+//! Colour is told as Radiance reads it: `CIE-X`, `Visible` (Y) and `CIE-Z`, scaled
+//! so that a neutral value is the same in all three. Programs that know only
+//! `Visible` skip the others.
+
+use crate::{KlemsBasis, KlemsBsdf, KlemsMatrix};
+use glam::{DMat3, DVec3};
+use organza_basis::nearest_name;
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+
+/// Why a file holds no BSDF that can be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum KlemsFileError {
+    /// No XML, or elements missing.
+    #[error("{0}")]
+    Syntax(String),
+    /// Another basis than the three.
+    #[error("the angle basis `{0}` is unknown; expected LBNL/Klems Full, Half or Quarter{1}")]
+    Basis(String, String),
+    /// Rows and columns exchanged, or a tensor tree.
+    #[error("the data is structured as `{0}`; expected `Columns`")]
+    Structure(String),
+    /// Wrong number of values.
+    #[error("{name}: found {found} values; expected {expected}")]
+    Count {
+        /// Which matrix.
+        name: String,
+        /// How many there are.
+        found: usize,
+        /// How many the basis has.
+        expected: usize,
+    },
+    /// No number, or a negative one.
+    #[error("{name}: value {index}: expected a number of at least 0, found `{found}`")]
+    Number {
+        /// Which matrix.
+        name: String,
+        /// Which value, from 1.
+        index: usize,
+        /// What stands there.
+        found: String,
+    },
+    /// A matrix is missing.
+    #[error("there is no `{0}` of visible light or colour")]
+    Missing(&'static str),
+}
+
+#[derive(Serialize, Deserialize)]
+struct WindowElement {
+    #[serde(rename = "@xmlns", default)]
+    namespace: String,
+    #[serde(rename = "WindowElementType", default)]
+    kind: String,
+    #[serde(rename = "Optical")]
+    optical: Optical,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Optical {
+    #[serde(rename = "Layer")]
+    layer: Layer,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Layer {
+    #[serde(rename = "Material", default)]
+    material: Material,
+    #[serde(rename = "DataDefinition")]
+    definition: DataDefinition,
+    #[serde(rename = "WavelengthData")]
+    data: Vec<WavelengthData>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default)]
+struct Material {
+    #[serde(rename = "Name")]
+    name: String,
+    #[serde(rename = "Manufacturer")]
+    manufacturer: String,
+    #[serde(rename = "DeviceType")]
+    device: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct DataDefinition {
+    #[serde(rename = "IncidentDataStructure")]
+    structure: String,
+    #[serde(rename = "AngleBasis", default)]
+    bases: Vec<AngleBasis>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct AngleBasis {
+    #[serde(rename = "AngleBasisName")]
+    name: String,
+    #[serde(rename = "AngleBasisBlock", default)]
+    rings: Vec<AngleBasisBlock>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct AngleBasisBlock {
+    #[serde(rename = "Theta")]
+    theta_deg: f64,
+    #[serde(rename = "nPhis")]
+    count: u16,
+    #[serde(rename = "ThetaBounds")]
+    bounds: ThetaBounds,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ThetaBounds {
+    #[serde(rename = "LowerTheta")]
+    low_deg: f64,
+    #[serde(rename = "UpperTheta")]
+    high_deg: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct WavelengthData {
+    #[serde(rename = "LayerNumber", default)]
+    layer: String,
+    #[serde(rename = "Wavelength")]
+    wavelength: Wavelength,
+    #[serde(rename = "SourceSpectrum", default)]
+    source: String,
+    #[serde(rename = "DetectorSpectrum", default)]
+    detector: String,
+    #[serde(rename = "WavelengthDataBlock")]
+    blocks: Vec<WavelengthDataBlock>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Wavelength {
+    #[serde(rename = "@unit", default)]
+    unit: String,
+    #[serde(rename = "$text", default)]
+    name: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct WavelengthDataBlock {
+    #[serde(rename = "WavelengthDataDirection")]
+    direction: String,
+    #[serde(rename = "ColumnAngleBasis")]
+    columns: String,
+    #[serde(rename = "RowAngleBasis")]
+    rows: String,
+    #[serde(rename = "ScatteringDataType", default)]
+    kind: String,
+    #[serde(rename = "ScatteringData")]
+    values: String,
+}
+
+/// Names of the matrices, in the order of [`KlemsBsdf`].
+const DIRECTIONS: [&str; 4] = [
+    "Transmission Front",
+    "Transmission Back",
+    "Reflection Front",
+    "Reflection Back",
+];
+
+/// Names of what is measured.
+const BANDS: [&str; 3] = ["CIE-X", "Visible", "CIE-Z"];
+
+/// Linear sRGB to XYZ over the XYZ of its white.
+const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
+    DVec3::new(0.433_887, 0.212_639, 0.017_750),
+    DVec3::new(0.376_224, 0.715_169, 0.109_448),
+    DVec3::new(0.189_889, 0.072_192, 0.872_802),
+);
+
+/// The text of a file. `name` is the cloth's.
+///
+/// # Errors
+/// A value that XML cannot hold.
+pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileError> {
+    let failed = |e: &dyn std::fmt::Display| KlemsFileError::Syntax(e.to_string());
+    let rings = bsdf.basis.rings();
+    let block = |(k, &(low_deg, count)): (usize, &(f64, u16))| {
+        let high_deg = rings.get(k + 1).map_or(90.0, |r| r.0);
+        AngleBasisBlock {
+            theta_deg: if k == 0 {
+                0.0
+            } else {
+                0.5 * (low_deg + high_deg)
+            },
+            count,
+            bounds: ThetaBounds { low_deg, high_deg },
+        }
+    };
+    let matrices = bsdf.transmission.iter().chain(&bsdf.reflection);
+    let data_of = |band: usize| WavelengthData {
+        layer: "System".into(),
+        wavelength: Wavelength {
+            unit: "Integral".into(),
+            name: BANDS.get(band).copied().unwrap_or_default().into(),
+        },
+        source: "CIE Illuminant D65 1nm.ssp".into(),
+        detector: "ASTM E308 1931 Y.dsp".into(),
+        blocks: DIRECTIONS
+            .iter()
+            .zip(matrices.clone())
+            .map(|(direction, matrix)| WavelengthDataBlock {
+                direction: (*direction).into(),
+                columns: bsdf.basis.name().into(),
+                rows: bsdf.basis.name().into(),
+                kind: if direction.starts_with('T') {
+                    "BTDF"
+                } else {
+                    "BRDF"
+                }
+                .into(),
+                values: numbers(matrix, band, bsdf.basis.len()),
+            })
+            .collect(),
+    };
+    let file = WindowElement {
+        namespace: "http://windows.lbl.gov".into(),
+        kind: "System".into(),
+        optical: Optical {
+            layer: Layer {
+                material: Material {
+                    name: name.into(),
+                    manufacturer: "organza".into(),
+                    device: "Other".into(),
+                },
+                definition: DataDefinition {
+                    structure: "Columns".into(),
+                    bases: vec![AngleBasis {
+                        name: bsdf.basis.name().into(),
+                        rings: rings.iter().enumerate().map(block).collect(),
+                    }],
+                },
+                data: (0..BANDS.len()).map(data_of).collect(),
+            },
+        },
+    };
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    let root = Some("WindowElement");
+    let mut out = quick_xml::se::Serializer::with_root(&mut text, root).map_err(|e| failed(&e))?;
+    out.indent(' ', 1);
+    file.serialize(out).map_err(|e| failed(&e))?;
+    text.push('\n');
+    Ok(text)
+}
+
+fn numbers(matrix: &KlemsMatrix, band: usize, per_row: usize) -> String {
+    let mut text = String::new();
+    for (k, v) in matrix.values.iter().enumerate() {
+        let xyz = (XYZ_FROM_RGB * DVec3::from(*v)).to_array();
+        let value = xyz.get(band).copied().unwrap_or_default().max(0.0);
+        let end = if (k + 1) % per_row == 0 { "\n" } else { " " };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{value:.6e},{end}");
+    }
+    text
+}
+
+/// Reads a file: its channels where it has them, else visible light as grey.
+/// Transmission from the back, where it is missing, is that from the front by
+/// reciprocity; reflection must be there for both sides.
+///
+/// # Errors
+/// See [`KlemsFileError`].
+pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
+    let file: WindowElement =
+        quick_xml::de::from_str(text).map_err(|e| KlemsFileError::Syntax(e.to_string()))?;
+    let layer = file.optical.layer;
+    if layer.definition.structure.trim() != "Columns" {
+        return Err(KlemsFileError::Structure(layer.definition.structure));
+    }
+    let mut basis = None;
+    let mut found: [[Option<Vec<f64>>; 4]; 3] = Default::default();
+    for data in &layer.data {
+        let band = data.wavelength.name.trim();
+        let Some(bands) = BANDS.iter().position(|b| b.eq_ignore_ascii_case(band)) else {
+            continue;
+        };
+        for block in &data.blocks {
+            let wanted = |d: &str| d.eq_ignore_ascii_case(block.direction.trim());
+            let Some(which) = DIRECTIONS.iter().position(|d| wanted(d)) else {
+                continue;
+            };
+            for name in [block.columns.trim(), block.rows.trim()] {
+                let known = KlemsBasis::ALL.into_iter().find(|b| b.name() == name);
+                let known = known.ok_or_else(|| {
+                    let near = nearest_name(name, KlemsBasis::ALL.map(KlemsBasis::name));
+                    let hint = near.map_or(String::new(), |n| format!("; `{n}` is near"));
+                    KlemsFileError::Basis(name.into(), hint)
+                })?;
+                if *basis.get_or_insert(known) != known {
+                    return Err(KlemsFileError::Basis(
+                        name.into(),
+                        ", one throughout the file".into(),
+                    ));
+                }
+            }
+            let expected = basis.map_or(0, |b: KlemsBasis| b.len() * b.len());
+            let label = format!("{band}, {}", block.direction.trim());
+            if let Some(slot) = found.get_mut(bands).and_then(|f| f.get_mut(which)) {
+                *slot = Some(parse_numbers(&block.values, label, expected)?);
+            }
+        }
+    }
+    let [x, visible, z] = found;
+    let basis = basis.ok_or(KlemsFileError::Missing("Reflection Front"))?;
+    let n = basis.len();
+    let combine = |which: usize| -> Option<KlemsMatrix> {
+        let y = visible.get(which)?.as_ref()?;
+        let values: Vec<[f64; 3]> = match (x.get(which)?, z.get(which)?) {
+            (Some(x), Some(z)) => {
+                let rgb_from_xyz = XYZ_FROM_RGB.inverse();
+                let rgb = |((&x, &y), &z)| rgb_from_xyz * DVec3::new(x, y, z);
+                let all = x.iter().zip(y).zip(z).map(rgb);
+                // Rounding, and colours outside of sRGB, would be below zero.
+                all.map(|v| v.max(DVec3::ZERO).to_array()).collect()
+            }
+            _ => y.iter().map(|&y| [y; 3]).collect(),
+        };
+        let se = vec![[0.0; 3]; values.len()];
+        Some(KlemsMatrix { values, se })
+    };
+    let turned = |m: &KlemsMatrix| KlemsMatrix {
+        values: (0..n * n)
+            .map(|k| {
+                m.values
+                    .get((k % n) * n + k / n)
+                    .copied()
+                    .unwrap_or_default()
+            })
+            .collect(),
+        se: m.se.clone(),
+    };
+    let front = combine(0).or_else(|| combine(1).map(|m| turned(&m)));
+    let front = front.ok_or(KlemsFileError::Missing("Transmission Front"))?;
+    let back = combine(1).unwrap_or_else(|| turned(&front));
+    Ok(KlemsBsdf {
+        basis,
+        transmission: [front, back],
+        reflection: [
+            combine(2).ok_or(KlemsFileError::Missing("Reflection Front"))?,
+            combine(3).ok_or(KlemsFileError::Missing("Reflection Back"))?,
+        ],
+    })
+}
+
+fn parse_numbers(text: &str, name: String, expected: usize) -> Result<Vec<f64>, KlemsFileError> {
+    let mut list = Vec::with_capacity(expected);
+    let separators = |c: char| c == ',' || c.is_whitespace();
+    for field in text.split(separators).filter(|f| !f.is_empty()) {
+        match field.parse::<f64>() {
+            Ok(v) if v.is_finite() && v >= 0.0 => list.push(v),
+            _ => {
+                return Err(KlemsFileError::Number {
+                    name,
+                    index: list.len() + 1,
+                    found: field.into(),
+                });
+            }
+        }
+    }
+    if list.len() != expected {
+        return Err(KlemsFileError::Count {
+            name,
+            found: list.len(),
+            expected,
+        });
+    }
+    Ok(list)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bsdf() -> KlemsBsdf {
+        let n = KlemsBasis::Quarter.len();
+        let matrix = |seed: usize| KlemsMatrix {
+            values: (0..n * n)
+                .map(|k| [3 * k, 2 * k, k].map(|x| (x + seed) as f64 * 1e-3))
+                .collect(),
+            se: vec![[0.0; 3]; n * n],
+        };
+        KlemsBsdf {
+            basis: KlemsBasis::Quarter,
+            transmission: [matrix(1), matrix(2)],
+            reflection: [matrix(3), matrix(4)],
+        }
+    }
+
+    #[test]
+    fn files_are_read_as_they_were_written() {
+        let text = write_klems(&bsdf(), "a <b> & c").unwrap();
+        assert!(text.contains("a &lt;b&gt; &amp; c"));
+        let (read, written) = (read_klems(&text).unwrap(), bsdf());
+        let all = |b: &KlemsBsdf| -> Vec<f64> {
+            let matrices = b.transmission.iter().chain(&b.reflection);
+            matrices
+                .flat_map(|m| m.values.as_flattened())
+                .copied()
+                .collect()
+        };
+        for (a, b) in all(&read).into_iter().zip(all(&written)) {
+            assert!((a - b).abs() <= 1e-5 * (b + 1e-3), "{a} {b}");
+        }
+        assert_eq!(all(&read).len(), 4 * 3 * 41 * 41);
+        // Without channels: grey. Without the back's transmission: reciprocity.
+        let grey = text
+            .replace("CIE-", "unknown-")
+            .replace("Transmission Back", "Other");
+        let read = read_klems(&grey).unwrap();
+        let n = read.basis.len();
+        let front = &read.transmission[0].values;
+        assert!(front.iter().all(|v| v[0] == v[1] && v[1] == v[2]));
+        assert_eq!(read.transmission[1].values[3 * n + 5], front[5 * n + 3]);
+    }
+
+    #[test]
+    fn mistakes_are_told() {
+        let text = write_klems(&bsdf(), "x").unwrap();
+        let say = |text: &str| read_klems(text).unwrap_err().to_string();
+        assert!(say("<a/>").contains("Optical"));
+        let words = say(&text.replacen("Klems Quarter</Col", "Klems Quarte</Col", 1));
+        assert!(words.contains("`LBNL/Klems Quarter` is near"), "{words}");
+        let words = say(&text.replacen("e-3,", "none,", 1));
+        assert!(words.contains("none`"), "{words}");
+        let words = say(&text.replacen(",\n", "\n", 1).replacen("e-3, ", "e-3", 1));
+        assert!(words.contains("CIE-X, Transmission Front: "), "{words}");
+        assert!(say(&text.replace("Columns<", "Rows<")).contains("expected `Columns`"));
+    }
+}

@@ -1,0 +1,84 @@
+//! Pictures of a patch: one value per texel for a pair of directions.
+
+use crate::{MeasureError, Pair, PatchResponse};
+use glam::{UVec2, Vec2};
+use organza_basis::{Moments, PathRng};
+use organza_transport::Stats;
+use rayon::prelude::*;
+
+/// Where the texels lie in the cloth's middle plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TexelGrid {
+    /// Lower left corner, mm.
+    pub low_mm: Vec2,
+    /// Extent, mm.
+    pub size_mm: Vec2,
+    /// Texels in x and y.
+    pub texels: UVec2,
+}
+
+/// The BSDF over a patch, seen along the normal of no plane but the cloth's
+/// own: every direction of view fills the same texels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// The directions.
+    pub pair: Pair,
+    /// Means per texel, 1/sr, the row of the largest y first.
+    pub mean: Vec<[f32; 3]>,
+    /// Their standard errors.
+    pub se: Vec<[f32; 3]>,
+}
+
+/// Streams of random numbers that belong to texels.
+const TEXEL_STREAMS: u64 = 1 << 62;
+
+/// Measures a picture with `paths` paths per texel.
+///
+/// # Errors
+/// See [`MeasureError`].
+pub fn measure_texture(
+    patch: &impl PatchResponse,
+    pair: Pair,
+    grid: &TexelGrid,
+    paths: u64,
+    seed: u64,
+) -> Result<Texture, MeasureError> {
+    if paths < 2 {
+        return Err(MeasureError::TooFewPaths(paths));
+    }
+    let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
+    let texel_mm = grid.size_mm / grid.texels.as_vec2();
+    let row = |y: u32| {
+        let mut stats = Stats::default();
+        let mut list = Vec::with_capacity(grid.texels.x as usize);
+        for x in 0..grid.texels.x {
+            let corner = UVec2::new(x, grid.texels.y - 1 - y).as_vec2();
+            let stream = TEXEL_STREAMS + u64::from(y) * u64::from(grid.texels.x) + u64::from(x);
+            let mut moments = [Moments::default(); 3];
+            for path in 0..paths {
+                let mut rng = PathRng::new(seed, stream, path);
+                let place = grid.low_mm + (corner + rng.unit2()) * texel_mm;
+                let value = patch.estimate_at(place, w_i, w_o, &mut rng, &mut stats);
+                if !value.0.is_finite() {
+                    stats.rejected += 1;
+                    continue;
+                }
+                for (m, v) in moments.iter_mut().zip(value.0.to_array()) {
+                    m.add(f64::from(v));
+                }
+            }
+            list.push(moments);
+        }
+        (list, stats)
+    };
+    let rows: Vec<_> = (0..grid.texels.y).into_par_iter().map(row).collect();
+    let mut stats = Stats::default();
+    let (mut mean, mut se) = (Vec::new(), Vec::new());
+    for (list, counts) in rows {
+        stats.merge(&counts);
+        mean.extend(list.iter().map(|m| m.map(|c| c.mean as f32)));
+        se.extend(list.iter().map(|m| m.map(|c| c.standard_error() as f32)));
+    }
+    MeasureError::check(&stats)?;
+    Ok(Texture { pair, mean, se })
+}

@@ -1,0 +1,162 @@
+//! A planted answer: values of known parameters with noise, recovered within
+//! the intervals that the fit itself states.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
+use organza_basis::PathRng;
+use organza_measure::fit::Patience;
+use organza_measure::{
+    Effort, Journal, PairValue, SurfacePatch, fit_surface, grid_layout, measure_pairs,
+};
+use organza_surface::SurfaceSpec;
+
+const PLANTED: &str = r#"
+accuracy = 0.01
+[weave]
+draft = ["110", "101", "011"]
+warp_pitch_mm = 0.3
+weft_pitch_mm = 0.45
+[warp]
+psi_deg = -30.0
+u_max_deg = 24.0
+kappa = 0.0
+alpha = 0.03
+beta = 4.0
+fit = "narrow"
+diffuse = [0.10, 0.05, 0.02]
+specular = [0.25, 0.15, 0.10]
+[weft]
+psi_deg = -25.0
+u_max_deg = 38.0
+kappa = 0.0
+alpha = 0.03
+beta = 4.0
+fit = "narrow"
+diffuse = [0.10, 0.05, 0.02]
+specular = [0.12, 0.20, 0.10]
+"#;
+
+#[derive(Default)]
+struct Memory(Vec<(Vec<f64>, f64)>, bool);
+
+impl Journal for Memory {
+    fn recall(&self, place: &[f64]) -> Option<f64> {
+        let found = self.0.iter().find(|(p, _)| self.1 && p == place);
+        found.map(|f| f.1)
+    }
+    fn keep(&mut self, place: &[f64], cost: f64) {
+        self.0.push((place.to_vec(), cost));
+    }
+}
+
+const SEED: u64 = 11;
+const NOISE: f64 = 0.02;
+
+fn data() -> Vec<PairValue> {
+    let model = SurfaceSpec::from_toml(PLANTED).unwrap().build().unwrap();
+    let effort = Effort {
+        paths: 2,
+        seed: 1,
+        target_error: None,
+    };
+    let pairs = grid_layout(3, 8);
+    let pairs: Vec<_> = pairs
+        .into_iter()
+        .filter(|p| p.exitant.theta_deg < 90.0)
+        .collect();
+    let mut list = measure_pairs(&SurfacePatch(model), &pairs, &effort, &|_| ())
+        .unwrap()
+        .list;
+    let mut rng = PathRng::from_seed(SEED);
+    for v in &mut list {
+        for c in 0..3 {
+            v.bsdf.se[c] = NOISE * v.bsdf.mean[c];
+            v.bsdf.mean[c] *= 1.0 + NOISE * f64::from(rng.normal2().x);
+        }
+    }
+    list
+}
+
+/// The colours that were planted.
+fn planted(name: &str) -> Option<f64> {
+    Some(match name {
+        "warp.specular.r" => 0.25,
+        "warp.specular.g" => 0.15,
+        "weft.specular.r" => 0.12,
+        "weft.specular.g" => 0.20,
+        _ => return None,
+    })
+}
+
+#[test]
+fn planted_colours_are_recovered_within_their_intervals() {
+    let data = data();
+    let mut start = SurfaceSpec::from_toml(PLANTED).unwrap();
+    for yarn in [&mut start.warp, &mut start.weft] {
+        yarn.specular = Some(organza_basis::Rgb::splat(0.5));
+    }
+    let none = Patience { scan: 0, steps: 0 };
+    let mut memory = Memory::default();
+    let fitted = fit_surface(&start, &data, &none, &mut memory, &mut |_| ()).unwrap();
+    // Noise of 0.02 in an expected error of 0.1.
+    assert!(
+        fitted.residual > 0.15 && fitted.residual < 0.25,
+        "seed {SEED}: {}",
+        fitted.residual
+    );
+    let mut checked = 0;
+    for p in &fitted.parameters {
+        if let Some(truth) = planted(&p.name).filter(|_| p.is_fixed) {
+            let far = (p.value - truth).abs() / p.se;
+            assert!(far < 4.0, "seed {SEED}: {p:?} lies {far:.1} from {truth}");
+            checked += 1;
+        }
+    }
+    assert!(checked >= 3, "{:?}", fitted.parameters);
+    // The known-bad twin: another shape, whatever its colours.
+    start.warp.u_max_deg = Some(60.0);
+    start.weft.u_max_deg = Some(10.0);
+    let twin = fit_surface(&start, &data, &none, &mut Memory::default(), &mut |_| ());
+    assert!(twin.unwrap().residual > 2.0 * fitted.residual);
+}
+
+/// Some hundreds of models are built: minutes, so at full size only.
+#[test]
+fn planted_shapes_are_recovered_within_their_intervals() {
+    if std::env::var_os("ORGANZA_FULL").is_none() {
+        return;
+    }
+    let data = data();
+    let mut start = SurfaceSpec::from_toml(PLANTED).unwrap();
+    for yarn in [&mut start.warp, &mut start.weft] {
+        yarn.u_max_deg = Some(30.0);
+        yarn.psi_deg = Some(-35.0);
+        yarn.beta = Some(2.0);
+        yarn.alpha = Some(0.1);
+        yarn.kappa = Some(0.5);
+    }
+    let patience = Patience {
+        scan: 40,
+        steps: 600,
+    };
+    let mut memory = Memory::default();
+    let fitted = fit_surface(&start, &data, &patience, &mut memory, &mut |_| ()).unwrap();
+    assert!(fitted.residual < 0.3, "seed {SEED}: {}", fitted.residual);
+    let shape = |name: &str| match name {
+        "warp.u_max_deg" => Some(24.0),
+        "warp.psi_deg" => Some(30.0),
+        "weft.u_max_deg" => Some(38.0),
+        "weft.psi_deg" => Some(25.0),
+        _ => None,
+    };
+    for p in fitted.parameters.iter().filter(|p| p.is_fixed) {
+        if let Some(truth) = shape(&p.name) {
+            let far = (p.value - truth).abs() / p.se;
+            assert!(far < 4.0, "seed {SEED}: {p:?} lies {far:.1} from {truth}");
+        }
+    }
+    // A search that remembers its places ends at the same.
+    memory.1 = true;
+    let again = fit_surface(&start, &data, &patience, &mut memory, &mut |_| ()).unwrap();
+    assert_eq!(again.spec, fitted.spec);
+}
