@@ -27,8 +27,10 @@
 //! reflectance is off by at most 4 % for dielectric fibres of albedo 0.98 and 0.9
 //! (the plain event: 19 %), 2.5 % for a fitted fibre (5 %) and 4 % for mirror
 //! flakes (17 %); transmittance above 0.1 by at most 6 %, 2 % and 21 % (23 %, 4 %
-//! and 74 %). Inclination makes it no worse. Spread, twist and ply boundaries
-//! were not measured here.
+//! and 74 %). Inclination makes it no worse.
+//! With yarns of explicit fibres (transport's `fibre_models` test in full): twist up
+//! to 45 degrees keeps reflectance within 2 % rms, two plies 4 %, fibres that wander
+//! by 15 degrees 9 % (more than the plain event's 5 %).
 
 use crate::fibre::NearField;
 use crate::fibre_frame::FibreFrame;

@@ -71,7 +71,7 @@ pub enum ExplicitFibresError {
 
 /// Peak bytes per joint while the hierarchy is built, copies at the tile's faces
 /// included: 36 of the joint, 12 per copy, the boxes and the builder's nodes.
-/// Measured with cloths of a million pieces.
+/// An estimate.
 const BYTES_PER_JOINT: u64 = 320;
 
 /// A ray starts so much before its origin in the hierarchy, which drops boxes
