@@ -279,7 +279,7 @@ impl Fabric {
 pub fn voxelize_planned(path: &Path, plan: &Plan, quiet: bool) -> Result<Octree> {
     if !quiet {
         eprintln!(
-            "{}: voxelizing takes at most about {} MiB of memory",
+            "{}: voxelizing takes about {} MiB of memory",
             path.display(),
             plan.memory_bytes().div_ceil(1 << 20)
         );
