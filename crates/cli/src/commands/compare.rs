@@ -61,9 +61,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
             });
         }
         let build = PatchOptions {
-            voxel_um: args.voxel_um,
+            voxel_um: args.voxel.voxel_um,
             level: args.level,
-            max_memory_bytes: args.max_memory,
+            max_memory_bytes: args.memory.max_memory,
             quiet: args.common.quiet,
         };
         for model in models {

@@ -31,13 +31,13 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     let build = BuildOptions {
         scene_path: &args.scene,
         quiet: args.common.quiet,
-        max_memory_bytes: args.max_memory,
+        max_memory_bytes: args.memory.max_memory,
     };
     let scene = scene_build::scene(&file, &build)?;
     let tiling = Tiling {
         repeats: args.repeats,
         around_mm: DVec3::from(file.camera.target_mm),
-        max_bytes: args.max_memory.unwrap_or_else(free_memory_bytes),
+        max_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
     };
     let export = mitsuba::export(&scene, file.render.spp, file.render.max_bounces, &tiling)
         .map_err(|why| input(format!("{}: {why}", args.scene.display())))?;

@@ -34,9 +34,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
 
 fn options(args: &FitArgs) -> PatchOptions {
     PatchOptions {
-        voxel_um: args.voxel_um,
+        voxel_um: args.voxel.voxel_um,
         level: 0,
-        max_memory_bytes: args.max_memory,
+        max_memory_bytes: args.memory.max_memory,
         quiet: args.common.quiet,
     }
 }

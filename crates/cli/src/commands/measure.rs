@@ -28,9 +28,9 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let wanted = wanted(args)?;
     with_threads(&args.common, || {
         let build = PatchOptions {
-            voxel_um: args.voxel_um,
+            voxel_um: args.voxel.voxel_um,
             level: args.level,
-            max_memory_bytes: args.max_memory,
+            max_memory_bytes: args.memory.max_memory,
             quiet: args.common.quiet,
         };
         let (patch, grid) = if is_scene(&read::text(&args.file)?) {
@@ -117,7 +117,7 @@ fn scene_patch(args: &MeasureArgs) -> Result<(AnyPatch, TexelGrid)> {
     let build = BuildOptions {
         scene_path: &args.file,
         quiet: args.common.quiet,
-        max_memory_bytes: args.max_memory,
+        max_memory_bytes: args.memory.max_memory,
     };
     let scene = scene_build::scene(&file, &build)?;
     let patch = VolumePatch::new(scene, file.render.integrator.into())

@@ -32,6 +32,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     }
     output::check_writable(&args.outfile)?;
     let limit = args
+        .memory
         .max_memory
         .unwrap_or_else(crate::fabric_file::free_memory_bytes);
     let mut merged: Option<Part<'_>> = None;

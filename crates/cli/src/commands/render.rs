@@ -45,12 +45,12 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     let build = BuildOptions {
         scene_path: &args.scene,
         quiet: args.common.quiet,
-        max_memory_bytes: args.max_memory,
+        max_memory_bytes: args.memory.max_memory,
     };
     let inputs_before = read::input_count();
     let scene = scene_build::scene(&file, &build)?;
     let settings = settings(args, &file, &scene)?;
-    let most_bytes = args.max_memory.unwrap_or_else(free_memory_bytes);
+    let most_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let kernel = kernel(args, &scene, &settings, most_bytes)?;
     let refusal = kernel.as_ref().err().copied();
     let rendering = Rendering::new(&scene, settings).map_err(|e| match e {

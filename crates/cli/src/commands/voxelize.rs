@@ -43,9 +43,9 @@ fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
     let plan = fabric.plan(
         &args.fabric,
         Footprint::Covered,
-        args.voxel_um,
+        args.voxel.voxel_um,
         args.levels,
-        args.max_memory,
+        args.memory.max_memory,
     )?;
     let levels = plan.level_count();
     if args.level >= levels {

@@ -1,0 +1,57 @@
+//! Flags of comparing models.
+
+use super::values::parse_share;
+use super::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `organza compare`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza compare scenes/fabrics/organza.toml -o report --models volume,surface --spp 4096"
+)]
+pub struct CompareArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Folder to write: report.html, report.json, pairs.csv
+    #[arg(short, long, visible_alias = "outfile")]
+    pub outdir: PathBuf,
+    /// What to compare; the first is the reference unless --data is
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "volume,surface"
+    )]
+    pub models: Vec<PatchModel>,
+    /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+    /// Paths per pair
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
+    pub spp: u64,
+    /// Stop a pair when the standard error of every channel is below this share of the value
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Texels of the longer side of the pictures
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    pub texels: u32,
+    /// Paths per texel of the pictures
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(2..))]
+    pub texel_spp: u64,
+    /// Median relative error below which models are said to agree
+    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
+    pub limit: f64,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Level of detail of the volumes; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub level: u8,
+    #[command(flatten)]
+    pub voxel: VoxelArgs,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}

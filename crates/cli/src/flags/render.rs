@@ -1,0 +1,94 @@
+//! Flags of rendering and of putting renders together.
+
+use super::values::{parse_crop, parse_duration, parse_share};
+use super::{CommonArgs, MemoryArgs};
+use crate::sample_ranges::parse_range;
+use clap::Args;
+use organza_transport::Crop;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// `organza render`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza render scenes/first_light.toml -o first_light.exr --spp 256 --stats"
+)]
+pub struct RenderArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Picture to write: .exr or .png
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Samples per pixel [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Render only these pixels: left, top, right, bottom (right and bottom outside)
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_crop)]
+    pub crop: Option<Crop>,
+    /// Take only these samples of every pixel; parts are put together by `organza merge`
+    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "spp")]
+    pub samples: Option<Range<u64>>,
+    /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub time_limit: Option<Duration>,
+    /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
+    #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Save what was gathered to this file now and then, when interrupted and at the end
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+    /// Time between two checkpoints
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
+    pub checkpoint_every: Duration,
+    /// Go on from the checkpoint
+    #[arg(long, requires = "checkpoint")]
+    pub resume: bool,
+    /// What walks the paths; auto takes the widest vectors there are where the scene allows it, else the general walk
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: BackendName,
+    /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
+    #[arg(long)]
+    pub stats: bool,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// What walks the paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum BackendName {
+    /// The widest kernel there is where the scene allows it, else the walk
+    Auto,
+    /// The general walk, which can do every scene
+    Walk,
+    /// The kernel, one path at a time
+    Scalar,
+    /// The kernel, 16 paths at a time
+    Avx2,
+    /// The kernel, 32 paths at a time
+    Avx512,
+}
+
+/// `organza merge`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza render scenes/first_light.toml --samples 0..128 -o a.exr\n  organza render scenes/first_light.toml --samples 128..256 -o b.exr\n  organza merge a.exr b.exr -o all.exr"
+)]
+pub struct MergeArgs {
+    /// Pictures of one scene and seed (.exr), with no sample in common
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Picture to write (.exr)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
+}

@@ -1,0 +1,109 @@
+//! Values of flags as they are typed: times, sizes, counts, crops.
+
+use glam::UVec2;
+use organza_transport::Crop;
+use std::time::Duration;
+
+/// A crop from "X0,Y0,X1,Y1".
+pub fn parse_crop(text: &str) -> Result<Crop, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) => Ok(Crop {
+            min: UVec2::new(x0, y0),
+            max: UVec2::new(x1, y1),
+        }),
+        _ => Err("expected four pixel numbers X0,Y0,X1,Y1".into()),
+    }
+}
+
+/// Two counts "A,B", each at most a thousand.
+pub fn parse_counts(text: &str, least: u32) -> Result<[u32; 2], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[a, b]) if [a, b].iter().all(|n| (least..=1000).contains(n)) => Ok([a, b]),
+        _ => Err(format!("expected two numbers from {least} to 1000, A,B")),
+    }
+}
+
+pub fn parse_grid(text: &str) -> Result<[u32; 2], String> {
+    parse_counts(text, 1)
+}
+
+pub fn parse_patience(text: &str) -> Result<[u32; 2], String> {
+    parse_counts(text, 0)
+}
+
+/// A positive number.
+pub fn parse_share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a positive number such as 0.02".into()),
+    }
+}
+
+/// Bytes from "512MiB", "2GB" or a plain number.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "kib" | "k" => 1024.0,
+        "mib" | "m" => 1024.0 * 1024.0,
+        "gib" | "g" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err("expected a size such as 512MiB or 2GB".into()),
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n * unit < 9e18 => Ok((n * unit) as u64),
+        _ => Err("expected a size such as 512MiB or 2GB".into()),
+    }
+}
+
+/// A time from "60s", "500ms", "1.5m", "2h" or a plain number of seconds.
+pub fn parse_duration(text: &str) -> Result<Duration, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let seconds = match &text[digits.len()..] {
+        "ms" => 1e-3,
+        "" | "s" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    digits
+        .trim()
+        .parse()
+        .ok()
+        .and_then(|n: f64| Duration::try_from_secs_f64(n * seconds).ok())
+        .ok_or_else(|| "expected a time such as 60s, 500ms, 5m or 2h".into())
+}
+
+pub fn parse_repeats(text: &str) -> Result<UVec2, String> {
+    let number = |t: &str| t.trim().parse().ok().filter(|n| (1..=4096).contains(n));
+    text.split_once(',')
+        .and_then(|(x, y)| Some(UVec2::new(number(x)?, number(y)?)))
+        .ok_or_else(|| "expected two whole numbers from 1 to 4096 such as 8,8".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_with_their_units() {
+        assert_eq!(parse_duration("1.5m"), Ok(Duration::from_secs(90)));
+        assert_eq!(parse_duration("250ms"), Ok(Duration::from_millis(250)));
+        assert_eq!(parse_duration("0"), Ok(Duration::ZERO));
+        for wrong in ["", "s", "-1s", "5 weeks", "infs", "1e400"] {
+            assert!(parse_duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_are_read_with_their_units() {
+        assert_eq!(parse_bytes("2GiB"), Ok(2 << 30));
+        assert_eq!(parse_bytes("1.5k"), Ok(1536));
+        assert_eq!(parse_bytes("7"), Ok(7));
+        assert!(parse_bytes("-1").is_err() && parse_bytes("2 apples").is_err());
+    }
+}
