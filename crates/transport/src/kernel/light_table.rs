@@ -215,33 +215,47 @@ impl LightTable {
     /// The exact transmittance from a local point to the light, and the number
     /// of voxels looked at.
     pub fn transmittance(&self, p: Vec3) -> (f32, u64) {
-        let dims = self.lattice.dims().as_ivec3();
-        let mut walk = VoxelWalk::new(&self.lattice, p, self.to_light);
-        let (mut depth, mut steps) = (0.0f32, 0);
-        loop {
-            let mut c = walk.cell;
-            if c.z < 0 || c.z >= dims.z {
-                break;
-            }
-            if self.lattice.repeats() {
-                c.x = around(c.x, dims.x);
-                c.y = around(c.y, dims.y);
-            } else if (c.x | c.y) < 0 || c.x >= dims.x || c.y >= dims.y {
-                break;
-            }
-            let extinction = self.extinction_per_mm[((c.z * dims.y + c.y) * dims.x + c.x) as usize];
-            steps += 1;
-            let length_mm = walk.step();
-            if extinction > 0.0 {
-                depth += length_mm * extinction;
-            }
-            // e^-88 is the smallest f32 worth carrying on for.
-            if depth > 88.0 || steps > MOST_EXACT_STEPS {
-                break;
-            }
-        }
-        ((-depth).exp(), steps)
+        transmittance(&self.lattice, p, self.to_light, |index| {
+            self.extinction_per_mm[index]
+        })
     }
+}
+
+/// The exact transmittance from a local point along a unit direction through
+/// voxels that have an extinction, 1/mm, and the number of voxels looked at.
+#[inline]
+pub fn transmittance(
+    lattice: &Lattice,
+    p: Vec3,
+    direction: Vec3,
+    extinction_per_mm: impl Fn(usize) -> f32,
+) -> (f32, u64) {
+    let dims = lattice.dims().as_ivec3();
+    let mut walk = VoxelWalk::new(lattice, p, direction);
+    let (mut depth, mut steps) = (0.0f32, 0);
+    loop {
+        let mut c = walk.cell;
+        if c.z < 0 || c.z >= dims.z {
+            break;
+        }
+        if lattice.repeats() {
+            c.x = around(c.x, dims.x);
+            c.y = around(c.y, dims.y);
+        } else if (c.x | c.y) < 0 || c.x >= dims.x || c.y >= dims.y {
+            break;
+        }
+        let extinction = extinction_per_mm(((c.z * dims.y + c.y) * dims.x + c.x) as usize);
+        steps += 1;
+        let length_mm = walk.step();
+        if extinction > 0.0 {
+            depth += length_mm * extinction;
+        }
+        // e^-88 is the smallest f32 worth carrying on for.
+        if depth > 88.0 || steps > MOST_EXACT_STEPS {
+            break;
+        }
+    }
+    ((-depth).exp(), steps)
 }
 
 fn around(c: i32, n: i32) -> i32 {

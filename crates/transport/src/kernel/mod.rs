@@ -8,8 +8,12 @@
 //! numbers.
 //!
 //! Light of one direction comes from a table that an occasional exact shadow
-//! ray corrects ([`light_table`]), the environment by escaping.
+//! ray corrects ([`light_table`]), environments by escaping, what is bright in a
+//! picture by both ([`environment`]).
 
+mod environment;
+#[cfg(test)]
+mod environment_tests;
 mod film_rays;
 mod flat_medium;
 mod lanes;
@@ -26,13 +30,16 @@ pub(crate) use flat_medium::{NO_YARN, Population};
 pub(crate) use tally::{Brightness, Tally};
 
 use crate::{
-    AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
+    AnyMedium, Hemisphere, ImageEnvironment, Integrator, Light, Medium, Pixel, RenderSettings,
+    Scene, Stats,
 };
+use environment::Sky;
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
 use light_table::LightTable;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What walks the paths of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,9 +111,12 @@ pub enum KernelRefusal {
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
-    /// Another light than parallel light and constant environments.
-    #[error("a light is neither parallel nor a constant environment")]
+    /// A rectangle.
+    #[error("a light is a rectangle")]
     Light,
+    /// A picture of too many pixels.
+    #[error("a picture of light has more than 65536 pixels along an edge")]
+    Picture,
     /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]
     Integrator,
@@ -126,6 +136,7 @@ pub struct Kernel {
     lights: Vec<LightTable>,
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
+    skies: Vec<Sky>,
     rays: FilmRays,
     film_width: u32,
     seed: u64,
@@ -201,6 +212,7 @@ impl Kernel {
         }
         let mut parallel = Vec::new();
         let mut environment = [Vec3::ZERO; 2];
+        let mut pictures = Vec::new();
         for light in &scene.lights {
             match light {
                 Light::Directional {
@@ -218,11 +230,17 @@ impl Kernel {
                         environment[1] += radiance.0;
                     }
                 }
-                Light::Image { .. } | Light::Rectangle { .. } => return Err(KernelRefusal::Light),
+                Light::Image { image, .. } if image.size().max_element() > 1 << 16 => {
+                    return Err(KernelRefusal::Picture);
+                }
+                Light::Image { image, .. } => pictures.push(image),
+                Light::Rectangle { .. } => return Err(KernelRefusal::Light),
             }
         }
+        let of_pictures = |p: &&Arc<ImageEnvironment>| Sky::most_bytes(p, &lattice);
         let bytes = FlatMedium::least_bytes(&lattice)
-            + LightTable::most_bytes(&lattice, parallel.len() as u64);
+            + LightTable::most_bytes(&lattice, parallel.len() as u64)
+            + pictures.iter().map(of_pictures).sum::<u64>();
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
         }
@@ -231,10 +249,12 @@ impl Kernel {
             AnyMedium::Cloth(m) => FlatMedium::from_cloth(m)?,
             _ => return Err(KernelRefusal::NotFlakes),
         };
+        let skies: Vec<Sky> = pictures.iter().map(|p| Sky::new(&medium, p)).collect();
         let brightest = parallel
             .iter()
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
+            .chain(skies.iter().map(|s| s.brightest))
             .fold(0.0, f32::max);
         Ok(Kernel {
             backend,
@@ -245,6 +265,7 @@ impl Kernel {
             medium,
             voxels_per_mm: 1.0 / lattice.voxel_mm(),
             environment,
+            skies,
             rays: FilmRays::new(&scene.camera, &lattice),
             film_width: scene.camera.resolution().x,
             seed: settings.seed,
@@ -263,7 +284,8 @@ impl Kernel {
     /// Bytes of the matter and tables.
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
-        self.medium.memory_bytes() + tables
+        let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
+        self.medium.memory_bytes() + tables + skies
     }
 
     /// Takes the samples of a block.

@@ -1,7 +1,10 @@
 //! The walk: one path in every lane, and a new one where one has ended.
 
+use super::environment::Lamp;
 use super::film_rays::{inverse_of_step, with_sign_of};
-use super::flat_medium::{AXIS_ZERO, EMPTY, END_ON_ONE, INDEX_BITS, NO_POPULATION, Reach};
+use super::flat_medium::{
+    AXIS_ZERO, EMPTY, END_ON_ONE, FlatMedium, INDEX_BITS, NO_POPULATION, Reach,
+};
 use super::lanes::{Floats, Ints, MAX_LANES, Mask};
 use super::light_table::{LightTable, MOST_DEPTH};
 use super::math::{LaneRng, V3, exp2, minus_ln, pixel_key, positive, sin_cos_of_turns};
@@ -351,7 +354,11 @@ fn index_in<F: Floats>(cell: F, size: f32) -> F::Ints {
 fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
     let [behind, before] = kernel.environment;
     let back = paths.direction.z.below(F::splat(0.0));
-    let sky = V3::splat(behind).or_where_not(back, V3::splat(before));
+    let mut sky = V3::splat(behind).or_where_not(back, V3::splat(before));
+    let unscattered = paths.bounces.equals(F::Ints::splat(0));
+    for picture in &kernel.skies {
+        sky = sky + picture.radiance_toward(paths.direction, unscattered);
+    }
     let lit = paths.radiance + paths.throughput.times(sky);
     paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
     paths.gone = F::Mask::from_bits(0);
@@ -405,6 +412,28 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
             let mut shown = through;
             if traced.any() {
                 let exact = trace_exactly(light, paths.at, traced, stats);
+                let set_right = (exact - through) / keep + through;
+                shown = set_right.or_where_not(traced, through);
+            }
+            let lit = scattered.scaled_add(shown, paths.radiance);
+            paths.radiance = lit.or_where_not(met, paths.radiance);
+        }
+    }
+
+    for sky in &kernel.skies {
+        for lamp in &sky.lamps {
+            let [place, own, u] = paths.rng.units(met);
+            let [across, down, _] = paths.rng.units(met);
+            let drawn = sky.sample(lamp, [place, own, across, down]);
+            let phase = flakes.phase(w_out, per_area, drawn.to_light);
+            let scattered = throughput.scaled(phase).times(drawn.irradiance);
+            let through = exp2(depth_from_table(&lamp.table, paths.at) * F::splat(-LOG2_E));
+            let share = mean * phase * F::splat(kernel.residual_scale);
+            let keep = (share * (through + F::splat(kernel.residual_floor))).min(one);
+            let traced = met & u.below(keep);
+            let mut shown = through;
+            if traced.any() {
+                let exact = trace_toward(medium, paths.at, drawn.to_light, traced, stats);
                 let set_right = (exact - through) / keep + through;
                 shown = set_right.or_where_not(traced, through);
             }
@@ -492,6 +521,34 @@ fn trace_exactly<F: Floats>(
     let mut through = [0.0; MAX_LANES];
     for lane in SetBits(traced.bits()) {
         let (t, steps) = light.transmittance(Vec3::new(x[lane], y[lane], z[lane]));
+        through[lane] = t;
+        stats.shadow_rays += 1;
+        stats.shadow_steps += steps;
+    }
+    F::load(&through)
+}
+
+/// The same toward directions of their own.
+#[inline(always)]
+fn trace_toward<F: Floats>(
+    medium: &FlatMedium,
+    at: V3<F>,
+    toward: V3<F>,
+    traced: F::Mask,
+    stats: &mut Stats,
+) -> F {
+    let (mut from, mut way) = ([[0.0; MAX_LANES]; 3], [[0.0; MAX_LANES]; 3]);
+    at.x.store(&mut from[0]);
+    at.y.store(&mut from[1]);
+    at.z.store(&mut from[2]);
+    toward.x.store(&mut way[0]);
+    toward.y.store(&mut way[1]);
+    toward.z.store(&mut way[2]);
+    let mut through = [0.0; MAX_LANES];
+    for lane in SetBits(traced.bits()) {
+        let from = Vec3::new(from[0][lane], from[1][lane], from[2][lane]);
+        let way = Vec3::new(way[0][lane], way[1][lane], way[2][lane]);
+        let (t, steps) = Lamp::transmittance(medium, from, way);
         through[lane] = t;
         stats.shadow_rays += 1;
         stats.shadow_steps += steps;
