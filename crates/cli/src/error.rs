@@ -26,8 +26,16 @@ pub fn exit_code(e: &anyhow::Error) -> ExitCode {
     ExitCode::from(if wrong_input { 2 } else { 1 })
 }
 
-/// Says what went wrong, causes in one line.
+/// Says what went wrong, causes in one line. Many an error tells its cause
+/// itself; none is told twice.
 #[allow(clippy::print_stderr)]
 pub fn print(e: &anyhow::Error) {
-    eprintln!("organza: {e:#}");
+    let words = e.chain().fold(String::new(), |told, cause| {
+        match (cause.to_string(), told.as_str()) {
+            (cause, "") => cause,
+            (cause, _) if told.ends_with(&cause) => told,
+            (cause, _) => told + ": " + &cause,
+        }
+    });
+    eprintln!("organza: {words}");
 }

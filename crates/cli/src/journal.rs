@@ -37,8 +37,10 @@ impl FileJournal {
         } else {
             String::new()
         };
+        // Broken off while it was begun: as if it were not there.
+        let is_begun = text.contains('\n') || !head.starts_with(&text);
         let mut lines = text.lines();
-        if let Some(first) = lines.next()
+        if let Some(first) = lines.next().filter(|_| is_begun)
             && first != head
         {
             return Err(input(format!(
@@ -61,7 +63,8 @@ impl FileJournal {
             .create(true)
             .open(path)
             .with_context(|| format!("cannot write {}", path.display()))?;
-        if text.is_empty() {
+        if !is_begun {
+            file.set_len(0)?;
             writeln!(file, "{head}")?;
         } else if !text.ends_with('\n') {
             writeln!(file)?;

@@ -29,9 +29,13 @@ impl Drop for Partial {
 /// # Errors
 /// Names the file; nothing is left behind.
 pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>) -> Result<()> {
-    let temporary = partial_path(path);
     let cannot = || format!("cannot write {}", path.display());
-    let file = File::create(&temporary).with_context(cannot)?;
+    refuse_special(path)?;
+    let temporary = partial_path(path);
+    // Left by a killed process of the same number, if it is there. Never
+    // followed, should it be a link that someone else put in its place.
+    let _ = std::fs::remove_file(&temporary);
+    let file = File::create_new(&temporary).with_context(cannot)?;
     let mut partial = Partial(Some(temporary.clone()));
     let mut out = BufWriter::new(file);
     write(&mut out).with_context(cannot)?;
@@ -49,10 +53,22 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<
 pub trait SeekWrite: Write + Seek {}
 impl<T: Write + Seek> SeekWrite for T {}
 
-/// Refuses early what could not be written in the end: a missing folder.
+/// Devices and pipes keep their place: a rename would put a file there instead.
+fn refuse_special(path: &Path) -> Result<()> {
+    match std::fs::metadata(path) {
+        Ok(about) if !about.is_file() && !about.is_dir() => Err(crate::error::input(format!(
+            "{}: is a device or a pipe; expected the name of a file",
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses early what could not be written in the end.
 ///
 /// # Errors
-/// The folder does not exist or is none, or the path names a folder.
+/// The folder does not exist, is none or takes no files; the path names a
+/// folder, a device or a pipe.
 pub fn check_writable(path: &Path) -> Result<()> {
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
@@ -71,5 +87,17 @@ pub fn check_writable(path: &Path) -> Result<()> {
             path.display()
         )));
     }
-    Ok(())
+    refuse_special(path)?;
+    // The folder itself is asked, for its mode does not tell all.
+    let probe = partial_path(path);
+    let _ = std::fs::remove_file(&probe);
+    match File::create_new(&probe) {
+        Ok(_) => Ok(std::fs::remove_file(&probe)?),
+        Err(e) => Err(crate::error::input(format!(
+            "{}: cannot write in {}: {}",
+            path.display(),
+            folder.display(),
+            crate::read::io_words(&e)
+        ))),
+    }
 }

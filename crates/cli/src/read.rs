@@ -2,10 +2,13 @@
 //! key, what was expected and the nearest valid name.
 
 use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
 use anyhow::Result;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -27,9 +30,26 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 /// The bytes of a file, for callers that word the error themselves.
 ///
 /// # Errors
-/// Those of the file system.
+/// Those of the file system; a device or a pipe, which may have no end; a file
+/// larger than the free memory.
 pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
-    let bytes = std::fs::read(path)?;
+    let about = std::fs::metadata(path)?;
+    let refuse = |kind, why: String| Err(std::io::Error::new(kind, why));
+    if about.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    if !about.is_file() {
+        let why = "is a device or a pipe; expected a file";
+        return refuse(ErrorKind::InvalidInput, why.into());
+    }
+    let (size, free) = (about.len(), free_memory_bytes());
+    if size > free {
+        let why = format!("is {size} bytes long; {free} bytes of memory are free");
+        return refuse(ErrorKind::OutOfMemory, why);
+    }
+    // What grows while it is read is cut, and found wrong by whoever decodes it.
+    let mut bytes = Vec::new();
+    File::open(path)?.take(free).read_to_end(&mut bytes)?;
     let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
     inputs.push(Sha256::digest(&bytes).into());
     Ok(bytes)
@@ -74,9 +94,9 @@ pub fn text(path: &Path) -> Result<String> {
 /// What an I/O error means to the person at the terminal.
 pub fn io_words(e: &std::io::Error) -> String {
     match e.kind() {
-        std::io::ErrorKind::NotFound => "no such file".into(),
-        std::io::ErrorKind::PermissionDenied => "permission denied".into(),
-        std::io::ErrorKind::IsADirectory => "is a folder; expected a file".into(),
+        ErrorKind::NotFound => "no such file".into(),
+        ErrorKind::PermissionDenied => "permission denied".into(),
+        ErrorKind::IsADirectory => "is a folder; expected a file".into(),
         _ => e.to_string(),
     }
 }

@@ -39,6 +39,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     }
     std::fs::create_dir_all(&args.outdir)
         .map_err(|e| input(format!("{}: {}", args.outdir.display(), read::io_words(&e))))?;
+    output::check_writable(&args.outdir.join("report.html"))?;
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
         let fabric = fabric_file::load(&args.fabric, &args.common.set)?;

@@ -27,6 +27,10 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
             folder.display()
         )));
     }
+    let scene_path = folder.join("scene.xml");
+    if folder.exists() {
+        output::check_writable(&scene_path)?;
+    }
     let file: SceneFile = read::toml(&args.scene, &args.common.set)?;
     let build = BuildOptions {
         scene_path: &args.scene,
@@ -52,7 +56,6 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         picture::write_plain(&folder.join(name), *size, pixels)?;
     }
     // Last, so that a folder with a scene is a whole one.
-    let scene_path = folder.join("scene.xml");
     output::write_file(&scene_path, |out| Ok(out.write_all(export.xml.as_bytes())?))?;
     if !args.common.quiet {
         for note in &export.notes {

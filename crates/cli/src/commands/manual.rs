@@ -20,6 +20,7 @@ pub fn pages(args: &ManArgs) -> Result<()> {
             args.outfile.display()
         )));
     }
+    output::check_writable(&args.outfile.join("organza.1"))?;
     let mut program = flags::command();
     // Gives the commands the names under which they are called.
     program.build();

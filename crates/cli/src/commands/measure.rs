@@ -2,6 +2,7 @@
 
 use super::with_threads;
 use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
 use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
@@ -183,6 +184,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             ));
         }
         Wanted::Textures(pairs) => {
+            check_texture_memory(args, pairs.len() as u64, grid)?;
             let mut textures = Vec::with_capacity(pairs.len());
             for pair in pairs {
                 let texture = measure_texture(patch, *pair, grid, args.spp, args.seed);
@@ -231,6 +233,22 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
     }
     let seconds = progress.finish();
     report(args, told, seconds)
+}
+
+/// Refuses pictures that do not fit into memory: six numbers a texel, held
+/// twice when they are written.
+fn check_texture_memory(args: &MeasureArgs, pairs: u64, grid: &TexelGrid) -> Result<()> {
+    let texels = grid.texels.as_u64vec2().element_product();
+    let needed = texels.saturating_mul(2 * 6 * 4).saturating_mul(pairs);
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "--texels {}: {pairs} pictures of {} x {} texels need {needed} bytes of memory, {most} \
+             are allowed: take fewer texels or fewer pairs",
+            args.texels, grid.texels.x, grid.texels.y
+        )));
+    }
+    Ok(())
 }
 
 /// Median of the standard errors as shares of their values.

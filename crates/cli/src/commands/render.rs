@@ -15,11 +15,13 @@ use crate::scene_file::SceneFile;
 use crate::schedule::{Next, Schedule, Stop};
 use crate::{output, read};
 use anyhow::Result;
+use glam::UVec2;
 use organza_transport::{
     Backend, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
     Rendering, Scene,
 };
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
 /// Runs the command.
@@ -27,10 +29,23 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     PictureKind::of(&args.outfile)?;
     output::check_writable(&args.outfile)?;
     if let Some(path) = &args.checkpoint {
-        output::check_writable(path)?;
+        check_checkpoint(path, args)?;
         interrupt::watch()?;
     }
     with_threads(&args.common, || render_scene(args))
+}
+
+/// Refuses to lose what stands in the checkpoint's place.
+fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
+    output::check_writable(path)?;
+    let fail = |why: &str| Err(input(format!("{}: {why}", path.display())));
+    if path == args.outfile || path == args.scene {
+        return fail("names the checkpoint and another file at once");
+    }
+    if path.exists() && !args.resume {
+        return fail("is there already; go on from it with --resume, or remove it");
+    }
+    Ok(())
 }
 
 fn render_scene(args: &RenderArgs) -> Result<()> {
@@ -42,15 +57,15 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     if let Some(seed) = args.seed {
         file.render.seed = seed;
     }
+    let most_bytes = memory_beside_film(args, &file)?;
     let build = BuildOptions {
         scene_path: &args.scene,
         quiet: args.common.quiet,
-        max_memory_bytes: args.memory.max_memory,
+        max_memory_bytes: Some(most_bytes),
     };
     let inputs_before = read::input_count();
     let scene = scene_build::scene(&file, &build)?;
     let settings = settings(args, &file, &scene)?;
-    let most_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let kernel = kernel(args, &scene, &settings, most_bytes)?;
     let refusal = kernel.as_ref().err().copied();
     let rendering = Rendering::new(&scene, settings).map_err(|e| match e {
@@ -101,6 +116,26 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         say_why(&rendering, stop);
     }
     Ok(())
+}
+
+/// Memory that the film leaves to the scene. The film is held twice when it is
+/// written or gone on from.
+fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
+    let whole = UVec2::from(file.camera.resolution);
+    let size = args
+        .crop
+        .map_or(whole, |c| c.max.min(whole).saturating_sub(c.min));
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    let needed = Film::memory_bytes(size).saturating_mul(2);
+    most.checked_sub(needed).ok_or_else(|| {
+        input(format!(
+            "{}: camera.resolution: a film of {} x {} pixels needs {needed} bytes of memory, \
+             {most} are allowed: render fewer pixels, or parts of them with --crop",
+            args.scene.display(),
+            size.x,
+            size.y
+        ))
+    })
 }
 
 /// Takes samples until the schedule or the user says stop.

@@ -1,0 +1,552 @@
+//! What befalls a long run: a kill at any moment, a full disk, a folder that
+//! takes no files, too little memory, special files in the place of inputs and
+//! outputs, names in a scene that lead elsewhere.
+//!
+//! `ORGANZA_FULL=1 cargo test --release --test main faults:: -- --nocapture`
+//! kills each command fifty times and more and prints what it saw; without it
+//! each is killed a few times.
+
+use crate::cli::write_grid_scene;
+use crate::program::{complaint, folder, organza, succeed};
+use organza_basis::PathRng;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SEED: u64 = 0xfa17;
+
+/// Kills of each command.
+fn kills() -> u32 {
+    if std::env::var_os("ORGANZA_FULL").is_some() {
+        60
+    } else {
+        4
+    }
+}
+
+const FABRIC: &str = r#"
+[draft]
+weave = "satin-5-2"
+[warp]
+yarn = "cotton"
+per_cm = 24.0
+[weft]
+yarn = "cotton"
+per_cm = 22.0
+[yarn.cotton]
+preset = "cotton"
+tex = 20.0
+fibres_per_ply = 60
+[voxel]
+size_um = 16.0
+[surface]
+preset = "cotton-twill"
+"#;
+
+/// Everything that a run leaves, temporary files aside.
+fn left(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .filter(|name| !name.ends_with(".tmp"))
+        .collect();
+    names.sort();
+    names
+}
+
+/// What a command was killed into.
+#[derive(Debug, Default)]
+struct Tally {
+    killed: u32,
+    /// Runs that came to their end before the kill.
+    ended: u32,
+    /// Kills after which something was there to go on from.
+    resumed: u32,
+    /// Kills that left a temporary file: in the middle of writing.
+    writing: u32,
+}
+
+/// A command that is killed again and again.
+struct Victim<'a> {
+    name: &'a str,
+    arguments: &'a [&'a str],
+    /// What it writes in the end.
+    outputs: &'a [&'a str],
+    /// What it keeps on the way, and the flags for that.
+    state: Option<&'a str>,
+    keep: &'a [&'a str],
+    /// The flag to go on with, where there is one.
+    resume: &'a [&'a str],
+}
+
+impl Victim<'_> {
+    /// Kills it at moments spread evenly over an undisturbed run, half of them
+    /// over its last tenth, where files are written; goes on where it can.
+    fn torment(&self, folder: &Path) {
+        let inputs = left(folder);
+        let started = Instant::now();
+        let plain = [self.arguments, &["--threads", "1"]].concat();
+        succeed(folder, &plain);
+        let whole_s = started.elapsed().as_secs_f64();
+        let whole: Vec<Vec<u8>> = self
+            .outputs
+            .iter()
+            .map(|name| std::fs::read(folder.join(name)).unwrap())
+            .collect();
+        let clear = || {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let name = entry.unwrap().file_name().into_string().unwrap();
+                if !inputs.contains(&name) {
+                    std::fs::remove_file(folder.join(name)).unwrap();
+                }
+            }
+        };
+        let check = |at: &str| {
+            for (name, bytes) in self.outputs.iter().zip(&whole) {
+                let Ok(found) = std::fs::read(folder.join(name)) else {
+                    continue;
+                };
+                assert!(found == *bytes, "{}: {name} differs {at}", self.name);
+            }
+            for name in left(folder) {
+                let known = inputs.contains(&name)
+                    || self.outputs.contains(&name.as_str())
+                    || self.state == Some(name.as_str());
+                assert!(known, "{}: {name} was left {at}", self.name);
+            }
+        };
+        clear();
+        let mut rng = PathRng::from_seed(SEED);
+        let mut tally = Tally::default();
+        while tally.killed < kills() {
+            let place = f64::from(rng.unit());
+            let place = if rng.below(2) == 0 {
+                place
+            } else {
+                0.9 + 0.2 * place
+            };
+            let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
+            tally.resumed += u32::from(goes_on);
+            let threads = if tally.killed % 2 == 0 { "1" } else { "2" };
+            let mut arguments = [self.arguments, self.keep].concat();
+            arguments.extend(["--threads", threads, "--quiet"]);
+            arguments.extend(self.resume.iter().filter(|_| goes_on));
+            let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
+                .current_dir(folder)
+                .args(&arguments)
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            std::thread::sleep(Duration::from_secs_f64(place * whole_s));
+            child.kill().unwrap(); // SIGKILL
+            let ended = child.wait().unwrap().success();
+            let at = format!(
+                "after kill {} at {place:.3} of {whole_s:.2} s",
+                tally.killed
+            );
+            check(&at);
+            if ended {
+                for name in self.outputs {
+                    assert!(folder.join(name).exists(), "{}: no {name}", self.name);
+                }
+                tally.ended += 1;
+                clear();
+            } else {
+                let names = std::fs::read_dir(folder).unwrap();
+                let cut = names.filter(|e| {
+                    let name = e.as_ref().unwrap().file_name();
+                    name.to_string_lossy().ends_with(".tmp")
+                });
+                tally.writing += u32::from(cut.count() > 0);
+                tally.killed += 1;
+                // Where nothing is kept every run begins anew; where something
+                // is, one in eight runs does.
+                if self.state.is_none() || rng.below(8) == 0 {
+                    clear();
+                }
+            }
+        }
+        // What is there now is brought to its end.
+        let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
+        let mut arguments = [self.arguments, self.keep].concat();
+        arguments.extend(self.resume.iter().filter(|_| goes_on));
+        succeed(folder, &arguments);
+        check("in the end");
+        let present = self.outputs.iter().all(|n| folder.join(n).exists());
+        assert!(present, "{}", self.name);
+        println!(
+            "{:<16} run of {whole_s:.2} s: {} kills, {} of runs resumed, {} in the middle of \
+             writing, {} runs ended before",
+            self.name, tally.killed, tally.resumed, tally.writing, tally.ended
+        );
+    }
+}
+
+#[test]
+fn a_render_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    let folder = folder("kill-render");
+    write_grid_scene(&folder);
+    let resolution = "camera.resolution=[96,64]";
+    Victim {
+        name: "render",
+        arguments: &[
+            "render",
+            "scene.toml",
+            "-o",
+            "out.exr",
+            "--spp",
+            "400",
+            "--set",
+            resolution,
+        ],
+        outputs: &["out.exr"],
+        state: Some("state"),
+        keep: &["--checkpoint", "state", "--checkpoint-every", "0s"],
+        resume: &["--resume"],
+    }
+    .torment(&folder);
+}
+
+#[test]
+fn a_volume_or_a_table_has_its_name_only_when_whole() {
+    let folder = folder("kill-volume");
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    let voxelize = |name, outfile, outputs| {
+        Victim {
+            name,
+            arguments: &["voxelize", "cloth.toml", "-o", outfile],
+            outputs,
+            state: None,
+            keep: &[],
+            resume: &[],
+        }
+        .torment(&folder);
+        for name in outputs {
+            std::fs::remove_file(folder.join(name)).unwrap();
+        }
+    };
+    voxelize("voxelize .ovox", "cloth.ovox", &["cloth.ovox"]);
+    voxelize("voxelize .vdb", "cloth.vdb", &["cloth.vdb"]);
+    let three: &[&str] = &["cloth.sigma_t.vol", "cloth.sggx.vol", "cloth.albedo.vol"];
+    voxelize("voxelize .vol", "cloth.vol", three);
+    Victim {
+        name: "measure",
+        arguments: &[
+            "measure",
+            "cloth.toml",
+            "--layout",
+            "grid",
+            "--grid",
+            "2,4",
+            "--spp",
+            "64",
+            "--voxel-um",
+            "40",
+            "-o",
+            "out.csv",
+        ],
+        outputs: &["out.csv"],
+        state: None,
+        keep: &[],
+        resume: &[],
+    }
+    .torment(&folder);
+}
+
+#[test]
+fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    let folder = folder("kill-fit");
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    let pairs = "theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b\n\
+                 30,0,20,170,0.1,0.1,0.1,0.01,0.01,0.01\n50,80,10,0,0.08,0.1,0.1,0.01,0.01,0.01\n\
+                 10,20,50,100,0.09,0.1,0.1,0.01,0.01,0.01\n60,0,30,0,0.1,0.1,0.1,0.01,0.01,0.01\n";
+    std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
+    Victim {
+        name: "fit",
+        arguments: &[
+            "fit",
+            "cloth.toml",
+            "--data",
+            "pairs.csv",
+            "--patience",
+            "4,6",
+            "-o",
+            "fitted.toml",
+        ],
+        outputs: &["fitted.toml"],
+        state: Some("journal"),
+        keep: &["--journal", "journal"],
+        resume: &[],
+    }
+    .torment(&folder);
+}
+
+/// Runs the program in a shell after `before`; `None` when the shell could not
+/// do what comes before, which ends it with 99.
+fn after(folder: &Path, before: &str, arguments: &str) -> Option<Output> {
+    let program = env!("CARGO_BIN_EXE_organza");
+    let script = format!("{{ {before}; }} >/dev/null 2>&1 || exit 99; '{program}' {arguments}");
+    let out = Command::new("unshare")
+        .args(["-rm", "sh", "-c", &script])
+        .current_dir(folder)
+        .output();
+    out.ok().filter(|o| {
+        let able = o.status.code() != Some(99) && !o.stderr.starts_with(b"unshare:");
+        if !able {
+            println!("left out, for the system does not allow it: {before}");
+        }
+        able
+    })
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_leaves_nothing() {
+    let folder = folder("full-disk");
+    write_grid_scene(&folder);
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::create_dir(folder.join("disk")).unwrap();
+    let mount = "mount -t tmpfs -o size=16k none disk";
+    for arguments in [
+        "render scene.toml -o disk/out.exr --set camera.resolution=[64,64]",
+        "render scene.toml -o disk/out.png --set camera.resolution=[256,256] --spp 1",
+        "render scene.toml -o out.exr --set camera.resolution=[64,64] --checkpoint disk/state",
+        "voxelize cloth.toml -o disk/cloth.ovox --voxel-um 40",
+        "voxelize cloth.toml -o disk/cloth.vdb --voxel-um 40",
+        "voxelize cloth.toml -o disk/cloth.vol --voxel-um 40",
+        "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.csv",
+        "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.json",
+        "export mitsuba scene.toml -o disk/scene --set object.0.extinction=big.vol",
+    ] {
+        let big = [0.5; 8 * 8 * 80];
+        let bounds = [-0.2, -0.2, -0.2, 0.2, 0.2, 0.2];
+        crate::program::write_vol(&folder.join("big.vol"), [8, 8, 80], 1, bounds, &big);
+        // Run by the shell, for the disk is seen from there alone.
+        let listing = format!("{arguments} --quiet; code=$?; ls -A disk disk/scene; exit $code");
+        let Some(out) = after(&folder, mount, &listing) else {
+            return;
+        };
+        let said = String::from_utf8_lossy(&out.stderr);
+        let said = said.lines().next().unwrap_or_default();
+        assert_eq!(out.status.code(), Some(1), "{arguments}: {said}");
+        assert!(
+            said.starts_with("organza: cannot write disk/")
+                && said.contains("No space left on device"),
+            "{arguments}: {said}"
+        );
+        let left = String::from_utf8_lossy(&out.stdout);
+        for name in [
+            ".tmp", ".exr", ".png", ".ovox", ".vdb", ".csv", ".json", ".xml",
+        ] {
+            assert!(!left.contains(name), "{arguments}: left {left}");
+        }
+        println!("{arguments}\n    {said}");
+    }
+    assert!(!folder.join("out.exr").exists());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_takes_no_files_is_told_before_the_work_begins() {
+    let folder = folder("read-only");
+    write_grid_scene(&folder);
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::create_dir(folder.join("disk")).unwrap();
+    let mount = "mount -t tmpfs -o ro none disk";
+    for arguments in [
+        "render scene.toml -o disk/out.exr --spp 4000000000",
+        "render scene.toml -o out.exr --checkpoint disk/state --spp 4000000000",
+        "voxelize cloth.toml -o disk/cloth.ovox",
+        "measure cloth.toml --layout klems --spp 4000000000 -o disk/out.xml",
+        "fit cloth.toml --spp 4000000000 -o disk/fitted.toml",
+        "compare cloth.toml --spp 4000000000 -o disk",
+        "export mitsuba scene.toml -o disk",
+        "merge scene.toml scene.toml -o disk/all.exr",
+        "weave plain -o disk/plain.png",
+        "man -o disk",
+    ] {
+        let Some(out) = after(&folder, mount, &format!("{arguments} </dev/null")) else {
+            return;
+        };
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{arguments}: {said}");
+        assert_eq!(said.lines().count(), 1, "{arguments}: {said}");
+        assert!(
+            said.contains("cannot write in disk: Read-only file system"),
+            "{arguments}: {said}"
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_and_pipes_are_neither_read_nor_replaced() {
+    let folder = folder("devices");
+    write_grid_scene(&folder);
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    let made = Command::new("mkfifo").arg(folder.join("pipe")).status();
+    assert!(made.unwrap().success());
+    let special = "is a device or a pipe; expected ";
+    for (key, file) in [
+        ("extinction", "/dev/zero"),
+        ("sggx", "pipe"),
+        ("albedo", "pipe"),
+    ] {
+        let set = format!("object.0.{key}={file}");
+        let said = complaint(
+            &folder,
+            &["render", "scene.toml", "-o", "x.exr", "--set", &set],
+        );
+        assert_eq!(said, format!("organza: {file}: {special}a file"));
+    }
+    let said = complaint(&folder, &["info", "pipe"]);
+    assert!(
+        said.contains("pipe: expected a name that ends in"),
+        "{said}"
+    );
+    std::os::unix::fs::symlink("/dev/zero", folder.join("endless.toml")).unwrap();
+    let said = complaint(&folder, &["info", "endless.toml"]);
+    assert_eq!(said, format!("organza: endless.toml: {special}a file"));
+    std::os::unix::fs::symlink("/dev/full", folder.join("out.csv")).unwrap();
+    let arguments = ["measure", "cloth.toml", "--layout", "grid", "-o", "out.csv"];
+    let said = complaint(&folder, &arguments);
+    assert_eq!(
+        said,
+        format!("organza: out.csv: {special}the name of a file")
+    );
+    assert!(folder.join("out.csv").is_symlink());
+}
+
+#[test]
+fn too_little_memory_is_told_before_it_is_taken() {
+    let folder = folder("memory");
+    write_grid_scene(&folder);
+    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    let scene = "[camera]\norigin_mm=[0,0,3]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[8,8]\n\
+                 [[object]]\nkind='cloth'\nfabric='cloth.toml'\n";
+    std::fs::write(folder.join("cloth_scene.toml"), scene).unwrap();
+    let large = "camera.resolution=[65536,65536]";
+    for arguments in [
+        &["render", "scene.toml", "-o", "x.exr", "--set", large][..],
+        &["render", "cloth_scene.toml", "-o", "x.exr"],
+        &[
+            "measure",
+            "cloth.toml",
+            "--layout",
+            "irawan",
+            "-o",
+            "x.exr",
+            "--model",
+            "surface",
+        ],
+        &[
+            "render",
+            "cloth_scene.toml",
+            "-o",
+            "x.exr",
+            "--set",
+            "render.integrator='fibres'",
+        ],
+        &["voxelize", "cloth.toml", "-o", "x.ovox"],
+        &["measure", "cloth.toml", "--layout", "grid", "-o", "x.csv"],
+        &[
+            "measure",
+            "cloth.toml",
+            "--layout",
+            "grid",
+            "-o",
+            "x.csv",
+            "--model",
+            "fibres",
+        ],
+        &[
+            "compare",
+            "cloth.toml",
+            "-o",
+            "report",
+            "--models",
+            "packed,plain",
+        ],
+        &["fit", "cloth.toml", "-o", "x.toml"],
+        &["export", "mitsuba", "cloth_scene.toml", "-o", "out"],
+    ] {
+        let said = complaint(
+            &folder,
+            &[arguments, &["--quiet", "--max-memory", "100KiB"]].concat(),
+        );
+        assert!(
+            said.contains("bytes of memory, ") && said.contains(" are allowed: "),
+            "{arguments:?}: {said}"
+        );
+        println!("{said}");
+    }
+}
+
+/// A scene names what is read, the command line alone what is written.
+#[cfg(unix)]
+#[test]
+fn a_scene_writes_nowhere() {
+    let folder = folder("paths");
+    let inner = folder.join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    write_grid_scene(&inner);
+    // Its inputs by ways that lead about: up and down again, a link, a chain
+    // of links without an end.
+    std::fs::rename(inner.join("sggx.vol"), folder.join("sggx.vol")).unwrap();
+    std::os::unix::fs::symlink("../sggx.vol", inner.join("link.vol")).unwrap();
+    std::os::unix::fs::symlink("loop.vol", inner.join("loop.vol")).unwrap();
+    let render = |name: &str| {
+        let set = format!("object.0.sggx={name}");
+        organza(
+            &inner,
+            &[
+                "render",
+                "scene.toml",
+                "-o",
+                "out.png",
+                "--set",
+                &set,
+                "--quiet",
+            ],
+        )
+    };
+    for name in ["../sggx.vol", "../inner/../sggx.vol", "link.vol"] {
+        assert!(render(name).status.success(), "{name}");
+    }
+    for (name, why) in [
+        ("loop.vol", "Too many levels of symbolic links"),
+        ("../../../../../../../../../no_such.vol", "no such file"),
+        ("nul\\u0000byte", "contained an unexpected NUL byte"),
+        ("..", "is a folder; expected a file"),
+    ] {
+        let out = render(&format!("\"{name}\""));
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{name}: {said}");
+        assert!(
+            said.contains(why) || cfg!(not(target_os = "linux")),
+            "{said}"
+        );
+    }
+    let names = [
+        "inner",
+        "link.vol",
+        "loop.vol",
+        "out.png",
+        "scene.toml",
+        "sggx.vol",
+    ];
+    for name in [left(&folder), left(&inner)].concat() {
+        assert!(
+            names.contains(&name.as_str()) || name == "sigma_t.vol",
+            "{name}"
+        );
+    }
+    // What stands at the end of a link is not written through it.
+    std::fs::write(folder.join("precious"), "precious").unwrap();
+    std::fs::remove_file(inner.join("out.png")).unwrap();
+    std::os::unix::fs::symlink("../precious", inner.join("out.png")).unwrap();
+    assert!(render("link.vol").status.success());
+    assert_eq!(std::fs::read(folder.join("precious")).unwrap(), b"precious");
+    assert!(!inner.join("out.png").is_symlink());
+}
