@@ -18,6 +18,7 @@
 //! The random numbers of a path are named by seed, pair and index. Paths are
 //! added in order, in chunks of fixed size.
 
+mod cost;
 pub mod fit;
 mod fit_surface;
 mod goniometer;
@@ -27,12 +28,14 @@ mod layout;
 mod metrics;
 mod pairs;
 mod patch;
+mod picture_error;
 mod surface_patch;
 mod sweep;
 mod table;
 mod texture;
 mod volume_patch;
 
+pub use cost::{Cost, Growth, growth, pareto_front};
 pub use fit_surface::{FitError, FittedSurface, Journal, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Told, measure_albedos, measure_openness,
@@ -49,6 +52,7 @@ pub use pairs::{
     parse_values,
 };
 pub use patch::{Energy, Exit, PatchResponse};
+pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,

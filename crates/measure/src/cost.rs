@@ -1,0 +1,164 @@
+//! What a picture costs, and which of several ways to make it are worth
+//! anything.
+
+/// What one way to make a picture costs.
+///
+/// The squared relative noise of a picture falls with the time spent on it, so
+/// one number stands for how fast a way is: the seconds that bring it to 1,
+/// which is one over the efficiency.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Cost {
+    /// Seconds before the first path: geometry, voxels, tables.
+    pub setup_s: f64,
+    /// Seconds of tracing times the squared relative noise that they leave.
+    pub noise_s: f64,
+    /// Most memory that is ever needed.
+    pub memory_bytes: u64,
+}
+
+impl Cost {
+    /// Seconds until the error, that of the model and that of noise together
+    /// (root of the sum of squares), is at most `tolerance`; `None` when the
+    /// model's alone is not below it.
+    pub fn seconds_within(&self, tolerance: f64, model_error: f64) -> Option<f64> {
+        let left = tolerance * tolerance - model_error * model_error;
+        (left > 0.0 && model_error >= 0.0).then(|| self.setup_s + self.noise_s / left)
+    }
+
+    /// The error that is left after some seconds; `None` before the first path.
+    pub fn error_after(&self, seconds: f64, model_error: f64) -> Option<f64> {
+        let tracing_s = seconds - self.setup_s;
+        (tracing_s > 0.0).then(|| (model_error * model_error + self.noise_s / tracing_s).sqrt())
+    }
+}
+
+/// Which points no other point beats: none is at most as large in every
+/// coordinate and smaller in one. Points with a coordinate that is no number
+/// are never among them.
+pub fn pareto_front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
+    let valid = |p: &[f64; N]| p.iter().all(|x| !x.is_nan());
+    let beats =
+        |a: &[f64; N], b: &[f64; N]| valid(a) && a.iter().zip(b).all(|(x, y)| x <= y) && a != b;
+    points
+        .iter()
+        .map(|p| valid(p) && !points.iter().any(|other| beats(other, p)))
+        .collect()
+}
+
+/// How a cost grows with a size: as `size ^ exponent`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Growth {
+    /// The exponent that fits all sizes best.
+    pub exponent: f64,
+    /// Its standard error, from how far the costs lie off the fitted line.
+    pub standard_error: f64,
+    /// The exponent between the two largest sizes, where what does not grow
+    /// counts least.
+    pub last_exponent: f64,
+}
+
+/// The exponent of costs over sizes, by least squares in their logarithms;
+/// `None` for fewer than three points, a single size, or values that are not
+/// positive. Sizes rise.
+pub fn growth(points: &[(f64, f64)]) -> Option<Growth> {
+    let usable = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
+    let [.., before, last] = points else {
+        return None;
+    };
+    if points.len() < 3 || !points.iter().all(usable) || before.0 >= last.0 {
+        return None;
+    }
+    let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
+    let n = logs.len() as f64;
+    let (x0, y0) = logs
+        .iter()
+        .fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let xx: f64 = logs.iter().map(|(x, _)| (x - x0).powi(2)).sum();
+    let xy: f64 = logs.iter().map(|(x, y)| (x - x0) * (y - y0)).sum();
+    let exponent = xy / xx;
+    let off: f64 = logs
+        .iter()
+        .map(|(x, y)| (y - y0 - exponent * (x - x0)).powi(2))
+        .sum();
+    Some(Growth {
+        exponent,
+        standard_error: (off / (n - 2.0) / xx).sqrt(),
+        last_exponent: (last.1 / before.1).ln() / (last.0 / before.0).ln(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_and_errors_are_each_others_inverse() {
+        let cost = Cost {
+            setup_s: 2.0,
+            noise_s: 0.01,
+            memory_bytes: 0,
+        };
+        let seconds = cost.seconds_within(0.05, 0.03).unwrap();
+        assert!((seconds - (2.0 + 0.01 / 0.0016)).abs() < 1e-9);
+        assert!((cost.error_after(seconds, 0.03).unwrap() - 0.05).abs() < 1e-12);
+        assert_eq!(cost.seconds_within(0.03, 0.03), None, "never reached");
+        assert_eq!(cost.seconds_within(0.03, f64::NAN), None);
+        assert_eq!(cost.error_after(1.0, 0.0), None);
+    }
+
+    /// Against the front by sorting, over random points, and a twin whose front
+    /// has lost a point.
+    #[test]
+    fn the_front_is_that_of_a_sweep() {
+        let mut rng = organza_basis::PathRng::new(3, 0, 0);
+        let points: Vec<[f64; 2]> = (0..200)
+            .map(|_| [rng.unit(), rng.unit()].map(f64::from))
+            .collect();
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
+        let (mut swept, mut best) = (vec![false; points.len()], f64::INFINITY);
+        for i in order {
+            if points[i][1] < best {
+                (swept[i], best) = (true, points[i][1]);
+            }
+        }
+        assert_eq!(pareto_front(&points), swept, "seed 3");
+        let first = swept.iter().position(|&s| s).unwrap();
+        let mut without = points.clone();
+        without[first] = [2.0, 2.0];
+        assert_ne!(pareto_front(&without), swept);
+    }
+
+    #[test]
+    fn equals_share_the_front_and_what_is_no_number_is_not_on_it() {
+        let points = [
+            [1.0, 2.0],
+            [1.0, 2.0],
+            [2.0, 1.0],
+            [2.0, 2.0],
+            [f64::NAN, 0.0],
+        ];
+        assert_eq!(pareto_front(&points), [true, true, true, false, false]);
+        assert_eq!(pareto_front::<2>(&[]), [false; 0]);
+        assert_eq!(
+            pareto_front(&[[f64::INFINITY, 0.0], [1.0, 1.0]]),
+            [true, true]
+        );
+    }
+
+    #[test]
+    fn planted_exponents_are_found_and_what_stays_is_told_from_what_grows() {
+        let sizes = [1.0f64, 2.0, 4.0, 8.0];
+        for planted in [0.0, 0.5, 1.0, 2.0] {
+            let found = growth(&sizes.map(|x| (x, 3.0 * x.powf(planted)))).unwrap();
+            assert!((found.exponent - planted).abs() < 1e-12);
+            assert!(found.standard_error < 1e-7);
+        }
+        let with_start = growth(&sizes.map(|x| (x, 5.0 + x * x))).unwrap();
+        assert!(with_start.exponent < with_start.last_exponent && with_start.last_exponent < 2.0);
+        assert!(with_start.standard_error > 0.1);
+        assert_eq!(growth(&[(1.0, 1.0), (2.0, 2.0)]), None);
+        assert_eq!(growth(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(growth(&[(1.0, 1.0), (2.0, 0.0), (3.0, 3.0)]), None);
+    }
+}
