@@ -268,18 +268,11 @@ fn the_published_choice_is_biased() {
     assert!(worst > 0.03, "seed 81: {worst}");
 }
 
-/// A slab of SGGX fibres against the values of another renderer (its sampler
-/// mended), within the errors of both.
+/// A slab of SGGX fibres against a walk in double precision
+/// (`tests/peers/slab_f64.py`), within the errors of both.
 #[test]
-fn a_slab_of_flakes_matches_another_renderer() {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/reference/slab_caseA.csv"
-    );
-    let Ok(text) = std::fs::read_to_string(path) else {
-        eprintln!("slab_caseA.csv is absent: comparison skipped");
-        return;
-    };
+fn a_slab_of_flakes_matches_a_walk_in_double_precision() {
+    let table = include_str!("../../../tests/data/slab_f64.csv");
     let medium = Mirrors(
         20.0,
         SpecularFlakes {
@@ -287,21 +280,21 @@ fn a_slab_of_flakes_matches_another_renderer() {
             albedo: ALBEDO,
         },
     );
-    for (row, line) in text.lines().skip(1).enumerate() {
-        let v: Vec<f64> = line
-            .split(',')
-            .skip(1)
-            .map(|x| x.parse().unwrap())
-            .collect();
+    let rows: Vec<Vec<f64>> = table
+        .lines()
+        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
+        .collect();
+    assert_eq!(rows.len(), 16);
+    for (row, v) in rows.iter().enumerate() {
         let way = |k: usize| direction(v[k] as f32, v[k + 1] as f32);
         let got = bsdf(&medium, 0.3, way(0), way(2), draws(10_000), 10 + row as u64);
         for (channel, m) in got.iter().enumerate() {
             let error = (m.variance() / m.count as f64).sqrt().hypot(v[7 + channel]);
             let z = z_test(m.mean, v[4 + channel], error);
-            println!("{line}: {:.5}, {:+.2} errors", m.mean, z.statistic);
+            println!("{v:?}: {:.5}, {:+.2} errors", m.mean, z.statistic);
             assert!(
                 z.p_value > sidak(1e-3, 48),
-                "seed 81, {line}: {} is {} errors off",
+                "seed 81, {v:?}: {} is {} errors off",
                 m.mean,
                 z.statistic
             );
