@@ -2,6 +2,7 @@
 //! binary.
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
+mod bench; // speed against error, and what it chooses
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod far; // surface models, meshes and levels of detail in scenes

@@ -3,6 +3,8 @@
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
 
+mod auto_model;
+mod bench;
 mod btf_file;
 mod checkpoint;
 mod cloth_levels;
@@ -21,6 +23,7 @@ mod optics;
 mod output;
 mod patches;
 mod picture;
+mod process_usage;
 mod progress;
 mod read;
 mod report;
@@ -55,6 +58,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         flags::Command::Measure(a) => commands::measure::run(&a),
         flags::Command::Export(a) => commands::export::run(&a),
         flags::Command::Compare(a) => commands::compare::run(&a),
+        flags::Command::Bench(a) => commands::bench::run(&a),
         flags::Command::Fit(a) => commands::fit::run(&a),
         flags::Command::Info(a) => commands::info::run(&a),
         flags::Command::Completions(a) => commands::manual::completions(&a),

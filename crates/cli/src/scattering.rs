@@ -57,6 +57,9 @@ impl ScatteringTable {
             ModelName::Fibres | ModelName::Surface if self.flake.is_some() => {
                 Err(".flake: belongs to model = \"microflake\"")
             }
+            ModelName::Auto => {
+                Err(".model: \"auto\" chooses for the pictures of a scene; name a model")
+            }
             ModelName::Fibres => Ok(ScatteringModel::Explicit),
             ModelName::Surface => Ok(ScatteringModel::Surface),
             ModelName::VirtualScattering if self.flake.is_some() => {

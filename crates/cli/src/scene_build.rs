@@ -81,7 +81,11 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     })
 }
 
-fn camera(t: &CameraTable) -> Result<Camera, String> {
+/// The camera of a scene file.
+///
+/// # Errors
+/// `key: why`.
+pub fn camera(t: &CameraTable) -> Result<Camera, String> {
     let projection = projection(t)?;
     let pose = CameraPose {
         origin_mm: DVec3::from_array(t.origin_mm),

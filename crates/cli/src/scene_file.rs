@@ -229,7 +229,7 @@ pub enum InterpolationName {
     Trilinear,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClothTable {
     /// A fabric file.
@@ -249,6 +249,9 @@ pub struct ClothTable {
     pub optics: OpticsFile,
     #[serde(default)]
     pub lod: Lod,
+    /// With model = "auto": error of a pixel, a share of the picture's mean, that
+    /// is tolerated.
+    pub tolerance: Option<f64>,
     /// A mesh with texture coordinates to lay the cloth over.
     pub mesh: Option<String>,
     /// With `mesh`: length of its units; 1000 for glTF and else 1, if none.
@@ -284,6 +287,8 @@ pub enum ModelName {
     Fibres,
     /// The fabric's `[surface]`, from near and far.
     Surface,
+    /// What suits the camera and the lights, as measured by `organza bench`.
+    Auto,
 }
 
 /// `flake`, of micro-flakes.

@@ -5,7 +5,7 @@ use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::InfoArgs;
 use crate::scene_file::{SceneFile, is_scene};
-use crate::{fabric_file, read};
+use crate::{auto_model, fabric_file, read};
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_volume::{Octree, VolGrid, ovox, vdb};
@@ -70,15 +70,20 @@ fn tell(args: &InfoArgs) -> Result<Value> {
 /// A fabric or a scene.
 fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
     if is_scene(&read::text(path)?) {
-        let file: SceneFile = read::toml(path, overrides)?;
-        return Ok(json!({
+        let mut file: SceneFile = read::toml(path, overrides)?;
+        let chosen = auto_model::resolve(&mut file, path)?;
+        let mut told = json!({
             "kind": "scene",
             "resolution": file.camera.resolution,
             "spp": file.render.spp,
             "seed": file.render.seed,
             "lights": file.light.len(),
             "objects": file.object.len(),
-        }));
+        });
+        if !chosen.is_empty() {
+            told["chosen"] = json!(chosen);
+        }
+        return Ok(told);
     }
     let fabric = fabric_file::load(path, overrides)?;
     let yarns: Vec<Value> = fabric

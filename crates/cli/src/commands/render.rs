@@ -1,6 +1,7 @@
 //! `organza render`
 
 use super::with_threads;
+use crate::auto_model::{self, Chosen};
 use crate::checkpoint;
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
@@ -8,6 +9,7 @@ use crate::flags::{BackendName, RenderArgs};
 use crate::identity::{self, Identity};
 use crate::interrupt;
 use crate::picture::{self, Attribute, PictureKind};
+use crate::process_usage::{cpu_seconds, peak_memory_bytes};
 use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
 use crate::scene_build::{self, BuildOptions};
@@ -20,6 +22,7 @@ use organza_transport::{
     Backend, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
     Rendering, Scene,
 };
+use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
@@ -58,6 +61,10 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         file.render.seed = seed;
     }
     let most_bytes = memory_beside_film(args, &file)?;
+    let chosen = auto_model::resolve(&mut file, &args.scene)?;
+    if !args.common.quiet {
+        auto_model::say(&args.scene, &chosen);
+    }
     let build = BuildOptions {
         scene_path: &args.scene,
         quiet: args.common.quiet,
@@ -82,7 +89,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         seed: file.render.seed,
         crop: rendering.crop(),
     };
-    let tracing = Instant::now();
+    let (tracing, setup_cpu_s) = (Instant::now(), cpu_seconds());
     let resumed = args.checkpoint.as_deref().filter(|_| args.resume);
     let rendering = match resumed {
         Some(path) => checkpoint::resume(path, &identity, rendering)?,
@@ -101,6 +108,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         }
     }
     let render_s = tracing.elapsed().as_secs_f64();
+    let render_cpu_s = cpu_seconds() - setup_cpu_s;
     let attributes = attributes(args, &identity, &rendering);
     let film = rendering.film();
     picture::write(&args.outfile, film, file.render.exposure, &attributes)?;
@@ -115,6 +123,58 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         );
         say_why(&rendering, stop);
     }
+    if args.json {
+        let told = Told {
+            setup_cpu_s,
+            render_cpu_s,
+            render_s,
+            total_s: started.elapsed().as_secs_f64(),
+        };
+        print_figures(&rendering, refusal.flatten(), &chosen, &told)?;
+    }
+    Ok(())
+}
+
+/// Where the time went: of the whole process and of all its threads together
+/// (CPU), and as it passed.
+struct Told {
+    setup_cpu_s: f64,
+    render_cpu_s: f64,
+    render_s: f64,
+    total_s: f64,
+}
+
+#[allow(clippy::print_stdout)]
+fn print_figures(
+    rendering: &Rendering<'_>,
+    refusal: Option<KernelRefusal>,
+    chosen: &[Chosen],
+    told: &Told,
+) -> Result<()> {
+    let (film, stats) = (rendering.film(), rendering.stats());
+    let figures = json!({
+        "backend": backend_name(rendering),
+        "kernel_refused": refusal.map(|why| why.to_string()),
+        "resolution": film.size().to_array(),
+        "samples": rendering.taken().end - rendering.taken().start,
+        "setup_cpu_s": told.setup_cpu_s,
+        "render_cpu_s": told.render_cpu_s,
+        "render_s": told.render_s,
+        "total_s": told.total_s,
+        "peak_memory_bytes": peak_memory_bytes(),
+        "mean": film.mean().map(|m| m.0),
+        "standard_error": film.mean().map(|m| m.1),
+        "relative_error": film.relative_error(),
+        "collisions": stats.collisions,
+        "tentative": stats.tentative,
+        "shadow_rays": stats.shadow_rays,
+        "shadow_steps": stats.shadow_steps,
+        "cut": stats.cut,
+        "rejected": stats.rejected,
+        "brightest": stats.brightest,
+        "chosen": chosen,
+    });
+    println!("{}", serde_json::to_string_pretty(&figures)?);
     Ok(())
 }
 
@@ -321,12 +381,4 @@ fn report(
         }
         None => eprintln!("memory        {film_mib:.0} MiB of film"),
     }
-}
-
-/// Most memory the process ever had, where the system tells (Linux does).
-fn peak_memory_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    kib.checked_mul(1024)
 }

@@ -1,5 +1,6 @@
 //! Every command and flag; help, completions and man pages come from here.
 
+mod bench;
 mod compare;
 mod export;
 mod fit;
@@ -10,6 +11,7 @@ mod values;
 mod voxelize;
 mod weave;
 
+pub use bench::BenchArgs;
 pub use compare::CompareArgs;
 pub use export::{ExportArgs, ExportTo, MitsubaArgs};
 pub use fit::{FitArgs, FitWhat};
@@ -51,6 +53,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Find the surface or the fibres that measured values ask for
     Fit(FitArgs),
+    /// Measure speed against error of every choice there is for a cloth
+    Bench(BenchArgs),
     /// Draw a draft or a fabric's weave
     Weave(WeaveArgs),
     /// Write a scene for another renderer

@@ -53,6 +53,9 @@ pub struct RenderArgs {
     /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
     #[arg(long)]
     pub stats: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]

@@ -1,5 +1,7 @@
 //! The report of a comparison: one page that stands alone.
 
+pub mod bench;
+mod plot;
 pub mod svg;
 
 use anyhow::Result;

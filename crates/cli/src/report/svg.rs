@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// A model's name and colour in plots, readable on light and dark.
 pub fn colour(model: &str) -> &'static str {
     match model {
-        "volume" => "#3b82c4",
+        "volume" | "microflake" => "#3b82c4",
         "packed" => "#1f9e77",
         "plain" => "#8a7fd0",
         "surface" => "#d9701a",

@@ -1,0 +1,320 @@
+//! `model = "auto"`: the choice that a scene needs of a cloth, by what `organza
+//! bench` has measured.
+
+use crate::bench::choice::{Model, Tracker};
+use crate::bench::stage::Lit;
+use crate::bench::table::{self, Recommendation, Traits, candidates, nearest, recommend};
+use crate::cloth_levels::Place;
+use crate::error::input;
+use crate::fabric_file::{self, free_memory_bytes};
+use crate::scene_build::{self, BuildOptions};
+use crate::scene_file::{
+    ClothTable, EventName, HemisphereName, IntegratorName, LightTable, Lod, LodName, ModelName,
+    ObjectTable, SceneFile,
+};
+use crate::{drape, read};
+use anyhow::Result;
+use organza_basis::SegmentSource;
+use serde::Serialize;
+use std::path::Path;
+
+/// Error of a pixel, of model and noise together, that is tolerated unless a
+/// cloth says otherwise: a share of the picture's mean.
+const TOLERANCE: f64 = 0.1;
+
+/// What was chosen for a cloth, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct Chosen {
+    /// Which of the scene's objects.
+    pub object: usize,
+    /// What was chosen, in words.
+    pub what: String,
+    /// Why, in words.
+    pub why: String,
+    /// Width of the narrowest pixel on the cloth.
+    pub pixel_mm: f64,
+    /// From where light comes.
+    pub lit: Vec<Lit>,
+    pub tolerance: f64,
+    /// The fabric whose measurements were taken, and at which pixels.
+    pub measured_on: String,
+    pub measured_pixel_mm: f64,
+    pub recommendation: Recommendation,
+}
+
+/// Puts what is chosen in the place of every `model = "auto"` of a scene. With
+/// `integrator = "fibres"` nothing is left to choose.
+///
+/// # Errors
+/// Keys that contradict the choice, and those of the camera and the fabrics.
+pub fn resolve(file: &mut SceneFile, scene_path: &Path) -> Result<Vec<Chosen>> {
+    let mut list = Vec::new();
+    for i in 0..file.object.len() {
+        let Some(ObjectTable::Cloth(table)) = file.object.get(i) else {
+            continue;
+        };
+        let fail = |why: &str| input(format!("{}: object[{i}]{why}", scene_path.display()));
+        if table.model != Some(ModelName::Auto) {
+            if table.tolerance.is_some() {
+                return Err(fail(".tolerance: belongs to model = \"auto\""));
+            }
+            continue;
+        }
+        check(table).map_err(|why| fail(&why))?;
+        let mut table = table.clone();
+        if file.render.integrator == IntegratorName::Fibres {
+            table.model = Some(ModelName::Fibres);
+        } else {
+            list.push(choose(file, i, &mut table, scene_path)?);
+        }
+        table.tolerance = None;
+        if let Some(slot) = file.object.get_mut(i) {
+            *slot = ObjectTable::Cloth(table);
+        }
+    }
+    Ok(list)
+}
+
+/// Says on stderr what was chosen.
+#[allow(clippy::print_stderr)]
+pub fn say(scene_path: &Path, chosen: &[Chosen]) {
+    for c in chosen {
+        eprintln!(
+            "{}: object[{}]: auto takes {}: {}",
+            scene_path.display(),
+            c.object,
+            c.what,
+            c.why
+        );
+    }
+}
+
+fn check(table: &ClothTable) -> Result<(), String> {
+    let decided = [
+        ("flake", table.flake.is_some()),
+        ("event", table.event.is_some()),
+        ("local_visibility", table.local_visibility),
+        ("lod", table.lod != Lod::Name(LodName::Auto)),
+        ("voxel_um", table.voxel_um.is_some()),
+    ];
+    if let Some((key, _)) = decided.iter().find(|d| d.1) {
+        return Err(format!(".{key}: model = \"auto\" decides it; leave it out"));
+    }
+    match table.tolerance {
+        Some(t) if !(t > 0.0 && t.is_finite()) => Err(format!(
+            ".tolerance: expected a positive share of the picture's brightness such as 0.1, found {t}"
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn choose(
+    file: &SceneFile,
+    index: usize,
+    table: &mut ClothTable,
+    scene_path: &Path,
+) -> Result<Chosen> {
+    let fail = |why: &str| input(format!("{}: {why}", scene_path.display()));
+    let options = BuildOptions {
+        scene_path,
+        quiet: true,
+        max_memory_bytes: None,
+    };
+    let camera =
+        scene_build::camera(&file.camera).map_err(|why| fail(&format!("camera: {why}")))?;
+    let path = read::beside(scene_path, &table.fabric);
+    let fabric = fabric_file::load(&path, &[])?;
+    let mesh = drape::mesh(table, &options)?;
+    let place = Place {
+        bounds_mm: fabric.cloth.tile().bounds_mm,
+        mesh: mesh.as_ref(),
+        max_memory_bytes: free_memory_bytes(),
+        quiet: true,
+    };
+    let pixel_mm = f64::from(place.footprints_mm(&camera).0);
+    let lit = if mesh.is_some() {
+        Lit::ALL.to_vec()
+    } else {
+        let middle = f64::from(place.bounds_mm.centre().z);
+        lit_sides(&file.light, file.camera.origin_mm[2], middle)
+    };
+    let rows = table::measured();
+    let traits = Traits::of(&fabric);
+    let like = nearest(&rows, &traits, pixel_mm)
+        .ok_or_else(|| fail("model = \"auto\": this build carries no measurements"))?;
+    let by_kernel = file.object.len() == 1 && mesh.is_none();
+    let regular = file.render.integrator == IntegratorName::Regular;
+    let possible = |model: Model, tracker: Tracker| match model {
+        Model::Fibres => mesh.is_none() && !regular,
+        Model::Surface => fabric.file.surface.is_some(),
+        Model::Microflake if !regular && by_kernel => tracker == Tracker::Kernel,
+        _ => {
+            tracker
+                == if regular {
+                    Tracker::Regular
+                } else {
+                    Tracker::Woodcock
+                }
+        }
+    };
+    let usable = rows.iter().filter(|r| {
+        r.fabric == like.fabric
+            && r.pixel_mm == like.pixel_mm
+            && possible(r.choice.model, r.choice.tracker)
+    });
+    let tolerance = table.tolerance.unwrap_or(TOLERANCE);
+    let recommendation = recommend(&candidates(usable, &lit), tolerance)
+        .ok_or_else(|| fail("model = \"auto\": nothing measured suits this cloth; name a model"))?;
+    let choice = recommendation.taken.choice;
+    let own_um = fabric.file.voxel.size_um;
+    set(table, &recommendation, own_um);
+    Ok(Chosen {
+        object: index,
+        what: choice.words(own_um),
+        why: why(&recommendation, pixel_mm, &lit, tolerance, like, &traits),
+        pixel_mm,
+        lit,
+        tolerance,
+        measured_on: like.fabric.clone(),
+        measured_pixel_mm: like.pixel_mm,
+        recommendation,
+    })
+}
+
+/// The keys of a cloth that make it what was chosen.
+fn set(table: &mut ClothTable, recommendation: &Recommendation, own_um: f32) {
+    let choice = recommendation.taken.choice;
+    let (model, event) = match choice.model {
+        Model::Fibres => (ModelName::Fibres, None),
+        Model::Packed => (ModelName::VirtualScattering, Some(EventName::Packed)),
+        Model::Plain => (ModelName::VirtualScattering, Some(EventName::Plain)),
+        Model::Microflake => (ModelName::Microflake, None),
+        Model::Surface => (ModelName::Surface, None),
+    };
+    (table.model, table.event) = (Some(model), event);
+    if choice.model.is_volume() {
+        table.lod = Lod::Level(choice.level);
+        table.voxel_um = Some(choice.voxel_scale * own_um);
+    }
+}
+
+fn why(
+    r: &Recommendation,
+    pixel_mm: f64,
+    lit: &[Lit],
+    tolerance: f64,
+    like: &table::Row,
+    traits: &Traits,
+) -> String {
+    let percent = |x: f64| format!("{:.1} %", 100.0 * x);
+    let rmse = &r.taken.rmse;
+    let error = if r.taken.choice.model == Model::Fibres {
+        "no other choice is known to be within".to_owned()
+    } else {
+        let sides = format!(
+            "error {} ({} to {})",
+            percent(rmse.value),
+            percent(rmse.low),
+            percent(rmse.high)
+        );
+        match r.seconds {
+            Some(_) => format!("{sides}, the fastest within"),
+            None => format!("{sides}, the least wrong; nothing is within"),
+        }
+    };
+    let gain = match (r.seconds, r.fibres_s) {
+        (Some(own), Some(fibres)) if r.taken.choice.model != Model::Fibres => {
+            format!(", {:.1} times as fast as explicit fibres", fibres / own)
+        }
+        _ => String::new(),
+    };
+    let sides: Vec<&str> = lit.iter().map(|l| l.name()).collect();
+    let whose = if like.traits.is_of(traits) {
+        format!("measured on {}", like.fabric)
+    } else {
+        format!("measured on {}, the fabric most like it", like.fabric)
+    };
+    format!(
+        "{error} {} for pixels of {pixel_mm:.3} mm lit from {}{gain}; {whose}, at pixels of {} mm",
+        percent(tolerance),
+        sides.join(" and "),
+        like.pixel_mm
+    )
+}
+
+/// From which sides of a flat cloth at height `middle`, seen from a camera at
+/// height `camera`, light comes; from both when it cannot be told.
+fn lit_sides(lights: &[LightTable], camera: f64, middle: f64) -> Vec<Lit> {
+    // Above, below.
+    let mut from = [false; 2];
+    for light in lights {
+        let (above, below) = match light {
+            LightTable::Directional { direction, .. } => (direction[2] < 0.0, direction[2] > 0.0),
+            LightTable::Environment(t) => match t.hemisphere.unwrap_or_default() {
+                HemisphereName::All => (true, true),
+                HemisphereName::Front => (true, false),
+                HemisphereName::Back => (false, true),
+            },
+            LightTable::Rectangle {
+                corner_mm,
+                edge_u_mm,
+                edge_v_mm,
+                ..
+            } => {
+                let heights = [0.0, edge_u_mm[2], edge_v_mm[2], edge_u_mm[2] + edge_v_mm[2]]
+                    .map(|h| f64::from(corner_mm[2] + h));
+                (
+                    heights.iter().any(|&h| h > middle),
+                    heights.iter().any(|&h| h < middle),
+                )
+            }
+        };
+        from = [from[0] || above, from[1] || below];
+    }
+    let [front, back] = if camera >= middle {
+        from
+    } else {
+        [from[1], from[0]]
+    };
+    match (front, back) {
+        (true, false) => vec![Lit::Front],
+        (false, true) => vec![Lit::Back],
+        _ => Lit::ALL.to_vec(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lights(text: &str) -> Vec<LightTable> {
+        #[derive(serde::Deserialize)]
+        struct File {
+            light: Vec<LightTable>,
+        }
+        toml::from_str::<File>(text).unwrap().light
+    }
+
+    #[test]
+    fn lights_have_a_side() {
+        let sun = lights(
+            "[[light]]\nkind='directional'\ndirection=[0.0, 0.1, -1.0]\nirradiance=[1.0, 1.0, 1.0]",
+        );
+        assert_eq!(lit_sides(&sun, 5.0, 0.0), [Lit::Front]);
+        assert_eq!(lit_sides(&sun, -5.0, 0.0), [Lit::Back]);
+        let sky = lights("[[light]]\nkind='environment'\nradiance=[1.0, 1.0, 1.0]");
+        assert_eq!(lit_sides(&sky, 5.0, 0.0), Lit::ALL);
+        let half =
+            lights("[[light]]\nkind='environment'\nradiance=[1.0, 1.0, 1.0]\nhemisphere='back'");
+        assert_eq!(lit_sides(&half, 5.0, 0.0), [Lit::Back]);
+        let panel = |z: f32| {
+            lights(&format!(
+                "[[light]]\nkind='rectangle'\ncorner_mm=[0.0, 0.0, {z:.1}]\nedge_u_mm=[0.0, 1.0, 0.0]\n\
+                 edge_v_mm=[1.0, 0.0, 1.0]\nradiance=[1.0, 1.0, 1.0]"
+            ))
+        };
+        assert_eq!(lit_sides(&panel(2.0), 5.0, 0.0), [Lit::Front]);
+        assert_eq!(lit_sides(&panel(-0.5), 5.0, 0.0), Lit::ALL);
+        assert_eq!(lit_sides(&[], 5.0, 0.0), Lit::ALL);
+    }
+}

@@ -1,0 +1,83 @@
+//! Pictures that other programs made of the bench's scenes.
+
+use crate::error::input;
+use crate::read;
+use anyhow::Result;
+use organza_measure::{Cost, NoisyPicture};
+use serde::Deserialize;
+use std::path::Path;
+
+/// A file of pictures.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PeerFile {
+    pictures: Vec<Peer>,
+}
+
+/// One picture.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Peer {
+    /// Name and version of the program, and how it was run.
+    pub program: String,
+    /// The bench's scene, without ending.
+    pub scene: String,
+    /// Processor seconds before and while tracing.
+    setup_s: f64,
+    render_s: f64,
+    #[serde(default)]
+    memory_bytes: u64,
+    /// Radiance, red, green and blue of every pixel, row by row from the top.
+    mean: Vec<[f64; 3]>,
+    /// Variance of `mean`.
+    variance: Vec<[f64; 3]>,
+}
+
+impl Peer {
+    /// The pictures of a file, each of `pixels` pixels.
+    ///
+    /// # Errors
+    /// Names the file and the picture.
+    pub fn read(path: &Path, pixels: usize) -> Result<Vec<Peer>> {
+        let fail = |why: String| input(format!("{}: {why}", path.display()));
+        let file: PeerFile =
+            serde_json::from_str(&read::text(path)?).map_err(|e| fail(e.to_string()))?;
+        for peer in &file.pictures {
+            let sizes = [peer.mean.len(), peer.variance.len()];
+            if sizes != [pixels; 2] {
+                return Err(fail(format!(
+                    "{}: expected {pixels} pixels, found {} of mean and {} of variance",
+                    peer.scene, sizes[0], sizes[1]
+                )));
+            }
+            let good = |v: &f64| v.is_finite() && *v >= 0.0;
+            let variances = peer.variance.iter().flatten();
+            if !variances.chain([&peer.setup_s, &peer.render_s]).all(good)
+                || !peer.mean.iter().flatten().all(|v| v.is_finite())
+            {
+                return Err(fail(format!(
+                    "{}: expected finite numbers, variances and seconds of at least 0",
+                    peer.scene
+                )));
+            }
+        }
+        Ok(file.pictures)
+    }
+
+    /// Its picture.
+    pub fn picture(&self) -> NoisyPicture {
+        NoisyPicture {
+            mean: self.mean.clone(),
+            variance: self.variance.clone(),
+        }
+    }
+
+    /// What it cost at that relative noise.
+    pub fn cost(&self, noise: f64) -> Cost {
+        Cost {
+            setup_s: self.setup_s,
+            noise_s: self.render_s * noise * noise,
+            memory_bytes: self.memory_bytes,
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Where cloths are looked at: one sample, three distances, two lights.
+
+use crate::error::input;
+use crate::fabric_file::{self, Fabric};
+use crate::{output, picture};
+use anyhow::{Context, Result};
+use glam::UVec2;
+use organza_basis::{Rgb, nearest_name};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Fabrics that the program carries along, the same as in `scenes/fabrics`.
+const NAMED: [(&str, &str); 3] = [
+    (
+        "denim",
+        include_str!("../../../../scenes/fabrics/denim.toml"),
+    ),
+    (
+        "charmeuse",
+        include_str!("../../../../scenes/fabrics/charmeuse.toml"),
+    ),
+    (
+        "organza",
+        include_str!("../../../../scenes/fabrics/organza.toml"),
+    ),
+];
+
+/// A fabric to be tried.
+pub struct Sample {
+    /// Its name, short enough for files.
+    pub name: String,
+    /// The fabric file, absolute.
+    pub path: PathBuf,
+    pub fabric: Fabric,
+}
+
+impl Sample {
+    /// Names of the fabrics that the program carries along.
+    pub fn names() -> [&'static str; 3] {
+        NAMED.map(|(name, _)| name)
+    }
+
+    /// A fabric by name, which is written into `folder`, or by its file.
+    ///
+    /// # Errors
+    /// No such fabric, or one that is wrong.
+    pub fn open(named: &str, folder: &Path) -> Result<Sample> {
+        let carried = NAMED.iter().find(|(name, _)| *name == named);
+        let (name, path) = match carried {
+            Some((name, text)) => {
+                let path = folder.join(format!("{name}.toml"));
+                output::write_file(&path, |out| Ok(out.write_all(text.as_bytes())?))?;
+                ((*name).to_owned(), path)
+            }
+            None if named.ends_with(".toml") => {
+                let path = PathBuf::from(named);
+                let name = path
+                    .file_stem()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned();
+                (name, path)
+            }
+            None => {
+                let near = nearest_name(named, Sample::names())
+                    .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+                return Err(input(format!(
+                    "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
+                    Sample::names().join(", ")
+                )));
+            }
+        };
+        let fabric = fabric_file::load(&path, &[])?;
+        let path = path
+            .canonicalize()
+            .with_context(|| path.display().to_string())?;
+        Ok(Sample { name, path, fabric })
+    }
+}
+
+/// From which side of the cloth, seen from the camera, light comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lit {
+    Front,
+    Back,
+}
+
+impl Lit {
+    pub const ALL: [Lit; 2] = [Lit::Front, Lit::Back];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Lit::Front => "front",
+            Lit::Back => "back",
+        }
+    }
+
+    /// The file of its room.
+    fn room(self) -> String {
+        format!("room-{}.exr", self.name())
+    }
+
+    /// Radiance of the room all around, rows from the zenith down: a window of
+    /// radiance 1, 26 to 60 degrees off the cloth's normal, in walls of 0.2.
+    fn radiance(self) -> (UVec2, Vec<Rgb>) {
+        let size = UVec2::new(64, 32);
+        let pixel = |i: u32| {
+            let (column, row) = (i % size.x, i / size.x);
+            let off_normal = match self {
+                Lit::Front => row,
+                Lit::Back => size.y - 1 - row,
+            };
+            let is_window = (42..54).contains(&column) && (5..11).contains(&off_normal);
+            match off_normal < size.y / 2 {
+                true if is_window => Rgb::WHITE,
+                true => Rgb::splat(0.2),
+                false => Rgb::BLACK,
+            }
+        };
+        (size, (0..size.element_product()).map(pixel).collect())
+    }
+}
+
+/// Writes the rooms that scenes in a folder show.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_rooms(folder: &Path) -> Result<()> {
+    for lit in Lit::ALL {
+        let (size, pixels) = lit.radiance();
+        picture::write_plain(&folder.join(lit.room()), size, &pixels)?;
+    }
+    Ok(())
+}
+
+/// Width of a pixel where the cloth is, mm. Seen by an eye that resolves an arc
+/// minute a pixel is as wide as 0.29 mm at a metre.
+pub const QUICK_PIXELS_MM: [f64; 2] = [0.1, 1.0];
+/// The same, of the whole bench.
+pub const PIXELS_MM: [f64; 3] = [0.03, 0.1, 1.0];
+
+/// The distance in metres at which a pixel spans an arc minute.
+pub fn distance_m(pixel_mm: f64) -> f64 {
+    1e-3 * pixel_mm / (1.0f64 / 60.0).to_radians().tan()
+}
+
+/// A cloth seen from one distance under one light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    pub pixel_mm: f64,
+    pub lit: Lit,
+}
+
+impl View {
+    /// Its name in files.
+    pub fn slug(&self, sample: &str) -> String {
+        format!("{sample}-{}mm-{}", self.pixel_mm, self.lit.name())
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        format!(
+            "pixels of {} mm ({} away), lit from {}",
+            self.pixel_mm,
+            distance_words(self.pixel_mm),
+            match self.lit {
+                Lit::Front => "the front",
+                Lit::Back => "behind",
+            }
+        )
+    }
+
+    /// The scene: a window in a dim room on one side of the cloth, darkness on
+    /// the other, the camera aslant by 30 degrees. Wide light, because paths that
+    /// must find a point-like one off mirror-like fibres need eight times as many
+    /// samples.
+    pub fn scene(&self, fabric: &str, resolution: u32) -> String {
+        let width_mm = self.pixel_mm * f64::from(resolution);
+        let far_mm = 1000.0f64;
+        let (y, z) = (-0.5 * far_mm, far_mm * 0.75f64.sqrt());
+        format!(
+            "# Made by `organza bench`: {}.\n\
+             [render]\nspp = 64\n\n\
+             [camera]\nkind = \"orthographic\"\norigin_mm = [0.0, {y:.3}, {z:.3}]\n\
+             target_mm = [0.0, 0.0, 0.0]\nwidth_mm = {width_mm}\n\
+             resolution = [{resolution}, {resolution}]\n\n\
+             [[light]]\nkind = \"environment\"\nfile = {:?}\n\n\
+             [[object]]\nkind = \"cloth\"\nfabric = {fabric:?}\n",
+            self.words(),
+            self.lit.room(),
+        )
+    }
+}
+
+/// "34 cm" or "3.4 m".
+pub fn distance_words(pixel_mm: f64) -> String {
+    let metres = distance_m(pixel_mm);
+    if metres < 1.0 {
+        format!("{:.0} cm", 100.0 * metres)
+    } else {
+        format!("{metres:.1} m")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::SceneFile;
+
+    #[test]
+    fn scenes_are_scenes_and_a_pixel_is_an_arc_minute() {
+        for lit in Lit::ALL {
+            let view = View { pixel_mm: 0.1, lit };
+            let text = view.scene("denim.toml", 32);
+            let scene: SceneFile = toml::from_str(&text).unwrap();
+            assert_eq!((scene.light.len(), scene.object.len()), (1, 1), "{text}");
+            assert_eq!(scene.camera.width_mm, Some(3.2));
+        }
+        assert!((distance_m(0.290_888) - 1.0).abs() < 1e-5);
+        assert_eq!(distance_words(0.1), "34 cm");
+        assert_eq!(distance_words(1.0), "3.4 m");
+    }
+
+    #[test]
+    fn the_window_is_on_one_side() {
+        for lit in Lit::ALL {
+            let (size, pixels) = lit.radiance();
+            let half = (size.element_product() / 2) as usize;
+            let bright = |p: &[Rgb]| p.iter().filter(|c| **c == Rgb::WHITE).count();
+            let (front, back) = pixels.split_at(half);
+            let expected = if lit == Lit::Front { (72, 0) } else { (0, 72) };
+            assert_eq!((bright(front), bright(back)), expected);
+        }
+    }
+
+    #[test]
+    fn a_name_that_is_none_is_told_with_the_nearest() {
+        let error = Sample::open("denin", Path::new("nowhere"))
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(error.ends_with("did you mean \"denim\"?"), "{error}");
+    }
+}

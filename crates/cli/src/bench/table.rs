@@ -1,0 +1,409 @@
+//! What every choice costs and how far off it is, fabric by fabric and view by
+//! view: measured by `organza bench`, kept as a table, asked by `model =
+//! "auto"`.
+
+use super::choice::{Choice, Model, Tracker};
+use super::stage::Lit;
+use crate::fabric_file::Fabric;
+use organza_basis::Rgb;
+use organza_measure::{Cost, Figure};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// The table that the program carries along.
+const MEASURED: &str = include_str!("../../data/choices.csv");
+
+const HEADER: &str = "fabric,spacing_mm,openness,albedo,fibre_um,pixel_mm,lit,model,voxel_scale,\
+level,tracker,rmse,rmse_low,rmse_high,bias,bias_low,bias_high,setup_s,noise_s,memory_bytes";
+
+/// By what fabrics are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Traits {
+    /// The narrower spacing of threads.
+    pub spacing_mm: f64,
+    /// Share of the surface that no thread covers.
+    pub openness: f64,
+    /// Mean single-scattering albedo of its fibres, as luminance.
+    pub albedo: f64,
+    /// Mean fibre radius.
+    pub fibre_um: f64,
+}
+
+impl Traits {
+    /// Of a fabric.
+    pub fn of(fabric: &Fabric) -> Traits {
+        let figures = fabric.cloth.figures();
+        let materials = fabric.cloth.materials();
+        let count = materials.len().max(1) as f64;
+        let luminance = |c: Rgb| f64::from(0.2126 * c.0.x + 0.7152 * c.0.y + 0.0722 * c.0.z);
+        let albedo = fabric
+            .optics()
+            .iter()
+            .map(|o| luminance(o.albedo))
+            .sum::<f64>()
+            / count;
+        let radius_mm: f64 = materials.iter().map(|m| f64::from(m.fibre_radius_mm)).sum();
+        let per_cm =
+            |s: &Option<organza_weave::SystemFigures>| s.as_ref().map(|s| s.threads_per_cm);
+        let denser = [
+            per_cm(&figures.warp),
+            per_cm(&figures.weft),
+            figures.wales_per_cm,
+        ];
+        let least_mm = figures.tile_mm[0].min(figures.tile_mm[1]);
+        let densest = denser.into_iter().flatten().fold(10.0 / least_mm, f64::max);
+        Traits {
+            spacing_mm: 10.0 / densest,
+            openness: 1.0 - figures.cover_factor,
+            albedo,
+            fibre_um: 1e3 * radius_mm / count,
+        }
+    }
+
+    /// Whether these are, but for rounding in the table, those of a fabric.
+    pub fn is_of(&self, fabric: &Traits) -> bool {
+        let same = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b.abs().max(0.1);
+        same(self.spacing_mm, fabric.spacing_mm)
+            && same(self.openness, fabric.openness)
+            && same(self.albedo, fabric.albedo)
+            && same(self.fibre_um, fabric.fibre_um)
+    }
+
+    /// What the distance between fabrics is made of: openness, albedo, and the
+    /// logarithm of how many fibres wide a spacing is.
+    fn coordinates(&self) -> [f64; 3] {
+        let fibres = self.spacing_mm * 1e3 / self.fibre_um.max(1e-3);
+        [self.openness, self.albedo, fibres.max(1e-3).ln()]
+    }
+}
+
+/// One choice in one view of one fabric.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    pub fabric: String,
+    pub traits: Traits,
+    pub pixel_mm: f64,
+    pub lit: Lit,
+    pub choice: Choice,
+    /// Noise-free error of a pixel, as a share of the picture's mean.
+    pub rmse: Figure,
+    pub bias: Figure,
+    pub cost: Cost,
+}
+
+/// The table as CSV.
+pub fn write(rows: &[Row]) -> String {
+    let mut text = format!("{HEADER}\n");
+    for r in rows {
+        let (t, c) = (&r.traits, &r.choice);
+        let _ = writeln!(
+            text,
+            "{},{:.4},{:.4},{:.4},{:.3},{},{},{},{},{},{},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{:.4},{:.6},{}",
+            r.fabric.replace(',', " "),
+            t.spacing_mm,
+            t.openness,
+            t.albedo,
+            t.fibre_um,
+            r.pixel_mm,
+            r.lit.name(),
+            c.model.name(),
+            c.voxel_scale,
+            c.level,
+            c.tracker.name(),
+            r.rmse.value,
+            r.rmse.low,
+            r.rmse.high,
+            r.bias.value,
+            r.bias.low,
+            r.bias.high,
+            r.cost.setup_s,
+            r.cost.noise_s,
+            r.cost.memory_bytes,
+        );
+    }
+    text
+}
+
+/// The table that the program carries along.
+pub fn measured() -> Vec<Row> {
+    MEASURED.lines().skip(1).filter_map(row).collect()
+}
+
+fn row(line: &str) -> Option<Row> {
+    let mut words = line.split(',');
+    let mut word = || words.next();
+    let fabric = word()?.to_owned();
+    let mut number = || word()?.parse::<f64>().ok();
+    let traits = Traits {
+        spacing_mm: number()?,
+        openness: number()?,
+        albedo: number()?,
+        fibre_um: number()?,
+    };
+    let pixel_mm = number()?;
+    let (lit, model) = (word()?, word()?);
+    let voxel_scale = word()?.parse().ok()?;
+    let level = word()?.parse().ok()?;
+    let tracker = word()?;
+    let mut number = || word()?.parse::<f64>().ok();
+    let mut figure = || {
+        Some(Figure {
+            value: number()?,
+            low: number()?,
+            high: number()?,
+        })
+    };
+    let (rmse, bias) = (figure()?, figure()?);
+    Some(Row {
+        fabric,
+        traits,
+        pixel_mm,
+        lit: Lit::ALL.into_iter().find(|l| l.name() == lit)?,
+        choice: Choice {
+            model: Model::ALL.into_iter().find(|m| m.name() == model)?,
+            voxel_scale,
+            level,
+            tracker: Tracker::ALL.into_iter().find(|t| t.name() == tracker)?,
+        },
+        rmse,
+        bias,
+        cost: Cost {
+            setup_s: number()?,
+            noise_s: number()?,
+            memory_bytes: number()? as u64,
+        },
+    })
+}
+
+/// What is known of a choice for everything that a view asks for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    pub choice: Choice,
+    /// The largest of its errors.
+    pub rmse: Figure,
+    /// The largest of its costs.
+    pub cost: Cost,
+}
+
+/// What to take, and why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Recommendation {
+    pub taken: Candidate,
+    /// Seconds until the picture is within the tolerance; none when nothing
+    /// gets there and the least wrong was taken.
+    pub seconds: Option<f64>,
+    /// Seconds that explicit fibres take.
+    pub fibres_s: Option<f64>,
+}
+
+/// The fastest of some candidates whose error, of model and noise together, is
+/// known to get down to `tolerance`: with the upper end of the model's error. The
+/// least wrong one when none does. Explicit fibres, whose model has no error,
+/// stand for the truth in `fibres_s`.
+pub fn recommend(candidates: &[Candidate], tolerance: f64) -> Option<Recommendation> {
+    let seconds = |c: &Candidate| c.cost.seconds_within(tolerance, c.rmse.high);
+    let fibres = candidates.iter().find(|c| c.choice.model == Model::Fibres);
+    let reaching = candidates.iter().filter_map(|c| Some((c, seconds(c)?)));
+    let fastest = reaching.min_by(|a, b| a.1.total_cmp(&b.1));
+    let least = || {
+        candidates
+            .iter()
+            .min_by(|a, b| a.rmse.value.total_cmp(&b.rmse.value))
+    };
+    let taken = fastest.map(|f| f.0).or_else(least)?;
+    Some(Recommendation {
+        taken: taken.clone(),
+        seconds: fastest.map(|f| f.1),
+        fibres_s: fibres.and_then(seconds),
+    })
+}
+
+/// The candidates of one fabric for pixels of one width, lit from some sides:
+/// choices that were measured for all of them.
+pub fn candidates<'a>(rows: impl Iterator<Item = &'a Row>, lit: &[Lit]) -> Vec<Candidate> {
+    let mut list: Vec<(Candidate, usize)> = Vec::new();
+    for row in rows.filter(|r| lit.contains(&r.lit)) {
+        match list.iter_mut().find(|(c, _)| c.choice == row.choice) {
+            None => list.push((
+                Candidate {
+                    choice: row.choice,
+                    rmse: row.rmse,
+                    cost: row.cost,
+                },
+                1,
+            )),
+            Some((c, count)) => {
+                *count += 1;
+                if row.rmse.high > c.rmse.high {
+                    c.rmse = row.rmse;
+                }
+                c.cost.setup_s = c.cost.setup_s.max(row.cost.setup_s);
+                c.cost.noise_s = c.cost.noise_s.max(row.cost.noise_s);
+                c.cost.memory_bytes = c.cost.memory_bytes.max(row.cost.memory_bytes);
+            }
+        }
+    }
+    list.into_iter()
+        .filter(|(_, count)| *count == lit.len())
+        .map(|(c, _)| c)
+        .collect()
+}
+
+/// The measured fabric that is most like one, and the measured width of a pixel
+/// that is, in spacings of threads, nearest to `pixel_mm`.
+///
+/// Likeness is the distance in openness, albedo and the logarithm of the number
+/// of fibre radii to a spacing, each in units of its standard deviation over the
+/// measured fabrics.
+pub fn nearest<'a>(rows: &'a [Row], traits: &Traits, pixel_mm: f64) -> Option<&'a Row> {
+    let mut fabrics: Vec<&Row> = Vec::new();
+    for row in rows {
+        if fabrics.iter().all(|f| f.fabric != row.fabric) {
+            fabrics.push(row);
+        }
+    }
+    let n = fabrics.len() as f64;
+    let all = || fabrics.iter().map(|f| f.traits.coordinates());
+    let spread: [f64; 3] = std::array::from_fn(|k| {
+        let mean = all().map(|c| c[k]).sum::<f64>() / n;
+        (all().map(|c| (c[k] - mean).powi(2)).sum::<f64>() / n)
+            .sqrt()
+            .max(1e-6)
+    });
+    let own = traits.coordinates();
+    let distance = |t: &Traits| {
+        let c = t.coordinates();
+        (0..3)
+            .map(|k| ((c[k] - own[k]) / spread[k]).powi(2))
+            .sum::<f64>()
+    };
+    let like = fabrics
+        .iter()
+        .min_by(|a, b| distance(&a.traits).total_cmp(&distance(&b.traits)))?;
+    let wanted = (pixel_mm.max(1e-6) / traits.spacing_mm).ln();
+    let off = |r: &Row| ((r.pixel_mm / r.traits.spacing_mm).ln() - wanted).abs();
+    rows.iter()
+        .filter(|r| r.fabric == like.fabric)
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figure(value: f64) -> Figure {
+        Figure {
+            value,
+            low: value,
+            high: value,
+        }
+    }
+
+    fn of(fabric: &str, pixel_mm: f64, lit: Lit, model: Model, rmse: f64, noise_s: f64) -> Row {
+        let dark = fabric == "dark";
+        Row {
+            fabric: fabric.into(),
+            traits: Traits {
+                spacing_mm: if dark { 0.4 } else { 0.2 },
+                openness: if dark { 0.1 } else { 0.5 },
+                albedo: if dark { 0.2 } else { 0.9 },
+                fibre_um: 6.0,
+            },
+            pixel_mm,
+            lit,
+            choice: Choice::of(model, Tracker::Woodcock),
+            rmse: figure(rmse),
+            bias: figure(0.0),
+            cost: Cost {
+                setup_s: 1.0,
+                noise_s,
+                memory_bytes: 1 << 20,
+            },
+        }
+    }
+
+    fn rows() -> Vec<Row> {
+        let mut list = Vec::new();
+        for fabric in ["dark", "light"] {
+            for pixel_mm in [0.1, 1.0] {
+                for lit in Lit::ALL {
+                    let worse = if lit == Lit::Back { 2.0 } else { 1.0 };
+                    list.push(of(fabric, pixel_mm, lit, Model::Fibres, 0.0, 0.1));
+                    list.push(of(fabric, pixel_mm, lit, Model::Packed, 0.01 * worse, 0.02));
+                    list.push(of(
+                        fabric,
+                        pixel_mm,
+                        lit,
+                        Model::Microflake,
+                        0.05 * worse,
+                        0.001,
+                    ));
+                }
+            }
+        }
+        list
+    }
+
+    #[test]
+    fn tables_are_read_as_they_were_written_and_the_programs_own_is_whole() {
+        let rows = rows();
+        let text = write(&rows);
+        assert_eq!(
+            text.lines().skip(1).filter_map(row).collect::<Vec<_>>(),
+            rows
+        );
+        assert_eq!(row("denim,1,2"), None);
+        assert_eq!(MEASURED.lines().next(), Some(HEADER));
+        assert_eq!(measured().len(), MEASURED.lines().count() - 1);
+    }
+
+    #[test]
+    fn the_fastest_within_the_tolerance_is_taken_and_else_the_least_wrong() {
+        let rows = rows();
+        let take = |lit: &[Lit], tolerance: f64, without: Option<Model>| {
+            let wanted = rows.iter().filter(|r| {
+                r.fabric == "dark" && r.pixel_mm == 0.1 && Some(r.choice.model) != without
+            });
+            recommend(&candidates(wanted, lit), tolerance).unwrap()
+        };
+        let front = take(&[Lit::Front], 0.06, None);
+        assert_eq!(front.taken.choice.model, Model::Microflake);
+        let expected = 1.0 + 0.001 / (0.06f64.powi(2) - 0.05f64.powi(2));
+        assert!((front.seconds.unwrap() - expected).abs() < 1e-9);
+        assert!((front.fibres_s.unwrap() - (1.0 + 0.1 / 0.0036)).abs() < 1e-9);
+        // Light from behind as well asks for what is right there too.
+        assert_eq!(
+            take(&Lit::ALL, 0.06, None).taken.choice.model,
+            Model::Packed
+        );
+        assert_eq!(
+            take(&[Lit::Front], 0.005, None).taken.choice.model,
+            Model::Fibres
+        );
+        let none = take(&[Lit::Front], 0.005, Some(Model::Fibres));
+        assert_eq!(
+            (none.taken.choice.model, none.seconds),
+            (Model::Packed, None)
+        );
+        assert_eq!(recommend(&[], 0.1), None);
+    }
+
+    #[test]
+    fn fabrics_and_distances_are_taken_by_what_they_are_like() {
+        let rows = rows();
+        let like = |spacing_mm, openness, albedo, pixel_mm| {
+            let traits = Traits {
+                spacing_mm,
+                openness,
+                albedo,
+                fibre_um: 6.0,
+            };
+            let row = nearest(&rows, &traits, pixel_mm).unwrap();
+            (row.fabric.clone(), row.pixel_mm)
+        };
+        assert_eq!(like(0.4, 0.1, 0.2, 0.1), ("dark".into(), 0.1));
+        assert_eq!(like(0.2, 0.5, 0.9, 5.0), ("light".into(), 1.0));
+        // Ten times as coarse: a pixel of 1 mm shows as much as one of 0.1 mm.
+        assert_eq!(like(4.0, 0.1, 0.2, 1.0).1, 0.1);
+    }
+}

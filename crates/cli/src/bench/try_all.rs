@@ -1,0 +1,182 @@
+//! All choices in all views of a fabric.
+
+use super::choice::{Choice, Tracker};
+use super::peer::Peer;
+use super::stage::{Lit, Sample, View};
+use super::table::{Row, Traits};
+use super::trial::{Figures, Laboratory, Outcome, Trial};
+use crate::output;
+use anyhow::{Result, anyhow};
+use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
+use std::path::PathBuf;
+
+/// How much of everything.
+pub struct Plan {
+    pub quick: bool,
+    pub pixels_mm: Vec<f64>,
+    /// Pixels along an edge.
+    pub resolution: u32,
+    pub spp: u64,
+    pub truth_spp: u64,
+    /// Values of `--set` for every render.
+    pub set: Vec<String>,
+    /// Where scenes are written.
+    pub scenes: PathBuf,
+}
+
+/// Seeds: the truth's noise must not be that of what is held against it.
+const TRUTH_SEED: u64 = 1;
+const SEED: u64 = 2;
+
+/// What came of one choice, or of another program, in a view.
+pub struct Tried {
+    pub row: Row,
+    /// Noise of the picture, which is taken off the error.
+    pub noise: f64,
+    pub backend: String,
+    pub picture: NoisyPicture,
+}
+
+/// A choice that gave no picture.
+pub struct Refusal {
+    pub choice: Choice,
+    pub why: String,
+}
+
+/// Another program's picture of a view.
+pub struct PeerResult {
+    pub program: String,
+    pub error: PictureError,
+    pub cost: Cost,
+    pub picture: NoisyPicture,
+}
+
+/// Everything about a view of a fabric; the truth is the first result.
+pub struct ViewResult {
+    pub view: View,
+    pub results: Vec<Tried>,
+    pub refusals: Vec<Refusal>,
+    pub peers: Vec<PeerResult>,
+}
+
+impl Plan {
+    /// The views of every fabric.
+    pub fn views(&self) -> Vec<View> {
+        let lights = |&pixel_mm: &f64| Lit::ALL.map(|lit| View { pixel_mm, lit });
+        self.pixels_mm.iter().flat_map(lights).collect()
+    }
+
+    /// The choices for a fabric, but for the truth.
+    pub fn choices(&self, sample: &Sample) -> Vec<Choice> {
+        Choice::all(self.quick, sample.fabric.file.surface.is_some())
+    }
+
+    /// Tries every choice in a view; `done` is told after every render.
+    ///
+    /// # Errors
+    /// Files that cannot be written, a truth that cannot be rendered, or an
+    /// interruption.
+    pub fn try_all(
+        &self,
+        laboratory: &Laboratory,
+        sample: &Sample,
+        view: View,
+        peers: &[Peer],
+        done: &dyn Fn(),
+    ) -> Result<ViewResult> {
+        let slug = view.slug(&sample.name);
+        let scene = self.scenes.join(format!("{slug}.toml"));
+        let text = view.scene(&sample.path.display().to_string(), self.resolution);
+        output::write_file(&scene, |out| Ok(out.write_all(text.as_bytes())?))?;
+        let own_um = sample.fabric.file.voxel.size_um;
+        let run = |choice: &Choice, spp: u64, seed: u64| {
+            let mut overrides = choice.overrides(own_um);
+            overrides.extend(self.set.iter().cloned());
+            let trial = Trial {
+                name: format!("{slug}-{}", choice.slug()),
+                scene: scene.clone(),
+                fabric: sample.path.clone(),
+                overrides,
+                backend: choice.backend(),
+                spp,
+                seed,
+            };
+            let outcome = laboratory.run(&trial, None);
+            done();
+            outcome
+        };
+        let traits = Traits::of(&sample.fabric);
+        let judge =
+            |choice: Choice, picture: NoisyPicture, figures: &Figures, truth: &NoisyPicture| {
+                let error = picture_error(&picture, truth)?;
+                Some(Tried {
+                    row: Row {
+                        fabric: sample.name.clone(),
+                        traits,
+                        pixel_mm: view.pixel_mm,
+                        lit: view.lit,
+                        choice,
+                        rmse: error.rmse,
+                        bias: error.bias,
+                        cost: cost(figures, error.noise),
+                    },
+                    noise: error.noise,
+                    backend: figures.backend.clone(),
+                    picture,
+                })
+            };
+        let (truth, figures) = match run(&Choice::FIBRES, self.truth_spp, TRUTH_SEED)? {
+            Outcome::Picture(picture, figures) => (*picture, figures),
+            Outcome::Refused(why) => return Err(anyhow!("{slug}, explicit fibres: {why}")),
+        };
+        let black =
+            || anyhow!("{slug}: explicit fibres are black; there is nothing to compare with");
+        let mut first = judge(Choice::FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
+        // Against itself it has no error, and knows it.
+        for figure in [&mut first.row.rmse, &mut first.row.bias] {
+            (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);
+        }
+        let (mut results, mut refusals) = (vec![first], Vec::new());
+        for choice in self.choices(sample) {
+            match run(&choice, self.spp, SEED)? {
+                Outcome::Refused(why) => refusals.push(Refusal { choice, why }),
+                Outcome::Picture(picture, figures) => match &figures.kernel_refused {
+                    Some(why) if choice.tracker == Tracker::Kernel => {
+                        refusals.push(Refusal {
+                            choice,
+                            why: why.clone(),
+                        });
+                    }
+                    _ => results.extend(judge(choice, *picture, &figures, &truth)),
+                },
+            }
+        }
+        let of_view = peers.iter().filter(|p| p.scene == slug);
+        let peers = of_view
+            .filter_map(|p| {
+                let picture = p.picture();
+                let error = picture_error(&picture, &truth)?;
+                Some(PeerResult {
+                    program: p.program.clone(),
+                    cost: p.cost(error.noise),
+                    error,
+                    picture,
+                })
+            })
+            .collect();
+        Ok(ViewResult {
+            view,
+            results,
+            refusals,
+            peers,
+        })
+    }
+}
+
+fn cost(figures: &Figures, noise: f64) -> Cost {
+    Cost {
+        setup_s: figures.setup_cpu_s,
+        noise_s: figures.render_cpu_s * noise * noise,
+        memory_bytes: figures.peak_memory_bytes.unwrap_or(0),
+    }
+}

@@ -1,0 +1,133 @@
+//! `organza bench`
+
+use crate::bench::peer::Peer;
+use crate::bench::scaling;
+use crate::bench::stage::{self, PIXELS_MM, QUICK_PIXELS_MM, Sample};
+use crate::bench::table::{self, Row};
+use crate::bench::trial::Laboratory;
+use crate::bench::try_all::{Plan, ViewResult};
+use crate::error::input;
+use crate::flags::BenchArgs;
+use crate::progress::Progress;
+use crate::report::bench::BenchReport;
+use crate::{output, read};
+use anyhow::{Context, Result};
+use std::cell::Cell;
+use std::time::Instant;
+
+/// Runs the command.
+#[allow(clippy::print_stderr)]
+pub fn run(args: &BenchArgs) -> Result<()> {
+    let started = Instant::now();
+    let pixels = args.resolution as usize * args.resolution as usize;
+    let peers = match &args.peer {
+        Some(path) => Peer::read(path, pixels)?,
+        None => Vec::new(),
+    };
+    let folder = |name: &str| {
+        let path = args.outfile.join(name);
+        std::fs::create_dir_all(&path)
+            .map_err(|e| input(format!("{}: {}", path.display(), read::io_words(&e))))?;
+        path.canonicalize()
+            .with_context(|| path.display().to_string())
+    };
+    let (scenes, runs) = (folder("scenes")?, folder("runs")?);
+    stage::write_rooms(&scenes)?;
+    let named: Vec<&str> = match args.fabrics.len() {
+        0 => Sample::names().to_vec(),
+        _ => args.fabrics.iter().map(String::as_str).collect(),
+    };
+    let mut samples: Vec<Sample> = Vec::new();
+    for name in named {
+        let sample = Sample::open(name, &scenes)?;
+        if samples.iter().any(|s| s.name == sample.name) {
+            return Err(input(format!(
+                "{name}: two fabrics are called {}",
+                sample.name
+            )));
+        }
+        samples.push(sample);
+    }
+    let plan = Plan {
+        quick: args.quick,
+        pixels_mm: if args.quick {
+            QUICK_PIXELS_MM.to_vec()
+        } else {
+            PIXELS_MM.to_vec()
+        },
+        resolution: args.resolution,
+        spp: args.spp.unwrap_or(if args.quick { 192 } else { 512 }),
+        truth_spp: args
+            .truth_spp
+            .unwrap_or(if args.quick { 512 } else { 4096 }),
+        set: args.common.set.clone(),
+        scenes,
+    };
+    let laboratory = Laboratory::new(runs, args.common.threads, args.memory.max_memory)?;
+    let has_scaling = args.scaling || !args.quick;
+    let trials: usize = samples
+        .iter()
+        .map(|s| plan.views().len() * (1 + plan.choices(s).len()))
+        .sum::<usize>()
+        + if has_scaling {
+            scaling::most_trials(args.quick)
+        } else {
+            0
+        };
+    let progress = Progress::new("rendering", trials as u64, args.common.quiet);
+    let count = Cell::new(0);
+    let done = || {
+        count.set(count.get() + 1);
+        progress.at(count.get());
+    };
+    let mut fabrics: Vec<(&Sample, Vec<ViewResult>)> = Vec::new();
+    for sample in &samples {
+        let views = plan
+            .views()
+            .into_iter()
+            .map(|view| plan.try_all(&laboratory, sample, view, &peers, &done))
+            .collect::<Result<_>>()?;
+        fabrics.push((sample, views));
+    }
+    let growth = match samples.first() {
+        Some(sample) if has_scaling => {
+            scaling::measure(&laboratory, sample, &plan.scenes, args.quick, &done)?
+        }
+        _ => Vec::new(),
+    };
+    progress.finish();
+    let report = BenchReport {
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+        plan: &plan,
+        fabrics: &fabrics,
+        growth: &growth,
+        within: &args.within,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    let rows: Vec<Row> = fabrics
+        .iter()
+        .flat_map(|(_, views)| {
+            views
+                .iter()
+                .flat_map(|v| v.results.iter().map(|r| r.row.clone()))
+        })
+        .collect();
+    let save = |name: &str, text: &str| {
+        output::write_file(&args.outfile.join(name), |out| {
+            out.write_all(text.as_bytes()).context("writing failed")
+        })
+    };
+    save("choices.csv", &table::write(&rows))?;
+    save(
+        "report.json",
+        &serde_json::to_string_pretty(&report.json())?,
+    )?;
+    save("report.md", &report.markdown())?;
+    save("report.html", &report.html()?)?;
+    if !args.common.quiet {
+        for line in report.recommendations() {
+            eprintln!("{line}");
+        }
+    }
+    Ok(())
+}

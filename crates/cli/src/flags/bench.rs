@@ -1,0 +1,43 @@
+//! Flags of measuring speed against error.
+
+use super::{CommonArgs, MemoryArgs};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `organza bench`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  organza bench -o report --quick\n  organza bench denim my_fabric.toml -o report\n\nResults are kept in the folder as they come: the same command goes on where it was broken off."
+)]
+pub struct BenchArgs {
+    /// Fabrics: denim, charmeuse, organza, or fabric files (.toml) [default: those three]
+    pub fabrics: Vec<String>,
+    /// Folder to write: report.html, report.json, choices.csv and all pictures
+    #[arg(short, long, visible_alias = "outdir")]
+    pub outfile: PathBuf,
+    /// Fewer choices, distances and samples: some minutes instead of an hour or more
+    #[arg(long)]
+    pub quick: bool,
+    /// Also measure how cost grows with size [default: unless --quick]
+    #[arg(long)]
+    pub scaling: bool,
+    /// Error of a pixel, as a share of the picture's mean, within which recommendations are made (repeatable)
+    #[arg(long, value_name = "SHARE", value_parser = super::values::parse_share, value_delimiter = ',', default_value = "0.02,0.05,0.1")]
+    pub within: Vec<f64>,
+    /// Pixels along an edge of the pictures
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1024), default_value_t = 16)]
+    pub resolution: u32,
+    /// Samples per pixel of every choice [default: 512, quick 192]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub spp: Option<u64>,
+    /// Samples per pixel of the truth [default: 4096, quick 512]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub truth_spp: Option<u64>,
+    /// Pictures of another program, as benches/peers/mitsuba_bench.py writes them (.json)
+    #[arg(long, value_name = "FILE")]
+    pub peer: Option<PathBuf>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}

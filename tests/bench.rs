@@ -1,0 +1,186 @@
+//! `organza bench` and `model = "auto"`, tiny.
+
+use crate::program::{complaint, folder, succeed};
+use std::path::Path;
+
+const FABRIC: &str = r#"
+name = "plain"
+[draft]
+weave = "plain"
+[warp]
+yarn = "cotton"
+per_cm = 20.0
+[weft]
+yarn = "cotton"
+per_cm = 18.0
+[yarn.cotton]
+preset = "cotton"
+tex = 30.0
+fibres_per_ply = 20
+fibre_radius_um = 12.0
+[voxel]
+size_um = 40.0
+"#;
+
+fn json(folder: &Path, name: &str) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(folder.join(name)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
+    let folder = folder("bench");
+    std::fs::write(folder.join("plain.toml"), FABRIC).unwrap();
+    let bench = [
+        "bench",
+        "plain.toml",
+        "-o",
+        "report",
+        "--quick",
+        "--resolution",
+        "4",
+        "--spp",
+        "8",
+        "--truth-spp",
+        "16",
+        "--set",
+        "render.max_bounces=8",
+    ];
+    let said = succeed(&folder, &bench);
+    assert!(
+        said.contains("plain, pixels of 0.1 mm (34 cm away), lit from the front, within 2.0 %: "),
+        "{said}"
+    );
+    let report = folder.join("report");
+    let first = json(&report, "report.json");
+    let views = first["fabrics"][0]["views"].as_array().unwrap();
+    assert_eq!(views.len(), 4);
+    for view in views {
+        let results = view["results"].as_array().unwrap();
+        let refused = view["refused"].as_array().unwrap();
+        // Six ways at the fabric's own voxels, three at level 1, and the truth.
+        assert_eq!(results.len() + refused.len(), 10, "{view}");
+        assert_eq!(results[0]["choice"]["model"], "fibres");
+        assert_eq!(results[0]["rmse"]["value"], 0.0);
+        assert!(results.iter().any(|r| r["on_front"] == true));
+        for r in results {
+            assert!(r["seconds_to_noise_1"].as_f64().unwrap() > 0.0, "{r}");
+            assert!(r["memory_bytes"].as_u64().unwrap() > 1 << 20, "{r}");
+        }
+        assert_eq!(view["recommended"].as_array().unwrap().len(), 3);
+    }
+    let page = std::fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(
+        page.contains("What to take") && !page.contains("http"),
+        "stands alone"
+    );
+    let table = std::fs::read_to_string(report.join("choices.csv")).unwrap();
+    let judged: usize = views
+        .iter()
+        .map(|v| v["results"].as_array().unwrap().len())
+        .sum();
+    assert_eq!(table.lines().count(), 1 + judged);
+    // Again, with another program's picture of one view: nothing is rendered anew,
+    // so that the figures are the same to the last bit.
+    let colour = [[0.2, 0.2, 0.2]; 16];
+    let peer = serde_json::json!({ "pictures": [{
+        "program": "grey", "scene": "plain-0.1mm-front", "setup_s": 0.1, "render_s": 1.0,
+        "mean": colour, "variance": [[1e-6, 1e-6, 1e-6]; 16],
+    }]});
+    std::fs::write(folder.join("peer.json"), peer.to_string()).unwrap();
+    let with_peer: Vec<&str> = bench
+        .iter()
+        .copied()
+        .chain(["--peer", "peer.json"])
+        .collect();
+    succeed(&folder, &with_peer);
+    let second = json(&report, "report.json");
+    let view = |report: &serde_json::Value| report["fabrics"][0]["views"][0]["results"].clone();
+    assert_eq!(view(&first), view(&second));
+    assert_eq!(
+        second["fabrics"][0]["views"][0]["peers"][0]["program"],
+        "grey"
+    );
+    assert_eq!(
+        complaint(&folder, &["bench", "denin", "-o", "report"]),
+        "organza: denin: expected the name of a fabric file (.toml) or one of denim, charmeuse, \
+         organza; did you mean \"denim\"?"
+    );
+    let small = peer.to_string().replace("\"variance\"", "\"variances\"");
+    std::fs::write(folder.join("peer.json"), small).unwrap();
+    let words = complaint(&folder, &with_peer);
+    assert!(
+        words.starts_with("organza: peer.json: unknown field `variances`"),
+        "{words}"
+    );
+}
+
+/// With `auto` a picture is bit for bit that of the choice it names.
+#[test]
+fn auto_takes_what_it_says() {
+    let folder = folder("auto");
+    std::fs::write(folder.join("plain.toml"), FABRIC).unwrap();
+    let scene = r#"
+[camera]
+origin_mm = [0.0, 0.0, 5.0]
+target_mm = [0.0, 0.0, 0.0]
+width_mm = 2.0
+resolution = [6, 6]
+[[light]]
+kind = "directional"
+direction = [0.3, 0.2, -0.9]
+irradiance = [2.0, 2.0, 2.0]
+[[object]]
+kind = "cloth"
+fabric = "plain.toml"
+model = "auto"
+tolerance = 0.3
+"#;
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let render = [
+        "render",
+        "scene.toml",
+        "-o",
+        "a.exr",
+        "--spp",
+        "4",
+        "--json",
+    ];
+    let said = succeed(&folder, &render);
+    let told: serde_json::Value =
+        serde_json::from_str(&said[said.find('{').unwrap()..=said.rfind('}').unwrap()]).unwrap();
+    let chosen = &told["chosen"][0];
+    assert_eq!(chosen["lit"][0], "front");
+    let words = chosen["what"].as_str().unwrap();
+    assert!(
+        said.contains(&format!("scene.toml: object[0]: auto takes {words}: ")),
+        "{said}"
+    );
+    let info = succeed(&folder, &["info", "scene.toml", "--json"]);
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    assert_eq!(info["chosen"][0]["what"], chosen["what"]);
+    let choice = &chosen["recommendation"]["taken"]["choice"];
+    let (model, event) = match choice["model"].as_str().unwrap() {
+        "packed" => ("virtual-scattering", "event = \"packed\"\n"),
+        "plain" => ("virtual-scattering", "event = \"plain\"\n"),
+        other => (other, ""),
+    };
+    let voxels = if matches!(model, "fibres" | "surface") {
+        String::new()
+    } else {
+        let scale = choice["voxel_scale"].as_f64().unwrap();
+        format!("voxel_um = {:?}\nlod = {}\n", 40.0 * scale, choice["level"])
+    };
+    let named = scene
+        .replace(
+            "model = \"auto\"",
+            &format!("model = \"{model}\"\n{event}{voxels}"),
+        )
+        .replace("tolerance = 0.3\n", "");
+    std::fs::write(folder.join("named.toml"), named).unwrap();
+    succeed(
+        &folder,
+        &["render", "named.toml", "-o", "b.exr", "--spp", "4"],
+    );
+    let sums = |name: &str| crate::program::exr_channels(&folder.join(name));
+    assert!(sums("a.exr") == sums("b.exr"));
+}
