@@ -11,15 +11,19 @@
 //! ray corrects ([`light_table`]), the environment by escaping.
 
 mod film_rays;
+mod flakes;
 mod flat_medium;
 mod lanes;
 mod light_table;
 mod math;
+mod posts;
+mod reach;
 mod tally;
 #[cfg(test)]
 mod tests;
 #[cfg(target_arch = "x86_64")]
 mod vector;
+mod voxel_words;
 mod walk;
 
 pub(crate) use flat_medium::{NO_YARN, Population};
@@ -31,7 +35,7 @@ use crate::{
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
-use light_table::LightTable;
+use light_table::{LightTable, Nodes};
 use std::ops::Range;
 
 /// What walks the paths of the kernel.
@@ -46,6 +50,9 @@ pub enum Backend {
 }
 
 impl Backend {
+    /// All: they give the same bits.
+    pub const ALL: [Backend; 3] = [Backend::Scalar, Backend::Avx2, Backend::Avx512];
+
     /// The widest that this processor has.
     pub fn widest() -> Backend {
         if Backend::Avx512.is_available() {
@@ -122,8 +129,12 @@ pub enum KernelRefusal {
 pub struct Kernel {
     backend: Backend,
     medium: FlatMedium,
-    voxels_per_mm: Vec3,
+    /// For lengths in units of one over the medium's scale.
+    voxels_per_length: Vec3,
+    nodes: Nodes,
     lights: Vec<LightTable>,
+    /// Optical depths toward them.
+    depths: Vec<u32>,
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
     rays: FilmRays,
@@ -236,22 +247,26 @@ impl Kernel {
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
             .fold(0.0, f32::max);
+        let nodes = Nodes::new(&medium, parallel.iter().map(|&(direction, _)| direction));
+        let mut lights: Vec<LightTable> = parallel
+            .into_iter()
+            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance))
+            .collect();
         Ok(Kernel {
             backend,
-            lights: parallel
-                .into_iter()
-                .map(|(direction, irradiance)| LightTable::new(&medium, direction, irradiance))
-                .collect(),
+            depths: light_table::side_by_side(&mut lights),
+            lights,
+            nodes,
+            voxels_per_length: 1.0 / (lattice.voxel_mm() * medium.scale_per_mm),
             medium,
-            voxels_per_mm: 1.0 / lattice.voxel_mm(),
             environment,
             rays: FilmRays::new(&scene.camera, &lattice),
             film_width: scene.camera.resolution().x,
             seed: settings.seed,
             max_bounces: settings.max_bounces,
             brightness: Brightness::of(brightest),
-            residual_scale: 1.0,
-            residual_floor: 0.01,
+            residual_scale: 3.0,
+            residual_floor: 0.005,
         })
     }
 
@@ -263,7 +278,7 @@ impl Kernel {
     /// Bytes of the matter and tables.
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
-        self.medium.memory_bytes() + tables
+        self.medium.memory_bytes() + tables + 4 * self.depths.len() as u64
     }
 
     /// Takes the samples of a block.
