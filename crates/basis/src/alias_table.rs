@@ -51,6 +51,12 @@ impl AliasTable {
         }
     }
 
+    /// For every index, how much of its slot is its own, and who has the rest:
+    /// for drawing where [`AliasTable::sample`] cannot go.
+    pub fn slots(&self) -> &[(f32, u32)] {
+        &self.slots
+    }
+
     /// Probability of an index.
     pub fn probability(&self, index: usize) -> f32 {
         self.probabilities[index]

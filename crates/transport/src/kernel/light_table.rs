@@ -29,7 +29,7 @@ const MOST_PER_VOXEL: u32 = 3;
 const MOST_STEPS: usize = 4096;
 
 /// A ray along an endless slab without matter in its way has to end some time.
-const MOST_EXACT_STEPS: u64 = 1 << 20;
+pub const MOST_EXACT_STEPS: u64 = 1 << 20;
 
 /// Where the nodes of a table are: in the middles of cells that divide voxels.
 #[derive(Clone, Copy, Debug)]
@@ -397,8 +397,9 @@ fn nodes_per_voxel(lattice: &Lattice, extinction_per_mm: &[f32]) -> u32 {
 }
 
 /// Steps from voxel to voxel along a ray.
-struct VoxelWalk {
-    cell: IVec3,
+pub struct VoxelWalk {
+    /// Where it is.
+    pub cell: IVec3,
     step: IVec3,
     next_mm: Vec3,
     per_voxel_mm: Vec3,
@@ -406,7 +407,7 @@ struct VoxelWalk {
 }
 
 impl VoxelWalk {
-    fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
+    pub fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
         let per_mm = direction / lattice.voxel_mm();
         let cell = p.floor();
         let forth = per_mm.cmpge(Vec3::ZERO);
@@ -424,7 +425,7 @@ impl VoxelWalk {
 
     /// Leaves the current voxel and tells the length of the way through it.
     #[inline]
-    fn step(&mut self) -> f32 {
+    pub fn step(&mut self) -> f32 {
         let n = self.next_mm;
         let axis = if n.x < n.y {
             if n.x < n.z { 0 } else { 2 }

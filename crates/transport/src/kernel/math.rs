@@ -207,6 +207,35 @@ pub fn with_sign_of<F: Floats>(size: F, s: F) -> F {
     (size.as_ints() | sign).as_floats()
 }
 
+/// The angle of the point (x, y) from the x axis in turns, from -1/2 to 1/2, to
+/// 1e-7; 0 of the origin. The polynomial is the minimax one for
+/// `atan(a) / (2 pi a)` up to 1.
+#[inline(always)]
+pub fn turns_of<F: Floats>(y: F, x: F) -> F {
+    let (across, up) = (x.abs(), y.abs());
+    let steep = across.below(up);
+    let most = across.max(up).max(F::splat(f32::MIN_POSITIVE));
+    let a = across.min(up) / most;
+    let p = polynomial(
+        a * a,
+        [
+            1.591_548_3e-1,
+            -5.304_612e-2,
+            3.174_594_4e-2,
+            -2.213_627e-2,
+            1.534_603_4e-2,
+            -8.898_723e-3,
+            3.479_597_9e-3,
+            -6.453_043e-4,
+        ],
+    );
+    let turns = a * p;
+    let turns = (F::splat(0.25) - turns).or_where_not(steep, turns);
+    let behind = x.below(F::splat(0.0));
+    let turns = (F::splat(0.5) - turns).or_where_not(behind, turns);
+    (turns.as_ints() | (y.as_ints() & F::Ints::splat(0x8000_0000))).as_floats()
+}
+
 /// The random numbers of one path in every lane: a hash of the path's name and
 /// a count, three numbers at a time (pcg3d of [Jarzynski2020]). A lane counts
 /// only the numbers that its own path asked for.

@@ -8,8 +8,12 @@
 //! numbers.
 //!
 //! Light of one direction comes from a table that an occasional exact shadow
-//! ray corrects ([`light_table`]), the environment by escaping.
+//! ray corrects ([`light_table`]), environments by escaping, what is bright in a
+//! picture by shadow rays again ([`environment`]).
 
+mod environment;
+#[cfg(test)]
+mod environment_tests;
 mod film_rays;
 mod flakes;
 mod flat_medium;
@@ -32,6 +36,7 @@ pub(crate) use tally::{Brightness, Tally};
 use crate::{
     AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
 };
+use environment::{Parts, Sky};
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
@@ -111,9 +116,12 @@ pub enum KernelRefusal {
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
-    /// Another light than parallel light and constant environments.
-    #[error("a light is neither parallel nor a constant environment")]
+    /// A rectangle.
+    #[error("a light is a rectangle")]
     Light,
+    /// A picture of too many pixels.
+    #[error("a picture of light has more than 65536 pixels along an edge")]
+    Picture,
     /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]
     Integrator,
@@ -137,6 +145,7 @@ pub struct Kernel {
     depths: Vec<u32>,
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
+    skies: Vec<Sky>,
     rays: FilmRays,
     film_width: u32,
     seed: u64,
@@ -212,6 +221,7 @@ impl Kernel {
         }
         let mut parallel = Vec::new();
         let mut environment = [Vec3::ZERO; 2];
+        let mut pictures = Vec::new();
         for light in &scene.lights {
             match light {
                 Light::Directional {
@@ -229,11 +239,17 @@ impl Kernel {
                         environment[1] += radiance.0;
                     }
                 }
-                Light::Image { .. } | Light::Rectangle { .. } => return Err(KernelRefusal::Light),
+                Light::Image { image, .. } if image.size().max_element() > 1 << 16 => {
+                    return Err(KernelRefusal::Picture);
+                }
+                Light::Image { image, .. } => pictures.push((image, Parts::of(image))),
+                Light::Rectangle { .. } => return Err(KernelRefusal::Light),
             }
         }
+        let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&lattice)).sum();
         let bytes = FlatMedium::least_bytes(&lattice)
-            + LightTable::most_bytes(&lattice, parallel.len() as u64);
+            + LightTable::most_bytes(&lattice, parallel.len() as u64)
+            + of_pictures;
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
         }
@@ -242,12 +258,22 @@ impl Kernel {
             AnyMedium::Cloth(m) => FlatMedium::from_cloth(m)?,
             _ => return Err(KernelRefusal::NotFlakes),
         };
+        let lamps = pictures.iter().flat_map(|(_, parts)| parts.directions());
+        let directions = parallel
+            .iter()
+            .map(|&(direction, _)| direction)
+            .chain(lamps);
+        let nodes = Nodes::new(&medium, directions);
+        let skies: Vec<Sky> = pictures
+            .iter()
+            .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))
+            .collect();
         let brightest = parallel
             .iter()
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
+            .chain(skies.iter().map(|s| s.brightest))
             .fold(0.0, f32::max);
-        let nodes = Nodes::new(&medium, parallel.iter().map(|&(direction, _)| direction));
         let mut lights: Vec<LightTable> = parallel
             .into_iter()
             .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance))
@@ -260,6 +286,7 @@ impl Kernel {
             voxels_per_length: 1.0 / (lattice.voxel_mm() * medium.scale_per_mm),
             medium,
             environment,
+            skies,
             rays: FilmRays::new(&scene.camera, &lattice),
             film_width: scene.camera.resolution().x,
             seed: settings.seed,
@@ -278,7 +305,8 @@ impl Kernel {
     /// Bytes of the matter and tables.
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
-        self.medium.memory_bytes() + tables + 4 * self.depths.len() as u64
+        let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
+        self.medium.memory_bytes() + skies + tables + 4 * self.depths.len() as u64
     }
 
     /// Takes the samples of a block.

@@ -1,7 +1,7 @@
 //! The kernel against the general walk, and its parts against second ways.
 
 use super::lanes::{Floats, Ints, Mask, one};
-use super::math::{LaneRng, exp2, minus_ln, pixel_key, sin_cos_of_turns};
+use super::math::{LaneRng, exp2, minus_ln, pixel_key, sin_cos_of_turns, turns_of};
 use super::*;
 use crate::*;
 use glam::{DVec3, IVec3, UVec3};
@@ -17,7 +17,7 @@ const SIZE_MM: Vec3 = Vec3::new(0.26, 0.2, 0.16);
 
 /// Two crossing bundles of fibres with air around them; density varies from
 /// voxel to voxel.
-fn grid(repeats: bool) -> GridMedium {
+pub fn grid(repeats: bool) -> GridMedium {
     let mut rng = PathRng::from_seed(77);
     let (mut density, mut sggx, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..DIMS.element_product() {
@@ -54,7 +54,7 @@ fn grid(repeats: bool) -> GridMedium {
 }
 
 /// Fibres that cross in the same voxels: mixtures of two populations.
-fn cloth() -> ClothMedium {
+pub fn cloth() -> ClothMedium {
     let mut segments = Vec::new();
     for i in 0..24 {
         let at = (i as f32 + 0.5) / 24.0 * 0.2;
@@ -82,7 +82,7 @@ fn cloth() -> ClothMedium {
     ClothMedium::new(octree, 0, vec![optics]).unwrap()
 }
 
-fn parallel() -> Vec<Light> {
+pub fn parallel() -> Vec<Light> {
     [
         (Vec3::new(0.5, 0.3, -0.8), 1.0),
         (Vec3::new(-0.4, 0.2, 0.9), 1.5),
@@ -105,7 +105,7 @@ fn sky() -> Vec<Light> {
     ]
 }
 
-fn lens() -> Projection {
+pub fn lens() -> Projection {
     Projection::ThinLens {
         fov_rad: 0.3,
         aperture_mm: 0.1,
@@ -113,7 +113,7 @@ fn lens() -> Projection {
     }
 }
 
-fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
+pub fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
     let middle = medium.lattice().unwrap().bounds_mm().centre().as_dvec3();
     let pose = CameraPose {
         origin_mm: middle + DVec3::new(0.2, -0.3, 0.8),
@@ -132,7 +132,7 @@ fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene
     }
 }
 
-fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
+pub fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
     RenderSettings {
         integrator: Integrator::Woodcock,
         samples,
@@ -142,7 +142,7 @@ fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
     }
 }
 
-fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Film, Stats) {
+pub fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Film, Stats) {
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(kernel) = kernel {
         rendering = rendering.with_kernel(kernel);
@@ -152,13 +152,13 @@ fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Fi
     rendering.into_parts()
 }
 
-fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> Kernel {
+pub fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> Kernel {
     Kernel::new(scene, settings, backend, u64::MAX).unwrap()
 }
 
 /// Whether two films are of one picture: all pixels and channels together, and
 /// their mean.
-fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
+pub fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
     let (mut squares, mut values) = (0.0, 0.0);
     for (p, q) in a.pixels().iter().zip(b.pixels()) {
         for c in 0..3 {
@@ -176,7 +176,7 @@ fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
     (spread, z_test(m.0, n.0, m.1.hypot(n.1)))
 }
 
-fn samples() -> u64 {
+pub fn samples() -> u64 {
     if std::env::var("ORGANZA_FULL").is_ok() {
         65_536
     } else {
@@ -268,7 +268,9 @@ fn a_table_without_exact_rays_is_rejected() {
 
 #[test]
 fn back_ends_threads_and_passes_give_the_same_bits() {
-    let scene = scene(AnyMedium::Cloth(cloth()), parallel(), lens());
+    let mut lights = parallel();
+    lights.push(environment_tests::picture());
+    let scene = scene(AnyMedium::Cloth(cloth()), lights, lens());
     let settings = settings(0..6, 40);
     let (film_of_one, stats) = film(
         &scene,
@@ -478,6 +480,9 @@ fn elementary_functions_are_those_of_the_library() {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(turns)).sin_cos();
         assert!((f64::from(s.0) - sin).abs() < 3e-7, "{turns}");
         assert!((f64::from(c.0) - cos).abs() < 3e-7, "{turns}");
+        let back = turns_of(s, c).0;
+        let apart = back - turns;
+        assert!((apart - apart.round()).abs() < 2e-7, "{turns}: {back}");
     }
     assert_eq!(of(exp2, -1e9), f32::MIN_POSITIVE);
     assert_eq!(of(minus_ln, 1.0), 0.0);

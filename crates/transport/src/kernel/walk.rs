@@ -1,5 +1,6 @@
 //! The walk: one path in every lane, and a new one where one has ended.
 
+use super::environment::transmittance_toward;
 use super::film_rays::inverse_of_step;
 use super::flakes::Flakes;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
@@ -227,7 +228,11 @@ fn in_first_period<F: Floats>(at: F, size: f32) -> F {
 fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
     let [behind, before] = kernel.environment;
     let back = paths.direction.z.below(F::splat(0.0));
-    let sky = V3::splat(behind).or_where_not(back, V3::splat(before));
+    let mut sky = V3::splat(behind).or_where_not(back, V3::splat(before));
+    let unscattered = paths.bounces.equals(F::Ints::splat(0));
+    for picture in &kernel.skies {
+        sky = sky + picture.radiance_toward(paths.direction, unscattered);
+    }
     let lit = paths.radiance + paths.throughput.times(sky);
     paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
     paths.gone = F::Mask::from_bits(0);
@@ -278,6 +283,26 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
                 shown = set_right.or_where_not(traced, through);
             }
             light_in = V3::splat(light.irradiance.0).scaled_add(phase * shown, light_in);
+        }
+    }
+    for sky in &kernel.skies {
+        for lamp in &sky.lamps {
+            let [place, own, u] = paths.rng.units(met);
+            let [across, down, _] = paths.rng.units(met);
+            let drawn = sky.sample(lamp, [place, own, across, down]);
+            let phase = flakes.phase(w_out, per_area, drawn.to_light);
+            let table_depth = depth(&lamp.table.depths, 1, 0, &corners);
+            let through = exp2(table_depth * F::splat(-LOG2_E));
+            let share = mean * phase * F::splat(kernel.residual_scale);
+            let keep = (share * (through + F::splat(kernel.residual_floor))).min(one);
+            let traced = met & u.below(keep);
+            let mut shown = through;
+            if traced.any() {
+                let exact = trace_toward(kernel, paths.at, drawn.to_light, traced, stats);
+                let set_right = (exact - through) / keep + through;
+                shown = set_right.or_where_not(traced, through);
+            }
+            light_in = drawn.irradiance.scaled_add(phase * shown, light_in);
         }
     }
     let lit = V3 {
@@ -340,6 +365,34 @@ fn trace_exactly<F: Floats>(
             depth[lane] + SURE_DEPTH,
             chance[lane],
         );
+        through[lane] = t;
+        stats.shadow_rays += 1;
+        stats.shadow_steps += steps;
+    }
+    F::load(&through)
+}
+
+/// The same toward directions of their own.
+#[inline(always)]
+fn trace_toward<F: Floats>(
+    kernel: &Kernel,
+    at: V3<F>,
+    toward: V3<F>,
+    traced: F::Mask,
+    stats: &mut Stats,
+) -> F {
+    let (mut from, mut way) = ([[0.0; MAX_LANES]; 3], [[0.0; MAX_LANES]; 3]);
+    at.x.store(&mut from[0]);
+    at.y.store(&mut from[1]);
+    at.z.store(&mut from[2]);
+    toward.x.store(&mut way[0]);
+    toward.y.store(&mut way[1]);
+    toward.z.store(&mut way[2]);
+    let mut through = [0.0; MAX_LANES];
+    for lane in SetBits(traced.bits()) {
+        let from = Vec3::new(from[0][lane], from[1][lane], from[2][lane]);
+        let way = Vec3::new(way[0][lane], way[1][lane], way[2][lane]);
+        let (t, steps) = transmittance_toward(&kernel.medium, from, way);
         through[lane] = t;
         stats.shadow_rays += 1;
         stats.shadow_steps += steps;
