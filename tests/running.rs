@@ -388,7 +388,11 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     assert_eq!(reach("0.004", &["--threads", "2"]), samples);
     assert!(bytes(&folder, "out.exr") == early);
     assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
-    // Four times the samples for half the error, within the steps of 16.
+    let both = ["--target-median-error", "1"];
+    assert_eq!(reach("0.004", &both), samples);
+    let both = ["--target-median-error", "0.002"];
+    assert!(reach("0.9", &both) > 16);
+    // Four times the samples for half the error, within the steps of looks.
     let finer = reach("0.002", &[]);
     assert!(
         finer > 3 * samples && finer < 5 * samples,

@@ -4,7 +4,8 @@
 //! may be as short as the clock wants: about half a second, that an interrupt
 //! and the time limit are met soon. Whether the target error is reached is
 //! asked only at fixed numbers of samples, so that the answer depends on the
-//! seed and not on the machine.
+//! seed and not on the machine: every sixteen samples at first, then every
+//! sixteenth to eighth of those taken.
 //!
 //! The target stops the whole picture. Stopping single pixels by their own
 //! variance would darken the picture: a pixel that has not yet met its rare
@@ -13,11 +14,44 @@
 //! effect falls with their number; the first look comes at
 //! [`SAMPLES_PER_LOOK`] samples a pixel at the earliest.
 
-use organza_transport::Rendering;
+use organza_transport::{Film, Rendering};
 use std::time::Duration;
 
-/// Samples of every pixel between two looks at the error.
+/// Samples of every pixel between two looks at the error, at the least.
 const SAMPLES_PER_LOOK: u64 = 16;
+
+/// Samples between looks at the error when so many are taken.
+fn samples_per_look(taken: u64) -> u64 {
+    ((taken + 1).next_power_of_two() / 16).max(SAMPLES_PER_LOOK)
+}
+
+/// Which errors end a render: all that are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Targets {
+    /// [`organza_transport::Film::relative_error`].
+    pub picture: Option<f64>,
+    /// [`organza_transport::PixelErrors::median`].
+    pub median: Option<f64>,
+}
+
+impl Targets {
+    /// The errors of a film that meets all targets, if there are any.
+    fn met(&self, film: &Film) -> Option<Targets> {
+        if *self == Targets::default() {
+            return None;
+        }
+        let reached = Targets {
+            picture: self.picture.map(|_| film.relative_error()),
+            median: self.median.map(|_| film.pixel_errors().median),
+        };
+        let within = |error: Option<f64>, target: Option<f64>| match (error, target) {
+            (Some(error), Some(target)) => error <= target,
+            _ => true,
+        };
+        let all = within(reached.picture, self.picture) && within(reached.median, self.median);
+        all.then_some(reached)
+    }
+}
 
 /// How long a pass should take.
 const PASS: Duration = Duration::from_millis(500);
@@ -29,8 +63,8 @@ pub enum Stop {
     Done,
     /// The next sample would not fit into the time.
     TimeLimit,
-    /// The error is this, and at most the target.
-    TargetError(f64),
+    /// The errors are these, and at most the targets.
+    TargetError(Targets),
     /// The user asked.
     Interrupted,
 }
@@ -48,17 +82,17 @@ pub enum Next {
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     time_limit: Option<Duration>,
-    target_error: Option<f64>,
+    targets: Targets,
     /// Of the last pass; unknown before.
     per_sample: Option<Duration>,
 }
 
 impl Schedule {
     /// A plan with an optional limit and target.
-    pub fn new(time_limit: Option<Duration>, target_error: Option<f64>) -> Schedule {
+    pub fn new(time_limit: Option<Duration>, targets: Targets) -> Schedule {
         Schedule {
             time_limit,
-            target_error,
+            targets,
             per_sample: None,
         }
     }
@@ -72,21 +106,19 @@ impl Schedule {
     /// so that it gets on and has a picture to show.
     pub fn next(&self, rendering: &Rendering<'_>, elapsed: Duration, interrupted: bool) -> Next {
         let taken = rendering.taken().end - rendering.taken().start;
-        let until_look = SAMPLES_PER_LOOK - taken % SAMPLES_PER_LOOK;
+        let per_look = samples_per_look(taken);
+        let until_look = per_look - taken % per_look;
         if rendering.left() == 0 {
             return Next::Stop(Stop::Done);
         }
         if interrupted {
             return Next::Stop(Stop::Interrupted);
         }
-        if let Some(target) = self.target_error
-            && taken > 0
-            && until_look == SAMPLES_PER_LOOK
+        if taken > 0
+            && until_look == per_look
+            && let Some(errors) = self.targets.met(rendering.film())
         {
-            let error = rendering.film().relative_error();
-            if error <= target {
-                return Next::Stop(Stop::TargetError(error));
-            }
+            return Next::Stop(Stop::TargetError(errors));
         }
         self.pass(elapsed).map_or(Next::Stop(Stop::TimeLimit), |n| {
             Next::Take(n.clamp(1, until_look))
@@ -115,16 +147,30 @@ mod tests {
     use super::*;
 
     #[test]
+    fn looks_come_at_numbers_that_do_not_depend_on_passes() {
+        for taken in 0..5000u64 {
+            let per_look = samples_per_look(taken);
+            assert!(per_look == 16 || (taken / 16..=taken / 8 + 1).contains(&per_look));
+            // However it is approached, the next look is the same.
+            let next = taken - taken % per_look + per_look;
+            if taken + 1 < next {
+                let later = samples_per_look(taken + 1);
+                assert_eq!(next, taken + 1 - (taken + 1) % later + later, "{taken}");
+            }
+        }
+    }
+
+    #[test]
     fn passes_fit_into_half_a_second_and_the_time_left() {
         let ms = Duration::from_millis;
-        let mut schedule = Schedule::new(Some(ms(1000)), None);
+        let mut schedule = Schedule::new(Some(ms(1000)), Targets::default());
         assert_eq!(schedule.pass(ms(5000)), Some(1), "one pass in any case");
         schedule.took(2, ms(200));
         assert_eq!(schedule.pass(ms(0)), Some(5));
         assert_eq!(schedule.pass(ms(790)), Some(2));
         assert_eq!(schedule.pass(ms(950)), None);
         assert_eq!(schedule.pass(ms(2000)), None);
-        let mut free = Schedule::new(None, None);
+        let mut free = Schedule::new(None, Targets::default());
         free.took(1, ms(2000));
         assert_eq!(free.pass(ms(9_000_000)), Some(1));
     }

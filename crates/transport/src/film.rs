@@ -276,7 +276,7 @@ impl Pixel {
     }
 }
 
-fn variance_of_mean(m: &Moments) -> f64 {
+pub(crate) fn variance_of_mean(m: &Moments) -> f64 {
     m.variance() / m.count.max(1) as f64
 }
 
@@ -325,26 +325,6 @@ impl Film {
             let var: f64 = moments().map(|m| variance_of_mean(&m)).sum();
             (sum / n, var.sqrt() / n)
         })
-    }
-
-    /// Standard error of a pixel, root mean square over pixels and channels,
-    /// over the mean of the picture. A black picture has none: zero.
-    pub fn relative_error(&self) -> f64 {
-        let (mut mean, mut variance) = (0.0, 0.0);
-        for m in self
-            .pixels
-            .iter()
-            .flat_map(|p| [0, 1, 2].map(|c| p.moments(c)))
-        {
-            mean += m.mean;
-            variance += variance_of_mean(&m);
-        }
-        let values = 3.0 * self.pixels.len().max(1) as f64;
-        if mean > 0.0 {
-            (variance / values).sqrt() / (mean / values)
-        } else {
-            0.0
-        }
     }
 }
 
@@ -465,31 +445,5 @@ mod tests {
         };
         assert!(of(0.0) && of(4e9) && of(f32::MIN_POSITIVE / 8.0));
         assert!(!of(-1.0) && !of(f32::NAN) && !of(f32::INFINITY) && !of(4.3e9));
-    }
-
-    #[test]
-    fn the_relative_error_falls_with_the_root_of_the_samples() {
-        let film = |n: u32| {
-            let mut film = Film::new(UVec2::new(2, 1));
-            for i in 0..n {
-                for (pixel, level) in film.pixels_mut().iter_mut().zip([1.0, 3.0]) {
-                    let sample = PathSample {
-                        radiance: Rgb::splat(level * (i % 2) as f32),
-                        bounces: 0,
-                        first: None,
-                        absorbed: Rgb::BLACK,
-                        escape: None,
-                    };
-                    pixel.add(&sample, i);
-                }
-            }
-            film.relative_error()
-        };
-        // Variances 1/4 and 9/4 over n, mean 1.
-        for n in [100, 400] {
-            let expected = (1.25 / f64::from(n - 1)).sqrt();
-            assert!((film(n) / expected - 1.0).abs() < 1e-12);
-        }
-        assert_eq!(Film::new(UVec2::ONE).relative_error(), 0.0);
     }
 }

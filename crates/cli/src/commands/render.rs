@@ -14,7 +14,7 @@ use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::SceneFile;
-use crate::schedule::{Next, Schedule, Stop};
+use crate::schedule::{Next, Schedule, Stop, Targets};
 use crate::{output, read};
 use anyhow::Result;
 use glam::UVec2;
@@ -205,7 +205,11 @@ fn trace<'a>(
     mut rendering: Rendering<'a>,
     started: Instant,
 ) -> Result<(Rendering<'a>, Stop)> {
-    let mut schedule = Schedule::new(args.time_limit, args.target_error);
+    let targets = Targets {
+        picture: args.target_error,
+        median: args.target_median_error,
+    };
+    let mut schedule = Schedule::new(args.time_limit, targets);
     let film_size = rendering.film().size();
     let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
     let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
@@ -311,7 +315,14 @@ fn say_why(rendering: &Rendering<'_>, stop: Stop) {
     let why = match stop {
         Stop::Done => "all samples taken".to_owned(),
         Stop::TimeLimit => "time limit reached".to_owned(),
-        Stop::TargetError(error) => format!("target error reached, {error:.5}"),
+        Stop::TargetError(errors) => {
+            let told = |error: Option<f64>, of| error.map(|e| format!(", {e:.5} of the {of}"));
+            format!(
+                "target error reached{}{}",
+                told(errors.picture, "mean").unwrap_or_default(),
+                told(errors.median, "median pixel").unwrap_or_default()
+            )
+        }
         Stop::Interrupted => "interrupted".to_owned(),
     };
     eprintln!("stopped       {why}; {} a pixel", taken_words(rendering));
@@ -362,7 +373,13 @@ fn report(
         eprintln!("mean {name:<6}   {mean:.6} +- {se:.6}");
     }
     let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
-    eprintln!("error         {:.5} of the mean", film.relative_error());
+    let pixels = film.pixel_errors();
+    eprintln!(
+        "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
+        film.relative_error(),
+        pixels.median,
+        pixels.worst_hundredth
+    );
     eprintln!(
         "brightest     {:.3e}, {:.1} times the mean",
         stats.brightest,

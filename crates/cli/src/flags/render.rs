@@ -38,6 +38,9 @@ pub struct RenderArgs {
     /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_error: Option<f64>,
+    /// Stop when half the pixels that met matter have a standard error of at most this fraction of their own value, e.g. 0.01; with --target-error, when both are reached
+    #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
+    pub target_median_error: Option<f64>,
     /// Save what was gathered to this file now and then, when interrupted and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,

@@ -14,10 +14,10 @@
 
 use super::flat_medium::FlatMedium;
 use super::lanes::{Floats, Ints};
-use super::light_table::{LightTable, transmittance};
+use super::light_table::{LightTable, MOST_EXACT_STEPS, Nodes, VoxelWalk};
 use super::math::{V3, sin_cos_of_turns, turns_of};
 use crate::{ImageEnvironment, Lattice};
-use glam::Vec3;
+use glam::{IVec3, Vec3};
 use organza_basis::{AliasTable, Rgb};
 use std::f32::consts::{PI, TAU};
 
@@ -82,42 +82,28 @@ pub struct LampSample<F: Floats> {
 
 impl Sky {
     /// Lays a picture out for lanes.
-    pub fn new(medium: &FlatMedium, image: &ImageEnvironment) -> Sky {
-        let parts = Parts::of(image);
+    pub fn new(medium: &FlatMedium, nodes: Nodes, image: &ImageEnvironment, parts: &Parts) -> Sky {
         let [up, centre, left] = image.frame();
-        let size = image.size();
         let mut texels: Vec<u32> = parts.sky.iter().flat_map(|&p| bits(p)).collect();
-        let whole = if parts.lamps.is_empty() {
-            0
-        } else {
-            let count = texels.len() as u32;
+        let mut whole = 0;
+        if !parts.lamps.is_empty() {
+            whole = texels.len() as u32;
             texels.extend(image.pixels().iter().flat_map(|&p| bits(p)));
-            count
-        };
+        }
+        let lamps = parts.lamps.iter();
         let brightest = image.pixels().iter().map(|p| p.max_component());
         Sky {
-            size: size.as_vec2().to_array(),
+            size: image.size().as_vec2().to_array(),
             centre,
             left,
             up,
             texels,
             whole,
-            lamps: parts
-                .lamps
-                .iter()
-                .filter_map(|lamp| Lamp::new(medium, image, lamp))
+            lamps: lamps
+                .filter_map(|lamp| Lamp::new(medium, nodes, image, lamp))
                 .collect(),
             brightest: brightest.fold(0.0, f32::max),
         }
-    }
-
-    /// Bytes that a picture takes at the most.
-    pub fn most_bytes(image: &ImageEnvironment, lattice: &Lattice) -> u64 {
-        let texels = image.pixels().len() as u64;
-        let lamps = Parts::of(image).lamps;
-        let places: usize = lamps.iter().map(|l| l.len().next_power_of_two()).sum();
-        4 * (u64::from(2 * TEXEL) * texels + u64::from(PLACE) * places as u64)
-            + LightTable::most_bytes(lattice, lamps.len() as u64)
     }
 
     /// Bytes in use.
@@ -232,7 +218,12 @@ fn tent<F: Floats>(u: F) -> F {
 }
 
 impl Lamp {
-    fn new(medium: &FlatMedium, image: &ImageEnvironment, texels: &[Texel]) -> Option<Lamp> {
+    fn new(
+        medium: &FlatMedium,
+        nodes: Nodes,
+        image: &ImageEnvironment,
+        texels: &[Texel],
+    ) -> Option<Lamp> {
         let count = texels.len().next_power_of_two();
         let mut weights: Vec<f64> = texels.iter().map(|t| t.flux).collect();
         weights.resize(count, 0.0);
@@ -243,33 +234,52 @@ impl Lamp {
         for (i, &(own, other)) in table.slots().iter().enumerate() {
             let mut words = [own.to_bits(), other * PLACE, 0, 0, 0, 0, 0, 0];
             if let Some(t) = texels.get(i) {
-                words[2] = t.index % size.x | (t.index / size.x) << 16;
+                words[2] = (t.index % size.x) | ((t.index / size.x) << 16);
                 let over = unit / table.probability(i);
                 words[3..6].copy_from_slice(&bits(over * t.radiance));
             }
             places.extend(words);
         }
-        let flux: f64 = texels.iter().map(|t| t.flux).sum();
-        let toward: Vec3 = texels
-            .iter()
-            .map(|t| (t.flux / flux) as f32 * t.toward)
-            .sum();
-        let middle = toward.try_normalize()?;
         Some(Lamp {
-            table: LightTable::new(medium, -middle, Rgb::BLACK),
+            table: LightTable::new(medium, nodes, -middle(texels), Rgb::BLACK),
             places,
             count: count as u32,
         })
     }
+}
 
-    /// The exact transmittance from a local point along `to_light`, and the
-    /// number of voxels looked at.
-    pub fn transmittance(medium: &FlatMedium, p: Vec3, to_light: Vec3) -> (f32, u64) {
-        transmittance(&medium.lattice, p, to_light, |index| {
-            let toward = |p: super::flat_medium::Stored| p.extinction_per_mm(to_light);
-            medium.populations_of(medium.cells[index]).map(toward).sum()
-        })
+/// The exact transmittance from a local point to a light from infinity, and the
+/// number of voxels looked at.
+pub fn transmittance_toward(medium: &FlatMedium, p: Vec3, to_light: Vec3) -> (f32, u64) {
+    let lattice = &medium.lattice;
+    let dims = lattice.dims().as_ivec3();
+    let mut walk = VoxelWalk::new(lattice, p, to_light);
+    let (mut depth, mut steps) = (0.0f32, 0);
+    // e^-20 is less than a table can tell.
+    while depth < 20.0 && steps < MOST_EXACT_STEPS {
+        let mut c = walk.cell;
+        if lattice.repeats() {
+            c = c.rem_euclid(dims).with_z(c.z);
+        }
+        if c.cmplt(IVec3::ZERO).any() || c.cmpge(dims).any() {
+            break;
+        }
+        let voxel = ((c.z * dims.y + c.y) * dims.x + c.x) as usize;
+        let populations = medium.populations_of(voxel);
+        let extinction: f32 = populations.map(|p| p.extinction_per_mm(to_light)).sum();
+        depth += walk.step() * extinction;
+        steps += 1;
     }
+    ((-depth).exp(), steps)
+}
+
+/// The middle of what texels shine.
+fn middle(texels: &[Texel]) -> Vec3 {
+    let flux: f64 = texels.iter().map(|t| t.flux).sum();
+    let mean = texels.iter().map(|t| (t.flux / flux) as f32 * t.toward);
+    // Within a cap there is one; the brightest lies in it.
+    let any = texels.first().map_or(Vec3::Z, |t| t.toward);
+    mean.sum::<Vec3>().try_normalize().unwrap_or(any)
 }
 
 fn bits(c: Rgb) -> [u32; 3] {
@@ -293,6 +303,19 @@ pub struct Parts {
 }
 
 impl Parts {
+    /// Bytes that the picture takes in lanes at the most.
+    pub fn bytes(&self, lattice: &Lattice) -> u64 {
+        let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();
+        4 * (u64::from(2 * TEXEL) * self.sky.len() as u64 + u64::from(PLACE) * places as u64)
+            + LightTable::most_bytes(lattice, self.lamps.len() as u64)
+    }
+
+    /// Where the light of the lamps travels.
+    pub fn directions(&self) -> impl Iterator<Item = Vec3> {
+        self.lamps.iter().map(|texels| -middle(texels))
+    }
+
+    /// Takes a picture apart.
     pub fn of(image: &ImageEnvironment) -> Parts {
         let (size, pixels) = (image.size(), image.pixels());
         let [up, centre, left] = image.frame();

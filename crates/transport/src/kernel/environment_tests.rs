@@ -8,6 +8,7 @@ use super::*;
 use crate::*;
 use glam::UVec2;
 use organza_basis::{PathRng, Rgb, warp};
+use std::sync::Arc;
 
 /// A dim sky with a low sun of some pixels, a lamp at the pole and one at the
 /// left edge.
@@ -35,7 +36,9 @@ pub fn picture() -> Light {
 fn sky() -> (ImageEnvironment, Sky) {
     let image = image();
     let medium = FlatMedium::from_grid(&grid(false)).unwrap();
-    let sky = Sky::new(&medium, &image);
+    let parts = Parts::of(&image);
+    let nodes = Nodes::new(&medium, parts.directions());
+    let sky = Sky::new(&medium, nodes, &image, &parts);
     (image, sky)
 }
 

@@ -1,7 +1,7 @@
 //! Camera rays of many lanes: from film points to where matter begins.
 
-use super::lanes::{Floats, Ints};
-use super::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns};
+use super::lanes::Floats;
+use super::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns, with_sign_of};
 use crate::camera::{Camera, PixelFilter, Projection};
 use crate::lattice::Lattice;
 use glam::{DVec3, Vec3};
@@ -170,11 +170,4 @@ pub fn inverse_of_step<F: Floats>(step: V3<F>) -> V3<F> {
 fn not_zero<F: Floats>(s: F) -> F {
     let little = F::splat(1e-10);
     s.or_where_not(little.below(s.abs()), with_sign_of(little, s))
-}
-
-/// `size`, which must not be negative, with the sign of `s`.
-#[inline(always)]
-pub fn with_sign_of<F: Floats>(size: F, s: F) -> F {
-    let sign = s.as_ints() & F::Ints::splat(0x8000_0000);
-    (size.as_ints() | sign).as_floats()
 }

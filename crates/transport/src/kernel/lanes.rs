@@ -23,6 +23,19 @@ pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output
     }
 }
 
+/// Numbers of the bits that are set.
+pub struct SetBits(pub u32);
+
+impl Iterator for SetBits {
+    type Item = usize;
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (lane < 32).then_some(lane as usize)
+    }
+}
+
 /// A whole number of 32 bits in every lane, arithmetic modulo 2^32.
 pub trait Ints:
     Copy

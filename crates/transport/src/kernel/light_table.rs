@@ -7,6 +7,8 @@
 //! less there is to add.
 
 use super::flat_medium::FlatMedium;
+use super::lanes::{Floats, Ints};
+use super::math::V3;
 use crate::Lattice;
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::Rgb;
@@ -27,7 +29,120 @@ const MOST_PER_VOXEL: u32 = 3;
 const MOST_STEPS: usize = 4096;
 
 /// A ray along an endless slab without matter in its way has to end some time.
-const MOST_EXACT_STEPS: u64 = 1 << 20;
+pub const MOST_EXACT_STEPS: u64 = 1 << 20;
+
+/// Where the nodes of a table are: in the middles of cells that divide voxels.
+#[derive(Clone, Copy, Debug)]
+pub struct Nodes {
+    /// Along each axis.
+    pub dims: UVec3,
+    /// Along the edge of a voxel.
+    pub per_voxel: u32,
+    repeats: bool,
+}
+
+/// The eight nodes around a place, in every lane.
+pub struct Corners<F: Floats> {
+    /// The word of the lower four; that of the upper follows.
+    word: F::Ints,
+    /// How far the place is from the first.
+    x: F,
+    y: F,
+    z: F,
+}
+
+impl Nodes {
+    /// The nodes for light from some directions.
+    pub fn new(medium: &FlatMedium, directions: impl Iterator<Item = Vec3>) -> Nodes {
+        let lattice = &medium.lattice;
+        let per_voxel = directions
+            .map(|d| nodes_per_voxel(lattice, &extinctions(medium, -d)))
+            .max()
+            .unwrap_or(1);
+        Nodes {
+            dims: lattice.dims() * per_voxel,
+            per_voxel,
+            repeats: lattice.repeats(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn around<F: Floats>(&self, at: V3<F>) -> Corners<F> {
+        let word = F::Ints::splat;
+        let (per_voxel, size) = (self.per_voxel as f32, self.dims.as_vec3());
+        let (x, fx) = node_before(at.x, per_voxel, size.x, self.repeats);
+        let (y, fy) = node_before(at.y, per_voxel, size.y, self.repeats);
+        let (z, fz) = node_before(at.z, per_voxel, size.z, false);
+        Corners {
+            word: (x + word(self.dims.x) * y) * word(self.dims.z) + z,
+            x: fx,
+            y: fy,
+            z: fz,
+        }
+    }
+}
+
+/// The last node before a place, along one axis, and how far behind it the
+/// place is. Before the first node: the last one of the period before, or
+/// itself.
+#[inline(always)]
+fn node_before<F: Floats>(at: F, per_voxel: f32, size: f32, wraps: bool) -> (F::Ints, F) {
+    let zero = F::splat(0.0);
+    let at = at.mul_add(F::splat(per_voxel), F::splat(-0.5));
+    let last = F::splat(size - 1.0);
+    if wraps {
+        let low = at.floor();
+        let index = last.or_where_not(low.below(zero), low);
+        return (index.to_ints(), at - low);
+    }
+    // Nothing is known beyond the last node.
+    let at = at.max(zero).min(last);
+    let low = at.floor();
+    (low.to_ints(), at - low)
+}
+
+/// Optical depth toward a light, linear between eight nodes; `depths` holds the
+/// words of all lights side by side.
+#[inline(always)]
+pub fn depth<F: Floats>(depths: &[u32], lights: usize, light: usize, corners: &Corners<F>) -> F {
+    let low = corners.word * F::Ints::splat(lights as u32) + F::Ints::splat(light as u32);
+    let high = low + F::Ints::splat(lights as u32);
+    let low = between_four(low.gather(depths), corners.x, corners.y);
+    let high = between_four(high.gather(depths), corners.x, corners.y);
+    (high - low).mul_add(corners.z, low) * F::splat(MOST_DEPTH / 255.0)
+}
+
+/// The words of all lights side by side: those of a node are one look-up.
+pub fn side_by_side(lights: &mut [LightTable]) -> Vec<u32> {
+    let tables: Vec<Vec<u32>> = lights
+        .iter_mut()
+        .map(|light| std::mem::take(&mut light.depths))
+        .collect();
+    let mut words = vec![0; tables.iter().map(Vec::len).sum()];
+    let nodes = words.par_chunks_exact_mut(tables.len().max(1)).enumerate();
+    nodes.for_each(|(node, out)| {
+        for (out, table) in out.iter_mut().zip(&tables) {
+            *out = table[node];
+        }
+    });
+    words
+}
+
+/// Between the four depths of a word.
+#[inline(always)]
+fn between_four<F: Floats>(four: F::Ints, fx: F, fy: F) -> F {
+    let byte = F::Ints::splat(0xff);
+    let (a, b) = (
+        (four & byte).to_floats(),
+        (four.shr::<8>() & byte).to_floats(),
+    );
+    let (c, d) = (
+        (four.shr::<16>() & byte).to_floats(),
+        four.shr::<24>().to_floats(),
+    );
+    let (low, high) = ((b - a).mul_add(fx, a), (d - c).mul_add(fx, c));
+    (high - low).mul_add(fy, low)
+}
 
 /// One parallel light.
 pub struct LightTable {
@@ -35,13 +150,11 @@ pub struct LightTable {
     pub to_light: Vec3,
     /// Irradiance across it.
     pub irradiance: Rgb,
-    /// Nodes along each axis.
-    pub dims: UVec3,
-    /// Nodes along the edge of a voxel.
-    pub per_voxel: u32,
+    pub nodes: Nodes,
     /// Four optical depths a word, in 255 steps up to [`MOST_DEPTH`]: of the
     /// node, of its neighbours in x, in y and in both; z fastest, then x, y: a
-    /// look-up takes two that lie one above the other.
+    /// look-up takes two that lie one above the other. Empty once the words
+    /// of all lights are [side by side](side_by_side).
     pub depths: Vec<u32>,
     /// Extinction toward the light in every voxel, 1/mm.
     extinction_per_mm: Vec<f32>,
@@ -57,28 +170,15 @@ struct Piece {
 
 impl LightTable {
     /// The table of light that travels along `direction`.
-    pub fn new(medium: &FlatMedium, direction: Vec3, irradiance: Rgb) -> LightTable {
-        let lattice = medium.lattice;
+    pub fn new(medium: &FlatMedium, nodes: Nodes, direction: Vec3, irradiance: Rgb) -> LightTable {
         let to_light = -direction;
-        let extinction_per_mm: Vec<f32> = medium
-            .cells
-            .par_iter()
-            .map(|&cell| {
-                medium
-                    .populations_of(cell)
-                    .map(|p| p.extinction_per_mm(to_light))
-                    .sum()
-            })
-            .collect();
-        let per_voxel = nodes_per_voxel(&lattice, &extinction_per_mm);
         let mut table = LightTable {
             to_light,
             irradiance,
-            dims: lattice.dims() * per_voxel,
-            per_voxel,
+            nodes,
             depths: Vec::new(),
-            extinction_per_mm,
-            lattice,
+            extinction_per_mm: extinctions(medium, to_light),
+            lattice: medium.lattice,
         };
         table.depths = table.pack(&table.node_depths());
         table
@@ -88,8 +188,8 @@ impl LightTable {
     pub fn most_bytes(lattice: &Lattice, lights: u64) -> u64 {
         let voxels = lattice.dims().as_u64vec3().element_product();
         let nodes = u64::from(MOST_PER_VOXEL).pow(3);
-        // Depths once more while they are packed.
-        voxels * (lights * 4 * (1 + nodes) + 4 * nodes)
+        // Depths once more while they are packed and put side by side.
+        voxels * (lights * 4 * (1 + 2 * nodes) + 4 * nodes)
     }
 
     /// Bytes in use.
@@ -97,17 +197,15 @@ impl LightTable {
         4 * (self.depths.len() + self.extinction_per_mm.len()) as u64
     }
 
-    /// Whether the matter repeats.
-    pub fn repeats(&self) -> bool {
-        self.lattice.repeats()
-    }
-
     /// Optical depths from the nodes, the middles of the table's cells.
     ///
     /// All nodes at one place in their voxels share one way to the light; what
     /// a row of them meets in a piece of it is a row of voxels.
     fn node_depths(&self) -> Vec<f32> {
-        let (n, per) = (self.dims.as_usizevec3(), self.per_voxel as usize);
+        let (n, per) = (
+            self.nodes.dims.as_usizevec3(),
+            self.nodes.per_voxel as usize,
+        );
         let ways: Vec<Vec<Piece>> = (0..per.pow(3))
             .map(|i| self.way([i % per, i / per % per, i / (per * per)]))
             .collect();
@@ -167,7 +265,7 @@ impl LightTable {
     /// The way from the middle of cell `phase` of a voxel to the farthest
     /// border there can be.
     fn way(&self, phase: [usize; 3]) -> Vec<Piece> {
-        let start = Vec3::from_array(phase.map(|p| (p as f32 + 0.5) / self.per_voxel as f32));
+        let start = Vec3::from_array(phase.map(|p| (p as f32 + 0.5) / self.nodes.per_voxel as f32));
         let mut walk = VoxelWalk::new(&self.lattice, start, self.to_light);
         let dims = self.lattice.dims().as_ivec3();
         let mut way = Vec::new();
@@ -185,7 +283,7 @@ impl LightTable {
 
     /// Four neighbours a word.
     fn pack(&self, depths: &[f32]) -> Vec<u32> {
-        let n = self.dims.as_usizevec3();
+        let n = self.nodes.dims.as_usizevec3();
         let code = |x: usize, y: usize, z: usize| {
             let depth = depths[(z * n.y + y) * n.x + x].min(MOST_DEPTH);
             (depth * (255.0 / MOST_DEPTH) + 0.5) as u32
@@ -212,58 +310,73 @@ impl LightTable {
         words
     }
 
-    /// The exact transmittance from a local point to the light, and the number
-    /// of voxels looked at.
-    pub fn transmittance(&self, p: Vec3) -> (f32, u64) {
-        transmittance(&self.lattice, p, self.to_light, |index| {
-            self.extinction_per_mm[index]
+    /// The exact transmittance from a local point to the light on average over
+    /// `u` from `[0, 1)`, and the number of voxels looked at. Up to the optical
+    /// depth `sure` it does not depend on `u`; behind, the way goes on for as
+    /// long as light does by chance. Infinite, it is exact.
+    pub fn transmittance(&self, p: Vec3, sure: f32, u: f32) -> (f32, u64) {
+        let dims = self.lattice.dims().as_ivec3();
+        let voxel = p.floor();
+        let cell = voxel.as_ivec3().clamp(IVec3::ZERO, dims - 1);
+        let forth = self.to_light.cmpge(Vec3::ZERO);
+        let per_voxel_mm = self.lattice.voxel_mm() / self.to_light.abs().max(Vec3::splat(1e-12));
+        let ahead = Vec3::select(forth, voxel + 1.0 - p, p - voxel);
+        // Way to the next border along each axis, and voxels behind it.
+        let [mut x_mm, mut y_mm, mut z_mm] = (ahead * per_voxel_mm).to_array();
+        let [dx_mm, dy_mm, dz_mm] = per_voxel_mm.to_array();
+        let behind = IVec3::select(forth, dims - 1 - cell, cell);
+        let [mut x_left, mut y_left, mut z_left] = behind.to_array();
+        let strides = IVec3::new(1, dims.x, dims.x * dims.y);
+        let strides = IVec3::select(forth, strides, -strides);
+        let [dx, dy, dz] = strides.to_array();
+        let mut place = (cell.z * dims.y + cell.y) * dims.x + cell.x;
+        let stop = sure - (1.0 - u).ln();
+        let (mut at_mm, mut depth, mut steps) = (0.0f32, 0.0f32, 0);
+        while let Some(extinction) = self.extinction_per_mm.get(place as usize) {
+            let next_mm = x_mm.min(y_mm).min(z_mm);
+            depth += extinction * (next_mm - at_mm).max(0.0);
+            at_mm = next_mm;
+            steps += 1;
+            if depth > stop || steps > MOST_EXACT_STEPS {
+                return (0.0, steps);
+            }
+            // Through an edge both borders are passed at once.
+            let (x, y, z) = (x_mm == next_mm, y_mm == next_mm, z_mm == next_mm);
+            x_mm += if x { dx_mm } else { 0.0 };
+            y_mm += if y { dy_mm } else { 0.0 };
+            z_mm += if z { dz_mm } else { 0.0 };
+            place += if x { dx } else { 0 } + if y { dy } else { 0 } + if z { dz } else { 0 };
+            (x_left, y_left, z_left) = (
+                x_left - i32::from(x),
+                y_left - i32::from(y),
+                z_left - i32::from(z),
+            );
+            if (x_left | y_left | z_left) < 0 {
+                if z_left < 0 || !self.lattice.repeats() {
+                    break;
+                }
+                if x_left < 0 {
+                    (x_left, place) = (dims.x - 1, place - dims.x * dx);
+                }
+                if y_left < 0 {
+                    (y_left, place) = (dims.y - 1, place - dims.y * dy);
+                }
+            }
+        }
+        ((-depth.min(sure)).exp(), steps)
+    }
+}
+
+/// Extinction toward a direction in every voxel, 1/mm.
+fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
+    let voxels = medium.lattice.dims().as_usizevec3().element_product();
+    (0..voxels)
+        .into_par_iter()
+        .map(|voxel| {
+            let populations = medium.populations_of(voxel);
+            populations.map(|p| p.extinction_per_mm(w)).sum()
         })
-    }
-}
-
-/// The exact transmittance from a local point along a unit direction through
-/// voxels that have an extinction, 1/mm, and the number of voxels looked at.
-#[inline]
-pub fn transmittance(
-    lattice: &Lattice,
-    p: Vec3,
-    direction: Vec3,
-    extinction_per_mm: impl Fn(usize) -> f32,
-) -> (f32, u64) {
-    let dims = lattice.dims().as_ivec3();
-    let mut walk = VoxelWalk::new(lattice, p, direction);
-    let (mut depth, mut steps) = (0.0f32, 0);
-    loop {
-        let mut c = walk.cell;
-        if c.z < 0 || c.z >= dims.z {
-            break;
-        }
-        if lattice.repeats() {
-            c.x = around(c.x, dims.x);
-            c.y = around(c.y, dims.y);
-        } else if (c.x | c.y) < 0 || c.x >= dims.x || c.y >= dims.y {
-            break;
-        }
-        let extinction = extinction_per_mm(((c.z * dims.y + c.y) * dims.x + c.x) as usize);
-        steps += 1;
-        let length_mm = walk.step();
-        if extinction > 0.0 {
-            depth += length_mm * extinction;
-        }
-        // e^-88 is the smallest f32 worth carrying on for.
-        if depth > 88.0 || steps > MOST_EXACT_STEPS {
-            break;
-        }
-    }
-    ((-depth).exp(), steps)
-}
-
-fn around(c: i32, n: i32) -> i32 {
-    if (0..n).contains(&c) {
-        c
-    } else {
-        c.rem_euclid(n)
-    }
+        .collect()
 }
 
 /// Cells along the edge of a voxel so that most of the matter has at most
@@ -284,8 +397,9 @@ fn nodes_per_voxel(lattice: &Lattice, extinction_per_mm: &[f32]) -> u32 {
 }
 
 /// Steps from voxel to voxel along a ray.
-struct VoxelWalk {
-    cell: IVec3,
+pub struct VoxelWalk {
+    /// Where it is.
+    pub cell: IVec3,
     step: IVec3,
     next_mm: Vec3,
     per_voxel_mm: Vec3,
@@ -293,7 +407,7 @@ struct VoxelWalk {
 }
 
 impl VoxelWalk {
-    fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
+    pub fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
         let per_mm = direction / lattice.voxel_mm();
         let cell = p.floor();
         let forth = per_mm.cmpge(Vec3::ZERO);
@@ -311,7 +425,7 @@ impl VoxelWalk {
 
     /// Leaves the current voxel and tells the length of the way through it.
     #[inline]
-    fn step(&mut self) -> f32 {
+    pub fn step(&mut self) -> f32 {
         let n = self.next_mm;
         let axis = if n.x < n.y {
             if n.x < n.z { 0 } else { 2 }

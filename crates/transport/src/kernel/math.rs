@@ -200,6 +200,13 @@ fn sign_bit<F: Floats>(quarter: F::Ints) -> F::Ints {
     (quarter & F::Ints::splat(2)).shl::<30>()
 }
 
+/// `size`, which must not be negative, with the sign of `s`.
+#[inline(always)]
+pub fn with_sign_of<F: Floats>(size: F, s: F) -> F {
+    let sign = s.as_ints() & F::Ints::splat(0x8000_0000);
+    (size.as_ints() | sign).as_floats()
+}
+
 /// The angle of the point (x, y) from the x axis in turns, from -1/2 to 1/2, to
 /// 1e-7; 0 of the origin. The polynomial is the minimax one for
 /// `atan(a) / (2 pi a)` up to 1.
@@ -232,12 +239,18 @@ pub fn turns_of<F: Floats>(y: F, x: F) -> F {
 /// The random numbers of one path in every lane: a hash of the path's name and
 /// a count, three numbers at a time (pcg3d of [Jarzynski2020]). A lane counts
 /// only the numbers that its own path asked for.
+///
+/// The generator's first step, a linear congruence of each word, is taken of
+/// the name once and of the count by adding up.
 #[derive(Clone, Copy)]
 pub struct LaneRng<U> {
     pixel: U,
     sample: U,
     count: U,
 }
+
+const FACTOR: u32 = 1_664_525;
+const SUMMAND: u32 = 1_013_904_223;
 
 /// The part of a path's name that a pixel's paths have in common.
 pub fn pixel_key(seed: u64, pixel: u64) -> (u32, u32) {
@@ -250,10 +263,11 @@ impl<U: Ints> LaneRng<U> {
     /// [keys](pixel_key).
     #[inline(always)]
     pub fn new(key: (U, U), index: U) -> LaneRng<U> {
+        let (a, b) = (U::splat(FACTOR), U::splat(SUMMAND));
         LaneRng {
-            pixel: key.0,
-            sample: key.1 + index,
-            count: U::splat(0),
+            pixel: key.0 * a + b,
+            sample: (key.1 + index) * a + b,
+            count: b,
         }
     }
 
@@ -270,11 +284,8 @@ impl<U: Ints> LaneRng<U> {
     /// outside the mask get numbers too, but do not count them as taken.
     #[inline(always)]
     pub fn units(&mut self, mask: U::Mask) -> [U::Floats; 3] {
-        let (a, b) = (U::splat(1_664_525), U::splat(1_013_904_223));
-        let mut x = self.pixel * a + b;
-        let mut y = self.sample * a + b;
-        let mut z = self.count * a + b;
-        self.count = (self.count + U::splat(1)).or_where_not(mask, self.count);
+        let (mut x, mut y, mut z) = (self.pixel, self.sample, self.count);
+        self.count = (self.count + U::splat(FACTOR)).or_where_not(mask, self.count);
         for round in 0..2 {
             x = x + y * z;
             y = y + z * x;

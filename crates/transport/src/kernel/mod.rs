@@ -9,37 +9,39 @@
 //!
 //! Light of one direction comes from a table that an occasional exact shadow
 //! ray corrects ([`light_table`]), environments by escaping, what is bright in a
-//! picture by both ([`environment`]).
+//! picture by shadow rays again ([`environment`]).
 
 mod environment;
 #[cfg(test)]
 mod environment_tests;
 mod film_rays;
+mod flakes;
 mod flat_medium;
 mod lanes;
 mod light_table;
 mod math;
+mod posts;
+mod reach;
 mod tally;
 #[cfg(test)]
 mod tests;
 #[cfg(target_arch = "x86_64")]
 mod vector;
+mod voxel_words;
 mod walk;
 
 pub(crate) use flat_medium::{NO_YARN, Population};
 pub(crate) use tally::{Brightness, Tally};
 
 use crate::{
-    AnyMedium, Hemisphere, ImageEnvironment, Integrator, Light, Medium, Pixel, RenderSettings,
-    Scene, Stats,
+    AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
 };
-use environment::Sky;
+use environment::{Parts, Sky};
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
-use light_table::LightTable;
+use light_table::{LightTable, Nodes};
 use std::ops::Range;
-use std::sync::Arc;
 
 /// What walks the paths of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +55,9 @@ pub enum Backend {
 }
 
 impl Backend {
+    /// All: they give the same bits.
+    pub const ALL: [Backend; 3] = [Backend::Scalar, Backend::Avx2, Backend::Avx512];
+
     /// The widest that this processor has.
     pub fn widest() -> Backend {
         if Backend::Avx512.is_available() {
@@ -132,8 +137,12 @@ pub enum KernelRefusal {
 pub struct Kernel {
     backend: Backend,
     medium: FlatMedium,
-    voxels_per_mm: Vec3,
+    /// For lengths in units of one over the medium's scale.
+    voxels_per_length: Vec3,
+    nodes: Nodes,
     lights: Vec<LightTable>,
+    /// Optical depths toward them.
+    depths: Vec<u32>,
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
     skies: Vec<Sky>,
@@ -233,14 +242,14 @@ impl Kernel {
                 Light::Image { image, .. } if image.size().max_element() > 1 << 16 => {
                     return Err(KernelRefusal::Picture);
                 }
-                Light::Image { image, .. } => pictures.push(image),
+                Light::Image { image, .. } => pictures.push((image, Parts::of(image))),
                 Light::Rectangle { .. } => return Err(KernelRefusal::Light),
             }
         }
-        let of_pictures = |p: &&Arc<ImageEnvironment>| Sky::most_bytes(p, &lattice);
+        let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&lattice)).sum();
         let bytes = FlatMedium::least_bytes(&lattice)
             + LightTable::most_bytes(&lattice, parallel.len() as u64)
-            + pictures.iter().map(of_pictures).sum::<u64>();
+            + of_pictures;
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
         }
@@ -249,21 +258,33 @@ impl Kernel {
             AnyMedium::Cloth(m) => FlatMedium::from_cloth(m)?,
             _ => return Err(KernelRefusal::NotFlakes),
         };
-        let skies: Vec<Sky> = pictures.iter().map(|p| Sky::new(&medium, p)).collect();
+        let lamps = pictures.iter().flat_map(|(_, parts)| parts.directions());
+        let directions = parallel
+            .iter()
+            .map(|&(direction, _)| direction)
+            .chain(lamps);
+        let nodes = Nodes::new(&medium, directions);
+        let skies: Vec<Sky> = pictures
+            .iter()
+            .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))
+            .collect();
         let brightest = parallel
             .iter()
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
             .chain(skies.iter().map(|s| s.brightest))
             .fold(0.0, f32::max);
+        let mut lights: Vec<LightTable> = parallel
+            .into_iter()
+            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance))
+            .collect();
         Ok(Kernel {
             backend,
-            lights: parallel
-                .into_iter()
-                .map(|(direction, irradiance)| LightTable::new(&medium, direction, irradiance))
-                .collect(),
+            depths: light_table::side_by_side(&mut lights),
+            lights,
+            nodes,
+            voxels_per_length: 1.0 / (lattice.voxel_mm() * medium.scale_per_mm),
             medium,
-            voxels_per_mm: 1.0 / lattice.voxel_mm(),
             environment,
             skies,
             rays: FilmRays::new(&scene.camera, &lattice),
@@ -271,8 +292,8 @@ impl Kernel {
             seed: settings.seed,
             max_bounces: settings.max_bounces,
             brightness: Brightness::of(brightest),
-            residual_scale: 1.0,
-            residual_floor: 0.01,
+            residual_scale: 3.0,
+            residual_floor: 0.005,
         })
     }
 
@@ -285,7 +306,7 @@ impl Kernel {
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
         let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
-        self.medium.memory_bytes() + tables + skies
+        self.medium.memory_bytes() + skies + tables + 4 * self.depths.len() as u64
     }
 
     /// Takes the samples of a block.

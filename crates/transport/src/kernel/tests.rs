@@ -250,13 +250,11 @@ fn a_table_without_exact_rays_is_rejected() {
     let (oracle, _) = film(&scene, &settings, None);
     let with_wrong_table = |residual_scale: f32| {
         let mut twin = kernel(&scene, &settings, Backend::widest());
-        for light in &mut twin.lights {
-            light.depths.fill(0x0e0e_0e0e);
-        }
+        twin.depths.fill(0x0e0e_0e0e);
         twin.residual_scale = residual_scale;
         film(&scene, &settings, Some(twin))
     };
-    let (right, stats) = with_wrong_table(1.0);
+    let (right, stats) = with_wrong_table(3.0);
     let (spread, mean) = agree(&right, &oracle);
     assert!(stats.shadow_rays > 0);
     assert!(
@@ -340,20 +338,22 @@ fn laid_out_matter_is_the_medium() {
     let flat_cloth = FlatMedium::from_cloth(&cloth).unwrap();
     fn check<M: Medium>(medium: &M, flat: &FlatMedium, rng: &mut PathRng) {
         let dims = medium.lattice().dims();
-        for (i, &cell) in flat.cells.iter().enumerate() {
-            let i = i as u32;
+        for i in 0..dims.element_product() {
             let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
             let w = warp::uniform_sphere(rng.unit2());
             let site = medium.site(c.as_vec3() + 0.5);
             let (a, b) = (
                 medium.sigma_t(&site, w),
-                flat.populations_of(cell)
+                flat.populations_of(i as usize)
                     .map(|p| p.extinction_per_mm(w))
                     .sum::<f32>(),
             );
-            assert!((a - b).abs() <= 1e-3 * a, "seed 4: {a}, {b} at {c}");
-            if cell & flat_medium::EMPTY == 0 {
-                let shown = flat.first_event(cell & 0x1fff_ffff, 1.0).unwrap().info;
+            // The axis is off by at most 1e-3 rad, which matters most where it
+            // is seen nearly end-on: at an end-on ratio e, by 1/(2 e) of it.
+            assert!((a - b).abs() <= 5e-3 * a, "seed 4: {a}, {b} at {c}");
+            if a > 0.0 {
+                let first = flat.place(i as usize).0 as u32;
+                let shown = flat.first_event(first, 1.0).unwrap().info;
                 let info = medium.info(&site);
                 assert!(shown.axis.dot(info.axis).abs() > 0.9999, "seed 4: {c}");
                 assert_eq!(shown.yarn, info.yarn);
@@ -362,8 +362,38 @@ fn laid_out_matter_is_the_medium() {
     }
     check(&grid, &flat_grid, &mut rng);
     check(&cloth, &flat_cloth, &mut rng);
-    let shared = |cell: &u32| cell & flat_medium::EMPTY == 0 && cell >> 29 > 0;
-    assert!(flat_cloth.cells.iter().any(shared), "no mixtures");
+    assert!(flat_grid.places.is_empty());
+    let several = |i: usize| flat_cloth.populations_of(i).count() > 1;
+    assert!((0..flat_cloth.places.len()).any(several), "no mixtures");
+}
+
+/// Words give back what was packed, to the errors that they state.
+#[test]
+fn words_of_voxels_keep_what_they_state() {
+    use super::voxel_words::{MOST, bound_code, bound_of, pack};
+    let mut rng = PathRng::from_seed(5);
+    let (mut turned, mut off) = (0.0f32, 0.0f32);
+    for _ in 0..20_000 {
+        let axis = warp::uniform_sphere(rng.unit2());
+        let broadside = MOST * 10f32.powf(-4.0 * rng.unit());
+        let end_on = 0.01 + 0.99 * rng.unit();
+        let words = pack(broadside, axis, end_on).map(one::U::splat);
+        let words = voxel_words::VoxelWords(words);
+        let stored = words.axis();
+        let stored = Vec3::new(stored.x.0, stored.y.0, stored.z.0);
+        assert!(stored.length() > 0.57 && stored.length() < 1.0005);
+        turned = turned.max(stored.normalize().cross(axis).length());
+        let apart = (words.broadside().0 - broadside).abs();
+        off = off.max(apart / (broadside + 1.0 / 32_768.0));
+        assert!((words.end_on().0 / end_on - 1.0).abs() < 2.5e-3);
+        let bound = bound_of(bound_code(broadside));
+        assert!(bound >= broadside && bound < 1.07 * broadside + 1e-6);
+    }
+    assert!(turned < 1.2e-3, "seed 5: {turned}");
+    assert!(off < 1.0 / 8192.0 + 1e-6, "seed 5: {off}");
+    assert_eq!(bound_of(bound_code(0.0)), 0.0);
+    assert_eq!(bound_of(255), MOST);
+    assert_eq!(voxel_words::VoxelWords::<one::U>::unknown().bound().0, MOST);
 }
 
 /// Every voxel within the reach of another is below its bound.
@@ -375,17 +405,13 @@ fn reaches_bound_what_they_hold() {
     ] {
         let lattice = medium.lattice;
         let dims = lattice.dims();
-        let at = |c: UVec3| medium.cells[((c.z * dims.y + c.y) * dims.x + c.x) as usize];
+        let number = |c: UVec3| ((c.z * dims.y + c.y) * dims.x + c.x) as usize;
         let mut widest = 0;
         for i in 0..dims.element_product() {
             let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
-            let packed = match at(c) {
-                cell if cell & flat_medium::EMPTY != 0 => cell & 0xffff,
-                cell => medium.populations[4 * (cell & 0x1fff_ffff) as usize + 3] & 0xffff,
-            };
-            let bound = f32::from_bits(flat_medium::Reach::BOUND_BASE + ((packed & 0xfff) << 16))
-                * medium.bound_scale;
-            let reach = f32::from_bits(flat_medium::Reach::STEPS_BASE + ((packed >> 12) << 22));
+            let words = medium.words_at(medium.place(number(c)).0);
+            let bound = words.bound().0 * medium.scale_per_mm;
+            let reach = words.reach().0;
             let around = reach as i32 - 1;
             widest = widest.max(around);
             for dz in -around..=around {
@@ -397,7 +423,7 @@ fn reaches_bound_what_they_hold() {
                         let is_matter = inside.z as i32 == n.z && (lattice.repeats() || !beyond);
                         if is_matter {
                             let own: f32 = medium
-                                .populations_of(at(inside))
+                                .populations_of(number(inside))
                                 .map(|p| p.broadside_per_mm)
                                 .sum();
                             assert!(own <= bound, "{own} > {bound} at {n} from {c}");
@@ -423,13 +449,14 @@ fn tables_hold_exact_depths() {
             else {
                 continue;
             };
-            let table = LightTable::new(&medium, direction, irradiance);
-            let n = table.dims;
+            let nodes = Nodes::new(&medium, std::iter::once(direction));
+            let table = LightTable::new(&medium, nodes, direction, irradiance);
+            let n = table.nodes.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;
                 let c = UVec3::new(i / n.z % n.x, i / (n.z * n.x), i % n.z);
-                let p = (c.as_vec3() + 0.5) / table.per_voxel as f32;
-                let exact = -table.transmittance(p).0.ln();
+                let p = (c.as_vec3() + 0.5) / table.nodes.per_voxel as f32;
+                let exact = -table.transmittance(p, f32::INFINITY, 0.0).0.ln();
                 let depth = (word & 0xff) as f32 * (light_table::MOST_DEPTH / 255.0);
                 let least = exact.min(light_table::MOST_DEPTH);
                 assert!((depth - least).abs() < 0.025, "{depth}, {exact} at {p}");
