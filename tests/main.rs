@@ -7,6 +7,8 @@ mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod far; // surface models, meshes and levels of detail in scenes
 mod faults; // kills, full disks, little memory, special files
+mod fireflies; // the brightest samples, and the clamp
+mod hard_cases; // degenerate geometry, views and lights through every tracker
 mod invalid; // the message for every kind of wrong input
 mod lights_and_export; // lights of scene files, scenes for another renderer
 mod measure; // the virtual goniometer

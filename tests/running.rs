@@ -290,10 +290,10 @@ fn checkpoints_that_do_not_belong_are_refused() {
     let longer = [&good[..], b"x"].concat();
     assert_eq!(refuse(&longer, &same), damaged);
     let mut newer = good.clone();
-    newer[8] = 2;
+    newer[8] = 3;
     assert_eq!(
         refuse(&newer, &same),
-        "organza: state: is a checkpoint of format 2; this program reads 1"
+        "organza: state: is a checkpoint of format 3; this program reads 2"
     );
     assert_eq!(
         refuse(&good, &["--samples", "2..6", "--seed", "3"]),

@@ -17,7 +17,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"organzaR";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER_WORDS: usize = 7 + Stats::WORDS;
 const DIGEST_BYTES: usize = 32;
 const PREFIX_BYTES: usize = MAGIC.len() + 4;

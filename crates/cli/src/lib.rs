@@ -2,6 +2,12 @@
 //!
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
+//!
+//! ```
+//! // The drawdown of a weave on standard output, as `organza weave twill-3-1-s`.
+//! let code = organza_cli::run(["organza", "weave", "twill-3-1-s"].map(Into::into));
+//! assert_eq!(code, std::process::ExitCode::SUCCESS);
+//! ```
 
 mod auto_model;
 mod bench;

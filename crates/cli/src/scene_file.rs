@@ -39,6 +39,8 @@ pub struct RenderTable {
     pub seed: u64,
     /// Stops of exposure for pictures that are not linear.
     pub exposure: f32,
+    /// The most a channel of a sample may be; no limit if none.
+    pub clamp: Option<f32>,
 }
 
 impl Default for RenderTable {
@@ -49,6 +51,7 @@ impl Default for RenderTable {
             max_bounces: None,
             seed: 0,
             exposure: 0.0,
+            clamp: None,
         }
     }
 }

@@ -17,6 +17,29 @@
 //! # Determinism
 //! The random numbers of a path are named by seed, pair and index. Paths are
 //! added in order, in chunks of fixed size.
+//!
+//! ```
+//! use organza_measure::{Effort, SurfacePatch, measure_albedos, measure_pairs, parse_incident, parse_pairs};
+//! use organza_surface::SurfaceSpec;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let patch = SurfacePatch(SurfaceSpec::preset("denim")?.build()?);
+//! let effort = Effort {
+//!     paths: 256,
+//!     seed: 1,
+//!     target_error: None,
+//! };
+//! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
+//! let told = measure_pairs(&patch, &pairs, &effort, &|_paths| ())?;
+//! let bsdf = told.list[0].bsdf;
+//! println!("{:?} +- {:?} 1/sr", bsdf.mean, bsdf.se);
+//!
+//! let incident = parse_incident("theta_i,phi_i\n30,0\n")?;
+//! let told = measure_albedos(&patch, &incident, &effort, &|_paths| ())?;
+//! assert!(told.list[0].reflected.mean[0] < 1.0);
+//! # Ok(())
+//! # }
+//! ```
 
 mod cost;
 pub mod fit;

@@ -6,6 +6,28 @@
 //! is stretched; a [`Shell`] answers with the straight stretches of the ray in a
 //! slab of cloth laid over the mesh. What lies there, a surface model or voxels,
 //! is for others to say: this crate knows neither.
+//!
+//! ```
+//! use glam::Vec3;
+//! use organza_basis::Ray;
+//! use organza_mesh::{DrapedMesh, Placement, read_obj};
+//!
+//! # fn main() -> Result<(), organza_mesh::Error> {
+//! let square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+//!     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+//! // Its unit of length is a centimetre, of texture coordinates 10 mm of cloth.
+//! let placement = Placement {
+//!     mm_per_unit: 10.0,
+//!     mm_per_uv: 10.0,
+//! };
+//! let draped = DrapedMesh::new(read_obj(square, placement)?);
+//! let down = Ray::new(Vec3::new(2.0, 7.0, 5.0), Vec3::NEG_Z);
+//! let hit = draped.hit(&down, 0.0, f32::INFINITY).unwrap();
+//! assert!((hit.distance_mm - 5.0).abs() < 1e-5);
+//! assert!((hit.uv_mm - glam::Vec2::new(2.0, 7.0)).length() < 1e-4);
+//! # Ok(())
+//! # }
+//! ```
 
 // Negated comparisons are meant: what is not a number goes the safe way.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]

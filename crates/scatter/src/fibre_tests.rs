@@ -219,6 +219,109 @@ fn single_precision_follows_double() {
     }
 }
 
+/// Worst relative error of a far field against `exact`, over directions that
+/// are drawn and directions that are hard; values below 1e-4 of the greatest
+/// count as that.
+fn far_error(fibre: &Fibre, exact: impl Fn(Vec3, Vec3) -> f64) -> f64 {
+    let far = fibre.far_field(TANGENT);
+    let mut rng = PathRng::from_seed(57);
+    let mut pairs: Vec<(Vec3, Vec3)> = (0..150)
+        .filter_map(|_| {
+            let w_out = warp::uniform_sphere(rng.unit2());
+            Some((w_out, far.sample(w_out, &mut rng)?.w_in))
+        })
+        .collect();
+    for w_out in hard_directions(TANGENT) {
+        pairs.push((w_out, -w_out));
+        pairs.extend(
+            hard_directions(TANGENT)
+                .into_iter()
+                .step_by(3)
+                .map(|w_in| (w_out, w_in)),
+        );
+    }
+    // At a degree from the fibre a table of energies has nothing to hold on to.
+    pairs.retain(|(a, b)| {
+        [a, b]
+            .into_iter()
+            .all(|w| TANGENT.cross(*w).length() > 0.02)
+    });
+    let values: Vec<[f64; 2]> = pairs
+        .into_iter()
+        .map(|(a, b)| [f64::from(far.eval(a, b).0.x), exact(a, b)])
+        .collect();
+    let greatest = values.iter().map(|v| v[1]).fold(0.0, f64::max);
+    let error = |v: &[f64; 2]| (v[0] - v[1]).abs() / v[1].max(1e-4 * greatest);
+    values.iter().map(error).fold(0.0, f64::max)
+}
+
+/// A dielectric's far field is the mean over offsets of its near field, both in
+/// double precision: what tables and single precision leave of it.
+#[test]
+fn dielectric_far_fields_follow_double_precision() {
+    for (absorption, longitudinal_deg, azimuthal_deg, limit) in [
+        (0.2, 8.0, 15.0, 0.02),
+        (0.0, 3.0, 20.0, 0.02),
+        (1.0, 15.0, 40.0, 0.02),
+    ] {
+        let fibre = dielectric(1.55, absorption, longitudinal_deg, azimuthal_deg);
+        let Fibre::Dielectric(model) = &fibre else {
+            unreachable!()
+        };
+        let error = far_error(&fibre, |w_out, w_in| {
+            const N: u32 = 400;
+            let at = |i: u32| std::f64::consts::PI * ((f64::from(i) + 0.5) / f64::from(N) - 0.5);
+            let near = |g: f64| {
+                let near = near_in_f64(&fibre, model.parameters(), w_out, w_in, g.sin());
+                near * g.cos()
+            };
+            let sum: f64 = (0..N).map(|i| near(at(i))).sum();
+            0.5 * sum * std::f64::consts::PI / f64::from(N)
+        });
+        println!("{absorption} {longitudinal_deg} {azimuthal_deg}: {error:.2e}");
+        assert!(error < limit, "seed 57, {longitudinal_deg}: {error}");
+    }
+}
+
+/// The fitted far field from its formulas alone; the balance is the model's.
+#[test]
+fn fitted_far_fields_follow_double_precision() {
+    let pi = std::f64::consts::PI;
+    let gauss = |x: f64, s: f64| (-0.5 * (x / s).powi(2)).exp() / (s * (2.0 * pi).sqrt());
+    for name in PRESETS {
+        let fibre = fitted(name);
+        let Fibre::Fitted(model) = &fibre else {
+            unreachable!()
+        };
+        let p = model.parameters();
+        let error = far_error(&fibre, |w_out, w_in| {
+            let t = TANGENT.as_dvec3().normalize();
+            let (wo, wi) = (w_out.as_dvec3().normalize(), w_in.as_dvec3().normalize());
+            let (to, ti) = (t.dot(wo).asin(), t.dot(wi).asin());
+            let travel = (-(wo - t * t.dot(wo))).normalize();
+            let across = wi - t * t.dot(wi);
+            let azimuth = across.dot(t.cross(travel)).atan2(across.dot(travel));
+            let r = f64::from(p.colour_r.0.x);
+            let r = r + (1.0 - r) * (1.0 - (0.5 * (to - ti)).cos()).powi(5);
+            let along = |s: f32| {
+                let s = f64::from(s.max(crate::longitudinal::MIN_BLUR_RAD));
+                gauss(ti + to, s) + gauss(pi - ti + to, s) + gauss(-pi - ti + to, s)
+            };
+            let s = f64::from(p.azimuthal_tt_rad.max(crate::longitudinal::MIN_BLUR_RAD));
+            let about: f64 = (-3..=3)
+                .map(|k| gauss(azimuth + 2.0 * pi * f64::from(k), s))
+                .sum();
+            let tt = (1.0 - r) * f64::from(p.colour_tt.0.x);
+            let lobes = r * along(p.longitudinal_r_rad) / (2.0 * pi)
+                + tt * along(p.longitudinal_tt_rad) * about;
+            let c = |theta: f64| f64::from(model.balance().at(theta.cos() as f32).x);
+            c(to) * c(ti) * ti.cos() * lobes
+        });
+        println!("{name}: {error:.2e}");
+        assert!(error < 0.01, "seed 57, {name}: {error}");
+    }
+}
+
 #[test]
 fn smooth_fibres_return_the_lobe_energies() {
     let cos = 40f32.to_radians().cos();

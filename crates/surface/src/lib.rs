@@ -14,6 +14,25 @@
 //! of the face. Directions are unit vectors that point away from the cloth. A
 //! value is radiance out over irradiance on the fabric plane, 1/sr, without a
 //! cosine. The frame of a segment has x across, y along the yarn.
+//!
+//! ```
+//! use glam::Vec3;
+//! use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+//!
+//! # fn main() -> Result<(), organza_surface::Error> {
+//! let denim = SurfaceSpec::preset("denim")?.build()?;
+//! let (to_light, to_eye) = (Vec3::new(0.6, 0.0, 0.8), Vec3::Z);
+//! let mean = Footprint {
+//!     position_mm: glam::Vec2::ZERO,
+//!     width_mm: f32::INFINITY, // a pixel that sees the whole repeat, and more
+//! };
+//! let value = denim.eval(to_light, to_eye, mean);
+//! assert!(value.is_valid() && !value.is_black());
+//! let back = denim.eval(to_eye, to_light, mean);
+//! assert!((value.0 - back.0).abs().max_element() < 1e-5);
+//! # Ok(())
+//! # }
+//! ```
 
 // Negated comparisons are meant: what is not a number goes the safe way.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]

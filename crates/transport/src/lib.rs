@@ -23,6 +23,51 @@
 //! a pixel's sums are whole numbers, which add to the same bits in any order:
 //! pictures may be made in parts, on any machines, and [merged](Pixel::merge).
 //! Threads share nothing but the scene.
+//!
+//! ```
+//! use glam::{DVec3, UVec2, UVec3, Vec3};
+//! use organza_basis::{Aabb, Rgb, Sym3};
+//! use organza_transport::*;
+//! use std::ops::ControlFlow;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // A cube of fibres along x: 2 per mm seen broadside, half of it end-on.
+//! let medium = GridMedium::new(
+//!     Aabb::new(Vec3::splat(-0.5), Vec3::splat(0.5)),
+//!     false,
+//!     Interpolation::Nearest,
+//!     Grid::new(UVec3::ONE, vec![[2.0]]).unwrap(),
+//!     Grid::constant(Sym3::axial(Vec3::X, 1.0, 0.25).to_array()),
+//!     Grid::constant([0.9, 0.8, 0.7]),
+//! )?;
+//! let pose = CameraPose {
+//!     origin_mm: DVec3::new(0.0, 0.0, 5.0),
+//!     target_mm: DVec3::ZERO,
+//!     up: DVec3::Y,
+//! };
+//! let projection = Projection::Orthographic { width_mm: 2.0 };
+//! let scene = Scene {
+//!     media: vec![AnyMedium::Grid(medium)],
+//!     lights: vec![Light::Environment {
+//!         radiance: Rgb::WHITE,
+//!         hemisphere: Hemisphere::All,
+//!     }],
+//!     camera: Camera::new(projection, pose, UVec2::splat(8), PixelFilter::Box)?,
+//! };
+//! let settings = RenderSettings {
+//!     integrator: Integrator::Woodcock,
+//!     samples: 0..16,
+//!     max_bounces: u32::MAX,
+//!     seed: 1,
+//!     crop: None,
+//! };
+//! let (film, stats) = render(&scene, &settings, &|_| ControlFlow::Continue(()))?;
+//! assert_eq!((stats.paths, stats.rejected), (8 * 8 * 16, 0));
+//! let [(red, standard_error), ..] = film.mean();
+//! assert!(red > 0.5 && red < 1.0 && standard_error > 0.0);
+//! # Ok(())
+//! # }
+//! ```
 
 mod camera;
 mod cloth_medium;

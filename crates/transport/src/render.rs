@@ -83,6 +83,7 @@ pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 pub struct Rendering<'a> {
     scene: &'a Scene,
     kernel: Option<Kernel>,
+    clamp: Option<f32>,
     settings: RenderSettings,
     crop: Crop,
     film: Film,
@@ -110,6 +111,7 @@ impl<'a> Rendering<'a> {
         Ok(Rendering {
             scene,
             kernel: None,
+            clamp: None,
             crop,
             film: Film::new(crop.max - crop.min),
             stats: Stats::default(),
@@ -122,6 +124,15 @@ impl<'a> Rendering<'a> {
     /// instead of by the general walk. Samples are other ones then.
     pub fn with_kernel(mut self, kernel: Kernel) -> Self {
         self.kernel = Some(kernel);
+        self
+    }
+
+    /// Darkens every sample whose brightest channel is above `limit` to it, which
+    /// takes light away; how much is told by [`Stats::clamped_radiance`]. The
+    /// general walk does so, never the kernel.
+    pub fn with_clamp(mut self, limit: f32) -> Self {
+        self.clamp = Some(limit);
+        self.kernel = None;
         self
     }
 
@@ -160,6 +171,7 @@ impl<'a> Rendering<'a> {
         let paths_done = AtomicU64::new(paths(self.next - range.start));
         let stopped = AtomicBool::new(false);
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
+        let clamp = self.clamp.unwrap_or(f32::INFINITY);
         let kernel = self.kernel.as_ref();
         // The lanes of a kernel run dry at the end of a block.
         let rows = match kernel {
@@ -191,7 +203,8 @@ impl<'a> Rendering<'a> {
                 } else {
                     for (column, out) in pixels.iter_mut().enumerate() {
                         let pixel = min + UVec2::new(column as u32, 0);
-                        add_samples(scene, settings, pixel, indices.clone(), out, &mut stats);
+                        let indices = indices.clone();
+                        add_samples(scene, settings, clamp, pixel, indices, out, &mut stats);
                     }
                 }
                 let told = Pass {
@@ -256,6 +269,7 @@ impl<'a> Rendering<'a> {
 fn add_samples(
     scene: &Scene,
     settings: &RenderSettings,
+    clamp: f32,
     pixel: UVec2,
     indices: Range<u64>,
     out: &mut Pixel,
@@ -265,7 +279,7 @@ fn add_samples(
     let stream = u64::from(pixel.y) * u64::from(width) + u64::from(pixel.x);
     for index in indices {
         let mut rng = PathRng::new(settings.seed, stream, index);
-        let sample = trace_path(
+        let mut sample = trace_path(
             scene,
             pixel,
             settings.integrator,
@@ -275,6 +289,7 @@ fn add_samples(
         );
         if Pixel::accepts(&sample) {
             stats.brightest = stats.brightest.max(sample.radiance.max_component());
+            sample.radiance = stats.clamp(sample.radiance, clamp);
             out.add(&sample, index as u32);
         } else {
             stats.rejected += 1;

@@ -1,5 +1,10 @@
 //! Counts of what the trackers did.
 
+use organza_basis::Rgb;
+
+/// Units of [`Stats::clamped_radiance`] in a radiance of one.
+const CLAMPED_UNITS: f64 = 4_294_967_296.0;
+
 /// What happened while paths were traced.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
@@ -19,13 +24,19 @@ pub struct Stats {
     pub rejected: u64,
     /// Look-ups whose extinction exceeded the majorant.
     pub majorant_violations: u64,
-    /// The brightest channel of any sample: fireflies show here.
+    /// The brightest channel of any sample, before any clamp: fireflies show
+    /// here.
     pub brightest: f32,
+    /// Samples that a clamp made darker.
+    pub clamped: u64,
+    /// Radiance that the clamp took away, summed over samples and channels, in
+    /// units of `2^-32`: a whole number, so that the order does not matter.
+    pub clamped_radiance: u128,
 }
 
 impl Stats {
     /// Words of [`Stats::to_words`].
-    pub const WORDS: usize = 9;
+    pub const WORDS: usize = 12;
 
     /// Adds the counts of another worker.
     pub fn merge(&mut self, o: &Stats) {
@@ -38,6 +49,24 @@ impl Stats {
         self.rejected += o.rejected;
         self.majorant_violations += o.majorant_violations;
         self.brightest = self.brightest.max(o.brightest);
+        self.clamped += o.clamped;
+        self.clamped_radiance = self.clamped_radiance.saturating_add(o.clamped_radiance);
+    }
+
+    /// Darkens a sample to at most `limit` in its brightest channel, keeping its
+    /// colour, and counts what that took away.
+    pub(crate) fn clamp(&mut self, radiance: Rgb, limit: f32) -> Rgb {
+        let most = radiance.max_component();
+        if most <= limit {
+            return radiance;
+        }
+        let kept = radiance * (limit / most);
+        let lost: f64 = (radiance.0 - kept.0).as_dvec3().element_sum();
+        self.clamped += 1;
+        self.clamped_radiance = self
+            .clamped_radiance
+            .saturating_add((lost * CLAMPED_UNITS) as u128);
+        kept
     }
 
     /// All counts in the order of their declaration, for a file; the brightest
@@ -54,6 +83,8 @@ impl Stats {
             rejected,
             majorant_violations,
             brightest,
+            clamped,
+            clamped_radiance,
         } = *self;
         let brightest = u64::from(brightest.to_bits());
         [
@@ -66,6 +97,9 @@ impl Stats {
             rejected,
             majorant_violations,
             brightest,
+            clamped,
+            clamped_radiance as u64,
+            (clamped_radiance >> 64) as u64,
         ]
     }
 
@@ -81,6 +115,9 @@ impl Stats {
             rejected,
             majorant_violations,
             brightest,
+            clamped,
+            clamped_low,
+            clamped_high,
         ] = *words;
         Stats {
             paths,
@@ -92,6 +129,8 @@ impl Stats {
             rejected,
             majorant_violations,
             brightest: f32::from_bits(brightest as u32),
+            clamped,
+            clamped_radiance: u128::from(clamped_low) | (u128::from(clamped_high) << 64),
         }
     }
 }

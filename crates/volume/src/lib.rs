@@ -9,6 +9,41 @@
 //! - [`ovox`] keeps the whole octree in a file.
 //! - [`vol`] reads and writes Mitsuba's `.vol` grids, [`vdb`] OpenVDB files;
 //!   [`export`] says what of an octree goes into them.
+//!
+//! ```
+//! use glam::Vec3;
+//! use organza_basis::Aabb;
+//! use organza_basis::curve::{Segment, SegmentList, Tile};
+//! use organza_volume::{Footprint, VoxelizeOptions, ovox, voxelize};
+//!
+//! # fn main() -> Result<(), organza_volume::Error> {
+//! // One fibre of 10 um across a tile of 0.1 mm.
+//! let ends = [Vec3::new(0.0, 0.05, 0.02), Vec3::new(0.1, 0.05, 0.02)];
+//! let source = SegmentList {
+//!     tile: Tile {
+//!         bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.1, 0.1, 0.04)),
+//!         repeats: true,
+//!     },
+//!     segments: vec![Segment::straight(ends[0], ends[1], 0.005)],
+//! };
+//! let options = VoxelizeOptions {
+//!     voxel_mm: 0.02,
+//!     levels: None,
+//!     footprint: Footprint::Axis,
+//!     max_memory_bytes: Some(1 << 30),
+//! };
+//! let octree = voxelize(&source, &options, &|_share_done| ())?;
+//! assert!((octree.fibre_length_mm(0) - 0.1).abs() < 1e-3);
+//! let here = octree.mixture_at(0, Vec3::new(0.05, 0.05, 0.02));
+//! assert!(here.as_slice()[0].axis.x.abs() > 0.99);
+//!
+//! let mut file = Vec::new();
+//! ovox::write(&octree, &mut file)?;
+//! let again = ovox::read(&mut &file[..], 1 << 30)?;
+//! assert_eq!(again.occupied_voxels(), octree.occupied_voxels());
+//! # Ok(())
+//! # }
+//! ```
 
 mod block;
 mod clip;

@@ -5,6 +5,33 @@
 //! [`Cloth`], and a cloth is an [`organza_basis::SegmentSource`]: warp yarns
 //! run along y, weft yarns along x, the face is up. Nothing here opens files
 //! or prints.
+//!
+//! ```
+//! use organza_basis::SegmentSource;
+//! use organza_weave::{Cloth, FabricGeometry};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let geometry: FabricGeometry = toml::from_str(
+//!     r#"
+//!     draft = { weave = "twill-3-1-z" }
+//!     warp = { yarn = "cotton", per_cm = 24.0 }
+//!     weft = { yarn = "cotton", per_cm = 18.0 }
+//!     yarn.cotton = { preset = "cotton", tex = 30.0 }
+//!     "#,
+//! )?;
+//! // Nothing to load: the draft is named, and no file of curves is.
+//! let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+//! let cloth = Cloth::build(&geometry, &no_files, 1)?;
+//! println!("{}", cloth.draft().unwrap().drawdown());
+//!
+//! let mut length_mm = 0.0;
+//! for batch in 0..cloth.batch_count() {
+//!     cloth.for_each_in_batch(batch, &mut |segment| length_mm += segment.length_mm());
+//! }
+//! assert!(length_mm > 0.0 && cloth.tile().repeats);
+//! # Ok(())
+//! # }
+//! ```
 
 mod cloth;
 pub mod curve_file;

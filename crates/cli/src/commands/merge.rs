@@ -1,5 +1,6 @@
 //! `organza merge`
 
+use super::render::CLAMPED;
 use crate::error::input;
 use crate::flags::MergeArgs;
 use crate::output;
@@ -48,7 +49,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     };
     let value = |key: &str| all.attributes.get(key).cloned().unwrap_or_default();
     // The order in which `render` writes them: equal pictures, equal files.
-    let attributes: Vec<Attribute> = vec![
+    let mut attributes: Vec<Attribute> = vec![
         ("version", value("version")),
         ("scene", value("scene")),
         ("backend", value("backend")),
@@ -58,6 +59,11 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         ("spp", all.samples.count().to_string()),
         ("samples", all.samples.to_string()),
     ];
+    for key in ["clamp", CLAMPED] {
+        if let Some(value) = all.attributes.get(key) {
+            attributes.push((key, value.clone()));
+        }
+    }
     picture::write(&args.outfile, &all.film, 0.0, &attributes)?;
     if !args.quiet {
         eprintln!(
@@ -114,6 +120,11 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
         .samples
         .joined(&part.samples)
         .map_err(|e| input(format!("{second}: cannot join {first}: {e}")))?;
+    let removed = |p: &Part<'_>| p.attributes.get(CLAMPED)?.parse::<u128>().ok();
+    if let (Some(a), Some(b)) = (removed(&all), removed(&part)) {
+        let sum = a.saturating_add(b).to_string();
+        all.attributes.insert(CLAMPED.into(), sum);
+    }
     for (a, b) in all.film.pixels_mut().iter_mut().zip(part.film.pixels()) {
         a.merge(b);
     }

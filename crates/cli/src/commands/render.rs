@@ -60,6 +60,9 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     if let Some(seed) = args.seed {
         file.render.seed = seed;
     }
+    if let Some(clamp) = args.clamp {
+        file.render.clamp = Some(clamp as f32);
+    }
     let most_bytes = memory_beside_film(args, &file)?;
     let chosen = auto_model::resolve(&mut file, &args.scene)?;
     if !args.common.quiet {
@@ -73,7 +76,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     let inputs_before = read::input_count();
     let scene = scene_build::scene(&file, &build)?;
     let settings = settings(args, &file, &scene)?;
-    let kernel = kernel(args, &scene, &settings, most_bytes)?;
+    let kernel = kernel(args, &file, &scene, &settings, most_bytes)?;
     let refusal = kernel.as_ref().err().copied();
     let rendering = Rendering::new(&scene, settings).map_err(|e| match e {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
@@ -82,6 +85,10 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     let rendering = match kernel {
         Ok(kernel) => rendering.with_kernel(kernel),
         Err(_) => rendering,
+    };
+    let rendering = match file.render.clamp {
+        Some(limit) => rendering.with_clamp(limit),
+        None => rendering,
     };
     let inputs = read::inputs_after(inputs_before);
     let identity = Identity {
@@ -109,12 +116,13 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     }
     let render_s = tracing.elapsed().as_secs_f64();
     let render_cpu_s = cpu_seconds() - setup_cpu_s;
-    let attributes = attributes(args, &identity, &rendering);
+    let attributes = attributes(args, &file, &identity, &rendering);
     let film = rendering.film();
     picture::write(&args.outfile, film, file.render.exposure, &attributes)?;
     if !args.common.quiet {
         report(
             args,
+            &file,
             &rendering,
             refusal.flatten(),
             rendering.stats().paths - paths_before,
@@ -245,6 +253,16 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
             args.scene.display()
         )));
     }
+    if file
+        .render
+        .clamp
+        .is_some_and(|c| !(c > 0.0 && c.is_finite()))
+    {
+        return Err(input(format!(
+            "{}: render.clamp: expected a positive number",
+            args.scene.display()
+        )));
+    }
     let integrator = Integrator::from(file.render.integrator);
     if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
         return Err(input(format!(
@@ -269,6 +287,7 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
 /// The kernel, or why there is none.
 fn kernel(
     args: &RenderArgs,
+    file: &SceneFile,
     scene: &Scene,
     settings: &RenderSettings,
     most_bytes: u64,
@@ -280,7 +299,11 @@ fn kernel(
         BackendName::Avx2 => Backend::Avx2,
         BackendName::Avx512 => Backend::Avx512,
     };
-    match Kernel::new(scene, settings, backend, most_bytes) {
+    let made = match file.render.clamp {
+        Some(_) => Err(KernelRefusal::Clamp),
+        None => Kernel::new(scene, settings, backend, most_bytes),
+    };
+    match made {
         Err(why) if args.backend != BackendName::Auto => Err(input(format!(
             "--backend {}: {why}; --backend auto takes the general walk then",
             backend.name()
@@ -289,12 +312,21 @@ fn kernel(
     }
 }
 
+/// The attribute that holds [`organza_transport::Stats::clamped_radiance`]: a whole number,
+/// so that parts add up to the unbroken picture's.
+pub const CLAMPED: &str = "clamped_radiance_2e-32";
+
 /// What walks the paths, as pictures tell it.
 fn backend_name(rendering: &Rendering<'_>) -> &'static str {
     rendering.kernel().map_or("walk", |k| k.backend().name())
 }
 
-fn attributes(args: &RenderArgs, identity: &Identity, rendering: &Rendering<'_>) -> Vec<Attribute> {
+fn attributes(
+    args: &RenderArgs,
+    file: &SceneFile,
+    identity: &Identity,
+    rendering: &Rendering<'_>,
+) -> Vec<Attribute> {
     let name = args.scene.file_name().unwrap_or_default();
     let mut attributes = vec![
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -302,6 +334,11 @@ fn attributes(args: &RenderArgs, identity: &Identity, rendering: &Rendering<'_>)
         ("backend", backend_name(rendering).to_owned()),
     ];
     attributes.extend(identity.attributes(&SampleRanges::one(rendering.taken())));
+    if let Some(limit) = file.render.clamp {
+        attributes.push(("clamp", limit.to_string()));
+        let removed = rendering.stats().clamped_radiance;
+        attributes.push((CLAMPED, removed.to_string()));
+    }
     attributes
 }
 
@@ -331,6 +368,7 @@ fn say_why(rendering: &Rendering<'_>, stop: Stop) {
 #[allow(clippy::print_stderr)]
 fn report(
     args: &RenderArgs,
+    file: &SceneFile,
     rendering: &Rendering<'_>,
     refusal: Option<KernelRefusal>,
     paths: u64,
@@ -369,6 +407,15 @@ fn report(
         Pixel::RADIANCE_LIMIT
     );
     let means = film.mean();
+    if file.render.clamp.is_some() {
+        let removed = stats.clamped_radiance as f64 / 2f64.powi(32);
+        let kept = means.iter().map(|m| m.0).sum::<f64>() * stats.paths as f64;
+        eprintln!(
+            "clamped       {} samples; {:.4} % of the light taken away",
+            stats.clamped,
+            100.0 * removed / (removed + kept).max(f64::MIN_POSITIVE)
+        );
+    }
     for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(means) {
         eprintln!("mean {name:<6}   {mean:.6} +- {se:.6}");
     }

@@ -41,6 +41,9 @@ pub struct RenderArgs {
     /// Stop when half the pixels that met matter have a standard error of at most this fraction of their own value, e.g. 0.01; with --target-error, when both are reached
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_median_error: Option<f64>,
+    /// Darken single samples above this radiance, which biases the picture; --stats tells how much light that takes away [default: the scene's, or no limit]
+    #[arg(long, value_name = "RADIANCE", value_parser = parse_share)]
+    pub clamp: Option<f64>,
     /// Save what was gathered to this file now and then, when interrupted and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,

@@ -178,3 +178,52 @@ fn conversions_keep_the_stated_errors() {
     }
     assert!((gamma_from_sine_power(sine_power_from_gamma(0.3)) - 0.3).abs() < 1e-6);
 }
+
+/// The phase function from its definition in double precision, from the
+/// narrowest width to the widest; normals are drawn, so that the half vectors
+/// lie where the flakes are.
+#[test]
+fn phase_functions_follow_double_precision() {
+    fn worst<P: BandProfile>(profile: P, gamma: f64, g: impl Fn(f64) -> f64) -> f64 {
+        let axis = AXES[0].normalize();
+        let t = axis.as_dvec3().normalize();
+        let reach = (10.0 * gamma).min(1.0);
+        let mass = 2.0 * integrate(0.0, reach, 1e-10 * reach, &g);
+        let flakes = BandFlakes::new(axis, profile);
+        let mut rng = PathRng::from_seed(45);
+        let mut worst = 0.0f64;
+        let hard = hard_directions(axis);
+        for i in 0..400 {
+            let w_out = match hard.get(i) {
+                Some(&w) => w,
+                None => organza_basis::warp::uniform_sphere(rng.unit2()),
+            };
+            let w_in = flakes.sample(w_out, &mut rng);
+            let (o, n) = (w_out.as_dvec3().normalize(), w_in.as_dvec3().normalize());
+            let h = o + n;
+            if h.length() < 1e-2 {
+                continue;
+            }
+            let x = t.dot(h.normalize());
+            // Half vectors carry the rounding of their directions: what it
+            // makes of a value this steep is not the model's error.
+            let rounding = 3e-7 / h.length() * (x.abs() / (gamma * gamma) + 1.0 / gamma);
+            let area = band_area(t.cross(o).length(), reach, &g);
+            let exact = g(x) / mass / std::f64::consts::TAU * 0.5 / area;
+            let error = (f64::from(flakes.eval(w_out, w_in)) / exact - 1.0).abs();
+            worst = worst.max((error - rounding).max(0.0));
+        }
+        worst
+    }
+    for gamma in [1e-4, 1e-3, 0.02, 0.3, 10.0f64] {
+        let g = |x: f64| (-0.5 * (x / gamma).powi(2)).exp();
+        let error = worst(GaussianBand::new(gamma as f32), gamma, g);
+        println!("gaussian {gamma}: {error:.2e}");
+        assert!(error < 2e-3, "seed 45, gaussian {gamma}: {error}");
+        let p = 1.0 / (gamma * gamma);
+        let g = |x: f64| (0.5 * p * (-x * x).max(-1.0 + 1e-300).ln_1p()).exp();
+        let error = worst(SineBand::new(p as f32), gamma, g);
+        println!("sine {p}: {error:.2e}");
+        assert!(error < 2e-3, "seed 45, sine power {p}: {error}");
+    }
+}

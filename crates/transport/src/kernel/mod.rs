@@ -122,6 +122,9 @@ pub enum KernelRefusal {
     /// A picture of too many pixels.
     #[error("a picture of light has more than 65536 pixels along an edge")]
     Picture,
+    /// Samples are to be clamped.
+    #[error("samples are to be clamped, which the general walk does")]
+    Clamp,
     /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]
     Integrator,

@@ -1,0 +1,505 @@
+//! The cases that break renderers, through every medium and tracker: an answer
+//! that is finite, not negative and keeps the light, or a refusal. What each
+//! case does is told in `docs/hard_cases.md`.
+
+use glam::{DVec3, UVec2, UVec3, Vec3};
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::{sidak, z_test};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3, warp};
+use organza_measure::{Angles, Effort, Pair, VolumePatch, measure_pairs};
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
+};
+use organza_transport::{
+    AnyMedium, Backend, Camera, CameraPose, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium,
+    FlakeFamily, FlakeMedium, FlakeOptics, Grid, GridMedium, Hemisphere, Integrator, Interpolation,
+    Kernel, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene,
+};
+use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+const SEED: u64 = 0x4a7d;
+const VOXEL_MM: f32 = 0.02;
+const SIZE_MM: Vec3 = Vec3::new(0.12, 0.12, 0.08);
+
+fn full(small: u64) -> u64 {
+    match std::env::var_os("ORGANZA_FULL") {
+        Some(_) => 16 * small,
+        None => small,
+    }
+}
+
+/// Fibres in a box that repeats.
+fn fibres(min_mm: Vec3, size_mm: Vec3, segments: Vec<Segment>) -> SegmentList {
+    let tile = Tile {
+        bounds_mm: Aabb::new(min_mm, min_mm + size_mm),
+        repeats: true,
+    };
+    SegmentList { tile, segments }
+}
+
+/// `count` fibres of a radius about a mean direction, `strewn` 0 for parallel
+/// ones; all within the heights of the tile.
+fn strewn(min_mm: Vec3, count: u32, strewn: f32, radius_mm: f32) -> Vec<Segment> {
+    let mut rng = PathRng::from_seed(SEED);
+    let margin = Vec3::new(0.0, 0.0, radius_mm + 0.011);
+    (0..count)
+        .map(|_| {
+            let place = Vec3::new(rng.unit(), rng.unit(), rng.unit());
+            let centre = min_mm + margin + place * (SIZE_MM - 2.0 * margin);
+            let way = (Vec3::X + strewn * warp::uniform_sphere(rng.unit2())).normalize_or(Vec3::X);
+            // Level ones run through the whole tile.
+            let half = if strewn == 0.0 { 0.06 } else { 0.011 };
+            Segment::straight(centre - half * way, centre + half * way, radius_mm)
+        })
+        .collect()
+}
+
+/// Every geometry that has its difficulty.
+fn geometries() -> Vec<(&'static str, SegmentList)> {
+    let at = |min_mm: Vec3, segments| fibres(min_mm, SIZE_MM, segments);
+    let one_voxel = Vec3::splat(VOXEL_MM);
+    let straight = |radius| {
+        let ends = [Vec3::new(0.0, 0.01, 0.01), Vec3::new(0.02, 0.01, 0.01)];
+        Segment::straight(ends[0], ends[1], radius)
+    };
+    let mut crowded = Vec::new();
+    let mut rng = PathRng::from_seed(SEED);
+    for _ in 0..10_000 {
+        let centre = Vec3::new(0.05, 0.05, 0.05) + 0.004 * warp::uniform_sphere(rng.unit2());
+        let way = 0.004 * warp::uniform_sphere(rng.unit2());
+        crowded.push(Segment::straight(centre - way, centre + way, 2e-4));
+    }
+    let mut without_length = strewn(Vec3::ZERO, 120, 0.4, 0.004);
+    for i in 0..60 {
+        let p = Vec3::new(0.002 * i as f32, 0.02 * (i % 6) as f32, 0.04);
+        without_length.push(Segment::straight(p, p, 0.004));
+    }
+    let far_mm = Vec3::new(1e4, -1e4, 1e4);
+    vec![
+        (
+            "parallel fibres, no spread",
+            at(Vec3::ZERO, strewn(Vec3::ZERO, 60, 0.0, 0.004)),
+        ),
+        (
+            "fibres all ways, large spread",
+            at(Vec3::ZERO, strewn(Vec3::ZERO, 400, 50.0, 0.004)),
+        ),
+        (
+            "a tile of one voxel",
+            fibres(Vec3::ZERO, one_voxel, vec![straight(0.003)]),
+        ),
+        ("an empty tile", at(Vec3::ZERO, Vec::new())),
+        ("a voxel of 10,000 segments", at(Vec3::ZERO, crowded)),
+        (
+            "fibres thicker than a voxel",
+            at(Vec3::ZERO, strewn(Vec3::ZERO, 6, 0.0, 0.025)),
+        ),
+        ("segments without length", at(Vec3::ZERO, without_length)),
+        (
+            "ten metres from the origin",
+            at(far_mm, strewn(far_mm, 200, 0.4, 0.004)),
+        ),
+    ]
+}
+
+fn octree(source: &SegmentList, footprint: Footprint) -> Arc<Octree> {
+    let options = VoxelizeOptions {
+        voxel_mm: VOXEL_MM,
+        levels: None,
+        footprint,
+        max_memory_bytes: None,
+    };
+    Arc::new(voxelize(source, &options, &|_| ()).unwrap())
+}
+
+fn clear(longitudinal_rad: f32) -> Fibre {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::BLACK,
+        longitudinal_rad,
+        azimuthal_rad: 2.0 * longitudinal_rad,
+    };
+    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+}
+
+fn black() -> Fibre {
+    let parameters = FittedParameters {
+        colour_r: Rgb::BLACK,
+        colour_tt: Rgb::BLACK,
+        ..FittedParameters::preset("silk").unwrap()
+    };
+    Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+}
+
+/// Matter, what a furnace of one shows of it at most and at least, per event.
+struct Matter {
+    name: String,
+    medium: AnyMedium,
+    /// Absorbs nothing.
+    is_white: bool,
+    /// What an event may gain or lose.
+    slack: f64,
+}
+
+/// A geometry as everything it can be; what is refused is told.
+fn matters(source: &SegmentList, told: &mut String) -> Vec<Matter> {
+    let mut list = Vec::new();
+    type Made = Result<AnyMedium, String>;
+    let mut put = |name: String, made: Made, is_white, slack| match made {
+        Ok(medium) => list.push(Matter {
+            name,
+            medium,
+            is_white,
+            slack,
+        }),
+        Err(why) => {
+            let _ = writeln!(told, "    {name}: refused: {why}");
+        }
+    };
+    let covered = octree(source, Footprint::Covered);
+    let axes = octree(source, Footprint::Axis);
+    for (albedo, end_on_ratio) in [(1.0, 0.0), (1.0, 1.0), (0.0, 0.3)] {
+        let optics = vec![FlakeOptics {
+            albedo: Rgb::splat(albedo),
+            end_on_ratio,
+        }];
+        let make = || covered.clone();
+        let white = albedo == 1.0;
+        let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
+        let sggx = ClothMedium::new(make(), 0, optics.clone()).map(AnyMedium::Cloth);
+        put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
+        for (family, name) in [
+            (FlakeFamily::SggxDiffuse, "sggx-diffuse"),
+            (FlakeFamily::Gaussian, "gaussian"),
+            (FlakeFamily::SinePower, "sine-power"),
+        ] {
+            let medium = FlakeMedium::new(make(), 0, optics.clone(), family);
+            let medium = medium.map(AnyMedium::Flakes).ok_or_else(String::new);
+            put(words(name), medium, white, 1e-5);
+        }
+    }
+    for (name, fibre, white) in [
+        ("clear smooth", clear(0.0), true),
+        ("clear rough", clear(0.6), true),
+        ("black", black(), false),
+    ] {
+        for event in [FibreEvent::Plain, FibreEvent::Packed] {
+            let tree = axes.clone();
+            let medium = FibreMedium::new(tree, 0, vec![fibre.clone()], event);
+            let words = format!("{name} fibres, {event:?}");
+            let medium = medium.map(AnyMedium::Fibres).ok_or_else(String::new);
+            put(words, medium, white, 2e-3);
+        }
+        let explicit = ExplicitFibres::new(source, vec![fibre], None, &|_| ());
+        let words = format!("{name} fibres, explicit");
+        let explicit = explicit.map(AnyMedium::Explicit).map_err(|e| e.to_string());
+        put(words, explicit, white, 5e-3);
+    }
+    list
+}
+
+/// Grids at every extinction, from nothing to more than any cloth has.
+fn grids() -> Vec<Matter> {
+    let mut list = Vec::new();
+    for sigma in [0.0, 1e-6, 10.0, 1e6f32] {
+        // As thick as keeps the number of events of white matter bounded.
+        let thick_mm = (400.0 / sigma.max(1.0)).min(SIZE_MM.z);
+        let dims = UVec3::new(3, 2, 4);
+        let bounds = Aabb::new(Vec3::ZERO, Vec3::new(0.12, 0.12, thick_mm));
+        for (albedo, end_on) in [(1.0, 0.0f32), (1.0, 1.0), (0.0, 0.3)] {
+            for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
+                let cells = vec![[sigma]; dims.element_product() as usize];
+                let s = Sym3::axial(Vec3::X, 1.0, end_on * end_on).to_array();
+                let medium = GridMedium::new(
+                    bounds,
+                    true,
+                    interpolation,
+                    Grid::new(dims, cells).unwrap(),
+                    Grid::constant(s),
+                    Grid::constant([albedo; 3]),
+                );
+                list.push(Matter {
+                    name: format!(
+                        "grid {interpolation:?}, {sigma} per mm, albedo {albedo}, ratio {end_on}"
+                    ),
+                    medium: AnyMedium::Grid(medium.unwrap()),
+                    is_white: albedo == 1.0,
+                    slack: 1e-5,
+                });
+            }
+        }
+    }
+    list
+}
+
+/// Where a camera stands: toward it from the middle, and how far.
+fn views() -> [(&'static str, Vec3, f64); 5] {
+    let grazing = warp::direction_from_angles(89.9f32.to_radians(), 0.3);
+    [
+        ("oblique", Vec3::new(0.48, 0.36, 0.8), 3.0),
+        ("straight on", Vec3::Z, 3.0),
+        ("grazing", grazing, 30.0),
+        ("inside", Vec3::new(0.48, 0.36, 0.8), 1e-3),
+        // Inside as well, for the matter has no end sideways.
+        ("along the fibres, in a voxel plane", Vec3::X, 0.04),
+    ]
+}
+
+/// The furnace, or light from where it is hardest: straight from behind what
+/// is looked at, grazing, along the fibres in a voxel plane.
+fn lights(view: Vec3, is_furnace: bool) -> Vec<Light> {
+    let constant = |hemisphere| Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere,
+    };
+    let directional = |direction| Light::Directional {
+        direction,
+        irradiance: Rgb::WHITE,
+    };
+    if is_furnace {
+        vec![constant(Hemisphere::All)]
+    } else {
+        let grazing = warp::direction_from_angles(89.9f32.to_radians(), 3.0);
+        vec![
+            constant(Hemisphere::Back),
+            directional(-view),
+            directional(grazing),
+            directional(Vec3::X),
+            directional(Vec3::Y),
+        ]
+    }
+}
+
+/// What a tracker made of a scene; `None` where it does not take it.
+fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Told> {
+    let integrator = match tracker {
+        Tracker::Exact => Integrator::Regular,
+        _ => Integrator::Woodcock,
+    };
+    if tracker == Tracker::Exact && !scene.media.iter().all(AnyMedium::is_piecewise_constant) {
+        return None;
+    }
+    let settings = RenderSettings {
+        integrator,
+        samples: 0..spp,
+        max_bounces: 1_000_000,
+        seed: SEED,
+        crop: None,
+    };
+    let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
+    if tracker == Tracker::Kernel {
+        let kernel = Kernel::new(scene, &settings, Backend::Scalar, u64::MAX).ok()?;
+        rendering = rendering.with_kernel(kernel);
+    }
+    let rendering = rendering.take(spp, &|_| ControlFlow::Continue(()));
+    Some(rendering.map_or_else(
+        |e| Told::Failed(e.to_string()),
+        |r| {
+            let stats = *r.stats();
+            let [(mean, se), ..] = r.film().mean();
+            let pixels = r.film().pixels();
+            let least = pixels.iter().map(|p| p.moments(0).mean);
+            Told::Picture {
+                mean,
+                se,
+                least: least.fold(f64::INFINITY, f64::min),
+                through: pixels
+                    .iter()
+                    .map(|p| f64::from(p.straight_through()))
+                    .sum::<f64>()
+                    / pixels.len() as f64,
+                events: stats.collisions as f64 / stats.paths.max(1) as f64,
+                rejected: stats.rejected,
+                cut: stats.cut,
+            }
+        },
+    ))
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Tracker {
+    /// Delta and ratio tracking.
+    Woodcock,
+    /// Exact steps through constant voxels.
+    Exact,
+    /// The vector kernel.
+    Kernel,
+}
+
+#[derive(Debug)]
+enum Told {
+    /// With its words.
+    Failed(#[allow(dead_code)] String),
+    Picture {
+        mean: f64,
+        se: f64,
+        least: f64,
+        /// Share of camera rays that met nothing.
+        through: f64,
+        events: f64,
+        rejected: u64,
+        cut: u64,
+    },
+}
+
+/// Every view, light and tracker of one matter, which is given back.
+fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
+    let Matter {
+        name,
+        medium,
+        is_white,
+        slack,
+    } = matter;
+    let lattice = medium.lattice().unwrap();
+    let bounds = lattice.bounds_mm();
+    // In a voxel plane, whatever the number of voxels.
+    let middle = (bounds.min + 0.5 * bounds.size()).as_dvec3();
+    let mut media = vec![medium];
+    for (view, toward, distance) in views() {
+        for is_furnace in [true, false] {
+            let pose = CameraPose {
+                origin_mm: middle + distance * toward.as_dvec3(),
+                target_mm: middle,
+                up: if toward.z > 0.9 { DVec3::Y } else { DVec3::Z },
+            };
+            let projection = Projection::Orthographic { width_mm: 0.02 };
+            let camera = Camera::new(projection, pose, UVec2::splat(3), PixelFilter::Box);
+            let scene = Scene {
+                media: std::mem::take(&mut media),
+                lights: lights(toward, is_furnace),
+                camera: camera.unwrap(),
+            };
+            for tracker in [Tracker::Woodcock, Tracker::Exact, Tracker::Kernel] {
+                let began = Instant::now();
+                let Some(told) = take(&scene, tracker, full(6)) else {
+                    continue;
+                };
+                *ways += 1;
+                if began.elapsed().as_secs_f64() > 1.0 {
+                    let s = began.elapsed().as_secs_f64();
+                    println!("{s:.1} s: {case}; {name}; {view}; {tracker:?}; {told:?}");
+                }
+                let why = match &told {
+                    Told::Failed(_) => Some("ended in an error"),
+                    Told::Picture { rejected: 1.., .. } => Some("samples rejected"),
+                    Told::Picture { cut: 1.., .. } => Some("paths without an end"),
+                    Told::Picture { mean, .. } if !mean.is_finite() => Some("not finite"),
+                    // The kernel's noise may be negative, its value is not.
+                    Told::Picture { mean, se, .. } if *mean < -5.0 * se => Some("negative"),
+                    Told::Picture { least, .. } if tracker != Tracker::Kernel && *least < 0.0 => {
+                        Some("a negative pixel")
+                    }
+                    Told::Picture {
+                        mean,
+                        se,
+                        through,
+                        events,
+                        ..
+                    } if is_furnace => {
+                        let expected = if is_white { 1.0 } else { *through };
+                        let tolerance = 5.0 * se + slack * (1.0 + events);
+                        let off = (mean - expected).abs();
+                        (off > tolerance).then_some("light gained or lost")
+                    }
+                    Told::Picture { .. } => None,
+                };
+                if let Some(why) = why {
+                    let _ = writeln!(
+                        wrong,
+                        "{case}; {name}; {view}; {tracker:?}; furnace {is_furnace}: {why}: {told:?}"
+                    );
+                }
+            }
+            media = scene.media;
+        }
+    }
+}
+
+#[test]
+fn every_medium_and_tracker_survives_every_geometry() {
+    let (mut wrong, mut told, mut ways) = (String::new(), String::new(), 0);
+    // In short every third of them, another third for every geometry.
+    let step = if full(1) > 1 { 1 } else { 3 };
+    for (first, (case, source)) in geometries().into_iter().enumerate() {
+        let started = Instant::now();
+        let _ = writeln!(told, "{case}");
+        let all = matters(&source, &mut told);
+        let _ = writeln!(told, "    {} kinds of matter", all.len());
+        for matter in all.into_iter().skip(first % step).step_by(step) {
+            survive(case, matter, &mut wrong, &mut ways);
+        }
+        println!("{case}: {:.1} s", started.elapsed().as_secs_f64());
+    }
+    for matter in grids() {
+        survive("grids", matter, &mut wrong, &mut ways);
+    }
+    println!("{told}{ways} pictures");
+    assert!(wrong.is_empty(), "seed {SEED:#x}\n{wrong}");
+    assert!(ways > 800, "only {ways}");
+}
+
+/// Light takes the same way back through a slab of sine-power flakes.
+#[test]
+fn a_slab_of_sine_power_flakes_is_reciprocal() {
+    let source = fibres(Vec3::ZERO, SIZE_MM, strewn(Vec3::ZERO, 300, 0.4, 0.004));
+    let optics = vec![FlakeOptics {
+        albedo: Rgb::new(0.9, 0.6, 0.98),
+        end_on_ratio: 0.3,
+    }];
+    let tree = octree(&source, Footprint::Covered);
+    let medium = FlakeMedium::new(tree, 0, optics, FlakeFamily::SinePower).unwrap();
+    let pose = CameraPose {
+        origin_mm: DVec3::Z,
+        target_mm: DVec3::ZERO,
+        up: DVec3::Y,
+    };
+    let projection = Projection::Orthographic { width_mm: 1.0 };
+    let scene = Scene {
+        media: vec![AnyMedium::Flakes(medium)],
+        lights: Vec::new(),
+        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
+    };
+    let patch = VolumePatch::new(scene, Integrator::Woodcock).unwrap();
+    let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
+    let ways: Vec<Pair> = [
+        [angles(20.0, 10.0), angles(65.0, 200.0)],
+        [angles(0.0, 0.0), angles(50.0, 80.0)],
+        [angles(30.0, 0.0), angles(140.0, 130.0)],
+        [angles(70.0, 300.0), angles(165.0, 20.0)],
+    ]
+    .into_iter()
+    .flat_map(|[a, b]| [[a, b], [b, a]])
+    .map(|[incident, exitant]| Pair { incident, exitant })
+    .collect();
+    let effort = Effort {
+        paths: full(20_000),
+        seed: SEED,
+        target_error: None,
+    };
+    let told = measure_pairs(&patch, &ways, &effort, &|_| ()).unwrap().list;
+    let (mut least, mut twin) = (1.0f64, 1.0f64);
+    for way in told.chunks_exact(2) {
+        for c in 0..3 {
+            let [a, b] = [&way[0], &way[1]].map(|v| (v.bsdf.mean[c], v.bsdf.se[c]));
+            assert!(a.0 > 0.0 && b.0 > 0.0);
+            least = least.min(z_test(a.0, b.0, a.1.hypot(b.1)).p_value);
+            // The twin forgets to divide by the cosine of the incident side.
+            let [p, q] = [&way[0], &way[1]].map(|v| {
+                f64::from(v.pair.incident.theta_deg)
+                    .to_radians()
+                    .cos()
+                    .abs()
+            });
+            let se = (a.1 * p).hypot(b.1 * q);
+            twin = twin.min(z_test(a.0 * p, b.0 * q, se).p_value);
+        }
+    }
+    let limit = sidak(1e-4, 12);
+    println!("least p-value {least:.2e}, of the twin {twin:.1e}");
+    assert!(least > limit, "seed {SEED:#x}: {least} {told:?}");
+    assert!(twin < 1e-9, "seed {SEED:#x}: the twin passed, {twin}");
+}
