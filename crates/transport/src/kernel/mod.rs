@@ -7,17 +7,21 @@
 //! one is also its oracle: both estimate the same picture with other random
 //! numbers.
 //!
-//! Light of one direction comes from a table that an occasional exact shadow
-//! ray corrects ([`light_table`]), the environment by escaping.
+//! Light of one direction, or of a rectangle, comes from a table that an
+//! occasional exact shadow ray corrects ([`light_table`]), the environment by
+//! escaping.
 
+mod borders;
 mod film_rays;
 mod flakes;
 mod flat_medium;
 mod lanes;
 mod light_table;
 mod math;
+mod panel;
 mod posts;
 mod reach;
+mod shadow_ray;
 mod tally;
 #[cfg(test)]
 mod tests;
@@ -32,10 +36,12 @@ pub(crate) use tally::{Brightness, Tally};
 use crate::{
     AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
 };
+use borders::Borders;
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
-use light_table::{LightTable, Nodes};
+use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES};
+use panel::Panel;
 use std::ops::Range;
 
 /// What walks the paths of the kernel.
@@ -105,15 +111,15 @@ pub enum KernelRefusal {
     /// A medium of other than micro-flakes.
     #[error("what scatters is no micro-flakes about fibre axes")]
     NotFlakes,
-    /// Matter that ends in the middle of a period.
-    #[error("a repeated medium is cut to a rectangle")]
-    Cut,
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
-    /// Another light than parallel light and constant environments.
-    #[error("a light is neither parallel nor a constant environment")]
+    /// An environment that differs by direction.
+    #[error("a light is a picture of an environment")]
     Light,
+    /// A rectangle that the walk finds better.
+    #[error("a rectangle light stands in the matter or near to it for its size")]
+    Panel,
     /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]
     Integrator,
@@ -137,6 +143,7 @@ pub struct Kernel {
     depths: Vec<u32>,
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
+    borders: Option<Borders>,
     rays: FilmRays,
     film_width: u32,
     seed: u64,
@@ -144,9 +151,8 @@ pub struct Kernel {
     brightness: Brightness,
     /// An exact shadow ray is traced with a probability of the light scattered
     /// toward the camera, over the irradiance, per steradian, times this,
+    /// times what the table lets through, plus a little.
     residual_scale: f32,
-    /// times what the table lets through, plus this.
-    residual_floor: f32,
 }
 
 /// Pixels across a strip of neighbours.
@@ -207,10 +213,9 @@ impl Kernel {
             AnyMedium::Cloth(m) => *m.lattice(),
             _ => return Err(KernelRefusal::NotFlakes),
         };
-        if lattice.reach_mm() != lattice.bounds_mm() && !lattice.is_endless() {
-            return Err(KernelRefusal::Cut);
-        }
+        let borders = Borders::of(&lattice);
         let mut parallel = Vec::new();
+        let mut panels = Vec::new();
         let mut environment = [Vec3::ZERO; 2];
         for light in &scene.lights {
             match light {
@@ -229,11 +234,14 @@ impl Kernel {
                         environment[1] += radiance.0;
                     }
                 }
-                Light::Image { .. } | Light::Rectangle { .. } => return Err(KernelRefusal::Light),
+                Light::Rectangle { rectangle, .. } => {
+                    panels.push(Panel::new(rectangle, &lattice).ok_or(KernelRefusal::Panel)?);
+                }
+                Light::Image { .. } => return Err(KernelRefusal::Light),
             }
         }
         let bytes = FlatMedium::least_bytes(&lattice)
-            + LightTable::most_bytes(&lattice, parallel.len() as u64);
+            + LightTable::most_bytes(&lattice, (parallel.len() + panels.len()) as u64);
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
         }
@@ -246,12 +254,26 @@ impl Kernel {
             .iter()
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
+            .chain(panels.iter().map(Panel::brightness))
             .fold(0.0, f32::max);
-        let nodes = Nodes::new(&medium, parallel.iter().map(|&(direction, _)| direction));
-        let mut lights: Vec<LightTable> = parallel
+        let toward = parallel.iter().map(|&(direction, _)| direction);
+        let toward = toward.chain(panels.iter().map(|p| p.direction(&lattice)));
+        let nodes = Nodes::new(&medium, toward);
+        let of_parallel = parallel
             .into_iter()
-            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance))
-            .collect();
+            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance));
+        let mut lights: Vec<LightTable> = of_parallel.collect();
+        for panel in panels {
+            let direction = panel.direction(&lattice);
+            let mut light = LightTable::new(&medium, nodes, direction, panel.radiance());
+            light.panel = Some(panel);
+            lights.push(light);
+        }
+        for light in &mut lights {
+            if light.panel.is_some() || (lattice.repeats() && borders.is_some()) {
+                light.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
+            }
+        }
         Ok(Kernel {
             backend,
             depths: light_table::side_by_side(&mut lights),
@@ -260,13 +282,13 @@ impl Kernel {
             voxels_per_length: 1.0 / (lattice.voxel_mm() * medium.scale_per_mm),
             medium,
             environment,
+            borders,
             rays: FilmRays::new(&scene.camera, &lattice),
             film_width: scene.camera.resolution().x,
             seed: settings.seed,
             max_bounces: settings.max_bounces,
             brightness: Brightness::of(brightest),
             residual_scale: 3.0,
-            residual_floor: 0.005,
         })
     }
 
@@ -279,6 +301,21 @@ impl Kernel {
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
         self.medium.memory_bytes() + tables + 4 * self.depths.len() as u64
+    }
+
+    fn has_panels(&self) -> bool {
+        self.lights.iter().any(|light| light.panel.is_some())
+    }
+
+    /// What a ray from the camera sees of panels before the matter, or behind;
+    /// see [`Panel::in_sight`]. The depth is in lengths of the walk.
+    fn panels_in_sight(&self, at: Vec3, direction: Vec3, depth: f32, behind: bool) -> Vec3 {
+        let lattice = &self.medium.lattice;
+        let depth_mm = depth / self.medium.scale_per_mm;
+        let panels = self.lights.iter().filter_map(|light| light.panel.as_ref());
+        panels
+            .map(|panel| panel.in_sight(lattice, at, direction, depth_mm, behind))
+            .sum()
     }
 
     /// Takes the samples of a block.
