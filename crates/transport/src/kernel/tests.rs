@@ -214,7 +214,7 @@ fn samples() -> u64 {
     if std::env::var("ORGANZA_FULL").is_ok() {
         65_536
     } else {
-        1024
+        2048
     }
 }
 
