@@ -7,12 +7,12 @@ use crate::output;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
-use organza_transport::Film;
-use std::collections::BTreeMap;
+use organza_transport::{Backend, Film};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// What must agree between parts, in the order in which a picture tells them.
-const SHARED: [&str; 5] = ["version", "backend", "identity", "seed", "crop"];
+const SHARED: [&str; 4] = ["version", "identity", "seed", "crop"];
 
 /// A picture of some samples.
 struct Part<'a> {
@@ -111,6 +111,14 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             return Err(input(format!("{second}: cannot join {first}: {why}")));
         }
     }
+    let backend = |part: &Part| part.attributes.get("backend").cloned().unwrap_or_default();
+    let (a, b) = (backend(&all), backend(&part));
+    let Some(both) = joined_backends(&a, &b) else {
+        return Err(input(format!(
+            "{second}: cannot join {first}: backend is {b}, but {a} in {first}"
+        )));
+    };
+    all.attributes.insert("backend".into(), both);
     if all.film.size() != part.film.size() {
         return Err(input(format!(
             "{second}: cannot join {first}: the sizes differ"
@@ -129,4 +137,33 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
         a.merge(b);
     }
     Ok(all)
+}
+
+/// The back ends of a picture of two parts. Those of the vector kernel give the
+/// same bits and may stand side by side, `avx2+avx512`; `None` for others that
+/// differ.
+fn joined_backends(a: &str, b: &str) -> Option<String> {
+    if a == b {
+        return Some(a.to_owned());
+    }
+    let names: BTreeSet<&str> = a.split('+').chain(b.split('+')).collect();
+    let is_kernel = |name: &&str| Backend::ALL.iter().any(|backend| backend.name() == *name);
+    let joined = names.iter().copied().collect::<Vec<_>>().join("+");
+    names.iter().all(is_kernel).then_some(joined)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::joined_backends;
+
+    #[test]
+    fn parts_of_back_ends_with_the_same_bits_join() {
+        let joined = |a, b| joined_backends(a, b);
+        assert_eq!(joined("walk", "walk").as_deref(), Some("walk"));
+        assert_eq!(joined("avx512", "avx2").as_deref(), Some("avx2+avx512"));
+        let three = joined("avx2+avx512", "scalar");
+        assert_eq!(three.as_deref(), Some("avx2+avx512+scalar"));
+        assert_eq!(joined("walk", "avx2"), None);
+        assert_eq!(joined("avx2", ""), None);
+    }
 }

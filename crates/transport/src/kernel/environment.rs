@@ -14,10 +14,10 @@
 
 use super::flat_medium::FlatMedium;
 use super::lanes::{Floats, Ints};
-use super::light_table::{LightTable, MOST_EXACT_STEPS, Nodes, VoxelWalk};
+use super::light_table::{LightTable, Nodes};
 use super::math::{V3, sin_cos_of_turns, turns_of};
 use crate::{ImageEnvironment, Lattice};
-use glam::{IVec3, Vec3};
+use glam::Vec3;
 use organza_basis::{AliasTable, Rgb};
 use std::f32::consts::{PI, TAU};
 
@@ -246,31 +246,6 @@ impl Lamp {
             count: count as u32,
         })
     }
-}
-
-/// The exact transmittance from a local point to a light from infinity, and the
-/// number of voxels looked at.
-pub fn transmittance_toward(medium: &FlatMedium, p: Vec3, to_light: Vec3) -> (f32, u64) {
-    let lattice = &medium.lattice;
-    let dims = lattice.dims().as_ivec3();
-    let mut walk = VoxelWalk::new(lattice, p, to_light);
-    let (mut depth, mut steps) = (0.0f32, 0);
-    // e^-20 is less than a table can tell.
-    while depth < 20.0 && steps < MOST_EXACT_STEPS {
-        let mut c = walk.cell;
-        if lattice.repeats() {
-            c = c.rem_euclid(dims).with_z(c.z);
-        }
-        if c.cmplt(IVec3::ZERO).any() || c.cmpge(dims).any() {
-            break;
-        }
-        let voxel = ((c.z * dims.y + c.y) * dims.x + c.x) as usize;
-        let populations = medium.populations_of(voxel);
-        let extinction: f32 = populations.map(|p| p.extinction_per_mm(to_light)).sum();
-        depth += walk.step() * extinction;
-        steps += 1;
-    }
-    ((-depth).exp(), steps)
 }
 
 /// The middle of what texels shine.

@@ -1,5 +1,6 @@
 //! Camera rays of many lanes: from film points to where matter begins.
 
+use super::Kernel;
 use super::lanes::Floats;
 use super::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns, with_sign_of};
 use crate::camera::{Camera, PixelFilter, Projection};
@@ -84,7 +85,7 @@ impl FilmRays {
     #[inline(always)]
     pub fn rays<F: Floats>(
         &self,
-        lattice: &Lattice,
+        kernel: &Kernel,
         (x, y): (F, F),
         rng: &mut LaneRng<F::Ints>,
         mask: F::Mask,
@@ -120,15 +121,17 @@ impl FilmRays {
         let length = way.dot(way).sqrt();
         let direction = way.scaled(F::splat(1.0) / length);
         let crossing = linear(self.crossing, film_x, film_y);
+        let lattice = &kernel.medium.lattice;
         let step = direction.times(V3::splat(1.0 / lattice.voxel_mm()));
         let inverse = inverse_of_step(step);
         let dims = lattice.dims().as_vec3();
-        let (low, high) = between(crossing.z, inverse.z, dims.z);
+        let (low, high) = between(crossing.z, inverse.z, 0.0, dims.z);
         let (mut near, mut far) = (low.max(-length), high);
-        if !lattice.repeats() {
-            let (low, high) = between(crossing.x, inverse.x, dims.x);
+        if let Some(borders) = kernel.borders {
+            let (first, last) = (borders.low, borders.high);
+            let (low, high) = between(crossing.x, inverse.x, first.x, last.x);
             (near, far) = (near.max(low), far.min(high));
-            let (low, high) = between(crossing.y, inverse.y, dims.y);
+            let (low, high) = between(crossing.y, inverse.y, first.y, last.y);
             (near, far) = (near.max(low), far.min(high));
         }
         NewRays {
@@ -146,10 +149,11 @@ fn linear<F: Floats>([v, per_x, per_y]: [Vec3; 3], x: F, y: F) -> V3<F> {
     V3::splat(per_y).scaled_add(y, V3::splat(per_x).scaled_add(x, V3::splat(v)))
 }
 
-/// Where a ray passes zero and `size` along one axis.
+/// Where a ray passes two places along one axis.
 #[inline(always)]
-fn between<F: Floats>(at: F, per_step: F, size: f32) -> (F, F) {
-    let (a, b) = (-(at * per_step), (F::splat(size) - at) * per_step);
+fn between<F: Floats>(at: F, per_step: F, low: f32, high: f32) -> (F, F) {
+    let a = (F::splat(low) - at) * per_step;
+    let b = (F::splat(high) - at) * per_step;
     (a.min(b), a.max(b))
 }
 

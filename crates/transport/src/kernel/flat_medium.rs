@@ -233,6 +233,13 @@ impl FlatMedium {
         stored.filter(|p| p.broadside_per_mm > 0.0)
     }
 
+    /// Extinction of a voxel toward `w`, 1/mm; `None` beyond the last.
+    pub fn extinction_per_mm(&self, voxel: usize, w: Vec3) -> Option<f32> {
+        let voxels = self.lattice.dims().as_usizevec3().element_product();
+        let own = || self.populations_of(voxel).map(|p| p.extinction_per_mm(w));
+        (voxel < voxels).then(|| own().sum())
+    }
+
     /// The words at a place.
     pub fn words_at(&self, place: usize) -> VoxelWords<one::U> {
         let words = &self.words[WORDS * place..][..WORDS];
@@ -242,6 +249,13 @@ impl FlatMedium {
     /// A population as stored; `shared_by` is the number in its voxel.
     fn stored(&self, place: usize, shared_by: f32) -> Stored {
         let words = self.words_at(place);
+        if self.words[WORDS * place] >> 16 == 0 {
+            return Stored {
+                scaled_axis: Vec3::ZERO,
+                end_on: 1.0,
+                broadside_per_mm: 0.0,
+            };
+        }
         let (axis, end_on) = (words.axis(), words.end_on().0);
         let length = (1.0 - end_on * end_on).max(0.0).sqrt();
         Stored {

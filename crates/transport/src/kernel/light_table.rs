@@ -9,6 +9,8 @@
 use super::flat_medium::FlatMedium;
 use super::lanes::{Floats, Ints};
 use super::math::V3;
+use super::panel::Panel;
+use super::shadow_ray::ShadowRay;
 use crate::Lattice;
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::Rgb;
@@ -17,6 +19,13 @@ use rayon::prelude::*;
 /// Greatest optical depth in the table: the light left, 4e-5, does not matter
 /// to the difference.
 pub const MOST_DEPTH: f32 = 10.0;
+
+/// What is added to what a table lets through when a ray is chosen: where it is
+/// wrong about darkness, rays must not be too rare.
+const RESIDUAL_FLOOR: f32 = 0.005;
+
+/// The same where tables are guesses: for panels, and for cut matter.
+pub const RESIDUAL_FLOOR_OF_GUESSES: f32 = 0.05;
 
 /// Optical depth in a cell of the table that interpolation still copes with.
 const DEPTH_PER_CELL: f32 = 0.7;
@@ -27,9 +36,6 @@ const MOST_PER_VOXEL: u32 = 3;
 /// Most voxels that the way from a node to the border is followed through. What
 /// nearly horizontal light meets behind them is missing from the table.
 const MOST_STEPS: usize = 4096;
-
-/// A ray along an endless slab without matter in its way has to end some time.
-pub const MOST_EXACT_STEPS: u64 = 1 << 20;
 
 /// Where the nodes of a table are: in the middles of cells that divide voxels.
 #[derive(Clone, Copy, Debug)]
@@ -148,8 +154,12 @@ fn between_four<F: Floats>(four: F::Ints, fx: F, fy: F) -> F {
 pub struct LightTable {
     /// Unit direction toward the light.
     pub to_light: Vec3,
-    /// Irradiance across it.
+    /// Irradiance across it, or the radiance of a panel.
     pub irradiance: Rgb,
+    /// What light comes from, when it is not parallel.
+    pub panel: Option<Panel>,
+    /// Exact rays are traced as if the table let so much more through.
+    pub residual_floor: f32,
     pub nodes: Nodes,
     /// Four optical depths a word, in 255 steps up to [`MOST_DEPTH`]: of the
     /// node, of its neighbours in x, in y and in both; z fastest, then x, y: a
@@ -175,6 +185,8 @@ impl LightTable {
         let mut table = LightTable {
             to_light,
             irradiance,
+            panel: None,
+            residual_floor: RESIDUAL_FLOOR,
             nodes,
             depths: Vec::new(),
             extinction_per_mm: extinctions(medium, to_light),
@@ -310,60 +322,12 @@ impl LightTable {
         words
     }
 
-    /// The exact transmittance from a local point to the light on average over
-    /// `u` from `[0, 1)`, and the number of voxels looked at. Up to the optical
-    /// depth `sure` it does not depend on `u`; behind, the way goes on for as
-    /// long as light does by chance. Infinite, it is exact.
-    pub fn transmittance(&self, p: Vec3, sure: f32, u: f32) -> (f32, u64) {
-        let dims = self.lattice.dims().as_ivec3();
-        let voxel = p.floor();
-        let cell = voxel.as_ivec3().clamp(IVec3::ZERO, dims - 1);
-        let forth = self.to_light.cmpge(Vec3::ZERO);
-        let per_voxel_mm = self.lattice.voxel_mm() / self.to_light.abs().max(Vec3::splat(1e-12));
-        let ahead = Vec3::select(forth, voxel + 1.0 - p, p - voxel);
-        // Way to the next border along each axis, and voxels behind it.
-        let [mut x_mm, mut y_mm, mut z_mm] = (ahead * per_voxel_mm).to_array();
-        let [dx_mm, dy_mm, dz_mm] = per_voxel_mm.to_array();
-        let behind = IVec3::select(forth, dims - 1 - cell, cell);
-        let [mut x_left, mut y_left, mut z_left] = behind.to_array();
-        let strides = IVec3::new(1, dims.x, dims.x * dims.y);
-        let strides = IVec3::select(forth, strides, -strides);
-        let [dx, dy, dz] = strides.to_array();
-        let mut place = (cell.z * dims.y + cell.y) * dims.x + cell.x;
-        let stop = sure - (1.0 - u).ln();
-        let (mut at_mm, mut depth, mut steps) = (0.0f32, 0.0f32, 0);
-        while let Some(extinction) = self.extinction_per_mm.get(place as usize) {
-            let next_mm = x_mm.min(y_mm).min(z_mm);
-            depth += extinction * (next_mm - at_mm).max(0.0);
-            at_mm = next_mm;
-            steps += 1;
-            if depth > stop || steps > MOST_EXACT_STEPS {
-                return (0.0, steps);
-            }
-            // Through an edge both borders are passed at once.
-            let (x, y, z) = (x_mm == next_mm, y_mm == next_mm, z_mm == next_mm);
-            x_mm += if x { dx_mm } else { 0.0 };
-            y_mm += if y { dy_mm } else { 0.0 };
-            z_mm += if z { dz_mm } else { 0.0 };
-            place += if x { dx } else { 0 } + if y { dy } else { 0 } + if z { dz } else { 0 };
-            (x_left, y_left, z_left) = (
-                x_left - i32::from(x),
-                y_left - i32::from(y),
-                z_left - i32::from(z),
-            );
-            if (x_left | y_left | z_left) < 0 {
-                if z_left < 0 || !self.lattice.repeats() {
-                    break;
-                }
-                if x_left < 0 {
-                    (x_left, place) = (dims.x - 1, place - dims.x * dx);
-                }
-                if y_left < 0 {
-                    (y_left, place) = (dims.y - 1, place - dims.y * dy);
-                }
-            }
+    /// The transmittance along a ray, and the number of voxels looked at.
+    pub fn transmittance(&self, medium: &FlatMedium, ray: &ShadowRay<'_>) -> (f32, u64) {
+        if ray.toward != self.to_light {
+            return ray.transmittance(|voxel| medium.extinction_per_mm(voxel, ray.toward));
         }
-        ((-depth.min(sure)).exp(), steps)
+        ray.transmittance(|voxel| self.extinction_per_mm.get(voxel).copied())
     }
 }
 
@@ -372,10 +336,7 @@ fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
     let voxels = medium.lattice.dims().as_usizevec3().element_product();
     (0..voxels)
         .into_par_iter()
-        .map(|voxel| {
-            let populations = medium.populations_of(voxel);
-            populations.map(|p| p.extinction_per_mm(w)).sum()
-        })
+        .map(|voxel| medium.extinction_per_mm(voxel, w).unwrap_or_default())
         .collect()
 }
 
@@ -397,7 +358,7 @@ fn nodes_per_voxel(lattice: &Lattice, extinction_per_mm: &[f32]) -> u32 {
 }
 
 /// Steps from voxel to voxel along a ray.
-pub struct VoxelWalk {
+struct VoxelWalk {
     /// Where it is.
     pub cell: IVec3,
     step: IVec3,

@@ -7,10 +7,11 @@
 //! one is also its oracle: both estimate the same picture with other random
 //! numbers.
 //!
-//! Light of one direction comes from a table that an occasional exact shadow
-//! ray corrects ([`light_table`]), environments by escaping, what is bright in a
-//! picture by shadow rays again ([`environment`]).
+//! Light of one direction, or of a rectangle, comes from a table that an
+//! occasional exact shadow ray corrects ([`light_table`]), environments by
+//! escaping, what is bright in a picture by shadow rays again ([`environment`]).
 
+mod borders;
 mod environment;
 #[cfg(test)]
 mod environment_tests;
@@ -20,8 +21,10 @@ mod flat_medium;
 mod lanes;
 mod light_table;
 mod math;
+mod panel;
 mod posts;
 mod reach;
+mod shadow_ray;
 mod tally;
 #[cfg(test)]
 mod tests;
@@ -36,11 +39,13 @@ pub(crate) use tally::{Brightness, Tally};
 use crate::{
     AnyMedium, Hemisphere, Integrator, Light, Medium, Pixel, RenderSettings, Scene, Stats,
 };
+use borders::Borders;
 use environment::{Parts, Sky};
 use film_rays::FilmRays;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
-use light_table::{LightTable, Nodes};
+use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES};
+use panel::Panel;
 use std::ops::Range;
 
 /// What walks the paths of the kernel.
@@ -110,18 +115,15 @@ pub enum KernelRefusal {
     /// A medium of other than micro-flakes.
     #[error("what scatters is no micro-flakes about fibre axes")]
     NotFlakes,
-    /// Matter that ends in the middle of a period.
-    #[error("a repeated medium is cut to a rectangle")]
-    Cut,
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
-    /// A rectangle.
-    #[error("a light is a rectangle")]
-    Light,
     /// A picture of too many pixels.
     #[error("a picture of light has more than 65536 pixels along an edge")]
     Picture,
+    /// A rectangle that the walk finds better.
+    #[error("a rectangle light stands in the matter or near to it for its size")]
+    Panel,
     /// Samples are to be clamped.
     #[error("samples are to be clamped, which the general walk does")]
     Clamp,
@@ -149,6 +151,7 @@ pub struct Kernel {
     /// Radiance from directions with z below zero, and from others.
     environment: [Vec3; 2],
     skies: Vec<Sky>,
+    borders: Option<Borders>,
     rays: FilmRays,
     film_width: u32,
     seed: u64,
@@ -156,9 +159,8 @@ pub struct Kernel {
     brightness: Brightness,
     /// An exact shadow ray is traced with a probability of the light scattered
     /// toward the camera, over the irradiance, per steradian, times this,
+    /// times what the table lets through, plus a little.
     residual_scale: f32,
-    /// times what the table lets through, plus this.
-    residual_floor: f32,
 }
 
 /// Pixels across a strip of neighbours.
@@ -219,10 +221,9 @@ impl Kernel {
             AnyMedium::Cloth(m) => *m.lattice(),
             _ => return Err(KernelRefusal::NotFlakes),
         };
-        if lattice.reach_mm() != lattice.bounds_mm() && !lattice.is_endless() {
-            return Err(KernelRefusal::Cut);
-        }
+        let borders = Borders::of(&lattice);
         let mut parallel = Vec::new();
+        let mut panels = Vec::new();
         let mut environment = [Vec3::ZERO; 2];
         let mut pictures = Vec::new();
         for light in &scene.lights {
@@ -246,12 +247,14 @@ impl Kernel {
                     return Err(KernelRefusal::Picture);
                 }
                 Light::Image { image, .. } => pictures.push((image, Parts::of(image))),
-                Light::Rectangle { .. } => return Err(KernelRefusal::Light),
+                Light::Rectangle { rectangle, .. } => {
+                    panels.push(Panel::new(rectangle, &lattice).ok_or(KernelRefusal::Panel)?);
+                }
             }
         }
         let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&lattice)).sum();
         let bytes = FlatMedium::least_bytes(&lattice)
-            + LightTable::most_bytes(&lattice, parallel.len() as u64)
+            + LightTable::most_bytes(&lattice, (parallel.len() + panels.len()) as u64)
             + of_pictures;
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
@@ -262,11 +265,9 @@ impl Kernel {
             _ => return Err(KernelRefusal::NotFlakes),
         };
         let lamps = pictures.iter().flat_map(|(_, parts)| parts.directions());
-        let directions = parallel
-            .iter()
-            .map(|&(direction, _)| direction)
-            .chain(lamps);
-        let nodes = Nodes::new(&medium, directions);
+        let directions = parallel.iter().map(|&(direction, _)| direction);
+        let directions = directions.chain(panels.iter().map(|p| p.direction(&lattice)));
+        let nodes = Nodes::new(&medium, directions.chain(lamps));
         let skies: Vec<Sky> = pictures
             .iter()
             .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))
@@ -276,11 +277,23 @@ impl Kernel {
             .map(|(_, irradiance)| irradiance.max_component())
             .chain(environment.iter().map(|e| e.max_element()))
             .chain(skies.iter().map(|s| s.brightest))
+            .chain(panels.iter().map(Panel::brightness))
             .fold(0.0, f32::max);
-        let mut lights: Vec<LightTable> = parallel
+        let of_parallel = parallel
             .into_iter()
-            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance))
-            .collect();
+            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance));
+        let mut lights: Vec<LightTable> = of_parallel.collect();
+        for panel in panels {
+            let direction = panel.direction(&lattice);
+            let mut light = LightTable::new(&medium, nodes, direction, panel.radiance());
+            light.panel = Some(panel);
+            lights.push(light);
+        }
+        for light in &mut lights {
+            if light.panel.is_some() || (lattice.repeats() && borders.is_some()) {
+                light.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
+            }
+        }
         Ok(Kernel {
             backend,
             depths: light_table::side_by_side(&mut lights),
@@ -290,13 +303,13 @@ impl Kernel {
             medium,
             environment,
             skies,
+            borders,
             rays: FilmRays::new(&scene.camera, &lattice),
             film_width: scene.camera.resolution().x,
             seed: settings.seed,
             max_bounces: settings.max_bounces,
             brightness: Brightness::of(brightest),
             residual_scale: 3.0,
-            residual_floor: 0.005,
         })
     }
 
@@ -310,6 +323,21 @@ impl Kernel {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
         let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
         self.medium.memory_bytes() + skies + tables + 4 * self.depths.len() as u64
+    }
+
+    fn has_panels(&self) -> bool {
+        self.lights.iter().any(|light| light.panel.is_some())
+    }
+
+    /// What a ray from the camera sees of panels before the matter, or behind;
+    /// see [`Panel::in_sight`]. The depth is in lengths of the walk.
+    fn panels_in_sight(&self, at: Vec3, direction: Vec3, depth: f32, behind: bool) -> Vec3 {
+        let lattice = &self.medium.lattice;
+        let depth_mm = depth / self.medium.scale_per_mm;
+        let panels = self.lights.iter().filter_map(|light| light.panel.as_ref());
+        panels
+            .map(|panel| panel.in_sight(lattice, at, direction, depth_mm, behind))
+            .sum()
     }
 
     /// Takes the samples of a block.

@@ -5,7 +5,7 @@ use super::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use super::math::{LaneRng, V3, pixel_key};
 use super::tally::{Sample, Tally};
 use super::voxel_words::VoxelWords;
-use super::walk::Paths;
+use super::walk::{Paths, add_panels_in_sight};
 use super::{Block, Kernel};
 use crate::Stats;
 use glam::Vec3;
@@ -125,11 +125,16 @@ pub fn regenerate<F: Floats>(
     let keys = (F::Ints::load(&key[0]), F::Ints::load(&key[1]));
     let mut rng = LaneRng::new(keys, F::Ints::load(&index));
     let place = (F::load(&film[0]), F::load(&film[1]));
-    let lattice = &kernel.medium.lattice;
-    let rays = kernel.rays.rays::<F>(lattice, place, &mut rng, begun);
+    let rays = kernel.rays.rays::<F>(kernel, place, &mut rng, begun);
     let zeros = V3::splat(Vec3::ZERO);
     paths.rng = rng.or_where_not(begun, paths.rng);
     paths.at = rays.at.or_where_not(begun, paths.at);
+    let nowhere = F::splat(0.0);
+    let [x, y] = paths.beyond;
+    paths.beyond = [
+        nowhere.or_where_not(begun, x),
+        nowhere.or_where_not(begun, y),
+    ];
     paths.turn(kernel, rays.direction, begun);
     let depth = rays.depth_mm * F::splat(kernel.medium.scale_per_mm);
     paths.depth = depth.or_where_not(begun, paths.depth);
@@ -138,6 +143,9 @@ pub fn regenerate<F: Floats>(
     paths.bounces = F::Ints::splat(0).or_where_not(begun, paths.bounces);
     paths.first_place = F::Ints::splat(NO_POPULATION).or_where_not(begun, paths.first_place);
     paths.voxel = VoxelWords::unknown().or_where_not(begun, paths.voxel);
+    if kernel.has_panels() {
+        add_panels_in_sight(kernel, paths, begun, false);
+    }
     paths.gone = begun & rays.missing;
     paths.flying = paths.flying | (begun & !rays.missing);
 }

@@ -4,7 +4,7 @@ use super::lanes::{Floats, Ints, Mask, one};
 use super::math::{LaneRng, exp2, minus_ln, pixel_key, sin_cos_of_turns, turns_of};
 use super::*;
 use crate::*;
-use glam::{DVec3, IVec3, UVec3};
+use glam::{DVec3, IVec3, UVec3, Vec2};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{Verdict, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3, warp};
@@ -105,6 +105,40 @@ fn sky() -> Vec<Light> {
     ]
 }
 
+/// One panel beside the camera, and one behind the matter that is seen through it.
+fn panels() -> Vec<Light> {
+    let panel = |corner, u, v, radiance, two_sided| Light::Rectangle {
+        rectangle: RectangleLight::new(corner, u, v, radiance, two_sided).unwrap(),
+        search: LightSearch::Both,
+    };
+    vec![
+        panel(
+            Vec3::new(0.4, -0.6, 0.9),
+            Vec3::new(0.0, 0.9, 0.0),
+            Vec3::new(0.3, 0.0, -0.3),
+            Rgb::new(4.0, 2.0, 1.0),
+            true,
+        ),
+        panel(
+            Vec3::new(0.0, -0.3, -0.5),
+            Vec3::new(0.5, 0.0, 0.0),
+            Vec3::new(0.0, 0.5, 0.0),
+            Rgb::new(0.5, 1.0, 1.0),
+            false,
+        ),
+    ]
+}
+
+/// The endless grid, cut to a rectangle of other sizes than a period.
+fn cut_grid() -> GridMedium {
+    let mut grid = grid(true);
+    let cut = grid
+        .lattice()
+        .cut_to(Vec2::new(-0.05, -0.31), Vec2::new(0.45, 0.03));
+    *grid.lattice_mut() = cut.unwrap();
+    grid
+}
+
 pub fn lens() -> Projection {
     Projection::ThinLens {
         fov_rad: 0.3,
@@ -188,6 +222,7 @@ pub fn samples() -> u64 {
 fn the_kernel_agrees_with_the_general_walk() {
     let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let flat = Projection::Orthographic { width_mm: 0.3 };
+    let wide = Projection::Orthographic { width_mm: 0.7 };
     for (name, scene) in [
         (
             "finite",
@@ -205,6 +240,23 @@ fn the_kernel_agrees_with_the_general_walk() {
         (
             "mixtures",
             scene(AnyMedium::Cloth(cloth()), parallel(), flat),
+        ),
+        (
+            "panels",
+            scene(AnyMedium::Grid(grid(false)), panels(), pinhole),
+        ),
+        (
+            "endless, panels",
+            scene(AnyMedium::Grid(grid(true)), panels(), flat),
+        ),
+        (
+            "mixtures, panels",
+            scene(AnyMedium::Cloth(cloth()), panels(), lens()),
+        ),
+        ("cut", scene(AnyMedium::Grid(cut_grid()), parallel(), wide)),
+        (
+            "cut, panels",
+            scene(AnyMedium::Grid(cut_grid()), panels(), wide),
         ),
         (
             "mixtures, sky",
@@ -456,7 +508,27 @@ fn tables_hold_exact_depths() {
                 let i = i as u32;
                 let c = UVec3::new(i / n.z % n.x, i / (n.z * n.x), i % n.z);
                 let p = (c.as_vec3() + 0.5) / table.nodes.per_voxel as f32;
-                let exact = -table.transmittance(p, f32::INFINITY, 0.0).0.ln();
+                let mut ray = shadow_ray::ShadowRay {
+                    lattice: &medium.lattice,
+                    at: p,
+                    toward: table.to_light,
+                    reach_mm: f32::INFINITY,
+                    sure_depth: f32::INFINITY,
+                    chance: 0.0,
+                };
+                let exact = -table.transmittance(&medium, &ray).0.ln();
+                if i.is_multiple_of(97) {
+                    // Stopped by chance, it is that on average; and so without
+                    // the extinctions of the table.
+                    ray.sure_depth = 0.5;
+                    let mut stopped = |k: u32| {
+                        ray.chance = (k as f32 + 0.5) / 500.0;
+                        let own = |voxel| medium.extinction_per_mm(voxel, ray.toward);
+                        ray.transmittance(own).0
+                    };
+                    let mean = (0..500).map(&mut stopped).sum::<f32>() / 500.0;
+                    assert!((mean - (-exact).exp()).abs() < 2e-3, "{mean}, {exact}");
+                }
                 let depth = (word & 0xff) as f32 * (light_table::MOST_DEPTH / 255.0);
                 let least = exact.min(light_table::MOST_DEPTH);
                 assert!((depth - least).abs() < 0.025, "{depth}, {exact} at {p}");

@@ -1,6 +1,5 @@
 //! The walk: one path in every lane, and a new one where one has ended.
 
-use super::environment::transmittance_toward;
 use super::film_rays::inverse_of_step;
 use super::flakes::Flakes;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
@@ -8,8 +7,9 @@ use super::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use super::light_table::{LightTable, depth};
 use super::math::{LaneRng, V3, exp2, minus_ln, positive};
 use super::posts::{Posts, regenerate};
+use super::shadow_ray::ShadowRay;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
-use super::{Block, Kernel};
+use super::{Block, Borders, Kernel};
 use crate::Stats;
 use glam::Vec3;
 use std::f32::consts::LOG2_E;
@@ -36,9 +36,11 @@ const BOUND_SLACK: f32 = 1.0 + 4e-5;
 /// greatest, `scale_per_mm`, and lengths in units of one over that.
 pub struct Paths<F: Floats> {
     pub rng: LaneRng<F::Ints>,
-    /// Place in voxels, within the first period.
+    /// Place in voxels, within the first period, and how far that is from the
+    /// first in x and y.
     pub at: V3<F>,
-    direction: V3<F>,
+    pub beyond: [F; 2],
+    pub direction: V3<F>,
     /// Voxels per length, and length per voxel, along the way.
     step: V3<F>,
     per_step: V3<F>,
@@ -68,6 +70,7 @@ impl<F: Floats> Paths<F> {
         Paths {
             rng: LaneRng::new((zero_bits, zero_bits), zero_bits),
             at: zeros,
+            beyond: [zero; 2],
             direction: zeros,
             step: zeros,
             per_step: zeros,
@@ -151,12 +154,17 @@ fn fly<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
 
     let dims = medium.lattice.dims();
     let size = dims.as_vec3();
-    let mut outside = is_outside(at.z, size.z);
+    let mut outside = is_outside(at.z, 0.0, size.z);
+    let mut beyond = paths.beyond;
     if medium.lattice.repeats() {
-        at.x = in_first_period(at.x, size.x);
-        at.y = in_first_period(at.y, size.y);
-    } else {
-        outside = outside | is_outside(at.x, size.x) | is_outside(at.y, size.y);
+        (at.x, beyond[0]) = in_first_period(at.x, beyond[0], size.x);
+        (at.y, beyond[1]) = in_first_period(at.y, beyond[1], size.y);
+        paths.beyond = beyond;
+    }
+    if let Some(Borders { low, high }) = kernel.borders {
+        outside = outside
+            | is_outside(at.x + beyond[0], low.x, high.x)
+            | is_outside(at.y + beyond[1], low.y, high.y);
     }
     paths.at = at;
 
@@ -209,18 +217,19 @@ fn way_out<F: Floats>(half: F, at: F, per_step: F) -> F {
 }
 
 #[inline(always)]
-fn is_outside<F: Floats>(at: F, size: f32) -> F::Mask {
-    at.below(F::splat(0.0)) | !at.below(F::splat(size))
+fn is_outside<F: Floats>(at: F, low: f32, high: f32) -> F::Mask {
+    at.below(F::splat(low)) | !at.below(F::splat(high))
 }
 
+/// A coordinate within the first period, and the rest, in whole periods.
 #[inline(always)]
-fn in_first_period<F: Floats>(at: F, size: f32) -> F {
-    let periods = (at * F::splat(1.0 / size)).floor();
-    let within = at - periods * F::splat(size);
+fn in_first_period<F: Floats>(at: F, beyond: F, size: f32) -> (F, F) {
+    let periods = (at * F::splat(1.0 / size)).floor() * F::splat(size);
     // Rounding may take it a hair beyond either end.
-    within
+    let within = (at - periods)
         .max(F::splat(0.0))
-        .min(F::splat(size * (1.0 - f32::EPSILON)))
+        .min(F::splat(size * (1.0 - f32::EPSILON)));
+    (within, beyond + periods)
 }
 
 /// The environment, for the lanes that have left.
@@ -235,7 +244,43 @@ fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
     }
     let lit = paths.radiance + paths.throughput.times(sky);
     paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
+    let unscattered = paths.gone & paths.first_place.equals(F::Ints::splat(NO_POPULATION));
+    if kernel.has_panels() && unscattered.any() {
+        add_panels_in_sight(kernel, paths, unscattered, true);
+    }
     paths.gone = F::Mask::from_bits(0);
+}
+
+/// What camera rays see of panels before or behind the matter.
+#[inline(always)]
+pub fn add_panels_in_sight<F: Floats>(
+    kernel: &Kernel,
+    paths: &mut Paths<F>,
+    mask: F::Mask,
+    behind: bool,
+) {
+    let (at, direction) = (stored(paths.at), stored(paths.direction));
+    let depths = stored(V3 {
+        x: paths.beyond[0],
+        y: paths.beyond[1],
+        z: paths.depth,
+    });
+    let mut radiance = stored(paths.radiance);
+    for lane in SetBits(mask.bits()) {
+        let [at, direction, depths] =
+            [&at, &direction, &depths].map(|v| Vec3::from_array(v.map(|x| x[lane])));
+        let at = at + depths.with_z(0.0);
+        let seen = kernel.panels_in_sight(at, direction, depths.z, behind);
+        for (channel, seen) in radiance.iter_mut().zip(seen.to_array()) {
+            channel[lane] += seen;
+        }
+    }
+    let [x, y, z] = radiance;
+    paths.radiance = V3 {
+        x: F::load(&x),
+        y: F::load(&y),
+        z: F::load(&z),
+    };
 }
 
 /// The events of the lanes that met something: light, a new direction,
@@ -266,24 +311,40 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
     let mut light_in = V3::splat(Vec3::ZERO);
     let corners = kernel.nodes.around(paths.at);
     let count = kernel.lights.len();
-    for (i, lights) in kernel.lights.chunks(3).enumerate() {
-        let units = paths.rng.units(met);
-        for (j, (light, u)) in lights.iter().zip(units).enumerate() {
-            let phase = flakes.phase(w_out, per_area, V3::splat(light.to_light));
-            let table_depth = depth(&kernel.depths, count, 3 * i + j, &corners);
-            let through = exp2(table_depth * F::splat(-LOG2_E));
-            // An exact shadow ray where there is light to be set right.
-            let share = mean * phase * F::splat(kernel.residual_scale);
-            let keep = (share * (through + F::splat(kernel.residual_floor))).min(one);
-            let traced = met & u.below(keep);
-            let mut shown = through;
-            if traced.any() {
-                let exact = trace_exactly(light, paths.at, traced, table_depth, u / keep, stats);
-                let set_right = (exact - through) / keep + through;
-                shown = set_right.or_where_not(traced, through);
-            }
-            light_in = V3::splat(light.irradiance.0).scaled_add(phase * shown, light_in);
+    let mut units = [F::splat(0.0); 3];
+    for (i, light) in kernel.lights.iter().enumerate() {
+        if i % 3 == 0 {
+            units = paths.rng.units(met);
         }
+        let u = units[i % 3];
+        let (toward, distance_mm, strength) = match &light.panel {
+            None => (V3::splat(light.to_light), F::splat(f32::INFINITY), one),
+            Some(panel) => {
+                let [u, v, _] = paths.rng.units(met);
+                panel.toward(paths.at, paths.beyond, u, v)
+            }
+        };
+        let phase = flakes.phase(w_out, per_area, toward);
+        let table_depth = depth(&kernel.depths, count, i, &corners);
+        let through = exp2(table_depth * F::splat(-LOG2_E));
+        // An exact shadow ray where there is light to be set right.
+        let share = mean * phase * F::splat(kernel.residual_scale);
+        let keep = (share * (through + F::splat(light.residual_floor))).min(one);
+        let traced = met & u.below(keep);
+        let mut shown = through;
+        if traced.any() {
+            let rays = Traced {
+                toward,
+                distance_mm,
+                table_depth,
+                u: u / keep,
+            };
+            let exact = rays.transmittances(kernel, light, paths, traced, stats);
+            let set_right = (exact - through) / keep + through;
+            shown = set_right.or_where_not(traced, through);
+        }
+        let arriving = phase * strength * shown;
+        light_in = V3::splat(light.irradiance.0).scaled_add(arriving, light_in);
     }
     for sky in &kernel.skies {
         for lamp in &sky.lamps {
@@ -294,11 +355,17 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
             let table_depth = depth(&lamp.table.depths, 1, 0, &corners);
             let through = exp2(table_depth * F::splat(-LOG2_E));
             let share = mean * phase * F::splat(kernel.residual_scale);
-            let keep = (share * (through + F::splat(kernel.residual_floor))).min(one);
+            let keep = (share * (through + F::splat(lamp.table.residual_floor))).min(one);
             let traced = met & u.below(keep);
             let mut shown = through;
             if traced.any() {
-                let exact = trace_toward(kernel, paths.at, drawn.to_light, traced, stats);
+                let rays = Traced {
+                    toward: drawn.to_light,
+                    distance_mm: F::splat(f32::INFINITY),
+                    table_depth,
+                    u: u / keep,
+                };
+                let exact = rays.transmittances(kernel, &lamp.table, paths, traced, stats);
                 let set_right = (exact - through) / keep + through;
                 shown = set_right.or_where_not(traced, through);
             }
@@ -341,61 +408,68 @@ fn albedo<F: Floats>(kernel: &Kernel, place: F::Ints) -> V3<F> {
     }
 }
 
-/// Exact transmittances, one lane after the other; `u` are random numbers.
-#[inline(always)]
-fn trace_exactly<F: Floats>(
-    light: &LightTable,
-    at: V3<F>,
-    traced: F::Mask,
+/// Light toward the lanes of a mask, traced exactly one after the other.
+struct Traced<F: Floats> {
+    toward: V3<F>,
+    /// To the light, mm.
+    distance_mm: F,
+    /// What the table says, and random numbers.
     table_depth: F,
     u: F,
-    stats: &mut Stats,
-) -> F {
-    let (mut depth, mut chance) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-    table_depth.store(&mut depth);
-    u.store(&mut chance);
-    let (mut x, mut y, mut z) = ([0.0; MAX_LANES], [0.0; MAX_LANES], [0.0; MAX_LANES]);
-    at.x.store(&mut x);
-    at.y.store(&mut y);
-    at.z.store(&mut z);
-    let mut through = [0.0; MAX_LANES];
-    for lane in SetBits(traced.bits()) {
-        let (t, steps) = light.transmittance(
-            Vec3::new(x[lane], y[lane], z[lane]),
-            depth[lane] + SURE_DEPTH,
-            chance[lane],
-        );
-        through[lane] = t;
-        stats.shadow_rays += 1;
-        stats.shadow_steps += steps;
-    }
-    F::load(&through)
 }
 
-/// The same toward directions of their own.
-#[inline(always)]
-fn trace_toward<F: Floats>(
-    kernel: &Kernel,
-    at: V3<F>,
-    toward: V3<F>,
-    traced: F::Mask,
-    stats: &mut Stats,
-) -> F {
-    let (mut from, mut way) = ([[0.0; MAX_LANES]; 3], [[0.0; MAX_LANES]; 3]);
-    at.x.store(&mut from[0]);
-    at.y.store(&mut from[1]);
-    at.z.store(&mut from[2]);
-    toward.x.store(&mut way[0]);
-    toward.y.store(&mut way[1]);
-    toward.z.store(&mut way[2]);
-    let mut through = [0.0; MAX_LANES];
-    for lane in SetBits(traced.bits()) {
-        let from = Vec3::new(from[0][lane], from[1][lane], from[2][lane]);
-        let way = Vec3::new(way[0][lane], way[1][lane], way[2][lane]);
-        let (t, steps) = transmittance_toward(&kernel.medium, from, way);
-        through[lane] = t;
-        stats.shadow_rays += 1;
-        stats.shadow_steps += steps;
+impl<F: Floats> Traced<F> {
+    /// Exact transmittances.
+    #[inline(always)]
+    fn transmittances(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        traced: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let (at, toward) = (stored(paths.at), stored(self.toward));
+        let beyond = stored(V3 {
+            x: paths.beyond[0],
+            y: paths.beyond[1],
+            z: F::splat(0.0),
+        });
+        let numbers = stored(V3 {
+            x: self.distance_mm,
+            y: self.table_depth,
+            z: self.u,
+        });
+        let mut through = [0.0; MAX_LANES];
+        for lane in SetBits(traced.bits()) {
+            let [at, toward, beyond, numbers] =
+                [&at, &toward, &beyond, &numbers].map(|v| Vec3::from_array(v.map(|x| x[lane])));
+            let border_mm = kernel.borders.map_or(f32::INFINITY, |borders| {
+                borders.way_out_mm(&kernel.medium.lattice, at + beyond, toward)
+            });
+            let ray = ShadowRay {
+                lattice: &kernel.medium.lattice,
+                at,
+                toward,
+                reach_mm: numbers.x.min(border_mm),
+                sure_depth: numbers.y + SURE_DEPTH,
+                chance: numbers.z,
+            };
+            let (t, steps) = light.transmittance(&kernel.medium, &ray);
+            through[lane] = t;
+            stats.shadow_rays += 1;
+            stats.shadow_steps += steps;
+        }
+        F::load(&through)
     }
-    F::load(&through)
+}
+
+/// The components of all lanes.
+#[inline(always)]
+fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
+    let mut out = [[0.0; MAX_LANES]; 3];
+    v.x.store(&mut out[0]);
+    v.y.store(&mut out[1]);
+    v.z.store(&mut out[2]);
+    out
 }
