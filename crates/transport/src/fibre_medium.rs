@@ -6,6 +6,7 @@
 //! what happens there.
 
 use crate::lattice::{CellSpan, Lattice, LocalRay};
+use crate::voxel_bounds::VoxelBounds;
 use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::{Aabb, FibreComponent, Mixture, PathRng, Rgb};
@@ -100,6 +101,8 @@ pub struct FibreMedium {
     voxels_per_mm: Vec3,
     node_edge: u32,
     nodes: Vec<Node>,
+    /// Of single voxels and those within reach.
+    bounds: VoxelBounds,
     local: Option<LocalVisibility>,
 }
 
@@ -154,8 +157,12 @@ impl FibreMedium {
             // look-ups a voxel.
             node_edge: NODE_VOXELS.max(2 * reach.max_element() as u32),
             nodes: Vec::new(),
+            bounds: VoxelBounds::new(lattice, reach, |_| 0.0),
             local: None,
         };
+        medium.bounds = VoxelBounds::new(lattice, reach, |cell| {
+            medium.voxel(cell.as_ivec3()).broadside_per_mm()
+        });
         let dims = lattice.cell_dims(medium.node_edge);
         medium.nodes = (0..dims.element_product())
             .into_par_iter()
@@ -391,6 +398,10 @@ impl Medium for FibreMedium {
 
     fn site(&self, p: Vec3) -> FibreSite {
         FibreSite::at_ray(self.voxel(self.lattice.cell(p).as_ivec3()))
+    }
+
+    fn bound_at(&self, p: Vec3) -> f32 {
+        self.bounds.at(p)
     }
 
     fn meet(&self, p: Vec3, w: Vec3, rng: &mut PathRng) -> FibreSite {

@@ -95,6 +95,7 @@ mod scene;
 mod sheet;
 mod stats;
 mod tracking;
+mod voxel_bounds;
 mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};

@@ -52,6 +52,13 @@ pub trait Medium: Sync {
     /// The medium at a local point inside the lattice's box.
     fn site(&self, p: Vec3) -> Self::Site;
 
+    /// A bound in 1/mm on the extinction of whatever [`Medium::meet`] finds at a
+    /// local point, over all directions, where one is known with less trouble than
+    /// meeting takes.
+    fn bound_at(&self, _p: Vec3) -> f32 {
+        f32::INFINITY
+    }
+
     /// What a tentative collision at a local point of a walk along `w` finds:
     /// [`Medium::site`], unless the medium draws something there. Its mean
     /// extinction over what is drawn is the medium's.

@@ -36,12 +36,18 @@ pub fn sample_collision<M: Medium>(
             t += depth / majorant;
             depth = rng.exponential();
             stats.tentative += 1;
-            let site = medium.meet(span.point(ray, t), ray.direction, rng);
+            let p = span.point(ray, t);
+            let least = rng.unit() * majorant;
+            let bound = medium.bound_at(p);
+            if least >= bound {
+                continue;
+            }
+            let site = medium.meet(p, ray.direction, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
-            if sigma > majorant * MAJORANT_SLACK {
+            if sigma > majorant.min(bound) * MAJORANT_SLACK {
                 stats.majorant_violations += 1;
             }
-            if rng.unit() * majorant < sigma {
+            if least < sigma {
                 stats.collisions += 1;
                 return ControlFlow::Break((t, site));
             }
@@ -74,12 +80,18 @@ pub fn transmittance<M: Medium>(
             t += depth / majorant;
             depth = rng.exponential();
             stats.shadow_steps += 1;
-            let site = medium.meet(span.point(ray, t), ray.direction, rng);
+            // Thinned to the events of a bound that is nearer the truth.
+            let p = span.point(ray, t);
+            let bound = medium.bound_at(p).min(majorant);
+            if bound < majorant && rng.unit() * majorant >= bound {
+                continue;
+            }
+            let site = medium.meet(p, ray.direction, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
-            if sigma > majorant * MAJORANT_SLACK {
+            if sigma > bound * MAJORANT_SLACK {
                 stats.majorant_violations += 1;
             }
-            transmitted *= (1.0 - sigma / majorant).max(0.0);
+            transmitted *= (1.0 - sigma / bound).max(0.0);
             if transmitted < SHADOW_ROULETTE {
                 if rng.unit() * SHADOW_ROULETTE >= transmitted {
                     transmitted = 0.0;

@@ -1,0 +1,144 @@
+//! How dense it may be within reach of every voxel, in one byte each.
+//!
+//! Trackers ask before they look a voxel up: most tentative collisions at a
+//! node's majorant are with nothing, and a byte tells so.
+
+use crate::Lattice;
+use glam::{IVec3, UVec3, Vec3};
+use rayon::prelude::*;
+
+/// Steps of the code in one octave: a bound is at most 4.4 % above what it
+/// bounds.
+const PER_OCTAVE: f32 = 16.0;
+
+/// Bounds on the extinction, 1/mm, over all directions.
+pub struct VoxelBounds {
+    lattice: Lattice,
+    codes: Vec<u8>,
+    /// Of every code; zero means nothing.
+    bounds_per_mm: Vec<f32>,
+}
+
+impl VoxelBounds {
+    /// For every voxel the greatest of `extinction_per_mm` at most `reach` voxels
+    /// away along each axis, rounded up.
+    pub fn new(
+        lattice: Lattice,
+        reach: IVec3,
+        extinction_per_mm: impl Fn(UVec3) -> f32 + Sync,
+    ) -> VoxelBounds {
+        let dims = lattice.dims();
+        let area = dims.x as usize * dims.y as usize;
+        let mut values = vec![0.0f32; area * dims.z as usize];
+        let layers = values.par_chunks_mut(area).zip(0..dims.z);
+        layers.for_each(|(layer, z)| {
+            for (i, out) in (0u32..).zip(layer) {
+                *out = extinction_per_mm(UVec3::new(i % dims.x, i / dims.x, z));
+            }
+        });
+        let greatest = values.iter().copied().fold(0.0f32, f32::max);
+        // A hair above, so that the last code bounds the greatest.
+        let most = greatest * (1.0 + 1e-5);
+        let mut bounds_per_mm: Vec<f32> = (0..=255)
+            .map(|code| most * ((code - 255) as f32 / PER_OCTAVE).exp2())
+            .collect();
+        bounds_per_mm[0] = 0.0;
+        let code = |value: f32| {
+            if value <= 0.0 {
+                return 0;
+            }
+            let below_most = ((most / value).log2() * PER_OCTAVE).floor();
+            255 - below_most.clamp(0.0, 254.0) as u8
+        };
+        let mut codes: Vec<u8> = values.par_iter().map(|&v| code(v)).collect();
+        drop(values);
+        for axis in 0..3 {
+            spread(&lattice, &mut codes, axis, reach[axis]);
+        }
+        VoxelBounds {
+            lattice,
+            codes,
+            bounds_per_mm,
+        }
+    }
+
+    /// The bound at a local point.
+    #[inline]
+    pub fn at(&self, p: Vec3) -> f32 {
+        let (c, dims) = (self.lattice.cell(p), self.lattice.dims());
+        let place = (c.z as usize * dims.y as usize + c.y as usize) * dims.x as usize;
+        self.bounds_per_mm[usize::from(self.codes[place + c.x as usize])]
+    }
+}
+
+/// Replaces every code by the greatest at most `reach` away along an axis.
+fn spread(lattice: &Lattice, codes: &mut Vec<u8>, axis: usize, reach: i32) {
+    if reach == 0 {
+        return;
+    }
+    let dims = lattice.dims();
+    let stride = [1, dims.x as usize, (dims.x * dims.y) as usize][axis];
+    let n = dims[axis] as i32;
+    let old = &codes[..];
+    let new = (0..old.len()).into_par_iter().map(|place| {
+        let at = (place / stride % n as usize) as i32;
+        let start = place - at as usize * stride;
+        let around = (at - reach..=at + reach).filter_map(|c| {
+            let c = if lattice.repeats() && axis < 2 {
+                c.rem_euclid(n)
+            } else {
+                c
+            };
+            (0..n)
+                .contains(&c)
+                .then(|| old[start + c as usize * stride])
+        });
+        around.max().unwrap_or(0)
+    });
+    *codes = new.collect();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::{Aabb, PathRng};
+
+    #[test]
+    fn bounds_are_the_greatest_within_reach_and_hardly_more() {
+        let dims = UVec3::new(9, 7, 5);
+        let mut rng = PathRng::from_seed(31);
+        let values: Vec<f32> = (0..dims.element_product())
+            .map(|_| (8.0 * rng.unit() - 4.0).exp2() * f32::from(rng.unit() < 0.3))
+            .collect();
+        let value = |c: UVec3| values[((c.z * dims.y + c.y) * dims.x + c.x) as usize];
+        for repeats in [false, true] {
+            let bounds_mm = Aabb::new(Vec3::ZERO, dims.as_vec3() * 0.01);
+            let lattice = Lattice::new(bounds_mm, dims, repeats).unwrap();
+            let reach = IVec3::new(2, 1, 1);
+            let bounds = VoxelBounds::new(lattice, reach, value);
+            for _ in 0..2000 {
+                let p = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * dims.as_vec3();
+                let mut expected = 0.0f32;
+                for x in -reach.x..=reach.x {
+                    for y in -reach.y..=reach.y {
+                        for z in -reach.z..=reach.z {
+                            let c = p.floor().as_ivec3() + IVec3::new(x, y, z);
+                            let inside =
+                                c.cmpge(IVec3::ZERO).all() && c.cmplt(dims.as_ivec3()).all();
+                            if inside || repeats && (0..dims.z as i32).contains(&c.z) {
+                                let c = c.rem_euclid(dims.as_ivec3()).as_uvec3();
+                                expected = expected.max(value(c));
+                            }
+                        }
+                    }
+                }
+                let bound = bounds.at(p);
+                assert!(bound >= expected, "seed 31, {p}: {bound}, {expected}");
+                assert!(
+                    bound <= 1.05 * expected,
+                    "seed 31, {p}: {bound}, {expected}"
+                );
+            }
+        }
+    }
+}
