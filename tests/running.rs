@@ -335,8 +335,8 @@ fn checkpoints_that_do_not_belong_are_refused() {
 /// The number before " of N samples" in the final line.
 fn taken(words: &str) -> u64 {
     let line = words.lines().find(|l| l.starts_with("stopped")).unwrap();
-    let before = line.split(" of ").next().unwrap();
-    before.rsplit(' ').next().unwrap().parse().unwrap()
+    let (_, told) = line.rsplit_once("; ").unwrap();
+    told.split(' ').next().unwrap().parse().unwrap()
 }
 
 #[test]

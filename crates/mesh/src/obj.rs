@@ -47,6 +47,7 @@ pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
         ..Default::default()
     };
     let no_materials = |_: &std::path::Path| Ok(Default::default());
+    check_relative_indices(text)?;
     let mut reader = text;
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
         .map_err(|e| Error::Syntax(e.to_string()))?;
@@ -65,6 +66,37 @@ pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
         first_corner += (model.mesh.positions.len() / 3) as u32;
     }
     Mesh::new(triangles, &corners)
+}
+
+/// Refuses relative indices that point before their list, on which the reader
+/// overflows.
+fn check_relative_indices(text: &[u8]) -> Result<(), Error> {
+    let mut counts = [0i64; 3];
+    for (number, line) in text.split(|&b| b == b'\n').enumerate() {
+        let Ok(line) = std::str::from_utf8(line) else {
+            continue; // for the reader to complain of
+        };
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => counts[0] += 1,
+            Some("vt") => counts[1] += 1,
+            Some("vn") => counts[2] += 1,
+            Some("f" | "l" | "p") => {
+                for word in words.filter(|w| w.contains('-')) {
+                    for (index, count) in word.split('/').zip(counts) {
+                        if index.parse::<i64>().is_ok_and(|i| i < -count) {
+                            return Err(Error::Syntax(format!(
+                                "line {}: the index {index} points before the first of {count}",
+                                number + 1
+                            )));
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// Adds one object; `first_corner` sets its corners apart from the others'.
