@@ -66,7 +66,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
             assert!(r["seconds_to_noise_1"].as_f64().unwrap() > 0.0, "{r}");
             assert!(r["memory_bytes"].as_u64().unwrap() > 1 << 20, "{r}");
         }
-        assert_eq!(view["recommended"].as_array().unwrap().len(), 3);
+        assert_eq!(view["recommended"].as_array().unwrap().len(), 4);
     }
     let page = std::fs::read_to_string(report.join("report.html")).unwrap();
     assert!(

@@ -5,7 +5,7 @@
     organza bench -o DIR [...] --peer DIR/peer.json    # the same flags: only the report is made anew
 
 Exports each scene as micro-flakes of the fabric's own voxels, level 0, repeated as often as the picture is wide, and
-renders it with volpathmis, once with the phase function as it is told to be (sggx_mended). Scenes that would need
+renders it with the integrator of the export and the phase function mended (sggx_mended). Scenes that would need
 more than --most-repeats are left out and told. Needs mitsuba 3.9.1 and numpy; LLVM 16 or newer named by
 DRJIT_LIBLLVM_PATH for llvm_ad_rgb. Seconds are processor seconds; compiling is setup, as it is paid once a scene.
 """
@@ -61,7 +61,8 @@ def main():
     import mitsuba as mi
     mi.set_variant(arguments.variant)
     if arguments.threads:
-        mi.Thread.set_thread_count(arguments.threads) if hasattr(mi, 'Thread') else None
+        import drjit
+        drjit.set_thread_count(arguments.threads)
     sys.path.insert(0, str(HERE))
     import sggx_mended
     sggx_mended.register()

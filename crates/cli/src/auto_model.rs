@@ -123,7 +123,10 @@ fn choose(
     let camera =
         scene_build::camera(&file.camera).map_err(|why| fail(&format!("camera: {why}")))?;
     let path = read::beside(scene_path, &table.fabric);
-    let fabric = fabric_file::load(&path, &[])?;
+    let mut fabric = fabric_file::load(&path, &[])?;
+    fabric
+        .override_optics(&table.optics)
+        .map_err(|why| fail(&format!("object[{index}].optics{why}")))?;
     let mesh = drape::mesh(table, &options)?;
     let place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,

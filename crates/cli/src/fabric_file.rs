@@ -156,7 +156,7 @@ impl Fabric {
     ///
     /// # Errors
     /// As [`optics::check`].
-    fn override_optics(&mut self, scene: &OpticsFile) -> Result<(), String> {
+    pub fn override_optics(&mut self, scene: &OpticsFile) -> Result<(), String> {
         optics::check(scene, self.cloth.materials())?;
         self.optics.insert(0, scene.clone());
         Ok(())

@@ -100,11 +100,14 @@ pub fn picture_error(picture: &NoisyPicture, truth: &NoisyPicture) -> Option<Pic
         (picture.brightness(), truth.brightness());
     let bias = (mean - truth_mean) / brightness;
     let side = SIDE * (variance + truth_variance).sqrt() / brightness;
+    // No root mean square is below the mean: what is known of that, which is
+    // more where errors are alike all over the picture, is known of this too.
+    let least = (bias.abs() - side).max(0.0);
     Some(PictureError {
         rmse: Figure {
-            value: root(square),
-            low: root(square - SIDE * deviation),
-            high: root(square + SIDE * deviation),
+            value: root(square).max(least),
+            low: root(square - SIDE * deviation).max(least),
+            high: root(square + SIDE * deviation).max(bias.abs() + side),
         },
         bias: Figure {
             value: bias,
@@ -210,6 +213,27 @@ mod tests {
         }
         let verdict = organza_basis::hypothesis::welch_test(&own, &other);
         assert!(verdict.p_value > 1e-3, "seeds 0..100: {verdict:?}");
+    }
+
+    /// A picture that is brighter all over is known to be wrong by that, though
+    /// no pixel alone shows it.
+    #[test]
+    fn the_error_is_no_less_than_the_bias() {
+        let (truth, _) = planted(0.0);
+        let brighter: Vec<[f64; 3]> = truth.iter().map(|p| p.map(|v| v + 0.1)).collect();
+        let mut held = 0;
+        for seed in 0..40 {
+            let mut rng = PathRng::new(seed, 2, 0);
+            let a = noisy(&brighter, 0.25, &mut rng);
+            let found = picture_error(&a, &noisy(&truth, 0.25, &mut rng)).unwrap();
+            let (rmse, bias) = (found.rmse, found.bias);
+            assert!(
+                rmse.low >= bias.low && rmse.value >= bias.low && rmse.high >= bias.high,
+                "seed {seed}: {found:?}"
+            );
+            held += usize::from(rmse.low <= 0.1 && 0.1 <= rmse.high);
+        }
+        assert!(held >= 34, "seeds 0..40: the interval held {held} times");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::output;
 use anyhow::{Result, anyhow};
 use organza_measure::{Growth, growth};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -252,7 +252,7 @@ fn with_parallel_lights(scene: &str, count: u32) -> String {
 }
 
 /// The fabric with a tile of more repeats.
-fn write_repeats(sample: &Sample, path: &PathBuf, repeats: u32) -> Result<()> {
+fn write_repeats(sample: &Sample, path: &Path, repeats: u32) -> Result<()> {
     let text = crate::read::text(&sample.path)?;
     let mut table: toml::Table = toml::from_str(&text)?;
     let mut tile = toml::Table::new();

@@ -22,7 +22,7 @@ pub struct BenchArgs {
     #[arg(long)]
     pub scaling: bool,
     /// Error of a pixel, as a share of the picture's mean, within which recommendations are made (repeatable)
-    #[arg(long, value_name = "SHARE", value_parser = super::values::parse_share, value_delimiter = ',', default_value = "0.02,0.05,0.1")]
+    #[arg(long, value_name = "SHARE", value_parser = super::values::parse_share, value_delimiter = ',', default_value = "0.02,0.05,0.1,0.2")]
     pub within: Vec<f64>,
     /// Pixels along an edge of the pictures
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1024), default_value_t = 16)]

@@ -1,6 +1,7 @@
 //! The report of a comparison: one page that stands alone.
 
 pub mod bench;
+mod bench_page;
 mod plot;
 pub mod svg;
 
