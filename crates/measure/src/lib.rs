@@ -27,13 +27,14 @@ mod layout;
 mod metrics;
 mod pairs;
 mod patch;
+mod picture_match;
 mod surface_patch;
 mod sweep;
 mod table;
 mod texture;
 mod volume_patch;
 
-pub use fit_surface::{FitError, FittedSurface, Journal, fit_surface};
+pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Told, measure_albedos, measure_openness,
     measure_pairs,
@@ -49,6 +50,7 @@ pub use pairs::{
     parse_values,
 };
 pub use patch::{Energy, Exit, PatchResponse};
+pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,
