@@ -11,7 +11,9 @@ use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, FibreEvent, Integrator, PixelFilter, Projection, Scene,
 };
+use organza_volume::Octree;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A patch of whatever kind.
 pub type AnyPatch = Box<dyn PatchResponse>;
@@ -29,6 +31,75 @@ pub struct PatchOptions {
     pub quiet: bool,
 }
 
+/// What stands for a cloth, whatever its fibres' colour and roughness.
+pub enum Matter {
+    /// A surface model.
+    Surface,
+    /// Every fibre by itself.
+    Fibres,
+    /// Voxels, what their fibres scatter like, and their level.
+    Voxels(Arc<Octree>, ScatteringModel, u8),
+}
+
+impl Matter {
+    /// The matter of a fabric; voxels are made here.
+    ///
+    /// # Errors
+    /// Names the file and the key at fault.
+    pub fn new(
+        fabric: &Fabric,
+        path: &Path,
+        model: PatchModel,
+        options: &PatchOptions,
+    ) -> Result<Matter> {
+        let scattering = match model {
+            PatchModel::Surface => return Ok(Matter::Surface),
+            PatchModel::Fibres => return Ok(Matter::Fibres),
+            PatchModel::Volume => ScatteringTable::default()
+                .over(fabric.file.scattering)
+                .map_err(|why| input(format!("{}: scattering{why}", path.display())))?,
+            PatchModel::Plain => ScatteringModel::Fibres(FibreEvent::Plain),
+            PatchModel::Packed => ScatteringModel::Fibres(FibreEvent::Packed),
+        };
+        if scattering == ScatteringModel::Explicit {
+            return Ok(Matter::Fibres);
+        }
+        let octree = fabric.voxelize(
+            path,
+            scattering.footprint(),
+            options.voxel_um,
+            None,
+            options.max_memory_bytes,
+            options.quiet,
+        )?;
+        let (level, levels) = (options.level, octree.level_count());
+        if level >= levels {
+            return Err(input(format!(
+                "--level {level}: the octree has {levels} levels, from 0"
+            )));
+        }
+        Ok(Matter::Voxels(octree.into(), scattering, level))
+    }
+
+    /// The endless cloth with the optics of a fabric of the same geometry.
+    ///
+    /// # Errors
+    /// Names the file and the key at fault.
+    pub fn patch(&self, fabric: &Fabric, path: &Path, options: &PatchOptions) -> Result<AnyPatch> {
+        let medium = match self {
+            Matter::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?))),
+            Matter::Fibres => {
+                fabric.explicit_fibres(path, options.max_memory_bytes, options.quiet)?
+            }
+            Matter::Voxels(octree, scattering, level) => {
+                let medium = scattering.medium(fabric, path, octree.clone(), *level)?;
+                medium.ok_or_else(|| input(format!("{}: no voxels", path.display())))?
+            }
+        };
+        volume_patch(path, medium)
+    }
+}
+
 /// The endless cloth of a fabric.
 ///
 /// # Errors
@@ -39,40 +110,7 @@ pub fn fabric_patch(
     model: PatchModel,
     options: &PatchOptions,
 ) -> Result<AnyPatch> {
-    let explicit = || {
-        let fibres = fabric.explicit_fibres(path, options.max_memory_bytes, options.quiet)?;
-        volume_patch(path, fibres)
-    };
-    let scattering = match model {
-        PatchModel::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?))),
-        PatchModel::Fibres => return explicit(),
-        PatchModel::Volume => ScatteringTable::default()
-            .over(fabric.file.scattering)
-            .map_err(|why| input(format!("{}: scattering{why}", path.display())))?,
-        PatchModel::Plain => ScatteringModel::Fibres(FibreEvent::Plain),
-        PatchModel::Packed => ScatteringModel::Fibres(FibreEvent::Packed),
-    };
-    if scattering == ScatteringModel::Explicit {
-        return explicit();
-    }
-    let octree = fabric.voxelize(
-        path,
-        scattering.footprint(),
-        options.voxel_um,
-        None,
-        options.max_memory_bytes,
-        options.quiet,
-    )?;
-    let levels = octree.level_count();
-    let level = options.level;
-    let medium = scattering
-        .medium(fabric, path, octree, level)?
-        .ok_or_else(|| {
-            input(format!(
-                "--level {level}: the octree has {levels} levels, from 0"
-            ))
-        })?;
-    volume_patch(path, medium)
+    Matter::new(fabric, path, model, options)?.patch(fabric, path, options)
 }
 
 fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {

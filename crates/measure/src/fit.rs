@@ -1,7 +1,7 @@
 //! Search within bounds and what the data says of the answer.
 
-use argmin::core::{CostFunction, Executor, State};
-use argmin::solver::neldermead::NelderMead;
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use std::cell::RefCell;
 
 /// A parameter's range.
@@ -32,23 +32,29 @@ pub struct Determined {
     pub is_fixed: bool,
 }
 
-/// How long to search.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How long to search, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patience {
-    /// Places looked at all over the range before the descent.
+    /// Places looked at all over the range before the descents.
     pub scan: u32,
-    /// Steps of each of the two descents.
-    pub steps: u64,
+    /// Most places that each descent looks at.
+    pub steps: u32,
+    /// Step of difference quotients as a share of the range: large enough to
+    /// stand out from the noise of residuals.
+    pub stride: f64,
 }
 
-/// The cost of a place.
-type Cost<'a> = dyn FnMut(&[f64]) -> f64 + 'a;
+/// Descents: one from the start, the others from the best places of the scan.
+const DESCENTS: usize = 4;
 
-/// What a search needs of its problem. Costs are remembered by the caller, who
-/// may so go on where an earlier search ended.
-struct Problem<'a, 'b> {
-    bounds: &'a [Bound],
-    cost: RefCell<&'a mut Cost<'b>>,
+/// Change of the cost or of the place below which a descent ends.
+const TOLERANCE: f64 = 1e-5;
+
+/// Weighted residuals of a place; none where there is no answer.
+pub type Residuals<'a> = dyn FnMut(&[f64]) -> Option<Vec<f64>> + 'a;
+
+fn square(list: &[f64]) -> f64 {
+    list.iter().map(|r| r * r).sum()
 }
 
 impl Bound {
@@ -64,96 +70,145 @@ impl Bound {
     }
 }
 
-impl CostFunction for Problem<'_, '_> {
-    type Param = Vec<f64>;
-    type Output = f64;
+/// The best place so far and its sum of squares.
+type Best = (Vec<f64>, f64);
 
-    fn cost(&self, x: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-        let values: Vec<f64> = self
-            .bounds
-            .iter()
-            .zip(x)
-            .map(|(b, &x)| b.value(x))
-            .collect();
-        let cost = (self.cost.borrow_mut())(&values);
-        Ok(if cost.is_finite() { cost } else { f64::MAX })
+/// One descent, as the library sees it.
+struct Descent<'a, 'b> {
+    bounds: &'a [Bound],
+    residuals: RefCell<&'a mut Residuals<'b>>,
+    best: RefCell<&'a mut Best>,
+    /// Places that may still be looked at.
+    left: RefCell<u32>,
+    stride: f64,
+    x: DVector<f64>,
+    /// Residuals at `x`; those of the place before where it has none.
+    at_x: Option<DVector<f64>>,
+}
+
+impl Descent<'_, '_> {
+    fn values(&self, x: &DVector<f64>) -> Vec<f64> {
+        let pairs = self.bounds.iter().zip(x.iter());
+        pairs.map(|(b, &x)| b.value(x)).collect()
+    }
+
+    fn look(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
+        let mut left = self.left.borrow_mut();
+        *left = left.checked_sub(1)?;
+        let values = self.values(x);
+        let list = (self.residuals.borrow_mut())(&values)?;
+        let cost = square(&list);
+        let mut best = self.best.borrow_mut();
+        if cost < best.1 {
+            **best = (values, cost);
+        }
+        cost.is_finite().then(|| DVector::from_vec(list))
     }
 }
 
-/// Least cost within bounds: a look at places spread evenly over the range
-/// [Roberts2018], then two descents [NelderMead1965], from the start and from
-/// the best place seen. Deterministic.
-///
-/// # Errors
-/// What the optimiser says.
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_, '_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, x: &DVector<f64>) {
+        self.x.copy_from(x);
+        // A place without an answer is a bad one, which shortens the step.
+        let found = self.look(x);
+        self.at_x = found.or_else(|| self.at_x.take().map(|r| r * 1e3));
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.x.clone()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.at_x.clone()
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let base = self.at_x.as_ref()?;
+        if *self.left.borrow() < self.x.len() as u32 {
+            return None;
+        }
+        let mut matrix = DMatrix::zeros(base.len(), self.x.len());
+        for (k, b) in self.bounds.iter().enumerate() {
+            // As far in the coordinate as the stride is in the value, inwards.
+            let value = b.value(self.x[k]);
+            let stride = self.stride * (b.high - b.low);
+            let inward = if value < 0.5 * (b.low + b.high) {
+                stride
+            } else {
+                -stride
+            };
+            let mut moved = self.x.clone();
+            moved[k] = b.coordinate(value + inward);
+            if let Some(there) = self.look(&moved) {
+                matrix.set_column(k, &((there - base) / (moved[k] - self.x[k])));
+            }
+        }
+        Some(matrix)
+    }
+}
+
+/// Least squares within bounds: a look at places spread evenly over the range
+/// [Roberts2018], then descents [Marquardt1963] from the start and from the
+/// best places seen. Deterministic. Gives the place and its sum of squares,
+/// which is infinite when no place had an answer.
 pub fn search(
     bounds: &[Bound],
     patience: &Patience,
-    cost: &mut Cost<'_>,
-) -> Result<(Vec<f64>, f64), String> {
+    residuals: &mut Residuals<'_>,
+) -> (Vec<f64>, f64) {
     let start: Vec<f64> = bounds.iter().map(|b| b.start).collect();
-    if bounds.is_empty() {
-        let value = cost(&start);
-        return Ok((start, value));
-    }
+    let mut cost = |place: &[f64]| residuals(place).map_or(f64::INFINITY, |r| square(&r));
+    let mut best = (start.clone(), cost(&start));
     // The root above one of x^(d + 1) = x + 1 gives the additive sequence.
     let power = bounds.len() as i32 + 1;
     let root = (0..60).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / f64::from(power)));
-    let mut seen = (start.clone(), cost(&start));
+    let mut seen = Vec::new();
     for k in 1..=patience.scan {
-        let place: Vec<f64> = bounds
-            .iter()
-            .enumerate()
-            .map(|(d, b)| {
-                let share = (0.5 + f64::from(k) * root.powi(-(d as i32 + 1))).fract();
-                b.low + (b.high - b.low) * (0.05 + 0.9 * share)
-            })
-            .collect();
+        let coordinate = |(d, b): (usize, &Bound)| {
+            let share = (0.5 + f64::from(k) * root.powi(-(d as i32 + 1))).fract();
+            b.low + (b.high - b.low) * (0.05 + 0.9 * share)
+        };
+        let place: Vec<f64> = bounds.iter().enumerate().map(coordinate).collect();
         let value = cost(&place);
-        if value < seen.1 {
-            seen = (place, value);
-        }
+        seen.push((place, value));
     }
-    let mut best = seen.clone();
-    let mut places = vec![seen.0];
-    if places[0] != start {
-        places.push(start);
+    seen.sort_by(|a, b| a.1.total_cmp(&b.1));
+    seen.truncate(DESCENTS - 1);
+    let mut places = vec![start];
+    for (place, cost) in seen {
+        if cost < best.1 {
+            best = (place.clone(), cost);
+        }
+        places.push(place);
+    }
+    if bounds.is_empty() || patience.steps == 0 {
+        return best;
     }
     for place in places {
-        let origin: Vec<f64> = bounds
-            .iter()
-            .zip(&place)
-            .map(|(b, &v)| b.coordinate(v))
-            .collect();
-        let mut simplex = vec![origin.clone()];
-        for d in 0..origin.len() {
-            let mut corner = origin.clone();
-            if let Some(x) = corner.get_mut(d) {
-                *x += if *x > 0.0 { -0.7 } else { 0.7 };
-            }
-            simplex.push(corner);
-        }
-        let problem = Problem {
+        let pairs = bounds.iter().zip(&place);
+        let x = DVector::from_iterator(bounds.len(), pairs.map(|(b, &v)| b.coordinate(v)));
+        let mut descent = Descent {
             bounds,
-            cost: RefCell::new(&mut *cost),
+            residuals: RefCell::new(&mut *residuals),
+            best: RefCell::new(&mut best),
+            left: RefCell::new(patience.steps),
+            stride: patience.stride,
+            x: x.clone(),
+            at_x: None,
         };
-        let failed = |e: argmin::core::Error| e.to_string();
-        let solver = NelderMead::new(simplex)
-            .with_sd_tolerance(1e-9)
-            .map_err(failed)?;
-        let result = Executor::new(problem, solver)
-            .configure(|s| s.max_iters(patience.steps))
-            .run()
-            .map_err(failed)?;
-        let state = result.state();
-        if let Some(x) = state.get_best_param()
-            && state.get_best_cost() < best.1
-        {
-            let values = bounds.iter().zip(x).map(|(b, &x)| b.value(x)).collect();
-            best = (values, state.get_best_cost());
-        }
+        descent.set_params(&x);
+        // How it ended does not matter: the best place is kept on the way.
+        let _ = LevenbergMarquardt::new()
+            .with_ftol(TOLERANCE)
+            .with_xtol(TOLERANCE)
+            .with_gtol(TOLERANCE)
+            .minimize(descent);
     }
-    Ok(best)
+    best
 }
 
 /// What the data says of parameters at the best value, from the derivatives of
@@ -168,21 +223,22 @@ pub fn determine(
     let n = bounds.len();
     let prior = |b: &Bound| (b.high - b.low).powi(2) / 12.0;
     // Curvature in units of the prior's deviation, so that it is well scaled.
-    let mut matrix = vec![vec![0.0; n]; n];
+    let mut matrix = DMatrix::<f64>::identity(n, n);
     for (i, (a, p)) in columns.iter().zip(bounds).enumerate() {
         for (j, (b, q)) in columns.iter().zip(bounds).enumerate() {
             let product: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
-            let unit = if i == j { 1.0 } else { 0.0 };
-            matrix[i][j] = unit + product / variance * (prior(p) * prior(q)).sqrt();
+            matrix[(i, j)] += product / variance * (prior(p) * prior(q)).sqrt();
         }
     }
-    let inverse = inverse(matrix);
+    let inverse = matrix
+        .try_inverse()
+        .unwrap_or_else(|| DMatrix::identity(n, n));
     bounds
         .iter()
         .zip(values)
         .enumerate()
         .map(|(k, (b, &value))| {
-            let share = inverse[k][k].max(0.0).sqrt();
+            let share = inverse[(k, k)].max(0.0).sqrt();
             Determined {
                 name: b.name.clone(),
                 value,
@@ -191,32 +247,6 @@ pub fn determine(
             }
         })
         .collect()
-}
-
-/// The inverse of a positive definite matrix, by elimination with the largest
-/// pivot.
-fn inverse(mut a: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let n = a.len();
-    for (k, row) in a.iter_mut().enumerate() {
-        row.extend((0..n).map(|j| if j == k { 1.0 } else { 0.0 }));
-    }
-    for k in 0..n {
-        let pivot = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()));
-        a.swap(k, pivot.unwrap_or(k));
-        let scale = 1.0 / a[k][k];
-        a[k].iter_mut().for_each(|x| *x *= scale);
-        let row = a[k].clone();
-        for (i, other) in a.iter_mut().enumerate() {
-            if i != k {
-                let factor = other[k];
-                other
-                    .iter_mut()
-                    .zip(&row)
-                    .for_each(|(x, y)| *x -= factor * y);
-            }
-        }
-    }
-    a.into_iter().map(|row| row[n..].to_vec()).collect()
 }
 
 /// Non-negative least squares of a few columns, exactly: the best of all
@@ -237,22 +267,16 @@ pub fn non_negative(columns: &[Vec<f64>], target: &[f64]) -> (Vec<f64>, f64) {
         if !usable {
             continue;
         }
-        let matrix = chosen
-            .iter()
-            .map(|&i| {
-                let entry = |&j: &usize| {
-                    // Columns that are the same share the weight.
-                    let ridge = if i == j { 1.0 + 1e-10 } else { 1.0 };
-                    gram[i][j] * ridge
-                };
-                chosen.iter().map(entry).collect()
-            })
-            .collect();
-        let inverse = inverse(matrix);
-        let solution: Vec<f64> = inverse
-            .iter()
-            .map(|row| row.iter().zip(&chosen).map(|(x, &k)| x * right[k]).sum())
-            .collect();
+        // Columns that are the same share the weight.
+        let ridge = |i, j| if i == j { 1.0 + 1e-10 } else { 1.0 };
+        let count = chosen.len();
+        let matrix = DMatrix::from_fn(count, count, |i, j| {
+            gram[chosen[i]][chosen[j]] * ridge(i, j)
+        });
+        let side = DVector::from_fn(count, |i, _| right[chosen[i]]);
+        let Some(solution) = matrix.cholesky().map(|c| c.solve(&side)) else {
+            continue;
+        };
         if !solution.iter().all(|&x| x >= 0.0 && x.is_finite()) {
             continue;
         }
@@ -292,14 +316,32 @@ mod tests {
         let bounds = [bound("x", -2.0, 2.0, -1.2), bound("y", -1.0, 3.0, 1.0)];
         let patience = Patience {
             scan: 20,
-            steps: 400,
+            steps: 200,
+            stride: 1e-5,
         };
-        let mut cost = |v: &[f64]| (1.0 - v[0]).powi(2) + 100.0 * (v[1] - v[0] * v[0]).powi(2);
-        let (at, least) = search(&bounds, &patience, &mut cost).unwrap();
+        let valley = |v: &[f64]| Some(vec![1.0 - v[0], 10.0 * (v[1] - v[0] * v[0])]);
+        let (at, least) = search(&bounds, &patience, &mut |v| valley(v));
         assert!(least < 1e-8 && (at[0] - 1.0).abs() < 1e-3, "{at:?} {least}");
+        // Half of the range without an answer does not hold it up.
+        let (at, least) = search(&bounds, &patience, &mut |v| {
+            (v[0] > 0.0).then(|| valley(v)).flatten()
+        });
+        assert!(least < 1e-8, "{at:?} {least}");
         // The least lies outside: the search ends at the edge.
-        let (at, _) = search(&bounds, &patience, &mut |v| (v[0] - 5.0).powi(2)).unwrap();
+        let (at, _) = search(&bounds, &patience, &mut |v| Some(vec![v[0] - 5.0, 0.0]));
         assert!(at[0] > 1.9 && at[0] <= 2.0, "{at:?}");
+        // No more places than allowed are looked at.
+        let mut count = 0;
+        let few = Patience {
+            scan: 7,
+            steps: 10,
+            stride: 1e-5,
+        };
+        search(&bounds, &few, &mut |v| {
+            count += 1;
+            valley(v)
+        });
+        assert!(count <= 1 + 7 + 10 * DESCENTS, "{count}");
     }
 
     #[test]

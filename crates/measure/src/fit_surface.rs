@@ -1,16 +1,15 @@
 //! The surface model that a list of measured pairs asks for.
 //!
 //! The model is linear in its colours: for every shape of the yarns they come
-//! from non-negative least squares, and only the shape is searched for. What
-//! pairs of a whole patch cannot tell apart, the diffuse colours of warp and
-//! weft, keeps the proportion that it had; so does the width of the forward
-//! transmission.
+//! from non-negative least squares, and only the shape is searched for
+//! [Golub1973]. What pairs of a whole patch cannot tell apart, the diffuse
+//! colours of warp and weft, keeps the proportion that it had.
 
 use crate::PairValue;
 use crate::fit::{Bound, Determined, Patience, determine, non_negative, search};
 use organza_basis::Rgb;
-use organza_surface::spec::{TransmissionSpec, YarnSpec};
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+use organza_surface::components::{Components, Parts};
+use organza_surface::spec::{ShadowingSpec, SurfaceSpec, TransmissionSpec, YarnSpec};
 use rayon::prelude::*;
 
 /// A fitted surface.
@@ -23,14 +22,8 @@ pub struct FittedSurface {
     /// Root mean square of the weighted residuals: about one tenth of it is a
     /// relative error.
     pub residual: f64,
-}
-
-/// Remembers the costs of places, so that a search can go on.
-pub trait Journal {
-    /// The cost of a place that was looked at before.
-    fn recall(&self, place: &[f64]) -> Option<f64>;
-    /// Keeps one.
-    fn keep(&mut self, place: &[f64], cost: f64);
+    /// Median relative error of all channels of all pairs that reflect.
+    pub median_relative: f64,
 }
 
 /// Why there is no fit.
@@ -42,9 +35,9 @@ pub enum FitError {
     /// The start is no surface.
     #[error("{0}")]
     Surface(#[from] organza_surface::Error),
-    /// What the optimiser says.
-    #[error("the search failed: {0}")]
-    Search(String),
+    /// No shape within the bounds can be built.
+    #[error("no shape of the yarns within its bounds makes a surface")]
+    Shape,
 }
 
 /// Share of a value that the model is not expected to know: what pairs weigh
@@ -54,19 +47,18 @@ const RELATIVE_WEIGHT: f64 = 0.1;
 /// Share of the mean value below which errors count absolutely.
 const FLOOR: f64 = 0.02;
 
-/// Level of a component in the models that are evaluated: low enough that the
-/// energy bound has nothing to do.
-const LEVEL: f32 = 0.25;
+/// Twist that fibres along the yarn are given to begin with, degrees.
+const SMALL_TWIST_DEG: f64 = 8.0;
 
-const RED: Rgb = Rgb::new(LEVEL, 0.0, 0.0);
-const GREEN: Rgb = Rgb::new(0.0, LEVEL, 0.0);
-const BLUE: Rgb = Rgb::new(0.0, 0.0, LEVEL);
+/// Flat diffuse light of both yarns, highlights of warp and weft, their round
+/// diffuse light, two kinds of transmission.
+const COMPONENTS: usize = 7;
 
-/// Diffuse light of both yarns, highlights of warp and weft, two kinds of
-/// transmission.
-const COMPONENTS: usize = 5;
+/// Where transmission begins among them.
+const FIRST_TRANSMITTED: usize = 5;
 
-/// Fits a surface, starting from a complete section.
+/// Fits a surface, starting from a complete section. `watch` is told of every
+/// place that was looked at.
 ///
 /// # Errors
 /// See [`FitError`].
@@ -74,8 +66,7 @@ pub fn fit_surface(
     start: &SurfaceSpec,
     data: &[PairValue],
     patience: &Patience,
-    journal: &mut dyn Journal,
-    watch: &mut dyn FnMut(f64),
+    watch: &mut dyn FnMut(),
 ) -> Result<FittedSurface, FitError> {
     let start = SurfaceSpec {
         accuracy: Some(0.01),
@@ -87,28 +78,53 @@ pub fn fit_surface(
     if !data.iter().any(is_front) {
         return Err(FitError::NoReflection);
     }
-    let problem = Problem::new(&start, data)?;
+    // Fibres along the yarn, as they start, or a little across it, which also
+    // stands for fibres that are rough: the data decides.
+    let mut twisted = start.clone();
+    for yarn in [&mut twisted.warp, &mut twisted.weft] {
+        let psi = yarn.psi_deg.filter(|&p| p != 0.0);
+        yarn.psi_deg = Some(psi.unwrap_or(SMALL_TWIST_DEG));
+    }
+    let first = descend(&start, data, patience, watch);
+    if start.warp.psi_deg == twisted.warp.psi_deg && start.weft.psi_deg == twisted.weft.psi_deg {
+        return first;
+    }
+    let second = descend(&twisted, data, patience, watch);
+    match (first, second) {
+        (Ok(a), Ok(b)) if b.residual < a.residual => Ok(b),
+        (Err(_), Ok(b)) => Ok(b),
+        (first, _) => first,
+    }
+}
+
+/// The best surface of the kind of yarns that the start has.
+fn descend(
+    start: &SurfaceSpec,
+    data: &[PairValue],
+    patience: &Patience,
+    watch: &mut dyn FnMut(),
+) -> Result<FittedSurface, FitError> {
+    let problem = Problem::new(start, data);
     let bounds = problem.bounds();
-    let mut cost = |place: &[f64]| {
-        let known = journal.recall(place);
-        let cost = known.unwrap_or_else(|| {
-            let cost = problem.solve(place).map_or(f64::MAX, |s| s.1);
-            journal.keep(place, cost);
-            cost
-        });
-        watch(cost);
-        cost
-    };
-    let (place, _) = search(&bounds, patience, &mut cost).map_err(FitError::Search)?;
-    let (colours, cost) = problem
-        .solve(&place)
-        .ok_or_else(|| FitError::Search("the best place is no surface".into()))?;
-    let spec = problem.spec(&place, &colours);
-    let parameters = problem.determined(&bounds, &place, &colours, cost);
+    let (place, least) = search(&bounds, patience, &mut |place| {
+        watch();
+        let columns = problem.columns(place).ok()?;
+        Some(problem.solve(&columns).1)
+    });
+    // Without a place, the start's own words are the best that there are.
+    let columns = problem.columns(&place)?;
+    if !least.is_finite() {
+        return Err(FitError::Shape);
+    }
+    let (colours, residuals) = problem.solve(&columns);
+    let cost = residuals.iter().map(|r| r * r).sum::<f64>();
+    let gain = problem.components(&place)?.specular_gain().into();
+    let spec = problem.spec(&place, &colours, gain);
     Ok(FittedSurface {
         spec: buildable(spec)?,
-        parameters,
+        parameters: problem.determined(&bounds, &place, &columns, &colours, gain, cost),
         residual: (cost / (3 * data.len()) as f64).sqrt(),
+        median_relative: problem.median_relative(&residuals),
     })
 }
 
@@ -122,6 +138,7 @@ fn buildable(mut spec: SurfaceSpec) -> Result<SurfaceSpec, FitError> {
                 let lower = |c: &mut Option<Rgb>| *c = c.map(|c| c * 0.98);
                 for yarn in [&mut spec.warp, &mut spec.weft] {
                     lower(&mut yarn.diffuse);
+                    lower(&mut yarn.round);
                     lower(&mut yarn.specular);
                 }
                 if let Some(t) = &mut spec.transmission {
@@ -143,16 +160,16 @@ struct Problem<'a> {
     /// Share of the diffuse light of each channel that warp and weft have.
     diffuse: [[f64; 3]; 2],
     has_transmission: bool,
-    /// What does not depend on the shape of the yarns, per pair: diffuse light
-    /// of warp and weft, then both kinds of transmission, for unit colours.
-    still: Vec<[f64; 4]>,
 }
 
-/// Colours per channel and component.
+/// Colours per channel and component, highlights without their gain.
 type Colours = [[f64; COMPONENTS]; 3];
 
+/// Weighted values for colours of one, per channel and component.
+type Columns = [Vec<Vec<f64>>; 3];
+
 impl<'a> Problem<'a> {
-    fn new(start: &'a SurfaceSpec, data: &'a [PairValue]) -> Result<Problem<'a>, FitError> {
+    fn new(start: &'a SurfaceSpec, data: &'a [PairValue]) -> Problem<'a> {
         let count = (3 * data.len()).max(1) as f64;
         let total: f64 = data.iter().flat_map(|v| v.bsdf.mean).sum();
         let floor = FLOOR * total / count;
@@ -170,68 +187,63 @@ impl<'a> Problem<'a> {
         let share = |a: [f64; 3]| std::array::from_fn(|c| a[c] / warp[c].max(weft[c]));
         let crosses =
             |v: &PairValue| (v.pair.incident.theta_deg < 90.0) != (v.pair.exitant.theta_deg < 90.0);
-        let mut problem = Problem {
+        Problem {
             start,
             data,
             weights: data.iter().map(weight).collect(),
             diffuse: [share(warp), share(weft)],
             has_transmission: data.iter().any(crosses),
-            still: Vec::new(),
-        };
-        let place: Vec<f64> = problem.bounds().iter().map(|b| b.start).collect();
-        let shape = problem.shape(&place);
-        let [mut warp, mut weft] = [shape.clone(), shape];
-        warp.warp.diffuse = Some(RED);
-        weft.weft.diffuse = Some(RED);
-        if let Some(t) = &mut weft.transmission {
-            (t.diffuse, t.forward) = (GREEN, BLUE);
         }
-        let (warp, weft) = (
-            problem.values(&warp.build()?),
-            problem.values(&weft.build()?),
-        );
-        let all = warp.into_iter().zip(weft);
-        problem.still = all.map(|([w, _, _], [f, d, a])| [w, f, d, a]).collect();
-        Ok(problem)
-    }
-
-    /// Values of a model at all pairs, for colours of one.
-    fn values(&self, model: &WovenSurface) -> Vec<[f64; 3]> {
-        let value = |v: &PairValue| {
-            let w_i = v.pair.incident.direction();
-            let w_o = v.pair.exitant.direction();
-            let value = model.eval(w_i, w_o, Footprint::FAR).0.to_array();
-            value.map(|x| f64::from(x / LEVEL))
-        };
-        self.data.par_iter().map(value).collect()
     }
 
     fn bounds(&self) -> Vec<Bound> {
         let mut list = Vec::new();
+        let mut add = |name: String, low: f64, high: f64, start: Option<f64>| {
+            list.push(Bound {
+                name,
+                low,
+                high,
+                start: start.unwrap_or(0.5 * (low + high)).clamp(low, high),
+            });
+        };
         for (yarn, spec) in [("warp", &self.start.warp), ("weft", &self.start.weft)] {
-            let mut add = |key: &str, low: f64, high: f64, start: Option<f64>| {
-                list.push(Bound {
-                    name: format!("{yarn}.{key}"),
-                    low,
-                    high,
-                    start: start.unwrap_or(0.5 * (low + high)).clamp(low, high),
-                });
-            };
-            add("u_max_deg", 3.0, 75.0, spec.u_max_deg);
+            let key = |key| format!("{yarn}.{key}");
+            add(key("u_max_deg"), 3.0, 80.0, spec.u_max_deg);
             let psi = spec.psi_deg.unwrap_or(0.0);
             if psi == 0.0 {
-                add("smoothing", 0.0, 1.0, spec.smoothing);
+                add(key("smoothing"), 0.0, 1.0, spec.smoothing);
             } else {
-                add("psi_deg", 3.0, 75.0, Some(psi.abs()));
+                add(key("psi_deg"), 1.5, 80.0, Some(psi.abs()));
             }
-            add("kappa", -0.95, 5.0, spec.kappa);
-            add("alpha", 0.0, 0.5, spec.alpha);
-            add("beta", 0.0, 15.0, spec.beta);
+            add(key("kappa"), -0.95, 5.0, spec.kappa);
+            add(key("alpha"), 0.0, 0.5, spec.alpha);
+            add(key("beta"), -5.0, 15.0, spec.beta);
+        }
+        if let Some(weave) = &self.start.weave {
+            // Crowns stand at most half a yarn over the others.
+            let most = 0.5 * weave.warp_pitch_mm.min(weave.weft_pitch_mm);
+            let own = self.start.shadowing.as_ref();
+            let height = own.map_or(0.1 * most, |s| s.warp_above_weft_mm);
+            add(
+                "shadowing.warp_above_weft_mm".into(),
+                -most,
+                most,
+                Some(height),
+            );
+        }
+        if self.has_transmission {
+            let own = self.start.transmission.as_ref().map(|t| t.concentration);
+            add(
+                "transmission.concentration".into(),
+                0.0,
+                40.0,
+                own.or(Some(3.0)),
+            );
         }
         list
     }
 
-    /// The section at a place, with colours to come.
+    /// The section at a place, without colours.
     fn shape(&self, place: &[f64]) -> SurfaceSpec {
         let mut next = place.iter().copied();
         let mut next = || next.next().unwrap_or_default();
@@ -249,9 +261,14 @@ impl<'a> Problem<'a> {
             yarn.beta = Some(next());
             yarn.fit = Some(organza_surface::segment::Fit::Narrow);
             yarn.diffuse = Some(Rgb::BLACK);
+            yarn.round = None;
             yarn.specular = Some(Rgb::BLACK);
             yarn.u_max_noise_own_deg = None;
             yarn.u_max_noise_cross_deg = None;
+        }
+        if spec.weave.is_some() {
+            let warp_above_weft_mm = next();
+            spec.shadowing = Some(ShadowingSpec { warp_above_weft_mm });
         }
         if self.has_transmission {
             let old = spec.transmission.take();
@@ -260,36 +277,39 @@ impl<'a> Problem<'a> {
                 weft_cover: old.as_ref().map_or(1.0, |t| t.weft_cover),
                 diffuse: Rgb::BLACK,
                 forward: Rgb::BLACK,
-                concentration: old.map_or(3.0, |t| t.concentration),
+                concentration: next(),
             });
         }
         spec
     }
 
-    /// Weighted values of each component for each channel: one column after the
-    /// other.
-    fn columns(&self, place: &[f64]) -> Option<[Vec<Vec<f64>>; 3]> {
-        let mut shape = self.shape(place);
-        shape.warp.specular = Some(GREEN);
-        shape.weft.specular = Some(BLUE);
-        let lobes = self.values(&shape.build().ok()?);
-        Some(std::array::from_fn(|channel| {
+    fn components(&self, place: &[f64]) -> Result<Components, organza_surface::Error> {
+        Components::new(&self.shape(place).parameters()?)
+    }
+
+    /// What each colour is multiplied by at a place.
+    fn columns(&self, place: &[f64]) -> Result<Columns, organza_surface::Error> {
+        let components = self.components(place)?;
+        let eval = |v: &PairValue| {
+            let pair = v.pair;
+            components.eval(pair.incident.direction(), pair.exitant.direction())
+        };
+        let parts: Vec<Parts> = self.data.par_iter().map(eval).collect();
+        let column = |channel: usize, k: usize| {
             let [warp, weft] = self.diffuse.map(|d| d[channel]);
-            (0..COMPONENTS)
-                .map(|k| {
-                    let entry = |((s, l), w): ((&[f64; 4], &[f64; 3]), &[f64; 3])| {
-                        let value = match k {
-                            0 => warp * s[0] + weft * s[1],
-                            1 => l[1],
-                            2 => l[2],
-                            k => s[k - 1],
-                        };
-                        value * w[channel]
-                    };
-                    let pairs = self.still.iter().zip(&lobes);
-                    pairs.zip(&self.weights).map(entry).collect()
-                })
-                .collect()
+            let entry = |(p, w): (&Parts, &[f64; 3])| {
+                let value = match k {
+                    0 => warp * f64::from(p.diffuse[0]) + weft * f64::from(p.diffuse[1]),
+                    1 | 2 => f64::from(p.specular[k - 1]),
+                    3 | 4 => f64::from(p.round[k - 3]),
+                    _ => f64::from(p.transmitted[k - FIRST_TRANSMITTED]),
+                };
+                value * w[channel]
+            };
+            parts.iter().zip(&self.weights).map(entry).collect()
+        };
+        Ok(std::array::from_fn(|channel| {
+            (0..COMPONENTS).map(|k| column(channel, k)).collect()
         }))
     }
 
@@ -300,100 +320,109 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The best colours at a place and the sum of squares that is left.
-    fn solve(&self, place: &[f64]) -> Option<(Colours, f64)> {
-        let columns = self.columns(place)?;
+    /// The best colours and the weighted residuals that they leave, channel
+    /// after channel.
+    fn solve(&self, columns: &Columns) -> (Colours, Vec<f64>) {
         let mut colours = [[0.0; COMPONENTS]; 3];
-        let mut cost = 0.0;
+        let mut residuals = Vec::with_capacity(3 * self.data.len());
         for (channel, columns) in columns.iter().enumerate() {
-            let (x, rest) = non_negative(columns, &self.target(channel));
-            for (c, x) in colours[channel].iter_mut().zip(x) {
-                *c = x.min(1.0);
-            }
-            cost += rest;
+            let target = self.target(channel);
+            let (x, _) = non_negative(columns, &target);
+            colours[channel].copy_from_slice(&x);
+            let told = combine(columns, &colours[channel]);
+            residuals.extend(told.zip(target).map(|(t, v)| t - v));
         }
-        Some((colours, cost))
+        (colours, residuals)
     }
 
-    fn spec(&self, place: &[f64], colours: &Colours) -> SurfaceSpec {
+    /// Median over reflected values of the residuals, as shares of the values.
+    fn median_relative(&self, residuals: &[f64]) -> f64 {
+        let mut list = Vec::new();
+        for (channel, residuals) in residuals.chunks(self.data.len()).enumerate() {
+            for ((v, w), r) in self.data.iter().zip(&self.weights).zip(residuals) {
+                let value = v.bsdf.mean[channel];
+                let [i, o] = [v.pair.incident, v.pair.exitant].map(|a| a.theta_deg < 90.0);
+                if i == o && value > 0.0 {
+                    list.push((r / (w[channel] * value)).abs());
+                }
+            }
+        }
+        list.sort_by(f64::total_cmp);
+        list.get(list.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
+    fn spec(&self, place: &[f64], colours: &Colours, gain: f64) -> SurfaceSpec {
         let rgb = |k: usize, share: [f64; 3]| {
-            let value = |c: usize| (colours[c][k] * share[c]) as f32;
+            let value = |c: usize| (colours[c][k] * share[c]).min(1.0) as f32;
             Rgb::new(value(0), value(1), value(2))
         };
+        let specular = [1.0 / gain.max(1e-30); 3];
         let mut spec = self.shape(place);
         spec.preset = None;
         spec.accuracy = None;
         spec.warp.diffuse = Some(rgb(0, self.diffuse[0]));
         spec.weft.diffuse = Some(rgb(0, self.diffuse[1]));
-        spec.warp.specular = Some(rgb(1, [1.0; 3]));
-        spec.weft.specular = Some(rgb(2, [1.0; 3]));
+        spec.warp.specular = Some(rgb(1, specular));
+        spec.weft.specular = Some(rgb(2, specular));
+        spec.warp.round = Some(rgb(3, [1.0; 3]));
+        spec.weft.round = Some(rgb(4, [1.0; 3]));
         if let (Some(t), true) = (&mut spec.transmission, self.has_transmission) {
-            t.diffuse = rgb(3, [1.0; 3]);
-            t.forward = rgb(4, [1.0; 3]);
+            t.diffuse = rgb(5, [1.0; 3]);
+            t.forward = rgb(6, [1.0; 3]);
         }
         spec
-    }
-
-    /// Weighted values of the whole model, channel after channel.
-    fn model(&self, place: &[f64], colours: &Colours) -> Option<Vec<f64>> {
-        let columns = self.columns(place)?;
-        let mut list = Vec::with_capacity(3 * self.data.len());
-        for (columns, colours) in columns.iter().zip(colours) {
-            list.extend((0..self.data.len()).map(|i| {
-                columns
-                    .iter()
-                    .zip(colours)
-                    .map(|(column, colour)| colour * column.get(i).copied().unwrap_or(0.0))
-                    .sum::<f64>()
-            }));
-        }
-        Some(list)
     }
 
     fn determined(
         &self,
         bounds: &[Bound],
         place: &[f64],
+        basis: &Columns,
         colours: &Colours,
+        gain: f64,
         cost: f64,
     ) -> Vec<Determined> {
         let n = self.data.len();
-        let (Some(base), Some(basis)) = (self.model(place, colours), self.columns(place)) else {
-            return Vec::new();
+        let whole = |columns: &Columns| -> Vec<f64> {
+            let channels = columns.iter().zip(colours);
+            channels.flat_map(|(c, x)| combine(c, x)).collect()
         };
+        let base = whole(basis);
         let mut bounds = bounds.to_vec();
         let mut values = place.to_vec();
         let mut columns = Vec::new();
-        for k in 0..place.len() {
-            let Some(b) = bounds.get(k) else { continue };
+        for (k, b) in bounds.iter().enumerate() {
+            let mut moved = place.to_vec();
             let step = 0.01 * (b.high - b.low);
-            let step = if values[k] + step > b.high {
+            let step = if moved[k] + step > b.high {
                 -step
             } else {
                 step
             };
-            let mut moved = place.to_vec();
             moved[k] += step;
-            let column = self.model(&moved, colours).map_or(vec![0.0; 3 * n], |m| {
-                m.iter().zip(&base).map(|(a, b)| (a - b) / step).collect()
+            let column = self.columns(&moved).map_or(vec![0.0; 3 * n], |m| {
+                let pairs = whole(&m).into_iter().zip(&base);
+                pairs.map(|(a, b)| (a - b) / step).collect()
             });
             columns.push(column);
         }
         let names = [
-            "diffuse",
-            "warp.specular",
-            "weft.specular",
-            "transmission.diffuse",
-            "transmission.forward",
+            ("diffuse", 1.0),
+            ("warp.specular", gain),
+            ("weft.specular", gain),
+            ("warp.round", 1.0),
+            ("weft.round", 1.0),
+            ("transmission.diffuse", 1.0),
+            ("transmission.forward", 1.0),
         ];
         for (channel, letter) in ["r", "g", "b"].into_iter().enumerate() {
-            for (k, name) in names.into_iter().enumerate() {
-                if k > 2 && !self.has_transmission {
+            for (k, (name, gain)) in names.into_iter().enumerate() {
+                if k >= FIRST_TRANSMITTED && !self.has_transmission {
                     continue;
                 }
                 let mut column = vec![0.0; 3 * n];
                 for (to, from) in column.iter_mut().skip(channel * n).zip(&basis[channel][k]) {
-                    *to = *from;
+                    *to = *from * gain;
                 }
                 bounds.push(Bound {
                     name: format!("{name}.{letter}"),
@@ -401,7 +430,7 @@ impl<'a> Problem<'a> {
                     high: 1.0,
                     start: 0.5,
                 });
-                values.push(colours[channel][k]);
+                values.push(colours[channel][k] / gain);
                 columns.push(column);
             }
         }
@@ -409,4 +438,13 @@ impl<'a> Problem<'a> {
         let variance = (cost / freedom as f64).max(1e-12);
         determine(&bounds, &values, &columns, variance)
     }
+}
+
+/// Columns times their colours, summed.
+fn combine<'a>(columns: &'a [Vec<f64>], colours: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    let count = columns.first().map_or(0, Vec::len);
+    (0..count).map(move |i| {
+        let terms = columns.iter().zip(colours);
+        terms.map(|(column, x)| column[i] * x).sum()
+    })
 }

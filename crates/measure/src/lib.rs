@@ -52,6 +52,7 @@ mod metrics;
 mod pairs;
 mod patch;
 mod picture_error;
+mod picture_match;
 mod surface_patch;
 mod sweep;
 mod table;
@@ -59,7 +60,7 @@ mod texture;
 mod volume_patch;
 
 pub use cost::{Cost, Growth, growth, pareto_front};
-pub use fit_surface::{FitError, FittedSurface, Journal, fit_surface};
+pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Told, measure_albedos, measure_openness,
     measure_pairs,
@@ -76,6 +77,7 @@ pub use pairs::{
 };
 pub use patch::{Energy, Exit, PatchResponse};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
+pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,

@@ -6,6 +6,7 @@ use crate::filament::Ring;
 use crate::noise::{self, TensionNoise};
 use crate::quadrature::Rule;
 use crate::real::Direction;
+use crate::round::round_yarns;
 use crate::segment::{Pair, SegmentParameters, YarnSegment};
 use crate::sequence::sequence;
 use crate::shadowing::Shadowing;
@@ -13,7 +14,7 @@ use crate::weave::{PlacedSegment, Spot, Tiling, Yarn};
 use crate::woven_surface::{WovenParameters, YarnParameters};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Steps that the inclination of noisy yarn is quantised to. Texture and mean
 /// use the same steps, which is what makes them agree.
@@ -36,6 +37,7 @@ struct SegmentType {
 #[derive(Debug)]
 struct Thread {
     diffuse: Rgb,
+    round: Rgb,
     specular: Rgb,
     u_noise_own_rad: f32,
     u_noise_cross_rad: f32,
@@ -155,6 +157,7 @@ impl Face {
         }
         let thread = |y: &YarnParameters| Thread {
             diffuse: y.diffuse * FRAC_1_PI,
+            round: y.round * FRAC_1_PI,
             specular: y.specular,
             u_noise_own_rad: y.u_noise_own_rad,
             u_noise_cross_rad: y.u_noise_cross_rad,
@@ -177,6 +180,21 @@ impl Face {
             rule: Rule::for_accuracy(p.accuracy),
             gain: 1.0,
         })
+    }
+
+    /// One over the bihemispherical albedo that highlights of colour one have.
+    pub fn specular_gain(&self) -> f32 {
+        let pairs = 1 << 13;
+        let mean: f64 = sequence::<4>(pairs)
+            .map(|[a, b, c, d]| {
+                let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
+                let w_o = warp::cosine_hemisphere(Vec2::new(c, d));
+                f64::from(self.specular_shape(w_i, w_o))
+            })
+            .sum::<f64>()
+            / pairs as f64;
+        let albedo = mean as f32 * PI;
+        if albedo > 0.0 { 1.0 / albedo } else { 0.0 }
     }
 
     pub fn set_gain(&mut self, gain: f32) {
@@ -211,7 +229,7 @@ impl Face {
     /// Visits every segment type with its mean scattering per area of cloth
     /// (gain and colour left out) and its share of the cloth, both less what
     /// the other system hides. Directions must be above the face.
-    fn for_each_type(&self, w_i: Vec3, w_o: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
+    pub fn for_each_type(&self, w_i: Vec3, w_o: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
         for yarn in [Yarn::Warp, Yarn::Weft] {
             let pair = Pair::new(segment_from_face(yarn, w_i), segment_from_face(yarn, w_o));
             // What all segments of a filament yarn share.
@@ -248,7 +266,7 @@ impl Face {
     }
 
     /// The uncoloured specular part, 1/sr.
-    pub fn specular_shape(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+    fn specular_shape(&self, w_i: Vec3, w_o: Vec3) -> f32 {
         let mut sum = 0.0;
         self.for_each_type(w_i, w_o, |_, lobe, _| sum += lobe);
         sum
@@ -259,9 +277,26 @@ impl Face {
         let mut sum = Rgb::BLACK;
         self.for_each_type(w_i, w_o, |yarn, lobe, area| {
             let thread = self.thread(yarn);
-            sum += thread.specular * (lobe * self.gain) + thread.diffuse * area;
+            let diffuse = self.diffuse(yarn, w_i, w_o);
+            sum += thread.specular * (lobe * self.gain) + diffuse * area;
         });
         sum
+    }
+
+    /// The diffuse light of a yarn, flat and round, 1/sr.
+    #[inline]
+    fn diffuse(&self, yarn: Yarn, w_i: Vec3, w_o: Vec3) -> Rgb {
+        let thread = self.thread(yarn);
+        if thread.round.is_black() {
+            return thread.diffuse;
+        }
+        thread.diffuse + thread.round * Face::round(yarn, w_i, w_o)
+    }
+
+    /// See [`round_yarns`].
+    #[inline]
+    pub fn round(yarn: Yarn, w_i: Vec3, w_o: Vec3) -> f32 {
+        round_yarns(segment_from_face(yarn, w_i), segment_from_face(yarn, w_o))
     }
 
     /// Share of the light from `w` that comes back, by `count` quasi-random
@@ -274,7 +309,7 @@ impl Face {
                 sum += self.reflectance(w_i, w);
             }
         }
-        sum * (std::f32::consts::PI / count as f32)
+        sum * (PI / count as f32)
     }
 
     /// The specular part of [`reflectance`](Self::reflectance).
@@ -350,7 +385,7 @@ impl Face {
         let s = local.segment;
         let drawn = s.texture(&pair, local.spot.across_mm, local.spot.along_mm);
         let seen = self.visible_share(local.yarn, [s.width_mm, s.length_mm], &pair);
-        let mut value = thread.diffuse;
+        let mut value = self.diffuse(local.yarn, w_i, w_o);
         if drawn > 0.0 {
             value += thread.specular * (drawn * self.grain(local) * self.gain);
         }
@@ -359,7 +394,7 @@ impl Face {
 
     /// Weights of the specular and the diffuse part for choosing between them.
     pub fn specular_and_diffuse(&self, yarn: Option<Yarn>) -> (f32, f32) {
-        let of = |t: &Thread| (t.specular.mean(), t.diffuse.mean() * std::f32::consts::PI);
+        let of = |t: &Thread| (t.specular.mean(), (t.diffuse + t.round).mean() * PI);
         match yarn {
             Some(yarn) => of(self.thread(yarn)),
             None => {

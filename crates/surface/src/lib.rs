@@ -39,6 +39,7 @@
 
 mod band;
 mod cloth;
+pub mod components;
 mod cone;
 mod energy;
 pub mod error;
@@ -50,6 +51,7 @@ mod noise;
 pub mod phase;
 pub mod quadrature;
 pub mod real;
+mod round;
 pub mod segment;
 mod sequence;
 pub mod shadowing;
@@ -61,6 +63,7 @@ pub mod transmission_fit;
 pub mod weave;
 pub mod woven_surface;
 
+pub use components::{Components, Parts};
 pub use error::Error;
 pub use model::{Footprint, SurfaceModel, SurfaceSample};
 pub use spec::SurfaceSpec;

@@ -3,24 +3,28 @@
 use crate::real::Real;
 
 /// The circular phase function `alpha + g` of \[Irawan2008] (equation 7.8): a
-/// constant and a von Mises lobe about straight on.
+/// constant and a von Mises lobe about straight on. Beyond the source, `beta`
+/// may be negative: the lobe then lies about straight back, as fibres that only
+/// mirror have it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircularPhase<T> {
     alpha: T,
     beta: T,
+    /// One, or minus one for a lobe about straight back.
+    sign: T,
     /// `1 / (2 pi I0(beta) exp(-beta))`: scaled, so that no beta overflows.
-    forward_peak: T,
+    peak: T,
 }
 
 impl<T: Real> CircularPhase<T> {
-    /// From the uniform part `alpha` and the concentration `beta`, neither
-    /// negative.
+    /// From the uniform part `alpha`, not negative, and the concentration `beta`.
     pub fn new(alpha: f64, beta: f64) -> Self {
-        let scaled_bessel = pxfm::f_i0e(beta);
+        let scaled_bessel = pxfm::f_i0e(beta.abs());
         CircularPhase {
             alpha: T::of(alpha),
-            beta: T::of(beta),
-            forward_peak: T::of(1.0 / (std::f64::consts::TAU * scaled_bessel)),
+            beta: T::of(beta.abs()),
+            sign: T::of(if beta < 0.0 { -1.0 } else { 1.0 }),
+            peak: T::of(1.0 / (std::f64::consts::TAU * scaled_bessel)),
         }
     }
 
@@ -28,7 +32,27 @@ impl<T: Real> CircularPhase<T> {
     /// cosine is `cos_io`: light that goes straight on has -1.
     #[inline(always)]
     pub fn eval(&self, cos_io: T) -> T {
-        self.alpha
-            + self.forward_peak * (-self.beta * (T::one() + cos_io).larger(T::zero())).exp_decay()
+        let off = (T::one() + self.sign * cos_io).larger(T::zero());
+        self.alpha + self.peak * (-self.beta * off).exp_decay()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_negative_beta_turns_the_lobe_about() {
+        for beta in [0.0, 0.7, 4.0, 300.0] {
+            let (on, back) = (
+                CircularPhase::new(0.1, beta),
+                CircularPhase::new(0.1, -beta),
+            );
+            for k in 0..=20 {
+                let cos = -1.0 + 0.1 * f64::from(k);
+                let (a, b): (f64, f64) = (on.eval(cos), back.eval(-cos));
+                assert!((a - b).abs() < 1e-12 * a, "{beta} {cos}: {a} {b}");
+            }
+        }
     }
 }

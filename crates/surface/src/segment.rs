@@ -45,7 +45,7 @@ pub struct SegmentParameters {
     pub length_mm: f64,
     /// Uniform scattering alpha, not negative.
     pub alpha: f64,
-    /// Forward scattering beta, not negative.
+    /// Forward scattering beta; backward when negative.
     pub beta: f64,
     /// Filament smoothing delta in `[0, 1]`: the share of u_max over which the
     /// highlight fades out. Staple yarn has no use for it.
@@ -129,7 +129,7 @@ impl<T: Real> YarnSegment<T> {
         open("u_max_deg", p.u_max_rad, 0.0)?;
         Error::check("kappa", p.kappa, -1.0, f64::INFINITY)?;
         Error::check("alpha", p.alpha, 0.0, f64::INFINITY)?;
-        Error::check("beta", p.beta, 0.0, f64::INFINITY)?;
+        Error::check("beta", p.beta, -1e6, f64::INFINITY)?;
         Error::check("smoothing", p.smoothing, 0.0, 1.0)?;
         Error::check("highlight_width", p.highlight_width, 1e-6, 1.0)?;
         for (key, value) in [("width_mm", p.width_mm), ("length_mm", p.length_mm)] {

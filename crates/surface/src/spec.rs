@@ -72,7 +72,7 @@ pub struct YarnSpec {
     pub kappa: Option<f64>,
     /// Uniform scattering.
     pub alpha: Option<f64>,
-    /// Forward scattering.
+    /// Forward scattering; backward when negative.
     pub beta: Option<f64>,
     /// Filament smoothing, 0 to 1.
     pub smoothing: Option<f64>,
@@ -82,6 +82,9 @@ pub struct YarnSpec {
     pub fit: Option<Fit>,
     /// Diffuse albedo, linear RGB.
     pub diffuse: Option<Rgb>,
+    /// Diffuse albedo of the yarn's round surface, linear RGB; black unless
+    /// given.
+    pub round: Option<Rgb>,
     /// Specular albedo, linear RGB.
     pub specular: Option<Rgb>,
     /// Noise of u_max along this yarn, degrees.
@@ -147,6 +150,7 @@ impl YarnSpec {
             highlight_width: self.highlight_width.or(base.highlight_width),
             fit: self.fit.or(base.fit),
             diffuse: self.diffuse.or(base.diffuse),
+            round: self.round.or(base.round),
             specular: self.specular.or(base.specular),
             u_max_noise_own_deg: self.u_max_noise_own_deg.or(base.u_max_noise_own_deg),
             u_max_noise_cross_deg: self.u_max_noise_cross_deg.or(base.u_max_noise_cross_deg),
@@ -177,6 +181,7 @@ impl YarnSpec {
                 fit: self.fit.unwrap_or_default(),
             },
             diffuse: self.diffuse.ok_or_else(|| missing("diffuse"))?,
+            round: self.round.unwrap_or(Rgb::BLACK),
             specular: self.specular.ok_or_else(|| missing("specular"))?,
             u_noise_own_rad: noise("u_max_noise_own_deg", self.u_max_noise_own_deg)?,
             u_noise_cross_rad: noise("u_max_noise_cross_deg", self.u_max_noise_cross_deg)?,

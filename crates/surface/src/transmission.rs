@@ -74,18 +74,53 @@ impl Transmission {
         open(w.x, self.warp_cover) * open(w.y, self.weft_cover)
     }
 
+    /// Share of the cloth that is yarn for both directions. The yarn that is
+    /// lit is taken to be the yarn that is seen, as far as there is enough.
+    #[inline]
+    pub fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+        1.0 - self.gap(w_i).max(self.gap(w_o))
+    }
+
     /// The transmitted lobes per unit of light on the yarns, 1/sr, for
     /// directions on opposite sides; symmetric in them.
     pub fn eval(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
-        let mut value = self.diffuse * FRAC_1_PI;
-        if !self.forward.is_black() {
-            let density = self.forward_density(w_i, w_o);
-            let norm = self.norm(w_i.z).max(self.norm(w_o.z));
-            if norm > 0.0 {
-                value += self.forward * (density / norm);
-            }
+        if self.forward.is_black() {
+            return self.diffuse * FRAC_1_PI;
         }
-        value
+        let [diffuse, forward] = self.lobes(w_i, w_o);
+        self.diffuse * diffuse + self.forward * forward
+    }
+
+    /// The diffuse and the forward lobe for colours of one.
+    pub fn lobes(&self, w_i: Vec3, w_o: Vec3) -> [f32; 2] {
+        let norm = self.norm(w_i.z).max(self.norm(w_o.z));
+        let forward = if norm > 0.0 {
+            self.forward_density(w_i, w_o) / norm
+        } else {
+            0.0
+        };
+        [FRAC_1_PI, forward]
+    }
+
+    /// The same gaps and lobes with other colours.
+    pub fn with_colours(&self, both: Rgb) -> Transmission {
+        Transmission::new(
+            self.warp_cover,
+            self.weft_cover,
+            both,
+            both,
+            self.concentration,
+        )
+    }
+
+    /// Colour of the diffuse lobe.
+    pub fn diffuse(&self) -> Rgb {
+        self.diffuse
+    }
+
+    /// Colour of the forward lobe.
+    pub fn forward(&self) -> Rgb {
+        self.forward
     }
 
     /// Mean share passed on.

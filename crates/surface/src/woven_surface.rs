@@ -13,15 +13,17 @@ use crate::transmission::Transmission;
 use crate::weave::{Tiling, Weave, Yarn};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
-use std::f32::consts::{FRAC_1_PI, PI};
+use std::f32::consts::FRAC_1_PI;
 
 /// One system of yarn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct YarnParameters {
     /// Shape and scattering; width and length come from the weave.
     pub segment: SegmentParameters,
-    /// Diffuse albedo.
+    /// Diffuse albedo of the flat sheet of the thesis.
     pub diffuse: Rgb,
+    /// Diffuse albedo of the surface of yarns that are round.
+    pub round: Rgb,
     /// Specular albedo: the bihemispherical albedo that the highlights of the
     /// front would have if both yarns had this colour. Warp and weft keep the
     /// proportion of their scattering functions.
@@ -138,7 +140,11 @@ impl WovenSurface {
         Error::check("period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
         Error::check("accuracy", p.accuracy, 1e-10, 0.1)?;
         for (name, y) in [("warp", &p.warp), ("weft", &p.weft)] {
-            for (key, c) in [("diffuse", y.diffuse), ("specular", y.specular)] {
+            for (key, c) in [
+                ("diffuse", y.diffuse),
+                ("round", y.round),
+                ("specular", y.specular),
+            ] {
                 for channel in c.0.to_array() {
                     Error::check(&format!("{name}.{key}"), channel.into(), 0.0, 1.0)?;
                 }
@@ -146,17 +152,7 @@ impl WovenSurface {
         }
         let mut front = Face::new(p, Tiling::new(&p.weave)?)?;
         let mut back = Face::new(p, Tiling::seen_from_behind(&p.weave)?)?;
-        let pairs = 1 << 13;
-        let mean: f64 = sequence::<4>(pairs)
-            .map(|[a, b, c, d]| {
-                let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
-                let w_o = warp::cosine_hemisphere(Vec2::new(c, d));
-                f64::from(front.specular_shape(w_i, w_o))
-            })
-            .sum::<f64>()
-            / pairs as f64;
-        let albedo = mean as f32 * PI;
-        let gain = if albedo > 0.0 { 1.0 / albedo } else { 0.0 };
+        let gain = front.specular_gain();
         front.set_gain(gain);
         back.set_gain(gain);
         let repeat_mm = front.tiling().period_mm().max_element();
@@ -258,13 +254,6 @@ impl WovenSurface {
     fn far_share(&self, width_mm: f32) -> f32 {
         let x = (width_mm * self.far_slope - 1.0).clamp(0.0, 1.0);
         x * x * (3.0 - 2.0 * x)
-    }
-
-    /// Share of the cloth that is yarn for both directions. The yarn that is
-    /// lit is taken to be the yarn that is seen, as far as there is enough.
-    #[inline]
-    fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
-        1.0 - self.gap(w_i).max(self.gap(w_o))
     }
 
     /// Probabilities of the specular, diffuse and transmitted part.
@@ -425,12 +414,16 @@ impl WovenSurface {
         } else {
             self.other(side).bound.divisor(behind(w_i))
         };
-        value * (self.covered(w_i, w_o) / bound.max(side.bound.divisor(w_o)))
+        let covered = self
+            .transmission
+            .as_ref()
+            .map_or(1.0, |t| t.covered(w_i, w_o));
+        value * (covered / bound.max(side.bound.divisor(w_o)))
     }
 }
 
 /// A direction in the frame of the other side: turned about the y axis.
-fn behind(w: Vec3) -> Vec3 {
+pub(crate) fn behind(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, w.y, -w.z)
 }
 

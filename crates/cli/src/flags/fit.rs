@@ -1,6 +1,6 @@
 //! Flags of fitting.
 
-use super::values::parse_patience;
+use super::values::{parse_angles, parse_patience, parse_share};
 use super::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// `organza fit`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml"
+    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml"
 )]
 pub struct FitArgs {
     /// Fabric file (TOML): where the search begins
@@ -19,18 +19,30 @@ pub struct FitArgs {
     /// What to fit
     #[arg(long, value_enum, default_value = "surface")]
     pub what: FitWhat,
-    /// Measured values to fit to: CSV with r,g,b or a WINDOW file (.xml) [default for a surface: the fabric's volume]
-    #[arg(long, value_name = "FILE", required_if_eq("what", "fibres"))]
+    /// Measured values to fit to: CSV with r,g,b, a WINDOW file (.xml) or, for a picture, an .exr, .hdr or .png [default for a surface: the fabric's volume]
+    #[arg(long, value_name = "FILE", required_if_eq_any([("what", "fibres"), ("what", "picture")]))]
     pub data: Option<PathBuf>,
     /// What stands for the volume
     #[arg(long, value_enum, default_value = "volume")]
     pub model: PatchModel,
-    /// Paths per pair of the volume
+    /// Paths per pair of the volume, or per texel of a picture
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
     pub spp: u64,
-    /// Places of the search: looked at all over, then steps of each descent
-    #[arg(long, value_name = "SCAN,STEPS", value_parser = parse_patience, default_value = "60,300")]
-    pub patience: [u32; 2],
+    /// Places of the search: looked at all over, then at most of each descent [default: 200,400 for a surface, 0,60 for fibres]
+    #[arg(long, value_name = "SCAN,STEPS", value_parser = parse_patience)]
+    pub patience: Option<[u32; 2]>,
+    /// Direction toward the light of a picture, polar angle and azimuth from the weft, degrees
+    #[arg(long, value_name = "THETA,PHI", value_parser = parse_angles, default_value = "45,0")]
+    pub light: [f64; 2],
+    /// Direction toward the viewer of a picture
+    #[arg(long, value_name = "THETA,PHI", value_parser = parse_angles, default_value = "0,0")]
+    pub view: [f64; 2],
+    /// Width of the cloth in a picture, mm [default: the fabric's tile]
+    #[arg(long, value_name = "MM", value_parser = parse_share)]
+    pub width_mm: Option<f64>,
+    /// Value of a picture where white paper would lie
+    #[arg(long, value_name = "VALUE", default_value_t = 1.0, value_parser = parse_share)]
+    pub white: f64,
     /// Remember what was computed in this file, and go on from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
@@ -55,4 +67,6 @@ pub enum FitWhat {
     Surface,
     /// Colour, roughness and density of the fibres
     Fibres,
+    /// Colour and roughness of the fibres, from one picture of the cloth
+    Picture,
 }

@@ -33,6 +33,19 @@ pub fn parse_patience(text: &str) -> Result<[u32; 2], String> {
     parse_counts(text, 0)
 }
 
+/// Two angles "THETA,PHI", degrees, the first not in the cloth's plane.
+pub fn parse_angles(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[theta, phi])
+            if (0.0..=180.0).contains(&theta) && (theta - 90.0).abs() > 0.5 && phi.is_finite() =>
+        {
+            Ok([theta, phi])
+        }
+        _ => Err("expected two angles THETA,PHI in degrees, THETA from 0 to 180 but not 90".into()),
+    }
+}
+
 /// A positive number.
 pub fn parse_share(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

@@ -1,0 +1,277 @@
+//! Fitting the fibres of a volume to measured reflection and transmission.
+
+use super::{effort, finish, options, table};
+use crate::commands::compare::read_data;
+use crate::error::input;
+use crate::fabric_file::{self, Fabric};
+use crate::flags::{FitArgs, PatchModel};
+use crate::journal::FileJournal;
+use crate::patches::{AnyPatch, Matter, PatchOptions};
+use crate::progress::Progress;
+use crate::{optics, read};
+use anyhow::Result;
+use organza_basis::Rgb;
+use organza_measure::fit::{Bound, Patience, determine, search};
+use organza_measure::{
+    Angles, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
+};
+use serde_json::json;
+use std::collections::BTreeSet;
+
+/// What a measurement told, and how to make the same of a fabric.
+enum Observed {
+    Pairs(Vec<PairValue>),
+    /// Reflected and transmitted light of some directions.
+    Hemispheres(Vec<(Angles, [Measured; 2])>),
+}
+
+impl Observed {
+    fn read(path: &std::path::Path) -> Result<Observed> {
+        let is_xml = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("xml"));
+        if !is_xml {
+            return Ok(Observed::Pairs(read_data(path)?));
+        }
+        let bsdf = read_klems(&read::text(path)?)
+            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        let mut list = Vec::new();
+        for (side, theta) in [(0, 0.0), (1, 180.0)] {
+            for from in (0..bsdf.basis.len()).step_by(bsdf.basis.len() / 6) {
+                let exact = |m| Measured {
+                    mean: bsdf.hemispherical(m, from),
+                    se: [0.0; 3],
+                };
+                let [r, t] = [&bsdf.reflection[side], &bsdf.transmission[side]].map(exact);
+                let angles = bsdf.incident(from, theta == 0.0);
+                list.push((angles, [r, t]));
+            }
+        }
+        Ok(Observed::Hemispheres(list))
+    }
+
+    /// The observed values with their errors, in one list.
+    fn values(&self) -> Vec<[f64; 2]> {
+        let channels = |m: &Measured| m.mean.into_iter().zip(m.se).map(|(v, s)| [v, s]).collect();
+        match self {
+            Observed::Pairs(list) => list
+                .iter()
+                .flat_map(|v| -> Vec<_> { channels(&v.bsdf) })
+                .collect(),
+            Observed::Hemispheres(list) => list
+                .iter()
+                .flat_map(|(_, parts)| parts.iter().flat_map(|m| -> Vec<_> { channels(m) }))
+                .collect(),
+        }
+    }
+
+    /// The same of a fabric.
+    fn simulate(&self, args: &FitArgs, patch: &AnyPatch) -> Result<Vec<[f64; 2]>> {
+        let told = match self {
+            Observed::Pairs(list) => {
+                let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
+                Observed::Pairs(measure_pairs(patch, &pairs, &effort(args), &|_| ())?.list)
+            }
+            Observed::Hemispheres(list) => {
+                let from: Vec<_> = list.iter().map(|l| l.0).collect();
+                let told = measure_albedos(patch, &from, &effort(args), &|_| ())?;
+                let parts = told.list.iter().map(|a| {
+                    let through = Measured {
+                        mean: std::array::from_fn(|c| a.transmitted.mean[c] + a.direct.mean[c]),
+                        se: std::array::from_fn(|c| a.transmitted.se[c].hypot(a.direct.se[c])),
+                    };
+                    (a.incident, [a.reflected, through])
+                });
+                Observed::Hemispheres(parts.collect())
+            }
+        };
+        Ok(told.values())
+    }
+}
+
+/// Share of a value below which it need not be matched.
+const TOLERANCE: f64 = 0.02;
+
+/// Largest and least number of fibres, against the fabric's own.
+const DENSITY: [f64; 2] = [0.5, 1.6];
+
+/// Step of difference quotients as a share of the range: simulations with the
+/// same random numbers still jump a little.
+const STRIDE: f64 = 0.05;
+
+/// Runs the command.
+pub fn run(args: &FitArgs) -> Result<()> {
+    let path = args
+        .data
+        .as_deref()
+        .ok_or_else(|| input("--data: expected measured values"))?;
+    let observed = Observed::read(path)?;
+    let values = observed.values();
+    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let bounds = bounds(args, &fabric);
+    let volume = table(args, &[])?;
+    let how = (args.model.name(), args.voxel.voxel_um, args.spp, args.seed);
+    let key = json!([volume, values, how]).to_string();
+    let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
+    let mut failure = None;
+    let quiet = PatchOptions {
+        quiet: true,
+        ..options(args)
+    };
+    // Colour and roughness change no voxel; the last density comes first.
+    let mut matter: Option<(f64, Matter)> = None;
+    // What is expected of errors is the same everywhere, lest the search end
+    // where noise is largest: that of the first place.
+    let mut errors: Option<Vec<f64>> = None;
+    let mut residuals = |place: &[f64]| {
+        let found = journal.once(place, || {
+            let keys = keys(args, &fabric, &bounds, place);
+            let changed = fabric_file::load(&args.fabric, &keys)?;
+            let density = place.last().copied().unwrap_or(1.0);
+            let same = matter.take().filter(|(d, _)| *d == density);
+            let (_, matter) = matter.insert(match same {
+                Some(same) => same,
+                None => (
+                    density,
+                    Matter::new(&changed, &args.fabric, args.model, &quiet)?,
+                ),
+            });
+            let patch = matter.patch(&changed, &args.fabric, &quiet)?;
+            Ok(observed.simulate(args, &patch)?.concat())
+        });
+        // A fabric whose yarns do not fit is no answer; what went wrong is told
+        // when there is no other.
+        let told = found.map_err(|e| failure = Some(e)).ok()?;
+        let both = || told.chunks_exact(2).zip(&values);
+        let errors = errors.get_or_insert_with(|| {
+            let one = |(t, v): (&[f64], &[f64; 2])| t[1].hypot(v[1]).hypot(TOLERANCE * v[0]);
+            both().map(one).map(|e| e.max(1e-4)).collect()
+        });
+        let one = |((t, v), e): ((&[f64], &[f64; 2]), &f64)| (t[0] - v[0]) / e;
+        Some(both().zip(errors.iter()).map(one).collect::<Vec<f64>>())
+    };
+    let [scan, steps] = args.patience.unwrap_or([0, 60]);
+    let patience = Patience {
+        scan,
+        steps,
+        stride: STRIDE,
+    };
+    let descents = if scan > 0 { 4 } else { 1 };
+    let most = u64::from(scan) + descents * u64::from(steps);
+    let progress = Progress::new("fitting", most, args.common.quiet);
+    let mut count = 0;
+    let (place, least) = search(&bounds, &patience, &mut |place| {
+        count += 1;
+        progress.at(count);
+        residuals(place)
+    });
+    progress.finish();
+    let (Some(base), true) = (residuals(&place), least.is_finite()) else {
+        let none = || input(format!("{}: no answer", args.fabric.display()));
+        return Err(failure.unwrap_or_else(none));
+    };
+    let mut columns = Vec::new();
+    for (k, b) in bounds.iter().enumerate() {
+        let mut moved = place.clone();
+        let step = STRIDE * (b.high - b.low);
+        let step = if moved[k] + step > b.high {
+            -step
+        } else {
+            step
+        };
+        moved[k] += step;
+        let there = residuals(&moved).unwrap_or_else(|| base.clone());
+        let quotient = |(a, b): (&f64, &f64)| (a - b) / step;
+        columns.push(there.iter().zip(&base).map(quotient).collect());
+    }
+    let freedom = values.len().saturating_sub(bounds.len()).max(1);
+    let variance = (least / freedom as f64).max(1.0);
+    let parameters = determine(&bounds, &place, &columns, variance);
+    let table = table(args, &keys(args, &fabric, &bounds, &place))?;
+    let words = format!("Residual: {:.3} of the expected errors.", variance.sqrt());
+    finish(args, &table, &parameters, &words)
+}
+
+/// Names of the yarns that have fibres in the cloth.
+pub fn yarns(fabric: &Fabric) -> Vec<String> {
+    let names: BTreeSet<String> = fabric
+        .cloth
+        .materials()
+        .iter()
+        .map(|m| m.yarn.clone())
+        .collect();
+    names.into_iter().collect()
+}
+
+pub fn roughness(args: &FitArgs) -> (&'static str, [f64; 2], f64) {
+    match args.model {
+        PatchModel::Volume => ("end_on_ratio", [0.01, 0.9], 0.1),
+        _ => ("longitudinal_deg", [1.0, 30.0], 6.0),
+    }
+}
+
+fn bounds(args: &FitArgs, fabric: &Fabric) -> Vec<Bound> {
+    let mut list = Vec::new();
+    let mut add = |name: String, [low, high]: [f64; 2], start: f64| {
+        list.push(Bound {
+            name,
+            low,
+            high,
+            start,
+        });
+    };
+    for yarn in yarns(fabric) {
+        for (letter, c) in ["r", "g", "b"].into_iter().zip(own_colour(fabric, &yarn)) {
+            add(format!("{yarn}.colour.{letter}"), [0.0, 0.98], c);
+        }
+    }
+    let (key, range, start) = roughness(args);
+    add(key.into(), range, start);
+    add("density".into(), DENSITY, 1.0);
+    list
+}
+
+/// Overrides of the fabric file that a place stands for.
+fn keys(args: &FitArgs, fabric: &Fabric, bounds: &[Bound], place: &[f64]) -> Vec<String> {
+    let mut keys = args.common.set.clone();
+    let of = |name: &str| {
+        let found = bounds.iter().zip(place).find(|(b, _)| b.name == name);
+        found.map_or(1.0, |(_, &v)| v)
+    };
+    let density = of("density");
+    let (rough, _, _) = roughness(args);
+    for name in yarns(fabric) {
+        let c = ["r", "g", "b"].map(|l| of(&format!("{name}.colour.{l}")));
+        keys.extend(optics_keys(args, &name, c, of(rough)));
+        if let Some(yarn) = fabric.cloth.yarns().iter().find(|y| y.name == name) {
+            keys.push(format!("yarn.{name}.tex={:?}", yarn.tex() * density));
+            let fraction = yarn.fibre_volume_fraction() * density;
+            keys.push(format!(
+                "yarn.{name}.fibre_volume_fraction={:?}",
+                fraction.min(0.9)
+            ));
+        }
+    }
+    keys
+}
+
+/// Overrides for the colour and the roughness of a yarn.
+pub fn optics_keys(args: &FitArgs, yarn: &str, colour: [f64; 3], rough: f64) -> [String; 2] {
+    // Flakes and fibres take their own keys for the colour of a heap.
+    let colour = if args.model == PatchModel::Volume {
+        let heap = Rgb::from(colour.map(|c| c as f32));
+        let albedo = optics::albedo_for_colour(heap).0.to_array();
+        format!("optics.{yarn}.albedo={albedo:?}")
+    } else {
+        format!("optics.{yarn}.colour={colour:?}")
+    };
+    let (key, _, _) = roughness(args);
+    [colour, format!("optics.{yarn}.{key}={rough:?}")]
+}
+
+/// The colour of a yarn's fibres in the fabric as it is.
+pub fn own_colour(fabric: &Fabric, yarn: &str) -> [f64; 3] {
+    let own = fabric.cloth.materials().iter().find(|m| m.yarn == yarn);
+    let colour = own.and_then(|m| m.colour).unwrap_or(optics::UNDYED);
+    colour.0.to_array().map(f64::from)
+}

@@ -1,0 +1,108 @@
+//! `organza fit`
+
+mod fibres;
+mod picture;
+mod surface;
+
+use super::with_threads;
+use crate::error::input;
+use crate::flags::{FitArgs, FitWhat, PatchModel};
+use crate::patches::PatchOptions;
+use crate::{output, read};
+use anyhow::{Context, Result};
+use organza_measure::Effort;
+use organza_measure::fit::Determined;
+use serde_json::json;
+use std::fmt::Write as _;
+use toml::{Table, Value};
+
+/// Runs the command.
+pub fn run(args: &FitArgs) -> Result<()> {
+    output::check_writable(&args.outfile)?;
+    if args.model == PatchModel::Surface {
+        return Err(input("--model: a surface cannot stand for the volume"));
+    }
+    with_threads(&args.common, || match args.what {
+        FitWhat::Surface => surface::run(args),
+        FitWhat::Fibres => fibres::run(args),
+        FitWhat::Picture => picture::run(args),
+    })
+}
+
+fn options(args: &FitArgs) -> PatchOptions {
+    PatchOptions {
+        voxel_um: args.voxel.voxel_um,
+        level: 0,
+        max_memory_bytes: args.memory.max_memory,
+        quiet: args.common.quiet,
+    }
+}
+
+fn effort(args: &FitArgs) -> Effort {
+    Effort {
+        paths: args.spp,
+        seed: args.seed,
+        target_error: None,
+    }
+}
+
+/// The fabric file as a table, with keys replaced and names of other files
+/// made valid beside the new one.
+fn table(args: &FitArgs, overrides: &[String]) -> Result<Table> {
+    let mut keys = args.common.set.clone();
+    keys.extend_from_slice(overrides);
+    let mut table: Table = read::toml(&args.fabric, &keys)?;
+    if let Some(Value::Table(draft)) = table.get_mut("draft") {
+        for key in ["wif", "curves"] {
+            if let Some(Value::String(name)) = draft.get_mut(key) {
+                let there = std::path::absolute(read::beside(&args.fabric, name))?;
+                *name = there.to_string_lossy().into_owned();
+            }
+        }
+    }
+    Ok(table)
+}
+
+#[allow(clippy::print_stdout, clippy::print_stderr)]
+fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
+    let command: Vec<String> = std::env::args().collect();
+    let mut text = format!("# Fitted by: {}\n# {words}\n#\n", command.join(" "));
+    for p in parameters {
+        let _ = writeln!(
+            text,
+            "# {} = {:.4} +- {:.4}{}",
+            p.name,
+            p.value,
+            p.se,
+            if p.is_fixed {
+                ""
+            } else {
+                ", not fixed by the data"
+            }
+        );
+    }
+    let _ = write!(
+        text,
+        "\n{}",
+        toml::to_string(table).context("the fabric cannot be written")?
+    );
+    output::write_file(&args.outfile, |out| {
+        out.write_all(text.as_bytes()).context("writing failed")
+    })?;
+    if args.json {
+        let told = json!({ "parameters": parameters, "words": words });
+        println!("{}", serde_json::to_string_pretty(&told)?);
+    }
+    if !args.common.quiet {
+        eprintln!("{words}");
+        let loose: Vec<&str> = parameters
+            .iter()
+            .filter(|p| !p.is_fixed)
+            .map(|p| p.name.as_str())
+            .collect();
+        if !loose.is_empty() {
+            eprintln!("not fixed by the data: {}", loose.join(", "));
+        }
+    }
+    Ok(())
+}

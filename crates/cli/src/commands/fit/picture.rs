@@ -1,0 +1,189 @@
+//! Fitting colour and roughness of the fibres to one picture of the cloth.
+
+use super::fibres::{optics_keys, own_colour, roughness, yarns};
+use super::{finish, options, table};
+use crate::error::input;
+use crate::fabric_file::{self, Fabric};
+use crate::flags::FitArgs;
+use crate::patches::{Matter, texel_grid};
+use crate::progress::Progress;
+use crate::{environment_file, read};
+use anyhow::Result;
+use glam::UVec2;
+use image::{ImageFormat, ImageReader, Limits};
+use organza_basis::Rgb;
+use organza_measure::fit::Determined;
+use organza_measure::{
+    Angles, Pair, PictureSearch, PictureStatistics, TexelGrid, match_picture, measure_texture,
+};
+use std::f64::consts::FRAC_1_PI;
+use std::io::Cursor;
+use std::path::Path;
+
+/// Texels of the longer side at most: larger pictures are averaged to it.
+const MOST_TEXELS: u32 = 128;
+
+/// Relative error of mean and deviation that is near enough.
+const TOLERANCE: f64 = 0.01;
+
+/// Most turns of the two searches.
+const TURNS: u32 = 12;
+
+/// The brightest colour that a yarn may get.
+const BRIGHTEST: f64 = 0.98;
+
+/// Runs the command.
+pub fn run(args: &FitArgs) -> Result<()> {
+    let path = args
+        .data
+        .as_deref()
+        .ok_or_else(|| input("--data: expected a picture"))?;
+    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let (size, pixels) = read_picture(path).map_err(input)?;
+    let (size, pixels) = shrunk(size, &pixels);
+    let none = vec![[0.0; 3]; pixels.len()];
+    // White sends 1/pi of the light on it into every direction.
+    let white = FRAC_1_PI as f32 / args.white as f32;
+    let pixels: Vec<[f32; 3]> = pixels.iter().map(|p| (*p * white).0.to_array()).collect();
+    let target = PictureStatistics::new(&pixels, &none);
+
+    let angles = |[theta_deg, phi_deg]: [f64; 2]| Angles { theta_deg, phi_deg };
+    let pair = Pair {
+        incident: angles(args.light),
+        exitant: angles(args.view),
+    };
+    let mut grid: TexelGrid = texel_grid(&fabric, 1);
+    grid.texels = size;
+    if let Some(width_mm) = args.width_mm {
+        let width_mm = width_mm as f32;
+        grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
+    }
+    let matter = Matter::new(&fabric, &args.fabric, args.model, &options(args))?;
+    let yarns = yarns(&fabric);
+    let (key, width, start) = roughness(args);
+    // Yarns keep their colours against each other.
+    let brightest = (0..3).map(|c| {
+        let most = yarns.iter().map(|y| own_colour(&fabric, y)[c]);
+        most.fold(1e-3, f64::max)
+    });
+    let brightest: Vec<f64> = brightest.collect();
+    let search = PictureSearch {
+        colour: std::array::from_fn(|_| [0.0, BRIGHTEST]),
+        width,
+        start,
+        tolerance: TOLERANCE,
+        turns: TURNS,
+    };
+    let keys = |colour: [f64; 3], rough: f64, fabric: &Fabric| {
+        let mut keys = args.common.set.clone();
+        for yarn in &yarns {
+            let own = own_colour(fabric, yarn);
+            let scaled = std::array::from_fn(|c| own[c] / brightest[c] * colour[c]);
+            keys.extend(optics_keys(args, yarn, scaled, rough));
+        }
+        keys
+    };
+    let progress = Progress::new("fitting", u64::from(TURNS) * 8, args.common.quiet);
+    let mut count = 0;
+    let mut simulate = |colour: [f64; 3], rough: f64| -> Result<PictureStatistics> {
+        count += 1;
+        progress.at(count);
+        let changed = fabric_file::load(&args.fabric, &keys(colour, rough, &fabric))?;
+        let patch = matter.patch(&changed, &args.fabric, &options(args))?;
+        let texture = measure_texture(&patch, pair, &grid, args.spp, args.seed)?;
+        Ok(PictureStatistics::of(&texture))
+    };
+    let found = match_picture(&target, &search, &mut simulate)?;
+    progress.finish();
+    let table = table(args, &keys(found.colour, found.width, &fabric))?;
+    let words = format!(
+        "{} after {} turns: mean {}, wanted {}; deviation {:.4}, wanted {:.4} (1/sr).",
+        if found.is_met { "Met" } else { "Not met" },
+        found.turns,
+        triple(found.told.mean),
+        triple(target.mean),
+        found.told.deviation,
+        target.deviation,
+    );
+    let mut parameters: Vec<Determined> = ["r", "g", "b"]
+        .iter()
+        .zip(found.colour)
+        .map(|(letter, value)| determined(format!("colour.{letter}"), value, found.is_met))
+        .collect();
+    parameters.push(determined(key.into(), found.width, found.is_met));
+    finish(args, &table, &parameters, &words)
+}
+
+/// Within the tolerance of the search, about.
+fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
+    Determined {
+        name,
+        value,
+        se: TOLERANCE * value,
+        is_fixed,
+    }
+}
+
+/// Linear pixels of a picture; those of a PNG are decoded from sRGB.
+fn read_picture(path: &Path) -> Result<(UVec2, Vec<Rgb>), String> {
+    let is_png = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    if !is_png {
+        return environment_file::decode(path);
+    }
+    let fail = |why: &str| format!("file: {}: {why}", path.display());
+    let bytes = read::bytes_or_why(path).map_err(|e| fail(&read::io_words(&e)))?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(fabric_file::free_memory_bytes() / 4);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| fail(&e.to_string()))?;
+    let picture = picture.into_rgb32f();
+    let linear = picture
+        .pixels()
+        .map(|p| Rgb::from(p.0.map(Rgb::linear_from_srgb)));
+    Ok((
+        UVec2::new(picture.width(), picture.height()),
+        linear.collect(),
+    ))
+}
+
+fn triple([r, g, b]: [f64; 3]) -> String {
+    format!("{r:.4} {g:.4} {b:.4}")
+}
+
+/// Averages over squares of pixels until the longer side is short enough.
+fn shrunk(size: UVec2, pixels: &[Rgb]) -> (UVec2, Vec<Rgb>) {
+    let factor = size.max_element().div_ceil(MOST_TEXELS).max(1);
+    let small = size / factor;
+    let texel = |x: u32, y: u32| {
+        let mut sum = Rgb::BLACK;
+        for j in 0..factor {
+            for i in 0..factor {
+                let at = (y * factor + j) * size.x + x * factor + i;
+                sum += pixels.get(at as usize).copied().unwrap_or(Rgb::BLACK);
+            }
+        }
+        sum * (1.0 / (factor * factor) as f32)
+    };
+    let rows = (0..small.y).flat_map(|y| (0..small.x).map(move |x| (x, y)));
+    (small, rows.map(|(x, y)| texel(x, y)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_pictures_keep_their_mean() {
+        let size = UVec2::new(512, 256);
+        let pixels: Vec<Rgb> = (0..512 * 256)
+            .map(|k| Rgb::splat((k % 512) as f32))
+            .collect();
+        let (small, list) = shrunk(size, &pixels);
+        assert_eq!(small, UVec2::new(128, 64));
+        assert_eq!(list[0], Rgb::splat(1.5));
+        assert_eq!(list[127], Rgb::splat(509.5));
+    }
+}

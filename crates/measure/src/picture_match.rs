@@ -1,0 +1,242 @@
+//! Colour and roughness of fibres from one picture of a cloth, by its mean and
+//! deviation [Zhao2011]: the mean grows with the colour, the deviation shrinks
+//! with the width of the highlights, so that two searches on a line, by turns,
+//! end where both are met.
+
+use crate::Texture;
+
+/// What a picture is matched by.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PictureStatistics {
+    /// Mean of each channel.
+    pub mean: [f64; 3],
+    /// Standard deviation of pixels, the root mean square of all channels'.
+    pub deviation: f64,
+}
+
+impl PictureStatistics {
+    /// Of pixels and their standard errors, whose part in the deviation is
+    /// taken away.
+    pub fn new(pixels: &[[f32; 3]], errors: &[[f32; 3]]) -> PictureStatistics {
+        let count = pixels.len().max(1) as f64;
+        let mut mean = [0.0; 3];
+        let mut variance = 0.0;
+        for c in 0..3 {
+            let values = || pixels.iter().map(|p| f64::from(p[c]));
+            mean[c] = values().sum::<f64>() / count;
+            variance += values().map(|v| (v - mean[c]).powi(2)).sum::<f64>();
+            variance -= errors.iter().map(|e| f64::from(e[c]).powi(2)).sum::<f64>();
+        }
+        PictureStatistics {
+            mean,
+            deviation: (variance / (3.0 * count)).max(0.0).sqrt(),
+        }
+    }
+
+    /// Of a measured picture.
+    pub fn of(texture: &Texture) -> PictureStatistics {
+        PictureStatistics::new(&texture.mean, &texture.se)
+    }
+}
+
+/// Ranges of the search, and when it is done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureSearch {
+    /// Least and greatest colour of each channel.
+    pub colour: [[f64; 2]; 3],
+    /// Least and greatest width of the highlights, above zero.
+    pub width: [f64; 2],
+    /// Where the width starts.
+    pub start: f64,
+    /// Relative error of means and deviation that is near enough.
+    pub tolerance: f64,
+    /// Most turns of both searches.
+    pub turns: u32,
+}
+
+/// Where the search ended.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PictureMatch {
+    /// Colour of each channel.
+    pub colour: [f64; 3],
+    /// Width of the highlights.
+    pub width: f64,
+    /// What the picture came to.
+    pub told: PictureStatistics,
+    /// Turns taken.
+    pub turns: u32,
+    /// Whether mean and deviation are both met; if not, no value in the ranges
+    /// meets them.
+    pub is_met: bool,
+}
+
+/// Steps of one search on a line.
+const STEPS: u32 = 12;
+
+/// Searches by turns. `simulate` tells what a colour and a width look like.
+///
+/// # Errors
+/// What `simulate` says.
+pub fn match_picture<E>(
+    target: &PictureStatistics,
+    search: &PictureSearch,
+    simulate: &mut dyn FnMut([f64; 3], f64) -> Result<PictureStatistics, E>,
+) -> Result<PictureMatch, E> {
+    let near = |told: f64, wanted: f64| (told - wanted).abs() <= search.tolerance * wanted.abs();
+    let [narrow, wide] = search.width;
+    let mut width = search.start.clamp(narrow, wide);
+    let mut colour = search.colour.map(|[low, high]| 0.5 * (low + high));
+    let mut turns = 0;
+    loop {
+        turns += 1;
+        // Every channel has its own search; one picture serves all three.
+        let mut lines: [Line; 3] = std::array::from_fn(|c| Line::new(search.colour[c], colour[c]));
+        let mut told = simulate(colour, width)?;
+        for _ in 0..STEPS {
+            let is_near = |c: usize| near(told.mean[c], target.mean[c]);
+            if (0..3).all(is_near) {
+                break;
+            }
+            for (c, line) in lines.iter_mut().enumerate() {
+                line.tell(told.mean[c] - target.mean[c]);
+            }
+            colour = lines.map(|l| l.at);
+            told = simulate(colour, width)?;
+        }
+        let mean_met = (0..3).all(|c| near(told.mean[c], target.mean[c]));
+        let is_met = mean_met && near(told.deviation, target.deviation);
+        if is_met || turns >= search.turns {
+            return Ok(PictureMatch {
+                colour,
+                width,
+                told,
+                turns,
+                is_met,
+            });
+        }
+        // Wider highlights are flatter pictures.
+        let mut line = Line::new([narrow.ln(), wide.ln()], width.ln());
+        for _ in 0..STEPS {
+            if near(told.deviation, target.deviation) {
+                break;
+            }
+            line.tell(target.deviation - told.deviation);
+            width = line.at.exp();
+            told = simulate(colour, width)?;
+        }
+    }
+}
+
+/// The search for the zero of a growing function: halves, then false position.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    low: (f64, Option<f64>),
+    high: (f64, Option<f64>),
+    /// Where to look next.
+    at: f64,
+}
+
+impl Line {
+    fn new([low, high]: [f64; 2], at: f64) -> Line {
+        Line {
+            low: (low, None),
+            high: (high, None),
+            at,
+        }
+    }
+
+    /// Takes the value at the place.
+    fn tell(&mut self, value: f64) {
+        if value < 0.0 {
+            self.low = (self.at, Some(value));
+        } else {
+            self.high = (self.at, Some(value));
+        }
+        let ((a, f_a), (b, f_b)) = (self.low, self.high);
+        let share = match (f_a, f_b) {
+            // Away from the ends, so that the interval always shrinks.
+            (Some(f_a), Some(f_b)) if f_b > f_a => (-f_a / (f_b - f_a)).clamp(0.1, 0.9),
+            _ => 0.5,
+        };
+        self.at = a + (b - a) * share;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::PathRng;
+    use std::convert::Infallible;
+
+    /// A cloth of bumps: light of the colour, with highlights whose width and
+    /// height are bound together, and noise of known size.
+    fn picture(colour: [f64; 3], width: f64, seed: u64) -> PictureStatistics {
+        let mut rng = PathRng::from_seed(seed);
+        let noise = 0.02;
+        let (mut pixels, mut errors) = (Vec::new(), Vec::new());
+        for k in 0..4096 {
+            let slope = (f64::from(k) * 0.618).fract() - 0.5;
+            let lobe = 0.05 * (-0.5 * (slope / width).powi(2)).exp() / width;
+            pixels.push(colour.map(|c| {
+                let light = c / (1.0 - 0.6 * c) * (0.3 + lobe);
+                (light + noise * f64::from(rng.normal2().x)) as f32
+            }));
+            errors.push([noise as f32; 3]);
+        }
+        PictureStatistics::new(&pixels, &errors)
+    }
+
+    #[test]
+    fn a_planted_colour_and_width_are_found() {
+        let (colour, width) = ([0.62, 0.35, 0.08], 0.07);
+        let target = picture(colour, width, 1);
+        let search = PictureSearch {
+            colour: [[0.0, 0.98]; 3],
+            width: [0.01, 0.9],
+            start: 0.3,
+            tolerance: 0.004,
+            turns: 20,
+        };
+        let mut count = 0;
+        let mut simulate = |c: [f64; 3], w: f64| -> Result<_, Infallible> {
+            count += 1;
+            Ok(picture(c, w, 2))
+        };
+        let found = match_picture(&target, &search, &mut simulate).unwrap();
+        assert!(found.is_met && count < 120, "{found:?} after {count}");
+        // Tolerance and noise of 0.02 over 4096 pixels: about a hundredth.
+        assert!((found.width / width - 1.0).abs() < 0.04, "{found:?}");
+        for (a, b) in found.colour.iter().zip(colour) {
+            assert!((a / b - 1.0).abs() < 0.04, "{found:?}");
+        }
+        // The known-bad twin: a mean alone says nothing of the width.
+        let flat = PictureStatistics {
+            deviation: 3.0 * target.deviation,
+            ..target
+        };
+        let search = PictureSearch {
+            width: [0.05, 0.9],
+            turns: 4,
+            ..search
+        };
+        let found = match_picture(&flat, &search, &mut simulate).unwrap();
+        assert!(!found.is_met && found.width < 0.06, "{found:?}");
+    }
+
+    #[test]
+    fn noise_is_no_deviation() {
+        let even = |seed| {
+            let mut rng = PathRng::from_seed(seed);
+            let list: Vec<[f32; 3]> = (0..20_000)
+                .map(|_| [(); 3].map(|()| 1.0 + 0.1 * rng.normal2().x))
+                .collect();
+            list
+        };
+        let list = even(5);
+        let errors = vec![[0.1f32; 3]; list.len()];
+        assert!(PictureStatistics::new(&list, &errors).deviation < 0.012);
+        let none = vec![[0.0f32; 3]; list.len()];
+        let told = PictureStatistics::new(&list, &none).deviation;
+        assert!((told - 0.1).abs() < 0.002, "{told}");
+    }
+}

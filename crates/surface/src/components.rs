@@ -1,0 +1,129 @@
+//! The mean of a cloth taken apart into what its colours multiply: for callers
+//! that look for the colours, or for many shapes one after the other.
+
+use crate::error::Error;
+use crate::face::Face;
+use crate::transmission::Transmission;
+use crate::weave::{Tiling, Yarn};
+use crate::woven_surface::{WovenParameters, behind};
+use glam::Vec3;
+use organza_basis::Rgb;
+use std::f32::consts::FRAC_1_PI;
+
+/// What a pair of directions gets from each colour of one, 1/sr.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Parts {
+    /// Diffuse light of warp and weft.
+    pub diffuse: [f32; 2],
+    /// Highlights of warp and weft, to be multiplied by
+    /// [`Components::specular_gain`].
+    pub specular: [f32; 2],
+    /// Diffuse light of warp and weft as round as they are.
+    pub round: [f32; 2],
+    /// Light passed on, diffuse and forward.
+    pub transmitted: [f32; 2],
+}
+
+/// A woven surface without colours, and without the tables for sampling that
+/// take most of the time to build.
+#[derive(Debug)]
+pub struct Components {
+    faces: [Face; 2],
+    transmission: Option<Transmission>,
+}
+
+impl Components {
+    /// Takes the shape of the yarns and of transmission from parameters whose
+    /// colours play no part.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range.
+    pub fn new(p: &WovenParameters) -> Result<Components, Error> {
+        Ok(Components {
+            faces: [
+                Face::new(p, Tiling::new(&p.weave)?)?,
+                Face::new(p, Tiling::seen_from_behind(&p.weave)?)?,
+            ],
+            transmission: p.transmission.as_ref().map(|t| t.with_colours(Rgb::WHITE)),
+        })
+    }
+
+    /// The parts of the mean value; what the energy bound takes away is left
+    /// out.
+    pub fn eval(&self, w_i: Vec3, w_o: Vec3) -> Parts {
+        let [front, back] = &self.faces;
+        let (face, w_i, w_o) = if w_o.z > 0.0 {
+            (front, w_i, w_o)
+        } else {
+            (back, behind(w_i), behind(w_o))
+        };
+        let mut parts = Parts::default();
+        let covered = self
+            .transmission
+            .as_ref()
+            .map_or(1.0, |t| t.covered(w_i, w_o));
+        if w_i.z > 0.0 {
+            face.for_each_type(w_i, w_o, |yarn: Yarn, lobe, area| {
+                parts.specular[yarn as usize] += lobe * covered;
+                parts.diffuse[yarn as usize] += area * FRAC_1_PI * covered;
+            });
+            for yarn in [Yarn::Warp, Yarn::Weft] {
+                let flat = parts.diffuse[yarn as usize];
+                parts.round[yarn as usize] = flat * Face::round(yarn, w_i, w_o);
+            }
+        } else if let Some(t) = &self.transmission {
+            parts.transmitted = t.lobes(w_i, w_o).map(|x| x * covered);
+        }
+        parts
+    }
+
+    /// See [`WovenSurface::specular_gain`](crate::WovenSurface::specular_gain).
+    pub fn specular_gain(&self) -> f32 {
+        self.faces[0].specular_gain()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::TransmissionSpec;
+    use crate::{Footprint, SurfaceModel, SurfaceSpec};
+    use organza_basis::{PathRng, warp};
+
+    #[test]
+    fn parts_add_up_to_the_whole() {
+        let mut spec = SurfaceSpec::preset("cotton-twill").unwrap();
+        spec.transmission = Some(TransmissionSpec {
+            warp_cover: 0.8,
+            weft_cover: 0.7,
+            diffuse: Rgb::new(0.1, 0.2, 0.05),
+            forward: Rgb::new(0.05, 0.02, 0.1),
+            concentration: 5.0,
+        });
+        spec.weft.round = Some(Rgb::new(0.1, 0.3, 0.2));
+        let p = spec.parameters().unwrap();
+        let whole = crate::WovenSurface::new(&p).unwrap();
+        let parts = Components::new(&p).unwrap();
+        let gain = parts.specular_gain();
+        assert_eq!(gain, whole.specular_gain());
+        let mut rng = PathRng::from_seed(3);
+        for k in 0..200 {
+            let mut turn = |sign: f32| warp::cosine_hemisphere(rng.unit2()) * sign;
+            let w_i = turn(if k % 2 == 0 { 1.0 } else { -1.0 });
+            let w_o = turn(if k % 3 == 0 { 1.0 } else { -1.0 });
+            let x = parts.eval(w_i, w_o);
+            let t = p.transmission.as_ref().unwrap();
+            let mut sum = t.diffuse() * x.transmitted[0] + t.forward() * x.transmitted[1];
+            for (k, yarn) in [&p.warp, &p.weft].into_iter().enumerate() {
+                sum += yarn.diffuse * x.diffuse[k] + yarn.round * x.round[k];
+                sum += yarn.specular * (gain * x.specular[k]);
+            }
+            let value = whole.eval(w_i, w_o, Footprint::FAR);
+            let error = (sum + value * -1.0).0.abs().max_element();
+            assert!(
+                error < 2e-5 * (1.0 + value.max_component()),
+                "{sum:?} {value:?}"
+            );
+        }
+    }
+}
