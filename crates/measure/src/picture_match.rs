@@ -197,13 +197,16 @@ mod tests {
             tolerance: 0.004,
             turns: 20,
         };
-        let mut count = 0;
+        let count = std::cell::Cell::new(0);
         let mut simulate = |c: [f64; 3], w: f64| -> Result<_, Infallible> {
-            count += 1;
+            count.set(count.get() + 1);
             Ok(picture(c, w, 2))
         };
         let found = match_picture(&target, &search, &mut simulate).unwrap();
-        assert!(found.is_met && count < 120, "{found:?} after {count}");
+        assert!(
+            found.is_met && count.get() < 120,
+            "{found:?} after {count:?}"
+        );
         // Tolerance and noise of 0.02 over 4096 pixels: about a hundredth.
         assert!((found.width / width - 1.0).abs() < 0.04, "{found:?}");
         for (a, b) in found.colour.iter().zip(colour) {

@@ -80,7 +80,8 @@ h1{font-size:34px;line-height:1.2;margin:0 0 6px}h2{font-size:22px;margin:44px 0
 p{max-width:70ch}.soft,figcaption{color:var(--soft)}figcaption{font-size:14px;margin-top:4px}
 svg text{font:11px ui-sans-serif,system-ui,sans-serif;fill:var(--ink)}svg .t{font-size:12px;font-weight:600}
 svg .g{stroke:var(--line);fill:none}svg{width:100%;height:auto;display:block}
-.row{display:grid;gap:22px;grid-template-columns:repeat(auto-fit,minmax(300px,1fr))}
+.row{display:grid;gap:22px;grid-template-columns:repeat(auto-fit,minmax(300px,1fr))}.row.two{grid-template-columns:repeat(auto-fit,minmax(420px,1fr))}
+.bars{max-width:720px}.n{white-space:nowrap}
 .pics{display:flex;flex-wrap:wrap;gap:14px}.pics figure{width:190px}
 figure{margin:0}.pics img{width:100%;image-rendering:pixelated;border-radius:3px;display:block}
 table{border-collapse:collapse;font:14px ui-sans-serif,system-ui,sans-serif;width:100%}
@@ -127,7 +128,10 @@ impl Report {
 
     fn verdict(&self, j: &Judged) -> String {
         let m = &j.layout.median;
+        // Noise adds to errors: what it explains is held against nobody.
+        let noisy = self.limit.hypot(j.layout.noise_median);
         let judged = match m.is_below(self.limit) {
+            Some(false) if m.low <= noisy => "cannot be told from",
             Some(true) => "agrees within",
             Some(false) => "lies further off than",
             None => "cannot be told from",
@@ -202,12 +206,12 @@ impl Report {
         for m in &self.measured {
             let _ = write!(
                 page,
-                "<span class=\"key\" style=\"background:{}\"></span>{}",
+                "<span class=\"n\"><span class=\"key\" style=\"background:{}\"></span>{}</span> ",
                 svg::colour(&m.model),
                 m.model
             );
         }
-        *page += "</p><div class=\"row\">";
+        *page += "</p><div class=\"row two\">";
         for (phi, plane) in [(0.0, "weft"), (90.0, "warp")] {
             for (back, kind) in [(false, "reflected"), (true, "transmitted")] {
                 let list: Vec<svg::Curve> = self
@@ -243,7 +247,7 @@ impl Report {
     }
 
     fn shares(&self, page: &mut String) {
-        *page += "<h2>Where the light goes</h2><p>Of light from each direction (green): <span class=\"key\" style=\"background:#e0a03a\"></span>reflected<span class=\"key\" style=\"background:#4f9fbf\"></span>transmitted<span class=\"key\" style=\"background:#b9d7e4\"></span>straight through<span class=\"key\" style=\"background:#57504a\"></span>absorbed.</p>";
+        *page += "<h2>Where the light goes</h2><p>Of light from each direction (green): <span class=\"n\"><span class=\"key\" style=\"background:#e0a03a\"></span>reflected</span> <span class=\"n\"><span class=\"key\" style=\"background:#4f9fbf\"></span>transmitted</span> <span class=\"n\"><span class=\"key\" style=\"background:#b9d7e4\"></span>straight through</span> <span class=\"n\"><span class=\"key\" style=\"background:#57504a\"></span>absorbed.</span> </p>";
         let mut bars = Vec::new();
         for m in &self.measured {
             for a in &m.albedos {
@@ -263,7 +267,11 @@ impl Report {
                 ));
             }
         }
-        let _ = write!(page, "<figure>{}</figure>", svg::shares(&bars));
+        let _ = write!(
+            page,
+            "<figure class=\"bars\">{}</figure>",
+            svg::shares(&bars)
+        );
     }
 
     fn figures(&self, page: &mut String) {
