@@ -20,7 +20,7 @@ fn kills() -> u32 {
     if std::env::var_os("ORGANZA_FULL").is_some() {
         60
     } else {
-        4
+        2
     }
 }
 
