@@ -7,10 +7,10 @@ use std::path::Path;
 /// The number after a word in what a render says of itself.
 fn figure(words: &str, line: &str, place: usize) -> f64 {
     let found = words.lines().find(|l| l.starts_with(line)).unwrap();
-    let numbers = found
+    let mut numbers = found
         .split_whitespace()
         .filter_map(|w| w.trim_end_matches([',', ';', '%']).parse::<f64>().ok());
-    numbers.skip(place).next().unwrap()
+    numbers.nth(place).unwrap()
 }
 
 /// Scenes as they ship, smaller; the brightest sample over the mean, which no
