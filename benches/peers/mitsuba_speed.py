@@ -1,12 +1,16 @@
 """Efficiency of organza and of Mitsuba 3 on one woven tile of micro-flakes.
 
-    python benches/peers/mitsuba_speed.py --organza target/release/organza [--tiles base,dense,varied,fine] [--wall]
+    python benches/peers/mitsuba_speed.py --organza target/release/organza [--tiles base,dense,varied,fine]
+        [--scenes sun,sky,panel,endless] [--wall]
 
 Makes the tile as .vol grids, which both programs read, and renders it with both in turn: the same camera, lights and
-unlimited bounces. Efficiency = 1 / (variance of the mean pixel x seconds), where the variance is half the mean squared
-difference of two pictures of different seeds, over pixels and channels, and seconds are those of organza's whole
-process (reading, tables, writing) but of Mitsuba's render call alone, after a first one has compiled its kernels. Without
---wall, for busy machines, seconds are CPU seconds over two cores, which takes both to share work perfectly.
+unlimited bounces. Scenes are lit by two suns, a uniform sky or one panel beside the tile; `endless` is organza's tile
+repeated without end under the suns, against Mitsuba's tile alone, which is less work.
+
+Efficiency = 1 / (variance of the mean pixel x seconds), where the variance is half the mean squared difference of two
+pictures of different seeds, over pixels and channels, and seconds are those of organza's whole process (reading, tables,
+writing) but of Mitsuba's render call alone, after a first one has compiled its kernels. Without --wall, for busy
+machines, seconds are CPU seconds over two cores, which takes both to share work perfectly.
 
 Needs mitsuba 3.9.1 and numpy; LLVM 16 or newer named by DRJIT_LIBLLVM_PATH for llvm_ad_rgb. Mitsuba's stock sggx
 sampler is wrong (its issue 1728), which makes its picture wrong by some percent but not its speed.
@@ -21,6 +25,8 @@ LIGHTS = [[0.4, 0.3, -0.8660254], [-0.3, 0.2, 0.9327379]]
 # Extinction across fibres in 1/mm, voxels along the 0.96 mm, relative deviation of the density from voxel to voxel.
 TILES = {'base': (70, 96, 0), 'dense': (200, 96, 0), 'varied': (40, 96, 0.5), 'fine': (70, 192, 0)}
 END_ON = 0.25
+PANEL = [0.9, 0.0, 0.6], [0.4, 0.0, 0.4], [0.0, 0.96, 0.0]  # corner and edges, mm; shines to both sides
+PANEL_RADIANCE = 4.0
 
 
 def plain_weave(sigma, voxels, deviation):
@@ -59,9 +65,19 @@ def write_vol(path, data):
         f.write(np.ascontiguousarray(data.transpose(2, 1, 0, 3), '<f4').tobytes())
 
 
-def scene_text(name, environment, endless):
+def scene_text(name, kind):
     lights = ''.join(f'[[light]]\nkind = "directional"\ndirection = {d}\nirradiance = [1.0, 1.0, 1.0]\n' for d in LIGHTS)
-    if environment:
+    if kind == 'panel':
+        corner, u, v = PANEL
+        lights = f'''[[light]]
+kind = "rectangle"
+corner_mm = {corner}
+edge_u_mm = {u}
+edge_v_mm = {v}
+radiance = {[PANEL_RADIANCE] * 3}
+two_sided = true
+'''
+    if kind == 'sky':
         lights = '[[light]]\nkind = "environment"\nradiance = [1.0, 1.0, 1.0]\n'
     return f'''[camera]
 kind = "orthographic"
@@ -74,7 +90,7 @@ kind = "grid"
 extinction = "{name}.sigma_t.vol"
 sggx = "{name}.sggx.vol"
 albedo = {ALBEDO}
-repeat_xy = {str(endless).lower()}
+repeat_xy = {str(kind == 'endless').lower()}
 '''
 
 
@@ -96,7 +112,7 @@ class Clock:
         return (used.ru_utime + used.ru_stime) / 2
 
 
-def mitsuba_worker(folder, name, environment, variant, integrator, rr_depth, spp, wall):
+def mitsuba_worker(folder, name, kind, variant, integrator, rr_depth, spp, wall):
     """Prints efficiency, seconds a picture and the mean colour."""
     import mitsuba as mi
     mi.set_variant(variant)
@@ -116,9 +132,19 @@ def mitsuba_worker(folder, name, environment, variant, integrator, rr_depth, spp
                 'interior': {'type': 'heterogeneous', 'sigma_t': grid('sigma_t'),
                              'albedo': {'type': 'rgb', 'value': ALBEDO},
                              'phase_function': {'type': 'sggx', 'S': grid('sggx')}}}}
-    if environment:
+    if kind == 'panel':
+        # Mitsuba's rectangle spans (-1, -1) to (1, 1) in x and y and shines to +z alone: two of them.
+        corner, u, v = (np.array(x) for x in PANEL)
+        for side in (1, -1):
+            to_world = np.eye(4)
+            to_world[:3, 0], to_world[:3, 1] = u / 2, side * v / 2
+            to_world[:3, 2] = np.cross(to_world[:3, 0], to_world[:3, 1])
+            to_world[:3, 3] = corner + (u + v) / 2
+            scene[f'panel{side}'] = {'type': 'rectangle', 'to_world': mi.ScalarTransform4f(to_world), 'emitter': {
+                'type': 'area', 'radiance': {'type': 'rgb', 'value': [PANEL_RADIANCE] * 3}}}
+    if kind == 'sky':
         scene['sky'] = {'type': 'constant', 'radiance': {'type': 'rgb', 'value': [1, 1, 1]}}
-    for i, d in enumerate([] if environment else LIGHTS):
+    for i, d in enumerate(LIGHTS if kind in ('sun', 'endless') else []):
         scene[f'light{i}'] = {'type': 'directional', 'direction': d, 'irradiance': {'type': 'rgb', 'value': [1, 1, 1]}}
     scene = mi.load_dict(scene)
     np.array(mi.render(scene, spp=spp if variant.startswith('llvm') else 1, seed=99))
@@ -163,7 +189,7 @@ def main():
     parser.add_argument('--organza-spp', default='64,256,1024')
     parser.add_argument('--backends', default='auto')
     parser.add_argument('--rounds', type=int, default=2)
-    parser.add_argument('--sky', action='store_true', help='also under a constant environment')
+    parser.add_argument('--scenes', default='sun', help='sun, sky, panel, endless')
     parser.add_argument('--worker', nargs='*')
     arguments = parser.parse_args([a for a in sys.argv[1:]])
     variants = [('scalar_rgb', 'volpath', 5), ('llvm_ad_rgb', 'volpath', 5), ('llvm_ad_rgb', 'volpath', 20),
@@ -174,16 +200,16 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         for tile in arguments.tiles.split(','):
             extinction, s = plain_weave(*TILES[tile])
-            for environment in [False, True] if arguments.sky else [False]:
-                name = tile + ('-sky' if environment else '')
+            for kind in arguments.scenes.split(','):
+                name = f'{tile}-{kind}'
                 write_vol(f'{folder}/{name}.sigma_t.vol', extinction)
                 write_vol(f'{folder}/{name}.sggx.vol', s)
                 with open(f'{folder}/{name}.toml', 'w') as f:
-                    f.write(scene_text(name, environment, False))
+                    f.write(scene_text(name, kind))
                 best, ours = 0, {}
                 for _ in range(arguments.rounds):
                     for variant, integrator, rr in variants:
-                        code = f'from mitsuba_speed import *; mitsuba_worker({folder!r}, {name!r}, {environment}, ' \
+                        code = f'from mitsuba_speed import *; mitsuba_worker({folder!r}, {name!r}, {kind!r}, ' \
                                f'{variant!r}, {integrator!r}, {rr}, {arguments.spp}, {arguments.wall})'
                         done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                                               cwd=os.path.dirname(os.path.abspath(__file__)))

@@ -359,8 +359,7 @@ fn nodes_per_voxel(lattice: &Lattice, extinction_per_mm: &[f32]) -> u32 {
 
 /// Steps from voxel to voxel along a ray.
 struct VoxelWalk {
-    /// Where it is.
-    pub cell: IVec3,
+    cell: IVec3,
     step: IVec3,
     next_mm: Vec3,
     per_voxel_mm: Vec3,
@@ -368,7 +367,7 @@ struct VoxelWalk {
 }
 
 impl VoxelWalk {
-    pub fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
+    fn new(lattice: &Lattice, p: Vec3, direction: Vec3) -> VoxelWalk {
         let per_mm = direction / lattice.voxel_mm();
         let cell = p.floor();
         let forth = per_mm.cmpge(Vec3::ZERO);
@@ -386,7 +385,7 @@ impl VoxelWalk {
 
     /// Leaves the current voxel and tells the length of the way through it.
     #[inline]
-    pub fn step(&mut self) -> f32 {
+    fn step(&mut self) -> f32 {
         let n = self.next_mm;
         let axis = if n.x < n.y {
             if n.x < n.z { 0 } else { 2 }

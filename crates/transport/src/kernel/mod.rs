@@ -21,6 +21,8 @@ mod flat_medium;
 mod lanes;
 mod light_table;
 mod math;
+#[cfg(test)]
+mod matter_tests;
 mod panel;
 mod posts;
 mod reach;

@@ -324,26 +324,14 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
                 panel.toward(paths.at, paths.beyond, u, v)
             }
         };
-        let phase = flakes.phase(w_out, per_area, toward);
-        let table_depth = depth(&kernel.depths, count, i, &corners);
-        let through = exp2(table_depth * F::splat(-LOG2_E));
-        // An exact shadow ray where there is light to be set right.
-        let share = mean * phase * F::splat(kernel.residual_scale);
-        let keep = (share * (through + F::splat(light.residual_floor))).min(one);
-        let traced = met & u.below(keep);
-        let mut shown = through;
-        if traced.any() {
-            let rays = Traced {
-                toward,
-                distance_mm,
-                table_depth,
-                u: u / keep,
-            };
-            let exact = rays.transmittances(kernel, light, paths, traced, stats);
-            let set_right = (exact - through) / keep + through;
-            shown = set_right.or_where_not(traced, through);
-        }
-        let arriving = phase * strength * shown;
+        let aim = Aim {
+            phase: flakes.phase(w_out, per_area, toward),
+            toward,
+            distance_mm,
+            table_depth: depth(&kernel.depths, count, i, &corners),
+            u,
+        };
+        let arriving = strength * aim.arriving(kernel, light, paths, mean, met, stats);
         light_in = V3::splat(light.irradiance.0).scaled_add(arriving, light_in);
     }
     for sky in &kernel.skies {
@@ -351,25 +339,15 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
             let [place, own, u] = paths.rng.units(met);
             let [across, down, _] = paths.rng.units(met);
             let drawn = sky.sample(lamp, [place, own, across, down]);
-            let phase = flakes.phase(w_out, per_area, drawn.to_light);
-            let table_depth = depth(&lamp.table.depths, 1, 0, &corners);
-            let through = exp2(table_depth * F::splat(-LOG2_E));
-            let share = mean * phase * F::splat(kernel.residual_scale);
-            let keep = (share * (through + F::splat(lamp.table.residual_floor))).min(one);
-            let traced = met & u.below(keep);
-            let mut shown = through;
-            if traced.any() {
-                let rays = Traced {
-                    toward: drawn.to_light,
-                    distance_mm: F::splat(f32::INFINITY),
-                    table_depth,
-                    u: u / keep,
-                };
-                let exact = rays.transmittances(kernel, &lamp.table, paths, traced, stats);
-                let set_right = (exact - through) / keep + through;
-                shown = set_right.or_where_not(traced, through);
-            }
-            light_in = drawn.irradiance.scaled_add(phase * shown, light_in);
+            let aim = Aim {
+                phase: flakes.phase(w_out, per_area, drawn.to_light),
+                toward: drawn.to_light,
+                distance_mm: F::splat(f32::INFINITY),
+                table_depth: depth(&lamp.table.depths, 1, 0, &corners),
+                u,
+            };
+            let arriving = aim.arriving(kernel, &lamp.table, paths, mean, met, stats);
+            light_in = drawn.irradiance.scaled_add(arriving, light_in);
         }
     }
     let lit = V3 {
@@ -408,24 +386,52 @@ fn albedo<F: Floats>(kernel: &Kernel, place: F::Ints) -> V3<F> {
     }
 }
 
-/// Light toward the lanes of a mask, traced exactly one after the other.
-struct Traced<F: Floats> {
+/// Light that a lane looks for.
+struct Aim<F: Floats> {
+    /// Of the flakes there, 1/sr.
+    phase: F,
     toward: V3<F>,
     /// To the light, mm.
     distance_mm: F,
-    /// What the table says, and random numbers.
+    /// What a table says.
     table_depth: F,
+    /// A random number.
     u: F,
 }
 
-impl<F: Floats> Traced<F> {
-    /// Exact transmittances.
+impl<F: Floats> Aim<F> {
+    /// Phase function times transmittance: as the table says it, set right by an
+    /// exact ray with a chance that goes with the light there is.
+    #[inline(always)]
+    fn arriving(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        mean_throughput: F,
+        met: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let through = exp2(self.table_depth * F::splat(-LOG2_E));
+        let share = mean_throughput * self.phase * F::splat(kernel.residual_scale);
+        let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
+        let traced = met & self.u.below(keep);
+        if !traced.any() {
+            return self.phase * through;
+        }
+        let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
+        let set_right = (exact - through) / keep + through;
+        self.phase * set_right.or_where_not(traced, through)
+    }
+
+    /// Exact transmittances of the lanes of a mask, one after the other.
     #[inline(always)]
     fn transmittances(
         &self,
         kernel: &Kernel,
         light: &LightTable,
         paths: &Paths<F>,
+        chance: F,
         traced: F::Mask,
         stats: &mut Stats,
     ) -> F {
@@ -438,7 +444,7 @@ impl<F: Floats> Traced<F> {
         let numbers = stored(V3 {
             x: self.distance_mm,
             y: self.table_depth,
-            z: self.u,
+            z: chance,
         });
         let mut through = [0.0; MAX_LANES];
         for lane in SetBits(traced.bits()) {
