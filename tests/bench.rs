@@ -81,10 +81,10 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     assert_eq!(table.lines().count(), 1 + judged);
     // Again, with another program's picture of one view: nothing is rendered anew,
     // so that the figures are the same to the last bit.
-    let (colour, variance) = ([[0.2, 0.2, 0.2]; 16], [[1e-6, 1e-6, 1e-6]; 16]);
+    let (colour, noise) = ([[0.2, 0.2, 0.2]; 16], [[1e-6, 1e-6, 1e-6]; 16]);
     let peer = serde_json::json!({ "pictures": [{
         "program": "grey", "scene": "plain-0.1mm-front", "setup_s": 0.1, "render_s": 1.0,
-        "mean": colour, "variance": variance,
+        "mean": colour, "variance": noise,
     }]});
     std::fs::write(folder.join("peer.json"), peer.to_string()).unwrap();
     let with_peer: Vec<&str> = bench
