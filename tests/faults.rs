@@ -5,6 +5,7 @@
 //! `ORGANZA_FULL=1 cargo test --release --test main faults:: -- --nocapture`
 //! kills each command fifty times and more and prints what it saw; without it
 //! each is killed a few times.
+#![allow(clippy::print_stdout)] // what befell the runs is told
 
 use crate::cli::write_grid_scene;
 use crate::program::{complaint, folder, organza, succeed};

@@ -494,12 +494,8 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
             assert!(a.0 > 0.0 && b.0 > 0.0);
             least = least.min(z_test(a.0, b.0, a.1.hypot(b.1)).p_value);
             // The twin forgets to divide by the cosine of the incident side.
-            let [p, q] = [&way[0], &way[1]].map(|v| {
-                f64::from(v.pair.incident.theta_deg)
-                    .to_radians()
-                    .cos()
-                    .abs()
-            });
+            let [p, q] =
+                [&way[0], &way[1]].map(|v| v.pair.incident.theta_deg.to_radians().cos().abs());
             let se = (a.1 * p).hypot(b.1 * q);
             twin = twin.min(z_test(a.0 * p, b.0 * q, se).p_value);
         }
