@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fuzzes every target for a time, several side by side, at idle priority:
+# Fuzzes every target for a time, several side by side, at low priority:
 #   fuzz/run.sh [seconds each, 1800] [side by side, 2] [folder for what is found]
 # and prints executions, seconds of CPU and the largest memory of each. A crash, a
 # unit of more than the timeout or 2 GiB is kept as an artifact, and the target
@@ -11,7 +11,7 @@ seconds=${1:-1800} side_by_side=${2:-2} out=${3:-target/found} timeout=${TIMEOUT
 cargo +nightly fuzz build --fuzz-dir . || exit 1
 bin=$PWD/target/$(rustc +nightly -vV | sed -n 's/^host: //p')/release
 mkdir -p "$out" && out=$(cd "$out" && pwd)
-chrt -i -p 0 $$ 2>/dev/null || renice 19 $$ >/dev/null
+renice -n "${NICE:-19}" $$ >/dev/null # idle priority would get nothing beside other work
 
 fuzz() {
   local t=$1 end=$((SECONDS + seconds)) runs=0

@@ -25,7 +25,7 @@ LIGHTS = [[0.4, 0.3, -0.8660254], [-0.3, 0.2, 0.9327379]]
 # Extinction across fibres in 1/mm, voxels along the 0.96 mm, relative deviation of the density from voxel to voxel.
 TILES = {'base': (70, 96, 0), 'dense': (200, 96, 0), 'varied': (40, 96, 0.5), 'fine': (70, 192, 0)}
 END_ON = 0.25
-PANEL = [0.9, 0.0, 0.6], [0.4, 0.0, 0.4], [0.0, 0.96, 0.0]  # corner and edges, mm; shines to both sides
+PANEL = [1.0, 0.0, 0.8], [0.0, 0.96, 0.0], [0.4, 0.0, -0.4]  # corner and edges, mm; shines along u x v, at the tile
 PANEL_RADIANCE = 4.0
 
 
@@ -75,7 +75,6 @@ corner_mm = {corner}
 edge_u_mm = {u}
 edge_v_mm = {v}
 radiance = {[PANEL_RADIANCE] * 3}
-two_sided = true
 '''
     if kind == 'sky':
         lights = '[[light]]\nkind = "environment"\nradiance = [1.0, 1.0, 1.0]\n'
@@ -133,15 +132,14 @@ def mitsuba_worker(folder, name, kind, variant, integrator, rr_depth, spp, wall)
                              'albedo': {'type': 'rgb', 'value': ALBEDO},
                              'phase_function': {'type': 'sggx', 'S': grid('sggx')}}}}
     if kind == 'panel':
-        # Mitsuba's rectangle spans (-1, -1) to (1, 1) in x and y and shines to +z alone: two of them.
+        # Mitsuba's rectangle spans (-1, -1) to (1, 1) in x and y and shines to +z.
         corner, u, v = (np.array(x) for x in PANEL)
-        for side in (1, -1):
-            to_world = np.eye(4)
-            to_world[:3, 0], to_world[:3, 1] = u / 2, side * v / 2
-            to_world[:3, 2] = np.cross(to_world[:3, 0], to_world[:3, 1])
-            to_world[:3, 3] = corner + (u + v) / 2
-            scene[f'panel{side}'] = {'type': 'rectangle', 'to_world': mi.ScalarTransform4f(to_world), 'emitter': {
-                'type': 'area', 'radiance': {'type': 'rgb', 'value': [PANEL_RADIANCE] * 3}}}
+        to_world = np.eye(4)
+        to_world[:3, 0], to_world[:3, 1] = u / 2, v / 2
+        to_world[:3, 2] = np.cross(to_world[:3, 0], to_world[:3, 1])
+        to_world[:3, 3] = corner + (u + v) / 2
+        scene['panel'] = {'type': 'rectangle', 'to_world': mi.ScalarTransform4f(to_world), 'emitter': {
+            'type': 'area', 'radiance': {'type': 'rgb', 'value': [PANEL_RADIANCE] * 3}}}
     if kind == 'sky':
         scene['sky'] = {'type': 'constant', 'radiance': {'type': 'rgb', 'value': [1, 1, 1]}}
     for i, d in enumerate(LIGHTS if kind in ('sun', 'endless') else []):
