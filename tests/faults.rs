@@ -269,22 +269,17 @@ fn a_volume_or_a_table_has_its_name_only_when_whole() {
 
 #[test]
 fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
-    if kills() < 50 {
-        return; // a fit takes tens of seconds
-    }
     let folder = folder("kill-fit");
     std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
-    let pairs = "theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b\n\
-                 30,0,20,170,0.1,0.1,0.1,0.01,0.01,0.01\n50,80,10,0,0.08,0.1,0.1,0.01,0.01,0.01\n\
-                 10,20,50,100,0.09,0.1,0.1,0.01,0.01,0.01\n60,0,30,0,0.1,0.1,0.1,0.01,0.01,0.01\n";
-    std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
     Victim {
         name: "fit",
         arguments: &[
             "fit",
             "cloth.toml",
-            "--data",
-            "pairs.csv",
+            "--spp",
+            "48",
+            "--voxel-um",
+            "40",
             "--patience",
             "4,6",
             "-o",

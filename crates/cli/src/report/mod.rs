@@ -132,12 +132,12 @@ impl Report {
         let noisy = self.limit.hypot(j.layout.noise_median);
         let judged = match m.is_below(self.limit) {
             Some(false) if m.low <= noisy => "cannot be told from",
-            Some(true) => "agrees within",
-            Some(false) => "lies further off than",
+            Some(true) => "within",
+            Some(false) => "further off than",
             None => "cannot be told from",
         };
         format!(
-            "The {} {judged} {:.0} %: in the median its reflection is off by {}; noise alone would show {:.1} %.",
+            "{}: {judged} {:.0} %. In the median its reflection is off by {}; noise alone would show {:.1} %.",
             j.model,
             100.0 * self.limit,
             percent(m),
