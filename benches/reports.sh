@@ -1,5 +1,5 @@
 #!/bin/sh
-# Fits the surface of every fabric to its volume (with four times SPP, as the noise of
+# Fits the surface of every fabric to its volume (with eight times SPP, as the noise of
 # the volume counts as error of the fit), compares all models of it, and prints the
 # tables of README.md. Reports come to DIR/FABRIC/report.html, fitted fabrics to
 # DIR/FABRIC.toml; what is there already is not made again.
@@ -17,7 +17,7 @@ mkdir -p "$dir"
 for f in $fabrics; do
     # shellcheck disable=SC2086 # threads is two words or none
     [ -e "$dir/$f.toml" ] || "$organza" fit "scenes/fabrics/$f.toml" -o "$dir/$f.toml" \
-        --spp $((4 * spp)) --journal "$dir/$f.journal" --quiet $threads
+        --spp $((8 * spp)) --journal "$dir/$f.journal" --quiet $threads
     # shellcheck disable=SC2086
     [ -e "$dir/$f/report.json" ] || "$organza" compare "$dir/$f.toml" -o "$dir/$f" \
         --models volume,surface,fibres,packed,plain --spp "$spp" \
