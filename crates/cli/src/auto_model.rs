@@ -151,6 +151,8 @@ fn choose(
         Model::Fibres => mesh.is_none() && !regular,
         Model::Surface => fabric.file.surface.is_some(),
         Model::Microflake if !regular && by_kernel => tracker == Tracker::Kernel,
+        // Fabrics that were measured before the kernel took them are seen too slow.
+        Model::Plain if !regular && by_kernel => tracker != Tracker::Regular,
         _ => {
             tracker
                 == if regular {

@@ -37,10 +37,10 @@ pub struct DielectricParameters {
 }
 
 /// Azimuths resolved per deviation of their blur.
-const NODES_PER_BLUR: f32 = 8.0;
+pub(crate) const NODES_PER_BLUR: f32 = 8.0;
 /// Rows of the far-field table, even in the cosine of the mean inclination:
 /// Fresnel's reflectance is nearly linear in it toward grazing.
-const ROWS: usize = 33;
+pub(crate) const ROWS: usize = 33;
 /// Lobes with azimuths of their own.
 const SHAPED: usize = LOBES - 1;
 
@@ -251,6 +251,11 @@ impl DielectricFibre {
             *out = a.lerp(b, u);
         }
         out
+    }
+
+    /// Nodes of the table from 0 to pi.
+    pub(crate) fn azimuth_nodes(&self) -> usize {
+        self.azimuths
     }
 
     /// Draws the azimuth of a lobe with the density of [`Self::far`].

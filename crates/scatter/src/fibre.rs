@@ -6,7 +6,7 @@ use crate::dielectric::DielectricFibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::fitted::FittedFibre;
 use crate::lobe::{Lobe, LobeSample};
-use crate::longitudinal::{Blur, Inclinations, folded_gaussian_sample, wrap};
+use crate::longitudinal::{Balance, Blur, Inclinations, folded_gaussian_sample, wrap};
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::PI;
@@ -25,7 +25,7 @@ pub enum Fibre {
 }
 
 impl Fibre {
-    fn blurs(&self) -> &[Blur] {
+    pub(crate) fn blurs(&self) -> &[Blur] {
         match self {
             Fibre::Dielectric(f) => f.blurs(),
             Fibre::Fitted(f) => f.blurs(),
@@ -42,12 +42,16 @@ impl Fibre {
             .sqrt()
     }
 
-    /// c(theta_o) c(theta_i) cos(theta_i), per channel.
-    fn balance(&self, frame: &FibreFrame, a: &FibreAngles) -> Vec3 {
-        let balance = match self {
+    pub(crate) fn balance(&self) -> &Balance {
+        match self {
             Fibre::Dielectric(f) => f.balance(),
             Fibre::Fitted(f) => f.balance(),
-        };
+        }
+    }
+
+    /// c(theta_o) c(theta_i) cos(theta_i), per channel.
+    fn scales(&self, frame: &FibreFrame, a: &FibreAngles) -> Vec3 {
+        let balance = self.balance();
         balance.at(frame.cos_out) * balance.at(a.cos) * a.cos
     }
 
@@ -107,7 +111,7 @@ impl FarField<'_> {
                 }
             }
         }
-        value *= self.fibre.balance(frame, a);
+        value *= self.fibre.scales(frame, a);
         (Rgb(value), pdf / a.cos.max(MIN_COS))
     }
 
@@ -333,7 +337,7 @@ impl<'a> NearField<'a> {
                 }
             }
         }
-        value *= self.boost * self.fibre.balance(frame, a);
+        value *= self.boost * self.fibre.scales(frame, a);
         (Rgb(value), pdf / a.cos.max(MIN_COS))
     }
 }

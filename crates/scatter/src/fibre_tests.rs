@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use organza_basis::hypothesis::{SphereGrid, t_test};
 use organza_basis::{FibreComponent, Mixture, Moments, PathRng, Rgb, warp};
 
-fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
+pub fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
     let parameters = DielectricParameters {
         ior,
         absorption_radii: Rgb::new(absorption, 0.3, 2.0),
@@ -19,7 +19,7 @@ fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f
     Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
 }
 
-fn fitted(name: &str) -> Fibre {
+pub fn fitted(name: &str) -> Fibre {
     let parameters = FittedParameters::preset(name).unwrap();
     Fibre::Fitted(FittedFibre::new(parameters).unwrap())
 }

@@ -148,6 +148,11 @@ impl FittedFibre {
         [f, (Rgb::WHITE - f) * self.parameters.colour_tt]
     }
 
+    /// Deviation of the azimuth of TT.
+    pub(crate) fn azimuth_blur_rad(&self) -> f32 {
+        self.azimuth_blur
+    }
+
     /// Density per radian of lobe `p`'s azimuth.
     pub(crate) fn azimuth(&self, p: usize, azimuth_rad: f32) -> f32 {
         if p == 0 {

@@ -233,6 +233,11 @@ impl Balance {
         Balance { scale }
     }
 
+    /// Nodes of the table of c over the cosine, both ends included.
+    pub(crate) fn nodes(&self) -> usize {
+        self.scale.len()
+    }
+
     /// c at an inclination, per channel.
     pub fn at(&self, cos_theta: f32) -> Vec3 {
         let (i, t) = node(cos_theta, self.scale.len());

@@ -1,7 +1,7 @@
 //! A medium from an octree of fibres: every population of fibres in a voxel
 //! scatters as SGGX micro-flakes.
 
-use crate::kernel::Population;
+use crate::kernel::{Population, Substance};
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::population_flakes::{FlakeOptics, PopulationFlakes, ShapeTable};
 use crate::{Medium, SiteInfo};
@@ -112,7 +112,7 @@ impl ClothMedium {
         out.extend(mixture.as_slice().iter().map(|c| Population {
             broadside_per_mm: c.broadside_per_mm() * self.flake_shape(c).0,
             flake: self.flakes(c),
-            albedo: self.albedo(c),
+            substance: Substance::Flakes(self.albedo(c)),
             yarn: c.yarn,
         }));
     }

@@ -5,14 +5,16 @@
 //! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
 //! what happens there.
 
+use crate::kernel::{Population, Substance, end_on_ratio};
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::voxel_bounds::VoxelBounds;
 use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::{Aabb, FibreComponent, Mixture, PathRng, Rgb};
+use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
 use organza_scatter::{
-    Fibre, FibreFrame, Lobe, LobeSample, NearField, PackedEvent, meet_fibre, packing_fraction,
-    sigma_t_per_mm, void_multiplier,
+    AxialFlake, Fibre, FibreFrame, Lobe, LobeSample, NearField, PackedEvent, meet_fibre,
+    packing_fraction, sigma_t_per_mm, void_multiplier,
 };
 use organza_volume::Octree;
 use rayon::prelude::*;
@@ -207,6 +209,31 @@ impl FibreMedium {
     /// The octree.
     pub fn octree(&self) -> &Octree {
         &self.octree
+    }
+
+    /// What a collision is.
+    pub fn event(&self) -> FibreEvent {
+        self.event
+    }
+
+    pub(crate) fn has_local_visibility(&self) -> bool {
+        self.local.is_some()
+    }
+
+    /// The fibres, by material.
+    pub(crate) fn fibres(&self) -> &[Fibre] {
+        &self.fibres
+    }
+
+    /// The populations of a cell, one by one.
+    pub(crate) fn axial_populations(&self, cell: UVec3, out: &mut Vec<Population>) {
+        let mixture = self.voxel(cell.as_ivec3());
+        out.extend(mixture.as_slice().iter().map(|c| Population {
+            broadside_per_mm: component_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
+            flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
+            substance: Substance::Fibres(c.material),
+            yarn: c.yarn,
+        }));
     }
 
     /// Part of the volume that fibres fill where each material is; zero for the

@@ -1,7 +1,7 @@
 //! A medium from dense grids that other programs made: extinction, SGGX
 //! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
 
-use crate::kernel::{NO_YARN, Population};
+use crate::kernel::{NO_YARN, Population, Substance};
 use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
@@ -269,7 +269,7 @@ impl GridMedium {
             return Some(Population {
                 broadside_per_mm: 0.0,
                 flake: AxialFlake::new(Vec3::Z, 1.0),
-                albedo: Rgb::BLACK,
+                substance: Substance::Flakes(Rgb::BLACK),
                 yarn: NO_YARN,
             });
         }
@@ -277,7 +277,7 @@ impl GridMedium {
         Some(Population {
             broadside_per_mm: sigma_t * across,
             flake,
-            albedo: Rgb::from(*self.albedo.at(in_grid(self.albedo.dims))),
+            substance: Substance::Flakes(Rgb::from(*self.albedo.at(in_grid(self.albedo.dims)))),
             yarn: NO_YARN,
         })
     }

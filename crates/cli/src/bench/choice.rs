@@ -116,6 +116,7 @@ impl Choice {
             (Microflake, Kernel),
             (Microflake, Woodcock),
             (Microflake, Regular),
+            (Plain, Kernel),
             (Plain, Woodcock),
             (Plain, Regular),
             (Packed, Woodcock),
@@ -127,7 +128,7 @@ impl Choice {
             &[(1.0, 1), (1.0, 2), (2.0, 0), (0.5, 0)]
         };
         for &(voxel_scale, level) in coarser {
-            for (model, tracker) in [(Microflake, Kernel), (Plain, Woodcock), (Packed, Woodcock)] {
+            for (model, tracker) in [(Microflake, Kernel), (Plain, Kernel), (Packed, Woodcock)] {
                 list.push(Choice {
                     model,
                     voxel_scale,
@@ -148,8 +149,8 @@ impl Choice {
             return self.model.words().to_owned();
         }
         let tracker = match (self.model, self.tracker) {
-            (Model::Microflake, Tracker::Kernel)
-            | (Model::Plain | Model::Packed, Tracker::Woodcock) => "",
+            (Model::Microflake | Model::Plain, Tracker::Kernel)
+            | (Model::Packed, Tracker::Woodcock) => "",
             (_, Tracker::Kernel) => ", kernel",
             (_, Tracker::Woodcock) => ", Woodcock tracking",
             (_, Tracker::Regular) => ", exact stepping",

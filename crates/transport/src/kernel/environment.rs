@@ -285,11 +285,6 @@ impl Parts {
             + LightTable::most_bytes(lattice, self.lamps.len() as u64)
     }
 
-    /// Where the light of the lamps travels.
-    pub fn directions(&self) -> impl Iterator<Item = Vec3> {
-        self.lamps.iter().map(|texels| -middle(texels))
-    }
-
     /// Takes a picture apart.
     pub fn of(image: &ImageEnvironment) -> Parts {
         let (size, pixels) = (image.size(), image.pixels());

@@ -1,8 +1,11 @@
 //! Micro-flakes about the fibres of a voxel, one population in every lane.
 
-use super::lanes::{Floats, Mask};
-use super::math::{V3, sin_cos_of_turns};
+use super::Kernel;
+use super::event::{Event, Meeting, Turn};
+use super::lanes::{Floats, Ints, Mask};
+use super::math::{LaneRng, V3, sin_cos_of_turns};
 use super::voxel_words::VoxelWords;
+use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// A flake population in every lane.
@@ -10,6 +13,82 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Flakes<F: Floats> {
     scaled_axis: V3<F>,
     end_on: F,
+}
+
+/// A flake population that reflects what came along `-w_out`.
+pub struct Mirrors<F: Floats> {
+    flakes: Flakes<F>,
+    w_out: V3<F>,
+    per_area: F,
+    albedo: V3<F>,
+}
+
+impl<F: Floats> Event<F> for Mirrors<F> {
+    #[inline(always)]
+    fn area_squared(along: F, across: F, end_on: F) -> F {
+        (end_on * end_on).mul_add(along, across)
+    }
+
+    #[inline(always)]
+    fn new(
+        kernel: &Kernel,
+        met: &Meeting<F>,
+        _rng: &mut LaneRng<F::Ints>,
+        _mask: <F::Ints as Ints>::Mask,
+    ) -> Self {
+        let flakes = Flakes::of(met.voxel);
+        Mirrors {
+            flakes,
+            w_out: met.w_out,
+            per_area: F::splat(1.0) / flakes.area(met.w_out),
+            albedo: albedo(kernel, met.place),
+        }
+    }
+
+    #[inline(always)]
+    fn common(&self) -> V3<F> {
+        self.albedo
+    }
+
+    #[inline(always)]
+    fn toward(&self, _kernel: &Kernel, w_in: V3<F>) -> (F, V3<F>) {
+        let phase = self.flakes.phase(self.w_out, self.per_area, w_in);
+        let (x, y, z) = (phase, phase, phase);
+        (phase, V3 { x, y, z })
+    }
+
+    #[inline(always)]
+    fn turn(
+        &self,
+        _kernel: &Kernel,
+        rng: &mut LaneRng<F::Ints>,
+        mask: <F::Ints as Ints>::Mask,
+    ) -> Turn<F> {
+        let [turns, height, u] = rng.units(mask);
+        Turn {
+            direction: self
+                .flakes
+                .scatter(self.w_out, self.per_area, turns, height),
+            weight: V3::splat(Vec3::ONE),
+            u,
+        }
+    }
+}
+
+/// Albedos of the populations at these places.
+#[inline(always)]
+fn albedo<F: Floats>(kernel: &Kernel, place: F::Ints) -> V3<F> {
+    let (medium, word) = (&kernel.medium, F::Ints::splat);
+    if medium.materials.is_empty() {
+        return V3::splat(medium.only_albedo());
+    }
+    let substances = &medium.substances[..];
+    let first = place.gather(&medium.materials).shl::<2>();
+    V3 {
+        x: first.gather(substances).as_floats(),
+        y: (first + word(1)).gather(substances).as_floats(),
+        z: (first + word(2)).gather(substances).as_floats(),
+    }
 }
 
 impl<F: Floats> Flakes<F> {

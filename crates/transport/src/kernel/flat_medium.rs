@@ -16,10 +16,11 @@
 //! memory. In air far from yarns the bound is zero and the flight begins with a
 //! jump; where density varies inside yarns it is the density nearby.
 
-use super::lanes::{Ints, one};
+use super::fibre_tables::area_squared;
+use super::lanes::{Floats, Ints, one};
 use super::reach::{Surroundings, surroundings};
 use super::voxel_words::{MOST, VoxelWords, WORDS, pack, with_surroundings};
-use crate::{ClothMedium, FirstEvent, GridMedium, Lattice, SiteInfo};
+use crate::{ClothMedium, FibreEvent, FibreMedium, FirstEvent, GridMedium, Lattice, SiteInfo};
 use glam::{UVec3, Vec3};
 use organza_basis::Rgb;
 use organza_scatter::AxialFlake;
@@ -33,10 +34,28 @@ pub struct Population {
     pub broadside_per_mm: f32,
     /// Flakes along the axis.
     pub flake: AxialFlake,
-    /// Albedo.
-    pub albedo: Rgb,
+    /// What scatters.
+    pub substance: Substance,
     /// Yarn, where known.
     pub yarn: u32,
+}
+
+/// What a population scatters light with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Substance {
+    /// Micro-flakes of that albedo.
+    Flakes(Rgb),
+    /// Fibres of that material.
+    Fibres(u16),
+}
+
+impl Substance {
+    fn words(self) -> [u32; 3] {
+        match self {
+            Substance::Flakes(albedo) => albedo.0.to_array().map(f32::to_bits),
+            Substance::Fibres(material) => [u32::from(material), 0, 0],
+        }
+    }
 }
 
 /// No yarn.
@@ -71,6 +90,12 @@ pub enum Unsuited {
     /// More albedos than there are numbers for.
     #[error("a medium has more than 65536 different albedos")]
     TooManyAlbedos,
+    /// Fibres with a surface.
+    #[error("virtual fibres are packed; the kernel walks event = \"plain\" of them")]
+    Packed,
+    /// Tables of local visibility.
+    #[error("virtual fibres have tables of local visibility")]
+    LocalVisibility,
     /// More populations than can be addressed.
     #[error("a medium has more than 2^29 populations of fibres")]
     TooManyPopulations,
@@ -84,10 +109,11 @@ pub struct FlatMedium {
     /// Where the populations of every voxel stand, and how many they are; empty
     /// where each has its own place.
     pub places: Vec<u32>,
-    /// Which albedo every population has; empty where there is one.
+    /// Which substance every population has; empty where there is one.
     pub materials: Vec<u32>,
-    /// Red, green, blue as bits of `f32`, and one word unused.
-    pub albedos: Vec<u32>,
+    /// Of flakes red, green, blue of the albedo as bits of `f32`, of fibres the
+    /// material; one word of four unused.
+    pub substances: Vec<u32>,
     /// Of every population; empty where no yarns are known.
     yarns: Vec<u32>,
     /// Of every population, the densest in its voxel, which stands for all in
@@ -95,6 +121,8 @@ pub struct FlatMedium {
     densest: Vec<u32>,
     /// What shares are of, 1/mm: [`MOST`] of it is the majorant.
     pub scale_per_mm: f32,
+    /// Virtual fibres, not micro-flakes.
+    pub is_of_fibres: bool,
 }
 
 impl FlatMedium {
@@ -129,6 +157,34 @@ impl FlatMedium {
         })
     }
 
+    /// From a level of an octree of virtual fibres.
+    ///
+    /// # Errors
+    /// Fibres that are met elsewhere than where a ray is, or a medium that is too
+    /// large.
+    pub fn from_fibres(medium: &FibreMedium) -> Result<FlatMedium, Unsuited> {
+        if medium.event() == FibreEvent::Packed {
+            return Err(Unsuited::Packed);
+        }
+        if medium.has_local_visibility() {
+            return Err(Unsuited::LocalVisibility);
+        }
+        let lattice = *crate::Medium::lattice(medium);
+        let mut flat = Self::new(lattice, |cell, out| {
+            medium.axial_populations(cell, out);
+            Ok(())
+        })?;
+        flat.is_of_fibres = true;
+        Ok(flat)
+    }
+
+    /// The materials of its fibres, in the order of their numbers.
+    pub fn fibres(&self) -> impl Iterator<Item = usize> {
+        self.substances
+            .chunks_exact(4)
+            .map(|words| words[0] as usize)
+    }
+
     /// Bytes that a medium with so many voxels takes at the least, all working
     /// space while it is built included.
     pub fn least_bytes(lattice: &Lattice) -> u64 {
@@ -159,12 +215,13 @@ impl FlatMedium {
                 words: Vec::with_capacity(WORDS * around.len()),
                 places: Vec::new(),
                 materials: Vec::new(),
-                albedos: Vec::new(),
+                substances: Vec::new(),
                 yarns: Vec::new(),
                 densest: Vec::new(),
                 scale_per_mm,
+                is_of_fibres: false,
             },
-            albedo_numbers: HashMap::new(),
+            substance_numbers: HashMap::new(),
             knows_yarns: slices
                 .iter()
                 .any(|s| s.populations.iter().any(|p| p.yarn != NO_YARN)),
@@ -203,10 +260,10 @@ impl FlatMedium {
     }
 
     fn finished(mut self) -> FlatMedium {
-        if self.albedos.is_empty() {
-            self.albedos.resize(4, 0);
+        if self.substances.is_empty() {
+            self.substances.resize(4, 0);
         }
-        if self.albedos.len() == 4 {
+        if self.substances.len() == 4 {
             self.materials = Vec::new();
         }
         self
@@ -214,7 +271,7 @@ impl FlatMedium {
 
     /// The albedo of all, where there is one.
     pub fn only_albedo(&self) -> Vec3 {
-        Vec3::from_array([0, 1, 2].map(|i| f32::from_bits(self.albedos[i])))
+        Vec3::from_array([0, 1, 2].map(|i| f32::from_bits(self.substances[i])))
     }
 
     /// The place of the first population of a voxel, and how many it has; one
@@ -254,6 +311,7 @@ impl FlatMedium {
                 scaled_axis: Vec3::ZERO,
                 end_on: 1.0,
                 broadside_per_mm: 0.0,
+                is_of_fibres: self.is_of_fibres,
             };
         }
         let (axis, end_on) = (words.axis(), words.end_on().0);
@@ -262,6 +320,7 @@ impl FlatMedium {
             scaled_axis: length * Vec3::new(axis.x.0, axis.y.0, axis.z.0).normalize(),
             end_on,
             broadside_per_mm: words.broadside().0 * self.scale_per_mm / shared_by,
+            is_of_fibres: self.is_of_fibres,
         }
     }
 
@@ -285,7 +344,7 @@ impl FlatMedium {
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         let matter = self.words.len() + self.places.len() + self.materials.len();
-        let noted = self.albedos.len() + self.yarns.len() + self.densest.len();
+        let noted = self.substances.len() + self.yarns.len() + self.densest.len();
         4 * (matter + noted) as u64
     }
 }
@@ -293,7 +352,7 @@ impl FlatMedium {
 /// A medium on its way to be laid out.
 struct Filler {
     flat: FlatMedium,
-    albedo_numbers: HashMap<[u32; 3], u32>,
+    substance_numbers: HashMap<[u32; 3], u32>,
     knows_yarns: bool,
 }
 
@@ -312,17 +371,17 @@ impl Filler {
         for p in own {
             let axis = p.flake.scaled_axis().normalize_or(Vec3::Z);
             let words = pack(p.broadside_per_mm * share, axis, p.flake.end_on());
-            let albedo = self.albedo_number(p.albedo)?;
-            self.add_words(words, around, albedo, p.yarn);
+            let substance = self.substance_number(p.substance.words())?;
+            self.add_words(words, around, substance, p.yarn);
         }
         Ok(())
     }
 
-    fn add_words(&mut self, words: [u32; WORDS], around: Surroundings, albedo: u32, yarn: u32) {
+    fn add_words(&mut self, words: [u32; WORDS], around: Surroundings, substance: u32, yarn: u32) {
         let (bound, reach) = (around.bound_code, around.reach_code);
         let words = with_surroundings(words, u32::from(bound), u32::from(reach));
         self.flat.words.extend(words);
-        self.flat.materials.push(albedo);
+        self.flat.materials.push(substance);
         if self.knows_yarns {
             self.flat.yarns.push(yarn);
         }
@@ -339,21 +398,20 @@ impl Filler {
             .resize(self.flat.words.len() / WORDS, densest);
     }
 
-    fn albedo_number(&mut self, albedo: Rgb) -> Result<u32, Unsuited> {
-        let key = albedo.0.to_array().map(f32::to_bits);
-        if self.flat.albedos.first_chunk() == Some(&key) {
+    fn substance_number(&mut self, key: [u32; 3]) -> Result<u32, Unsuited> {
+        if self.flat.substances.first_chunk() == Some(&key) {
             return Ok(0);
         }
-        if let Some(&number) = self.albedo_numbers.get(&key) {
+        if let Some(&number) = self.substance_numbers.get(&key) {
             return Ok(number);
         }
-        let number = self.albedo_numbers.len() as u32;
+        let number = self.substance_numbers.len() as u32;
         if number > 0xffff {
             return Err(Unsuited::TooManyAlbedos);
         }
-        self.albedo_numbers.insert(key, number);
-        self.flat.albedos.extend(key);
-        self.flat.albedos.push(0);
+        self.substance_numbers.insert(key, number);
+        self.flat.substances.extend(key);
+        self.flat.substances.push(0);
         Ok(number)
     }
 }
@@ -371,13 +429,22 @@ pub struct Stored {
     pub end_on: f32,
     /// Extinction across the axis, 1/mm.
     pub broadside_per_mm: f32,
+    /// Virtual fibres, not micro-flakes.
+    pub is_of_fibres: bool,
 }
 
 impl Stored {
     /// Extinction toward `w`, 1/mm.
     pub fn extinction_per_mm(&self, w: Vec3) -> f32 {
         let across = self.scaled_axis.cross(w).length_squared();
-        self.broadside_per_mm * (self.end_on * self.end_on + across).sqrt()
+        let e2 = self.end_on * self.end_on;
+        if self.is_of_fibres {
+            let across = across / (1.0 - e2).max(1e-6);
+            let along = (1.0 - across).max(0.0);
+            let [along, across, end_on] = [along, across, self.end_on].map(one::F::splat);
+            return self.broadside_per_mm * area_squared(along, across, end_on).0.sqrt();
+        }
+        self.broadside_per_mm * (e2 + across).sqrt()
     }
 }
 

@@ -55,6 +55,16 @@ impl<F: Floats> V3<F> {
         }
     }
 
+    /// `self * k + o`, component by component.
+    #[inline(always)]
+    pub fn times_add(self, k: V3<F>, o: V3<F>) -> V3<F> {
+        V3 {
+            x: self.x.mul_add(k.x, o.x),
+            y: self.y.mul_add(k.y, o.y),
+            z: self.z.mul_add(k.z, o.z),
+        }
+    }
+
     /// Component by component.
     #[inline(always)]
     pub fn times(self, o: V3<F>) -> V3<F> {

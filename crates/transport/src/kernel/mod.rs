@@ -15,6 +15,11 @@ mod borders;
 mod environment;
 #[cfg(test)]
 mod environment_tests;
+mod event;
+mod fibre_tables;
+#[cfg(test)]
+mod fibre_tests;
+mod fibres;
 mod film_rays;
 mod flakes;
 mod flat_medium;
@@ -35,7 +40,8 @@ mod vector;
 mod voxel_words;
 mod walk;
 
-pub(crate) use flat_medium::{NO_YARN, Population};
+pub(crate) use fibre_tables::end_on_ratio;
+pub(crate) use flat_medium::{NO_YARN, Population, Substance};
 pub(crate) use tally::{Brightness, Tally};
 
 use crate::{
@@ -43,7 +49,10 @@ use crate::{
 };
 use borders::Borders;
 use environment::{Parts, Sky};
+use fibre_tables::FibreTables;
+use fibres::Fibres;
 use film_rays::FilmRays;
+use flakes::Mirrors;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
 use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES};
@@ -114,8 +123,8 @@ pub enum KernelRefusal {
     /// Not one medium but none or several.
     #[error("the scene has {0} media; the kernel walks through one")]
     MediumCount(usize),
-    /// A medium of other than micro-flakes.
-    #[error("what scatters is no micro-flakes about fibre axes")]
+    /// A medium of other than micro-flakes or virtual fibres.
+    #[error("what scatters is no micro-flakes about fibre axes, nor virtual fibres")]
     NotFlakes,
     /// A medium that does not suit it.
     #[error(transparent)]
@@ -144,6 +153,8 @@ pub enum KernelRefusal {
 pub struct Kernel {
     backend: Backend,
     medium: FlatMedium,
+    /// Of a medium of flakes empty.
+    fibres: FibreTables,
     /// For lengths in units of one over the medium's scale.
     voxels_per_length: Vec3,
     nodes: Nodes,
@@ -221,6 +232,7 @@ impl Kernel {
         let lattice = match medium {
             AnyMedium::Grid(m) => *m.lattice(),
             AnyMedium::Cloth(m) => *m.lattice(),
+            AnyMedium::Fibres(m) => *m.lattice(),
             _ => return Err(KernelRefusal::NotFlakes),
         };
         let borders = Borders::of(&lattice);
@@ -261,15 +273,21 @@ impl Kernel {
         if bytes > most_bytes {
             return Err(KernelRefusal::Memory(bytes, most_bytes));
         }
-        let medium = match medium {
-            AnyMedium::Grid(m) => FlatMedium::from_grid(m)?,
-            AnyMedium::Cloth(m) => FlatMedium::from_cloth(m)?,
+        let (medium, fibres) = match medium {
+            AnyMedium::Grid(m) => (FlatMedium::from_grid(m)?, FibreTables::none()),
+            AnyMedium::Cloth(m) => (FlatMedium::from_cloth(m)?, FibreTables::none()),
+            AnyMedium::Fibres(m) => {
+                let medium = FlatMedium::from_fibres(m)?;
+                let fibres = medium.fibres().filter_map(|i| m.fibres().get(i));
+                let tables = FibreTables::new(fibres);
+                (medium, tables)
+            }
             _ => return Err(KernelRefusal::NotFlakes),
         };
-        let lamps = pictures.iter().flat_map(|(_, parts)| parts.directions());
         let directions = parallel.iter().map(|&(direction, _)| direction);
         let directions = directions.chain(panels.iter().map(|p| p.direction(&lattice)));
-        let nodes = Nodes::new(&medium, directions.chain(lamps));
+        // Lamps are wide: a fine table toward their middles would be no better.
+        let nodes = Nodes::new(&medium, directions);
         let skies: Vec<Sky> = pictures
             .iter()
             .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))
@@ -303,6 +321,7 @@ impl Kernel {
             nodes,
             voxels_per_length: 1.0 / (lattice.voxel_mm() * medium.scale_per_mm),
             medium,
+            fibres,
             environment,
             skies,
             borders,
@@ -324,7 +343,8 @@ impl Kernel {
     pub fn memory_bytes(&self) -> u64 {
         let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
         let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
-        self.medium.memory_bytes() + skies + tables + 4 * self.depths.len() as u64
+        let matter = self.medium.memory_bytes() + self.fibres.memory_bytes();
+        matter + skies + tables + 4 * self.depths.len() as u64
     }
 
     fn has_panels(&self) -> bool {
@@ -348,6 +368,16 @@ impl Kernel {
     }
 }
 
+/// Walks through what there is.
+#[inline(always)]
+fn by_matter<F: lanes::Floats>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+    if kernel.medium.is_of_fibres {
+        walk::walk::<F, Fibres<F>>(kernel, block)
+    } else {
+        walk::walk::<F, Mirrors<F>>(kernel, block)
+    }
+}
+
 /// Walks with the kernel's back end: the one place where code for instructions
 /// that a processor may lack is entered, after [`Kernel::new`] has asked it.
 #[allow(unsafe_code)]
@@ -360,18 +390,18 @@ fn dispatch(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
             enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
         )]
         fn avx512(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            walk::walk::<Two<vector::avx512::F>>(kernel, block)
+            by_matter::<Two<vector::avx512::F>>(kernel, block)
         }
 
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
         fn avx2(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            walk::walk::<Two<vector::avx2::F>>(kernel, block)
+            by_matter::<Two<vector::avx2::F>>(kernel, block)
         }
 
         /// One lane, where fused products need no function call.
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
         fn fused(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            walk::walk::<lanes::one::F>(kernel, block)
+            by_matter::<lanes::one::F>(kernel, block)
         }
 
         match kernel.backend {
@@ -383,5 +413,5 @@ fn dispatch(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
             Backend::Scalar => {}
         }
     }
-    walk::walk::<lanes::one::F>(kernel, block)
+    by_matter::<lanes::one::F>(kernel, block)
 }

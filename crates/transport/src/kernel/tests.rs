@@ -94,7 +94,7 @@ pub fn parallel() -> Vec<Light> {
     .to_vec()
 }
 
-fn sky() -> Vec<Light> {
+pub fn sky() -> Vec<Light> {
     let of = |radiance, hemisphere| Light::Environment {
         radiance,
         hemisphere,
@@ -106,7 +106,7 @@ fn sky() -> Vec<Light> {
 }
 
 /// One panel beside the camera, and one behind the matter that is seen through it.
-fn panels() -> Vec<Light> {
+pub fn panels() -> Vec<Light> {
     let panel = |corner, u, v, radiance, two_sided| Light::Rectangle {
         rectangle: RectangleLight::new(corner, u, v, radiance, two_sided).unwrap(),
         search: LightSearch::Both,

@@ -112,10 +112,16 @@ impl<U: Ints> VoxelWords<U> {
         bits.as_floats() - U::Floats::splat(LEAST)
     }
 
+    /// The code of the end-on ratio.
+    #[inline(always)]
+    pub fn end_on_code(self) -> U {
+        self.0[0].shr::<4>() & U::splat(0xfff)
+    }
+
     /// The end-on ratio.
     #[inline(always)]
     pub fn end_on(self) -> U::Floats {
-        let root = (self.0[0].shr::<4>() & U::splat(0xfff)).to_floats();
+        let root = self.end_on_code().to_floats();
         let root = root * U::Floats::splat(1.0 / END_ON_ONE);
         root * root
     }

@@ -1,7 +1,7 @@
 //! The walk: one path in every lane, and a new one where one has ended.
 
+use super::event::{Event, Meeting};
 use super::film_rays::inverse_of_step;
-use super::flakes::Flakes;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
 use super::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use super::light_table::{LightTable, depth};
@@ -100,7 +100,7 @@ impl<F: Floats> Paths<F> {
 
 /// Walks all paths of a block.
 #[inline(always)]
-pub fn walk<F: Floats>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
     let mut stats = Stats::default();
     let mut paths = Paths::<F>::none();
     let mut posts = Posts::new();
@@ -114,14 +114,14 @@ pub fn walk<F: Floats>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
             return stats;
         }
         for _ in 0..STEPS_PER_ROUND {
-            fly(kernel, &mut paths, &mut stats);
+            fly::<F, E>(kernel, &mut paths, &mut stats);
         }
         ended = paths.gone;
         if paths.gone.any() {
             escape(kernel, &mut paths);
         }
         if paths.met.any() {
-            ended = ended | scatter(kernel, &mut paths, &mut stats);
+            ended = ended | scatter::<F, E>(kernel, &mut paths, &mut stats);
         }
     }
 }
@@ -129,7 +129,7 @@ pub fn walk<F: Floats>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
 /// One flight to a tentative collision and the look-up there, for the lanes in
 /// flight.
 #[inline(always)]
-fn fly<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
+fn fly<F: Floats, E: Event<F>>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
     let medium = &kernel.medium;
     let word = F::Ints::splat;
     let [u_flight, u_real, u_which] = paths.rng.units(paths.flying);
@@ -188,7 +188,7 @@ fn fly<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
     let (axis, end_on) = (voxel.axis(), voxel.end_on());
     let across = axis.cross(paths.direction);
     let (square, across) = (axis.dot(axis), across.dot(across));
-    let area = (end_on * end_on).mul_add(square - across, across);
+    let area = E::area_squared(square - across, across, end_on);
     let broadside = voxel.broadside();
     let extinction = broadside * broadside * area;
     let bound = majorant * majorant * square;
@@ -286,7 +286,11 @@ pub fn add_panels_in_sight<F: Floats>(
 /// The events of the lanes that met something: light, a new direction,
 /// roulette. Gives the lanes whose paths end.
 #[inline(always)]
-fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) -> F::Mask {
+fn scatter<F: Floats, E: Event<F>>(
+    kernel: &Kernel,
+    paths: &mut Paths<F>,
+    stats: &mut Stats,
+) -> F::Mask {
     let word = F::Ints::splat;
     let one = F::splat(1.0);
     let first = paths.met & paths.first_place.equals(word(NO_POPULATION));
@@ -297,17 +301,21 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
     let met = paths.met & !cut;
     paths.bounces = (paths.bounces + word(1)).or_where_not(met, paths.bounces);
 
-    let flakes = Flakes::<F>::of(paths.voxel);
-    let w_out = V3 {
-        x: -paths.direction.x,
-        y: -paths.direction.y,
-        z: -paths.direction.z,
+    let meeting = Meeting {
+        voxel: paths.voxel,
+        place: paths.place,
+        w_out: V3 {
+            x: -paths.direction.x,
+            y: -paths.direction.y,
+            z: -paths.direction.z,
+        },
     };
-    let per_area = one / flakes.area(w_out);
-    let mut throughput = paths.throughput.times(albedo(kernel, paths.place));
-    let mean = throughput.sum() * F::splat(1.0 / 3.0);
+    let event = E::new(kernel, &meeting, &mut paths.rng, met);
+    let throughput = paths.throughput.times(event.common());
+    let third = F::splat(1.0 / 3.0);
+    let mean = throughput.sum() * third;
 
-    // Phase function times light that arrives.
+    // What is scattered of the light that arrives.
     let mut light_in = V3::splat(Vec3::ZERO);
     let corners = kernel.nodes.around(paths.at);
     let count = kernel.lights.len();
@@ -324,72 +332,56 @@ fn scatter<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) 
                 panel.toward(paths.at, paths.beyond, u, v)
             }
         };
+        let (grey, scattered) = event.toward(kernel, toward);
         let aim = Aim {
-            phase: flakes.phase(w_out, per_area, toward),
+            grey,
             toward,
             distance_mm,
             table_depth: depth(&kernel.depths, count, i, &corners),
             u,
         };
-        let arriving = strength * aim.arriving(kernel, light, paths, mean, met, stats);
-        light_in = V3::splat(light.irradiance.0).scaled_add(arriving, light_in);
+        let through = aim.transmittance(kernel, light, paths, mean, met, stats);
+        let arriving = scattered.scaled(through).scaled(strength);
+        light_in = V3::splat(light.irradiance.0).times_add(arriving, light_in);
     }
     for sky in &kernel.skies {
         for lamp in &sky.lamps {
             let [place, own, u] = paths.rng.units(met);
             let [across, down, _] = paths.rng.units(met);
             let drawn = sky.sample(lamp, [place, own, across, down]);
+            let (grey, scattered) = event.toward(kernel, drawn.to_light);
             let aim = Aim {
-                phase: flakes.phase(w_out, per_area, drawn.to_light),
+                grey,
                 toward: drawn.to_light,
                 distance_mm: F::splat(f32::INFINITY),
                 table_depth: depth(&lamp.table.depths, 1, 0, &corners),
                 u,
             };
-            let arriving = aim.arriving(kernel, &lamp.table, paths, mean, met, stats);
-            light_in = drawn.irradiance.scaled_add(arriving, light_in);
+            let through = aim.transmittance(kernel, &lamp.table, paths, mean, met, stats);
+            let arriving = scattered.scaled(through);
+            light_in = drawn.irradiance.times_add(arriving, light_in);
         }
     }
-    let lit = V3 {
-        x: throughput.x.mul_add(light_in.x, paths.radiance.x),
-        y: throughput.y.mul_add(light_in.y, paths.radiance.y),
-        z: throughput.z.mul_add(light_in.z, paths.radiance.z),
-    };
+    let lit = throughput.times_add(light_in, paths.radiance);
     paths.radiance = lit.or_where_not(met, paths.radiance);
 
-    let [turns, height, u_survive] = paths.rng.units(met);
-    let direction = flakes.scatter(w_out, per_area, turns, height);
-    let survival = (mean * F::splat(ROULETTE_SCALE)).min(one);
-    let survives = met & u_survive.below(survival);
-    throughput = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
+    let turn = event.turn(kernel, &mut paths.rng, met);
+    let throughput = throughput.times(turn.weight);
+    let survival = (throughput.sum() * third * F::splat(ROULETTE_SCALE)).min(one);
+    let survives = met & turn.u.below(survival);
+    let throughput = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
     paths.throughput = throughput.or_where_not(survives, paths.throughput);
-    paths.turn(kernel, direction, survives);
+    paths.turn(kernel, turn.direction, survives);
     paths.flying = paths.flying | survives;
     let ended = paths.met & !survives;
     paths.met = F::Mask::from_bits(0);
     ended
 }
 
-/// Albedos of the populations at these places.
-#[inline(always)]
-fn albedo<F: Floats>(kernel: &Kernel, place: F::Ints) -> V3<F> {
-    let (medium, word) = (&kernel.medium, F::Ints::splat);
-    if medium.materials.is_empty() {
-        return V3::splat(medium.only_albedo());
-    }
-    let albedos = &medium.albedos[..];
-    let first = place.gather(&medium.materials).shl::<2>();
-    V3 {
-        x: first.gather(albedos).as_floats(),
-        y: (first + word(1)).gather(albedos).as_floats(),
-        z: (first + word(2)).gather(albedos).as_floats(),
-    }
-}
-
 /// Light that a lane looks for.
 struct Aim<F: Floats> {
-    /// Of the flakes there, 1/sr.
-    phase: F,
+    /// What is scattered of it, 1/sr.
+    grey: F,
     toward: V3<F>,
     /// To the light, mm.
     distance_mm: F,
@@ -400,10 +392,10 @@ struct Aim<F: Floats> {
 }
 
 impl<F: Floats> Aim<F> {
-    /// Phase function times transmittance: as the table says it, set right by an
-    /// exact ray with a chance that goes with the light there is.
+    /// Transmittance: as the table says it, set right by an exact ray with a
+    /// chance that goes with the light there is.
     #[inline(always)]
-    fn arriving(
+    fn transmittance(
         &self,
         kernel: &Kernel,
         light: &LightTable,
@@ -413,15 +405,15 @@ impl<F: Floats> Aim<F> {
         stats: &mut Stats,
     ) -> F {
         let through = exp2(self.table_depth * F::splat(-LOG2_E));
-        let share = mean_throughput * self.phase * F::splat(kernel.residual_scale);
+        let share = mean_throughput * self.grey * F::splat(kernel.residual_scale);
         let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
         let traced = met & self.u.below(keep);
         if !traced.any() {
-            return self.phase * through;
+            return through;
         }
         let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
         let set_right = (exact - through) / keep + through;
-        self.phase * set_right.or_where_not(traced, through)
+        set_right.or_where_not(traced, through)
     }
 
     /// Exact transmittances of the lanes of a mask, one after the other.

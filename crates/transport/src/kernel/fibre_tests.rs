@@ -1,0 +1,406 @@
+//! Fibres in lanes against the scalar lobes, and kernels that walk them against
+//! the general walk.
+
+use super::event::{Event, Meeting};
+use super::fibre_tables::area_squared;
+use super::lanes::{Floats, Ints, one};
+use super::math::{LaneRng, V3, pixel_key};
+use super::tests::{agree, film, kernel, lens, panels, parallel, samples, scene, settings, sky};
+use super::voxel_words::{VoxelWords, pack};
+use super::*;
+use crate::*;
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::welch_test;
+use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
+use organza_scatter::virtual_fibres::visible_tangent_sample;
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe,
+    effective_cross_section,
+};
+use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+
+type One = one::F;
+
+fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::from(absorption),
+        longitudinal_rad: longitudinal_deg.to_radians(),
+        azimuthal_rad: azimuthal_deg.to_radians(),
+    };
+    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+}
+
+fn fitted(name: &str) -> Fibre {
+    Fibre::Fitted(FittedFibre::new(FittedParameters::preset(name).unwrap()).unwrap())
+}
+
+/// Clear, dyed, rough, and two that were fitted.
+fn fibres() -> Vec<Fibre> {
+    vec![
+        dielectric([0.0; 3], 6.0, 10.0),
+        dielectric([0.02, 0.3, 2.0], 4.0, 15.0),
+        dielectric([0.1, 0.1, 0.02], 15.0, 40.0),
+        fitted("gabardine"),
+        fitted("cotton"),
+    ]
+}
+
+/// The numbers of one path.
+fn numbers(seed: u32) -> LaneRng<one::U> {
+    let (a, b) = pixel_key(3, u64::from(seed));
+    LaneRng::new((one::U::splat(a), one::U::splat(b)), one::U::splat(seed))
+}
+
+fn lanes(v: Vec3) -> V3<One> {
+    V3::splat(v)
+}
+
+fn vector(v: V3<One>) -> Vec3 {
+    Vec3::new(v.x.0, v.y.0, v.z.0)
+}
+
+/// A population in lanes, its axis as stored, and its spread.
+fn population(axis: Vec3, spread_rad: f32) -> (VoxelWords<one::U>, Vec3, f32) {
+    let words = pack(1.0, axis, end_on_ratio(spread_rad));
+    let voxel = VoxelWords(words.map(<one::U as Ints>::splat));
+    let spreads = FibreTables::new(std::iter::empty()).spreads;
+    let code = one::U::splat(2) * voxel.end_on_code();
+    let spread = Ints::as_floats(code.gather(&spreads)).0;
+    (voxel, vector(voxel.axis()).normalize(), spread)
+}
+
+fn meet(
+    tables: &FibreTables,
+    number: u32,
+    voxel: VoxelWords<one::U>,
+    w_out: Vec3,
+    rng: &mut LaneRng<one::U>,
+) -> Fibres<One> {
+    let met = Meeting {
+        voxel,
+        place: one::U::splat(0),
+        w_out: lanes(w_out),
+    };
+    Fibres::meet(tables, one::U::splat(number), &met, rng, true)
+}
+
+#[test]
+fn what_populations_block_is_fitted() {
+    for spread in [1e-3f32, 0.02, 0.07, 0.2, 0.45, 0.7, 1.3, 4.0, 100.0] {
+        let e = end_on_ratio(spread);
+        let broadside = effective_cross_section(1.0, spread);
+        for i in 0..=200 {
+            let sine = (i as f32 / 200.0).powi(2);
+            let parts = [1.0 - sine * sine, sine * sine, e].map(One::splat);
+            let got = area_squared(parts[0], parts[1], parts[2]).0.sqrt();
+            let exact = effective_cross_section(sine, spread) / broadside;
+            assert!(
+                (got / exact - 1.0).abs() < 5e-3,
+                "{spread} {sine}: {got} {exact}"
+            );
+            assert!(got <= 1.0 + 1e-5, "{spread} {sine}: {got}");
+        }
+    }
+}
+
+/// Weighed tangents against those that are drawn without weights.
+#[test]
+fn tangents_are_met_as_they_are_seen() {
+    let tables = FibreTables::new(fibres().iter());
+    let mut scalar = PathRng::from_seed(61);
+    let n = 6000;
+    for spread in [1e-3f32, 0.1, 0.35, 0.9, 4.0] {
+        let (voxel, axis, spread) = population(Vec3::new(0.48, -0.6, 0.64), spread);
+        let aside = axis.any_orthonormal_vector();
+        for beta in [0.0f32, 0.02, 0.2, 0.8, 1.5, 2.9] {
+            let w = axis * beta.cos() + aside * beta.sin();
+            let of = |t: Vec3| {
+                let (x, y) = (t.dot(w).abs(), t.dot(aside));
+                [1.0, x, y * y, axis.dot(t).abs()].map(f64::from)
+            };
+            let (mut own, mut other) = ([Moments::default(); 4], [Moments::default(); 4]);
+            for i in 0..n {
+                let mut rng = numbers(i);
+                let f = meet(&tables, 0, voxel, w, &mut rng);
+                assert!((vector(f.tangent).length() - 1.0).abs() < 1e-3);
+                let weight = f64::from(f.weight.0);
+                for (m, x) in own.iter_mut().zip(of(vector(f.tangent))) {
+                    m.add(weight * x);
+                }
+                let t = visible_tangent_sample(axis, spread, w, &mut scalar);
+                for (m, x) in other.iter_mut().zip(of(t)) {
+                    m.add(x);
+                }
+            }
+            for (m, o) in own.iter().zip(&other) {
+                let error = m.standard_error().hypot(o.standard_error()) + 1e-3 * o.mean.abs();
+                let apart = (m.mean - o.mean).abs();
+                assert!(apart < 4.5 * error, "seed 61, {spread} {beta}: {m:?} {o:?}");
+            }
+            assert!(own[0].variance() < 0.35, "{spread} {beta}: {:?}", own[0]);
+        }
+    }
+}
+
+/// What lights are looked up at, on average over its chances, is the scalar lobe;
+/// and light that is drawn is the same on average, over whole directions.
+#[test]
+fn lanes_scatter_as_the_scalar_lobes_do() {
+    let all = fibres();
+    let tables = FibreTables::new(all.iter());
+    let mut scalar = PathRng::from_seed(62);
+    for (number, fibre) in all.iter().enumerate() {
+        let (mut whole, mut apart) = (0.0, 0.0f64);
+        for turn in 0..40u32 {
+            let axis = warp::uniform_sphere(scalar.unit2());
+            let w_out = warp::uniform_sphere(scalar.unit2());
+            let w_in = warp::uniform_sphere(scalar.unit2());
+            let (voxel, _, _) = population(axis, 0.05);
+            let mut f = meet(&tables, number as u32, voxel, w_out, &mut numbers(turn));
+            // The chances run through a lattice of 8 x 8 x 8 middles.
+            let mut mean = Vec3::ZERO;
+            for i in 0..512 {
+                let chance = |k: u32| One::splat(((i >> (3 * k) & 7) as f32 + 0.5) / 8.0);
+                f.chances = [chance(0), chance(1), chance(2)];
+                mean += vector(f.value(&tables, lanes(w_in))) / 512.0;
+            }
+            let tangent = vector(f.tangent);
+            let parts = fibre.far_parts();
+            let exact = fibre.far_field(tangent).eval(w_out, w_in).0;
+            let exact = exact / parts.scale(FibreFrame::new(tangent, w_out).cos_out);
+            // Nodes differ by an eighth of a deviation, whose sixteenth is lost to
+            // the lattice.
+            let error = (mean - exact).abs().max_element();
+            let most = exact.max_element();
+            assert!(
+                error < 0.03 * most + 1e-4,
+                "seed 62, {number} {turn}: {mean} {exact}"
+            );
+            whole += f64::from(exact.element_sum());
+            apart += f64::from((mean - exact).element_sum());
+        }
+        assert!(
+            apart.abs() < 3e-3 * whole,
+            "seed 62, {number}: {apart} of {whole}"
+        );
+    }
+}
+
+/// Moments of what is drawn.
+fn drawn_moments(w: Vec3, weight: Vec3, t: Vec3, into: &mut [Moments; 8]) {
+    let along = t.dot(w);
+    let values = [
+        weight.x,
+        weight.z,
+        weight.y * along,
+        weight.y * along * along,
+        weight.x * w.x,
+        weight.y * w.y,
+        weight.z * w.z * w.z,
+        weight.x * (1.0 - along * along).max(0.0).sqrt(),
+    ];
+    for (m, v) in into.iter_mut().zip(values) {
+        m.add(f64::from(v));
+    }
+}
+
+/// Directions drawn in lanes against those of the scalar sampler, on average over
+/// chances; the twin draws from another fibre's tables.
+#[test]
+fn lanes_draw_what_they_scatter() {
+    let all = fibres();
+    let tables = FibreTables::new(all.iter());
+    let mut scalar = PathRng::from_seed(63);
+    let n = 15_000;
+    let mut twins = 0;
+    for (number, fibre) in all.iter().enumerate() {
+        for w_out in [Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.96, 0.0, -0.28)] {
+            let (voxel, axis, _) = population(Vec3::new(0.8, 0.6, 0.0), 1e-3);
+            let drawn = |number: usize| {
+                let mut moments = [Moments::default(); 8];
+                for i in 0..n {
+                    let mut rng = numbers(i);
+                    let mut f = meet(&tables, number as u32, voxel, w_out, &mut rng);
+                    f.weight = One::splat(1.0);
+                    let turn = f.sample(&tables, &mut rng, true);
+                    let (w, common) = (vector(turn.direction), vector(Event::common(&f)));
+                    assert!((w.length() - 1.0).abs() < 1e-5, "{w}");
+                    drawn_moments(w, common * vector(turn.weight), axis, &mut moments);
+                }
+                moments
+            };
+            let mut other = [Moments::default(); 8];
+            let lobe = fibre.far_field(axis);
+            for _ in 0..n {
+                let Some(s) = lobe.sample(w_out, &mut scalar) else {
+                    continue;
+                };
+                drawn_moments(s.w_in, s.weight.0, axis, &mut other);
+            }
+            for (m, o) in drawn(number).iter().zip(&other) {
+                let verdict = welch_test(m, o);
+                let close = (m.mean - o.mean).abs() < 2e-3 * o.mean.abs().max(0.1);
+                assert!(
+                    close || verdict.p_value > 1e-5,
+                    "seed 63, {number}: {m:?} {o:?}"
+                );
+            }
+            let twin = drawn((number + 1) % all.len());
+            let least = twin
+                .iter()
+                .zip(&other)
+                .map(|(m, o)| welch_test(m, o).p_value);
+            twins += usize::from(least.fold(1.0, f64::min) < 1e-9);
+        }
+    }
+    assert!(twins >= 9, "{twins} of 10 twins rejected");
+}
+
+/// Fibres of two materials that cross in the same voxels.
+fn cloth(fibres: Vec<Fibre>, event: FibreEvent) -> FibreMedium {
+    let mut segments = Vec::new();
+    for i in 0..24 {
+        let at = (i as f32 + 0.5) / 24.0 * 0.2;
+        let z = 0.05 + 0.015 * (i % 3) as f32;
+        let bend = 0.015 * ((i * 7 % 5) as f32 - 2.0);
+        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at + bend, z + 0.02)];
+        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at - bend, 0.2, z)];
+        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
+        let mut other = Segment::straight(along_y[0], along_y[1], 0.006);
+        other.material = 1;
+        segments.push(other);
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
+        repeats: true,
+    };
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        levels: Some(2),
+        footprint: Footprint::Axis,
+        max_memory_bytes: None,
+    };
+    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    FibreMedium::new(octree, 0, fibres, event).unwrap()
+}
+
+fn silk_and_cotton() -> Vec<Fibre> {
+    vec![dielectric([0.02, 0.1, 0.5], 5.0, 10.0), fitted("gabardine")]
+}
+
+#[test]
+fn laid_out_fibres_are_the_medium() {
+    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+    let flat = FlatMedium::from_fibres(&medium).unwrap();
+    let dims = medium.lattice().dims();
+    let mut rng = PathRng::from_seed(64);
+    let mut mixed = 0;
+    for i in 0..dims.element_product() {
+        let c = glam::UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+        let w = warp::uniform_sphere(rng.unit2());
+        let own = flat
+            .populations_of(i as usize)
+            .map(|p| p.extinction_per_mm(w));
+        let (own, site) = (own.sum::<f32>(), medium.site(c.as_vec3() + 0.5));
+        let exact = medium.sigma_t(&site, w);
+        assert!(
+            (own - exact).abs() <= 8e-3 * exact,
+            "seed 64: {own}, {exact} at {c}"
+        );
+        mixed += usize::from(flat.populations_of(i as usize).count() > 1);
+    }
+    assert!(mixed > 20, "{mixed} mixtures");
+    assert_eq!(flat.fibres().collect::<Vec<_>>().len(), 2);
+}
+
+/// Pictures of the kernel and of the walk; the twin has others of the fibres.
+#[test]
+fn the_kernel_agrees_with_the_walk_through_fibres() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let pictures = vec![environment_tests::picture()];
+    for (name, lights, projection) in [
+        ("parallel", parallel(), pinhole),
+        ("sky", sky(), lens()),
+        ("panels", panels(), flat),
+        ("picture", pictures, flat),
+    ] {
+        let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+        let scene = scene(AnyMedium::Fibres(medium), lights, projection);
+        let settings = settings(0..samples(), u32::MAX);
+        let made = kernel(&scene, &settings, Backend::widest());
+        let (a, stats) = film(&scene, &settings, Some(made));
+        let (b, of_walk) = film(&scene, &settings, None);
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&a, &b);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
+        let (m, n) = (per_path(&stats), per_path(&of_walk));
+        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+
+        let mut twin = kernel(&scene, &settings, Backend::widest());
+        twin.fibres = FibreTables::new(fibres().iter());
+        let (c, _) = film(&scene, &settings, Some(twin));
+        let (spread, mean) = agree(&c, &b);
+        let least = spread.p_value.min(mean.p_value);
+        assert!(least < 1e-9, "{name}, seed 9: twin {least}");
+    }
+}
+
+/// Fibres that keep all light under even light: nothing is to be seen.
+#[test]
+fn white_fibres_vanish_under_even_light() {
+    let white = FittedParameters {
+        colour_tt: Rgb::WHITE,
+        ..FittedParameters::preset("gabardine").unwrap()
+    };
+    let white = Fibre::Fitted(FittedFibre::new(white).unwrap());
+    let medium = cloth(
+        vec![dielectric([0.0; 3], 6.0, 10.0), white],
+        FibreEvent::Plain,
+    );
+    let light = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let scene = scene(AnyMedium::Fibres(medium), vec![light], flat);
+    let settings = settings(0..8 * samples(), u32::MAX);
+    let made = kernel(&scene, &settings, Backend::widest());
+    let (film, stats) = film(&scene, &settings, Some(made));
+    assert!(stats.collisions > stats.paths);
+    for (mean, error) in film.mean() {
+        // Per event the extinction is off by less than 0.4 %, either way.
+        let apart = (mean - 1.0).abs();
+        assert!(apart < 3e-3 + 4.0 * error, "seed 9: {mean} +- {error}");
+        assert!(error < 3e-3, "seed 9: {error}");
+    }
+}
+
+#[test]
+fn back_ends_give_the_same_bits_through_fibres() {
+    let mut lights = parallel();
+    lights.push(environment_tests::picture());
+    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+    let scene = scene(AnyMedium::Fibres(medium), lights, lens());
+    let settings = settings(0..6, 40);
+    let of = |backend| film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
+    let one = of(Backend::Scalar);
+    for backend in [Backend::Avx2, Backend::Avx512] {
+        if backend.is_available() {
+            assert!(of(backend) == one, "{backend:?}");
+        }
+    }
+}
+
+#[test]
+fn packed_fibres_are_refused() {
+    let medium = cloth(silk_and_cotton(), FibreEvent::Packed);
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let scene = scene(AnyMedium::Fibres(medium), parallel(), flat);
+    let refused = Kernel::new(&scene, &settings(0..1, 1), Backend::Scalar, 1 << 30).err();
+    let packed = KernelRefusal::Medium(Unsuited::Packed);
+    assert_eq!(refused, Some(packed));
+}
