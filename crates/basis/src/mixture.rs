@@ -43,6 +43,14 @@ pub struct Mixture {
     components: [FibreComponent; MAX_COMPONENTS],
 }
 
+impl std::ops::Deref for Mixture {
+    type Target = [FibreComponent];
+
+    fn deref(&self) -> &[FibreComponent] {
+        self.as_slice()
+    }
+}
+
 impl Mixture {
     /// Nothing there.
     pub const EMPTY: Mixture = Mixture {

@@ -303,18 +303,17 @@ impl DielectricFibre {
         }
     }
 
-    /// Azimuth of lobe `p` at an offset, from a standard normal number.
+    /// Draws the azimuth of lobe `p` at an offset, not wrapped.
     pub(crate) fn near_azimuth_sample(
         &self,
         crossing: &Crossing,
         p: usize,
-        normal: f32,
         rng: &mut PathRng,
     ) -> f32 {
         if p == SHAPED {
             PI - TAU * rng.unit()
         } else {
-            crossing.exit_azimuth_rad(p) + self.azimuth_blur * normal
+            crossing.exit_azimuth_rad(p) + self.azimuth_blur * rng.normal2().x
         }
     }
 }

@@ -43,11 +43,11 @@ impl FarParts<'_> {
 
     /// c at an inclination, per channel.
     pub fn scale(&self, cos_theta: f32) -> Vec3 {
-        self.0.balance().at(cos_theta)
+        self.0.balance().at(cos_theta).scale
     }
 
     /// Even steps of the cosine, so many nodes with both ends, between which c
-    /// is linear.
+    /// is linear to 3e-4.
     pub fn scale_nodes(&self) -> usize {
         self.0.balance().nodes()
     }

@@ -11,7 +11,7 @@
 use crate::error::{Error, in_range};
 use crate::longitudinal::{Balance, Blur, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian};
 use glam::Vec3;
-use organza_basis::{Rgb, nearest_name};
+use organza_basis::{PathRng, Rgb, nearest_name};
 use std::f32::consts::{PI, TAU};
 
 /// R and TT.
@@ -162,12 +162,12 @@ impl FittedFibre {
         }
     }
 
-    /// Azimuth of lobe `p` from a uniform and a standard normal number.
-    pub(crate) fn azimuth_sample(&self, p: usize, uniform: f32, normal: f32) -> f32 {
+    /// Draws the azimuth of lobe `p`, not wrapped.
+    pub(crate) fn azimuth_sample(&self, p: usize, rng: &mut PathRng) -> f32 {
         if p == 0 {
-            PI - TAU * uniform
+            PI - TAU * rng.unit()
         } else {
-            self.azimuth_blur * normal
+            self.azimuth_blur * rng.normal2().x
         }
     }
 }

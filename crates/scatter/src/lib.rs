@@ -10,8 +10,8 @@
 //! | rough-fibre flakes of a width | the same of [`BandFlakes`] | the same |
 //! | diffuse flakes | as above | [`DiffuseFlake::meet`] once, then its [`Lobe`] |
 //! | a [`Mixture`](organza_basis::Mixture), plain virtual scattering | [`sigma_t_per_mm`] | [`meet_fibre`], then [`Fibre::far_field`] of its tangent |
-//! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], [`NearField::choose_lobe`], and on from [`PackedEvent::exit_mm`] |
-//! | explicit fibres in a hierarchy | - | [`FibreFrame::new`], [`FibreFrame::offset`] of the surface normal, [`Fibre::near_field`], [`NearField::choose_lobe`], and on from the axis plus the radius times [`NearField::exit_normal`] |
+//! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], and on from [`PackedEvent::exit_mm`] |
+//! | explicit fibres in a hierarchy | - | [`FibreFrame::new`], [`FibreFrame::offset`] of the surface normal, [`Fibre::near_field`], and on from the axis plus the radius times [`NearField::exit_normal`] |
 //!
 //! The directions, measures and weights of all of these are those of [`Lobe`]:
 //! unit vectors away from the event, `w_out` back along the walk, `w_in` where
@@ -49,7 +49,7 @@
 //!     let radius_mm = mixture.as_slice()[met.component].radius_mm;
 //!     let event = PackedEvent::draw(point_mm, w_out, met.tangent, radius_mm, &mut rng);
 //!     // Here the tracker accepts by the density at event.axis_mm().
-//!     let lobe = fibre.near_field(event.frame, event.offset).choose_lobe(&mut rng);
+//!     let lobe = fibre.near_field(event.frame, event.offset);
 //!     let to_light = Vec3::Z;
 //!     let shadow_start = event.exit_mm(&lobe, to_light, &mut rng);
 //!     let from_light = lobe.eval(w_out, to_light); // times radiance and transmittance
@@ -90,8 +90,12 @@
 //!   The far field is the mean of the near field over offsets.
 //! - No two models share a normalisation by accident: [`Sggx`] shows one for
 //!   S = I, [`BandFlakes`] one half when isotropic, fibres two radii broadside.
-//! - A near field at one fixed offset may keep up to half a percent more or less
-//!   than its share: the balance holds for the mean over offsets.
+//! - A near field at one fixed offset may keep somewhat more or less than its share,
+//!   for the balance holds for the mean over offsets: 0.1 % more and, in the outer
+//!   tenth, 0.3 % less for blurs of 6 degrees, 0.3 and 1.3 % at 14, 0.6 and 2.6 % at
+//!   34, the widest there is.
+//! - Directions are drawn as fibres without absorption send them, so that weights are
+//!   near one: their variance is 0.001 for blurs of 5 degrees, 0.01 for 34.
 //! - Walks of the packed event move their starting points, so that a slab of them
 //!   is reciprocal only up to what the tests in `tests/packed_fibres.rs` state.
 
@@ -118,7 +122,7 @@ pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters, absorption_for_colour};
 pub use error::Error;
 pub use far_parts::{FAR_LOBES, FAR_ROWS, FarParts};
-pub use fibre::{FarField, Fibre, NearField};
+pub use fibre::{FarField, Fibre, NearEvent, NearField};
 pub use fibre_frame::{FibreAngles, FibreFrame};
 pub use fitted::{FittedFibre, FittedParameters};
 pub use flake::{DiffuseFlake, MicroFlake, SpecularFlakes};

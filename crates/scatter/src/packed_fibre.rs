@@ -14,8 +14,8 @@
 //!    packing smoothed over four to eight radii, or one value per yarn (single
 //!    voxels are too noisy). The majorant along the ray is
 //!    `2 r max(rho m) sin(angle)`, with the maximum taken one radius beyond.
-//! 3. Scatter in the near field at that h, with one lobe drawn first, and go on
-//!    from [`PackedEvent::exit_mm`] of that lobe, for light and walk alike. With m
+//! 3. Scatter in the near field at that h and go on from [`PackedEvent::exit_mm`] of
+//!    a lobe drawn by what it sends that way, for light and walk alike. With m
 //!    but without this exit the result is worse than the plain event.
 //!
 //! No constant is fitted: on any line through non-overlapping fibres the mean
@@ -113,8 +113,7 @@ impl PackedEvent {
         self.point_mm + (self.frame.forward * forward - self.frame.side * h) * self.radius_mm
     }
 
-    /// Where light scattered by `lobe` (a chosen one) toward `w_in` leaves the
-    /// fibre: the start of the next ray and of shadow rays. Positions along the
+    /// Where light scattered by `lobe` toward `w_in` leaves the fibre: the start of the next ray and of shadow rays. Positions along the
     /// fibre are not resolved; the cross-section through the collision is.
     pub fn exit_mm(&self, lobe: &NearField, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         self.axis_mm() + lobe.exit_normal(w_in, rng) * self.radius_mm

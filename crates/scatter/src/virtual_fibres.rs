@@ -1,7 +1,7 @@
 //! Media of fibres: how much of a direction they block, and which fibre a walk
 //! meets [Schroeder2011].
 //!
-//! Of the populations in a [`Mixture`], population i blocks
+//! Of the populations of a voxel, population i blocks
 //! `sigma_i(w) = 2 r rho_i E_i[sin(angle(w, t))]` per millimetre, the mean over
 //! its distribution of tangents. A collision is with population i in proportion
 //! to sigma_i, and with a fibre of tangent t in proportion to what it shows,
@@ -15,7 +15,7 @@
 use crate::cone_table::ConeTable;
 use glam::Vec3;
 use organza_basis::quadrature::{gauss_legendre, integrate_rule};
-use organza_basis::{FibreComponent, Frame, Mixture, PathRng};
+use organza_basis::{FibreComponent, Frame, PathRng};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::LazyLock;
 
@@ -88,10 +88,9 @@ pub fn component_sigma_t_per_mm(component: &FibreComponent, w: Vec3) -> f32 {
 }
 
 /// Extinction of all populations toward the unit direction `w`, per millimetre;
-/// never more than [`Mixture::broadside_per_mm`].
-pub fn sigma_t_per_mm(mixture: &Mixture, w: Vec3) -> f32 {
-    mixture
-        .as_slice()
+/// never more than [`organza_basis::Mixture::broadside_per_mm`].
+pub fn sigma_t_per_mm(populations: &[FibreComponent], w: Vec3) -> f32 {
+    populations
         .iter()
         .map(|c| component_sigma_t_per_mm(c, w))
         .sum()
@@ -100,19 +99,19 @@ pub fn sigma_t_per_mm(mixture: &Mixture, w: Vec3) -> f32 {
 /// The fibre that a walk meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetFibre {
-    /// Index of its population in the mixture.
+    /// Index of its population.
     pub component: usize,
     /// Unit tangent.
     pub tangent: Vec3,
 }
 
 /// Draws the fibre that a walk along `w` (of either sign) meets, given that
-/// there is a collision in `mixture`; `None` when nothing there blocks.
-pub fn meet_fibre(mixture: &Mixture, w: Vec3, rng: &mut PathRng) -> Option<MetFibre> {
-    let components = mixture.as_slice();
-    let mut left = rng.unit() * sigma_t_per_mm(mixture, w);
+/// there is a collision with one of the populations; `None` when nothing there
+/// blocks.
+pub fn meet_fibre(populations: &[FibreComponent], w: Vec3, rng: &mut PathRng) -> Option<MetFibre> {
+    let mut left = rng.unit() * sigma_t_per_mm(populations, w);
     let mut chosen = None;
-    for (i, c) in components.iter().enumerate() {
+    for (i, c) in populations.iter().enumerate() {
         let sigma = component_sigma_t_per_mm(c, w);
         if sigma > 0.0 {
             chosen = Some(i);
@@ -123,7 +122,7 @@ pub fn meet_fibre(mixture: &Mixture, w: Vec3, rng: &mut PathRng) -> Option<MetFi
         }
     }
     let component = chosen?;
-    let c = &components[component];
+    let c = &populations[component];
     Some(MetFibre {
         component,
         tangent: visible_tangent_sample(c.axis, c.spread_rad, w, rng),
@@ -197,8 +196,8 @@ pub fn tangent_sample(axis: Vec3, spread_rad: f32, rng: &mut PathRng) -> Vec3 {
 mod tests {
     use super::*;
     use crate::proofs::*;
-    use organza_basis::Moments;
     use organza_basis::hypothesis::{chi_square as count_test, t_test};
+    use organza_basis::{Mixture, Moments};
 
     #[test]
     fn cross_sections_match_an_independent_mean() {

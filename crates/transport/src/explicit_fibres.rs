@@ -32,7 +32,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
-use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearField};
+use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 use piece::Piece;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -124,8 +124,7 @@ pub struct FibreHit {
     /// From the point met to the axis.
     to_axis_mm: Vec3,
     radius_mm: f32,
-    /// The lobe drawn by [`ExplicitFibres::settle`].
-    lobe: usize,
+    near: NearEvent,
 }
 
 impl ExplicitFibres {
@@ -330,54 +329,44 @@ impl ExplicitFibres {
         // Across the tangent, which at a bend is not that of the cylinder.
         let across = out - tangent * tangent.dot(out);
         let normal = across.try_normalize().unwrap_or(-frame.forward);
+        let offset = frame.offset(normal);
         FibreHit {
             piece: found.index,
             tangent,
-            offset: frame.offset(normal),
+            offset,
             to_axis_mm: to_axis.as_vec3(),
             radius_mm: out.length(),
-            lobe: 0,
+            near: *self.fibre(found.index).near_field(frame, offset).event(),
         }
     }
 
-    fn fibre(&self, hit: &FibreHit) -> &Fibre {
-        &self.fibres[usize::from(self.curves.curve_of(hit.piece).material)]
+    fn fibre(&self, piece: u32) -> &Fibre {
+        &self.fibres[usize::from(self.curves.curve_of(piece).material)]
     }
 
-    fn near(&self, hit: &FibreHit, w_out: Vec3) -> NearField<'_> {
-        let frame = FibreFrame::new(hit.tangent, w_out);
-        let near = self.fibre(hit).near_field(frame, hit.offset);
-        near.with_lobe(hit.lobe)
+    fn near(&self, hit: &FibreHit) -> NearField<'_> {
+        self.fibre(hit.piece).near_field_of(hit.near)
     }
 
-    /// Draws the lobe of a hit: everything below is conditional on it.
-    pub fn settle(&self, hit: FibreHit, w_out: Vec3, rng: &mut PathRng) -> FibreHit {
-        let frame = FibreFrame::new(hit.tangent, w_out);
-        let near = self.fibre(&hit).near_field(frame, hit.offset);
-        FibreHit {
-            lobe: near.choose_lobe(rng).chosen().unwrap_or(0),
-            ..hit
-        }
-    }
-
-    /// Light scattered by the lobe drawn, per arriving radiance and steradian.
+    /// Light scattered, per arriving radiance and steradian.
     pub fn eval(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.near(hit, w_out).eval(w_out, w_in)
+        self.near(hit).eval(w_out, w_in)
     }
 
     /// Draws where light comes from.
     pub fn sample(&self, hit: &FibreHit, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.near(hit, w_out).sample(w_out, rng)
+        self.near(hit).sample(w_out, rng)
     }
 
     /// Density of [`ExplicitFibres::sample`], 1/sr.
     pub fn pdf(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.near(hit, w_out).pdf(w_out, w_in)
+        self.near(hit).pdf(w_out, w_in)
     }
 
-    /// From the point met to where light of the lobe leaves toward `w_in`, mm.
-    pub fn exit_mm(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        let normal = self.near(hit, w_out).exit_normal(w_in, rng);
+    /// From the point met to where light leaves toward `w_in`, by a lobe drawn in
+    /// proportion to what it sends there, mm.
+    pub fn exit_mm(&self, hit: &FibreHit, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        let normal = self.near(hit).exit_normal(w_in, rng);
         hit.to_axis_mm + hit.radius_mm * normal
     }
 

@@ -6,19 +6,20 @@
 //! what happens there.
 
 use crate::kernel::{Population, Substance, end_on_ratio};
-use crate::lattice::{CellSpan, Lattice, LocalRay};
+use crate::lattice::{CellSpan, Lattice, LocalRay, cell_below};
 use crate::voxel_bounds::VoxelBounds;
+use crate::voxel_fibres::{VoxelFibres, broadside_per_mm};
 use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
-use organza_basis::{Aabb, FibreComponent, Mixture, PathRng, Rgb};
+use organza_basis::{Aabb, FibreComponent, PathRng, Rgb};
 use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
 use organza_scatter::{
-    AxialFlake, Fibre, FibreFrame, Lobe, LobeSample, NearField, PackedEvent, meet_fibre,
+    AxialFlake, Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre,
     packing_fraction, sigma_t_per_mm, void_multiplier,
 };
 use organza_volume::Octree;
 use rayon::prelude::*;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 /// Voxels along the edge of a node with a majorant of its own, unless fibres are
@@ -52,18 +53,18 @@ pub enum FibreEvent {
 /// What lies where a ray may collide, or did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FibreSite {
-    /// Populations, their density over the void where fibres are packed.
-    mixture: Mixture,
+    /// Places of the populations, from the first to before the last.
+    places: [u32; 2],
     /// Where across its width the virtual fibre is met, in `[-1, 1]`.
     offset: f32,
     met: Option<Met>,
 }
 
 impl FibreSite {
-    fn at_ray(mixture: Mixture) -> FibreSite {
+    fn new(places: Range<u32>, offset: f32) -> FibreSite {
         FibreSite {
-            mixture,
-            offset: 0.0,
+            places: [places.start, places.end],
+            offset,
             met: None,
         }
     }
@@ -74,8 +75,8 @@ impl FibreSite {
 struct Met {
     component: FibreComponent,
     tangent: Vec3,
-    /// The lobe drawn, of a packed fibre.
-    lobe: usize,
+    /// How, of a packed fibre.
+    near: Option<NearEvent>,
 }
 
 /// Bound of the extinction in a block of voxels and around it, with the densest
@@ -90,10 +91,11 @@ struct Node {
 /// Fibres of an octree level, met one by one.
 pub struct FibreMedium {
     octree: Arc<Octree>,
-    level: u8,
     fibres: Vec<Fibre>,
     event: FibreEvent,
     packing: Vec<f32>,
+    /// Their density over the void where fibres are packed.
+    voxels: VoxelFibres,
     /// The octree's box, and beside it the reach of fibres with their axes inside.
     lattice: Lattice,
     /// Voxels of the lattice before the octree's first.
@@ -145,12 +147,19 @@ impl FibreMedium {
             octree.dims(level) + 2 * pad.as_uvec3(),
             octree.repeats(),
         )?;
+        let voxels = VoxelFibres::new(&octree, level, |c| match event {
+            FibreEvent::Plain => 1.0,
+            FibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
+        });
+        let bounds = VoxelBounds::new(lattice, reach, |cell| {
+            broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
+        });
         let mut medium = FibreMedium {
             octree,
-            level,
             fibres,
             event,
             packing,
+            voxels,
             lattice,
             pad,
             reach,
@@ -159,12 +168,9 @@ impl FibreMedium {
             // look-ups a voxel.
             node_edge: NODE_VOXELS.max(2 * reach.max_element() as u32),
             nodes: Vec::new(),
-            bounds: VoxelBounds::new(lattice, reach, |_| 0.0),
+            bounds,
             local: None,
         };
-        medium.bounds = VoxelBounds::new(lattice, reach, |cell| {
-            medium.voxel(cell.as_ivec3()).broadside_per_mm()
-        });
         let dims = lattice.cell_dims(medium.node_edge);
         medium.nodes = (0..dims.element_product())
             .into_par_iter()
@@ -227,8 +233,8 @@ impl FibreMedium {
 
     /// The populations of a cell, one by one.
     pub(crate) fn axial_populations(&self, cell: UVec3, out: &mut Vec<Population>) {
-        let mixture = self.voxel(cell.as_ivec3());
-        out.extend(mixture.as_slice().iter().map(|c| Population {
+        let populations = self.voxels.of(cell.as_ivec3() - self.pad);
+        out.extend(populations.iter().map(|c| Population {
             broadside_per_mm: component_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
             flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
             substance: Substance::Fibres(c.material),
@@ -242,30 +248,15 @@ impl FibreMedium {
         &self.packing
     }
 
-    /// Populations in a voxel of the lattice, empty beyond the octree's box.
-    fn voxel(&self, cell: IVec3) -> Mixture {
-        let dims = self.octree.dims(self.level).as_ivec3();
-        let mut cell = cell - self.pad;
-        if self.octree.repeats() {
-            cell.x = cell.x.rem_euclid(dims.x);
-            cell.y = cell.y.rem_euclid(dims.y);
-        }
-        if cell.cmplt(IVec3::ZERO).any() || cell.cmpge(dims).any() {
-            return Mixture::EMPTY;
-        }
-        let stored = self.octree.mixture(self.level, cell.as_uvec3());
-        if self.event == FibreEvent::Plain {
-            return stored;
-        }
-        let mut over_void = Mixture::EMPTY;
-        for c in stored.as_slice() {
-            let m = void_multiplier(self.packing[usize::from(c.material)]);
-            over_void.push(FibreComponent {
-                length_density_per_mm2: m * c.length_density_per_mm2,
-                ..*c
-            });
-        }
-        over_void
+    /// Places of the populations at a local point.
+    fn places(&self, p: Vec3) -> Range<u32> {
+        self.voxels.places(cell_below(p) - self.pad)
+    }
+
+    /// Populations of a site.
+    fn populations(&self, site: &FibreSite) -> &[FibreComponent] {
+        let [start, end] = site.places;
+        self.voxels.at(&(start..end))
     }
 
     fn node(&self, node: UVec3) -> Node {
@@ -276,9 +267,9 @@ impl FibreMedium {
         for z in low.z..high.z {
             for y in low.y..high.y {
                 for x in low.x..high.x {
-                    let mixture = self.voxel(IVec3::new(x, y, z));
-                    found.majorant_per_mm = found.majorant_per_mm.max(mixture.broadside_per_mm());
-                    for c in mixture.as_slice() {
+                    let here = self.voxels.of(IVec3::new(x, y, z) - self.pad);
+                    found.majorant_per_mm = found.majorant_per_mm.max(broadside_per_mm(here));
+                    for c in here {
                         if c.broadside_per_mm() > densest {
                             densest = c.broadside_per_mm();
                             found.axis = c.axis;
@@ -298,15 +289,15 @@ impl FibreMedium {
 
     /// Axis and radius of the fibre that a ray may meet at `p`.
     fn expected(&self, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
-        let here = self.voxel(p.floor().as_ivec3());
-        let Some((last, before)) = here.as_slice().split_last() else {
+        let here = self.voxels.at(&self.places(p));
+        let Some((last, before)) = here.split_last() else {
             let node = self.node_at(self.lattice.cell(p) / self.node_edge);
             return (node.axis, node.radius_mm);
         };
         let chosen = if before.is_empty() {
             last
         } else {
-            let mut left = rng.unit() * here.broadside_per_mm();
+            let mut left = rng.unit() * broadside_per_mm(here);
             let found = before.iter().find(|c| {
                 left -= c.broadside_per_mm();
                 left < 0.0
@@ -321,26 +312,14 @@ impl FibreMedium {
         &self.fibres[usize::from(met.component.material)]
     }
 
-    /// The near field of a packed fibre, of the lobe drawn.
-    fn near(&self, met: &Met, offset: f32, w_out: Vec3) -> NearField<'_> {
-        let frame = FibreFrame::new(met.tangent, w_out);
-        self.fibre(met)
-            .near_field(frame, offset)
-            .with_lobe(met.lobe)
-    }
-
     /// What `with` makes of the lobe of a settled site; `none` of another.
-    fn with_lobe<T>(
-        &self,
-        site: &FibreSite,
-        w_out: Vec3,
-        none: T,
-        with: impl FnOnce(&dyn Lobe) -> T,
-    ) -> T {
-        match (&site.met, self.event) {
-            (None, _) => none,
-            (Some(met), FibreEvent::Plain) => with(&self.fibre(met).far_field(met.tangent)),
-            (Some(met), FibreEvent::Packed) => with(&self.near(met, site.offset, w_out)),
+    fn with_lobe<T>(&self, site: &FibreSite, none: T, with: impl FnOnce(&dyn Lobe) -> T) -> T {
+        let Some(met) = &site.met else {
+            return none;
+        };
+        match met.near {
+            None => with(&self.fibre(met).far_field(met.tangent)),
+            Some(near) => with(&self.fibre(met).near_field_of(near)),
         }
     }
 }
@@ -411,9 +390,9 @@ impl Medium for FibreMedium {
         mut visit: impl FnMut(f32, f32, FibreSite) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         for span in self.lattice.cells(ray, 1) {
-            let mixture = self.voxel(span.cell.as_ivec3());
-            if !mixture.is_empty() {
-                visit(span.t0, span.t1, FibreSite::at_ray(mixture))?;
+            let places = self.voxels.places(span.cell.as_ivec3() - self.pad);
+            if !places.is_empty() {
+                visit(span.t0, span.t1, FibreSite::new(places, 0.0))?;
             }
         }
         ControlFlow::Continue(())
@@ -424,7 +403,8 @@ impl Medium for FibreMedium {
     }
 
     fn site(&self, p: Vec3) -> FibreSite {
-        FibreSite::at_ray(self.voxel(self.lattice.cell(p).as_ivec3()))
+        let cell = self.lattice.cell(p).as_ivec3();
+        FibreSite::new(self.voxels.places(cell - self.pad), 0.0)
     }
 
     fn bound_at(&self, p: Vec3) -> f32 {
@@ -438,26 +418,23 @@ impl Medium for FibreMedium {
         let (axis, radius_mm) = self.expected(p, rng);
         let event = PackedEvent::draw(Vec3::ZERO, -w, axis, radius_mm, rng);
         let at_axis = p + event.axis_mm() * self.voxels_per_mm;
-        FibreSite {
-            mixture: self.voxel(at_axis.floor().as_ivec3()),
-            offset: event.offset,
-            met: None,
-        }
+        FibreSite::new(self.places(at_axis), event.offset)
     }
 
     fn settle(&self, site: FibreSite, w_out: Vec3, rng: &mut PathRng) -> FibreSite {
-        let Some(met) = meet_fibre(&site.mixture, w_out, rng) else {
+        let populations = self.populations(&site);
+        let Some(met) = meet_fibre(populations, w_out, rng) else {
             return site;
         };
         let mut met = Met {
-            component: site.mixture.as_slice()[met.component],
+            component: populations[met.component],
             tangent: met.tangent,
-            lobe: 0,
+            near: None,
         };
         if self.event == FibreEvent::Packed {
             let frame = FibreFrame::new(met.tangent, w_out);
             let near = self.fibre(&met).near_field(frame, site.offset);
-            met.lobe = near.choose_lobe(rng).chosen().unwrap_or(0);
+            met.near = Some(*near.event());
         }
         FibreSite {
             met: Some(met),
@@ -465,36 +442,39 @@ impl Medium for FibreMedium {
         }
     }
 
-    fn exit_mm(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        match (&site.met, self.event) {
-            (Some(met), FibreEvent::Packed) => {
-                let near = self.near(met, site.offset, w_out);
-                let event = PackedEvent {
-                    frame: *near.frame(),
-                    offset: site.offset,
-                    point_mm: Vec3::ZERO,
-                    radius_mm: met.component.radius_mm,
-                };
-                event.exit_mm(&near, w_in, rng)
-            }
-            _ => Vec3::ZERO,
-        }
+    fn exit_mm(&self, site: &FibreSite, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        let Some(Met {
+            component,
+            near: Some(near),
+            ..
+        }) = &site.met
+        else {
+            return Vec3::ZERO;
+        };
+        let event = PackedEvent {
+            frame: *near.frame(),
+            offset: site.offset,
+            point_mm: Vec3::ZERO,
+            radius_mm: component.radius_mm,
+        };
+        let fibre = &self.fibres[usize::from(component.material)];
+        event.exit_mm(&fibre.near_field_of(*near), w_in, rng)
     }
 
     fn sigma_t(&self, site: &FibreSite, w: Vec3) -> f32 {
-        sigma_t_per_mm(&site.mixture, w)
+        sigma_t_per_mm(self.populations(site), w)
     }
 
     fn eval(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.with_lobe(site, w_out, Rgb::BLACK, |lobe| lobe.eval(w_out, w_in))
+        self.with_lobe(site, Rgb::BLACK, |lobe| lobe.eval(w_out, w_in))
     }
 
     fn sample(&self, site: &FibreSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.with_lobe(site, w_out, None, |lobe| lobe.sample(w_out, rng))
+        self.with_lobe(site, None, |lobe| lobe.sample(w_out, rng))
     }
 
     fn pdf(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.with_lobe(site, w_out, 0.0, |lobe| lobe.pdf(w_out, w_in))
+        self.with_lobe(site, 0.0, |lobe| lobe.pdf(w_out, w_in))
     }
 
     fn info(&self, site: &FibreSite) -> SiteInfo {

@@ -194,7 +194,7 @@ impl Lattice {
     /// surface a hair outside).
     #[inline]
     pub fn cell(&self, p: Vec3) -> UVec3 {
-        self.wrap(p.floor().as_ivec3(), self.dims)
+        self.wrap(cell_below(p), self.dims)
     }
 
     /// Wraps or clamps a cell index of a grid with `dims` cells over the box.
@@ -235,6 +235,16 @@ impl Lattice {
             self.dims.z.div_ceil(edge),
         )
     }
+}
+
+/// The cell of unit edge that holds a point, without the call that rounding down
+/// is on processors of every age.
+#[inline]
+pub(crate) fn cell_below(p: Vec3) -> IVec3 {
+    let toward_zero = p.as_ivec3();
+    let above = p.cmplt(toward_zero.as_vec3());
+    let bit = |b: bool| i32::from(b);
+    toward_zero - IVec3::new(bit(above.x), bit(above.y), bit(above.z))
 }
 
 /// The part of a ray inside one cell.

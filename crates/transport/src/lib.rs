@@ -96,6 +96,7 @@ mod sheet;
 mod stats;
 mod tracking;
 mod voxel_bounds;
+mod voxel_fibres;
 mod wide_sum;
 
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};

@@ -152,13 +152,14 @@ impl Light {
     }
 
     /// Share of the light along a drawn direction that the shadow ray counts;
-    /// `walk_pdf` is the density with which the walk would draw it.
-    pub fn shadow_share(&self, drawn: &LightSample, walk_pdf: f32) -> f32 {
+    /// `walk_pdf` tells the density with which the walk would draw it, where that
+    /// matters.
+    pub fn shadow_share(&self, drawn: &LightSample, walk_pdf: impl FnOnce() -> f32) -> f32 {
         match self {
             Light::Image { search, .. } | Light::Rectangle { search, .. }
                 if *search == LightSearch::Both =>
             {
-                1.0 / (1.0 + walk_pdf / drawn.pdf)
+                1.0 / (1.0 + walk_pdf() / drawn.pdf)
             }
             _ => 1.0,
         }

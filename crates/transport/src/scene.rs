@@ -331,9 +331,7 @@ impl<'a> Collision<'a> {
             AnySite::Cloth(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Flakes(m, s) => *s = m.settle(*s, w_out, rng),
             AnySite::Fibres(m, s) => *s = m.settle(*s, w_out, rng),
-            AnySite::Explicit(m, s) => *s = m.settle(*s, w_out, rng),
-            AnySite::Sheet(_) => {}
-            AnySite::Plane(..) => {}
+            AnySite::Explicit(..) | AnySite::Sheet(_) | AnySite::Plane(..) => {}
         }
     }
 

@@ -5,6 +5,7 @@
 
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::SphereGrid;
 use organza_basis::{Aabb, FibreComponent, Mixture, Moments, PathRng, Ray, Rgb, warp};
 use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe,
@@ -176,6 +177,53 @@ fn white_furnace() {
         };
         assert!(off(0.0) < 1.0, "seed 41, {event:?}");
         assert!(off(0.02) > 1.0, "seed 41, {event:?}: the twin passed");
+    }
+}
+
+/// Of black fibres in a furnace nothing shows but what lies behind them and their
+/// gloss, no more than one event of it: the lobe's integral by quadrature. The
+/// twin's fibres are not black.
+#[test]
+fn black_fibres_show_no_more_than_their_gloss() {
+    let light = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    let fibre = |colour_r: f32| {
+        let parameters = FittedParameters {
+            colour_r: Rgb::splat(colour_r),
+            colour_tt: Rgb::BLACK,
+            longitudinal_r_rad: 0.1,
+            ..FittedParameters::preset("silk").unwrap()
+        };
+        Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+    };
+    let black = fibre(0.0);
+    for event in [FibreEvent::Plain, FibreEvent::Packed] {
+        for theta_deg in [30.0, 60.0, 80.0] {
+            let view = direction(theta_deg, 0.0);
+            let lobe = black.far_field(Vec3::X);
+            let gloss =
+                SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x));
+            assert!(gloss > 1e-4 && gloss < 0.6, "{theta_deg}: {gloss}");
+            let m = match event {
+                FibreEvent::Plain => 1.0,
+                FibreEvent::Packed => void_multiplier(packing()),
+            };
+            // Seen along the fibres' plane the sine cancels the way's length.
+            let depth = m * 2.0 * RADIUS_MM * density_per_mm2() * THICKNESS_MM;
+            let through = f64::from((-depth).exp());
+            let show = |fibre: &Fibre| {
+                let medium = slab(fibre.clone(), event);
+                picture(medium, light.clone(), view, full(8), 43).0.mean()[0]
+            };
+            let above = |(mean, se): (f64, f64)| (mean - through - (1.0 - through) * gloss) / se;
+            let got = show(&black);
+            assert!(above(got) < 4.0, "seed 43, {event:?}, {theta_deg}: {got:?}");
+            assert!(got.0 > through - 4.0 * got.1, "seed 43: {got:?} {through}");
+            let twin = above(show(&fibre(0.2)));
+            assert!(twin > 5.0, "seed 43, {event:?}, {theta_deg}: twin {twin}");
+        }
     }
 }
 

@@ -1,0 +1,88 @@
+//! The fibres of one octree level, decoded once.
+//!
+//! A walk looks fibres up at every tentative collision that their bound lets pass,
+//! twice where they are packed. An octree keeps twelve bytes of a population, which
+//! take a square root to read; here are all of them as they are used, behind one
+//! table.
+
+use glam::{IVec3, UVec3};
+use organza_basis::FibreComponent;
+use organza_volume::Octree;
+use std::ops::Range;
+
+/// Populations of every voxel of a level.
+pub struct VoxelFibres {
+    dims: UVec3,
+    repeats: bool,
+    /// First population of every voxel, x fastest, and the number of all.
+    starts: Vec<u32>,
+    populations: Vec<FibreComponent>,
+}
+
+impl VoxelFibres {
+    /// Those of a level, each with its length per volume multiplied by `dense`.
+    pub fn new(octree: &Octree, level: u8, dense: impl Fn(&FibreComponent) -> f32) -> VoxelFibres {
+        let dims = octree.dims(level);
+        let mut starts = vec![0];
+        let mut populations: Vec<FibreComponent> = Vec::new();
+        for z in 0..dims.z {
+            for y in 0..dims.y {
+                for x in 0..dims.x {
+                    let stored = octree.mixture(level, UVec3::new(x, y, z));
+                    populations.extend(stored.iter().map(|c| FibreComponent {
+                        length_density_per_mm2: dense(c) * c.length_density_per_mm2,
+                        ..*c
+                    }));
+                    starts.push(populations.len() as u32);
+                }
+            }
+        }
+        populations.shrink_to_fit();
+        VoxelFibres {
+            dims,
+            repeats: octree.repeats(),
+            starts,
+            populations,
+        }
+    }
+
+    /// Places of the populations in a voxel, none beyond the box.
+    #[inline]
+    pub fn places(&self, mut cell: IVec3) -> Range<u32> {
+        let dims = self.dims.as_ivec3();
+        let beyond = |c: IVec3| c.cmplt(IVec3::ZERO).any() || c.cmpge(dims).any();
+        if beyond(cell) {
+            if self.repeats {
+                cell.x = cell.x.rem_euclid(dims.x);
+                cell.y = cell.y.rem_euclid(dims.y);
+            }
+            if beyond(cell) {
+                return 0..0;
+            }
+        }
+        let c = cell.as_uvec3();
+        let row = c.z as usize * self.dims.y as usize + c.y as usize;
+        let voxel = row * self.dims.x as usize + c.x as usize;
+        self.starts[voxel]..self.starts[voxel + 1]
+    }
+
+    /// Populations at some [`VoxelFibres::places`].
+    #[inline]
+    pub fn at(&self, places: &Range<u32>) -> &[FibreComponent] {
+        &self.populations[places.start as usize..places.end as usize]
+    }
+
+    /// Populations in a voxel, none beyond the box.
+    #[inline]
+    pub fn of(&self, cell: IVec3) -> &[FibreComponent] {
+        self.at(&self.places(cell))
+    }
+}
+
+/// Sum of the broadside extinctions: a bound for every direction.
+pub fn broadside_per_mm(populations: &[FibreComponent]) -> f32 {
+    populations
+        .iter()
+        .map(FibreComponent::broadside_per_mm)
+        .sum()
+}
