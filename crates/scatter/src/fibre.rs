@@ -103,9 +103,9 @@ impl FarField<'_> {
             }
             Fibre::Fitted(f) => {
                 let energies = f.energies(pair.mean_cos);
-                for p in 0..energies.len() {
+                for (p, energy) in energies.iter().enumerate() {
                     let k = pair.density(&f.blurs()[p]) * f.azimuth(p, a.azimuth_rad);
-                    value += k * energies[p].0;
+                    value += k * energy.0;
                     pdf += k * event.draws[p];
                 }
             }
