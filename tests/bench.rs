@@ -57,8 +57,8 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     for view in views {
         let results = view["results"].as_array().unwrap();
         let refused = view["refused"].as_array().unwrap();
-        // Six ways at the fabric's own voxels, three at level 1, and the truth.
-        assert_eq!(results.len() + refused.len(), 10, "{view}");
+        // Seven ways at the fabric's own voxels, three at level 1, and the truth.
+        assert_eq!(results.len() + refused.len(), 11, "{view}");
         assert_eq!(results[0]["choice"]["model"], "fibres");
         assert_eq!(results[0]["rmse"]["value"], 0.0);
         assert!(results.iter().any(|r| r["on_front"] == true));

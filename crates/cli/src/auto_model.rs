@@ -150,9 +150,7 @@ fn choose(
     let possible = |model: Model, tracker: Tracker| match model {
         Model::Fibres => mesh.is_none() && !regular,
         Model::Surface => fabric.file.surface.is_some(),
-        Model::Microflake if !regular && by_kernel => tracker == Tracker::Kernel,
-        // Fabrics that were measured before the kernel took them are seen too slow.
-        Model::Plain if !regular && by_kernel => tracker != Tracker::Regular,
+        Model::Microflake | Model::Plain if !regular && by_kernel => tracker == Tracker::Kernel,
         _ => {
             tracker
                 == if regular {
