@@ -7,13 +7,17 @@ use anyhow::Result;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
-use std::fs::File;
+use std::ffi::OsString;
+use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// The largest input file read whole into memory, except volumes.
 const MAX_TEXT_BYTES: u64 = 64 << 20;
+
+/// Names of a folder that are looked through for the one that was meant.
+const MAX_NAMES: usize = 10_000;
 
 /// Digests of all input files read so far, in order. Every input passes
 /// through [`bytes_or_why`], so this is what a picture was made from.
@@ -33,7 +37,7 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 /// Those of the file system; a device or a pipe, which may have no end; a file
 /// larger than the free memory.
 pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
-    let about = std::fs::metadata(path)?;
+    let about = about(path)?;
     let refuse = |kind, why: String| Err(std::io::Error::new(kind, why));
     if about.is_dir() {
         return Err(ErrorKind::IsADirectory.into());
@@ -75,9 +79,7 @@ pub fn inputs_after(count: usize) -> Vec<[u8; 32]> {
 /// Names the file.
 pub fn text(path: &Path) -> Result<String> {
     let fail = |why: &str| input(format!("{}: {why}", path.display()));
-    let size = std::fs::metadata(path)
-        .map_err(|e| fail(&io_words(&e)))?
-        .len();
+    let size = about(path).map_err(|e| fail(&io_words(&e)))?.len();
     if size > MAX_TEXT_BYTES {
         return Err(fail(&format!(
             "is {size} bytes long; expected a text file of at most {MAX_TEXT_BYTES}"
@@ -91,9 +93,58 @@ pub fn text(path: &Path) -> Result<String> {
     })
 }
 
+/// What the file system knows of a file; of one that is not there, which one was
+/// meant.
+fn about(path: &Path) -> std::io::Result<Metadata> {
+    std::fs::metadata(path).map_err(|e| match meant(path) {
+        Some(meant) if e.kind() == ErrorKind::NotFound => {
+            std::io::Error::new(e.kind(), format!("no such file; did you mean {meant}?"))
+        }
+        _ => e,
+    })
+}
+
+/// The file that was probably meant by one that is not there: the same path from
+/// the working folder, where a scene's folder was put before it, or a file beside
+/// it of nearly that name.
+fn meant(path: &Path) -> Option<String> {
+    let mut rest = path.components();
+    while rest.next().is_some() {
+        let here = rest.as_path();
+        if !here.as_os_str().is_empty() && here.is_file() {
+            let whole = std::path::absolute(here).ok()?;
+            return Some(format!(
+                "{} (a path in a scene or fabric, by --set too, begins at its folder)",
+                whole.display()
+            ));
+        }
+    }
+    let folder = match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    let alike = std::fs::read_dir(folder)
+        .ok()?
+        .take(MAX_NAMES)
+        .filter_map(|entry| Some(PathBuf::from(entry.ok()?.file_name())))
+        .filter(|name| name.extension() == path.extension())
+        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()));
+    let mut stems: Vec<String> = alike.collect();
+    // Folders list their files in any order.
+    stems.sort_unstable();
+    let stem = nearest_name(path.file_stem()?.to_str()?, &stems)?;
+    let mut name = OsString::from(stem);
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    Some(path.with_file_name(name).display().to_string())
+}
+
 /// What an I/O error means to the person at the terminal.
 pub fn io_words(e: &std::io::Error) -> String {
     match e.kind() {
+        _ if e.get_ref().is_some() => e.to_string(),
         ErrorKind::NotFound => "no such file".into(),
         ErrorKind::PermissionDenied => "permission denied".into(),
         ErrorKind::IsADirectory => "is a folder; expected a file".into(),
