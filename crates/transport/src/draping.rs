@@ -1,7 +1,7 @@
 //! Matter over a mesh: sheets on its faces, media in the shell around it.
 
+use crate::collision::{AnySite, Collision};
 use crate::lattice::LocalRay;
-use crate::scene::{AnySite, Collision};
 use crate::sheet::{Sheet, SheetPoint, SheetSite};
 use crate::{Integrator, Medium, Stats, Tracking, tracking};
 use glam::{Mat3, Vec3};

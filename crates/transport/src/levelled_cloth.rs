@@ -1,11 +1,12 @@
 //! A cloth in several representations: volumes from fine to coarse, and last a
 //! sheet.
 
+use crate::AnyMedium;
 use crate::Stats;
+use crate::collision::{AnySite, Collision};
 use crate::detail::{Detail, LevelSteps, PixelCone, Tracking};
 use crate::draping::Draping;
 use crate::lattice::Lattice;
-use crate::scene::{AnyMedium, AnySite, Collision};
 use crate::sheet::{Sheet, SheetPoint, SheetSite};
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::{Frame, PathRng, Ray};

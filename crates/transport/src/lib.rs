@@ -69,8 +69,10 @@
 //! # }
 //! ```
 
+mod any_medium;
 mod camera;
 mod cloth_medium;
+mod collision;
 mod detail;
 mod draping;
 mod explicit_fibres;
@@ -99,8 +101,10 @@ mod voxel_bounds;
 mod voxel_fibres;
 mod wide_sum;
 
+pub use any_medium::AnyMedium;
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::{ClothMedium, MergedFlakes};
+pub use collision::Collision;
 pub use detail::{Detail, LevelSteps, PixelCone, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
@@ -121,7 +125,7 @@ pub use plane::Plane;
 pub use population_flakes::{FlakeOptics, population_shape};
 pub use rectangle::{RectangleError, RectangleLight};
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
-pub use scene::{AnyMedium, Collision, Scene};
+pub use scene::Scene;
 pub use sheet::{Sheet, SheetPoint};
 pub use stats::Stats;
 pub use tracking::{

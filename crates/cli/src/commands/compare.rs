@@ -1,7 +1,7 @@
 //! `organza compare`
 
 use super::with_threads;
-use crate::error::input;
+use crate::error::{InputError, input};
 use crate::flags::{CompareArgs, PatchModel};
 use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
@@ -34,7 +34,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
             true
         }
     });
-    if models.len() + usize::from(args.data.is_some()) < 2 {
+    if !models.is_empty() && models.len() + usize::from(args.data.is_some()) < 2 {
         return Err(input("--models: expected two models or more, or --data"));
     }
     std::fs::create_dir_all(&args.outdir)
@@ -43,6 +43,11 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
         let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+        let models_are_chosen = !models.is_empty();
+        if !models_are_chosen {
+            models = vec![PatchModel::Fibres, PatchModel::Volume];
+            models.extend(fabric.file.surface.is_some().then_some(PatchModel::Surface));
+        }
         let grid = texel_grid(&fabric, args.texels);
         let layout: Vec<Pair> = match &data {
             Some(values) => values.iter().map(|v| v.pair).collect(),
@@ -68,8 +73,19 @@ pub fn run(args: &CompareArgs) -> Result<()> {
             quiet: args.common.quiet,
         };
         for model in models {
-            let patch = fabric_patch(&fabric, &args.fabric, model, &build)?;
+            let patch = match fabric_patch(&fabric, &args.fabric, model, &build) {
+                Err(why) if !models_are_chosen && leaves_out(model, &why, args.common.quiet) => {
+                    continue;
+                }
+                patch => patch?,
+            };
             measured.push(measure(args, model, &patch, &layout, &grid)?);
+        }
+        if measured.len() < 2 {
+            return Err(input(format!(
+                "{}: has nothing but its volume to compare; give it a [surface] section (organza fit makes one)",
+                args.fabric.display()
+            )));
         }
         let judged = judge(args, &measured)?;
         let name = fabric.file.name.clone();
@@ -84,6 +100,17 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         };
         write(args, &report)
     })
+}
+
+/// Whether a comparison of the usual models goes on without one that is refused:
+/// explicit fibres that do not fit into memory. Told, unless `quiet`.
+#[allow(clippy::print_stderr)]
+fn leaves_out(model: PatchModel, why: &anyhow::Error, quiet: bool) -> bool {
+    let leaves_out = model == PatchModel::Fibres && why.is::<InputError>();
+    if leaves_out && !quiet {
+        eprintln!("fibres are left out: {why}");
+    }
+    leaves_out
 }
 
 /// Measured values of a file, thinned evenly to what is compared.

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// `organza compare`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  organza compare scenes/fabrics/organza.toml -o report --models volume,surface --spp 4096"
+    after_help = "Example:\n  organza compare scenes/fabrics/organza.toml -o report --spp 256"
 )]
 pub struct CompareArgs {
     /// Fabric file (TOML)
@@ -17,12 +17,8 @@ pub struct CompareArgs {
     #[arg(short, long, visible_alias = "outfile")]
     pub outdir: PathBuf,
     /// What to compare; the first is the reference unless --data is
-    #[arg(
-        long,
-        value_enum,
-        value_delimiter = ',',
-        default_value = "volume,surface"
-    )]
+    /// [default: fibres if memory allows, volume, surface if the fabric has one]
+    #[arg(long, value_enum, value_delimiter = ',')]
     pub models: Vec<PatchModel>,
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
     #[arg(long, value_name = "FILE")]

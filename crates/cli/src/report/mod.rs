@@ -11,6 +11,9 @@ use image::{ExtendedColorType, ImageEncoder};
 use organza_measure::{Albedo, Difference, Figure, PairValue};
 use std::fmt::Write;
 
+/// What single precision may add to or take from a sum of one path.
+const ROUNDING: f64 = 1e-5;
+
 /// A model and what was measured of it.
 pub struct Measurement {
     /// Its name.
@@ -283,24 +286,36 @@ impl Report {
                 ("in plane, transmitted", &j.transmission),
             ];
             for (what, d) in rows.into_iter().filter(|r| r.1.count > 0) {
+                let worst = if d.worst_relative.is_finite() {
+                    format!("{:.0} %", 100.0 * d.worst_relative)
+                } else {
+                    "the reference has none".to_owned()
+                };
                 let _ = write!(
                     page,
-                    "<tr><td>{}, {what}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1} %</td><td>{:.0} %</td></tr>",
+                    "<tr><td>{}, {what}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1} %</td><td>{worst}</td></tr>",
                     j.model,
                     percent(&d.median),
                     percent(&d.percentile_80),
                     percent(&d.cosine_rmse),
                     percent(&d.bias),
                     100.0 * d.noise_median,
-                    100.0 * d.worst_relative
                 );
             }
         }
         *page += "</tbody></table><table><thead><tr><th>model</th><th>energy adds to</th><th>reciprocity, worst</th><th>paths</th><th>seconds</th></tr></thead><tbody>";
         for m in &self.measured {
+            // Where every path's sum is one, its error is that of adding up.
             let far = |a: &Albedo| {
                 (0..3)
-                    .map(|c| (a.sum.mean[c] - 1.0).abs() / a.sum.se[c].max(1e-9))
+                    .map(|c| ((a.sum.mean[c] - 1.0).abs(), a.sum.se[c]))
+                    .map(|(off, se)| {
+                        if off < ROUNDING {
+                            0.0
+                        } else {
+                            off / se.max(1e-9)
+                        }
+                    })
                     .fold(0.0, f64::max)
             };
             let energy = m.albedos.iter().map(|a| a.sum.mean[1]).sum::<f64>()

@@ -1,0 +1,169 @@
+//! What a scene can be made of.
+
+use crate::collision::{AnySite, Collision, Located, each_volume};
+use crate::detail::Tracking;
+use crate::draping::{Draping, find, pass_through};
+use crate::lattice::Lattice;
+use crate::{
+    ClothMedium, ExplicitFibres, FibreMedium, FlakeMedium, GridMedium, Integrator, LevelledCloth,
+    Medium, Plane, Stats,
+};
+use glam::Vec2;
+use organza_basis::{PathRng, Ray};
+
+/// The closed set of matter, resolved once per ray.
+pub enum AnyMedium {
+    /// Dense grids.
+    Grid(GridMedium),
+    /// An octree of fibres, as micro-flakes.
+    Cloth(ClothMedium),
+    /// An octree of fibres, as micro-flakes of another family.
+    Flakes(FlakeMedium),
+    /// An octree of fibres, as virtual fibres.
+    Fibres(FibreMedium),
+    /// Fibres themselves.
+    Explicit(ExplicitFibres),
+    /// A cloth in several representations, or over a mesh.
+    Levelled(Box<LevelledCloth>),
+    /// No medium but an opaque plane.
+    Plane(Plane),
+}
+
+impl AnyMedium {
+    /// Where the medium is; `None` for a plane, which has no box.
+    pub fn lattice(&self) -> Option<&Lattice> {
+        each_volume!(AnyMedium, self, (m) => Some(m.lattice()),
+            AnyMedium::Explicit(m) => Some(m.lattice()),
+            AnyMedium::Levelled(m) => Some(m.lattice()),
+            AnyMedium::Plane(_) => None,
+        )
+    }
+
+    /// Cuts a medium to a rectangle of the x-y plane ([`Lattice::cut_to`]).
+    /// `None` when nothing would be left, or it is a plane or over a mesh.
+    pub fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
+        let lattice = each_volume!(AnyMedium, self, (m) => m.lattice_mut(),
+            AnyMedium::Explicit(m) => m.lattice_mut(),
+            AnyMedium::Levelled(m) => return m.cut_to(min_mm, max_mm),
+            AnyMedium::Plane(_) => return None,
+        );
+        *lattice = lattice.cut_to(min_mm, max_mm)?;
+        Some(())
+    }
+
+    /// True when exact stepping is possible.
+    pub fn is_piecewise_constant(&self) -> bool {
+        each_volume!(AnyMedium, self, (m) => m.is_piecewise_constant(),
+            AnyMedium::Levelled(m) => m.is_piecewise_constant(),
+            // What is solid takes no stepping.
+            AnyMedium::Explicit(_) | AnyMedium::Plane(_) => true,
+        )
+    }
+
+    /// The first collision along a ray before `limit` mm.
+    pub(crate) fn collide(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let by = tracking.integrator;
+        let (t, site) = each_volume!(AnyMedium, self,
+            (m) => collide(m, ray, limit, by, rng, stats).map(|(t, s)| (t, m.located(s))),
+            AnyMedium::Explicit(m) => m
+                .first_hit(ray, limit, stats)
+                .map(|(t, s)| (t, AnySite::Explicit(m, s))),
+            AnyMedium::Levelled(m) => return m.collide(ray, limit, tracking, rng, stats),
+            AnyMedium::Plane(p) => p.hit(ray, limit).map(|t| (t, AnySite::Plane(p, ray.at(t)))),
+        )?;
+        Some(Collision::new(t, site))
+    }
+
+    /// Estimates the transmittance from a point to `reach` mm along a ray.
+    pub(crate) fn pass(
+        &self,
+        ray: &Ray,
+        reach: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        let by = tracking.integrator;
+        each_volume!(AnyMedium, self, (m) => pass(m, ray, reach, by, rng, stats),
+            AnyMedium::Explicit(m) => f32::from(!m.blocks(ray, reach, stats)),
+            AnyMedium::Levelled(m) => m.pass(ray, reach, tracking, rng, stats),
+            AnyMedium::Plane(p) => f32::from(p.hit(ray, reach).is_none()),
+        )
+    }
+
+    /// Whether the medium can fill a shell: it repeats, and asks for nothing
+    /// but extinction along straight lines.
+    pub(crate) fn can_be_draped(&self) -> bool {
+        each_volume!(AnyMedium, self, (m) => m.lattice().repeats(),
+            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
+        )
+    }
+
+    /// [`AnyMedium::collide`] of a medium that fills a shell.
+    pub(crate) fn collide_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        limit: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let by = tracking.integrator;
+        each_volume!(AnyMedium, self,
+            (m) => over
+                .collide(m, ray, limit, by, rng, stats)
+                .map(|(t, s, turn)| Collision::turned(t, m.located(s), turn)),
+            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
+        )
+    }
+
+    /// [`AnyMedium::pass`] of a medium that fills a shell.
+    pub(crate) fn pass_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        reach: f32,
+        tracking: Tracking,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        let by = tracking.integrator;
+        each_volume!(AnyMedium, self, (m) => over.pass(m, ray, reach, by, rng, stats),
+            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
+        )
+    }
+}
+
+fn collide<M: Medium>(
+    medium: &M,
+    ray: &Ray,
+    limit: f32,
+    integrator: Integrator,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> Option<(f32, M::Site)> {
+    let local = medium.lattice().clip(ray, limit)?;
+    find(medium, &local, integrator, rng, stats).map(|(t, site)| (local.t_entry + t, site))
+}
+
+fn pass<M: Medium>(
+    medium: &M,
+    ray: &Ray,
+    reach: f32,
+    integrator: Integrator,
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> f32 {
+    let local = medium.lattice().clip(ray, reach);
+    local.map_or(1.0, |local| {
+        pass_through(medium, &local, integrator, rng, stats)
+    })
+}

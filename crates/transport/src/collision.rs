@@ -1,0 +1,175 @@
+//! Where light meets matter, of whatever kind.
+
+use crate::sheet::SheetSite;
+use crate::{
+    ClothMedium, ExplicitFibres, FibreHit, FibreMedium, FlakeMedium, GridMedium, Medium, Plane,
+    SiteInfo,
+};
+use glam::{Mat3, Vec3};
+use organza_basis::{PathRng, Rgb};
+use organza_scatter::LobeSample;
+
+/// One expression for every kind of matter that is tracked collision by
+/// collision, of [`crate::AnyMedium`] or [`AnySite`]; the arms of the others follow.
+macro_rules! each_volume {
+    ($kind:ident, $of:expr, ($($part:ident),+) => $same:expr, $($others:tt)+) => {
+        match $of {
+            $kind::Grid($($part),+) => $same,
+            $kind::Cloth($($part),+) => $same,
+            $kind::Flakes($($part),+) => $same,
+            $kind::Fibres($($part),+) => $same,
+            $($others)+
+        }
+    };
+}
+pub(crate) use each_volume;
+
+/// A collision with some of the scene's matter.
+pub struct Collision<'a> {
+    /// Distance from the ray's origin, mm.
+    pub t: f32,
+    site: AnySite<'a>,
+    /// From the matter's own directions to the world's, where they differ.
+    turn: Option<Mat3>,
+}
+
+pub(crate) enum AnySite<'a> {
+    Grid(&'a GridMedium, <GridMedium as Medium>::Site),
+    Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
+    Flakes(&'a FlakeMedium, <FlakeMedium as Medium>::Site),
+    Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
+    Explicit(&'a ExplicitFibres, FibreHit),
+    Sheet(SheetSite<'a>),
+    /// With where it is hit.
+    Plane(&'a Plane, Vec3),
+}
+
+/// Media whose sites are kinds of their own.
+pub(crate) trait Located: Medium {
+    /// A site with its medium.
+    fn located(&self, site: Self::Site) -> AnySite<'_>;
+}
+
+macro_rules! located {
+    ($($kind:ident: $medium:ty),+) => {$(
+        impl Located for $medium {
+            fn located(&self, site: Self::Site) -> AnySite<'_> {
+                AnySite::$kind(self, site)
+            }
+        }
+    )+};
+}
+located!(Grid: GridMedium, Cloth: ClothMedium, Flakes: FlakeMedium, Fibres: FibreMedium);
+
+impl<'a> Collision<'a> {
+    pub(crate) fn new(t: f32, site: AnySite<'a>) -> Collision<'a> {
+        let turn = None;
+        Collision { t, site, turn }
+    }
+
+    /// In matter whose directions differ from the world's.
+    pub(crate) fn turned(t: f32, site: AnySite<'a>, turn: Mat3) -> Collision<'a> {
+        let turn = Some(turn);
+        Collision { t, site, turn }
+    }
+
+    /// A direction of the world in the matter's own frame.
+    fn own(&self, w: Vec3) -> Vec3 {
+        self.turn.map_or(w, |turn| turn.transpose() * w)
+    }
+
+    /// And back.
+    fn world(&self, w: Vec3) -> Vec3 {
+        self.turn.map_or(w, |turn| turn * w)
+    }
+
+    /// Albedo times phase, per channel; see [`Medium::eval`].
+    pub fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
+        let (w_out, w_in) = (self.own(w_out), self.own(w_in));
+        each_volume!(AnySite, &self.site, (m, s) => m.eval(s, w_out, w_in),
+            AnySite::Explicit(m, s) => m.eval(s, w_out, w_in),
+            AnySite::Sheet(s) => s.eval(w_out, w_in),
+            AnySite::Plane(p, _) => p.eval(w_out, w_in),
+        )
+    }
+
+    /// A scattered direction; see [`Medium::sample`].
+    pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        let w_out = self.own(w_out);
+        let drawn = each_volume!(AnySite, &self.site, (m, s) => m.sample(s, w_out, rng),
+            AnySite::Explicit(m, s) => m.sample(s, w_out, rng),
+            AnySite::Sheet(s) => s.sample(w_out, rng),
+            AnySite::Plane(p, _) => p.sample(w_out, rng),
+        )?;
+        Some(LobeSample {
+            w_in: self.world(drawn.w_in),
+            ..drawn
+        })
+    }
+
+    /// Density with which [`Collision::sample`] draws `w_in`, 1/sr.
+    pub fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+        let (w_out, w_in) = (self.own(w_out), self.own(w_in));
+        each_volume!(AnySite, &self.site, (m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Explicit(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::Sheet(s) => s.pdf(w_out, w_in),
+            AnySite::Plane(p, _) => p.pdf(w_out, w_in),
+        )
+    }
+
+    /// Radiance that the matter itself sends along `w_out`.
+    pub fn emitted(&self, w_out: Vec3) -> Rgb {
+        match &self.site {
+            AnySite::Plane(p, _) => p.emitted(w_out),
+            _ => Rgb::BLACK,
+        }
+    }
+
+    /// From the collision to where a ray toward `w_in` starts, mm; see
+    /// [`Medium::exit_mm`].
+    pub fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        let (w_out, w_in) = (self.own(w_out), self.own(w_in));
+        let exit = each_volume!(AnySite, &self.site, (m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Explicit(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::Sheet(s) => s.exit_mm(w_in),
+            AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
+        );
+        self.world(exit)
+    }
+
+    /// Visibility within the cell around the collision at `at_mm`, and the
+    /// distance to the cell's face, where matter has tables of it.
+    pub(crate) fn local_visibility(
+        &self,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        match &self.site {
+            AnySite::Fibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
+            _ => None,
+        }
+    }
+
+    /// What a medium decides only of a collision that counts; see
+    /// [`Medium::settle`].
+    pub(crate) fn settle(&mut self, w_out: Vec3, rng: &mut PathRng) {
+        let w_out = self.own(w_out);
+        each_volume!(AnySite, &mut self.site, (m, s) => *s = m.settle(*s, w_out, rng),
+            AnySite::Explicit(..) | AnySite::Sheet(_) | AnySite::Plane(..) => {}
+        );
+    }
+
+    /// What to show of the place; `None` of a plane, which is no cloth.
+    pub fn info(&self) -> Option<SiteInfo> {
+        let info = each_volume!(AnySite, &self.site, (m, s) => Some(m.info(s)),
+            AnySite::Explicit(m, s) => Some(m.info(s)),
+            AnySite::Sheet(s) => Some(s.info()),
+            AnySite::Plane(..) => None,
+        )?;
+        Some(SiteInfo {
+            axis: self.world(info.axis),
+            ..info
+        })
+    }
+}
