@@ -403,16 +403,14 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
                     } if is_furnace => {
                         // Near fields keep light in the mean over offsets; at single
                         // ones the roughest send 0.91 to 1.40 of it along the fibre,
-                        // 0.94 to 1.13 elsewhere (docs/hard_cases.md), and walks
-                        // among explicit fibres do not meet offsets evenly.
-                        let uneven = match (name.as_str(), view) {
-                            (
-                                "clear rough fibres, explicit",
-                                "grazing" | "along the fibres, in a voxel plane",
-                            ) => 0.4,
-                            ("clear rough fibres, explicit", _) => 0.0,
-                            _ => 0.0,
-                        };
+                        // 0.94 to 1.13 elsewhere (docs/hard_cases.md), and walks do
+                        // not meet offsets evenly. Seen: 0.984 of packed events
+                        // and 1.096 of explicit fibres.
+                        let knows_offsets = ["Packed", "explicit"]
+                            .iter()
+                            .any(|event| name == format!("clear rough fibres, {event}"));
+                        let is_along = view == "grazing" || view.starts_with("along the fibres");
+                        let uneven = if knows_offsets && is_along { 0.15 } else { 0.0 };
                         let tolerance = 5.0 * se + slack * (1.0 + events) + uneven;
                         let least = if is_white { 1.0 } else { *through };
                         // The gloss of black fibres remains.

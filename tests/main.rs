@@ -14,6 +14,7 @@ mod invalid; // the message for every kind of wrong input
 mod lights_and_export; // lights of scene files, scenes for another renderer
 mod measure; // the virtual goniometer
 mod program; // how the others run the program
+mod refusals; // what is refused before it begins, and left as it was
 mod running; // sample ranges, merging, checkpoints, stopping
 mod slab; // the tracker against an independent renderer's slab
 mod tidy; // the repository itself

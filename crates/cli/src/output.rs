@@ -64,6 +64,59 @@ fn refuse_special(path: &Path) -> Result<()> {
     }
 }
 
+/// Writes to the standard output. A reader that is gone has seen enough.
+///
+/// # Errors
+/// Whatever else the output refuses: a full disk.
+pub fn tell(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        told => told.context("cannot write to the standard output"),
+    }
+}
+
+/// Refuses a name to write that is a file to read.
+///
+/// # Errors
+/// Names the file.
+pub fn check_not_an_input(path: &Path, inputs: &[impl AsRef<Path>]) -> Result<()> {
+    let Ok(there) = path.canonicalize() else {
+        return Ok(()); // what is not there is not read
+    };
+    let is_it =
+        |input: &&_| AsRef::<Path>::as_ref(*input).canonicalize().ok().as_ref() == Some(&there);
+    match inputs.iter().find(is_it) {
+        Some(_) => Err(crate::error::input(format!(
+            "{}: is read as well; expected the name of another file",
+            path.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses early a folder of reports that could not be made, and one that holds a
+/// report of another kind, told by a file that only that one has.
+///
+/// # Errors
+/// Names the folder, or what is in its place.
+pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
+    let fail = |why: String| crate::error::input(format!("{}: {why}", path.display()));
+    if path.exists() && !path.is_dir() {
+        return Err(fail("is a file; expected a folder".into()));
+    }
+    let (file, kind) = other;
+    if path.join(file).exists() {
+        return Err(fail(format!(
+            "holds {kind} ({file}); expected a folder of its own"
+        )));
+    }
+    // The nearest folder that is there takes the others.
+    let there = path.ancestors().find(|a| a.exists());
+    let there = there.unwrap_or(Path::new("."));
+    check_writable(&there.join("report.html"))
+}
+
 /// Refuses early what could not be written in the end.
 ///
 /// # Errors

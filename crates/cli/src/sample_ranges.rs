@@ -29,6 +29,13 @@ impl SampleRanges {
         self.0.iter().map(|r| r.end - r.start).sum()
     }
 
+    /// The samples between the first and the last that are missing, if any are.
+    pub fn gaps(&self) -> Option<SampleRanges> {
+        let between = self.0.windows(2).map(|pair| pair[0].end..pair[1].start);
+        let gaps: Vec<Range<u64>> = between.collect();
+        (!gaps.is_empty()).then_some(SampleRanges(gaps))
+    }
+
     /// The samples of both.
     ///
     /// # Errors

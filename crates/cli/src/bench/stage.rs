@@ -40,41 +40,67 @@ impl Sample {
         NAMED.map(|(name, _)| name)
     }
 
-    /// A fabric by name, which is written into `folder`, or by its file.
-    ///
-    /// # Errors
-    /// No such fabric, or one that is wrong.
-    pub fn open(named: &str, folder: &Path) -> Result<Sample> {
-        let carried = NAMED.iter().find(|(name, _)| *name == named);
-        let (name, path) = match carried {
-            Some((name, text)) => {
-                let path = folder.join(format!("{name}.toml"));
-                output::write_file(&path, |out| Ok(out.write_all(text.as_bytes())?))?;
-                ((*name).to_owned(), path)
-            }
-            None if named.ends_with(".toml") => {
-                let path = PathBuf::from(named);
-                let name = path
-                    .file_stem()
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned();
-                (name, path)
-            }
-            None => {
-                let near = nearest_name(named, Sample::names())
-                    .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-                return Err(input(format!(
-                    "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
-                    Sample::names().join(", ")
-                )));
-            }
-        };
-        let fabric = fabric_file::load(&path, &[])?;
+    fn read(name: &str, path: &Path) -> Result<Sample> {
+        let fabric = fabric_file::load(path, &[])?;
         let path = path
             .canonicalize()
             .with_context(|| path.display().to_string())?;
+        let name = name.to_owned();
         Ok(Sample { name, path, fabric })
+    }
+}
+
+/// A fabric that is known to be there, before any file is written.
+pub enum Found {
+    /// One that the program carries along: name and text.
+    Carried(&'static str, &'static str),
+    /// A file of the user's.
+    File(Sample),
+}
+
+impl Found {
+    /// A fabric by name or by its file.
+    ///
+    /// # Errors
+    /// No such fabric, or one that is wrong.
+    pub fn named(named: &str) -> Result<Found> {
+        if let Some((name, text)) = NAMED.iter().find(|(name, _)| *name == named) {
+            return Ok(Found::Carried(name, text));
+        }
+        if !named.ends_with(".toml") {
+            let near = nearest_name(named, Sample::names())
+                .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+            return Err(input(format!(
+                "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
+                Sample::names().join(", ")
+            )));
+        }
+        let path = PathBuf::from(named);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        Sample::read(&name, &path).map(Found::File)
+    }
+
+    /// Its name, short enough for files.
+    pub fn name(&self) -> &str {
+        match self {
+            Found::Carried(name, _) => name,
+            Found::File(sample) => &sample.name,
+        }
+    }
+
+    /// The fabric; one that the program carries along is written into `folder`.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn sample(self, folder: &Path) -> Result<Sample> {
+        match self {
+            Found::Carried(name, text) => {
+                let path = folder.join(format!("{name}.toml"));
+                output::write_file(&path, |out| Ok(out.write_all(text.as_bytes())?))?;
+                Sample::read(name, &path)
+            }
+            Found::File(sample) => Ok(sample),
+        }
     }
 }
 

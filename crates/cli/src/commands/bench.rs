@@ -2,7 +2,7 @@
 
 use crate::bench::peer::Peer;
 use crate::bench::scaling;
-use crate::bench::stage::{self, PIXELS_MM, QUICK_PIXELS_MM, Sample};
+use crate::bench::stage::{self, Found, PIXELS_MM, QUICK_PIXELS_MM, Sample};
 use crate::bench::table::{self, Row};
 use crate::bench::trial::Laboratory;
 use crate::bench::try_all::{Plan, ViewResult};
@@ -24,6 +24,21 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         Some(path) => Peer::read(path, pixels)?,
         None => Vec::new(),
     };
+    output::check_report_folder(&args.outfile, ("pairs.csv", "a comparison"))?;
+    let named: Vec<&str> = match args.fabrics.len() {
+        0 => Sample::names().to_vec(),
+        _ => args.fabrics.iter().map(String::as_str).collect(),
+    };
+    let found = named
+        .into_iter()
+        .map(Found::named)
+        .collect::<Result<Vec<Found>>>()?;
+    for (i, one) in found.iter().enumerate() {
+        if found[..i].iter().any(|other| other.name() == one.name()) {
+            let name = one.name();
+            return Err(input(format!("{name}: two fabrics are called {name}")));
+        }
+    }
     let folder = |name: &str| {
         let path = args.outfile.join(name);
         std::fs::create_dir_all(&path)
@@ -33,21 +48,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     };
     let (scenes, runs) = (folder("scenes")?, folder("runs")?);
     stage::write_rooms(&scenes)?;
-    let named: Vec<&str> = match args.fabrics.len() {
-        0 => Sample::names().to_vec(),
-        _ => args.fabrics.iter().map(String::as_str).collect(),
-    };
-    let mut samples: Vec<Sample> = Vec::new();
-    for name in named {
-        let sample = Sample::open(name, &scenes)?;
-        if samples.iter().any(|s| s.name == sample.name) {
-            return Err(input(format!(
-                "{name}: two fabrics are called {}",
-                sample.name
-            )));
-        }
-        samples.push(sample);
-    }
+    let samples = found
+        .into_iter()
+        .map(|f| f.sample(&scenes))
+        .collect::<Result<Vec<Sample>>>()?;
     let plan = Plan {
         quick: args.quick,
         pixels_mm: if args.quick {

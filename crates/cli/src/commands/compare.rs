@@ -37,9 +37,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     if !models.is_empty() && models.len() + usize::from(args.data.is_some()) < 2 {
         return Err(input("--models: expected two models or more, or --data"));
     }
-    std::fs::create_dir_all(&args.outdir)
-        .map_err(|e| input(format!("{}: {}", args.outdir.display(), read::io_words(&e))))?;
-    output::check_writable(&args.outdir.join("report.html"))?;
+    output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
         let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
@@ -252,6 +250,8 @@ fn judge(args: &CompareArgs, measured: &[Measurement]) -> Result<Vec<Judged>> {
 
 #[allow(clippy::print_stderr)]
 fn write(args: &CompareArgs, report: &Report) -> Result<()> {
+    std::fs::create_dir_all(&args.outdir)
+        .map_err(|e| input(format!("{}: {}", args.outdir.display(), read::io_words(&e))))?;
     let save = |name: &str, text: &str| {
         output::write_file(&args.outdir.join(name), |out| {
             out.write_all(text.as_bytes()).context("writing failed")

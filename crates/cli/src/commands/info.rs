@@ -5,7 +5,7 @@ use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::InfoArgs;
 use crate::scene_file::{SceneFile, is_scene};
-use crate::{auto_model, fabric_file, read};
+use crate::{auto_model, fabric_file, output, picture, read};
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_volume::{Octree, VolGrid, ovox, vdb};
@@ -14,27 +14,41 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// Runs the command.
-#[allow(clippy::print_stdout)]
 pub fn run(args: &InfoArgs) -> Result<()> {
     let told = with_threads(&args.common, || tell(args))?;
+    let mut text = String::new();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&told)?);
+        text = serde_json::to_string_pretty(&told)? + "\n";
     } else {
-        print_plain(&told, 0);
+        list(&mut text, &told, 0);
     }
-    Ok(())
+    output::tell(&text)
 }
 
 fn tell(args: &InfoArgs) -> Result<Value> {
     let path = args.file.as_path();
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let fail = |e: String| input(format!("{}: {e}", path.display()));
+    if let Some(key) = args.common.set.first()
+        && !ending.eq_ignore_ascii_case("toml")
+    {
+        return Err(fail(format!(
+            "--set {key}: only fabrics and scenes have keys"
+        )));
+    }
     match ending.to_lowercase().as_str() {
         "wif" => {
             let draft = Draft::from_wif(&read::bytes(path)?).map_err(|e| fail(e.to_string()))?;
             Ok(json!({ "kind": "draft", "draft": draft.summary() }))
         }
         "vol" => {
+            let parts = path.with_extension("sigma_t.vol");
+            if !path.exists() && parts.is_file() {
+                return Err(fail(format!(
+                    "no such file; `voxelize` writes three, the first is {}",
+                    parts.display()
+                )));
+            }
             let bytes = read::bytes(path)?;
             let limit = bytes.len() as u64;
             let grid = VolGrid::read(&mut &bytes[..], limit).map_err(|e| fail(e.to_string()))?;
@@ -60,9 +74,11 @@ fn tell(args: &InfoArgs) -> Result<Value> {
                 CurveSet::read_text(&read::text(path)?, 1.0).map_err(|e| fail(e.to_string()))?;
             Ok(curves_info(&set))
         }
+        "exr" => picture_info(path),
         "toml" => toml(path, &args.common.set),
         _ => Err(fail(
-            "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc or .txt".into(),
+            "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt or .exr"
+                .into(),
         )),
     }
 }
@@ -86,6 +102,10 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         return Ok(told);
     }
     let fabric = fabric_file::load(path, overrides)?;
+    if fabric.file.surface.is_some() {
+        // What would be refused later is no surface.
+        fabric.surface(path)?;
+    }
     let yarns: Vec<Value> = fabric
         .cloth
         .yarns()
@@ -120,6 +140,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         "tile": box_of(&organza_basis::SegmentSource::tile(&fabric.cloth).bounds_mm),
         "draft": fabric.cloth.draft().map(Draft::summary),
         "figures": fabric.cloth.figures(),
+        "openness": 1.0 - fabric.cloth.figures().cover_factor,
         "yarns": yarns,
         "materials": materials,
         "warnings": fabric.cloth.warnings(),
@@ -128,6 +149,17 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
 
 fn box_of(b: &Aabb) -> Value {
     json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
+}
+
+/// A picture that `render` wrote.
+fn picture_info(path: &Path) -> Result<Value> {
+    let (film, attributes) = picture::read_exr(path, free_memory_bytes())?;
+    let size = film.size();
+    Ok(json!({
+        "kind": "picture",
+        "resolution": size.to_array(),
+        "attributes": attributes,
+    }))
 }
 
 fn vol(grid: &VolGrid) -> Value {
@@ -228,8 +260,7 @@ fn octree_info(octree: &Octree) -> Value {
 }
 
 /// A listing for people: one key a line, nested by indentation.
-#[allow(clippy::print_stdout)]
-fn print_plain(value: &Value, depth: usize) {
+fn list(text: &mut String, value: &Value, depth: usize) {
     let indent = "  ".repeat(depth);
     let is_flat = |v: &Value| match v {
         Value::Array(a) => a.iter().all(|v| !v.is_object() && !v.is_array()),
@@ -240,24 +271,24 @@ fn print_plain(value: &Value, depth: usize) {
         Value::Object(map) => {
             for (key, v) in map {
                 if is_flat(v) {
-                    println!("{indent}{key}: {}", words(v));
+                    *text += &format!("{indent}{key}: {}\n", words(v));
                 } else {
-                    println!("{indent}{key}:");
-                    print_plain(v, depth + 1);
+                    *text += &format!("{indent}{key}:\n");
+                    list(text, v, depth + 1);
                 }
             }
         }
         Value::Array(items) => {
             for (i, v) in items.iter().enumerate() {
                 if is_flat(v) {
-                    println!("{indent}{}", words(v));
+                    *text += &format!("{indent}{}\n", words(v));
                 } else {
-                    println!("{indent}[{i}]");
-                    print_plain(v, depth + 1);
+                    *text += &format!("{indent}[{i}]\n");
+                    list(text, v, depth + 1);
                 }
             }
         }
-        v => println!("{indent}{}", words(v)),
+        v => *text += &format!("{indent}{}\n", words(v)),
     }
 }
 

@@ -21,6 +21,10 @@ use organza_measure::{
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// What a value takes while it is measured, and as JSON; upper bounds, measured.
+const BYTES_OF_VALUE: u64 = 512;
+const BYTES_OF_JSON: u64 = 5120;
+
 /// Runs the command.
 pub fn run(args: &MeasureArgs) -> Result<()> {
     if let Some(path) = &args.outfile {
@@ -80,6 +84,7 @@ fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         return Ok(as_textures(args, wanted));
     }
     let [polar, azimuths] = args.grid;
+    check_count(args, layout)?;
     let wanted = match (layout, args.albedo) {
         (LayoutName::Irawan, false) => Wanted::Pairs(irawan_layout()),
         (LayoutName::Irawan, true) => Wanted::Incident(irawan_incident()),
@@ -162,7 +167,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
         Wanted::Pairs(pairs) => {
             let result = measure_pairs(patch, pairs, &effort, &watch).map_err(failed)?;
             write(args, |out| write_pairs(&result.list, out))?;
-            told.list = json!(result.list);
+            told.list = listed(args, &result.list);
             told.paths = result.stats.paths;
             told.words = median_error(&result.list);
         }
@@ -171,7 +176,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
             told.what = "albedo";
-            told.list = json!(result.list);
+            told.list = listed(args, &result.list);
             told.paths = result.stats.paths;
             told.extra = vec![
                 ("openness", json!(open)),
@@ -192,7 +197,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
                 watch(args.spp * u64::from(grid.texels.element_product()));
             }
             told.what = "textures";
-            told.list = json!(pairs);
+            told.list = listed(args, pairs);
             told.paths = args.spp * count as u64;
             if let Some(path) = &args.outfile {
                 btf_file::write(path, &textures, grid)?;
@@ -209,7 +214,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
             }
             told.what = "klems";
-            told.list = json!(bsdf.pairs());
+            told.list = listed(args, &bsdf.pairs());
             told.paths = stats.paths;
             let along = [
                 bsdf.hemispherical(&bsdf.reflection[0], 0),
@@ -225,7 +230,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             write(args, |out| write_sweep(&sweep, out))?;
             let [front, back] = front_and_back(&sweep);
             told.what = "sweep";
-            told.list = json!(sweep);
+            told.list = listed(args, &sweep);
             told.paths = args.spp * count as u64;
             told.extra = vec![("front_lit", json!(front)), ("back_lit", json!(back))];
             told.words = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
@@ -233,6 +238,39 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
     }
     let seconds = progress.finish();
     report(args, told, seconds)
+}
+
+/// Values as JSON, which takes ten times the memory, where somebody wants it.
+fn listed(args: &MeasureArgs, list: &(impl serde::Serialize + ?Sized)) -> Value {
+    if args.json || ends_in(args, "json") {
+        json!(list)
+    } else {
+        Value::Null
+    }
+}
+
+/// Refuses layouts of more directions than fit into memory.
+fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
+    let directions = u64::from(args.grid[0]) * u64::from(args.grid[1]);
+    let (flag, count) = match layout {
+        LayoutName::Grid if args.albedo => ("--grid", 2 * directions),
+        LayoutName::Grid => ("--grid", (2 * directions).saturating_mul(directions)),
+        LayoutName::Sweep => ("--step", (4.0 * (2.0 * 75.0 / args.step + 1.0)) as u64),
+        LayoutName::Irawan | LayoutName::Klems => return Ok(()),
+    };
+    let each = if args.json || ends_in(args, "json") {
+        BYTES_OF_JSON
+    } else {
+        BYTES_OF_VALUE
+    };
+    let needed = count.saturating_mul(each);
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed"
+        )));
+    }
+    Ok(())
 }
 
 /// Refuses pictures that do not fit into memory: six numbers a texel, held
@@ -287,7 +325,7 @@ fn write(
     }
 }
 
-#[allow(clippy::print_stdout, clippy::print_stderr)]
+#[allow(clippy::print_stderr)]
 fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
     let mut map = serde_json::Map::new();
     let mut put = |key: &str, value: Value| map.insert(key.into(), value);
@@ -305,7 +343,7 @@ fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
         output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))?;
     }
     if args.json {
-        println!("{text}");
+        output::tell(&(text + "\n"))?;
     }
     if !args.common.quiet {
         eprintln!(

@@ -31,6 +31,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
             args.outfile.display()
         )));
     }
+    output::check_not_an_input(&args.outfile, &args.parts)?;
     output::check_writable(&args.outfile)?;
     let limit = args
         .memory
@@ -73,6 +74,9 @@ pub fn run(args: &MergeArgs) -> Result<()> {
             all.film.size().y,
             all.samples
         );
+        if let Some(gaps) = all.samples.gaps() {
+            eprintln!("samples {gaps} are missing");
+        }
     }
     Ok(())
 }

@@ -404,3 +404,58 @@ fn packed_fibres_are_refused() {
     let packed = KernelRefusal::Medium(Unsuited::Packed);
     assert_eq!(refused, Some(packed));
 }
+
+/// What an event among parallel fibres sends on, and how unevenly: the reason for
+/// [`MOST_BLUR_RAD`].
+#[test]
+fn weights_of_fibres_that_are_taken_are_even() {
+    let (narrow, axis, _) = population(Vec3::Z, 1e-3);
+    for (blur_deg, is_taken) in [(6.0f32, true), (20.0, true), (34.0, false)] {
+        let tables = FibreTables::new([dielectric([0.0; 3], blur_deg, 2.0 * blur_deg)].iter());
+        let mut scalar = PathRng::from_seed(65);
+        let mut weights = Moments::default();
+        for i in 0..20_000 {
+            let w_out = loop {
+                let w = warp::uniform_sphere(scalar.unit2());
+                if scalar.unit() < w.cross(axis).length() {
+                    break w;
+                }
+            };
+            let mut rng = numbers(i);
+            let f = meet(&tables, 0, narrow, w_out, &mut rng);
+            let turn = f.sample(&tables, &mut rng, true);
+            weights.add(f64::from(Event::common(&f).y.0 * turn.weight.y.0));
+        }
+        let lost = (weights.mean - 1.0).abs();
+        assert!(
+            lost < 2e-3 + 5.0 * weights.standard_error(),
+            "seed 65, {blur_deg}: {weights:?}"
+        );
+        assert_eq!(
+            weights.variance() < 0.04,
+            is_taken,
+            "seed 65, {blur_deg}: {weights:?}"
+        );
+        assert_eq!(blur_deg.to_radians() <= MOST_BLUR_RAD, is_taken);
+    }
+}
+
+#[test]
+fn rough_fibres_are_left_to_the_walk() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let refused = |blur_deg: f32| {
+        let fibres = vec![
+            dielectric([0.0; 3], 6.0, 10.0),
+            dielectric([0.0; 3], blur_deg, 60.0),
+        ];
+        let medium = AnyMedium::Fibres(cloth(fibres, FibreEvent::Plain));
+        let made = Kernel::new(
+            &scene(medium, parallel(), flat),
+            &settings(0..4, u32::MAX),
+            Backend::Scalar,
+            u64::MAX,
+        );
+        matches!(made, Err(KernelRefusal::Skewed))
+    };
+    assert!(!refused(15.0) && refused(30.0));
+}

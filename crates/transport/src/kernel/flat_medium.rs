@@ -16,7 +16,7 @@
 //! memory. In air far from yarns the bound is zero and the flight begins with a
 //! jump; where density varies inside yarns it is the density nearby.
 
-use super::fibre_tables::area_squared;
+use super::fibre_tables::{WIDE_RAD, area_squared, end_on_ratio};
 use super::lanes::{Floats, Ints, one};
 use super::reach::{Surroundings, surroundings};
 use super::voxel_words::{MOST, VoxelWords, WORDS, pack, with_surroundings};
@@ -183,6 +183,19 @@ impl FlatMedium {
         self.substances
             .chunks_exact(4)
             .map(|words| words[0] as usize)
+    }
+
+    /// Share of the extinction that fibres cause which point nearly all ways.
+    pub fn wide_share(&self) -> f32 {
+        let limit = end_on_ratio(WIDE_RAD);
+        let (mut all, mut wide) = (0.0, 0.0);
+        for words in self.words.chunks_exact(WORDS) {
+            let voxel = VoxelWords([words[0], words[1]].map(<one::U as Ints>::splat));
+            let dense = f64::from(voxel.broadside().0);
+            all += dense;
+            wide += if voxel.end_on().0 > limit { dense } else { 0.0 };
+        }
+        if all > 0.0 { (wide / all) as f32 } else { 0.0 }
     }
 
     /// Bytes that a medium with so many voxels takes at the least, all working

@@ -56,6 +56,7 @@ use flakes::Mirrors;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
 use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES};
+use organza_scatter::Fibre;
 use panel::Panel;
 use std::ops::Range;
 
@@ -129,6 +130,9 @@ pub enum KernelRefusal {
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
+    /// Fibres of which the walk draws better.
+    #[error("fibres are so rough, or point so many ways, that the general walk draws them better")]
+    Skewed,
     /// A picture of too many pixels.
     #[error("a picture of light has more than 65536 pixels along an edge")]
     Picture,
@@ -148,6 +152,16 @@ pub enum KernelRefusal {
     #[error("this processor does not have {0:?}")]
     Backend(Backend),
 }
+
+/// Lanes draw inclinations by the blur, and tangents of widely spread fibres with
+/// weights; the walk tries until neither needs one. Up to this blur, 20 degrees,
+/// an event's weight has a variance below 0.04, and 0.13 more among populations
+/// spread by more than a radian, which may have this share of the extinction.
+/// Beyond, walks of tens of events hide what they carry in rare bright paths: a
+/// thick heap of fibres of 34 degrees blur sent back 0.96 of what it got in nine
+/// million paths, though no event loses any.
+const MOST_BLUR_RAD: f32 = 0.35;
+const MOST_WIDE: f32 = 0.2;
 
 /// A scene laid out for lanes.
 pub struct Kernel {
@@ -278,8 +292,12 @@ impl Kernel {
             AnyMedium::Cloth(m) => (FlatMedium::from_cloth(m)?, FibreTables::none()),
             AnyMedium::Fibres(m) => {
                 let medium = FlatMedium::from_fibres(m)?;
-                let fibres = medium.fibres().filter_map(|i| m.fibres().get(i));
-                let tables = FibreTables::new(fibres);
+                let fibres = || medium.fibres().filter_map(|i| m.fibres().get(i));
+                let is_rough = |f: &Fibre| f.far_parts().blurs_rad()[0] > MOST_BLUR_RAD;
+                if fibres().any(is_rough) || medium.wide_share() > MOST_WIDE {
+                    return Err(KernelRefusal::Skewed);
+                }
+                let tables = FibreTables::new(fibres());
                 (medium, tables)
             }
             _ => return Err(KernelRefusal::NotFlakes),

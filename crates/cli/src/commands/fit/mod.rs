@@ -18,7 +18,18 @@ use toml::{Table, Value};
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
+    let is_fabric = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("toml");
+    if !args.outfile.extension().is_some_and(is_fabric) {
+        return Err(input(format!(
+            "{}: expected a name that ends in .toml",
+            args.outfile.display()
+        )));
+    }
+    output::check_not_an_input(&args.outfile, &[&args.fabric])?;
     output::check_writable(&args.outfile)?;
+    if let Some(journal) = &args.journal {
+        output::check_writable(journal)?;
+    }
     if args.model == PatchModel::Surface {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
@@ -63,7 +74,7 @@ fn table(args: &FitArgs, overrides: &[String]) -> Result<Table> {
     Ok(table)
 }
 
-#[allow(clippy::print_stdout, clippy::print_stderr)]
+#[allow(clippy::print_stderr)]
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
     let command: Vec<String> = std::env::args().collect();
     let mut text = format!("# Fitted by: {}\n# {words}\n#\n", command.join(" "));
@@ -91,7 +102,7 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
     })?;
     if args.json {
         let told = json!({ "parameters": parameters, "words": words });
-        println!("{}", serde_json::to_string_pretty(&told)?);
+        output::tell(&(serde_json::to_string_pretty(&told)? + "\n"))?;
     }
     if !args.common.quiet {
         eprintln!("{words}");

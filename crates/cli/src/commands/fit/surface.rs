@@ -29,8 +29,14 @@ const STRIDE: f64 = 1e-3;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
-    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
-    let mut start = fabric.surface_spec(&args.fabric)?.resolved()?;
+    let mut fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    // A fabric without the section gets one.
+    fabric.file.surface.get_or_insert_default();
+    let fabric = fabric;
+    let mut start = fabric
+        .surface_spec(&args.fabric)?
+        .resolved()
+        .map_err(|e| input(format!("{}: surface: {e}", args.fabric.display())))?;
     let data = match &args.data {
         Some(path) => read_data(path)?,
         None => {
