@@ -50,22 +50,23 @@ pub fn pareto_front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
 pub struct Growth {
     /// The exponent that fits all sizes best.
     pub exponent: f64,
-    /// Its standard error, from how far the costs lie off the fitted line.
-    pub standard_error: f64,
+    /// Its standard error, from how far the costs lie off the fitted line; of two
+    /// points nothing is known.
+    pub standard_error: Option<f64>,
     /// The exponent between the two largest sizes, where what does not grow
     /// counts least.
     pub last_exponent: f64,
 }
 
 /// The exponent of costs over sizes, by least squares in their logarithms;
-/// `None` for fewer than three points, a single size, or values that are not
+/// `None` for a single size, or values that are not
 /// positive. Sizes rise.
 pub fn growth(points: &[(f64, f64)]) -> Option<Growth> {
     let usable = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
     let [.., before, last] = points else {
         return None;
     };
-    if points.len() < 3 || !points.iter().all(usable) || before.0 >= last.0 {
+    if !points.iter().all(usable) || before.0 >= last.0 {
         return None;
     }
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
@@ -82,7 +83,7 @@ pub fn growth(points: &[(f64, f64)]) -> Option<Growth> {
         .sum();
     Some(Growth {
         exponent,
-        standard_error: (off / (n - 2.0) / xx).sqrt(),
+        standard_error: (n > 2.0).then(|| (off / (n - 2.0) / xx).sqrt()),
         last_exponent: (last.1 / before.1).ln() / (last.0 / before.0).ln(),
     })
 }
@@ -152,12 +153,14 @@ mod tests {
         for planted in [0.0, 0.5, 1.0, 2.0] {
             let found = growth(&sizes.map(|x| (x, 3.0 * x.powf(planted)))).unwrap();
             assert!((found.exponent - planted).abs() < 1e-12);
-            assert!(found.standard_error < 1e-7);
+            assert!(found.standard_error.unwrap() < 1e-7);
         }
         let with_start = growth(&sizes.map(|x| (x, 5.0 + x * x))).unwrap();
         assert!(with_start.exponent < with_start.last_exponent && with_start.last_exponent < 2.0);
-        assert!(with_start.standard_error > 0.1);
-        assert_eq!(growth(&[(1.0, 1.0), (2.0, 2.0)]), None);
+        assert!(with_start.standard_error.unwrap() > 0.1);
+        let of_two = growth(&[(1.0, 1.0), (2.0, 2.0)]).unwrap();
+        assert_eq!((of_two.exponent, of_two.standard_error), (1.0, None));
+        assert_eq!(growth(&[(1.0, 1.0)]), None);
         assert_eq!(growth(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
         assert_eq!(growth(&[(1.0, 1.0), (2.0, 0.0), (3.0, 3.0)]), None);
     }

@@ -263,10 +263,7 @@ mod tests {
 
     #[test]
     fn a_name_that_is_none_is_told_with_the_nearest() {
-        let error = Sample::open("denin", Path::new("nowhere"))
-            .err()
-            .unwrap()
-            .to_string();
+        let error = Found::named("denin").err().unwrap().to_string();
         assert!(error.ends_with("did you mean \"denim\"?"), "{error}");
     }
 }

@@ -279,10 +279,9 @@ pub(super) fn ends(s: &Series) -> String {
 
 pub(super) fn exponent(g: Option<Growth>) -> String {
     g.map_or("-".into(), |g| {
-        format!(
-            "{:.2} ({:.2}), {:.2}",
-            g.exponent, g.standard_error, g.last_exponent
-        )
+        let error = g.standard_error;
+        let error = error.map_or("two points".into(), |e| format!("{e:.2}"));
+        format!("{:.2} ({error}), {:.2}", g.exponent, g.last_exponent)
     })
 }
 
