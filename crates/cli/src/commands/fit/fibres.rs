@@ -8,6 +8,7 @@ use crate::flags::{FitArgs, PatchModel};
 use crate::journal::FileJournal;
 use crate::patches::{AnyPatch, Matter, PatchOptions};
 use crate::progress::Progress;
+use crate::scattering::{ScatteringModel, ScatteringTable};
 use crate::{optics, read};
 use anyhow::Result;
 use organza_basis::Rgb;
@@ -15,6 +16,7 @@ use organza_measure::fit::{Bound, Patience, determine, search};
 use organza_measure::{
     Angles, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
 };
+use organza_transport::FibreEvent;
 use serde_json::json;
 use std::collections::BTreeSet;
 
@@ -108,9 +110,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let observed = Observed::read(path)?;
     let values = observed.values();
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
-    let bounds = bounds(args, &fabric);
+    let model = model(args, &fabric)?;
+    let bounds = bounds(model, &fabric);
     let volume = table(args, &[])?;
-    let how = (args.model.name(), args.voxel.voxel_um, args.spp, args.seed);
+    let how = (model.name(), args.voxel.voxel_um, args.spp, args.seed);
     let key = json!([volume, values, how]).to_string();
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
     let mut failure = None;
@@ -125,16 +128,13 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut errors: Option<Vec<f64>> = None;
     let mut residuals = |place: &[f64]| {
         let found = journal.once(place, || {
-            let keys = keys(args, &fabric, &bounds, place);
+            let keys = keys(args, model, &fabric, &bounds, place);
             let changed = fabric_file::load(&args.fabric, &keys)?;
             let density = place.last().copied().unwrap_or(1.0);
             let same = matter.take().filter(|(d, _)| *d == density);
             let (_, matter) = matter.insert(match same {
                 Some(same) => same,
-                None => (
-                    density,
-                    Matter::new(&changed, &args.fabric, args.model, &quiet)?,
-                ),
+                None => (density, Matter::new(&changed, &args.fabric, model, &quiet)?),
             });
             let patch = matter.patch(&changed, &args.fabric, &quiet)?;
             Ok(observed.simulate(args, &patch)?.concat())
@@ -187,7 +187,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let freedom = values.len().saturating_sub(bounds.len()).max(1);
     let variance = (least / freedom as f64).max(1.0);
     let parameters = determine(&bounds, &place, &columns, variance);
-    let table = table(args, &keys(args, &fabric, &bounds, &place))?;
+    let table = table(args, &keys(args, model, &fabric, &bounds, &place))?;
     let words = format!("Residual: {:.3} of the expected errors.", variance.sqrt());
     finish(args, &table, &parameters, &words)
 }
@@ -203,14 +203,34 @@ pub fn yarns(fabric: &Fabric) -> Vec<String> {
     names.into_iter().collect()
 }
 
-pub fn roughness(args: &FitArgs) -> (&'static str, [f64; 2], f64) {
-    match args.model {
+/// What stands for the cloth: a volume scatters as the fabric says, and takes the
+/// keys of that.
+///
+/// # Errors
+/// Keys of `[scattering]` that contradict each other.
+pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<PatchModel> {
+    if args.model != PatchModel::Volume {
+        return Ok(args.model);
+    }
+    let own = ScatteringTable::default()
+        .over(fabric.file.scattering)
+        .map_err(|why| input(format!("{}: scattering{why}", args.fabric.display())))?;
+    Ok(match own {
+        ScatteringModel::Fibres(FibreEvent::Plain) => PatchModel::Plain,
+        ScatteringModel::Fibres(FibreEvent::Packed) => PatchModel::Packed,
+        ScatteringModel::Explicit => PatchModel::Fibres,
+        ScatteringModel::Flakes(_) | ScatteringModel::Surface => PatchModel::Volume,
+    })
+}
+
+pub fn roughness(model: PatchModel) -> (&'static str, [f64; 2], f64) {
+    match model {
         PatchModel::Volume => ("end_on_ratio", [0.01, 0.9], 0.1),
         _ => ("longitudinal_deg", [1.0, 30.0], 6.0),
     }
 }
 
-fn bounds(args: &FitArgs, fabric: &Fabric) -> Vec<Bound> {
+fn bounds(model: PatchModel, fabric: &Fabric) -> Vec<Bound> {
     let mut list = Vec::new();
     let mut add = |name: String, [low, high]: [f64; 2], start: f64| {
         list.push(Bound {
@@ -225,24 +245,29 @@ fn bounds(args: &FitArgs, fabric: &Fabric) -> Vec<Bound> {
             add(format!("{yarn}.colour.{letter}"), [0.0, 0.98], c);
         }
     }
-    let (key, range, start) = roughness(args);
+    let (key, range, start) = roughness(model);
     add(key.into(), range, start);
     add("density".into(), DENSITY, 1.0);
     list
 }
 
 /// Overrides of the fabric file that a place stands for.
-fn keys(args: &FitArgs, fabric: &Fabric, bounds: &[Bound], place: &[f64]) -> Vec<String> {
+fn keys(
+    args: &FitArgs,
+    model: PatchModel,
+    fabric: &Fabric,
+    bounds: &[Bound],
+    place: &[f64],
+) -> Vec<String> {
     let mut keys = args.common.set.clone();
     let of = |name: &str| {
         let found = bounds.iter().zip(place).find(|(b, _)| b.name == name);
         found.map_or(1.0, |(_, &v)| v)
     };
     let density = of("density");
-    let (rough, _, _) = roughness(args);
     for name in yarns(fabric) {
         let c = ["r", "g", "b"].map(|l| of(&format!("{name}.colour.{l}")));
-        keys.extend(optics_keys(args, &name, c, of(rough)));
+        keys.extend(optics_keys(model, &name, c, of(roughness(model).0)));
         if let Some(yarn) = fabric.cloth.yarns().iter().find(|y| y.name == name) {
             keys.push(format!("yarn.{name}.tex={:?}", yarn.tex() * density));
             let fraction = yarn.fibre_volume_fraction() * density;
@@ -256,16 +281,16 @@ fn keys(args: &FitArgs, fabric: &Fabric, bounds: &[Bound], place: &[f64]) -> Vec
 }
 
 /// Overrides for the colour and the roughness of a yarn.
-pub fn optics_keys(args: &FitArgs, yarn: &str, colour: [f64; 3], rough: f64) -> [String; 2] {
+pub fn optics_keys(model: PatchModel, yarn: &str, colour: [f64; 3], rough: f64) -> [String; 2] {
     // Flakes and fibres take their own keys for the colour of a heap.
-    let colour = if args.model == PatchModel::Volume {
+    let colour = if model == PatchModel::Volume {
         let heap = Rgb::from(colour.map(|c| c as f32));
         let albedo = optics::albedo_for_colour(heap).0.to_array();
         format!("optics.{yarn}.albedo={albedo:?}")
     } else {
         format!("optics.{yarn}.colour={colour:?}")
     };
-    let (key, _, _) = roughness(args);
+    let (key, _, _) = roughness(model);
     [colour, format!("optics.{yarn}.{key}={rough:?}")]
 }
 

@@ -1,6 +1,6 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
-use super::fibres::{optics_keys, own_colour, roughness, yarns};
+use super::fibres::{model, optics_keys, own_colour, roughness, yarns};
 use super::{finish, options, table};
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
@@ -38,6 +38,15 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .data
         .as_deref()
         .ok_or_else(|| input("--data: expected a picture"))?;
+    for (flag, is_given) in [
+        ("--journal", args.journal.is_some()),
+        ("--patience", args.patience.is_some()),
+    ] {
+        if is_given {
+            let why = "a fit to a picture takes a dozen turns; belongs to the other fits";
+            return Err(input(format!("{flag}: {why}")));
+        }
+    }
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
     let (size, pixels) = read_picture(path).map_err(input)?;
     let (size, pixels) = shrunk(size, &pixels);
@@ -58,9 +67,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         let width_mm = width_mm as f32;
         grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
     }
-    let matter = Matter::new(&fabric, &args.fabric, args.model, &options(args))?;
+    let model = model(args, &fabric)?;
+    let matter = Matter::new(&fabric, &args.fabric, model, &options(args))?;
     let yarns = yarns(&fabric);
-    let (key, width, start) = roughness(args);
+    let (key, width, start) = roughness(model);
     // Yarns keep their colours against each other.
     let brightest = (0..3).map(|c| {
         let most = yarns.iter().map(|y| own_colour(&fabric, y)[c]);
@@ -79,7 +89,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         for yarn in &yarns {
             let own = own_colour(fabric, yarn);
             let scaled = std::array::from_fn(|c| own[c] / brightest[c] * colour[c]);
-            keys.extend(optics_keys(args, yarn, scaled, rough));
+            keys.extend(optics_keys(model, yarn, scaled, rough));
         }
         keys
     };
