@@ -61,8 +61,13 @@ fn completions_and_manual_pages_know_every_command() {
     let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(page("organza.1").contains("voxelize"));
     assert!(page("organza-render.1").contains("checkpoint"));
-    let message = complaint(&folder, &["man", "-o", "nowhere"]);
-    assert!(message.contains("nowhere: expected a folder"), "{message}");
+    succeed(&folder, &["man", "-o", "share/man1"]);
+    assert!(folder.join("share/man1/organza-weave.1").exists());
+    let message = complaint(&folder, &["man", "-o", "organza.1"]);
+    assert!(
+        message.contains("organza.1: is a file; expected a folder"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -273,6 +278,23 @@ fn drafts_and_curves_go_through_the_command_line() {
     let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(text("again.txt") == text("yarns.txt"));
     complaint(&folder, &["weave", "plain", "-o", "plain.obj"]);
+    // Threads that never cross, and colours that no fibre has.
+    let loose =
+        "[draft]\ndrawdown = [\"XX\", \"XX\"]\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 20.0\n";
+    std::fs::write(folder.join("loose.toml"), loose).unwrap();
+    let voxelize = [
+        "voxelize",
+        "loose.toml",
+        "-o",
+        "loose.ovox",
+        "--voxel-um",
+        "60",
+    ];
+    let warning = "organza: warning: loose.toml: draft: 2 of 2 ends never interlace";
+    let told = succeed(&folder, &voxelize);
+    assert!(told.starts_with(warning), "{told}");
+    let quiet = [&voxelize[..], &["--quiet"]].concat();
+    assert_eq!(succeed(&folder, &quiet), "");
     complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
 }
 
@@ -367,11 +389,11 @@ fabric = "cloth.toml"
         "object.0.event=packed",
     ]);
     assert!(
-        why.contains("object.event") && why.contains("virtual-scattering"),
+        why.contains("object[0].event") && why.contains("virtual-scattering"),
         "{why}"
     );
     let why = refuse(&["--set", "object.0.local_visibility=true"]);
-    assert!(why.contains("object.local_visibility"), "{why}");
+    assert!(why.contains("object[0].local_visibility"), "{why}");
     let why = refuse(&["--set", "object.0.model=fibres", "--max-memory", "64KB"]);
     assert!(why.contains("bytes of memory"), "{why}");
 }

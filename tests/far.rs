@@ -116,7 +116,7 @@ fn cloth_over_a_mesh_says_what_it_lacks() {
     std::fs::write(folder.join("quad.obj"), mapped).unwrap();
     let render = ["render", "scene.toml", "-o", "out.png", "--quiet"];
     for (object, words) in [
-        ("mesh = \"quad.obj\"", "object.mm_per_uv: is missing"),
+        ("mesh = \"quad.obj\"", "object[0].mm_per_uv: is missing"),
         ("mm_per_uv = 100.0", "belongs to a `mesh`"),
         (
             "mesh = \"bare.obj\"\nmm_per_uv = 100.0",

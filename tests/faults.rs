@@ -435,6 +435,7 @@ fn too_little_memory_is_told_before_it_is_taken() {
     write_grid_scene(&folder);
     std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
     let scene = "[camera]\norigin_mm=[0,0,3]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[8,8]\n\
+                 [[light]]\nkind='environment'\nradiance=[1,1,1]\n\
                  [[object]]\nkind='cloth'\nfabric='cloth.toml'\n";
     std::fs::write(folder.join("cloth_scene.toml"), scene).unwrap();
     let large = "camera.resolution=[65536,65536]";

@@ -117,6 +117,6 @@ fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
     let said = complaint(&folder, &wrong);
     assert_eq!(
         said,
-        "organza: scene.toml: render.clamp: expected a positive number"
+        "organza: scene.toml: render.clamp: expected a positive number, found -1"
     );
 }

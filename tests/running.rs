@@ -312,7 +312,10 @@ fn checkpoints_that_do_not_belong_are_refused() {
         );
     }
     assert_eq!(
-        refuse(&good, &["--set", "camera.width_mm=1.5"]),
+        refuse(
+            &good,
+            &["--samples", "2..6", "--set", "camera.width_mm=1.5"]
+        ),
         "organza: state: is a checkpoint of another scene, of changed input files or of another \
          version of organza"
     );
@@ -388,7 +391,7 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     assert_eq!(reach("0.004", &["--threads", "2"]), samples);
     assert!(bytes(&folder, "out.exr") == early);
     assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
-    let both = ["--target-median-error", "1"];
+    let both = ["--target-median-error", "0.99"];
     assert_eq!(reach("0.004", &both), samples);
     let both = ["--target-median-error", "0.002"];
     assert!(reach("0.9", &both) > 16);
@@ -463,7 +466,7 @@ fn thin_lenses_are_read_and_checked() {
         ),
         (
             "aperture_mm = 1.0\nfocus_mm = -3.0",
-            "camera: camera.focus_mm must be positive",
+            "camera: focus_mm must be positive, found -3",
         ),
         (
             "aperture_mm = 1.0\nsensor_width_mm = 24.0",
@@ -497,5 +500,45 @@ fn wrong_flags_are_told() {
         let arguments = ["render", "scene.toml", "-o", "x.exr"];
         let out = organza(&folder, &[&arguments[..], wrong].concat());
         assert_eq!(out.status.code(), Some(2), "{wrong:?}");
+    }
+    let render = &["render", "scene.toml", "-o", "x.exr"][..];
+    let voxelize = &["voxelize", "cloth.toml", "-o", "x.ovox"][..];
+    for (command, flag, value, words) in [
+        (render, "--clamp", "-1", "expected a number above 0"),
+        (render, "--spp", "-3", "expected a whole number from 1 to"),
+        (render, "--seed", "-1", "expected a whole number from 0 to"),
+        (render, "--seed", "abc", "expected a whole number from 0 to"),
+        (render, "--crop", "-1,0,4,4", "expected four whole numbers"),
+        (render, "--samples", "-1..4", "expected A..B"),
+        (render, "--time-limit", "-5s", "expected a time such as"),
+        (render, "--target-error", "-1", "0.05 is 5 %"),
+        (render, "--target-error", "5", "0.05 is 5 %"),
+        (voxelize, "--voxel-um", "60um", "a number of micrometres"),
+        (voxelize, "--levels", "9", "a whole number from 1 to 8"),
+        (
+            &["weave", "plain", "-o", "x.png"],
+            "--cell-px",
+            "0",
+            "from 1 to 1024",
+        ),
+        (&["weave", "plain"], "--cell-px", "8", "--outfile"),
+        (
+            &["compare", "a.toml", "-o", "b"],
+            "--limit",
+            "15",
+            "0.05 is 5 %",
+        ),
+        (&["bench", "-o", "b"], "--within", "0.1,5", "0.05 is 5 %"),
+        (
+            &["export", "mitsuba", "a.toml", "-o", "b"],
+            "--repeats",
+            "-1,2",
+            "from 1 to 4096",
+        ),
+    ] {
+        let out = organza(&folder, &[command, &[flag, value]].concat());
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{flag} {value}: {said}");
+        assert!(said.contains(words), "{flag} {value}: {said}");
     }
 }

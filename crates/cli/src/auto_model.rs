@@ -127,7 +127,7 @@ fn choose(
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!("object[{index}].optics{why}")))?;
-    let mesh = drape::mesh(table, &options)?;
+    let mesh = drape::mesh(table, index, &options)?;
     let place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),

@@ -14,6 +14,7 @@ use organza_transport::{Crop, Film, Pixel, Rendering, Stats};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Write};
+use std::ops::Range;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"organzaR";
@@ -94,55 +95,16 @@ pub fn resume<'a>(
     let size = rendering.film().size();
     let pixels = size.x as usize * size.y as usize;
     let whole = HEADER_BYTES + pixels * PIXEL_BYTES + DIGEST_BYTES;
-    let mut bytes = Vec::new();
     // No more than belongs to it, whatever the file is.
-    File::open(path)
-        .and_then(|f| f.take(whole as u64 + 1).read_to_end(&mut bytes))
-        .map_err(|e| fail(read::io_words(&e)))?;
-    if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) || bytes.is_empty() {
-        return Err(fail("is not a checkpoint of organza".into()));
-    }
-    if bytes.len() < HEADER_BYTES {
-        return Err(fail(format!(
-            "is cut short after {} bytes; it cannot be gone on from",
-            bytes.len()
-        )));
-    }
-    let (header, rest) = bytes.split_at(HEADER_BYTES);
-    let version = u32_at(header, MAGIC.len());
-    if version != VERSION {
-        return Err(fail(format!(
-            "is a checkpoint of format {version}; this program reads {VERSION}"
-        )));
-    }
-    let words: [u64; HEADER_WORDS] = std::array::from_fn(|i| {
-        let at = PREFIX_BYTES + 8 * i;
-        u64::from(u32_at(header, at)) | (u64::from(u32_at(header, at + 4)) << 32)
-    });
-    let [seed, x0, y0, x1, y1, first, next, ..] = words;
-    let crop = Crop {
-        min: UVec2::new(x0 as u32, y0 as u32),
-        max: UVec2::new(x1 as u32, y1 as u32),
-    };
-    if !header.ends_with(&identity.scene) {
+    let bytes = start(path, whole as u64 + 1)?;
+    let header = Header::parse(path, &bytes)?;
+    if header.scene != identity.scene {
         return Err(fail(
             "is a checkpoint of another scene, of changed input files or of another version of organza"
                 .into(),
         ));
     }
-    if seed != identity.seed {
-        let own = identity.seed;
-        return Err(fail(format!(
-            "is a checkpoint of seed {seed}; this render has seed {own}"
-        )));
-    }
-    if crop != identity.crop {
-        return Err(fail(format!(
-            "is a checkpoint of the pixels {}; this render is of {}",
-            crop_words(crop),
-            crop_words(identity.crop)
-        )));
-    }
+    header.check_picture(path, identity.seed, identity.crop)?;
     if bytes.len() < whole {
         return Err(fail(format!(
             "is cut short after {} of {whole} bytes; it cannot be gone on from",
@@ -154,13 +116,9 @@ pub fn resume<'a>(
         return Err(fail("is damaged: its checksum does not match".into()));
     }
     let wanted = rendering.taken().start..rendering.taken().start + rendering.left();
-    if first != wanted.start || next > wanted.end {
-        return Err(fail(format!(
-            "is a checkpoint of the samples {first}..{next}; this render is of {}..{}",
-            wanted.start, wanted.end
-        )));
-    }
+    header.check_samples(path, &wanted)?;
     let mut film = Film::new(size);
+    let rest = bytes.get(HEADER_BYTES..).unwrap_or_default();
     for (pixel, bytes) in film
         .pixels_mut()
         .iter_mut()
@@ -168,10 +126,109 @@ pub fn resume<'a>(
     {
         *pixel = Pixel::from_words(&std::array::from_fn(|i| u32_at(bytes, 4 * i)));
     }
-    let stats = Stats::from_words(&std::array::from_fn(|i| words[7 + i]));
+    let next = header.samples.end;
     rendering
-        .resume(film, stats, next)
+        .resume(film, header.stats, next)
         .map_err(|e| fail(e.to_string()))
+}
+
+/// Refuses a checkpoint of another picture before that one's scene is built: all
+/// but its digest is known by then.
+///
+/// # Errors
+/// As [`resume`].
+pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result<()> {
+    let header = Header::parse(path, &start(path, HEADER_BYTES as u64)?)?;
+    header.check_picture(path, seed, crop)?;
+    header.check_samples(path, samples)
+}
+
+/// The first bytes of a file.
+fn start(path: &Path, count: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|f| f.take(count).read_to_end(&mut bytes))
+        .map_err(|e| input(format!("{}: {}", path.display(), read::io_words(&e))))?;
+    Ok(bytes)
+}
+
+/// What stands before the pixels.
+struct Header {
+    seed: u64,
+    crop: Crop,
+    samples: Range<u64>,
+    stats: Stats,
+    scene: [u8; DIGEST_BYTES],
+}
+
+impl Header {
+    fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
+        let fail = |why: String| input(format!("{}: {why}", path.display()));
+        if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) || bytes.is_empty() {
+            return Err(fail("is not a checkpoint of organza".into()));
+        }
+        if bytes.len() < HEADER_BYTES {
+            return Err(fail(format!(
+                "is cut short after {} bytes; it cannot be gone on from",
+                bytes.len()
+            )));
+        }
+        let header = bytes.split_at(HEADER_BYTES).0;
+        let version = u32_at(header, MAGIC.len());
+        if version != VERSION {
+            return Err(fail(format!(
+                "is a checkpoint of format {version}; this program reads {VERSION}"
+            )));
+        }
+        let words: [u64; HEADER_WORDS] = std::array::from_fn(|i| {
+            let at = PREFIX_BYTES + 8 * i;
+            u64::from(u32_at(header, at)) | (u64::from(u32_at(header, at + 4)) << 32)
+        });
+        let [seed, x0, y0, x1, y1, first, next, ..] = words;
+        let scene = header.get(HEADER_BYTES - DIGEST_BYTES..);
+        let scene = scene.and_then(|b| b.try_into().ok()).unwrap_or_default();
+        Ok(Header {
+            seed,
+            crop: Crop {
+                min: UVec2::new(x0 as u32, y0 as u32),
+                max: UVec2::new(x1 as u32, y1 as u32),
+            },
+            samples: first..next,
+            stats: Stats::from_words(&std::array::from_fn(|i| words[7 + i])),
+            scene,
+        })
+    }
+
+    fn check_picture(&self, path: &Path, seed: u64, crop: Crop) -> Result<()> {
+        let fail = |why: String| Err(input(format!("{}: {why}", path.display())));
+        if self.seed != seed {
+            let own = self.seed;
+            return fail(format!(
+                "is a checkpoint of seed {own}; this render has seed {seed}"
+            ));
+        }
+        if self.crop != crop {
+            return fail(format!(
+                "is a checkpoint of the pixels {}; this render is of {}",
+                crop_words(self.crop),
+                crop_words(crop)
+            ));
+        }
+        Ok(())
+    }
+
+    fn check_samples(&self, path: &Path, wanted: &Range<u64>) -> Result<()> {
+        let Range { start, end } = self.samples;
+        if start == wanted.start && end <= wanted.end {
+            return Ok(());
+        }
+        Err(input(format!(
+            "{}: is a checkpoint of the samples {start}..{end}; this render is of {}..{}",
+            path.display(),
+            wanted.start,
+            wanted.end
+        )))
+    }
 }
 
 /// Four bytes as a number; zero beyond the end.

@@ -10,14 +10,14 @@ use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
 /// Millimetres to a unit of length: glTF prescribes metres, the others nothing.
 const GLTF_MM_PER_UNIT: f32 = 1000.0;
 
-/// The mesh of a cloth object, if it has one.
+/// The mesh of the cloth that is a scene's object of this index, if it has one.
 ///
 /// # Errors
 /// Names the file and what is wrong with it, or the key that is missing.
-pub fn mesh(table: &ClothTable, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
+pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
     let fail = |key: &str, why: &str| {
         input(format!(
-            "{}: object.{key}: {why}",
+            "{}: object[{index}].{key}: {why}",
             options.scene_path.display()
         ))
     };

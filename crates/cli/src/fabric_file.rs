@@ -4,6 +4,7 @@ use crate::cloth_levels::{FarSheet, Levels, Place};
 use crate::drape;
 use crate::error::input;
 use crate::fibre_optics;
+use crate::file_kind::Wanted;
 use crate::optics::{self, OpticsFile};
 use crate::progress::Progress;
 use crate::read;
@@ -24,9 +25,9 @@ use organza_weave::{
     spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A whole fabric file.
 #[derive(Debug, Deserialize)]
@@ -93,7 +94,7 @@ pub struct Fabric {
 /// # Errors
 /// Names the file and the key at fault.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
-    let file: FabricFile = read::toml(path, overrides)?;
+    let file: FabricFile = read::toml_of(path, overrides, Wanted::Fabric)?;
     let geometry = FabricGeometry {
         draft: file.draft.clone(),
         warp: file.warp.clone(),
@@ -115,7 +116,26 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
     })
 }
 
+/// Warnings that were told already: of each, once is enough for whoever loads a
+/// fabric again and again.
+static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
 impl Fabric {
+    /// Says on stderr what is odd about the cloth.
+    #[allow(clippy::print_stderr)]
+    pub fn tell_warnings(&self, path: &Path, quiet: bool) {
+        if quiet {
+            return;
+        }
+        let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+        for warning in self.cloth.warnings() {
+            let line = format!("organza: warning: {}: {warning}", path.display());
+            if told.insert(line.clone()) {
+                eprintln!("{line}");
+            }
+        }
+    }
+
     /// How each material of the cloth scatters.
     pub fn optics(&self) -> Vec<FlakeOptics> {
         self.cloth
@@ -303,23 +323,29 @@ pub fn free_memory_bytes() -> u64 {
     from_kernel().unwrap_or(u64::MAX)
 }
 
-/// A cloth object of a scene; `as_fibres` whatever its model.
+/// The cloth that is a scene's object of this index; `as_fibres` whatever its
+/// model.
 ///
 /// # Errors
 /// Names the file and the key at fault.
 pub fn cloth_medium(
     table: &ClothTable,
+    index: usize,
     as_fibres: bool,
     camera: &Camera,
     options: &BuildOptions<'_>,
 ) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
-    let fail = |why: &str| input(format!("{}: object{why}", options.scene_path.display()));
+    let fail = |why: &str| {
+        let scene = options.scene_path.display();
+        input(format!("{scene}: object[{index}]{why}"))
+    };
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
     let mut fabric = load(&path, &own_seed)?;
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!(".optics{why}")))?;
+    fabric.tell_warnings(&path, options.quiet);
     let model = table
         .scattering()
         .over(fabric.file.scattering)
@@ -346,7 +372,7 @@ pub fn cloth_medium(
         }
         (_, lod) => lod,
     };
-    let mesh = drape::mesh(table, options)?;
+    let mesh = drape::mesh(table, index, options)?;
     let mut place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
@@ -358,14 +384,23 @@ pub fn cloth_medium(
             .sheet_alone(fabric.far_sheet(&path)?)?
             .ok_or_else(|| fail(".fabric: its tile has no volume"));
     }
-    let octree = Arc::new(fabric.voxelize(
+    let plan = fabric.plan(
         &path,
         model.footprint(),
         table.voxel_um,
         None,
         options.max_memory_bytes,
-        options.quiet,
-    )?);
+    )?;
+    // Told before the voxels are made, which takes its time.
+    let level_count = plan.level_count();
+    if let Lod::Level(level) = lod
+        && level >= level_count
+    {
+        return Err(fail(&format!(
+            ".lod: level {level} does not exist; the cloth has {level_count}, from 0"
+        )));
+    }
+    let octree = Arc::new(voxelize_planned(&path, &plan, options.quiet)?);
     if mesh.is_some() && !octree.repeats() {
         return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
     }

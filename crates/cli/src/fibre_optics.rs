@@ -46,20 +46,25 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
         ("longitudinal_deg", t.longitudinal_deg, 34.0),
         ("azimuthal_deg", t.azimuthal_deg, 90.0),
     ] {
-        if value.is_some_and(|v| !(0.0..=most).contains(&v)) {
-            return Err(format!(".{key}: expected a number from 0 to {most}"));
+        if let Some(v) = value.filter(|v| !(0.0..=most).contains(v)) {
+            return Err(format!(
+                ".{key}: expected a number from 0 to {most}, found {v}"
+            ));
         }
     }
-    if t.ior.is_some_and(|v| !(1.0..=3.0).contains(&v)) {
-        return Err(".ior: expected a number from 1 to 3".into());
+    if let Some(v) = t.ior.filter(|v| !(1.0..=3.0).contains(v)) {
+        return Err(format!(".ior: expected a number from 1 to 3, found {v}"));
     }
-    let colours = t.colour.iter().flatten();
-    if !colours.clone().all(|c| (0.0..=1.0).contains(c)) {
-        return Err(".colour: expected three numbers from 0 to 1".into());
-    }
-    let mut absorptions = t.absorption_per_mm.iter().flatten();
-    if !absorptions.all(|a| (0.0..=1e5).contains(a)) {
-        return Err(".absorption_per_mm: expected three numbers from 0 to 100000".into());
+    for (key, values, most) in [
+        ("colour", t.colour, 1.0),
+        ("absorption_per_mm", t.absorption_per_mm, 1e5),
+    ] {
+        let outside = |v: &[f32; 3]| !v.iter().all(|v| (0.0..=most).contains(v));
+        if let Some(v) = values.filter(outside) {
+            return Err(format!(
+                ".{key}: expected three numbers from 0 to {most}, found {v:?}"
+            ));
+        }
     }
     Ok(())
 }

@@ -20,6 +20,7 @@ mod environment_file;
 mod error;
 mod fabric_file;
 mod fibre_optics;
+mod file_kind;
 mod flags;
 mod identity;
 mod interrupt;
@@ -38,17 +39,18 @@ mod scattering;
 mod scene_build;
 mod scene_file;
 mod schedule;
+mod toml_words;
 mod woven_sheet;
 
 pub use flags::command;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Runs the program on its arguments (the first is the program's name).
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let matches = match flags::Arguments::command().try_get_matches_from(arguments) {
+    let matches = match command().try_get_matches_from(arguments) {
         Ok(m) => m,
         Err(e) => return complain_of_arguments(&e),
     };

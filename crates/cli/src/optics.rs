@@ -133,19 +133,27 @@ impl OpticsTable {
     fn check(&self) -> Result<(), String> {
         let unit = |c: &f32| (0.0..=1.0).contains(c);
         for (key, colour) in [("thread", self.thread), ("albedo", self.albedo)] {
-            if colour.is_some_and(|c| !c.iter().all(unit)) {
-                return Err(format!(".{key}: expected three numbers from 0 to 1"));
+            if let Some(c) = colour.filter(|c| !c.iter().all(unit)) {
+                return Err(format!(
+                    ".{key}: expected three numbers from 0 to 1, found {c:?}"
+                ));
             }
         }
-        if self.end_on_ratio.is_some_and(|r| !unit(&r)) {
-            return Err(".end_on_ratio: expected a number from 0 to 1".into());
+        if let Some(r) = self.end_on_ratio.filter(|r| !unit(r)) {
+            return Err(format!(
+                ".end_on_ratio: expected a number from 0 to 1, found {r}"
+            ));
         }
         let gammas = MIN_GAMMA..=10.0;
-        if self.gamma.is_some_and(|g| !gammas.contains(&g)) {
-            return Err(".gamma: expected a number from 0.0001 to 10".into());
+        if let Some(g) = self.gamma.filter(|g| !gammas.contains(g)) {
+            return Err(format!(
+                ".gamma: expected a number from 0.0001 to 10, found {g}"
+            ));
         }
-        if self.sin_power.is_some_and(|p| !(0.0..=1e8).contains(&p)) {
-            return Err(".sin_power: expected a number from 0 to 1e8".into());
+        if let Some(p) = self.sin_power.filter(|p| !(0.0..=1e8).contains(p)) {
+            return Err(format!(
+                ".sin_power: expected a number from 0 to 1e8, found {p}"
+            ));
         }
         let widths = [
             ("end_on_ratio", self.end_on_ratio.is_some()),
@@ -384,7 +392,7 @@ mod tests {
             ),
             (
                 "[silk]\ngamma = 0.0\n",
-                ".silk.gamma: expected a number from 0.0001 to 10",
+                ".silk.gamma: expected a number from 0.0001 to 10, found 0",
             ),
             (
                 "[silk]\ngamma = 0.1\nsin_power = 3.0\n",

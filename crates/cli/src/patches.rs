@@ -52,6 +52,7 @@ impl Matter {
         model: PatchModel,
         options: &PatchOptions,
     ) -> Result<Matter> {
+        fabric.tell_warnings(path, options.quiet);
         let scattering = match model {
             PatchModel::Surface => return Ok(Matter::Surface),
             PatchModel::Fibres => return Ok(Matter::Fibres),

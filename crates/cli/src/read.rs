@@ -3,6 +3,8 @@
 
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
+use crate::file_kind::{self, Wanted};
+use crate::toml_words;
 use anyhow::Result;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
@@ -34,9 +36,24 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 /// The bytes of a file, for callers that word the error themselves.
 ///
 /// # Errors
-/// Those of the file system; a device or a pipe, which may have no end; a file
-/// larger than the free memory.
+/// Those of the file system in the words of [`io_words`]; a device or a pipe,
+/// which may have no end; a file larger than the free memory.
 pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
+    unchecked_bytes(path).map_err(|e| std::io::Error::new(e.kind(), io_words(&e)))
+}
+
+/// Why a file that is named somewhere cannot be read, if that can be told without
+/// reading it.
+pub fn unreachable(path: &Path) -> Option<String> {
+    let why = match about(path) {
+        Ok(about) if about.is_dir() => ErrorKind::IsADirectory.into(),
+        Ok(_) => return None,
+        Err(e) => e,
+    };
+    Some(format!("{}: {}", path.display(), io_words(&why)))
+}
+
+fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     let about = about(path)?;
     let refuse = |kind, why: String| Err(std::io::Error::new(kind, why));
     if about.is_dir() {
@@ -78,17 +95,27 @@ pub fn inputs_after(count: usize) -> Vec<[u8; 32]> {
 /// # Errors
 /// Names the file.
 pub fn text(path: &Path) -> Result<String> {
+    text_of(path, Wanted::Text)
+}
+
+fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
     let fail = |why: &str| input(format!("{}: {why}", path.display()));
     let size = about(path).map_err(|e| fail(&io_words(&e)))?.len();
     if size > MAX_TEXT_BYTES {
         return Err(fail(&format!(
-            "is {size} bytes long; expected a text file of at most {MAX_TEXT_BYTES}"
+            "is {size} bytes long; expected {} of at most {MAX_TEXT_BYTES}",
+            wanted.words()
         )));
     }
-    String::from_utf8(bytes(path)?).map_err(|e| {
+    let bytes = bytes(path)?;
+    if let Some(what) = file_kind::of_bytes(&bytes) {
+        return Err(fail(&format!("is {what}; expected {}", wanted.words())));
+    }
+    String::from_utf8(bytes).map_err(|e| {
         fail(&format!(
-            "is not UTF-8 text (byte {})",
-            e.utf8_error().valid_up_to()
+            "is not UTF-8 text (byte {}); expected {}",
+            e.utf8_error().valid_up_to(),
+            wanted.words()
         ))
     })
 }
@@ -163,7 +190,20 @@ pub fn beside(file: &Path, named: &str) -> PathBuf {
 /// Names file, line, column and key, and the nearest valid name of a misspelt
 /// key or value; for an override, the flag.
 pub fn toml<T: DeserializeOwned>(path: &Path, overrides: &[String]) -> Result<T> {
-    let source = text(path)?;
+    toml_of(path, overrides, Wanted::Text)
+}
+
+/// The same, of a file that should be of a kind.
+///
+/// # Errors
+/// Says what a file of another kind is.
+pub fn toml_of<T: DeserializeOwned>(
+    path: &Path,
+    overrides: &[String],
+    wanted: Wanted,
+) -> Result<T> {
+    let source = text_of(path, wanted)?;
+    wanted.check(path, &source)?;
     // The file alone first: its mistakes have a place, an override's do not.
     let parsed = ::toml::from_str::<T>(&source).map_err(|e| {
         let place = e.span().map_or(String::new(), |span| {
@@ -171,11 +211,14 @@ pub fn toml<T: DeserializeOwned>(path: &Path, overrides: &[String]) -> Result<T>
             format!(":{line}:{column}")
         });
         let key = e.span().and_then(|s| key_at(&source, s.start));
+        let at_header = e
+            .span()
+            .is_some_and(|s| source.get(s).is_some_and(|at| at.starts_with('[')));
         input(format!(
             "{}{place}: {}{}",
             path.display(),
-            key.map_or(String::new(), |k| format!("{k}: ")),
-            with_nearest(e.message())
+            key.as_ref().map_or(String::new(), |k| format!("{k}: ")),
+            toml_words::plain(e.message(), key.as_deref().filter(|_| at_header))
         ))
     });
     if overrides.is_empty() {
@@ -193,7 +236,7 @@ pub fn toml<T: DeserializeOwned>(path: &Path, overrides: &[String]) -> Result<T>
             Err(input(format!(
                 "--set {}: {}",
                 overrides.join(" --set "),
-                with_nearest(e.message())
+                toml_words::plain(e.message(), None)
             )))
         })
     })
@@ -232,24 +275,6 @@ fn key_at(source: &str, offset: usize) -> Option<String> {
     Some(table.map_or(key.to_owned(), |t| format!("{t}.{key}")))
 }
 
-/// Adds "did you mean" to a message of the form "unknown X `a`, expected one of
-/// `b`, `c`".
-fn with_nearest(message: &str) -> String {
-    let mut quoted = message.split('`').skip(1).step_by(2);
-    let message = message.trim_end();
-    if !message.starts_with("unknown") {
-        return message.to_owned();
-    }
-    let Some(wrong) = quoted.next() else {
-        return message.to_owned();
-    };
-    let valid: Vec<&str> = quoted.collect();
-    match nearest_name(wrong, valid) {
-        Some(near) => format!("{message}; did you mean `{near}`?"),
-        None => message.to_owned(),
-    }
-}
-
 /// Applies `key.path=value` to a table; numbers name elements of arrays.
 fn apply_override(table: &mut ::toml::Table, text: &str) -> Result<()> {
     let fail = |why: String| input(format!("--set {text}: {why}"));
@@ -261,52 +286,53 @@ fn apply_override(table: &mut ::toml::Table, text: &str) -> Result<()> {
         .ok()
         .and_then(|mut t| t.remove("v"))
         .unwrap_or_else(|| ::toml::Value::String(value.to_owned()));
-    let mut keys = path.split('.').map(str::trim).peekable();
-    let Some(first) = keys.next().filter(|k| !k.is_empty()) else {
+    let keys: Vec<&str> = path.split('.').map(str::trim).collect();
+    let (Some((last, folders)), false) = (keys.split_last(), keys.contains(&"")) else {
         return Err(fail("expected key.path=value".into()));
     };
-    if keys.peek().is_none() {
-        table.insert(first.to_owned(), value);
-        return Ok(());
-    }
-    let mut at = table
-        .entry(first)
-        .or_insert_with(|| ::toml::Value::Table(::toml::Table::new()));
-    while let Some(key) = keys.next() {
-        let last = keys.peek().is_none();
+    let mut whole = ::toml::Value::Table(std::mem::take(table));
+    let mut at = &mut whole;
+    for (i, key) in folders.iter().enumerate() {
         at = match at {
-            ::toml::Value::Table(t) if last => {
-                t.insert(key.to_owned(), value);
-                return Ok(());
-            }
             ::toml::Value::Table(t) => t
-                .entry(key)
+                .entry(*key)
                 .or_insert_with(|| ::toml::Value::Table(::toml::Table::new())),
-            ::toml::Value::Array(a) => {
-                let count = a.len();
-                let element = key
-                    .parse::<usize>()
-                    .ok()
-                    .and_then(|i| a.get_mut(i))
-                    .ok_or_else(|| {
-                        fail(format!(
-                            "`{key}` is not an element; there are {count}, from 0"
-                        ))
-                    })?;
-                if last {
-                    *element = value;
-                    return Ok(());
-                }
-                element
-            }
-            _ => {
-                return Err(fail(format!(
-                    "`{key}` lies inside a value that is no table"
-                )));
-            }
+            other => element(other, &keys, i).map_err(fail)?,
         };
     }
+    match at {
+        ::toml::Value::Table(t) => {
+            t.insert((*last).to_owned(), value);
+        }
+        other => *element(other, &keys, folders.len()).map_err(fail)? = value,
+    }
+    if let ::toml::Value::Table(whole) = whole {
+        *table = whole;
+    }
     Ok(())
+}
+
+/// The element of a list that `keys[i]` names.
+fn element<'a>(
+    value: &'a mut ::toml::Value,
+    keys: &[&str],
+    i: usize,
+) -> Result<&'a mut ::toml::Value, String> {
+    let (before, rest) = keys.split_at(i);
+    let (before, key) = (before.join("."), rest.first().copied().unwrap_or_default());
+    let ::toml::Value::Array(list) = value else {
+        return Err(format!("`{key}` lies inside a value that is no table"));
+    };
+    let count = list.len();
+    let Ok(index) = key.parse::<usize>() else {
+        return Err(format!(
+            "`{before}` is a list of {count}; write {before}.0.{}",
+            rest.join(".")
+        ));
+    };
+    list.get_mut(index).ok_or_else(|| {
+        format!("`{key}` is not an element of `{before}`; there are {count}, from 0")
+    })
 }
 
 #[cfg(test)]
@@ -356,5 +382,10 @@ mod tests {
         assert!(words.starts_with("--set inner.albedo=red:"), "{words}");
         let words = parse(good, &["inner.list.9=1.0"]).unwrap_err().to_string();
         assert!(words.contains("`9` is not an element"), "{words}");
+        let words = parse(good, &["inner.list.x=1.0"]).unwrap_err().to_string();
+        assert!(
+            words.ends_with("`inner.list` is a list of 2; write inner.list.0.x"),
+            "{words}"
+        );
     }
 }

@@ -27,6 +27,53 @@ pub struct BuildOptions<'a> {
     pub max_memory_bytes: Option<u64>,
 }
 
+/// Refuses what can be told without reading or voxelizing anything.
+///
+/// # Errors
+/// Names the file and key at fault.
+pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
+    let fail = |words: String| input(format!("{}: {words}", scene_path.display()));
+    camera(&file.camera).map_err(|why| fail(format!("camera: {why}")))?;
+    for (i, table) in file.object.iter().enumerate() {
+        let extent_mm = match table {
+            ObjectTable::Cloth(t) => {
+                let fabric = read::beside(scene_path, &t.fabric);
+                if let Some(why) = read::unreachable(&fabric) {
+                    return Err(fail(format!("object[{i}].fabric: {why}")));
+                }
+                t.extent_mm
+            }
+            ObjectTable::Grid(t) => t.extent_mm,
+            ObjectTable::Plane(_) => None,
+        };
+        if let Some([x0, y0, x1, y1]) = extent_mm
+            && !(x0 < x1 && y0 < y1)
+        {
+            return Err(fail(format!(
+                "object[{i}]: extent_mm: expected x0, y0, x1, y1 with x0 < x1 and y0 < y1, \
+                 found {x0}, {y0}, {x1}, {y1}"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a scene whose picture could only be black or empty.
+///
+/// # Errors
+/// Names the file and the key that is missing.
+pub fn check_visible(file: &SceneFile, scene_path: &Path) -> Result<()> {
+    let fail = |words: &str| Err(input(format!("{}: {words}", scene_path.display())));
+    let shines = |t: &ObjectTable| matches!(t, ObjectTable::Plane(t) if t.radiance.is_some());
+    if file.object.is_empty() {
+        return fail("object: there is none; expected one at least, as [[object]]");
+    }
+    if file.light.is_empty() && !file.object.iter().any(shines) {
+        return fail("light: there is none; expected one at least, as [[light]]");
+    }
+    Ok(())
+}
+
 /// Builds everything a scene file describes.
 ///
 /// # Errors
@@ -34,6 +81,7 @@ pub struct BuildOptions<'a> {
 pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     let fail =
         |key: &str, why: &str| input(format!("{}: {key}: {why}", options.scene_path.display()));
+    check(file, options.scene_path)?;
     let camera = camera(&file.camera).map_err(|why| fail("camera", &why))?;
     let mut lights = Vec::new();
     for (i, table) in file.light.iter().enumerate() {
@@ -62,7 +110,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
                 ));
             }
             ObjectTable::Cloth(t) => {
-                let medium = crate::fabric_file::cloth_medium(t, as_fibres, &camera, options)?;
+                let medium = crate::fabric_file::cloth_medium(t, i, as_fibres, &camera, options)?;
                 (medium, t.extent_mm)
             }
         };
@@ -102,7 +150,10 @@ pub fn camera(t: &CameraTable) -> Result<Camera, String> {
     };
     let resolution = UVec2::from_array(t.resolution);
     if resolution.max_element() > 65_536 {
-        return Err("resolution: at most 65536 pixels along an edge".into());
+        let [x, y] = t.resolution;
+        return Err(format!(
+            "resolution: at most 65536 pixels along an edge, found {x} x {y}"
+        ));
     }
     Camera::new(projection, pose, resolution, filter).map_err(|e| e.to_string())
 }
@@ -147,10 +198,15 @@ fn projection(t: &CameraTable) -> Result<Projection, String> {
             let aperture_mm = match (t.aperture_mm, t.f_number) {
                 (Some(d), None) if t.sensor_width_mm.is_none() => d,
                 (Some(_), None) => return Err("sensor_width_mm belongs to f_number".into()),
+                (None, Some(n)) if !(n > 0.0 && n.is_finite()) => {
+                    return Err(format!("f_number must be positive, found {n}"));
+                }
                 (None, Some(n)) => {
                     let sensor_mm = t.sensor_width_mm.unwrap_or(SENSOR_WIDTH_MM);
                     if !(sensor_mm > 0.0 && sensor_mm.is_finite()) {
-                        return Err("sensor_width_mm must be positive".into());
+                        return Err(format!(
+                            "sensor_width_mm must be positive, found {sensor_mm}"
+                        ));
                     }
                     aperture_mm(n, fov_rad, focus_mm, sensor_mm)
                 }
@@ -172,7 +228,8 @@ fn colour(c: [f32; 3], key: &str) -> Result<Rgb, String> {
         Ok(c)
     } else {
         Err(format!(
-            "{key}: expected three finite numbers of at least 0"
+            "{key}: expected three finite numbers of at least 0, found {:?}",
+            c.0.to_array()
         ))
     }
 }
@@ -271,7 +328,10 @@ fn plane(t: &PlaneTable) -> Result<Plane, String> {
     let black = [0.0; 3];
     let reflectance = colour(t.reflectance.unwrap_or(black), "reflectance")?;
     if reflectance.max_component() > 1.0 {
-        return Err("reflectance: expected three numbers from 0 to 1".into());
+        return Err(format!(
+            "reflectance: expected three numbers from 0 to 1, found {:?}",
+            reflectance.0.to_array()
+        ));
     }
     let radiance = colour(t.radiance.unwrap_or(black), "radiance")?;
     let normal = Vec3::from_array(t.normal.unwrap_or([0.0, 0.0, 1.0]));

@@ -1,15 +1,27 @@
 //! The scene file, as written in TOML.
 
+use crate::file_kind::Wanted;
 use crate::optics::OpticsFile;
+use crate::read;
 use crate::scattering::ScatteringTable;
+use anyhow::Result;
 use organza_transport::{FibreEvent, Integrator};
 use serde::Deserialize;
+use std::path::Path;
 
 /// Whether a TOML text is a scene and no fabric: whichever top-level keys it
 /// has.
 pub fn is_scene(text: &str) -> bool {
     toml::from_str::<toml::Table>(text)
         .is_ok_and(|t| t.contains_key("camera") || t.contains_key("object"))
+}
+
+/// Reads a scene file, with `key.path=value` overrides.
+///
+/// # Errors
+/// Says what a file of another kind is, and as [`read::toml`].
+pub fn load(path: &Path, overrides: &[String]) -> Result<SceneFile> {
+    read::toml_of(path, overrides, Wanted::Scene)
 }
 
 /// A whole scene file.
@@ -217,7 +229,7 @@ pub struct GridTable {
 #[derive(Debug, Deserialize)]
 #[serde(
     untagged,
-    expecting = "three numbers from 0 to 1, or the name of a 3-channel .vol file"
+    expecting = "expected three numbers from 0 to 1, or the name of a 3-channel .vol file"
 )]
 pub enum AlbedoValue {
     Colour([f32; 3]),
@@ -333,7 +345,7 @@ impl From<EventName> for FibreEvent {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(
     untagged,
-    expecting = "\"auto\", \"volume\", \"surface\" or a level (0 the finest)"
+    expecting = "expected \"auto\", \"volume\", \"surface\" or a level (0 the finest)"
 )]
 pub enum Lod {
     Level(u8),

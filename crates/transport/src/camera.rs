@@ -64,20 +64,25 @@ impl PixelFilter {
 }
 
 /// A camera that cannot see.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// Origin and target coincide.
-    #[error("camera.origin_mm and camera.target_mm are the same point")]
+    #[error("origin_mm and target_mm are the same point")]
     NoDirection,
     /// The up vector says nothing.
-    #[error("camera.up is zero or parallel to the view direction")]
+    #[error("up is zero or parallel to the view direction")]
     NoUp,
     /// A picture without pixels.
-    #[error("camera.resolution must be at least 1 x 1")]
+    #[error("resolution must be at least 1 x 1")]
     NoPixels,
     /// A width or an angle out of range.
-    #[error("{0}")]
-    Range(&'static str),
+    #[error("{must}, found {found}")]
+    Range {
+        /// The key and what it must be.
+        must: &'static str,
+        /// What it is.
+        found: f64,
+    },
 }
 
 /// Where a camera stands and where it looks.
@@ -130,6 +135,7 @@ impl Camera {
         if resolution.min_element() == 0 {
             return Err(CameraError::NoPixels);
         }
+        let refuse = |must, found| Err(CameraError::Range { must, found });
         let forward = (pose.target_mm - pose.origin_mm)
             .try_normalize()
             .ok_or(CameraError::NoDirection)?;
@@ -142,18 +148,18 @@ impl Camera {
             Projection::Orthographic { width_mm } if width_mm > 0.0 && width_mm.is_finite() => {
                 width_mm
             }
-            Projection::Orthographic { .. } => {
-                return Err(CameraError::Range("camera.width_mm must be positive"));
+            Projection::Orthographic { width_mm } => {
+                return refuse("width_mm must be positive", width_mm);
             }
             Projection::Perspective { fov_rad } | Projection::ThinLens { fov_rad, .. }
                 if fov_rad > 0.0 && fov_rad < std::f64::consts::PI =>
             {
                 2.0 * (0.5 * fov_rad).tan()
             }
-            Projection::Perspective { .. } | Projection::ThinLens { .. } => {
-                return Err(CameraError::Range(
-                    "camera.fov_deg must lie between 0 and 180",
-                ));
+            Projection::Perspective { fov_rad } | Projection::ThinLens { fov_rad, .. } => {
+                // Degrees as they were written, without the noise of two conversions.
+                let fov_deg = (fov_rad.to_degrees() * 1e9).round() / 1e9;
+                return refuse("fov_deg must lie between 0 and 180", fov_deg);
             }
         };
         if let Projection::ThinLens {
@@ -163,12 +169,10 @@ impl Camera {
         } = projection
         {
             if !(aperture_mm >= 0.0 && aperture_mm.is_finite()) {
-                return Err(CameraError::Range(
-                    "camera.aperture_mm must be at least 0 and camera.f_number positive",
-                ));
+                return refuse("aperture_mm must be at least 0", aperture_mm);
             }
             if !(focus_mm > 0.0 && focus_mm.is_finite()) {
-                return Err(CameraError::Range("camera.focus_mm must be positive"));
+                return refuse("focus_mm must be positive", focus_mm);
             }
         }
         Ok(Camera {
@@ -414,9 +418,9 @@ mod tests {
             let made = Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box);
             made.unwrap_err().to_string()
         };
-        assert_eq!(refuse(1.0, 0.0), "camera.focus_mm must be positive");
+        assert_eq!(refuse(1.0, 0.0), "focus_mm must be positive, found 0");
         for wrong in [-1.0, f64::NAN, f64::INFINITY] {
-            assert!(refuse(wrong, 1.0).starts_with("camera.aperture_mm must be at least 0"));
+            assert!(refuse(wrong, 1.0).starts_with("aperture_mm must be at least 0"));
         }
     }
 

@@ -36,9 +36,21 @@ pub enum Error {
     /// The relaxation did not come to rest.
     #[error("yarn relaxation failed: {0}")]
     Relaxation(String),
+    /// A draft named in the description cannot be used.
+    #[error("{key}: {name}: {why}")]
+    Draft {
+        /// The key that names it.
+        key: String,
+        /// The name as written.
+        name: String,
+        /// What is wrong with it.
+        why: Box<Error>,
+    },
     /// A file named in the description could not be loaded.
-    #[error("{name}: {source}")]
+    #[error("{key}: {name}: {source}")]
     Load {
+        /// The key that names it.
+        key: String,
         /// The name as written.
         name: String,
         /// What the loader said.

@@ -49,8 +49,14 @@ impl Draft {
             .map(|p| p.parse::<usize>().ok().filter(|n| (1..=1024).contains(n)))
             .collect::<Option<_>>()
             .ok_or_else(|| {
+                let side = match rest.last() {
+                    Some(last) if family == "twill" && last.parse::<usize>().is_err() => {
+                        ", and s or z at the end for the side to which the lines rise"
+                    }
+                    _ => "",
+                };
                 wrong(format!(
-                    "\"{name}\": expected numbers from 1 to 1024 separated by -"
+                    "\"{name}\": expected numbers from 1 to 1024 separated by -{side}"
                 ))
             })?;
         let known = FORMS.iter().any(|f| {
@@ -226,6 +232,7 @@ mod tests {
             ("satin-8-4", "steps by 3, 5"),
             ("twill-3", "no weave is called"),
             ("twill-0-1", "numbers from 1 to 1024"),
+            ("twill-3-1-x", "s or z at the end"),
             ("plain-s", "no weave is called"),
             ("basket-2-s", "only a twill"),
             ("", "no weave is called"),

@@ -72,11 +72,19 @@ pub enum CurveKind {
 #[serde(deny_unknown_fields)]
 pub struct ThreadSetSpec {
     /// Names of the yarns, which repeat along the system: one name or a list.
-    #[serde(default, deserialize_with = "one_or_many")]
+    #[serde(
+        default,
+        deserialize_with = "one_or_many",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub yarn: Vec<String>,
-    /// Linear colours, which repeat along the system; without them the
-    /// draft's own colours, if it has any.
-    #[serde(default)]
+    /// Linear colours from 0 to 1, which repeat along the system; without them
+    /// the draft's own colours, if it has any.
+    #[serde(
+        default,
+        deserialize_with = "one_at_least",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub colours: Vec<Rgb>,
     /// Threads per centimetre.
     pub per_cm: Option<f64>,
@@ -272,8 +280,24 @@ fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>
             while let Some(name) = seq.next_element()? {
                 names.push(name);
             }
+            if names.is_empty() {
+                return Err(serde::de::Error::custom(
+                    "expected a name or a list of names, found an empty list",
+                ));
+            }
             Ok(names)
         }
     }
     deserializer.deserialize_any(Names)
+}
+
+/// An empty list would mean the same as none, and be no colour at all.
+fn one_at_least<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Rgb>, D::Error> {
+    let colours = Vec::<Rgb>::deserialize(deserializer)?;
+    if colours.is_empty() {
+        return Err(serde::de::Error::custom(
+            "expected colours such as [[0.8, 0.1, 0.1]], found an empty list",
+        ));
+    }
+    Ok(colours)
 }

@@ -73,6 +73,11 @@ impl Reader {
                 "there is no section at all; not a WIF file",
             ));
         }
+        // Programs forget [WIF], but nothing is a draft that has none of these.
+        const DRAFT: [&str; 5] = ["WIF", "THREADING", "TIEUP", "TREADLING", "LIFTPLAN"];
+        if DRAFT.iter().all(|s| self.ini.section(s).is_none()) {
+            return Err(wrong("WIF", "", "the section is missing; not a WIF file"));
+        }
         self.warn_of_unknown_sections();
         let ends = self.thread_count("WARP", &["THREADING"])?;
         let picks = self.thread_count("WEFT", &["LIFTPLAN", "TREADLING"])?;

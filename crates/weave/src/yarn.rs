@@ -394,10 +394,20 @@ fn rate_rad_per_mm(key: &str, twist: TwistSpec, radius_mm: f64) -> Result<f64, E
         (None, Some(angle)) if (0.0..=70.0).contains(&angle) => {
             angle.to_radians().tan() / radius_mm
         }
-        _ => {
+        (turns, angle) => {
+            let given = [("turns_per_m", turns), ("angle_deg", angle)];
+            let given = given.iter().filter_map(|(k, v)| Some((k, (*v)?)));
+            let found: Vec<String> = given.map(|(k, v)| format!("{k} = {v}")).collect();
             return Err(Error::spec(
                 key,
-                "expected either turns_per_m (0 to 100000) or angle_deg (0 to 70)",
+                format!(
+                    "expected either turns_per_m (0 to 100000) or angle_deg (0 to 70), found {}",
+                    if found.is_empty() {
+                        "neither".to_owned()
+                    } else {
+                        found.join(" and ")
+                    }
+                ),
             ));
         }
     };

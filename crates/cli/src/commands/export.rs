@@ -6,8 +6,7 @@ use crate::fabric_file::free_memory_bytes;
 use crate::flags::{ExportArgs, ExportTo, MitsubaArgs};
 use crate::mitsuba::{self, Tiling};
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::SceneFile;
-use crate::{output, picture, read};
+use crate::{output, picture, scene_file};
 use anyhow::{Context, Result};
 use glam::DVec3;
 
@@ -31,7 +30,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     if folder.exists() {
         output::check_writable(&scene_path)?;
     }
-    let file: SceneFile = read::toml(&args.scene, &args.common.set)?;
+    let file = scene_file::load(&args.scene, &args.common.set)?;
     let build = BuildOptions {
         scene_path: &args.scene,
         quiet: args.common.quiet,

@@ -2,7 +2,7 @@
 //! command line.
 
 use crate::flags::{self, CompletionsArgs, ManArgs};
-use crate::{error::input, output};
+use crate::{error::input, output, read};
 use anyhow::{Context, Result};
 
 /// Prints the completions of a shell.
@@ -14,12 +14,15 @@ pub fn completions(args: &CompletionsArgs) -> Result<()> {
 
 /// Writes a page for the program and for each command.
 pub fn pages(args: &ManArgs) -> Result<()> {
-    if !args.outfile.is_dir() {
+    let folder = &args.outfile;
+    if folder.exists() && !folder.is_dir() {
         return Err(input(format!(
-            "{}: expected a folder that exists",
-            args.outfile.display()
+            "{}: is a file; expected a folder",
+            folder.display()
         )));
     }
+    std::fs::create_dir_all(folder)
+        .map_err(|e| input(format!("{}: {}", folder.display(), read::io_words(&e))))?;
     output::check_writable(&args.outfile.join("organza.1"))?;
     let mut program = flags::command();
     // Gives the commands the names under which they are called.

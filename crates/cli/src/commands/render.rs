@@ -6,30 +6,38 @@ use crate::checkpoint;
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::{BackendName, RenderArgs};
-use crate::identity::{self, Identity};
+use crate::identity::{self, Identity, crop_words};
 use crate::interrupt;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::process_usage::{cpu_seconds, peak_memory_bytes};
 use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::SceneFile;
+use crate::scene_file::{self, SceneFile};
 use crate::schedule::{Next, Schedule, Stop, Targets};
 use crate::{output, read};
 use anyhow::Result;
 use glam::UVec2;
 use organza_transport::{
-    Backend, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
+    Backend, Crop, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
     Rendering, Scene,
 };
 use serde_json::json;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::time::Instant;
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
-    PictureKind::of(&args.outfile)?;
+    let kind = PictureKind::of(&args.outfile)?;
+    if let (Some(part), false) = (&args.samples, kind == PictureKind::Exr) {
+        return Err(input(format!(
+            "{}: --samples {}..{} makes a part, and parts are merged from .exr; name one",
+            args.outfile.display(),
+            part.start,
+            part.end
+        )));
+    }
     output::check_writable(&args.outfile)?;
     if let Some(path) = &args.checkpoint {
         check_checkpoint(path, args)?;
@@ -53,7 +61,7 @@ fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
 
 fn render_scene(args: &RenderArgs) -> Result<()> {
     let started = Instant::now();
-    let mut file: SceneFile = read::toml(&args.scene, &args.common.set)?;
+    let mut file = scene_file::load(&args.scene, &args.common.set)?;
     if let Some(spp) = args.spp {
         file.render.spp = spp;
     }
@@ -63,6 +71,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     if let Some(clamp) = args.clamp {
         file.render.clamp = Some(clamp as f32);
     }
+    check(args, &file)?;
     let most_bytes = memory_beside_film(args, &file)?;
     let chosen = auto_model::resolve(&mut file, &args.scene)?;
     if !args.common.quiet {
@@ -141,6 +150,59 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         print_figures(&rendering, refusal.flatten(), &chosen, &told)?;
     }
     Ok(())
+}
+
+/// Refuses before anything is voxelized what can be told by then.
+fn check(args: &RenderArgs, file: &SceneFile) -> Result<()> {
+    let fail = |words: String| Err(input(format!("{}: {words}", args.scene.display())));
+    if file.render.spp == 0 {
+        return fail("render.spp: expected at least 1, found 0".into());
+    }
+    if let Some(clamp) = file.render.clamp.filter(|c| !(*c > 0.0 && c.is_finite())) {
+        return fail(format!(
+            "render.clamp: expected a positive number, found {clamp}"
+        ));
+    }
+    scene_build::check(file, &args.scene)?;
+    let size = UVec2::from(file.camera.resolution);
+    let crop = args.crop.unwrap_or(Crop {
+        min: UVec2::ZERO,
+        max: size,
+    });
+    if let Some(why) = crop_fault(crop, size) {
+        return Err(input(format!("--crop {}: {why}", crop_words(crop))));
+    }
+    if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
+        checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;
+    }
+    scene_build::check_visible(file, &args.scene)
+}
+
+/// Which edge of a crop is where it cannot be.
+fn crop_fault(crop: Crop, size: UVec2) -> Option<String> {
+    let Crop { min, max } = crop;
+    for (near, first, far, last, pixels, extent) in [
+        ("left", min.x, "right", max.x, size.x, "wide"),
+        ("top", min.y, "bottom", max.y, size.y, "high"),
+    ] {
+        if last > pixels {
+            return Some(format!(
+                "its {far} edge {last} lies beyond the picture, which is {pixels} pixels {extent}"
+            ));
+        }
+        if first >= last {
+            return Some(format!(
+                "its {near} edge {first} is not before its {far} edge {last}; no pixel is left"
+            ));
+        }
+    }
+    None
+}
+
+/// The samples of every pixel that are asked for.
+fn samples(args: &RenderArgs, file: &SceneFile) -> Range<u64> {
+    let all = || 0..u64::from(file.render.spp);
+    args.samples.clone().unwrap_or_else(all)
 }
 
 /// Where the time went: of the whole process and of all its threads together
@@ -247,22 +309,6 @@ fn trace<'a>(
 }
 
 fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<RenderSettings> {
-    if file.render.spp == 0 {
-        return Err(input(format!(
-            "{}: render.spp: expected at least 1",
-            args.scene.display()
-        )));
-    }
-    if file
-        .render
-        .clamp
-        .is_some_and(|c| !(c > 0.0 && c.is_finite()))
-    {
-        return Err(input(format!(
-            "{}: render.clamp: expected a positive number",
-            args.scene.display()
-        )));
-    }
     let integrator = Integrator::from(file.render.integrator);
     if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
         return Err(input(format!(
@@ -274,10 +320,7 @@ fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Render
     }
     Ok(RenderSettings {
         integrator,
-        samples: args
-            .samples
-            .clone()
-            .unwrap_or(0..u64::from(file.render.spp)),
+        samples: samples(args, file),
         max_bounces: file.render.max_bounces.unwrap_or(u32::MAX),
         seed: file.render.seed,
         crop: args.crop,

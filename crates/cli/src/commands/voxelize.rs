@@ -32,14 +32,38 @@ pub fn run(args: &VoxelizeArgs) -> Result<()> {
             )));
         }
     };
+    check_flags(args, format)?;
     output::check_writable(&args.outfile)?;
     with_threads(&args.common, || voxelize(args, format))
+}
+
+/// Refuses flags that the format would silently pass over.
+fn check_flags(args: &VoxelizeArgs, format: Format) -> Result<()> {
+    for (flag, given, formats, belongs) in [
+        (
+            "--level",
+            args.level > 0,
+            &[Format::Vdb, Format::Vol][..],
+            ".vdb and .vol; an .ovox holds all levels",
+        ),
+        ("--half", args.half, &[Format::Vdb], ".vdb"),
+        ("--raw", args.raw, &[Format::Vdb], ".vdb"),
+    ] {
+        if given && !formats.contains(&format) {
+            return Err(input(format!(
+                "{}: {flag} belongs to {belongs}",
+                args.outfile.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 #[allow(clippy::print_stderr)]
 fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
     let started = std::time::Instant::now();
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    fabric.tell_warnings(&args.fabric, args.common.quiet);
     let plan = fabric.plan(
         &args.fabric,
         Footprint::Covered,

@@ -3,7 +3,7 @@
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
 use crate::flags::{CurveLevel, WeaveArgs};
-use crate::{output, picture, read};
+use crate::{file_kind, output, picture, read};
 use anyhow::{Context, Result};
 use organza_weave::{Draft, Level, Picture, curve_file};
 use std::path::Path;
@@ -20,13 +20,21 @@ impl Subject {
     fn of(word: &str, overrides: &[String]) -> Result<Subject> {
         let path = Path::new(word);
         let ending = path.extension().and_then(|e| e.to_str());
-        match ending.map(str::to_lowercase).as_deref() {
+        let ending = ending.map(str::to_lowercase);
+        let ending = ending.as_deref();
+        if let (Some(set), false) = (overrides.first(), ending == Some("toml")) {
+            return Err(input(format!(
+                "--set {set}: {word} has no keys to override; only a fabric file (.toml) has"
+            )));
+        }
+        match ending {
             Some("wif") => Draft::from_wif(&read::bytes(path)?)
                 .map(Subject::Draft)
                 .map_err(|e| input(format!("{}: {e}", path.display()))),
             Some("toml") => Ok(Subject::Fabric(Box::new(fabric_file::load(
                 path, overrides,
             )?))),
+            _ if word.contains(['.', '/', '\\']) || path.exists() => Err(no_draft(word, path)),
             _ => Draft::named(word)
                 .map(Subject::Draft)
                 .map_err(|e| input(format!("{word}: {e}"))),
@@ -39,6 +47,18 @@ impl Subject {
             Subject::Fabric(f) => f.cloth.draft(),
         }
     }
+}
+
+/// What a word that is a file's name, and no draft's, is refused with.
+fn no_draft(word: &str, path: &Path) -> anyhow::Error {
+    if let Some(why) = read::unreachable(path) {
+        return input(why);
+    }
+    let what = read::bytes(path).ok().and_then(|b| file_kind::of_bytes(&b));
+    let what = what.unwrap_or("a file of no kind that is known here");
+    input(format!(
+        "{word}: is {what}; expected a draft (.wif), a fabric file (.toml) or the name of a weave"
+    ))
 }
 
 /// Runs the command.
@@ -83,9 +103,13 @@ fn write(args: &WeaveArgs, subject: &Subject, path: &Path) -> Result<()> {
         Some(CurveLevel::Fibre) => Level::Fibre,
     };
     match (ending, subject) {
-        ("png", Subject::Draft(d)) => write_png(path, &d.picture(args.cell_px.max(1))),
+        (_, Subject::Draft(_)) if args.level.is_some() => Err(input(format!(
+            "{}: a draft has no curves for --level; name a fabric file (.toml)",
+            args.draft
+        ))),
+        ("png", Subject::Draft(d)) => write_png(path, &d.picture(args.cell_px)),
         ("png", Subject::Fabric(f)) => match (f.cloth.draft(), args.level) {
-            (Some(draft), None) => write_png(path, &draft.picture(args.cell_px.max(1))),
+            (Some(draft), None) => write_png(path, &draft.picture(args.cell_px)),
             _ => write_png(path, &f.cloth.picture(level, f.cloth.default_picture_mm())),
         },
         ("obj" | "txt" | "bcc", Subject::Draft(_)) => Err(input(format!(

@@ -1,6 +1,6 @@
 //! Flags of comparing models.
 
-use super::values::parse_share;
+use super::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
 use super::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
@@ -23,26 +23,26 @@ pub struct CompareArgs {
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
-    /// Paths per pair
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
+    /// Paths per pair, at least 2
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
     pub spp: u64,
-    /// Stop a pair when the standard error of every channel is below this share of the value
+    /// Stop a pair when the standard error of every channel is below this share of the value (0.05 is 5 %)
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
-    /// Texels of the longer side of the pictures
-    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    /// Texels of the longer side of the pictures, 8 to 4096
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = whole::<u32>(8..=4096))]
     pub texels: u32,
-    /// Paths per texel of the pictures
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(2..))]
+    /// Paths per texel of the pictures, at least 2
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = parse_paths)]
     pub texel_spp: u64,
-    /// Median relative error below which models are said to agree
+    /// Median relative error below which models are said to agree (0.15 is 15 %)
     #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
     pub limit: f64,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Level of detail of the volumes; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
     pub level: u8,
     #[command(flatten)]
     pub voxel: VoxelArgs,

@@ -33,7 +33,7 @@ pub struct MitsubaArgs {
     #[arg(short, long)]
     pub outfile: PathBuf,
     /// Periods in x and y to write of a cloth without end, around where the camera looks
-    #[arg(long, value_name = "NX,NY", value_parser = parse_repeats)]
+    #[arg(long, value_name = "NX,NY", allow_hyphen_values = true, value_parser = parse_repeats)]
     pub repeats: Option<UVec2>,
     #[command(flatten)]
     pub memory: MemoryArgs,

@@ -1,6 +1,6 @@
 //! Flags of fitting.
 
-use super::values::{parse_angles, parse_patience, parse_share};
+use super::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
 use super::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
@@ -25,29 +25,29 @@ pub struct FitArgs {
     /// What stands for the volume
     #[arg(long, value_enum, default_value = "volume")]
     pub model: PatchModel,
-    /// Paths per pair of the volume, or per texel of a picture
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..))]
+    /// Paths per pair of the volume, or per texel of a picture, at least 2
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
     pub spp: u64,
     /// Places of the search: looked at all over, then at most of each descent [default: 200,400 for a surface, 0,60 for fibres]
-    #[arg(long, value_name = "SCAN,STEPS", value_parser = parse_patience)]
+    #[arg(long, value_name = "SCAN,STEPS", allow_hyphen_values = true, value_parser = parse_patience)]
     pub patience: Option<[u32; 2]>,
     /// Direction toward the light of a picture, polar angle and azimuth from the weft, degrees
-    #[arg(long, value_name = "THETA,PHI", value_parser = parse_angles, default_value = "45,0")]
+    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles, default_value = "45,0")]
     pub light: [f64; 2],
     /// Direction toward the viewer of a picture
-    #[arg(long, value_name = "THETA,PHI", value_parser = parse_angles, default_value = "0,0")]
+    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles, default_value = "0,0")]
     pub view: [f64; 2],
     /// Width of the cloth in a picture, mm [default: the fabric's tile]
-    #[arg(long, value_name = "MM", value_parser = parse_share)]
+    #[arg(long, value_name = "MM", value_parser = parse_positive)]
     pub width_mm: Option<f64>,
     /// Value of a picture where white paper would lie
-    #[arg(long, value_name = "VALUE", default_value_t = 1.0, value_parser = parse_share)]
+    #[arg(long, value_name = "VALUE", default_value_t = 1.0, value_parser = parse_positive)]
     pub white: f64,
     /// Remember what was computed in this file, and go on from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     #[command(flatten)]
     pub voxel: VoxelArgs,

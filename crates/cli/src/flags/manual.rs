@@ -17,7 +17,7 @@ pub struct CompletionsArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  organza man -o ~/.local/share/man/man1")]
 pub struct ManArgs {
-    /// Folder for one page a command, organza.1 and so on
+    /// Folder for one page a command, organza.1 and so on; made if there is none
     #[arg(short, long, value_name = "DIR")]
     pub outfile: PathBuf,
 }

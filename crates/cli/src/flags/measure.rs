@@ -1,6 +1,8 @@
 //! Flags of the virtual goniometer.
 
-use super::values::{parse_grid, parse_share};
+use super::values::{
+    parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
+};
 use super::{CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
 use organza_measure::KlemsBasis;
@@ -29,29 +31,29 @@ pub struct MeasureArgs {
     /// What stands for the cloth
     #[arg(long, value_enum, default_value = "volume")]
     pub model: PatchModel,
-    /// Paths per pair, or the most of them with --target-error
-    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = clap::value_parser!(u64).range(2..))]
+    /// Paths per pair, at least 2; the most of them with --target-error
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
     pub spp: u64,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
-    /// Stop a pair when the standard error of every channel is below this share of the value (with --albedo: of the incident light)
+    /// Stop a pair when the standard error of every channel is below this share of the value, e.g. 0.02 for 2 % (with --albedo: of the incident light)
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Polar steps on each side and azimuths of --layout grid
-    #[arg(long, value_name = "POLAR,AZIMUTHS", value_parser = parse_grid, default_value = "6,12")]
+    #[arg(long, value_name = "POLAR,AZIMUTHS", allow_hyphen_values = true, value_parser = parse_grid, default_value = "6,12")]
     pub grid: [u32; 2],
     /// Patches of --layout klems
     #[arg(long, value_enum, default_value = "full")]
     pub klems_basis: KlemsBasisName,
     /// Degrees between positions of the lamp of --layout sweep
-    #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_share)]
+    #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_positive)]
     pub step: f64,
-    /// Texels of the longer side of pictures (.exr)
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    /// Texels of the longer side of pictures (.exr), 1 to 4096
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole::<u32>(1..=4096))]
     pub texels: u32,
     /// Level of detail of a fabric; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
     pub level: u8,
     #[command(flatten)]
     pub voxel: VoxelArgs,

@@ -23,6 +23,7 @@ pub use voxelize::VoxelizeArgs;
 pub use weave::{CurveLevel, InfoArgs, WeaveArgs};
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
+use values::{parse_micrometres, whole};
 
 /// Volumetric cloth renderer: weave drafts to fibres to light.
 #[derive(Debug, Parser)]
@@ -69,19 +70,38 @@ pub enum Command {
 
 /// The definition of the whole command line.
 pub fn command() -> clap::Command {
-    Arguments::command()
+    with_negative_numbers(Arguments::command())
+        .mut_subcommand("render", with_key_of_scene)
+        .mut_subcommand("export", |c| c.mut_subcommands(with_key_of_scene))
+}
+
+/// A negative number is a wrong value, to be told so, and no unknown flag.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let with = |a: clap::Arg| match a.get_action().takes_values() && !a.is_positional() {
+        true => a.allow_negative_numbers(true),
+        false => a,
+    };
+    command
+        .mut_args(with)
+        .mut_subcommands(with_negative_numbers)
+}
+
+/// The other commands take fabrics, whose keys are others.
+fn with_key_of_scene(command: clap::Command) -> clap::Command {
+    let help = "Override any key of the scene file, e.g. --set render.seed=7 or --set object.0.fabric=my.toml (repeatable)";
+    command.mut_arg("set", |a| a.help(help))
 }
 
 /// Flags that every command takes.
 #[derive(Debug, Args)]
 pub struct CommonArgs {
     /// Threads to use [default: all cores]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::from(u16::MAX)))]
     pub threads: Option<u16>,
     /// Say nothing but errors
     #[arg(long)]
     pub quiet: bool,
-    /// Override any key of the input file, e.g. --set render.seed=7 (repeatable)
+    /// Override any key of the fabric (or scene) file, e.g. --set warp.per_cm=30 (repeatable)
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
 }
@@ -90,7 +110,7 @@ pub struct CommonArgs {
 #[derive(Debug, Args)]
 pub struct MemoryArgs {
     /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
-    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    #[arg(long, value_name = "SIZE", allow_hyphen_values = true, value_parser = parse_bytes)]
     pub max_memory: Option<u64>,
 }
 
@@ -98,7 +118,7 @@ pub struct MemoryArgs {
 #[derive(Debug, Args)]
 pub struct VoxelArgs {
     /// Edge of the finest voxels, micrometres [default: the fabric's]
-    #[arg(long, value_name = "UM")]
+    #[arg(long, value_name = "UM", value_parser = parse_micrometres)]
     pub voxel_um: Option<f32>,
 }
 

@@ -1,6 +1,6 @@
 //! Flags of rendering and of putting renders together.
 
-use super::values::{parse_crop, parse_duration, parse_share};
+use super::values::{parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole};
 use super::{CommonArgs, MemoryArgs};
 use crate::sample_ranges::parse_range;
 use clap::Args;
@@ -20,20 +20,20 @@ pub struct RenderArgs {
     /// Picture to write: .exr or .png
     #[arg(short, long)]
     pub outfile: PathBuf,
-    /// Samples per pixel [default: the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Samples per pixel, at least 1 [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
     pub spp: Option<u32>,
     /// Seed of all random numbers [default: the scene's]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_seed)]
     pub seed: Option<u64>,
-    /// Render only these pixels: left, top, right, bottom (right and bottom outside)
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_crop)]
+    /// Render only these pixels: left, top, right, bottom (right and bottom outside), counted from the upper left
+    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
     pub crop: Option<Crop>,
-    /// Take only these samples of every pixel; parts are put together by `organza merge`
-    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "spp")]
+    /// Take only these samples of every pixel; parts (.exr) are put together by `organza merge`
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_range, conflicts_with = "spp")]
     pub samples: Option<Range<u64>>,
-    /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h
-    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h; a bare number is seconds
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration)]
     pub time_limit: Option<Duration>,
     /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
@@ -42,13 +42,13 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_median_error: Option<f64>,
     /// Darken single samples above this radiance, which biases the picture; --stats tells how much light that takes away [default: the scene's, or no limit]
-    #[arg(long, value_name = "RADIANCE", value_parser = parse_share)]
+    #[arg(long, value_name = "RADIANCE", value_parser = parse_positive)]
     pub clamp: Option<f64>,
     /// Save what was gathered to this file now and then, when interrupted and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
     /// Time between two checkpoints
-    #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
     pub checkpoint_every: Duration,
     /// Go on from the checkpoint
     #[arg(long, requires = "checkpoint")]

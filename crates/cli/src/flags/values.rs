@@ -2,6 +2,7 @@
 
 use glam::UVec2;
 use organza_transport::Crop;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// A crop from "X0,Y0,X1,Y1".
@@ -12,7 +13,7 @@ pub fn parse_crop(text: &str) -> Result<Crop, String> {
             min: UVec2::new(x0, y0),
             max: UVec2::new(x1, y1),
         }),
-        _ => Err("expected four pixel numbers X0,Y0,X1,Y1".into()),
+        _ => Err("expected four whole numbers of at least 0, X0,Y0,X1,Y1".into()),
     }
 }
 
@@ -46,12 +47,55 @@ pub fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// A positive number.
+/// A share of a whole, above 0 and below 1: who types 5 means percent.
 pub fn parse_share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
-        _ => Err("expected a positive number such as 0.02".into()),
+    match text.trim().parse::<f64>() {
+        Ok(x) if x > 0.0 && x < 1.0 => Ok(x),
+        _ => Err("expected a share above 0 and below 1: 0.05 is 5 %".into()),
     }
+}
+
+/// A positive number of something.
+pub fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// The edge of a voxel.
+pub fn parse_micrometres(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a number of micrometres above 0, without a unit, such as 10".into()),
+    }
+}
+
+/// A reader of whole numbers of a range.
+pub fn whole<T: TryFrom<u64>>(
+    range: RangeInclusive<u64>,
+) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| {
+        let number = text.trim().parse().ok().filter(|n| range.contains(n));
+        let number = number.and_then(|n| T::try_from(n).ok());
+        let (least, most) = (range.start(), range.end());
+        number.ok_or_else(|| format!("expected a whole number from {least} to {most}"))
+    }
+}
+
+/// Samples of a pixel or paths of a pair: two at least, for an error to be known.
+pub fn parse_paths(text: &str) -> Result<u64, String> {
+    whole(2..=1_000_000_000_000)(text)
+}
+
+/// A level of detail; how many there are is known when the voxels are laid out.
+pub fn parse_level(text: &str) -> Result<u8, String> {
+    whole(0..=255)(text)
+}
+
+/// A seed.
+pub fn parse_seed(text: &str) -> Result<u64, String> {
+    whole(0..=u64::MAX)(text)
 }
 
 /// Bytes from "512MiB", "2GB" or a plain number.
@@ -110,6 +154,25 @@ mod tests {
         for wrong in ["", "s", "-1s", "5 weeks", "infs", "1e400"] {
             assert!(parse_duration(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn shares_are_no_percentages_and_numbers_say_their_range() {
+        assert_eq!(parse_share("0.05"), Ok(0.05));
+        for wrong in ["5", "1", "0", "-0.1", "5%", "nan"] {
+            assert!(parse_share(wrong).unwrap_err().contains("5 %"), "{wrong}");
+        }
+        assert_eq!(parse_micrometres("7.5"), Ok(7.5));
+        for wrong in ["60um", "0", "-1", "inf"] {
+            let words = parse_micrometres(wrong).unwrap_err();
+            assert!(words.contains("micrometres"), "{wrong}");
+        }
+        assert_eq!(whole::<u8>(1..=8)("8"), Ok(8));
+        for wrong in ["0", "9", "abc", "-1", "1.5", ""] {
+            let words = whole::<u8>(1..=8)(wrong).unwrap_err();
+            assert_eq!(words, "expected a whole number from 1 to 8");
+        }
+        assert_eq!(parse_seed("18446744073709551615"), Ok(u64::MAX));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Flags of looking at drafts and files.
 
 use super::CommonArgs;
+use super::values::whole;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -16,10 +17,10 @@ pub struct WeaveArgs {
     #[arg(short, long)]
     pub outfile: Option<PathBuf>,
     /// Which curves of a fabric to write or draw
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, requires = "outfile")]
     pub level: Option<CurveLevel>,
-    /// Pixels per crossing
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    /// Pixels per crossing of a drawdown, 1 to 1024; fewer where the picture would be wider than 8192
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
     pub cell_px: u32,
     /// Print repeat, floats and cover as JSON
     #[arg(long)]

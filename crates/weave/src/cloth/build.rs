@@ -48,6 +48,8 @@ impl Cloth {
             let message = "expected exactly one of weave, wif, drawdown, knit, curves";
             return Err(Error::spec("draft", message));
         }
+        check_colours("warp", &fabric.warp)?;
+        check_colours("weft", &fabric.weft)?;
         let mut cloth = match (&d.knit, &d.curves) {
             (Some(name), _) => knitted(fabric, name)?,
             (_, Some(name)) => imported(fabric, name, load)?,
@@ -99,8 +101,46 @@ impl Cloth {
     }
 }
 
+/// Fibres that send out more light than they get are none.
+fn check_colours(system: &str, spec: &ThreadSetSpec) -> Result<(), Error> {
+    for (i, colour) in spec.colours.iter().enumerate() {
+        let channels = <[f32; 3]>::from(*colour);
+        if channels.iter().all(|c| (0.0..=1.0).contains(c)) {
+            continue;
+        }
+        // What was meant can be told of a swatch's numbers alone.
+        let hint = if channels.iter().all(|c| (0.0..=255.0).contains(c)) {
+            let [r, g, b] = channels.map(|c| Rgb::linear_from_srgb(c / 255.0));
+            format!("; a swatch of 0 to 255 like that is [{r:.3}, {g:.3}, {b:.3}]")
+        } else {
+            String::new()
+        };
+        let message = format!("expected linear RGB from 0 to 1, found {channels:?}{hint}");
+        return Err(Error::spec(format!("{system}.colours[{i}]"), message));
+    }
+    Ok(())
+}
+
+/// Threads that lie loose on the others are seldom meant.
+fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
+    let floats = draft.floats();
+    for (loose, all, what) in [
+        (floats.loose_ends, draft.ends(), "ends"),
+        (floats.loose_picks, draft.picks(), "picks"),
+    ] {
+        if loose > 0 {
+            warnings.push(format!(
+                "draft: {loose} of {all} {what} never interlace and lie loose on the others"
+            ));
+        }
+    }
+}
+
 fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
-    let draft = read_draft(&fabric.draft, load)?.smallest_repeat();
+    let draft = read_draft(&fabric.draft, load)?;
+    let mut warnings = draft.warnings.clone();
+    warn_of_loose_threads(&draft, &mut warnings);
+    let draft = draft.smallest_repeat();
     let mut yarns = Yarns::new(&fabric.yarn);
     let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
     let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
@@ -124,8 +164,8 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
     let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
     let rest = relax(&draft, &warp, &weft, fabric.relaxation.max_iterations)?;
 
-    let mut warnings = draft.warnings.clone();
-    if fitted.compaction < 1.0 {
+    // Less than half a percent would be told as 100 %.
+    if fitted.compaction < 0.995 {
         warnings.push(format!(
             "yarns are pressed to {:.0} % of their thickness to fit between each other",
             100.0 * fitted.compaction
@@ -188,11 +228,10 @@ fn knitted(fabric: &FabricGeometry, name: &str) -> Result<Cloth, Error> {
     let draft = &fabric.draft;
     let wale_mm = match draft.wales_per_cm {
         Some(n) if n > 0.0 && n.is_finite() => 10.0 / n,
-        _ => {
-            return Err(Error::spec(
-                "draft.wales_per_cm",
-                "a knit needs a number above zero",
-            ));
+        found => {
+            let found = found.map_or("none".to_owned(), |n| n.to_string());
+            let message = format!("a knit needs a number above zero, found {found}");
+            return Err(Error::spec("draft.wales_per_cm", message));
         }
     };
     let mut yarns = Yarns::new(&fabric.yarn);
@@ -265,11 +304,15 @@ fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
     let Some(file) = &spec.wif else {
         return Draft::from_drawdown(spec.drawdown.as_deref().unwrap_or_default());
     };
-    let bytes = load(file).map_err(|source| Error::Load {
-        name: file.clone(),
-        source,
-    })?;
-    Draft::from_wif(&bytes)
+    let (key, name) = ("draft.wif".to_owned(), file.clone());
+    match load(file) {
+        Ok(bytes) => Draft::from_wif(&bytes).map_err(|why| Error::Draft {
+            key,
+            name,
+            why: Box::new(why),
+        }),
+        Err(source) => Err(Error::Load { key, name, source }),
+    }
 }
 
 fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
@@ -323,11 +366,16 @@ impl<'a> Yarns<'a> {
             Some(spec) => spec,
             None if preset::NAMES.contains(&name) => &preset_itself,
             None => {
-                let known = self.specs.keys().map(String::as_str).chain(preset::NAMES);
-                let hint = did_you_mean(name, known);
+                let own = self.specs.keys().map(String::as_str);
+                let mut known: Vec<&str> = own.chain(preset::NAMES).collect();
+                let hint = did_you_mean(name, known.iter().copied());
+                known.dedup();
                 return Err(Error::spec(
                     format!("{system}.yarn"),
-                    format!("there is no [yarn.{name}] and no preset of that name{hint}"),
+                    format!(
+                        "there is no [yarn.{name}] and no preset of that name{hint}; there are {}",
+                        known.join(", ")
+                    ),
                 ));
             }
         };
@@ -351,10 +399,14 @@ fn spacing_mm(
     drafted: Option<f32>,
     index: usize,
 ) -> Result<f64, Error> {
-    let (key, spacing) = match (spec.per_cm, spec.spacing_mm) {
-        (None, None) => ("spacing_mm", drafted.map(f64::from)),
-        (Some(n), None) => ("per_cm", Some(10.0 / n)),
-        (None, Some(s)) => ("spacing_mm", Some(s)),
+    let spacing = match (spec.per_cm, spec.spacing_mm) {
+        (None, None) => drafted.map(f64::from),
+        (Some(n), None) if (0.01..=1e4).contains(&n) => Some(10.0 / n),
+        (Some(n), None) => {
+            let message = format!("expected 0.01 to 10000 threads per cm, found {n}");
+            return Err(Error::spec(format!("{name}.per_cm"), message));
+        }
+        (None, Some(s)) => Some(s),
         _ => return Err(Error::spec(name, "expected per_cm or spacing_mm, not both")),
     };
     let spacing = spacing.ok_or_else(|| {
@@ -366,7 +418,7 @@ fn spacing_mm(
     })?;
     if !(1e-3..=1e3).contains(&spacing) {
         let message = format!("expected a spacing from 0.001 to 1000 mm, found {spacing} mm");
-        return Err(Error::spec(format!("{name}.{key}"), message));
+        return Err(Error::spec(format!("{name}.spacing_mm"), message));
     }
     Ok(spacing)
 }

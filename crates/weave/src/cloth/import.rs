@@ -12,6 +12,7 @@ use organza_basis::{Aabb, Tile};
 /// A cloth of the curves in the file called `name`.
 pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Result<Cloth, Error> {
     let bytes = load(name).map_err(|source| Error::Load {
+        key: "draft.curves".to_owned(),
         name: name.to_owned(),
         source,
     })?;
@@ -31,7 +32,7 @@ pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Res
     };
     let set = set.map_err(|e| match e {
         Error::Curves { place, message } => Error::Curves {
-            place: format!("{name}: {place}"),
+            place: format!("draft.curves: {name}: {place}"),
             message,
         },
         other => other,

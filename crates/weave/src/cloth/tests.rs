@@ -349,7 +349,7 @@ fn a_fabric_reads_from_toml_and_wrong_keys_are_named() {
         (
             "per_cm = 12",
             "per_cm = -1",
-            "warp.per_cm: expected a spacing",
+            "warp.per_cm: expected 0.01 to 10000 threads per cm, found -1",
         ),
         (
             "per_cm = 12",
@@ -362,7 +362,11 @@ fn a_fabric_reads_from_toml_and_wrong_keys_are_named() {
             "weave = \"plain\"\ndrawdown =",
             "draft: expected exactly one",
         ),
-        ("drawdown = [\"X.\", \".X\"]", "wif = \"x.wif\"", "x.wif: "),
+        (
+            "drawdown = [\"X.\", \".X\"]",
+            "wif = \"x.wif\"",
+            "draft.wif: x.wif: ",
+        ),
         (
             "drawdown = [\"X.\", \".X\"]",
             "knit = \"garter\"",
