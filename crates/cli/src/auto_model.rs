@@ -7,6 +7,7 @@ use crate::bench::table::{self, Recommendation, Traits, candidates, nearest, rec
 use crate::cloth_levels::Place;
 use crate::error::input;
 use crate::fabric_file::{self, free_memory_bytes};
+use crate::output::note;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{
     ClothTable, EventName, HemisphereName, IntegratorName, LightTable, Lod, LodName, ModelName,
@@ -76,10 +77,9 @@ pub fn resolve(file: &mut SceneFile, scene_path: &Path) -> Result<Vec<Chosen>> {
 }
 
 /// Says on stderr what was chosen.
-#[allow(clippy::print_stderr)]
 pub fn say(scene_path: &Path, chosen: &[Chosen]) {
     for c in chosen {
-        eprintln!(
+        note!(
             "{}: object[{}]: auto takes {}: {}",
             scene_path.display(),
             c.object,

@@ -2,6 +2,7 @@
 //! way to the next.
 
 use crate::error::input;
+use crate::output::note;
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
@@ -177,11 +178,11 @@ impl Place<'_> {
     }
 }
 
-#[allow(clippy::print_stderr)]
 fn tell(folds: Folds) {
-    eprintln!(
+    note!(
         "mesh: it bends tighter than the cloth is thick: of the shell's tetrahedra {} overlap \
          others, {} are empty",
-        folds.inverted, folds.flat
+        folds.inverted,
+        folds.flat
     );
 }

@@ -1,6 +1,7 @@
 //! `object.mesh`: the mesh that a cloth is laid over.
 
 use crate::error::input;
+use crate::output::note;
 use crate::read;
 use crate::scene_build::BuildOptions;
 use crate::scene_file::ClothTable;
@@ -66,7 +67,6 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
     Ok(Some(mesh))
 }
 
-#[allow(clippy::print_stderr)]
 fn tell(name: &str, repairs: Repairs) {
     for (count, what) in [
         (repairs.dropped_faces, "faces without area left out"),
@@ -78,7 +78,7 @@ fn tell(name: &str, repairs: Repairs) {
         (repairs.mirrored_uv, "faces with mirrored texture"),
     ] {
         if count > 0 {
-            eprintln!("{name}: {count} {what}");
+            note!("{name}: {count} {what}");
         }
     }
 }

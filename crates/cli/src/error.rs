@@ -1,5 +1,6 @@
 //! One place that turns errors into words and exit codes.
 
+use crate::output::note;
 use std::fmt;
 use std::process::ExitCode;
 
@@ -28,7 +29,6 @@ pub fn exit_code(e: &anyhow::Error) -> ExitCode {
 
 /// Says what went wrong, causes in one line. Many an error tells its cause
 /// itself; none is told twice.
-#[allow(clippy::print_stderr)]
 pub fn print(e: &anyhow::Error) {
     let words = e.chain().fold(String::new(), |told, cause| {
         match (cause.to_string(), told.as_str()) {
@@ -37,5 +37,5 @@ pub fn print(e: &anyhow::Error) {
             (cause, _) => told + ": " + &cause,
         }
     });
-    eprintln!("organza: {words}");
+    note!("organza: {words}");
 }

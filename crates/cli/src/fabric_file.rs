@@ -6,6 +6,7 @@ use crate::error::input;
 use crate::fibre_optics;
 use crate::file_kind::Wanted;
 use crate::optics::{self, OpticsFile};
+use crate::output::note;
 use crate::progress::Progress;
 use crate::read;
 use crate::scattering::{ScatteringModel, ScatteringTable};
@@ -122,7 +123,6 @@ static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
 impl Fabric {
     /// Says on stderr what is odd about the cloth.
-    #[allow(clippy::print_stderr)]
     pub fn tell_warnings(&self, path: &Path, quiet: bool) {
         if quiet {
             return;
@@ -131,7 +131,7 @@ impl Fabric {
         for warning in self.cloth.warnings() {
             let line = format!("organza: warning: {}: {warning}", path.display());
             if told.insert(line.clone()) {
-                eprintln!("{line}");
+                note!("{line}");
             }
         }
     }
@@ -295,10 +295,9 @@ impl Fabric {
 ///
 /// # Errors
 /// Segments that cannot be placed.
-#[allow(clippy::print_stderr)]
 pub fn voxelize_planned(path: &Path, plan: &Plan, quiet: bool) -> Result<Octree> {
     if !quiet {
-        eprintln!(
+        note!(
             "{}: voxelizing takes about {} MiB of memory",
             path.display(),
             plan.memory_bytes().div_ceil(1 << 20)

@@ -76,6 +76,15 @@ pub fn tell(text: &str) -> Result<()> {
     }
 }
 
+/// A line on the standard error, for whoever still listens.
+macro_rules! note {
+    ($($words:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($words)*);
+    }};
+}
+pub(crate) use note;
+
 /// Refuses a name to write that is a file to read.
 ///
 /// # Errors

@@ -55,7 +55,7 @@ pub enum Found {
     /// One that the program carries along: name and text.
     Carried(&'static str, &'static str),
     /// A file of the user's.
-    File(Sample),
+    File(Box<Sample>),
 }
 
 impl Found {
@@ -77,7 +77,7 @@ impl Found {
         }
         let path = PathBuf::from(named);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        Sample::read(&name, &path).map(Found::File)
+        Sample::read(&name, &path).map(|s| Found::File(Box::new(s)))
     }
 
     /// Its name, short enough for files.
@@ -99,7 +99,7 @@ impl Found {
                 output::write_file(&path, |out| Ok(out.write_all(text.as_bytes())?))?;
                 Sample::read(name, &path)
             }
-            Found::File(sample) => Ok(sample),
+            Found::File(sample) => Ok(*sample),
         }
     }
 }

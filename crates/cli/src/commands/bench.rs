@@ -8,6 +8,7 @@ use crate::bench::trial::Laboratory;
 use crate::bench::try_all::{Plan, ViewResult};
 use crate::error::input;
 use crate::flags::BenchArgs;
+use crate::output::note;
 use crate::progress::Progress;
 use crate::report::bench::BenchReport;
 use crate::{output, read};
@@ -16,7 +17,6 @@ use std::cell::Cell;
 use std::time::Instant;
 
 /// Runs the command.
-#[allow(clippy::print_stderr)]
 pub fn run(args: &BenchArgs) -> Result<()> {
     let started = Instant::now();
     let pixels = args.resolution as usize * args.resolution as usize;
@@ -130,7 +130,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     save("report.html", &report.html()?)?;
     if !args.common.quiet {
         for line in report.recommendations() {
-            eprintln!("{line}");
+            note!("{line}");
         }
     }
     Ok(())

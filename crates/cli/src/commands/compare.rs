@@ -3,6 +3,7 @@
 use super::with_threads;
 use crate::error::{InputError, input};
 use crate::flags::{CompareArgs, PatchModel};
+use crate::output::note;
 use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
 use crate::report::{Judged, Measurement, Picture, Report, display, exposure};
@@ -102,11 +103,10 @@ pub fn run(args: &CompareArgs) -> Result<()> {
 
 /// Whether a comparison of the usual models goes on without one that is refused:
 /// explicit fibres that do not fit into memory. Told, unless `quiet`.
-#[allow(clippy::print_stderr)]
 fn leaves_out(model: PatchModel, why: &anyhow::Error, quiet: bool) -> bool {
     let leaves_out = model == PatchModel::Fibres && why.is::<InputError>();
     if leaves_out && !quiet {
-        eprintln!("fibres are left out: {why}");
+        note!("fibres are left out: {why}");
     }
     leaves_out
 }
@@ -248,7 +248,6 @@ fn judge(args: &CompareArgs, measured: &[Measurement]) -> Result<Vec<Judged>> {
     Ok(judged)
 }
 
-#[allow(clippy::print_stderr)]
 fn write(args: &CompareArgs, report: &Report) -> Result<()> {
     std::fs::create_dir_all(&args.outdir)
         .map_err(|e| input(format!("{}: {}", args.outdir.display(), read::io_words(&e))))?;
@@ -306,7 +305,7 @@ fn write(args: &CompareArgs, report: &Report) -> Result<()> {
     if !args.common.quiet {
         for j in &report.judged {
             let m = &j.layout.median;
-            eprintln!(
+            note!(
                 "{} against {}: median error {:.1} % ({:.1} to {:.1}), noise alone {:.1} %, 80th percentile {:.1} %",
                 j.model,
                 report.reference,

@@ -5,6 +5,7 @@ use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::{ExportArgs, ExportTo, MitsubaArgs};
 use crate::mitsuba::{self, Tiling};
+use crate::output::note;
 use crate::scene_build::{self, BuildOptions};
 use crate::{output, picture, scene_file};
 use anyhow::{Context, Result};
@@ -17,7 +18,6 @@ pub fn run(args: &ExportArgs) -> Result<()> {
     }
 }
 
-#[allow(clippy::print_stderr)]
 fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     let folder = &args.outfile;
     if folder.exists() && !folder.is_dir() {
@@ -58,9 +58,9 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     output::write_file(&scene_path, |out| Ok(out.write_all(export.xml.as_bytes())?))?;
     if !args.common.quiet {
         for note in &export.notes {
-            eprintln!("note: {note}");
+            note!("note: {note}");
         }
-        eprintln!(
+        note!(
             "{}: {} grids, {} pictures",
             scene_path.display(),
             export.grids.len(),

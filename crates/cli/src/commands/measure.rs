@@ -4,6 +4,7 @@ use super::with_threads;
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::{LayoutName, MeasureArgs, PatchModel};
+use crate::output::note;
 use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
 use crate::scene_build::{self, BuildOptions};
@@ -325,7 +326,6 @@ fn write(
     }
 }
 
-#[allow(clippy::print_stderr)]
 fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
     let mut map = serde_json::Map::new();
     let mut put = |key: &str, value: Value| map.insert(key.into(), value);
@@ -346,7 +346,7 @@ fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
         output::tell(&(text + "\n"))?;
     }
     if !args.common.quiet {
-        eprintln!(
+        note!(
             "{}: {} {}, {} paths in {seconds:.1} s ({:.2} M paths/s)",
             args.file.display(),
             told.count,
@@ -359,7 +359,7 @@ fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
             told.paths as f64 / seconds.max(1e-9) * 1e-6,
         );
         if let Some(words) = told.words {
-            eprintln!("{words}");
+            note!("{words}");
         }
     }
     Ok(())

@@ -4,6 +4,7 @@ use super::render::CLAMPED;
 use crate::error::input;
 use crate::flags::MergeArgs;
 use crate::output;
+use crate::output::note;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
@@ -23,7 +24,6 @@ struct Part<'a> {
 }
 
 /// Runs the command.
-#[allow(clippy::print_stderr)]
 pub fn run(args: &MergeArgs) -> Result<()> {
     if PictureKind::of(&args.outfile)? != PictureKind::Exr {
         return Err(input(format!(
@@ -67,7 +67,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     }
     picture::write(&args.outfile, &all.film, 0.0, &attributes)?;
     if !args.quiet {
-        eprintln!(
+        note!(
             "{}: {} x {}, samples {} of every pixel",
             args.outfile.display(),
             all.film.size().x,
@@ -75,7 +75,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
             all.samples
         );
         if let Some(gaps) = all.samples.gaps() {
-            eprintln!("samples {gaps} are missing");
+            note!("samples {gaps} are missing");
         }
     }
     Ok(())

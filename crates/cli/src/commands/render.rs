@@ -8,6 +8,7 @@ use crate::fabric_file::free_memory_bytes;
 use crate::flags::{BackendName, RenderArgs};
 use crate::identity::{self, Identity, crop_words};
 use crate::interrupt;
+use crate::output::note;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::process_usage::{cpu_seconds, peak_memory_bytes};
 use crate::progress::Progress;
@@ -214,7 +215,6 @@ struct Told {
     total_s: f64,
 }
 
-#[allow(clippy::print_stdout)]
 fn print_figures(
     rendering: &Rendering<'_>,
     refusal: Option<KernelRefusal>,
@@ -244,7 +244,7 @@ fn print_figures(
         "brightest": stats.brightest,
         "chosen": chosen,
     });
-    println!("{}", serde_json::to_string_pretty(&figures)?);
+    output::tell(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
     Ok(())
 }
 
@@ -390,7 +390,6 @@ fn taken_words(rendering: &Rendering<'_>) -> String {
     format!("{taken} of {} samples", taken + rendering.left())
 }
 
-#[allow(clippy::print_stderr)]
 fn say_why(rendering: &Rendering<'_>, stop: Stop) {
     let why = match stop {
         Stop::Done => "all samples taken".to_owned(),
@@ -405,10 +404,9 @@ fn say_why(rendering: &Rendering<'_>, stop: Stop) {
         }
         Stop::Interrupted => "interrupted".to_owned(),
     };
-    eprintln!("stopped       {why}; {} a pixel", taken_words(rendering));
+    note!("stopped       {why}; {} a pixel", taken_words(rendering));
 }
 
-#[allow(clippy::print_stderr)]
 fn report(
     args: &RenderArgs,
     file: &SceneFile,
@@ -420,7 +418,7 @@ fn report(
 ) {
     let (film, stats) = (rendering.film(), rendering.stats());
     let rate = paths as f64 / render_s.max(1e-9);
-    eprintln!(
+    note!(
         "{}: {} x {}, {paths} paths in {total_s:.1} s ({render_s:.1} s tracing, {:.2} M paths/s)",
         args.outfile.display(),
         film.size().x,
@@ -432,19 +430,19 @@ fn report(
     }
     let per_path = |n: u64| n as f64 / stats.paths.max(1) as f64;
     let why = refusal.map_or(String::new(), |why| format!(": {why}"));
-    eprintln!("backend       {}{why}", backend_name(rendering));
-    eprintln!(
+    note!("backend       {}{why}", backend_name(rendering));
+    note!(
         "collisions    {:.3} real, {:.3} tentative a path",
         per_path(stats.collisions),
         per_path(stats.tentative)
     );
-    eprintln!(
+    note!(
         "shadow rays   {:.3} a path, {:.3} steps",
         per_path(stats.shadow_rays),
         per_path(stats.shadow_steps)
     );
-    eprintln!("cut           {} paths at the bounce limit", stats.cut);
-    eprintln!(
+    note!("cut           {} paths at the bounce limit", stats.cut);
+    note!(
         "rejected      {} samples (NaN, infinite, negative or above {:e})",
         stats.rejected,
         Pixel::RADIANCE_LIMIT
@@ -453,24 +451,24 @@ fn report(
     if file.render.clamp.is_some() {
         let removed = stats.clamped_radiance as f64 / 2f64.powi(32);
         let kept = means.iter().map(|m| m.0).sum::<f64>() * stats.paths as f64;
-        eprintln!(
+        note!(
             "clamped       {} samples; {:.4} % of the light taken away",
             stats.clamped,
             100.0 * removed / (removed + kept).max(f64::MIN_POSITIVE)
         );
     }
     for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(means) {
-        eprintln!("mean {name:<6}   {mean:.6} +- {se:.6}");
+        note!("mean {name:<6}   {mean:.6} +- {se:.6}");
     }
     let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
     let pixels = film.pixel_errors();
-    eprintln!(
+    note!(
         "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
         film.relative_error(),
         pixels.median,
         pixels.worst_hundredth
     );
-    eprintln!(
+    note!(
         "brightest     {:.3e}, {:.1} times the mean",
         stats.brightest,
         f64::from(stats.brightest) / mean.max(f64::MIN_POSITIVE)
@@ -480,12 +478,12 @@ fn report(
     match peak_memory_bytes() {
         Some(peak) => {
             let tables = rendering.kernel().map_or(0, Kernel::memory_bytes);
-            eprintln!(
+            note!(
                 "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
                 mib(peak),
                 mib(tables)
             );
         }
-        None => eprintln!("memory        {film_mib:.0} MiB of film"),
+        None => note!("memory        {film_mib:.0} MiB of film"),
     }
 }

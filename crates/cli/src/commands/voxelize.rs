@@ -5,6 +5,7 @@ use crate::error::input;
 use crate::fabric_file::{self, Fabric};
 use crate::flags::VoxelizeArgs;
 use crate::output;
+use crate::output::note;
 use anyhow::{Context, Result};
 use organza_basis::Rgb;
 use organza_volume::{Footprint, Octree, VolGrid, export, ovox, vdb};
@@ -59,7 +60,6 @@ fn check_flags(args: &VoxelizeArgs, format: Format) -> Result<()> {
     Ok(())
 }
 
-#[allow(clippy::print_stderr)]
 fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
     let started = std::time::Instant::now();
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
@@ -82,7 +82,7 @@ fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
-        eprintln!(
+        note!(
             "{}: {} voxels with fibre of {} at {:.1} um, {:.1} MiB in memory, {:.1} s",
             names.join(", "),
             octree.occupied_voxels(),

@@ -3,6 +3,7 @@
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
 use crate::flags::{CurveLevel, WeaveArgs};
+use crate::output::note;
 use crate::{file_kind, output, picture, read};
 use anyhow::{Context, Result};
 use organza_weave::{Draft, Level, Picture, curve_file};
@@ -62,7 +63,6 @@ fn no_draft(word: &str, path: &Path) -> anyhow::Error {
 }
 
 /// Runs the command.
-#[allow(clippy::print_stdout, clippy::print_stderr)]
 pub fn run(args: &WeaveArgs) -> Result<()> {
     let subject = Subject::of(&args.draft, &args.common.set)?;
     let warnings = match &subject {
@@ -71,7 +71,7 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
     };
     if !args.common.quiet {
         for warning in warnings {
-            eprintln!("organza: warning: {}: {warning}", args.draft);
+            note!("organza: warning: {}: {warning}", args.draft);
         }
     }
     if let Some(path) = &args.outfile {
@@ -87,9 +87,9 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
                 "figures": f.cloth.figures(),
             }),
         };
-        println!("{}", serde_json::to_string_pretty(&told)?);
+        output::tell(&(serde_json::to_string_pretty(&told)? + "\n"))?;
     } else if args.outfile.is_none() {
-        print!("{}", subject.draft().ok_or_else(no_draft)?.drawdown());
+        output::tell(&subject.draft().ok_or_else(no_draft)?.drawdown())?;
     }
     Ok(())
 }

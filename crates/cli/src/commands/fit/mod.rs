@@ -7,6 +7,7 @@ mod surface;
 use super::with_threads;
 use crate::error::input;
 use crate::flags::{FitArgs, FitWhat, PatchModel};
+use crate::output::note;
 use crate::patches::PatchOptions;
 use crate::{output, read};
 use anyhow::{Context, Result};
@@ -74,7 +75,6 @@ fn table(args: &FitArgs, overrides: &[String]) -> Result<Table> {
     Ok(table)
 }
 
-#[allow(clippy::print_stderr)]
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
     let command: Vec<String> = std::env::args().collect();
     let mut text = format!("# Fitted by: {}\n# {words}\n#\n", command.join(" "));
@@ -105,14 +105,14 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
         output::tell(&(serde_json::to_string_pretty(&told)? + "\n"))?;
     }
     if !args.common.quiet {
-        eprintln!("{words}");
+        note!("{words}");
         let loose: Vec<&str> = parameters
             .iter()
             .filter(|p| !p.is_fixed)
             .map(|p| p.name.as_str())
             .collect();
         if !loose.is_empty() {
-            eprintln!("not fixed by the data: {}", loose.join(", "));
+            note!("not fixed by the data: {}", loose.join(", "));
         }
     }
     Ok(())
