@@ -73,6 +73,20 @@ fn no_input_is_written_over() {
     assert!(told.contains("samples: 0..1,3..4"), "{told}");
 }
 
+/// Channels of a cloth in the dark, or lights alone, can be meant.
+#[test]
+fn scenes_without_light_or_matter_are_rendered_and_told() {
+    let folder = folder("refusals-empty");
+    write_grid_scene(&folder);
+    for (key, words) in [("light=[]", "no [[light]]"), ("object=[]", "no [[object]]")] {
+        let render = ["render", "scene.toml", "-o", "x.exr", "--set", key];
+        let told = succeed(&folder, &render);
+        assert!(told.contains(words), "{told}");
+        let told = succeed(&folder, &[&render[..], &["--quiet"]].concat());
+        assert!(told.is_empty(), "{told}");
+    }
+}
+
 #[test]
 fn reports_of_two_kinds_do_not_share_a_folder() {
     let folder = folder("refusals-reports");

@@ -1,6 +1,7 @@
 //! From a scene file to media, lights and a camera.
 
 use crate::error::input;
+use crate::output::note;
 use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
     IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
@@ -58,20 +59,16 @@ pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a scene whose picture could only be black or empty.
-///
-/// # Errors
-/// Names the file and the key that is missing.
-pub fn check_visible(file: &SceneFile, scene_path: &Path) -> Result<()> {
-    let fail = |words: &str| Err(input(format!("{}: {words}", scene_path.display())));
+/// Tells of a scene whose picture is black but for what its channels know of the
+/// cloth, or shows lights alone: both can be meant.
+pub fn tell_of_emptiness(file: &SceneFile, scene_path: &Path) {
     let shines = |t: &ObjectTable| matches!(t, ObjectTable::Plane(t) if t.radiance.is_some());
     if file.object.is_empty() {
-        return fail("object: there is none; expected one at least, as [[object]]");
+        note!("{}: there is no [[object]]", scene_path.display());
     }
     if file.light.is_empty() && !file.object.iter().any(shines) {
-        return fail("light: there is none; expected one at least, as [[light]]");
+        note!("{}: there is no [[light]]", scene_path.display());
     }
-    Ok(())
 }
 
 /// Builds everything a scene file describes.

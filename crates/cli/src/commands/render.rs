@@ -176,7 +176,10 @@ fn check(args: &RenderArgs, file: &SceneFile) -> Result<()> {
     if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
         checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;
     }
-    scene_build::check_visible(file, &args.scene)
+    if !args.common.quiet {
+        scene_build::tell_of_emptiness(file, &args.scene);
+    }
+    Ok(())
 }
 
 /// Which edge of a crop is where it cannot be.
