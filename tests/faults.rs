@@ -462,11 +462,12 @@ fn too_little_memory_is_told_before_it_is_taken() {
         ],
         &["voxelize", "cloth.toml", "-o", "x.ovox"],
         &["measure", "cloth.toml", "--layout", "grid", "-o", "x.csv"],
+        &["measure", "cloth.toml", "--layout", "irawan", "-o", "x.csv"],
         &[
             "measure",
             "cloth.toml",
             "--layout",
-            "grid",
+            "irawan",
             "-o",
             "x.csv",
             "--model",

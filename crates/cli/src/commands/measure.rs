@@ -268,7 +268,7 @@ fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
         return Err(input(format!(
-            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed"
+            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed: take fewer"
         )));
     }
     Ok(())
