@@ -45,6 +45,7 @@ mod path;
 mod picture;
 pub mod preset;
 mod relax;
+mod settle;
 pub mod spec;
 mod strand;
 mod wif;

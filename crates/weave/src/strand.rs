@@ -10,6 +10,7 @@
 
 use crate::named::gcd;
 use crate::path::Path;
+use crate::settle::{Bundle, Place, Settled};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
@@ -124,6 +125,8 @@ pub(crate) struct Strand<'a> {
 
 /// A fibre before it is wound through the tile.
 struct Fibre {
+    /// The first of the plies that it visits.
+    orbit: u32,
     radius_mm: f64,
     phase_rad: f64,
     swing_rad: f64,
@@ -155,25 +158,67 @@ impl Strand<'_> {
 
     /// All fibres, then all hairs.
     pub fn emit_fibres(&self, emit: &mut dyn FnMut(&Segment)) {
-        let plies = self.yarn.plies;
-        let windings = self.closure.windings();
+        let orbits = self.yarn.plies / self.closure.visited;
+        let fibres: Vec<Fibre> = (0..orbits).flat_map(|o| self.fibres(o)).collect();
+        let settled = self.settle(&fibres);
         let ply_phase = self.ply_phase();
+        let windings = self.closure.windings();
         let mut id = 0;
-        for orbit in 0..plies / self.closure.visited {
-            for fibre in self.fibres(orbit) {
-                for winding in 0..windings {
-                    let ply = (i64::from(orbit) + i64::from(winding) * self.closure.ply_shift)
-                        .rem_euclid(i64::from(plies)) as u32;
-                    let place = |s: f64| {
-                        let run = (f64::from(winding) + s) / f64::from(windings);
-                        self.ply_centre(ply, ply_phase, s) + self.in_ply(&fibre, run)
-                    };
-                    self.emit_period(id, self.yarn.fibre_radius_mm, place, emit);
-                    id += 1;
-                }
+        for (i, fibre) in fibres.iter().enumerate() {
+            for winding in 0..windings {
+                let place = |s: f64| {
+                    let run = self.run(winding, s);
+                    let shift = settled.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
+                    self.place(fibre, winding, ply_phase, s).shifted(shift)
+                };
+                self.emit_period(id, self.yarn.fibre_radius_mm, place, emit);
+                id += 1;
             }
         }
         self.emit_hairs(id, emit);
+    }
+
+    /// Pushes fibres apart that would share room.
+    fn settle(&self, fibres: &[Fibre]) -> Option<Settled> {
+        let (ply_phase, c) = (self.ply_phase(), self.closure);
+        // A round section turns as one; the flatter it is, the more its fibres move
+        // among each other.
+        let flatness = 1.0 - self.flatten.min_element() / self.flatten.max_element();
+        let flatness = (2.0 * flatness).min(1.0);
+        let over_period = |turns: i64| turns.unsigned_abs() as f64 / f64::from(c.windings());
+        let turns = flatness * over_period(c.turns)
+            + over_period(c.swings)
+            + c.ply_shift.unsigned_abs() as f64 / f64::from(self.yarn.plies);
+        Bundle {
+            fibres: fibres.len(),
+            windings: c.windings() as usize,
+            angle_rad: TAU * turns,
+            length_mm: self.path.length_mm(),
+            fibre_radius_mm: self.yarn.fibre_radius_mm,
+            flatten: self.flatten,
+            reach_mm: self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm,
+            place: &|i, winding, s| self.place(&fibres[i], winding, ply_phase, s),
+        }
+        .settle()
+    }
+
+    /// The share of all its windings that a fibre has behind it at the share `s`
+    /// of one of them.
+    fn run(&self, winding: u32, s: f64) -> f64 {
+        (f64::from(winding) + s) / f64::from(self.closure.windings())
+    }
+
+    /// Where a fibre would be at the share `s` of one of its windings if it had
+    /// the yarn to itself.
+    fn place(&self, fibre: &Fibre, winding: u32, ply_phase: f64, s: f64) -> Place {
+        let ply = (i64::from(fibre.orbit) + i64::from(winding) * self.closure.ply_shift)
+            .rem_euclid(i64::from(self.yarn.plies)) as u32;
+        let (direction, distance_mm) = self.in_ply(fibre, self.run(winding, s));
+        Place {
+            ply_mm: self.ply_centre(ply, ply_phase, s),
+            direction,
+            distance_mm,
+        }
     }
 
     /// The hairs, numbered from `first`.
@@ -255,6 +300,7 @@ impl Strand<'_> {
                 placed.push((radius_mm, phase_rad));
                 let mut rng = self.rng(FIBRE + (u64::from(orbit) << 24) + u64::from(i));
                 Fibre {
+                    orbit,
                     radius_mm,
                     phase_rad,
                     swing_rad: unit(&mut rng) * TAU,
@@ -284,8 +330,9 @@ impl Strand<'_> {
             .collect()
     }
 
-    /// Place of a fibre in its ply at the share `run` of all its windings.
-    fn in_ply(&self, fibre: &Fibre, run: f64) -> DVec2 {
+    /// Direction and distance of a fibre from the centre of its ply at the share
+    /// `run` of all its windings.
+    fn in_ply(&self, fibre: &Fibre, run: f64) -> (DVec2, f64) {
         let angle = fibre.phase_rad + TAU * run * self.closure.turns as f64;
         let swing = fibre.swing_rad + TAU * run * self.closure.swings as f64;
         let mut radius = fibre.radius_mm * self.yarn.migrated(swing);
@@ -297,7 +344,7 @@ impl Strand<'_> {
                 radius += (top - radius) * from_top.cos().powi(2);
             }
         }
-        radius * DVec2::from_angle(angle)
+        (DVec2::from_angle(angle), radius)
     }
 
     fn rng(&self, stream: u64) -> PathRng {

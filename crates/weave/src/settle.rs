@@ -1,0 +1,377 @@
+//! Fibres of a strand pushed apart until they share hardly any room.
+//!
+//! Random places, migration and flattening put fibres into each other: a sixth
+//! of the fibre volume of a flattened cotton yarn would lie in other fibres too.
+//! That is more fibre than there is room for, and a volume that counts lengths
+//! sees all of it. So the cross-section is taken as discs at stations along the
+//! yarn, and discs that overlap are moved apart, by turns with smoothing along
+//! the fibres. Places change; numbers and radii of fibres stay.
+//!
+//! Shifts are kept away from the ply's centre and about it, so that a fibre that
+//! keeps its place among its neighbours has the same all along, and are
+//! interpolated between stations with continuous tangents.
+
+use glam::{DVec2, Vec2};
+
+/// Rounds of neighbours found anew, and pushes within a round.
+const ROUNDS: usize = 3;
+const PUSHES: usize = 6;
+/// What smoothing takes of the differences along a fibre after a round, the last
+/// excepted.
+const SMOOTHING: f32 = 0.25;
+/// Neighbours are nearer than so many radii when a round begins.
+const REACH_RADII: f32 = 3.0;
+/// Angle of twist and migration between stations, radians.
+const STATION_RAD: f64 = 0.5;
+const FEWEST_STATIONS: usize = 4;
+
+/// What is to settle: the fibres of all plies, each wound through the period
+/// several times.
+pub(crate) struct Bundle<'a> {
+    pub fibres: usize,
+    /// Periods that a fibre runs through.
+    pub windings: usize,
+    /// Twist and migration over one period.
+    pub angle_rad: f64,
+    pub length_mm: f64,
+    pub fibre_radius_mm: f64,
+    /// Factors on the round cross-section's width and height.
+    pub flatten: DVec2,
+    /// No centre gets further from its ply's centre, unless it starts there.
+    pub reach_mm: f64,
+    /// Of a fibre in a winding, at a share of the period.
+    pub place: &'a dyn Fn(usize, u32, f64) -> Place,
+}
+
+/// Where a fibre would be if it had the yarn to itself, in the round
+/// cross-section.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// The centre of its ply.
+    pub ply_mm: DVec2,
+    /// From there: unit length.
+    pub direction: DVec2,
+    pub distance_mm: f64,
+}
+
+impl Place {
+    /// The fibre's centre when it is shifted, away from the ply's centre and
+    /// about it.
+    pub fn shifted(&self, shift_mm: DVec2) -> DVec2 {
+        let from_ply = DVec2::new(self.distance_mm, 0.0) + shift_mm;
+        self.ply_mm + self.direction.rotate(from_ply)
+    }
+}
+
+/// Where fibres went.
+pub(crate) struct Settled {
+    /// Stations along a whole fibre.
+    around: usize,
+    /// By fibre, then station.
+    shifts_mm: Vec<Vec2>,
+}
+
+impl Settled {
+    /// The shift of a fibre at the share `run` of all its windings, which may lie
+    /// a little outside; away from the ply's centre and about it, mm.
+    pub fn at(&self, fibre: usize, run: f64) -> DVec2 {
+        let n = self.around;
+        let place = (run - run.floor()) * n as f64;
+        let first = (place as usize).min(n - 1);
+        let t = (place - first as f64) as f32;
+        let own = &self.shifts_mm[fibre * n..][..n];
+        let after = if first + 1 < n { first + 1 } else { 0 };
+        let last = if after + 1 < n { after + 1 } else { 0 };
+        let before = if first > 0 { first - 1 } else { n - 1 };
+        let [a, b, c, d] = [own[before], own[first], own[after], own[last]];
+        let square = a - 2.5 * b + 2.0 * c - 0.5 * d;
+        let cubic = 1.5 * (b - c) + 0.5 * (d - a);
+        let shift = b + t * (0.5 * (c - a) + t * (square + t * cubic));
+        shift.as_dvec2()
+    }
+}
+
+/// One disc of a cross-section, in the flattened one but for its reach and shift.
+#[derive(Clone, Copy)]
+struct Disc {
+    base_mm: Vec2,
+    ply_mm: Vec2,
+    /// Of the ply's centre, in the round cross-section.
+    direction: Vec2,
+    /// Part of the unit tangent that lies in the cross-section.
+    slant: Vec2,
+    reach_mm: f32,
+    at_mm: Vec2,
+    /// Which one of the section it is.
+    piece: u32,
+}
+
+impl Bundle<'_> {
+    /// Pushes the fibres apart; `None` where there is but one.
+    pub fn settle(&self) -> Option<Settled> {
+        let (windings, pieces) = (self.windings, self.fibres * self.windings);
+        if pieces < 2 {
+            return None;
+        }
+        let stations = ((self.angle_rad / STATION_RAD).ceil() as usize).max(FEWEST_STATIONS);
+        let around = stations * windings;
+        let flatten = self.flatten.as_vec2();
+        let mut discs = self.discs(stations);
+        let mut shifts_mm = vec![Vec2::ZERO; self.fibres * around];
+        let mut pairs = Vec::new();
+        for round in 0..ROUNDS {
+            for (station, section) in discs.chunks_exact_mut(pieces).enumerate() {
+                let place = |piece: u32| {
+                    let piece = piece as usize;
+                    piece / windings * around + piece % windings * stations + station
+                };
+                for disc in &mut *section {
+                    let shift = shifts_mm[place(disc.piece)];
+                    disc.at_mm = disc.base_mm + flatten * disc.direction.rotate(shift);
+                }
+                self.push_apart(section, &mut pairs);
+                let turned_back = Vec2::new(1.0, -1.0);
+                for disc in &*section {
+                    let moved = (disc.at_mm - disc.base_mm) / flatten;
+                    shifts_mm[place(disc.piece)] = (turned_back * disc.direction).rotate(moved);
+                }
+            }
+            if round + 1 < ROUNDS {
+                shifts_mm.chunks_exact_mut(around).for_each(smooth);
+            }
+        }
+        Some(Settled { around, shifts_mm })
+    }
+
+    /// All discs, by station, then fibre, then winding.
+    fn discs(&self, stations: usize) -> Vec<Disc> {
+        let (windings, flatten) = (self.windings, self.flatten.as_vec2());
+        let pieces = self.fibres * windings;
+        let mut discs = Vec::with_capacity(stations * pieces);
+        for station in 0..stations {
+            let s = station as f64 / stations as f64;
+            for piece in 0..pieces {
+                let place = (self.place)(piece / windings, (piece % windings) as u32, s);
+                let base_mm = flatten * place.shifted(DVec2::ZERO).as_vec2();
+                discs.push(Disc {
+                    base_mm,
+                    ply_mm: flatten * place.ply_mm.as_vec2(),
+                    direction: place.direction.as_vec2(),
+                    slant: Vec2::ZERO,
+                    reach_mm: place.distance_mm.max(self.reach_mm) as f32,
+                    at_mm: base_mm,
+                    piece: piece as u32,
+                });
+            }
+        }
+        // Where a winding ends, the next of the same fibre begins.
+        let before = |station: usize, fibre: usize, winding: usize| match station {
+            0 => (stations - 1, fibre, (winding + windings - 1) % windings),
+            i => (i - 1, fibre, winding),
+        };
+        let after = |station: usize, fibre: usize, winding: usize| match station {
+            i if i + 1 == stations => (0, fibre, (winding + 1) % windings),
+            i => (i + 1, fibre, winding),
+        };
+        let per_mm = (0.5 * stations as f64 / self.length_mm) as f32;
+        for i in 0..discs.len() {
+            let (station, piece) = (i / pieces, i % pieces);
+            let (fibre, winding) = (piece / windings, piece % windings);
+            let [a, b] = [
+                before(station, fibre, winding),
+                after(station, fibre, winding),
+            ]
+            .map(|(station, fibre, winding)| {
+                discs[station * pieces + fibre * windings + winding].base_mm
+            });
+            let slope = per_mm * (b - a);
+            discs[i].slant = slope / (1.0 + slope.length_squared()).sqrt();
+        }
+        discs
+    }
+
+    /// Moves the discs of one section; they are left in the order of their x.
+    fn push_apart(&self, section: &mut [Disc], pairs: &mut Vec<(u32, u32)>) {
+        section.sort_by(|a, b| {
+            let by_place = a.at_mm.x.total_cmp(&b.at_mm.x);
+            by_place.then(a.piece.cmp(&b.piece))
+        });
+        let radius = self.fibre_radius_mm as f32;
+        let (reach, least) = (REACH_RADII * radius, 2.0 * radius);
+        pairs.clear();
+        for (a, disc) in section.iter().enumerate() {
+            for (b, other) in section.iter().enumerate().skip(a + 1) {
+                let apart = other.at_mm - disc.at_mm;
+                if apart.x > reach {
+                    break;
+                }
+                if apart.length_squared() < reach * reach {
+                    pairs.push((a as u32, b as u32));
+                }
+            }
+        }
+        let flatten = self.flatten.as_vec2();
+        for _ in 0..PUSHES {
+            for &(a, b) in &*pairs {
+                let (a, b) = (a as usize, b as usize);
+                let push = push(&section[a], &section[b], least);
+                if push != Vec2::ZERO {
+                    section[a].at_mm -= push;
+                    section[b].at_mm += push;
+                }
+            }
+            for disc in &mut *section {
+                let from_ply = (disc.at_mm - disc.ply_mm) / flatten;
+                let square = from_ply.length_squared();
+                if square > disc.reach_mm * disc.reach_mm {
+                    let within = disc.reach_mm / square.sqrt();
+                    disc.at_mm = disc.ply_mm + within * (disc.at_mm - disc.ply_mm);
+                }
+            }
+        }
+    }
+}
+
+/// What takes the second of two discs out of the first if the latter goes as far
+/// the other way. Fibres cross the section at a slant, and what counts is their
+/// distance across themselves.
+#[inline]
+fn push(a: &Disc, b: &Disc, least_mm: f32) -> Vec2 {
+    let apart = b.at_mm - a.at_mm;
+    let along = 0.5 * apart.dot(a.slant + b.slant);
+    let across = apart.length_squared() - along * along;
+    if across >= least_mm * least_mm {
+        return Vec2::ZERO;
+    }
+    let toward = apart.try_normalize().unwrap_or(Vec2::X);
+    0.5 * (least_mm - across.max(0.0).sqrt()) * toward
+}
+
+/// Brings the shifts along a fibre, which closes, nearer to their neighbours'.
+fn smooth(shifts: &mut [Vec2]) {
+    let n = shifts.len();
+    let (first, mut before) = (shifts[0], shifts[n - 1]);
+    for i in 0..n {
+        let here = shifts[i];
+        let after = if i + 1 < n { shifts[i + 1] } else { first };
+        shifts[i] += SMOOTHING * (0.5 * (before + after) - here);
+        before = here;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::PathRng;
+    use std::f64::consts::{PI, TAU};
+
+    const RADIUS_MM: f64 = 0.008;
+    const PLY_MM: f64 = 0.1;
+    const WINDINGS: usize = 3;
+    /// Over all windings.
+    const TURNS: f64 = 4.0;
+    const FIBRES: usize = 26;
+
+    /// Fibres at random, twisted, that wander in and out, filling half of the ply.
+    fn place(seed: u64, fibre: usize, winding: u32, s: f64) -> Place {
+        let mut rng = PathRng::from_seed(seed + fibre as u64);
+        let [radius, phase, swing] = [0; 3].map(|_| f64::from(rng.unit()));
+        let run = (f64::from(winding) + s) / WINDINGS as f64;
+        let wander = 0.85 + 0.15 * (TAU * (swing + 4.0 * run)).cos();
+        Place {
+            ply_mm: DVec2::ZERO,
+            direction: DVec2::from_angle(TAU * (phase + TURNS * run)),
+            distance_mm: (PLY_MM - RADIUS_MM) * radius.sqrt() * wander,
+        }
+    }
+
+    fn bundle(place: &dyn Fn(usize, u32, f64) -> Place) -> Bundle<'_> {
+        Bundle {
+            fibres: FIBRES,
+            windings: WINDINGS,
+            angle_rad: 2.0 * TAU * TURNS / WINDINGS as f64,
+            length_mm: 2.0,
+            fibre_radius_mm: RADIUS_MM,
+            flatten: DVec2::new(1.2, 1.0 / 1.2),
+            reach_mm: PLY_MM - RADIUS_MM,
+            place,
+        }
+    }
+
+    /// Area that pairs of discs share over the area of all discs, between the
+    /// stations as well as at them.
+    fn shared(bundle: &Bundle, settled: Option<&Settled>) -> f64 {
+        let mut shared = 0.0;
+        for k in 0..50 {
+            let s = f64::from(k) / 50.0;
+            let mut at = Vec::new();
+            for fibre in 0..FIBRES {
+                for winding in 0..WINDINGS {
+                    let run = (winding as f64 + s) / WINDINGS as f64;
+                    let shift = settled.map_or(DVec2::ZERO, |all| all.at(fibre, run));
+                    let place = (bundle.place)(fibre, winding as u32, s);
+                    let from_ply = place.shifted(shift) - place.ply_mm;
+                    assert!(from_ply.length() < PLY_MM, "{from_ply} left its ply");
+                    at.push(bundle.flatten * from_ply);
+                }
+            }
+            for (i, a) in at.iter().enumerate() {
+                for b in &at[i + 1..] {
+                    let half = 0.5 * a.distance(*b) / RADIUS_MM;
+                    if half < 1.0 {
+                        let lens = half.acos() - half * (1.0 - half * half).sqrt();
+                        shared += 2.0 * lens * RADIUS_MM * RADIUS_MM;
+                    }
+                }
+            }
+        }
+        shared / (50.0 * (FIBRES * WINDINGS) as f64 * PI * RADIUS_MM * RADIUS_MM)
+    }
+
+    #[test]
+    fn fibres_that_share_room_are_pushed_apart_and_stay_in_their_ply() {
+        for seed in [1, 1001, 2001] {
+            let place = |fibre, winding, s| place(seed, fibre, winding, s);
+            let bundle = bundle(&place);
+            let settled = bundle.settle().unwrap();
+            let (before, after) = (shared(&bundle, None), shared(&bundle, Some(&settled)));
+            assert!(before > 0.2, "seed {seed}: {before} to begin with");
+            assert!(after < 0.05, "seed {seed}: {before} before, {after} after");
+        }
+    }
+
+    #[test]
+    fn shifts_close_and_have_no_kinks() {
+        let place = |fibre, winding, s| place(7, fibre, winding, s);
+        let settled = bundle(&place).settle().unwrap();
+        let mut sharpest_chord_mm = 0.0f32;
+        for fibre in 0..FIBRES {
+            assert!(settled.at(fibre, 0.0).distance(settled.at(fibre, 1.0)) < 1e-9);
+            let knots = &settled.shifts_mm[fibre * settled.around..][..settled.around];
+            let step = 1e-3;
+            for k in 0..settled.around {
+                // Left and right of a station, the border's too, slopes agree, which
+                // those of chords from knot to knot do not.
+                let run = k as f64 / settled.around as f64;
+                let [a, b, c] =
+                    [-step, 0.0, step].map(|d| settled.at(fibre, run + d / settled.around as f64));
+                let kink_mm = (c - b).distance(b - a) / step;
+                assert!(kink_mm < 1e-3, "fibre {fibre}, station {k}: {kink_mm} mm");
+                let [a, b, c] = [knots.len() - 1, 0, 1].map(|d| knots[(k + d) % knots.len()]);
+                sharpest_chord_mm = sharpest_chord_mm.max((c - b).distance(b - a));
+            }
+        }
+        assert!(sharpest_chord_mm > 5e-3, "{sharpest_chord_mm} mm");
+    }
+
+    #[test]
+    fn one_fibre_has_nowhere_to_go() {
+        let place = |fibre, winding, s| place(1, fibre, winding, s);
+        let alone = Bundle {
+            fibres: 1,
+            windings: 1,
+            ..bundle(&place)
+        };
+        assert!(alone.settle().is_none());
+    }
+}
