@@ -51,6 +51,31 @@ fn help_and_version_succeed_and_show_examples() {
 }
 
 #[test]
+fn scenes_are_told_object_by_object() {
+    let folder = folder("info-scene");
+    write_grid_scene(&folder);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let fabric = root.join("scenes/fabrics/organza.toml");
+    let cloth = format!(
+        "object = [{{ kind = \"cloth\", fabric = {fabric:?}, model = \"fibres\" }}, \
+         {{ kind = \"plane\", position_mm = [0.0, 0.0, -1.0] }}]"
+    );
+    let info = |set: &[&str]| {
+        let told = succeed(&folder, &[&["info", "scene.toml", "--json"], set].concat());
+        serde_json::from_str::<serde_json::Value>(&told).unwrap()
+    };
+    let told = info(&[]);
+    assert_eq!(told["camera"], "orthographic");
+    assert_eq!(told["objects"][0]["kind"], "grid");
+    let kinds = ["--set", &cloth.replacen(" = ", "=", 1)];
+    let told = info(&kinds);
+    assert_eq!(told["objects"][0]["model"], "fibres");
+    assert_eq!(told["objects"][1]["kind"], "plane");
+    let told = succeed(&folder, &["info", "scene.toml", "--set", "light=[]"]);
+    assert!(told.contains("lights: none"), "{told}");
+}
+
+#[test]
 fn completions_and_manual_pages_know_every_command() {
     let folder = folder("manual");
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {

@@ -129,6 +129,21 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
 }
 
 #[test]
+fn pairs_without_light_are_no_exact_zeros() {
+    let folder = folder("measure-dark");
+    let optics = "[optics.cotton]\nalbedo = [0.0, 0.0, 0.0]\n";
+    std::fs::write(folder.join("black.toml"), FABRIC.to_owned() + optics).unwrap();
+    let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,40,170\n10,80,0,0\n";
+    std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
+    let mut arguments = vec!["measure", "black.toml", "--pairs", "pairs.csv"];
+    arguments.extend(["--spp", "4", "-o", "out.csv"]);
+    let told = succeed(&folder, &arguments);
+    assert!(told.contains("2 of 2 pairs met no light"), "{told}");
+    arguments.push("--quiet");
+    assert_eq!(succeed(&folder, &arguments), "");
+}
+
+#[test]
 fn wrong_pairs_are_told_with_line_and_column() {
     let folder = folder("measure-wrong");
     write_slab(&folder);

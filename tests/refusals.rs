@@ -170,6 +170,35 @@ fn layouts_that_fit_into_no_memory_are_refused_with_the_figure() {
     assert_eq!(names(&folder), ["sailcloth.toml"]);
 }
 
+/// What a fit finds takes the place of keys that say it otherwise.
+#[test]
+fn fits_begin_at_optics_in_other_words() {
+    let folder = folder("refusals-fit");
+    let values = "theta_i,phi_i,theta_o,phi_o,r,g,b\n30,0,20,0,0.2,0.15,0.1\n";
+    fs::write(folder.join("values.csv"), values).unwrap();
+    for (model, optics, gives_way) in [
+        ("volume", "gamma = 0.3\n", "optics.cotton.gamma"),
+        ("packed", "fitted = \"silk\"\n", "optics.cotton.fitted"),
+        (
+            "packed",
+            "absorption_per_mm = [1.0, 2.0, 3.0]\n",
+            "optics.cotton.absorption_per_mm",
+        ),
+    ] {
+        let text = format!("{SAILCLOTH}[optics.cotton]\n{optics}");
+        fs::write(folder.join("sailcloth.toml"), text).unwrap();
+        let mut fit = vec!["fit", "sailcloth.toml", "--what", "fibres", "--model"];
+        fit.extend([model, "--data", "values.csv", "-o", "fitted.toml"]);
+        fit.extend(["--spp", "4", "--patience", "0,1"]);
+        let told = succeed(&folder, &fit);
+        assert!(told.contains(gives_way), "{told}");
+        succeed(&folder, &["info", "fitted.toml"]);
+        let text = fs::read_to_string(folder.join("fitted.toml")).unwrap();
+        let key = gives_way.rsplit('.').next().unwrap();
+        assert!(!text.contains(&format!("\n{key} =")), "{text}");
+    }
+}
+
 /// A reader that goes away early ends the program quietly.
 #[test]
 fn listings_may_be_cut_short() {

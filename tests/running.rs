@@ -362,6 +362,36 @@ fn the_time_limit_ends_a_render() {
 }
 
 #[test]
+fn errors_that_were_not_reached_or_are_not_known_are_told() {
+    let folder = folder("target-missed");
+    write_grid_scene(&folder);
+    let run = ["render", "scene.toml", "-o", "out.exr", "--target-error"];
+    let told = |more: &[&str]| succeed(&folder, &[&run[..], more].concat());
+    let words = told(&["0.0001", "--spp", "4"]);
+    let missed = "all samples taken, target error not reached, 0.";
+    assert!(words.contains(missed), "{words}");
+    assert!(words.contains(" of the mean; 4 of 4 samples"), "{words}");
+    let words = told(&["0.99", "--spp", "4"]);
+    assert!(words.contains("taken, target error reached, 0."), "{words}");
+    // The spread of one sample is not zero, it is not known.
+    let words = told(&["0.99", "--spp", "1", "--stats"]);
+    assert!(
+        words.contains("error         unknown (one sample)"),
+        "{words}"
+    );
+    assert!(
+        !words.contains("+-") && !words.contains("reached"),
+        "{words}"
+    );
+    let figures = told(&["0.99", "--spp", "1", "--json", "--quiet"]);
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    assert!(figures["relative_error"].is_null() && figures["standard_error"].is_null());
+    let figures = told(&["0.0001", "--spp", "2", "--json", "--quiet"]);
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    assert!(figures["relative_error"].as_f64() > Some(0.0), "{figures}");
+}
+
+#[test]
 fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     let folder = folder("target-error");
     write_grid_scene(&folder);

@@ -23,7 +23,7 @@ use organza_transport::{
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, FabricGeometry, Material,
-    spec::{DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
+    spec::{CurveKind, DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,6 +62,77 @@ pub struct FabricFile {
     pub seed: u64,
 }
 
+impl FabricFile {
+    /// Refuses what would have no effect.
+    ///
+    /// # Errors
+    /// `key: what was expected`.
+    fn check(&self) -> Result<(), String> {
+        if self.relaxation.max_iterations == 0 {
+            return Err("relaxation.max_iterations: expected at least 1, found 0".into());
+        }
+        let draft = &self.draft;
+        let is_woven = draft.weave.is_some() || draft.wif.is_some() || draft.drawdown.is_some();
+        let (is_knit, is_curves) = (draft.knit.is_some(), draft.curves.is_some());
+        let woven = "a weave (draft.weave, draft.wif or draft.drawdown)";
+        let spaced = "a weave or draft.knit";
+        let (warp, weft) = (&self.warp, &self.weft);
+        for (key, is_given, has_use, belongs_to) in [
+            (
+                "draft.wales_per_cm",
+                draft.wales_per_cm.is_some(),
+                is_knit,
+                "draft.knit",
+            ),
+            (
+                "draft.curve_unit_mm",
+                draft.curve_unit_mm.is_some(),
+                is_curves,
+                "draft.curves",
+            ),
+            (
+                "draft.curves_are",
+                draft.curves_are != CurveKind::default(),
+                is_curves,
+                "draft.curves",
+            ),
+            ("warp.yarn", !warp.yarn.is_empty(), is_woven, woven),
+            ("warp.colours", !warp.colours.is_empty(), is_woven, woven),
+            ("warp.per_cm", warp.per_cm.is_some(), is_woven, woven),
+            (
+                "warp.spacing_mm",
+                warp.spacing_mm.is_some(),
+                is_woven,
+                woven,
+            ),
+            ("weft.per_cm", weft.per_cm.is_some(), !is_curves, spaced),
+            (
+                "weft.spacing_mm",
+                weft.spacing_mm.is_some(),
+                !is_curves,
+                spaced,
+            ),
+            (
+                "tile.repeats",
+                self.tile.repeats != [1, 1],
+                !is_curves,
+                spaced,
+            ),
+        ] {
+            // A draft of no kind, or of two, is told of by whoever builds it.
+            let is_one_kind = [is_woven, is_knit, is_curves]
+                .iter()
+                .filter(|k| **k)
+                .count()
+                == 1;
+            if is_given && !has_use && is_one_kind {
+                return Err(format!("{key}: belongs to {belongs_to}"));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// `[voxel]`
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -95,7 +166,17 @@ pub struct Fabric {
 /// # Errors
 /// Names the file and the key at fault.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
-    let file: FabricFile = read::toml_of(path, overrides, Wanted::Fabric)?;
+    load_changed(path, &[], overrides)
+}
+
+/// The same without some keys, which are removed after the `overrides` are set.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_changed(path: &Path, removed: &[String], overrides: &[String]) -> Result<Fabric> {
+    let file: FabricFile = read::toml_changed(path, removed, overrides, Wanted::Fabric)?;
+    file.check()
+        .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let geometry = FabricGeometry {
         draft: file.draft.clone(),
         warp: file.warp.clone(),
@@ -322,6 +403,101 @@ pub fn free_memory_bytes() -> u64 {
     from_kernel().unwrap_or(u64::MAX)
 }
 
+/// The fabric of the cloth that is a scene's object of this index, with the
+/// object's optics, and what scatters light off it; `as_fibres` whatever its
+/// model.
+///
+/// # Errors
+/// Names the file and the key at fault.
+fn cloth_object(
+    table: &ClothTable,
+    index: usize,
+    as_fibres: bool,
+    scene_path: &Path,
+) -> Result<(Fabric, ScatteringModel)> {
+    let fail = |why: &str| input(format!("{}: object[{index}]{why}", scene_path.display()));
+    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
+    let mut fabric = load(&read::beside(scene_path, &table.fabric), &own_seed)?;
+    fabric
+        .override_optics(&table.optics)
+        .map_err(|why| fail(&format!(".optics{why}")))?;
+    let model = table
+        .scattering()
+        .over(fabric.file.scattering)
+        .map_err(fail)?;
+    if table.local_visibility && !matches!(model, ScatteringModel::Fibres(_)) {
+        return Err(fail(
+            ".local_visibility: belongs to model = \"virtual-scattering\"",
+        ));
+    }
+    if as_fibres || model == ScatteringModel::Explicit {
+        if table.mesh.is_some() {
+            return Err(fail(
+                ".mesh: fibres one by one lie flat; take another model",
+            ));
+        }
+        return Ok((fabric, ScatteringModel::Explicit));
+    }
+    let is_named = |lod| matches!(lod, Lod::Name(LodName::Auto | LodName::Surface));
+    if model == ScatteringModel::Surface && !is_named(table.lod) {
+        return Err(fail(".lod: a surface has no levels; leave it out"));
+    }
+    Ok((fabric, model))
+}
+
+/// What voxelizing a scene's object will take.
+///
+/// # Errors
+/// As [`Fabric::plan`]; a level that the cloth does not have, told before the
+/// voxels are made, which takes its time.
+fn plan_object<'a>(
+    fabric: &'a Fabric,
+    model: ScatteringModel,
+    table: &ClothTable,
+    index: usize,
+    options: &BuildOptions<'_>,
+) -> Result<Plan<'a>> {
+    let plan = fabric.plan(
+        &read::beside(options.scene_path, &table.fabric),
+        model.footprint(),
+        table.voxel_um,
+        None,
+        options.max_memory_bytes,
+    )?;
+    let level_count = plan.level_count();
+    match table.lod {
+        Lod::Level(level) if level >= level_count => Err(input(format!(
+            "{}: object[{index}].lod: level {level} does not exist; the cloth has {level_count}, \
+             from 0",
+            options.scene_path.display()
+        ))),
+        _ => Ok(plan),
+    }
+}
+
+/// Checks the cloth that is a scene's object of this index as far as that can be
+/// without making voxels, and tells what scatters light off it.
+///
+/// # Errors
+/// Those of [`cloth_medium`].
+pub fn check_object(
+    table: &ClothTable,
+    index: usize,
+    as_fibres: bool,
+    options: &BuildOptions<'_>,
+) -> Result<ScatteringModel> {
+    let (fabric, model) = cloth_object(table, index, as_fibres, options.scene_path)?;
+    drape::mesh(table, index, options)?;
+    let path = read::beside(options.scene_path, &table.fabric);
+    match model {
+        ScatteringModel::Explicit => fabric.fibres(&path).map(|_| ())?,
+        ScatteringModel::Surface => fabric.surface(&path).map(|_| ())?,
+        _ if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
+        _ => plan_object(&fabric, model, table, index, options).map(|_| ())?,
+    }
+    Ok(model)
+}
+
 /// The cloth that is a scene's object of this index; `as_fibres` whatever its
 /// model.
 ///
@@ -339,37 +515,14 @@ pub fn cloth_medium(
         let scene = options.scene_path.display();
         input(format!("{scene}: object[{index}]{why}"))
     };
-    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
-    let mut fabric = load(&path, &own_seed)?;
-    fabric
-        .override_optics(&table.optics)
-        .map_err(|why| fail(&format!(".optics{why}")))?;
+    let (fabric, model) = cloth_object(table, index, as_fibres, options.scene_path)?;
     fabric.tell_warnings(&path, options.quiet);
-    let model = table
-        .scattering()
-        .over(fabric.file.scattering)
-        .map_err(fail)?;
-    if table.local_visibility && !matches!(model, ScatteringModel::Fibres(_)) {
-        return Err(fail(
-            ".local_visibility: belongs to model = \"virtual-scattering\"",
-        ));
-    }
-    if as_fibres || model == ScatteringModel::Explicit {
-        if table.mesh.is_some() {
-            return Err(fail(
-                ".mesh: fibres one by one lie flat; take another model",
-            ));
-        }
+    if model == ScatteringModel::Explicit {
         return fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet);
     }
-    let lod = match (model, table.lod) {
-        (ScatteringModel::Surface, Lod::Name(LodName::Auto | LodName::Surface)) => {
-            Lod::Name(LodName::Surface)
-        }
-        (ScatteringModel::Surface, _) => {
-            return Err(fail(".lod: a surface has no levels; leave it out"));
-        }
-        (_, lod) => lod,
+    let lod = match model {
+        ScatteringModel::Surface => Lod::Name(LodName::Surface),
+        _ => table.lod,
     };
     let mesh = drape::mesh(table, index, options)?;
     let mut place = Place {
@@ -383,22 +536,7 @@ pub fn cloth_medium(
             .sheet_alone(fabric.far_sheet(&path)?)?
             .ok_or_else(|| fail(".fabric: its tile has no volume"));
     }
-    let plan = fabric.plan(
-        &path,
-        model.footprint(),
-        table.voxel_um,
-        None,
-        options.max_memory_bytes,
-    )?;
-    // Told before the voxels are made, which takes its time.
-    let level_count = plan.level_count();
-    if let Lod::Level(level) = lod
-        && level >= level_count
-    {
-        return Err(fail(&format!(
-            ".lod: level {level} does not exist; the cloth has {level_count}, from 0"
-        )));
-    }
+    let plan = plan_object(&fabric, model, table, index, options)?;
     let octree = Arc::new(voxelize_planned(&path, &plan, options.quiet)?);
     if mesh.is_some() && !octree.repeats() {
         return Err(fail(".mesh: wants a cloth that repeats, which this is not"));

@@ -12,6 +12,8 @@ pub enum Wanted {
     Fabric,
     /// A scene file.
     Scene,
+    /// A fabric or a scene file.
+    Either,
     /// Any text.
     Text,
 }
@@ -22,6 +24,7 @@ impl Wanted {
         match self {
             Wanted::Fabric => "a fabric file (TOML with [draft])",
             Wanted::Scene => "a scene file (TOML with [camera])",
+            Wanted::Either => "a fabric file (TOML with [draft]) or a scene file (with [camera])",
             Wanted::Text => "a text file",
         }
     }
@@ -41,13 +44,21 @@ impl Wanted {
         }
         if is_wif(text) {
             let more = match self {
-                Wanted::Fabric => ", whose draft.wif names it",
+                Wanted::Fabric | Wanted::Either => ", whose draft.wif names it",
                 _ => " with a fabric whose draft.wif names it",
             };
             return refuse("a draft (WIF)", more);
         }
         let Ok(table) = toml::from_str::<Table>(text) else {
-            return Ok(());
+            // A mistake in what is meant to be TOML is told with its place.
+            let is_named_toml = path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+            let has_header = text.lines().any(|l| l.trim_start().starts_with('['));
+            return match is_named_toml || has_header {
+                true => Ok(()),
+                false => refuse("no TOML", ""),
+            };
         };
         let scene = ["camera", "object"]
             .iter()
@@ -137,6 +148,13 @@ mod tests {
                 "x.toml: is a draft (WIF)",
             ),
             (Wanted::Scene, "[camera\n", ""),
+            (Wanted::Either, fabric, ""),
+            (Wanted::Either, scene, ""),
+            (
+                Wanted::Either,
+                "[WIF]\nVersion=1.1\n",
+                "x.toml: is a draft (WIF); expected a fabric file",
+            ),
             (Wanted::Fabric, "[drafd]\n", ""),
         ] {
             let said = say(wanted, text);
@@ -146,6 +164,12 @@ mod tests {
             );
         }
         assert!(say(Wanted::Fabric, scene).ends_with("such as its a.toml"));
+        let pairs = Wanted::Either.check(Path::new("pairs.csv"), "theta_i,phi_i\n0,0\n");
+        let words = pairs.unwrap_err().to_string();
+        assert!(
+            words.starts_with("pairs.csv: is no TOML; expected"),
+            "{words}"
+        );
         assert_eq!(of_bytes(b"\x89PNG\r\n"), Some("a PNG picture"));
         assert_eq!(of_bytes(b"[draft]"), None);
     }

@@ -98,7 +98,12 @@ pub fn text(path: &Path) -> Result<String> {
     text_of(path, Wanted::Text)
 }
 
-fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
+/// The same, of a file that should be of a kind; only what it begins with is
+/// looked at.
+///
+/// # Errors
+/// Says what a file of another kind is.
+pub fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
     let fail = |why: &str| input(format!("{}: {why}", path.display()));
     let size = about(path).map_err(|e| fail(&io_words(&e)))?.len();
     if size > MAX_TEXT_BYTES {
@@ -184,21 +189,28 @@ pub fn beside(file: &Path, named: &str) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).join(named)
 }
 
-/// Reads a TOML file into `T`, with `key.path=value` overrides.
+/// Reads a TOML file that should be of a kind into `T`, with `key.path=value`
+/// overrides.
 ///
 /// # Errors
 /// Names file, line, column and key, and the nearest valid name of a misspelt
-/// key or value; for an override, the flag.
-pub fn toml<T: DeserializeOwned>(path: &Path, overrides: &[String]) -> Result<T> {
-    toml_of(path, overrides, Wanted::Text)
-}
-
-/// The same, of a file that should be of a kind.
-///
-/// # Errors
-/// Says what a file of another kind is.
+/// key or value; for an override, the flag. Says what a file of another kind is.
 pub fn toml_of<T: DeserializeOwned>(
     path: &Path,
+    overrides: &[String],
+    wanted: Wanted,
+) -> Result<T> {
+    toml_changed(path, &[], overrides, wanted)
+}
+
+/// The same without some keys, `key.path` each, which are removed after the
+/// overrides are set; one that is not there is no mistake.
+///
+/// # Errors
+/// As [`toml_of`].
+pub fn toml_changed<T: DeserializeOwned>(
+    path: &Path,
+    removed: &[String],
     overrides: &[String],
     wanted: Wanted,
 ) -> Result<T> {
@@ -221,25 +233,45 @@ pub fn toml_of<T: DeserializeOwned>(
             toml_words::plain(e.message(), key.as_deref().filter(|_| at_header))
         ))
     });
-    if overrides.is_empty() {
+    if overrides.is_empty() && removed.is_empty() {
         return parsed;
     }
-    let mut table: ::toml::Table = match ::toml::from_str(&source) {
+    let table: ::toml::Table = match ::toml::from_str(&source) {
         Ok(t) => t,
         Err(_) => return parsed,
     };
+    overridden(table, removed, overrides)?.or_else(|e| parsed.and(Err(e)))
+}
+
+/// Checks overrides against a text that is known to be right.
+///
+/// # Errors
+/// Names the flag.
+pub fn check_overrides<T: DeserializeOwned>(source: &str, overrides: &[String]) -> Result<()> {
+    let table = ::toml::from_str(source).map_err(|e| input(e.to_string()))?;
+    overridden::<T>(table, &[], overrides)?.map(|_| ())
+}
+
+/// The outer error is an override that cannot be applied, the inner one what came
+/// of all of them.
+fn overridden<T: DeserializeOwned>(
+    mut table: ::toml::Table,
+    removed: &[String],
+    overrides: &[String],
+) -> Result<Result<T>> {
     for o in overrides {
         apply_override(&mut table, o)?;
     }
-    table.try_into().or_else(|e: ::toml::de::Error| {
-        parsed.and_then(|_| {
-            Err(input(format!(
-                "--set {}: {}",
-                overrides.join(" --set "),
-                toml_words::plain(e.message(), None)
-            )))
-        })
-    })
+    for key in removed {
+        remove(&mut table, key);
+    }
+    Ok(table.try_into().map_err(|e: ::toml::de::Error| {
+        input(format!(
+            "--set {}: {}",
+            overrides.join(" --set "),
+            toml_words::plain(e.message(), None)
+        ))
+    }))
 }
 
 /// 1-based line and column (in characters) of a byte offset.
@@ -312,6 +344,16 @@ fn apply_override(table: &mut ::toml::Table, text: &str) -> Result<()> {
     Ok(())
 }
 
+/// Removes the value at `key.path`, if there is one.
+fn remove(table: &mut ::toml::Table, path: &str) {
+    let (folders, last) = path.rsplit_once('.').unwrap_or(("", path));
+    let mut folders = folders.split('.').filter(|f| !f.is_empty());
+    let at = folders.try_fold(table, |t, key| t.get_mut(key)?.as_table_mut());
+    if let Some(table) = at {
+        table.remove(last);
+    }
+}
+
 /// The element of a list that `keys[i]` names.
 fn element<'a>(
     value: &'a mut ::toml::Value,
@@ -357,7 +399,7 @@ mod tests {
         let path = std::env::temp_dir().join(name);
         std::fs::write(&path, source).unwrap();
         let overrides: Vec<String> = overrides.iter().map(|&s| s.to_owned()).collect();
-        let got = toml(&path, &overrides);
+        let got = toml_of(&path, &overrides, Wanted::Text);
         std::fs::remove_file(&path).unwrap();
         got
     }

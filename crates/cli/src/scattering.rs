@@ -71,6 +71,20 @@ impl ScatteringTable {
 }
 
 impl ScatteringModel {
+    /// Its keys' values in a scene file.
+    pub fn words(self) -> &'static str {
+        match self {
+            ScatteringModel::Flakes(FlakeName::SggxSpecular) => "microflake, sggx-specular",
+            ScatteringModel::Flakes(FlakeName::SggxDiffuse) => "microflake, sggx-diffuse",
+            ScatteringModel::Flakes(FlakeName::Gaussian) => "microflake, gaussian",
+            ScatteringModel::Flakes(FlakeName::SinPower) => "microflake, sin-power",
+            ScatteringModel::Fibres(FibreEvent::Packed) => "virtual-scattering, packed",
+            ScatteringModel::Fibres(FibreEvent::Plain) => "virtual-scattering, plain",
+            ScatteringModel::Explicit => "fibres",
+            ScatteringModel::Surface => "surface",
+        }
+    }
+
     /// Where an octree for the model holds the length of thick fibres.
     pub fn footprint(self) -> Footprint {
         match self {

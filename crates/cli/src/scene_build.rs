@@ -35,17 +35,31 @@ pub struct BuildOptions<'a> {
 pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
     let fail = |words: String| input(format!("{}: {words}", scene_path.display()));
     camera(&file.camera).map_err(|why| fail(format!("camera: {why}")))?;
+    let as_fibres = file.render.integrator == IntegratorName::Fibres;
     for (i, table) in file.object.iter().enumerate() {
+        let refuse = |why: &str| Err(fail(format!("object[{i}]: {why}")));
         let extent_mm = match table {
             ObjectTable::Cloth(t) => {
                 let fabric = read::beside(scene_path, &t.fabric);
                 if let Some(why) = read::unreachable(&fabric) {
                     return Err(fail(format!("object[{i}].fabric: {why}")));
                 }
+                if t.extent_mm.is_some() && t.mesh.is_some() {
+                    return refuse("extent_mm is for flat cloth and does not go with mesh");
+                }
                 t.extent_mm
             }
+            ObjectTable::Grid(_) if as_fibres => {
+                return refuse("a grid has no fibres for render.integrator = \"fibres\"");
+            }
+            ObjectTable::Grid(t) if t.extent_mm.is_some() && !t.repeat_xy => {
+                return refuse("extent_mm belongs to repeat_xy = true");
+            }
             ObjectTable::Grid(t) => t.extent_mm,
-            ObjectTable::Plane(_) => None,
+            ObjectTable::Plane(t) => {
+                plane(t).map_err(|why| fail(format!("object[{i}]: {why}")))?;
+                None
+            }
         };
         if let Some([x0, y0, x1, y1]) = extent_mm
             && !(x0 < x1 && y0 < y1)
@@ -71,6 +85,19 @@ pub fn tell_of_emptiness(file: &SceneFile, scene_path: &Path) {
     }
 }
 
+/// The lights of a scene file, with the pictures that they name.
+///
+/// # Errors
+/// Names the file and key at fault.
+pub fn lights(file: &SceneFile, scene_path: &Path) -> Result<Vec<Light>> {
+    let tables = file.light.iter().enumerate();
+    let built = tables.map(|(i, table)| {
+        light(table, scene_path)
+            .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
+    });
+    built.collect()
+}
+
 /// Builds everything a scene file describes.
 ///
 /// # Errors
@@ -80,32 +107,14 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
         |key: &str, why: &str| input(format!("{}: {key}: {why}", options.scene_path.display()));
     check(file, options.scene_path)?;
     let camera = camera(&file.camera).map_err(|why| fail("camera", &why))?;
-    let mut lights = Vec::new();
-    for (i, table) in file.light.iter().enumerate() {
-        lights.push(
-            light(table, options.scene_path).map_err(|why| fail(&format!("light[{i}]"), &why))?,
-        );
-    }
+    let lights = lights(file, options.scene_path)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
     for (i, table) in file.object.iter().enumerate() {
         let fail = |why: &str| fail(&format!("object[{i}]"), why);
         let (mut medium, extent_mm) = match table {
             ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
-            ObjectTable::Grid(_) if as_fibres => {
-                return Err(fail(
-                    "a grid has no fibres for render.integrator = \"fibres\"",
-                ));
-            }
-            ObjectTable::Grid(t) if t.extent_mm.is_some() && !t.repeat_xy => {
-                return Err(fail("extent_mm belongs to repeat_xy = true"));
-            }
             ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
-            ObjectTable::Cloth(t) if t.extent_mm.is_some() && t.mesh.is_some() => {
-                return Err(fail(
-                    "extent_mm is for flat cloth and does not go with mesh",
-                ));
-            }
             ObjectTable::Cloth(t) => {
                 let medium = crate::fabric_file::cloth_medium(t, i, as_fibres, &camera, options)?;
                 (medium, t.extent_mm)
@@ -169,14 +178,10 @@ fn projection(t: &CameraTable) -> Result<Projection, String> {
         ("focus_mm", t.focus_mm.is_some(), &[ThinLens]),
         ("sensor_width_mm", t.sensor_width_mm.is_some(), &[ThinLens]),
     ];
-    let name = |kind| match kind {
-        Orthographic => "\"orthographic\"",
-        Perspective => "\"perspective\"",
-        ThinLens => "\"thin-lens\"",
-    };
+    let name = |kind: CameraKind| format!("{:?}", kind.name());
     for (key, given, kinds) in keys {
         if given && !kinds.contains(&t.kind) {
-            let kinds: Vec<&str> = kinds.iter().copied().map(name).collect();
+            let kinds: Vec<String> = kinds.iter().copied().map(name).collect();
             return Err(format!("{key} belongs to kind = {}", kinds.join(" or ")));
         }
     }
@@ -371,7 +376,11 @@ fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Gr
         .ok_or_else(|| input(format!("{}: holds no samples", path.display())))
 }
 
-fn grid(t: &GridTable, scene_path: &Path) -> Result<GridMedium> {
+/// The medium of a grid object.
+///
+/// # Errors
+/// Names the file at fault.
+pub fn grid(t: &GridTable, scene_path: &Path) -> Result<GridMedium> {
     let (extinction_path, extinction) = vol(scene_path, &t.extinction)?;
     let bounds_mm = extinction.bounds_mm;
     let same_box = |path: &Path, other: &VolGrid| {

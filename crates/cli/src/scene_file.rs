@@ -9,17 +9,21 @@ use organza_transport::{FibreEvent, Integrator};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Whether a TOML text is a scene and no fabric: whichever top-level keys it
-/// has.
-pub fn is_scene(text: &str) -> bool {
-    toml::from_str::<toml::Table>(text)
-        .is_ok_and(|t| t.contains_key("camera") || t.contains_key("object"))
+/// Whether a file is a scene and no fabric: whichever top-level keys it has.
+///
+/// # Errors
+/// Says what a file is that can be neither.
+pub fn is_scene(path: &Path) -> Result<bool> {
+    let text = read::text_of(path, Wanted::Either)?;
+    Wanted::Either.check(path, &text)?;
+    let table = toml::from_str::<toml::Table>(&text);
+    Ok(table.is_ok_and(|t| t.contains_key("camera") || t.contains_key("object")))
 }
 
 /// Reads a scene file, with `key.path=value` overrides.
 ///
 /// # Errors
-/// Says what a file of another kind is, and as [`read::toml`].
+/// Says what a file of another kind is, and as [`read::toml_of`].
 pub fn load(path: &Path, overrides: &[String]) -> Result<SceneFile> {
     read::toml_of(path, overrides, Wanted::Scene)
 }
@@ -65,6 +69,26 @@ impl Default for RenderTable {
             exposure: 0.0,
             clamp: None,
         }
+    }
+}
+
+impl RenderTable {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// `key: what was expected`.
+    pub fn check(&self) -> Result<(), String> {
+        if self.spp == 0 {
+            return Err("spp: expected at least 1, found 0".into());
+        }
+        if let Some(clamp) = self.clamp.filter(|c| !(*c > 0.0 && c.is_finite())) {
+            return Err(format!("clamp: expected a positive number, found {clamp}"));
+        }
+        if !self.exposure.is_finite() {
+            let found = self.exposure;
+            return Err(format!("exposure: expected a finite number, found {found}"));
+        }
+        Ok(())
     }
 }
 
@@ -131,6 +155,17 @@ pub enum CameraKind {
     Orthographic,
     Perspective,
     ThinLens,
+}
+
+impl CameraKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            CameraKind::Orthographic => "orthographic",
+            CameraKind::Perspective => "perspective",
+            CameraKind::ThinLens => "thin-lens",
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]

@@ -37,19 +37,39 @@ pub struct Targets {
 impl Targets {
     /// The errors of a film that meets all targets, if there are any.
     fn met(&self, film: &Film) -> Option<Targets> {
-        if *self == Targets::default() {
-            return None;
-        }
-        let reached = Targets {
-            picture: self.picture.map(|_| film.relative_error()),
-            median: self.median.map(|_| film.pixel_errors().median),
-        };
+        let reached = self.errors(film);
         let within = |error: Option<f64>, target: Option<f64>| match (error, target) {
             (Some(error), Some(target)) => error <= target,
             _ => true,
         };
         let all = within(reached.picture, self.picture) && within(reached.median, self.median);
-        all.then_some(reached)
+        (self.are_given() && all).then_some(reached)
+    }
+
+    /// Whether there are any.
+    pub fn are_given(&self) -> bool {
+        *self != Targets::default()
+    }
+
+    /// The errors of a film that there are targets for.
+    pub fn errors(&self, film: &Film) -> Targets {
+        Targets {
+            picture: self.picture.map(|_| film.relative_error()),
+            median: self.median.map(|_| film.pixel_errors().median),
+        }
+    }
+
+    /// Whether a film meets them all.
+    pub fn are_met(&self, film: &Film) -> bool {
+        self.met(film).is_some()
+    }
+
+    /// In words that follow others.
+    pub fn words(&self) -> String {
+        let told = |error: Option<f64>, of| {
+            error.map_or(String::new(), |e| format!(", {e:.5} of the {of}"))
+        };
+        told(self.picture, "mean") + &told(self.median, "median pixel")
     }
 }
 

@@ -17,11 +17,13 @@ pub enum Error {
     },
     /// A yarn too thick for its visible length at its steepest inclination.
     #[error(
-        "a yarn {width_mm} mm wide does not fit a segment {length_mm} mm long at u_max_deg = \
-         {u_max_deg}: width * sin(u_max) must be below the length; lower u_max_deg to under \
+        "{key} = {u_max_deg}: a yarn {width_mm} mm wide does not fit a segment {length_mm} mm long: \
+         width * sin(u_max) must be below the length; lower u_max_deg to under \
          {largest_deg:.1}, or set fit = \"narrow\" to thin the tube"
     )]
     DoesNotFit {
+        /// Key of the inclination, as files write it.
+        key: String,
         /// Width of the segment's rectangle.
         width_mm: f64,
         /// Length of the segment's rectangle.
@@ -32,8 +34,10 @@ pub enum Error {
         largest_deg: f64,
     },
     /// A hyperbola that never gets as steep as its ends must be.
-    #[error("kappa = {kappa}: expected more than {smallest}")]
+    #[error("{key} = {kappa}: expected more than {smallest}")]
     Curvature {
+        /// Key of the curvature, as files write it.
+        key: String,
         /// The value given.
         kappa: f64,
         /// The limit, itself not allowed.
@@ -97,5 +101,17 @@ impl Error {
             value,
             expected,
         })
+    }
+
+    /// The same of a key in a table of the file, for who checks the table's
+    /// values without knowing its name.
+    pub(crate) fn in_table(mut self, table: &str) -> Error {
+        if let Error::Range { key, .. }
+        | Error::DoesNotFit { key, .. }
+        | Error::Curvature { key, .. } = &mut self
+        {
+            *key = format!("{table}.{key}");
+        }
+        self
     }
 }

@@ -136,11 +136,12 @@ impl Face {
             let index = match types.iter().position(same) {
                 Some(i) => i,
                 None => {
-                    let yarn = match s.yarn {
-                        Yarn::Warp => &p.warp,
-                        Yarn::Weft => &p.weft,
+                    let (yarn, name) = match s.yarn {
+                        Yarn::Warp => (&p.warp, "warp"),
+                        Yarn::Weft => (&p.weft, "weft"),
                     };
-                    let (steps, shares) = segments_of(yarn, s.width_mm, s.length_mm)?;
+                    let (steps, shares) =
+                        segments_of(yarn, s.width_mm, s.length_mm).map_err(|e| e.in_table(name))?;
                     types.push(SegmentType {
                         yarn: s.yarn,
                         steps,

@@ -141,6 +141,7 @@ impl<T: Real> YarnSegment<T> {
         if half_spine_mm <= 0.0 {
             if p.fit == Fit::Refuse {
                 return Err(Error::DoesNotFit {
+                    key: "u_max_deg".into(),
                     width_mm: p.width_mm,
                     length_mm: p.length_mm,
                     u_max_deg: p.u_max_rad.to_degrees(),

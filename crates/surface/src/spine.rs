@@ -36,6 +36,7 @@ impl<T: Real> Spine<T> {
         if under <= 0.0 {
             // The smallest kappa has r sin u_max = -cos u_max.
             return Err(Error::Curvature {
+                key: "kappa".into(),
                 kappa,
                 smallest: -1.0,
             });

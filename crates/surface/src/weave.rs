@@ -171,12 +171,12 @@ impl Tiling {
             )));
         }
         let (px, py) = (weave.warp_pitch_mm, weave.weft_pitch_mm);
-        Error::check("warp_pitch_mm", px, 1e-6, 1e6)?;
-        Error::check("weft_pitch_mm", py, 1e-6, 1e6)?;
+        Error::check("weave.warp_pitch_mm", px, 1e-6, 1e6)?;
+        Error::check("weave.weft_pitch_mm", py, 1e-6, 1e6)?;
         let wx = weave.warp_width_mm.unwrap_or(px);
         let wy = weave.weft_width_mm.unwrap_or(py);
-        Error::check("warp_width_mm", wx, 1e-3 * px, px)?;
-        Error::check("weft_width_mm", wy, 1e-3 * py, py)?;
+        Error::check("weave.warp_width_mm", wx, 1e-3 * px, px)?;
+        Error::check("weave.weft_width_mm", wy, 1e-3 * py, py)?;
         if wx < px && wy < py {
             return Err(Error::Draft(
                 "warp and weft are both narrower than their pitch; make one as wide as its pitch \

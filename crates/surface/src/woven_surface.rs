@@ -136,8 +136,8 @@ impl WovenSurface {
     /// some directions only is bounded: see
     /// [`largest_unbounded_albedo`](Self::largest_unbounded_albedo).
     pub fn new(p: &WovenParameters) -> Result<WovenSurface, Error> {
-        Error::check("grain_mm", p.grain_mm.into(), 0.0, 1e6)?;
-        Error::check("period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
+        Error::check("noise.grain_mm", p.grain_mm.into(), 0.0, 1e6)?;
+        Error::check("noise.period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
         Error::check("accuracy", p.accuracy, 1e-10, 0.1)?;
         for (name, y) in [("warp", &p.warp), ("weft", &p.weft)] {
             for (key, c) in [

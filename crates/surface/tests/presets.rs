@@ -58,7 +58,7 @@ fn mistakes_are_named() {
         ),
         (
             "preset = \"denim\"\n[warp]\nu_max_deg = 95.0",
-            "u_max_deg = 95",
+            "warp.u_max_deg = 95",
         ),
         ("preset = \"denim\"\n[warp]\nalpha = \"a\"", "line 3"),
         ("preset = \"denim\"\naccuracy = 0.0", "accuracy = 0"),

@@ -30,10 +30,12 @@ pub struct Lattice {
 impl Lattice {
     /// Cuts a tile into voxels of about `voxel_mm`.
     ///
-    /// A period is divided exactly, so that voxels may be up to a tenth larger
-    /// or smaller than asked for; other extents are padded evenly on both
-    /// sides. Without a wish for `levels` there are as many, up to six, as
-    /// these two rules allow and the tile can use.
+    /// A period is divided exactly into whole voxels of the coarsest level, so
+    /// that voxels come out larger or smaller than asked for; other extents are
+    /// padded evenly on both sides. Without a wish for `levels` there are as
+    /// many, up to six, as the tile can use and as change voxels by a tenth at
+    /// most. Where only a few voxels make a period, or levels are asked for, it
+    /// may be more.
     pub fn new(tile: &Tile, voxel_mm: f32, levels: Option<u8>) -> Result<Lattice, Error> {
         let voxel = f64::from(voxel_mm);
         if !(voxel.is_finite() && voxel > 0.0) {

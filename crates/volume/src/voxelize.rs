@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::sync::Mutex;
 
 /// Where the length of a fibre goes that is thicker than a voxel (by more than
-/// the tenth that fitting a period may take from it).
+/// the tenth that fitting a period takes from it at most, as a rule).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Footprint {
     /// Over the voxels that the fibre covers: right for extinction looked up
@@ -40,7 +40,8 @@ impl Footprint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelizeOptions {
     /// Edge of the finest voxels. Along x and y of a tile that repeats it is
-    /// fitted to the period and may come out up to a tenth different.
+    /// fitted to the period: it comes out up to a tenth different as a rule,
+    /// more where few voxels make a period or `levels` are given.
     pub voxel_mm: f32,
     /// Number of levels, 1 to 8; without it as many as fit, at most six.
     pub levels: Option<u8>,

@@ -90,8 +90,9 @@ impl Plan {
         output::write_file(&scene, |out| Ok(out.write_all(text.as_bytes())?))?;
         let own_um = sample.fabric.file.voxel.size_um;
         let run = |choice: &Choice, spp: u64, seed: u64| {
-            let mut overrides = choice.overrides(own_um);
-            overrides.extend(self.set.iter().cloned());
+            // A choice is what it is called, whatever else is set.
+            let mut overrides = self.set.clone();
+            overrides.extend(choice.overrides(own_um));
             let trial = Trial {
                 name: format!("{slug}-{}", choice.slug()),
                 scene: scene.clone(),

@@ -2,7 +2,7 @@
 
 use crate::bench::peer::Peer;
 use crate::bench::scaling;
-use crate::bench::stage::{self, Found, PIXELS_MM, QUICK_PIXELS_MM, Sample};
+use crate::bench::stage::{self, Found, Lit, PIXELS_MM, QUICK_PIXELS_MM, Sample, View};
 use crate::bench::table::{self, Row};
 use crate::bench::trial::Laboratory;
 use crate::bench::try_all::{Plan, ViewResult};
@@ -11,6 +11,7 @@ use crate::flags::BenchArgs;
 use crate::output::note;
 use crate::progress::Progress;
 use crate::report::bench::BenchReport;
+use crate::scene_file::SceneFile;
 use crate::{output, read};
 use anyhow::{Context, Result};
 use std::cell::Cell;
@@ -39,6 +40,13 @@ pub fn run(args: &BenchArgs) -> Result<()> {
             return Err(input(format!("{name}: two fabrics are called {name}")));
         }
     }
+    // Told before anything is written, and not once a render.
+    let view = View {
+        pixel_mm: 1.0,
+        lit: Lit::Front,
+    };
+    let scene = view.scene("cloth.toml", args.resolution);
+    read::check_overrides::<SceneFile>(&scene, &args.common.set)?;
     let folder = |name: &str| {
         let path = args.outfile.join(name);
         std::fs::create_dir_all(&path)

@@ -4,7 +4,8 @@ use super::with_threads;
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
 use crate::flags::InfoArgs;
-use crate::scene_file::{SceneFile, is_scene};
+use crate::scene_build::{self, BuildOptions};
+use crate::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
 use crate::{auto_model, fabric_file, output, picture, read};
 use anyhow::Result;
 use organza_basis::Aabb;
@@ -76,30 +77,23 @@ fn tell(args: &InfoArgs) -> Result<Value> {
         }
         "exr" => picture_info(path),
         "toml" => toml(path, &args.common.set),
-        _ => Err(fail(
-            "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt or .exr"
-                .into(),
+        _ => Err(read::unreachable(path).map_or_else(
+            || {
+                fail(
+                    "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt or \
+                     .exr"
+                        .into(),
+                )
+            },
+            input,
         )),
     }
 }
 
 /// A fabric or a scene.
 fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
-    if is_scene(&read::text(path)?) {
-        let mut file: SceneFile = read::toml(path, overrides)?;
-        let chosen = auto_model::resolve(&mut file, path)?;
-        let mut told = json!({
-            "kind": "scene",
-            "resolution": file.camera.resolution,
-            "spp": file.render.spp,
-            "seed": file.render.seed,
-            "lights": file.light.len(),
-            "objects": file.object.len(),
-        });
-        if !chosen.is_empty() {
-            told["chosen"] = json!(chosen);
-        }
-        return Ok(told);
+    if is_scene(path)? {
+        return scene_info(path, overrides);
     }
     let fabric = fabric_file::load(path, overrides)?;
     if fabric.file.surface.is_some() {
@@ -145,6 +139,74 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         "materials": materials,
         "warnings": fabric.cloth.warnings(),
     }))
+}
+
+/// A scene, of which everything is read that can be without making voxels:
+/// what is wrong with it is told as `render` tells it.
+fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
+    let mut file = scene_file::load(path, overrides)?;
+    let fail = |why| input(format!("{}: render.{why}", path.display()));
+    file.render.check().map_err(fail)?;
+    scene_build::check(&file, path)?;
+    let chosen = auto_model::resolve(&mut file, path)?;
+    scene_build::lights(&file, path)?;
+    let as_fibres = file.render.integrator == IntegratorName::Fibres;
+    let objects = file.object.iter().enumerate();
+    let objects = objects
+        .map(|(i, table)| object_info(table, i, as_fibres, path))
+        .collect::<Result<Vec<Value>>>()?;
+    let mut told = json!({
+        "kind": "scene",
+        "camera": file.camera.kind.name(),
+        "resolution": file.camera.resolution,
+        "spp": file.render.spp,
+        "seed": file.render.seed,
+        "lights": file.light.iter().map(light_info).collect::<Vec<_>>(),
+        "objects": objects,
+    });
+    if !chosen.is_empty() {
+        told["chosen"] = json!(chosen);
+    }
+    Ok(told)
+}
+
+fn light_info(table: &LightTable) -> Value {
+    match table {
+        LightTable::Directional { .. } => json!({ "kind": "directional" }),
+        LightTable::Rectangle { .. } => json!({ "kind": "rectangle" }),
+        LightTable::Environment(t) => match &t.file {
+            Some(file) => json!({ "kind": "environment", "file": file }),
+            None => json!({ "kind": "environment" }),
+        },
+    }
+}
+
+fn object_info(
+    table: &ObjectTable,
+    index: usize,
+    as_fibres: bool,
+    scene_path: &Path,
+) -> Result<Value> {
+    match table {
+        ObjectTable::Plane(_) => Ok(json!({ "kind": "plane" })),
+        ObjectTable::Grid(t) => {
+            scene_build::grid(t, scene_path)?;
+            Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
+        }
+        ObjectTable::Cloth(t) => {
+            let options = BuildOptions {
+                scene_path,
+                quiet: true,
+                max_memory_bytes: None,
+            };
+            let model = fabric_file::check_object(t, index, as_fibres, &options)?;
+            let mut told = json!({ "kind": "cloth", "fabric": t.fabric, "model": model.words() });
+            if let Some(mesh) = &t.mesh {
+                told["mesh"] = json!(mesh);
+            }
+            Ok(told)
+        }
+    }
 }
 
 fn box_of(b: &Aabb) -> Value {
@@ -295,6 +357,7 @@ fn list(text: &mut String, value: &Value, depth: usize) {
 fn words(v: &Value) -> String {
     match v {
         Value::String(s) => s.clone(),
+        Value::Array(a) if a.is_empty() => "none".into(),
         Value::Array(a) => a.iter().map(words).collect::<Vec<_>>().join(" "),
         Value::Null => "-".into(),
         Value::Number(n) => match n.as_f64() {

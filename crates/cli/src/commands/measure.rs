@@ -8,7 +8,7 @@ use crate::output::note;
 use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{IntegratorName, SceneFile, is_scene};
+use crate::scene_file::{self, IntegratorName, is_scene};
 use crate::{btf_file, fabric_file, output, read};
 use anyhow::{Context, Result};
 use glam::UVec2;
@@ -39,7 +39,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
             max_memory_bytes: args.memory.max_memory,
             quiet: args.common.quiet,
         };
-        let (patch, grid) = if is_scene(&read::text(&args.file)?) {
+        let (patch, grid) = if is_scene(&args.file)? {
             scene_patch(args)?
         } else {
             let fabric = fabric_file::load(&args.file, &args.common.set)?;
@@ -109,7 +109,7 @@ fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
 
 /// The objects of a scene file.
 fn scene_patch(args: &MeasureArgs) -> Result<(AnyPatch, TexelGrid)> {
-    let mut file: SceneFile = read::toml(&args.file, &args.common.set)?;
+    let mut file = scene_file::load(&args.file, &args.common.set)?;
     match args.model {
         PatchModel::Volume => {}
         PatchModel::Fibres => file.render.integrator = IntegratorName::Fibres,
@@ -161,6 +161,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
         list: Value::Null,
         extra: Vec::new(),
         words: None,
+        dark: [0, 0],
         count,
         paths: 0,
     };
@@ -171,6 +172,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             told.list = listed(args, &result.list);
             told.paths = result.stats.paths;
             told.words = median_error(&result.list);
+            told.dark = dark_pairs(args, &result.list);
         }
         Wanted::Incident(incident) => {
             let result = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
@@ -214,6 +216,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             } else {
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
             }
+            told.dark = dark_pairs(args, &bsdf.pairs());
             told.what = "klems";
             told.list = listed(args, &bsdf.pairs());
             told.paths = stats.paths;
@@ -304,12 +307,24 @@ fn median_error(list: &[PairValue]) -> Option<String> {
     ))
 }
 
+/// How many pairs of how many met no light in any path: their standard error is zero as their
+/// value is, which tells nothing. The surface model is exact.
+fn dark_pairs(args: &MeasureArgs, list: &[PairValue]) -> [usize; 2] {
+    let is_dark = |v: &&PairValue| [v.bsdf.mean, v.bsdf.se] == [[0.0; 3]; 2];
+    match args.model {
+        PatchModel::Surface => [0, list.len()],
+        _ => [list.iter().filter(is_dark).count(), list.len()],
+    }
+}
+
 /// What to say in the end.
 struct Told {
     what: &'static str,
     list: Value,
     extra: Vec<(&'static str, Value)>,
     words: Option<String>,
+    /// Pairs without light in any path, of how many.
+    dark: [usize; 2],
     count: usize,
     paths: u64,
 }
@@ -360,6 +375,13 @@ fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
         );
         if let Some(words) = told.words {
             note!("{words}");
+        }
+        let [dark, pairs] = told.dark;
+        if dark > 0 {
+            note!(
+                "{dark} of {pairs} pairs met no light in any path: their value 0 +- 0 is not \
+                 exact, its error is not known; more --spp helps"
+            );
         }
     }
     Ok(())

@@ -139,7 +139,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
             render_s,
             started.elapsed().as_secs_f64(),
         );
-        say_why(&rendering, stop);
+        say_why(&rendering, stop, targets(args));
     }
     if args.json {
         let told = Told {
@@ -155,15 +155,8 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
 
 /// Refuses before anything is voxelized what can be told by then.
 fn check(args: &RenderArgs, file: &SceneFile) -> Result<()> {
-    let fail = |words: String| Err(input(format!("{}: {words}", args.scene.display())));
-    if file.render.spp == 0 {
-        return fail("render.spp: expected at least 1, found 0".into());
-    }
-    if let Some(clamp) = file.render.clamp.filter(|c| !(*c > 0.0 && c.is_finite())) {
-        return fail(format!(
-            "render.clamp: expected a positive number, found {clamp}"
-        ));
-    }
+    let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
+    file.render.check().map_err(fail)?;
     scene_build::check(file, &args.scene)?;
     let size = UVec2::from(file.camera.resolution);
     let crop = args.crop.unwrap_or(Crop {
@@ -225,6 +218,7 @@ fn print_figures(
     told: &Told,
 ) -> Result<()> {
     let (film, stats) = (rendering.film(), rendering.stats());
+    let known = has_errors(rendering);
     let figures = json!({
         "backend": backend_name(rendering),
         "kernel_refused": refusal.map(|why| why.to_string()),
@@ -236,8 +230,8 @@ fn print_figures(
         "total_s": told.total_s,
         "peak_memory_bytes": peak_memory_bytes(),
         "mean": film.mean().map(|m| m.0),
-        "standard_error": film.mean().map(|m| m.1),
-        "relative_error": film.relative_error(),
+        "standard_error": known.then(|| film.mean().map(|m| m.1)),
+        "relative_error": known.then(|| film.relative_error()),
         "collisions": stats.collisions,
         "tentative": stats.tentative,
         "shadow_rays": stats.shadow_rays,
@@ -271,6 +265,14 @@ fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
     })
 }
 
+/// The errors that end a render.
+fn targets(args: &RenderArgs) -> Targets {
+    Targets {
+        picture: args.target_error,
+        median: args.target_median_error,
+    }
+}
+
 /// Takes samples until the schedule or the user says stop.
 fn trace<'a>(
     args: &RenderArgs,
@@ -278,11 +280,7 @@ fn trace<'a>(
     mut rendering: Rendering<'a>,
     started: Instant,
 ) -> Result<(Rendering<'a>, Stop)> {
-    let targets = Targets {
-        picture: args.target_error,
-        median: args.target_median_error,
-    };
-    let mut schedule = Schedule::new(args.time_limit, targets);
+    let mut schedule = Schedule::new(args.time_limit, targets(args));
     let film_size = rendering.film().size();
     let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
     let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
@@ -393,21 +391,37 @@ fn taken_words(rendering: &Rendering<'_>) -> String {
     format!("{taken} of {} samples", taken + rendering.left())
 }
 
-fn say_why(rendering: &Rendering<'_>, stop: Stop) {
+/// Whether errors are known: that of a single sample is not, and is no 0.
+fn has_errors(rendering: &Rendering<'_>) -> bool {
+    let taken = rendering.taken();
+    taken.end - taken.start > 1
+}
+
+/// A number that is not known of one sample.
+const UNKNOWN: &str = "unknown (one sample)";
+
+fn say_why(rendering: &Rendering<'_>, stop: Stop, targets: Targets) {
+    let film = rendering.film();
     let why = match stop {
-        Stop::Done => "all samples taken".to_owned(),
-        Stop::TimeLimit => "time limit reached".to_owned(),
-        Stop::TargetError(errors) => {
-            let told = |error: Option<f64>, of| error.map(|e| format!(", {e:.5} of the {of}"));
-            format!(
-                "target error reached{}{}",
-                told(errors.picture, "mean").unwrap_or_default(),
-                told(errors.median, "median pixel").unwrap_or_default()
-            )
-        }
-        Stop::Interrupted => "interrupted".to_owned(),
+        Stop::Done => "all samples taken",
+        Stop::TimeLimit => "time limit reached",
+        Stop::TargetError(_) => "",
+        Stop::Interrupted => "interrupted",
     };
-    note!("stopped       {why}; {} a pixel", taken_words(rendering));
+    let reached = match stop {
+        Stop::TargetError(errors) => format!("target error reached{}", errors.words()),
+        _ if !targets.are_given() => String::new(),
+        _ if !has_errors(rendering) => format!(", error {UNKNOWN}"),
+        _ => format!(
+            ", target error {}reached{}",
+            if targets.are_met(film) { "" } else { "not " },
+            targets.errors(film).words()
+        ),
+    };
+    note!(
+        "stopped       {why}{reached}; {} a pixel",
+        taken_words(rendering)
+    );
 }
 
 fn report(
@@ -460,17 +474,24 @@ fn report(
             100.0 * removed / (removed + kept).max(f64::MIN_POSITIVE)
         );
     }
+    let known = has_errors(rendering);
     for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(means) {
-        note!("mean {name:<6}   {mean:.6} +- {se:.6}");
+        match known {
+            true => note!("mean {name:<6}   {mean:.6} +- {se:.6}"),
+            false => note!("mean {name:<6}   {mean:.6}"),
+        }
     }
     let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
     let pixels = film.pixel_errors();
-    note!(
-        "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
-        film.relative_error(),
-        pixels.median,
-        pixels.worst_hundredth
-    );
+    match known {
+        true => note!(
+            "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
+            film.relative_error(),
+            pixels.median,
+            pixels.worst_hundredth
+        ),
+        false => note!("error         {UNKNOWN}"),
+    }
     note!(
         "brightest     {:.3e}, {:.1} times the mean",
         stats.brightest,

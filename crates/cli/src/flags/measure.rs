@@ -16,7 +16,7 @@ use std::path::PathBuf;
 pub struct MeasureArgs {
     /// A fabric file, or a scene file whose objects are measured (TOML)
     pub file: PathBuf,
-    /// Directions to measure: CSV with the columns theta_i,phi_i,theta_o,phi_o in degrees, all away from the cloth; theta up to 180 on either side
+    /// Directions to measure: CSV with the columns theta_i,phi_i,theta_o,phi_o in degrees, of directions that point away from the cloth, toward light and eye; theta from 0 to 180, above 90 behind the cloth
     #[arg(long, value_name = "FILE", required_unless_present = "layout")]
     pub pairs: Option<PathBuf>,
     /// Directions to measure by name

@@ -60,7 +60,7 @@ pub enum Command {
     Weave(WeaveArgs),
     /// Write a scene for another renderer
     Export(ExportArgs),
-    /// Tell what is in a draft, fabric, scene or volume file
+    /// Tell what is in a draft, fabric, scene, volume, curve or picture file, and what is wrong with it
     Info(InfoArgs),
     /// Print the completions of a shell
     Completions(CompletionsArgs),
@@ -70,9 +70,17 @@ pub enum Command {
 
 /// The definition of the whole command line.
 pub fn command() -> clap::Command {
+    let scene = "Override any key of the scene file, e.g. --set render.seed=7 or --set object.0.fabric=my.toml (repeatable)";
+    let either = "Override any key of the fabric or scene file, e.g. --set warp.per_cm=30 for a fabric, --set render.seed=7 for a scene (repeatable)";
+    let bench = "Override any key of the scenes in which choices are compared, e.g. --set render.max_bounces=64 (repeatable); what a choice is made of stays. For another fabric give its file";
     with_negative_numbers(Arguments::command())
-        .mut_subcommand("render", with_key_of_scene)
-        .mut_subcommand("export", |c| c.mut_subcommands(with_key_of_scene))
+        .mut_subcommand("render", |c| with_help_of_set(c, scene))
+        .mut_subcommand("export", |c| {
+            c.mut_subcommands(|c| with_help_of_set(c, scene))
+        })
+        .mut_subcommand("measure", |c| with_help_of_set(c, either))
+        .mut_subcommand("info", |c| with_help_of_set(c, either))
+        .mut_subcommand("bench", |c| with_help_of_set(c, bench))
 }
 
 /// A negative number is a wrong value, to be told so, and no unknown flag.
@@ -86,9 +94,8 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// The other commands take fabrics, whose keys are others.
-fn with_key_of_scene(command: clap::Command) -> clap::Command {
-    let help = "Override any key of the scene file, e.g. --set render.seed=7 or --set object.0.fabric=my.toml (repeatable)";
+/// Most commands take fabrics; the keys of scenes are others.
+fn with_help_of_set(command: clap::Command, help: &'static str) -> clap::Command {
     command.mut_arg("set", |a| a.help(help))
 }
 
@@ -101,7 +108,7 @@ pub struct CommonArgs {
     /// Say nothing but errors
     #[arg(long)]
     pub quiet: bool,
-    /// Override any key of the fabric (or scene) file, e.g. --set warp.per_cm=30 (repeatable)
+    /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
 }

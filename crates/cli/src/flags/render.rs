@@ -20,7 +20,7 @@ pub struct RenderArgs {
     /// Picture to write: .exr or .png
     #[arg(short, long)]
     pub outfile: PathBuf,
-    /// Samples per pixel, at least 1 [default: the scene's]
+    /// Samples per pixel, at least 1; the most of them with --target-error or --time-limit [default: the scene's]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
     pub spp: Option<u32>,
     /// Seed of all random numbers [default: the scene's]
@@ -35,7 +35,7 @@ pub struct RenderArgs {
     /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h; a bare number is seconds
     #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration)]
     pub time_limit: Option<Duration>,
-    /// Stop when the standard error of the pixels (root mean square) is this fraction of the picture's mean, e.g. 0.02
+    /// Stop when the standard error of the pixels (root mean square) is at most this fraction of the picture's mean, e.g. 0.02
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Stop when half the pixels that met matter have a standard error of at most this fraction of their own value, e.g. 0.01; with --target-error, when both are reached

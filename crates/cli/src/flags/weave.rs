@@ -44,7 +44,7 @@ pub enum CurveLevel {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json")]
 pub struct InfoArgs {
-    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol) or curves (.bcc, .txt)
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt) or picture that `render` wrote (.exr)
     pub file: PathBuf,
     /// Print as JSON
     #[arg(long)]

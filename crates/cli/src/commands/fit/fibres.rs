@@ -4,8 +4,10 @@ use super::{effort, finish, options, table};
 use crate::commands::compare::read_data;
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
+use crate::file_kind::Wanted;
 use crate::flags::{FitArgs, PatchModel};
 use crate::journal::FileJournal;
+use crate::output::note;
 use crate::patches::{AnyPatch, Matter, PatchOptions};
 use crate::progress::Progress;
 use crate::scattering::{ScatteringModel, ScatteringTable};
@@ -19,6 +21,7 @@ use organza_measure::{
 use organza_transport::FibreEvent;
 use serde_json::json;
 use std::collections::BTreeSet;
+use toml::{Table, Value};
 
 /// What a measurement told, and how to make the same of a fabric.
 enum Observed {
@@ -112,7 +115,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
     let model = model(args, &fabric)?;
     let bounds = bounds(model, &fabric);
-    let volume = table(args, &[])?;
+    let mut given_way = optics_given_way(args, model, &yarns(&fabric))?;
+    given_way.extend(yarns(&fabric).iter().flat_map(|name| {
+        // The number of fibres follows from `tex`, their place from the fraction.
+        ["fibres_per_ply", "ply_radius_mm"].map(|key| format!("yarn.{name}.{key}"))
+    }));
+    let volume = table(args, &[], &[])?;
     let how = (model.name(), args.voxel.voxel_um, args.spp, args.seed);
     let key = json!([volume, values, how]).to_string();
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
@@ -129,7 +137,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut residuals = |place: &[f64]| {
         let found = journal.once(place, || {
             let keys = keys(args, model, &fabric, &bounds, place);
-            let changed = fabric_file::load(&args.fabric, &keys)?;
+            let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys)?;
             let density = place.last().copied().unwrap_or(1.0);
             let same = matter.take().filter(|(d, _)| *d == density);
             let (_, matter) = matter.insert(match same {
@@ -187,7 +195,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let freedom = values.len().saturating_sub(bounds.len()).max(1);
     let variance = (least / freedom as f64).max(1.0);
     let parameters = determine(&bounds, &place, &columns, variance);
-    let table = table(args, &keys(args, model, &fabric, &bounds, &place))?;
+    let keys = keys(args, model, &fabric, &bounds, &place);
+    let table = table(args, &given_way, &keys)?;
     let words = format!("Residual: {:.3} of the expected errors.", variance.sqrt());
     finish(args, &table, &parameters, &words)
 }
@@ -292,6 +301,42 @@ pub fn optics_keys(model: PatchModel, yarn: &str, colour: [f64; 3], rough: f64) 
     };
     let (key, _, _) = roughness(model);
     [colour, format!("optics.{yarn}.{key}={rough:?}")]
+}
+
+/// Keys of the fabric that say otherwise what [`optics_keys`] say, to be removed.
+///
+/// # Errors
+/// Optics that tell threads apart by their colour: there is one answer for a yarn.
+pub fn optics_given_way(
+    args: &FitArgs,
+    model: PatchModel,
+    yarns: &[String],
+) -> Result<Vec<String>> {
+    let own: Table = read::toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+    let given_way: &[&str] = match model {
+        PatchModel::Volume => &["gamma", "sin_power"],
+        _ => &["absorption_per_mm", "fitted"],
+    };
+    let mut list = Vec::new();
+    for yarn in yarns {
+        let optics = own.get("optics").and_then(|o| o.get(yarn));
+        if optics.is_some_and(Value::is_array) {
+            return Err(input(format!(
+                "{}: optics.{yarn}: is a list of tables for colours of thread; a fit needs one \
+                 table, or none",
+                args.fabric.display()
+            )));
+        }
+        for key in given_way {
+            if optics.is_some_and(|o| o.get(key).is_some()) {
+                list.push(format!("optics.{yarn}.{key}"));
+            }
+        }
+    }
+    if !list.is_empty() && !args.common.quiet {
+        note!("what is fitted takes the place of {}", list.join(", "));
+    }
+    Ok(list)
 }
 
 /// The colour of a yarn's fibres in the fabric as it is.

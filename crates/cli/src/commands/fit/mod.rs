@@ -6,6 +6,7 @@ mod surface;
 
 use super::with_threads;
 use crate::error::input;
+use crate::file_kind::Wanted;
 use crate::flags::{FitArgs, FitWhat, PatchModel};
 use crate::output::note;
 use crate::patches::PatchOptions;
@@ -58,12 +59,12 @@ fn effort(args: &FitArgs) -> Effort {
     }
 }
 
-/// The fabric file as a table, with keys replaced and names of other files
+/// The fabric file as a table, with keys removed and replaced and names of other files
 /// made valid beside the new one.
-fn table(args: &FitArgs, overrides: &[String]) -> Result<Table> {
+fn table(args: &FitArgs, removed: &[String], overrides: &[String]) -> Result<Table> {
     let mut keys = args.common.set.clone();
     keys.extend_from_slice(overrides);
-    let mut table: Table = read::toml(&args.fabric, &keys)?;
+    let mut table: Table = read::toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
     if let Some(Value::Table(draft)) = table.get_mut("draft") {
         for key in ["wif", "curves"] {
             if let Some(Value::String(name)) = draft.get_mut(key) {

@@ -1,6 +1,6 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
-use super::fibres::{model, optics_keys, own_colour, roughness, yarns};
+use super::fibres::{model, optics_given_way, optics_keys, own_colour, roughness, yarns};
 use super::{finish, options, table};
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
@@ -70,6 +70,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let model = model(args, &fabric)?;
     let matter = Matter::new(&fabric, &args.fabric, model, &options(args))?;
     let yarns = yarns(&fabric);
+    let given_way = optics_given_way(args, model, &yarns)?;
     let (key, width, start) = roughness(model);
     // Yarns keep their colours against each other.
     let brightest = (0..3).map(|c| {
@@ -98,14 +99,15 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut simulate = |colour: [f64; 3], rough: f64| -> Result<PictureStatistics> {
         count += 1;
         progress.at(count);
-        let changed = fabric_file::load(&args.fabric, &keys(colour, rough, &fabric))?;
+        let changed =
+            fabric_file::load_changed(&args.fabric, &given_way, &keys(colour, rough, &fabric))?;
         let patch = matter.patch(&changed, &args.fabric, &options(args))?;
         let texture = measure_texture(&patch, pair, &grid, args.spp, args.seed)?;
         Ok(PictureStatistics::of(&texture))
     };
     let found = match_picture(&target, &search, &mut simulate)?;
     progress.finish();
-    let table = table(args, &keys(found.colour, found.width, &fabric))?;
+    let table = table(args, &given_way, &keys(found.colour, found.width, &fabric))?;
     let words = format!(
         "{} after {} turns: mean {}, wanted {}; deviation {:.4}, wanted {:.4} (1/sr).",
         if found.is_met { "Met" } else { "Not met" },

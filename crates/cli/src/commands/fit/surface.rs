@@ -64,7 +64,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     .map_err(|e| input(format!("{}: {e}", args.fabric.display())))?;
     progress.finish();
     let section = Value::try_from(&fitted.spec).context("the surface cannot be written")?;
-    let mut table = table(args, &[])?;
+    let mut table = table(args, &[], &[])?;
     table.insert("surface".into(), section);
     let words = format!(
         "Reflected light: median error {:.1} %. All values: {:.2} of the expected errors.",
@@ -84,7 +84,7 @@ fn measure(args: &FitArgs, patch: &AnyPatch) -> Result<(Vec<PairValue>, Measured
     let mut pairs: Vec<Pair> = irawan_layout();
     pairs.extend(in_plane_layout(30.0));
     pairs.extend(in_plane_layout(60.0));
-    let volume = table(args, &[])?;
+    let volume = table(args, &[], &[])?;
     let key = json!([
         volume,
         args.model.name(),
