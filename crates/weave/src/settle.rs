@@ -335,8 +335,12 @@ mod tests {
             let bundle = bundle(&place);
             let settled = bundle.settle().unwrap();
             let (before, after) = (shared(&bundle, None), shared(&bundle, Some(&settled)));
-            assert!(before > 0.2, "seed {seed}: {before} to begin with");
-            assert!(after < 0.05, "seed {seed}: {before} before, {after} after");
+            // Placed by chance; yarns place their fibres better to begin with.
+            assert!(before > 0.3, "seed {seed}: {before} to begin with");
+            assert!(
+                after < 0.2 * before,
+                "seed {seed}: {before} before, {after} after"
+            );
         }
     }
 
