@@ -14,7 +14,7 @@
 
 use super::flat_medium::FlatMedium;
 use super::lanes::{Floats, Ints};
-use super::light_table::{LightTable, Nodes};
+use super::light_table::{LightTable, Nodes, extinctions};
 use super::math::{V3, sin_cos_of_turns, turns_of};
 use crate::{ImageEnvironment, Lattice};
 use glam::Vec3;
@@ -241,7 +241,13 @@ impl Lamp {
             places.extend(words);
         }
         Some(Lamp {
-            table: LightTable::new(medium, nodes, -middle(texels), Rgb::BLACK),
+            table: LightTable::new(
+                medium.lattice,
+                nodes,
+                -middle(texels),
+                Rgb::BLACK,
+                extinctions(medium, middle(texels)),
+            ),
             places,
             count: count as u32,
         })

@@ -37,7 +37,7 @@ fn sky() -> (ImageEnvironment, Sky) {
     let image = image();
     let medium = FlatMedium::from_grid(&grid(false)).unwrap();
     let parts = Parts::of(&image);
-    let nodes = Nodes::new(&medium, std::iter::empty());
+    let nodes = Nodes::new(&medium.lattice, std::iter::empty());
     let sky = Sky::new(&medium, nodes, &image, &parts);
     (image, sky)
 }

@@ -220,7 +220,7 @@ impl FlatMedium {
         let scale_per_mm = f32::max(greatest, f32::MIN_POSITIVE * 1e12) * (BOUND_SLACK / MOST);
         let shares = slices.iter().flat_map(|s| &s.bounds);
         let shares = shares.map(|bound| bound * (BOUND_SLACK / scale_per_mm));
-        let around = surroundings(&lattice, shares.collect(), 1.0 / (MOST * scale_per_mm));
+        let around = surroundings(&lattice, shares, 1.0 / (MOST * scale_per_mm));
         let has_mixtures = slices.iter().any(|s| s.counts.iter().any(|&n| n > 1));
         let mut filler = Filler {
             flat: FlatMedium {
@@ -239,7 +239,7 @@ impl FlatMedium {
                 .iter()
                 .any(|s| s.populations.iter().any(|p| p.yarn != NO_YARN)),
         };
-        let mut air = HashMap::new();
+        let mut air = vec![u32::MAX; 1 << 16];
         let mut around = around.iter();
         for slice in &slices {
             let mut left = &slice.populations[..];
@@ -250,11 +250,17 @@ impl FlatMedium {
                 match own {
                     [] if has_mixtures => {
                         // Voxels of air have little to say: they share it.
-                        let known = *air.entry(*around).or_insert(first);
-                        if known == first {
+                        let Surroundings {
+                            bound_code,
+                            reach_code,
+                        } = *around;
+                        let known =
+                            &mut air[usize::from(bound_code) << 8 | usize::from(reach_code)];
+                        if *known == u32::MAX {
                             filler.add_air(*around);
+                            *known = first;
                         }
-                        first = known;
+                        first = *known;
                     }
                     [] => filler.add_air(*around),
                     _ => filler.add(own, *around)?,

@@ -58,11 +58,10 @@ pub struct Corners<F: Floats> {
 }
 
 impl Nodes {
-    /// The nodes for light from some directions.
-    pub fn new(medium: &FlatMedium, directions: impl Iterator<Item = Vec3>) -> Nodes {
-        let lattice = &medium.lattice;
-        let per_voxel = directions
-            .map(|d| nodes_per_voxel(lattice, &extinctions(medium, -d)))
+    /// The nodes for lights toward which voxels have these extinctions, 1/mm.
+    pub fn new<'a>(lattice: &Lattice, lights: impl Iterator<Item = &'a [f32]>) -> Nodes {
+        let per_voxel = lights
+            .map(|extinctions| nodes_per_voxel(lattice, extinctions))
             .max()
             .unwrap_or(1);
         Nodes {
@@ -179,20 +178,26 @@ struct Piece {
 }
 
 impl LightTable {
-    /// The table of light that travels along `direction`.
-    pub fn new(medium: &FlatMedium, nodes: Nodes, direction: Vec3, irradiance: Rgb) -> LightTable {
-        let to_light = -direction;
+    /// The table of light that travels along `direction`, toward which voxels have
+    /// these [extinctions].
+    pub fn new(
+        lattice: Lattice,
+        nodes: Nodes,
+        direction: Vec3,
+        irradiance: Rgb,
+        extinction_per_mm: Vec<f32>,
+    ) -> LightTable {
         let mut table = LightTable {
-            to_light,
+            to_light: -direction,
             irradiance,
             panel: None,
             residual_floor: RESIDUAL_FLOOR,
             nodes,
             depths: Vec::new(),
-            extinction_per_mm: extinctions(medium, to_light),
-            lattice: medium.lattice,
+            extinction_per_mm,
+            lattice,
         };
-        table.depths = table.pack(&table.node_depths());
+        table.depths = table.pack(&table.node_codes());
         table
     }
 
@@ -209,11 +214,12 @@ impl LightTable {
         4 * (self.depths.len() + self.extinction_per_mm.len()) as u64
     }
 
-    /// Optical depths from the nodes, the middles of the table's cells.
+    /// Optical depths from the nodes, the middles of the table's cells, in 255
+    /// steps up to [`MOST_DEPTH`].
     ///
     /// All nodes at one place in their voxels share one way to the light; what
     /// a row of them meets in a piece of it is a row of voxels.
-    fn node_depths(&self) -> Vec<f32> {
+    fn node_codes(&self) -> Vec<u8> {
         let (n, per) = (
             self.nodes.dims.as_usizevec3(),
             self.nodes.per_voxel as usize,
@@ -221,8 +227,8 @@ impl LightTable {
         let ways: Vec<Vec<Piece>> = (0..per.pow(3))
             .map(|i| self.way([i % per, i / per % per, i / (per * per)]))
             .collect();
-        let mut depths = vec![0.0f32; n.element_product()];
-        depths.par_chunks_mut(n.x).enumerate().for_each_init(
+        let mut codes = vec![0u8; n.element_product()];
+        codes.par_chunks_mut(n.x).enumerate().for_each_init(
             || vec![0.0f32; n.x / per],
             |sums, (at, out)| {
                 let (y, z) = (at % n.y, at / n.y);
@@ -231,12 +237,12 @@ impl LightTable {
                     sums.fill(0.0);
                     self.add_way(way, y / per, z / per, sums);
                     for (out, &sum) in out[x..].iter_mut().step_by(per).zip(&*sums) {
-                        *out = sum;
+                        *out = (sum.min(MOST_DEPTH) * (255.0 / MOST_DEPTH) + 0.5) as u8;
                     }
                 }
             },
         );
-        depths
+        codes
     }
 
     /// Adds the optical depths along a way to a row of voxels.
@@ -294,18 +300,15 @@ impl LightTable {
     }
 
     /// Four neighbours a word.
-    fn pack(&self, depths: &[f32]) -> Vec<u32> {
+    fn pack(&self, codes: &[u8]) -> Vec<u32> {
         let n = self.nodes.dims.as_usizevec3();
-        let code = |x: usize, y: usize, z: usize| {
-            let depth = depths[(z * n.y + y) * n.x + x].min(MOST_DEPTH);
-            (depth * (255.0 / MOST_DEPTH) + 0.5) as u32
-        };
+        let code = |x: usize, y: usize, z: usize| u32::from(codes[(z * n.y + y) * n.x + x]);
         let next = |i: usize, n: usize| match (i + 1 < n, self.lattice.repeats()) {
             (true, _) => i + 1,
             (false, true) => 0,
             (false, false) => i,
         };
-        let mut words = vec![0u32; depths.len()];
+        let mut words = vec![0u32; codes.len()];
         let rows = words.par_chunks_mut(n.x * n.z).enumerate();
         rows.for_each(|(y, out)| {
             let beyond = next(y, n.y);
@@ -332,7 +335,7 @@ impl LightTable {
 }
 
 /// Extinction toward a direction in every voxel, 1/mm.
-fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
+pub fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
     let voxels = medium.lattice.dims().as_usizevec3().element_product();
     (0..voxels)
         .into_par_iter()

@@ -129,8 +129,9 @@ fn tables_hold_exact_depths() {
             else {
                 continue;
             };
-            let nodes = Nodes::new(&medium, std::iter::once(direction));
-            let table = LightTable::new(&medium, nodes, direction, irradiance);
+            let extinctions = extinctions(&medium, -direction);
+            let nodes = Nodes::new(&medium.lattice, std::iter::once(&extinctions[..]));
+            let table = LightTable::new(medium.lattice, nodes, direction, irradiance, extinctions);
             let n = table.nodes.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;

@@ -55,7 +55,8 @@ use film_rays::FilmRays;
 use flakes::Mirrors;
 use flat_medium::{FlatMedium, Unsuited};
 use glam::{UVec2, Vec3};
-use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES};
+use light_table::{LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES, extinctions};
+use organza_basis::Rgb;
 use organza_scatter::Fibre;
 use panel::Panel;
 use std::ops::Range;
@@ -302,36 +303,41 @@ impl Kernel {
             }
             _ => return Err(KernelRefusal::NotFlakes),
         };
-        let directions = parallel.iter().map(|&(direction, _)| direction);
-        let directions = directions.chain(panels.iter().map(|p| p.direction(&lattice)));
+        let panels = panels.into_iter().map(|panel| {
+            let (direction, radiance) = (panel.direction(&lattice), panel.radiance());
+            (direction, radiance, Some(panel))
+        });
+        let parallel = parallel.into_iter().map(|(d, e)| (d, e, None));
+        let lamps: Vec<(Vec3, Rgb, Option<Panel>)> = parallel.chain(panels).collect();
+        let extinctions = lamps.iter().map(|(d, ..)| extinctions(&medium, -*d));
+        let extinctions: Vec<Vec<f32>> = extinctions.collect();
         // Lamps are wide: a fine table toward their middles would be no better.
-        let nodes = Nodes::new(&medium, directions);
+        let nodes = Nodes::new(&lattice, extinctions.iter().map(Vec::as_slice));
         let skies: Vec<Sky> = pictures
             .iter()
             .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))
             .collect();
-        let brightest = parallel
+        let of_lamp = |(_, irradiance, panel): &(Vec3, Rgb, Option<Panel>)| match panel {
+            Some(panel) => panel.brightness(),
+            None => irradiance.max_component(),
+        };
+        let brightest = lamps
             .iter()
-            .map(|(_, irradiance)| irradiance.max_component())
+            .map(of_lamp)
             .chain(environment.iter().map(|e| e.max_element()))
             .chain(skies.iter().map(|s| s.brightest))
-            .chain(panels.iter().map(Panel::brightness))
             .fold(0.0, f32::max);
-        let of_parallel = parallel
-            .into_iter()
-            .map(|(direction, irradiance)| LightTable::new(&medium, nodes, direction, irradiance));
-        let mut lights: Vec<LightTable> = of_parallel.collect();
-        for panel in panels {
-            let direction = panel.direction(&lattice);
-            let mut light = LightTable::new(&medium, nodes, direction, panel.radiance());
-            light.panel = Some(panel);
-            lights.push(light);
-        }
-        for light in &mut lights {
-            if light.panel.is_some() || (lattice.repeats() && borders.is_some()) {
+        let tables = lamps.into_iter().zip(extinctions);
+        let tables = tables.map(|((direction, irradiance, panel), extinctions)| {
+            let is_guess = panel.is_some() || (lattice.repeats() && borders.is_some());
+            let mut light = LightTable::new(lattice, nodes, direction, irradiance, extinctions);
+            light.panel = panel;
+            if is_guess {
                 light.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
             }
-        }
+            light
+        });
+        let mut lights: Vec<LightTable> = tables.collect();
         Ok(Kernel {
             backend,
             depths: light_table::side_by_side(&mut lights),
