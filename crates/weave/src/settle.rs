@@ -24,6 +24,8 @@ const REACH_RADII: f32 = 3.0;
 /// Angle of twist and migration between stations, radians.
 const STATION_RAD: f64 = 0.5;
 const FEWEST_STATIONS: usize = 4;
+/// Discs held at once, of 48 bytes; more are left where they are.
+const MOST_DISCS: usize = 1 << 20;
 
 /// What is to settle: the fibres of all plies, each wound through the period
 /// several times.
@@ -107,13 +109,25 @@ struct Disc {
 }
 
 impl Bundle<'_> {
-    /// Pushes the fibres apart; `None` where there is but one.
+    /// Sections along a period.
+    fn stations(&self) -> usize {
+        ((self.angle_rad / STATION_RAD).ceil() as usize).max(FEWEST_STATIONS)
+    }
+
+    /// Whether it takes too much memory to push these fibres apart.
+    pub fn is_too_large(&self) -> bool {
+        let pieces = self.fibres.saturating_mul(self.windings);
+        pieces.saturating_mul(self.stations()) > MOST_DISCS
+    }
+
+    /// Pushes the fibres apart; `None` where there is but one, or they are [too
+    /// many](Bundle::is_too_large).
     pub fn settle(&self) -> Option<Settled> {
         let (windings, pieces) = (self.windings, self.fibres * self.windings);
-        if pieces < 2 {
+        if pieces < 2 || self.is_too_large() {
             return None;
         }
-        let stations = ((self.angle_rad / STATION_RAD).ceil() as usize).max(FEWEST_STATIONS);
+        let stations = self.stations();
         let around = stations * windings;
         let flatten = self.flatten.as_vec2();
         let mut discs = self.discs(stations);

@@ -180,26 +180,40 @@ impl Strand<'_> {
 
     /// Pushes fibres apart that would share room.
     fn settle(&self, fibres: &[Fibre]) -> Option<Settled> {
-        let (ply_phase, c) = (self.ply_phase(), self.closure);
+        let ply_phase = self.ply_phase();
+        let place = |i: usize, winding, s| self.place(&fibres[i], winding, ply_phase, s);
+        self.bundle(&place).settle()
+    }
+
+    /// Whether its fibres are so many, or so long, that they are not pushed apart.
+    pub fn is_too_large_to_settle(&self) -> bool {
+        let nowhere = Place {
+            ply_mm: DVec2::ZERO,
+            direction: DVec2::X,
+            distance_mm: 0.0,
+        };
+        self.bundle(&|_, _, _| nowhere).is_too_large()
+    }
+
+    fn bundle<'b>(&self, place: &'b dyn Fn(usize, u32, f64) -> Place) -> Bundle<'b> {
+        let c = self.closure;
         // A round section turns as one; the flatter it is, the more its fibres move
         // among each other.
         let flatness = 1.0 - self.flatten.min_element() / self.flatten.max_element();
-        let flatness = (2.0 * flatness).min(1.0);
         let over_period = |turns: i64| turns.unsigned_abs() as f64 / f64::from(c.windings());
-        let turns = flatness * over_period(c.turns)
+        let turns = (2.0 * flatness).min(1.0) * over_period(c.turns)
             + over_period(c.swings)
             + c.ply_shift.unsigned_abs() as f64 / f64::from(self.yarn.plies);
         Bundle {
-            fibres: fibres.len(),
+            fibres: (self.yarn.plies / c.visited * c.fibres) as usize,
             windings: c.windings() as usize,
             angle_rad: TAU * turns,
             length_mm: self.path.length_mm(),
             fibre_radius_mm: self.yarn.fibre_radius_mm,
             flatten: self.flatten,
             reach_mm: self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm,
-            place: &|i, winding, s| self.place(&fibres[i], winding, ply_phase, s),
+            place,
         }
-        .settle()
     }
 
     /// The share of all its windings that a fibre has behind it at the share `s`

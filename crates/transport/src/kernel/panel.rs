@@ -11,7 +11,7 @@ use organza_basis::Rgb;
 
 /// Greatest area over the squared distance from the matter: nearer light is
 /// better found by the walk, too.
-const MOST_SOLID_ANGLE: f32 = 4.0;
+const MOST_SOLID_ANGLE: f32 = 16.0;
 
 /// A rectangle as the matter sees it.
 pub struct Panel {

@@ -56,13 +56,15 @@ impl Cloth {
             _ => woven(fabric, load)?,
         };
         cloth.seed = seed;
-        cloth.warn_of_twist();
+        cloth.warn_of_yarns();
         Ok(cloth)
     }
 
-    fn warn_of_twist(&mut self) {
+    /// Says what becomes of twist where the tile closes, and which yarns have too
+    /// many fibres to be pushed apart.
+    fn warn_of_yarns(&mut self) {
         let mut told = vec![false; self.yarns.len()];
-        for thread in &self.threads {
+        for (batch, thread) in self.threads.iter().enumerate() {
             if std::mem::replace(&mut told[thread.yarn], true) {
                 continue;
             }
@@ -70,8 +72,16 @@ impl Cloth {
                 continue;
             }
             let yarn = &self.yarns[thread.yarn];
-            let length = self.path(thread, Level::Yarn).length_mm();
+            let path = self.path(thread, Level::Yarn);
+            let length = path.length_mm();
             let closure = Closure::new(yarn, length);
+            if self.strand(batch, &path).is_too_large_to_settle() {
+                self.warnings.push(format!(
+                    "yarn.{}: its fibres are too many over {length:.0} mm to be pushed apart; where \
+                     they run into each other they share room",
+                    yarn.name,
+                ));
+            }
             for (what, wanted, got, radius) in [
                 (
                     "twist",
