@@ -220,6 +220,23 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
 }
 
 #[test]
+fn the_scenes_and_fabrics_of_the_project_are_good() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = folder("good");
+    let mut looked_at = 0;
+    for within in ["", "fabrics", "sheet"] {
+        for entry in std::fs::read_dir(scenes.join(within)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|e| e == "toml") {
+                succeed(&folder, &["info", path.to_str().unwrap(), "--quiet"]);
+                looked_at += 1;
+            }
+        }
+    }
+    assert!(looked_at > 15, "{looked_at}");
+}
+
+#[test]
 fn the_volumes_of_the_project_can_be_told_and_made_again() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = folder("volumes");
