@@ -588,3 +588,26 @@ fn drafts_of_other_programs_become_cloth() {
         assert_closed(&cloth, Level::Yarn);
     }
 }
+
+#[test]
+fn yarns_too_large_to_push_their_fibres_apart_are_told() {
+    let warnings = |fibres: u32| {
+        let mut fabric = fabric("plain");
+        let tow = YarnSpec {
+            fibres_per_ply: Some(fibres),
+            ..YarnSpec::default()
+        };
+        fabric.yarn.insert("cotton".to_owned(), tow);
+        // Yarns of a few hundred thousand fibres are a centimetre thick.
+        for system in [&mut fabric.warp, &mut fabric.weft] {
+            system.per_cm = Some(0.2);
+        }
+        build(&fabric).warnings
+    };
+    let is_told = |fibres| {
+        let mut told = warnings(fibres).into_iter();
+        told.any(|w| w.starts_with("yarn.cotton: its fibres are too many"))
+    };
+    assert!(is_told(400_000));
+    assert!(!is_told(4_000));
+}
