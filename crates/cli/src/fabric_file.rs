@@ -1,7 +1,6 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
-use crate::cloth_levels::{FarSheet, Levels, Place};
-use crate::drape;
+use crate::cloth_levels::FarSheet;
 use crate::error::input;
 use crate::fibre_optics;
 use crate::file_kind::Wanted;
@@ -9,17 +8,13 @@ use crate::optics::{self, OpticsFile};
 use crate::output::note;
 use crate::progress::Progress;
 use crate::read;
-use crate::scattering::{ScatteringModel, ScatteringTable};
-use crate::scene_build::BuildOptions;
-use crate::scene_file::{ClothTable, Lod, LodName};
+use crate::scattering::ScatteringTable;
 use crate::woven_sheet::WovenSheet;
 use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{SurfaceSpec, WovenSurface};
-use organza_transport::{
-    AnyMedium, Camera, ExplicitFibres, FibreEvent, FlakeOptics, LocalVisibility,
-};
+use organza_transport::{AnyMedium, ExplicitFibres, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, FabricGeometry, Material,
@@ -28,7 +23,7 @@ use organza_weave::{
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// A whole fabric file.
 #[derive(Debug, Deserialize)]
@@ -147,10 +142,6 @@ impl Default for VoxelTable {
     }
 }
 
-/// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
-/// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
-const VOXELS_ACROSS_THREAD: f32 = 12.0;
-
 /// A fabric file with the cloth it describes.
 pub struct Fabric {
     /// The file.
@@ -264,7 +255,7 @@ impl Fabric {
     }
 
     /// The narrower spacing of threads; infinite for cloth that has no draft.
-    fn thread_spacing_mm(&self) -> f32 {
+    pub fn thread_spacing_mm(&self) -> f32 {
         let tile_mm = self.cloth.tile().bounds_mm.size();
         self.cloth.draft().map_or(f32::INFINITY, |draft| {
             (tile_mm.x / draft.ends() as f32).min(tile_mm.y / draft.picks() as f32)
@@ -272,7 +263,7 @@ impl Fabric {
     }
 
     /// The surface model as a sheet, in register with the volume.
-    fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
+    pub fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
         let surface = self.surface(path)?;
         let repeat_mm = surface.period_mm().max_element();
         let tile_min_mm = self.cloth.tile().bounds_mm.min.truncate();
@@ -309,7 +300,7 @@ impl Fabric {
             .map(AnyMedium::Explicit)
     }
 
-    fn trace_fibres(
+    pub fn trace_fibres(
         &self,
         path: &Path,
         max_memory_bytes: Option<u64>,
@@ -401,188 +392,6 @@ pub fn free_memory_bytes() -> u64 {
         kib.checked_mul(1024)
     };
     from_kernel().unwrap_or(u64::MAX)
-}
-
-/// The fabric of the cloth that is a scene's object of this index, with the
-/// object's optics, and what scatters light off it; `as_fibres` whatever its
-/// model.
-///
-/// # Errors
-/// Names the file and the key at fault.
-fn cloth_object(
-    table: &ClothTable,
-    index: usize,
-    as_fibres: bool,
-    scene_path: &Path,
-) -> Result<(Fabric, ScatteringModel)> {
-    let fail = |why: &str| input(format!("{}: object[{index}]{why}", scene_path.display()));
-    let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
-    let mut fabric = load(&read::beside(scene_path, &table.fabric), &own_seed)?;
-    fabric
-        .override_optics(&table.optics)
-        .map_err(|why| fail(&format!(".optics{why}")))?;
-    let model = table
-        .scattering()
-        .over(fabric.file.scattering)
-        .map_err(fail)?;
-    if table.local_visibility && !matches!(model, ScatteringModel::Fibres(_)) {
-        return Err(fail(
-            ".local_visibility: belongs to model = \"virtual-scattering\"",
-        ));
-    }
-    if as_fibres || model == ScatteringModel::Explicit {
-        if table.mesh.is_some() {
-            return Err(fail(
-                ".mesh: fibres one by one lie flat; take another model",
-            ));
-        }
-        return Ok((fabric, ScatteringModel::Explicit));
-    }
-    let is_named = |lod| matches!(lod, Lod::Name(LodName::Auto | LodName::Surface));
-    if model == ScatteringModel::Surface && !is_named(table.lod) {
-        return Err(fail(".lod: a surface has no levels; leave it out"));
-    }
-    Ok((fabric, model))
-}
-
-/// What voxelizing a scene's object will take.
-///
-/// # Errors
-/// As [`Fabric::plan`]; a level that the cloth does not have, told before the
-/// voxels are made, which takes its time.
-fn plan_object<'a>(
-    fabric: &'a Fabric,
-    model: ScatteringModel,
-    table: &ClothTable,
-    index: usize,
-    options: &BuildOptions<'_>,
-) -> Result<Plan<'a>> {
-    let plan = fabric.plan(
-        &read::beside(options.scene_path, &table.fabric),
-        model.footprint(),
-        table.voxel_um,
-        None,
-        options.max_memory_bytes,
-    )?;
-    let level_count = plan.level_count();
-    match table.lod {
-        Lod::Level(level) if level >= level_count => Err(input(format!(
-            "{}: object[{index}].lod: level {level} does not exist; the cloth has {level_count}, \
-             from 0",
-            options.scene_path.display()
-        ))),
-        _ => Ok(plan),
-    }
-}
-
-/// Checks the cloth that is a scene's object of this index as far as that can be
-/// without making voxels, and tells what scatters light off it.
-///
-/// # Errors
-/// Those of [`cloth_medium`].
-pub fn check_object(
-    table: &ClothTable,
-    index: usize,
-    as_fibres: bool,
-    options: &BuildOptions<'_>,
-) -> Result<ScatteringModel> {
-    let (fabric, model) = cloth_object(table, index, as_fibres, options.scene_path)?;
-    drape::mesh(table, index, options)?;
-    let path = read::beside(options.scene_path, &table.fabric);
-    match model {
-        ScatteringModel::Explicit => fabric.fibres(&path).map(|_| ())?,
-        ScatteringModel::Surface => fabric.surface(&path).map(|_| ())?,
-        _ if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
-        _ => plan_object(&fabric, model, table, index, options).map(|_| ())?,
-    }
-    Ok(model)
-}
-
-/// The cloth that is a scene's object of this index; `as_fibres` whatever its
-/// model.
-///
-/// # Errors
-/// Names the file and the key at fault.
-pub fn cloth_medium(
-    table: &ClothTable,
-    index: usize,
-    as_fibres: bool,
-    camera: &Camera,
-    options: &BuildOptions<'_>,
-) -> Result<AnyMedium> {
-    let path = read::beside(options.scene_path, &table.fabric);
-    let fail = |why: &str| {
-        let scene = options.scene_path.display();
-        input(format!("{scene}: object[{index}]{why}"))
-    };
-    let (fabric, model) = cloth_object(table, index, as_fibres, options.scene_path)?;
-    fabric.tell_warnings(&path, options.quiet);
-    if model == ScatteringModel::Explicit {
-        return fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet);
-    }
-    let lod = match model {
-        ScatteringModel::Surface => Lod::Name(LodName::Surface),
-        _ => table.lod,
-    };
-    let mesh = drape::mesh(table, index, options)?;
-    let mut place = Place {
-        bounds_mm: fabric.cloth.tile().bounds_mm,
-        mesh: mesh.as_ref(),
-        max_memory_bytes: options.max_memory_bytes.unwrap_or_else(free_memory_bytes),
-        quiet: options.quiet,
-    };
-    if lod == Lod::Name(LodName::Surface) {
-        return place
-            .sheet_alone(fabric.far_sheet(&path)?)?
-            .ok_or_else(|| fail(".fabric: its tile has no volume"));
-    }
-    let plan = plan_object(&fabric, model, table, index, options)?;
-    let octree = Arc::new(voxelize_planned(&path, &plan, options.quiet)?);
-    if mesh.is_some() && !octree.repeats() {
-        return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
-    }
-    place.bounds_mm = octree.bounds_mm();
-    let sheet = match (&fabric.file.surface, lod) {
-        (Some(_), Lod::Name(LodName::Auto)) => Some(fabric.far_sheet(&path)?),
-        _ => None,
-    };
-    let (name, levels) = match lod {
-        Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
-        Lod::Name(LodName::Auto) => {
-            let finest = if model == ScatteringModel::Fibres(FibreEvent::Packed) {
-                fibre_optics::level_for_packed(&octree, fabric.cloth.materials())
-            } else {
-                0
-            };
-            let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
-            let widths = place.footprints_mm(camera);
-            let most_mm = fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
-            let levels = Levels::for_footprints(&octree, finest, most_mm, repeat_mm, widths);
-            ("auto".into(), levels)
-        }
-        Lod::Name(_) => ("volume".into(), Levels::only(0)),
-    };
-    let volume = |level| {
-        let medium = model.medium(&fabric, &path, Arc::clone(&octree), level)?;
-        let Some(AnyMedium::Fibres(medium)) = medium else {
-            return Ok(medium);
-        };
-        if !table.local_visibility {
-            return Ok(Some(AnyMedium::Fibres(medium)));
-        }
-        let (corner_mm, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(level));
-        let fibres = fabric.trace_fibres(&path, options.max_memory_bytes, options.quiet)?;
-        let (materials, seed) = (octree.material_count(), fabric.file.seed);
-        let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
-        Ok(Some(AnyMedium::Fibres(medium.with_local_visibility(local))))
-    };
-    levels.medium(&place, sheet, volume)?.ok_or_else(|| {
-        let levels = octree.level_count();
-        fail(&format!(
-            ".lod: {name} does not exist; the cloth has {levels}, from 0"
-        ))
-    })
 }
 
 #[cfg(test)]

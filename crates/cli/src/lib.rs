@@ -14,6 +14,7 @@ mod bench;
 mod btf_file;
 mod checkpoint;
 mod cloth_levels;
+mod cloth_object;
 mod commands;
 mod drape;
 mod environment_file;

@@ -6,7 +6,7 @@ use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
     IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
 };
-use crate::{environment_file, read};
+use crate::{cloth_object, environment_file, read};
 use anyhow::Result;
 use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
@@ -116,7 +116,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
             ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
             ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
             ObjectTable::Cloth(t) => {
-                let medium = crate::fabric_file::cloth_medium(t, i, as_fibres, &camera, options)?;
+                let medium = cloth_object::medium(t, i, as_fibres, &camera, options)?;
                 (medium, t.extent_mm)
             }
         };

@@ -6,7 +6,7 @@ use crate::fabric_file::free_memory_bytes;
 use crate::flags::InfoArgs;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
-use crate::{auto_model, fabric_file, output, picture, read};
+use crate::{auto_model, cloth_object, fabric_file, output, picture, read};
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_volume::{Octree, VolGrid, ovox, vdb};
@@ -199,7 +199,7 @@ fn object_info(
                 quiet: true,
                 max_memory_bytes: None,
             };
-            let model = fabric_file::check_object(t, index, as_fibres, &options)?;
+            let model = cloth_object::check(t, index, as_fibres, &options)?;
             let mut told = json!({ "kind": "cloth", "fabric": t.fabric, "model": model.words() });
             if let Some(mesh) = &t.mesh {
                 told["mesh"] = json!(mesh);
