@@ -47,6 +47,7 @@ pub mod preset;
 mod relax;
 mod settle;
 pub mod spec;
+mod spline;
 mod strand;
 mod wif;
 mod yarn;

@@ -1,6 +1,7 @@
 //! One period of a yarn's centreline with the frame in which its
 //! cross-section lies.
 
+use crate::spline::catmull_rom;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
 
@@ -155,14 +156,10 @@ impl Path {
         };
         let mut points = Vec::new();
         for i in 0..if closed { n } else { n - 1 } {
-            let [a, b, c, d] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
-            let steps = (b.distance(c) / longest_mm).ceil().clamp(1.0, 64.0);
-            points.extend((0..steps as usize).map(|k| {
-                let t = k as f64 / steps;
-                let square = a - 2.5 * b + 2.0 * c - 0.5 * d;
-                let cubic = 1.5 * (b - c) + 0.5 * (d - a);
-                b + t * (0.5 * (c - a) + t * (square + t * cubic))
-            }));
+            let around = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+            let steps = (around[1].distance(around[2]) / longest_mm).ceil();
+            let steps = steps.clamp(1.0, 64.0);
+            points.extend((0..steps as usize).map(|k| catmull_rom(around, k as f64 / steps)));
         }
         points.push(if closed {
             given[0]

@@ -11,6 +11,7 @@
 //! keeps its place among its neighbours has the same all along, and are
 //! interpolated between stations with continuous tangents.
 
+use crate::spline::catmull_rom;
 use glam::{DVec2, Vec2};
 
 /// Rounds of neighbours found anew, and pushes within a round.
@@ -85,11 +86,8 @@ impl Settled {
         let after = if first + 1 < n { first + 1 } else { 0 };
         let last = if after + 1 < n { after + 1 } else { 0 };
         let before = if first > 0 { first - 1 } else { n - 1 };
-        let [a, b, c, d] = [own[before], own[first], own[after], own[last]];
-        let square = a - 2.5 * b + 2.0 * c - 0.5 * d;
-        let cubic = 1.5 * (b - c) + 0.5 * (d - a);
-        let shift = b + t * (0.5 * (c - a) + t * (square + t * cubic));
-        shift.as_dvec2()
+        let around = [own[before], own[first], own[after], own[last]];
+        catmull_rom(around, t).as_dvec2()
     }
 }
 
