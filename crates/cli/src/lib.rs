@@ -43,9 +43,8 @@ mod schedule;
 mod toml_words;
 mod woven_sheet;
 
-pub use flags::command;
+pub use commands::definition as command;
 
-use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -53,25 +52,11 @@ use std::process::ExitCode;
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let matches = match command().try_get_matches_from(arguments) {
         Ok(m) => m,
-        Err(e) => return complain_of_arguments(&e),
+        Err(e) => return print_usage_error(&e),
     };
-    let arguments = match flags::Arguments::from_arg_matches(&matches) {
-        Ok(a) => a,
-        Err(e) => return complain_of_arguments(&e),
-    };
-    let outcome = match arguments.command {
-        flags::Command::Render(a) => commands::render::run(&a),
-        flags::Command::Merge(a) => commands::merge::run(&a),
-        flags::Command::Voxelize(a) => commands::voxelize::run(&a),
-        flags::Command::Weave(a) => commands::weave::run(&a),
-        flags::Command::Measure(a) => commands::measure::run(&a),
-        flags::Command::Export(a) => commands::export::run(&a),
-        flags::Command::Compare(a) => commands::compare::run(&a),
-        flags::Command::Bench(a) => commands::bench::run(&a),
-        flags::Command::Fit(a) => commands::fit::run(&a),
-        flags::Command::Info(a) => commands::info::run(&a),
-        flags::Command::Completions(a) => commands::manual::completions(&a),
-        flags::Command::Man(a) => commands::manual::pages(&a),
+    let outcome = match commands::run(&matches) {
+        Ok(outcome) => outcome,
+        Err(e) => return print_usage_error(&e),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -82,8 +67,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-fn complain_of_arguments(e: &clap::Error) -> ExitCode {
-    // Help and version come this way too, and are no complaint.
+fn print_usage_error(e: &clap::Error) -> ExitCode {
+    // Help and version come this way too, with status 0.
     let code = u8::try_from(e.exit_code()).unwrap_or(2);
     let _ = e.print();
     ExitCode::from(code)

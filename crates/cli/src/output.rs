@@ -68,11 +68,11 @@ fn refuse_special(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// Whatever else the output refuses: a full disk.
-pub fn tell(text: &str) -> Result<()> {
+pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        told => told.context("cannot write to the standard output"),
+        result => result.context("cannot write to the standard output"),
     }
 }
 

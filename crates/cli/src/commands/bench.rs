@@ -1,5 +1,6 @@
 //! `organza bench`
 
+use super::Command;
 use crate::bench::peer::Peer;
 use crate::bench::scaling;
 use crate::bench::stage::{self, Found, Lit, PIXELS_MM, QUICK_PIXELS_MM, Sample, View};
@@ -7,15 +8,62 @@ use crate::bench::table::{self, Row};
 use crate::bench::trial::Laboratory;
 use crate::bench::try_all::{Plan, ViewResult};
 use crate::error::input;
-use crate::flags::BenchArgs;
+use crate::flags::values::{parse_share, whole};
+use crate::flags::{CommonArgs, MemoryArgs, set_help};
 use crate::output::note;
 use crate::progress::Progress;
 use crate::report::bench::BenchReport;
 use crate::scene_file::SceneFile;
 use crate::{output, read};
 use anyhow::{Context, Result};
+use clap::Args;
 use std::cell::Cell;
+use std::path::PathBuf;
 use std::time::Instant;
+
+/// `organza bench`
+#[derive(Debug, Args)]
+#[command(about = "Measure speed against error for every way to represent a cloth", after_help = "Examples:\n  organza bench -o report --quick\n  organza bench denim my_fabric.toml -o report\n\nResults are kept in the folder as they come: the same command goes on where it was broken off.", mut_arg("set", |a| a.help(set_help::BENCH)))]
+pub struct BenchArgs {
+    /// Fabrics: denim, charmeuse, organza, or fabric files (.toml) [default: those three]
+    pub fabrics: Vec<String>,
+    /// Folder to write: report.html, report.json, choices.csv and all pictures
+    #[arg(short, long, visible_alias = "outdir")]
+    pub outfile: PathBuf,
+    /// Fewer choices, distances and samples: some minutes instead of an hour or more
+    #[arg(long)]
+    pub quick: bool,
+    /// Also measure how cost grows with size [default: unless --quick]
+    #[arg(long)]
+    pub scaling: bool,
+    /// Error of a pixel, as a share of the picture's mean (0.05 is 5 %), within which recommendations are made (repeatable)
+    #[arg(long, value_name = "SHARE", value_parser = parse_share, value_delimiter = ',', default_value = "0.02,0.05,0.1,0.2")]
+    pub within: Vec<f64>,
+    /// Pixels along an edge of the pictures, 4 to 1024
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(4..=1024), default_value_t = 16)]
+    pub resolution: u32,
+    /// Samples per pixel of every choice, at least 2 [default: 512, quick 192]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(2..=1_000_000))]
+    pub spp: Option<u64>,
+    /// Samples per pixel of the truth, at least 2 [default: 4096, quick 512]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(2..=1_000_000))]
+    pub truth_spp: Option<u64>,
+    /// Pictures of another program, as benches/peers/mitsuba_bench.py writes them (.json)
+    #[arg(long, value_name = "FILE")]
+    pub peer: Option<PathBuf>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for BenchArgs {
+    const NAME: &'static str = "bench";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<()> {

@@ -1,18 +1,40 @@
 //! `organza info`
 
-use super::with_threads;
+use super::{Command, with_threads};
 use crate::error::input;
 use crate::fabric_file::free_memory_bytes;
-use crate::flags::InfoArgs;
+use crate::flags::{CommonArgs, set_help};
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
 use crate::{auto_model, cloth_object, fabric_file, output, picture, read};
 use anyhow::Result;
+use clap::Args;
 use organza_basis::Aabb;
 use organza_volume::{Octree, VolGrid, ovox, vdb};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// `organza info`
+#[derive(Debug, Args)]
+#[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
+pub struct InfoArgs {
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt) or picture that `render` wrote (.exr)
+    pub file: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for InfoArgs {
+    const NAME: &'static str = "info";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<()> {
@@ -23,7 +45,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     } else {
         list(&mut text, &told, 0);
     }
-    output::tell(&text)
+    output::print(&text)
 }
 
 fn tell(args: &InfoArgs) -> Result<Value> {

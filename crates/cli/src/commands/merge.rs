@@ -1,16 +1,46 @@
 //! `organza merge`
 
+use super::Command;
 use super::render::CLAMPED;
 use crate::error::input;
-use crate::flags::MergeArgs;
+use crate::flags::MemoryArgs;
 use crate::output;
 use crate::output::note;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
+use clap::Args;
 use organza_transport::{Backend, Film};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// `organza merge`
+#[derive(Debug, Args)]
+#[command(
+    about = "Combine renders of disjoint sample ranges into the unbroken render, exactly",
+    after_help = "Example:\n  organza render scenes/first_light.toml --samples 0..128 -o a.exr\n  organza render scenes/first_light.toml --samples 128..256 -o b.exr\n  organza merge a.exr b.exr -o all.exr"
+)]
+pub struct MergeArgs {
+    /// Pictures of one scene and seed (.exr), with no sample in common
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Picture to write (.exr)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl Command for MergeArgs {
+    const NAME: &'static str = "merge";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
 
 /// What must agree between parts, in the order in which a picture tells them.
 const SHARED: [&str; 4] = ["version", "identity", "seed", "crop"];

@@ -1,22 +1,113 @@
-//! One file per command.
+//! The commands: one file each, with its flags and what it does with them.
+//!
+//! A new command is a file with a [`clap::Args`] that implements [`Command`],
+//! and a line in [`COMMANDS`]. Help, completions and manual pages follow.
 
-pub mod bench;
-pub mod compare;
-pub mod export;
-pub mod fit;
-pub mod info;
-pub mod manual;
-pub mod measure;
-pub mod merge;
-pub mod render;
-pub mod voxelize;
-pub mod weave;
+mod bench;
+mod compare;
+mod completions;
+mod export;
+mod fit;
+mod info;
+mod man;
+mod measure;
+mod merge;
+mod render;
+mod voxelize;
+mod weave;
 
 use crate::flags::CommonArgs;
 use anyhow::{Context, Result};
+use clap::ArgMatches;
+
+/// Every command, in the order in which the help lists them.
+const COMMANDS: &[Registration] = &[
+    Registration::of::<render::RenderArgs>(),
+    Registration::of::<merge::MergeArgs>(),
+    Registration::of::<voxelize::VoxelizeArgs>(),
+    Registration::of::<measure::MeasureArgs>(),
+    Registration::of::<compare::CompareArgs>(),
+    Registration::of::<fit::FitArgs>(),
+    Registration::of::<bench::BenchArgs>(),
+    Registration::of::<weave::WeaveArgs>(),
+    Registration::of::<export::ExportArgs>(),
+    Registration::of::<info::InfoArgs>(),
+    Registration::of::<completions::CompletionsArgs>(),
+    Registration::of::<man::ManArgs>(),
+];
+
+/// The flags of one command.
+trait Command: clap::Args {
+    /// The word after `organza`.
+    const NAME: &'static str;
+
+    /// Does what the flags ask for.
+    ///
+    /// # Errors
+    /// [`crate::error::InputError`] where the input is wrong; anything else
+    /// failed while running.
+    fn run(&self) -> Result<()>;
+}
+
+/// A command without its type.
+struct Registration {
+    name: &'static str,
+    define: fn() -> clap::Command,
+    run: fn(&ArgMatches) -> Result<Result<()>, clap::Error>,
+}
+
+impl Registration {
+    const fn of<C: Command>() -> Registration {
+        Registration {
+            name: C::NAME,
+            define: || C::augment_args(clap::Command::new(C::NAME)),
+            run: |matches| C::from_arg_matches(matches).map(|c| c.run()),
+        }
+    }
+}
+
+/// The definition of the whole command line, from which help, completions and
+/// manual pages are made.
+pub fn definition() -> clap::Command {
+    let program = clap::Command::new("organza")
+        .version(env!("CARGO_PKG_VERSION"))
+        .about("Volumetric cloth renderer: weave drafts to fibres to light")
+        .subcommand_required(true)
+        .arg_required_else_help(true)
+        .after_help("Try first:\n  organza render scenes/first_light.toml -o first_light.png\n  organza weave twill-3-1-s -o twill.png")
+        .subcommands(COMMANDS.iter().map(|c| (c.define)()));
+    with_negative_numbers(program)
+}
+
+/// Runs the command that was parsed with [`definition`].
+///
+/// # Errors
+/// The outer error is one of the command line, the inner one the command's.
+pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
+    let (name, matches) = matches.subcommand().unwrap_or(("", matches));
+    match COMMANDS.iter().find(|c| c.name == name) {
+        Some(command) => (command.run)(matches),
+        None => Err(definition().error(
+            clap::error::ErrorKind::InvalidSubcommand,
+            format!("{name}: no such command"),
+        )),
+    }
+}
+
+/// A negative number after a flag is a wrong value of that flag, not another
+/// flag, so that the message is about the value.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let with = |a: clap::Arg| match a.get_action().takes_values() && !a.is_positional() {
+        true => a.allow_negative_numbers(true),
+        false => a,
+    };
+    command
+        .mut_args(with)
+        .mut_subcommands(with_negative_numbers)
+}
 
 /// Runs `work` on the number of threads asked for.
-pub fn with_threads<T: Send>(
+fn with_threads<T: Send>(
     common: &CommonArgs,
     work: impl FnOnce() -> Result<T> + Send,
 ) -> Result<T> {
@@ -25,4 +116,29 @@ pub fn with_threads<T: Send>(
         .build()
         .context("cannot start the threads")?
         .install(work)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        definition().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_a_description_and_an_example() {
+        fn check(command: &clap::Command) {
+            let name = command.get_name();
+            if command.has_subcommands() {
+                return command.get_subcommands().for_each(check);
+            }
+            assert!(command.get_about().is_some(), "{name}: no description");
+            let after = command.get_after_help().map(ToString::to_string);
+            let example = after.is_some_and(|text| text.contains("Example"));
+            assert!(example, "{name}: no example");
+        }
+        definition().get_subcommands().for_each(check);
+    }
 }

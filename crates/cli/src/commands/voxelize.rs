@@ -1,15 +1,57 @@
 //! `organza voxelize`
 
-use super::with_threads;
+use super::{Command, with_threads};
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
-use crate::flags::VoxelizeArgs;
+use crate::flags::values::{parse_level, whole};
+use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
 use crate::output::note;
 use anyhow::{Context, Result};
+use clap::Args;
 use organza_basis::Rgb;
 use organza_volume::{Footprint, Octree, VolGrid, export, ovox, vdb};
 use std::path::{Path, PathBuf};
+
+/// `organza voxelize`
+#[derive(Debug, Args)]
+#[command(
+    about = "Turn one tile of a fabric into a volume file",
+    after_help = "Example:\n  organza voxelize scenes/fabrics/organza.toml -o organza.ovox --voxel-um 10"
+)]
+pub struct VoxelizeArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Volume to write: .ovox (the whole octree), .vdb (OpenVDB) or .vol (Mitsuba: three files, .sigma_t.vol, .sggx.vol and .albedo.vol)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Level of detail that .vdb and .vol hold (an .ovox holds all); 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
+    pub level: u8,
+    /// Store 16-bit floats (.vdb)
+    #[arg(long)]
+    pub half: bool,
+    /// Do not compress (.vdb)
+    #[arg(long)]
+    pub raw: bool,
+    #[command(flatten)]
+    pub voxel: VoxelArgs,
+    /// Number of levels of detail, 1 to 8 [default: as many as fit, at most 6]
+    #[arg(long, value_name = "N", value_parser = whole::<u8>(1..=8))]
+    pub levels: Option<u8>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for VoxelizeArgs {
+    const NAME: &'static str = "voxelize";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
 
 /// The formats that a volume can be written in.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,13 +1,60 @@
 //! `organza weave`
 
+use super::Command;
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
-use crate::flags::{CurveLevel, WeaveArgs};
+use crate::flags::CommonArgs;
+use crate::flags::values::whole;
 use crate::output::note;
 use crate::{file_kind, output, picture, read};
 use anyhow::{Context, Result};
+use clap::Args;
 use organza_weave::{Draft, Level, Picture, curve_file};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// `organza weave`
+#[derive(Debug, Args)]
+#[command(
+    about = "Draw a draft or a fabric's weave",
+    after_help = "Examples:\n  organza weave satin-8-3 -o satin.png\n  organza weave draft.wif --json"
+)]
+pub struct WeaveArgs {
+    /// A draft (.wif), a fabric file (.toml) or the name of a weave (plain, twill-3-1-s, satin-8-3, basket-2-2, herringbone)
+    pub draft: String,
+    /// What to write: the drawdown or the curves as a picture (.png), the curves as polylines (.obj), text (.txt) or .bcc [default: print the drawdown]
+    #[arg(short, long)]
+    pub outfile: Option<PathBuf>,
+    /// Which curves of a fabric to write or draw
+    #[arg(long, value_enum, requires = "outfile")]
+    pub level: Option<CurveLevel>,
+    /// Pixels per crossing of a drawdown, 1 to 1024; fewer where the picture would be wider than 8192
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
+    pub cell_px: u32,
+    /// Print repeat, floats and cover as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for WeaveArgs {
+    const NAME: &'static str = "weave";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
+
+/// How far a fabric is taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum CurveLevel {
+    /// One curve per yarn
+    Yarn,
+    /// One curve per ply
+    Ply,
+    /// Every fibre
+    Fibre,
+}
 
 /// What the word on the command line means.
 enum Subject {
@@ -87,9 +134,9 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
                 "figures": f.cloth.figures(),
             }),
         };
-        output::tell(&(serde_json::to_string_pretty(&told)? + "\n"))?;
+        output::print(&(serde_json::to_string_pretty(&told)? + "\n"))?;
     } else if args.outfile.is_none() {
-        output::tell(&subject.draft().ok_or_else(no_draft)?.drawdown())?;
+        output::print(&subject.draft().ok_or_else(no_draft)?.drawdown())?;
     }
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
-use super::{effort, finish, options, table};
+use super::{FitArgs, effort, finish, options, table};
 use crate::commands::compare::read_data;
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
 use crate::file_kind::Wanted;
-use crate::flags::{FitArgs, PatchModel};
+use crate::flags::PatchModel;
 use crate::journal::FileJournal;
 use crate::output::note;
 use crate::patches::{AnyPatch, Matter, PatchOptions};

@@ -1,10 +1,9 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, roughness, yarns};
-use super::{finish, options, table};
+use super::{FitArgs, finish, options, table};
 use crate::error::input;
 use crate::fabric_file::{self, Fabric};
-use crate::flags::FitArgs;
 use crate::patches::{Matter, texel_grid};
 use crate::progress::Progress;
 use crate::{environment_file, read};

@@ -1,11 +1,10 @@
 //! Fitting the surface model: to the volume of the same file, or to measured
 //! values.
 
-use super::{effort, finish, options, table};
+use super::{FitArgs, effort, finish, options, table};
 use crate::commands::compare::read_data;
 use crate::error::input;
 use crate::fabric_file;
-use crate::flags::FitArgs;
 use crate::journal::FileJournal;
 use crate::patches::{AnyPatch, fabric_patch};
 use crate::progress::Progress;

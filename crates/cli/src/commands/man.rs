@@ -1,0 +1,52 @@
+//! `organza man`
+
+use super::Command;
+use crate::error::input;
+use crate::{output, read};
+use anyhow::{Context, Result};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `organza man`
+#[derive(Debug, Args)]
+#[command(
+    about = "Write the manual pages",
+    after_help = "Example:\n  organza man -o ~/.local/share/man/man1"
+)]
+pub struct ManArgs {
+    /// Folder for one page a command, organza.1 and so on; made if there is none
+    #[arg(short, long, value_name = "DIR")]
+    pub outfile: PathBuf,
+}
+
+impl Command for ManArgs {
+    const NAME: &'static str = "man";
+
+    /// Writes a page for the program and for each command.
+    fn run(&self) -> Result<()> {
+        let folder = &self.outfile;
+        if folder.exists() && !folder.is_dir() {
+            return Err(input(format!(
+                "{}: is a file; expected a folder",
+                folder.display()
+            )));
+        }
+        std::fs::create_dir_all(folder)
+            .map_err(|e| input(format!("{}: {}", folder.display(), read::io_words(&e))))?;
+        output::check_writable(&folder.join("organza.1"))?;
+        let mut program = super::definition();
+        // Gives the commands the names under which they are called.
+        program.build();
+        let write = |command: clap::Command| -> Result<()> {
+            let page = clap_mangen::Man::new(command);
+            let path = folder.join(page.get_filename());
+            output::write_file(&path, |out| {
+                page.render(out).context("cannot lay out the page")
+            })
+        };
+        for command in program.get_subcommands().filter(|c| !c.is_hide_set()) {
+            write(command.clone())?;
+        }
+        write(program)
+    }
+}
