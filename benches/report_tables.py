@@ -1,4 +1,4 @@
-"""Tables of README.md from the reports that benches/reports.sh wrote.
+"""Tables of docs/trust.md from the reports that benches/reports.sh wrote.
 
     python3 benches/report_tables.py DIR FABRIC...
 """

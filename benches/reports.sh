@@ -1,7 +1,7 @@
 #!/bin/sh
 # Fits the surface of every fabric to its volume (with eight times SPP, as the noise of
 # the volume counts as error of the fit), compares all models of it, and prints the
-# tables of README.md. Reports come to DIR/FABRIC/report.html, fitted fabrics to
+# tables of docs/trust.md. Reports come to DIR/FABRIC/report.html, fitted fabrics to
 # DIR/FABRIC.toml; what is there already is not made again.
 #
 #   benches/reports.sh DIR [SPP [TEXELS [FABRIC...]]]

@@ -9,7 +9,7 @@ fn pages() -> Vec<(PathBuf, String)> {
     let docs = std::fs::read_dir(root.join("docs")).unwrap();
     let docs = docs.map(|entry| entry.unwrap().path());
     let mut paths: Vec<PathBuf> = docs.filter(|p| p.extension().is_some()).collect();
-    paths.push(root.join("README.md"));
+    paths.extend([root.join("README.md"), root.join("CONTRIBUTING.md")]);
     paths.sort();
     let read = |path: PathBuf| {
         let text = std::fs::read_to_string(&path).unwrap();
