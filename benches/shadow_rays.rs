@@ -35,7 +35,7 @@ fn denim() -> ClothMedium {
 
 /// Rays to the light from first collisions of light that falls straight in.
 fn rays(medium: &ClothMedium) -> Vec<LocalRay> {
-    let bounds = medium.lattice().bounds_mm();
+    let bounds = medium.cell_grid().bounds_mm();
     let mut rng = PathRng::from_seed(1);
     let mut stats = Stats::default();
     let toward = Vec3::new(0.5, 0.4, 0.77).normalize();
@@ -43,13 +43,13 @@ fn rays(medium: &ClothMedium) -> Vec<LocalRay> {
     while rays.len() < RAYS {
         let p = bounds.min + rng.unit2().extend(0.0) * bounds.size();
         let ray = Ray::new(p.with_z(bounds.max.z + 1.0), Vec3::NEG_Z);
-        let Some(local) = medium.lattice().clip(&ray, f32::INFINITY) else {
+        let Some(local) = medium.cell_grid().clip(&ray, f32::INFINITY) else {
             continue;
         };
         if let Some((t, _)) = sample_collision(medium, &local, &mut rng, &mut stats) {
             let at = ray.at(local.t_entry + t);
             let shadow = Ray::new(at, toward);
-            rays.extend(medium.lattice().clip(&shadow, f32::INFINITY));
+            rays.extend(medium.cell_grid().clip(&shadow, f32::INFINITY));
         }
     }
     rays

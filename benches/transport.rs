@@ -14,7 +14,7 @@ use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator,
-    Interpolation, Kernel, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene,
+    Interpolation, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene, flatten,
 };
 use std::f32::consts::TAU;
 use std::ops::ControlFlow;
@@ -118,7 +118,7 @@ fn render<'a>(scene: &'a Scene, backend: Option<Backend>) -> Rendering<'a> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(backend) = backend {
-        let kernel = Kernel::new(scene, &settings, backend, u64::MAX).unwrap();
+        let kernel = flatten(scene, &settings, backend, u64::MAX).unwrap();
         rendering = rendering.with_kernel(kernel);
     }
     rendering

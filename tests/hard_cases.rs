@@ -13,7 +13,7 @@ use organza_scatter::{
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium,
     FlakeFamily, FlakeMedium, FlakeOptics, Grid, GridMedium, Hemisphere, Integrator, Interpolation,
-    Kernel, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene,
+    Light, PixelFilter, Projection, RenderSettings, Rendering, Scene, flatten,
 };
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
@@ -296,7 +296,7 @@ fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Told> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if tracker == Tracker::Kernel {
-        let kernel = Kernel::new(scene, &settings, Backend::Scalar, u64::MAX).ok()?;
+        let kernel = flatten(scene, &settings, Backend::Scalar, u64::MAX).ok()?;
         rendering = rendering.with_kernel(kernel);
     }
     let rendering = rendering.take(spp, &|_| ControlFlow::Continue(()));
@@ -358,7 +358,7 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
         is_white,
         slack,
     } = matter;
-    let lattice = medium.lattice().unwrap();
+    let lattice = medium.cell_grid().unwrap();
     let bounds = lattice.bounds_mm();
     // In a voxel plane, whatever the number of voxels.
     let middle = (bounds.min + 0.5 * bounds.size()).as_dvec3();

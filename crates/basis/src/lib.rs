@@ -12,6 +12,7 @@
 
 pub mod aabb;
 pub mod alias_table;
+pub mod cell_grid;
 pub mod curve;
 pub mod frame;
 pub mod hypothesis;
@@ -28,6 +29,7 @@ pub mod warp;
 
 pub use aabb::Aabb;
 pub use alias_table::AliasTable;
+pub use cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use curve::{Segment, SegmentSource, Tile};
 pub use frame::Frame;
 pub use mixture::{FibreComponent, MAX_COMPONENTS, Mixture};

@@ -6,7 +6,7 @@ use crate::output::note;
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
-use organza_transport::{AnyMedium, Camera, Draping, Lattice, LevelSteps, LevelledCloth, Sheet};
+use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth, Sheet};
 use organza_volume::Octree;
 use std::ops::RangeInclusive;
 
@@ -118,7 +118,7 @@ impl Place<'_> {
             return camera
                 .footprints_in_mm(points.fold(Aabb::EMPTY, |b, v| b.with_point(v.position_mm)));
         }
-        Lattice::new(self.bounds_mm, glam::UVec3::ONE, true)
+        CellGrid::new(self.bounds_mm, glam::UVec3::ONE, true)
             .map_or((0.0, f32::INFINITY), |l| camera.footprints_mm(&l))
     }
 
@@ -137,7 +137,7 @@ impl Place<'_> {
         steps: LevelSteps,
     ) -> Result<Option<AnyMedium>> {
         let cloth = match self.mesh {
-            None => Lattice::new(self.bounds_mm, glam::UVec3::ONE, true)
+            None => CellGrid::new(self.bounds_mm, glam::UVec3::ONE, true)
                 .and_then(|lattice| LevelledCloth::new(volumes, sheet, steps, lattice)),
             Some(mesh) => {
                 let shell = self.shell(mesh, &volumes)?;
@@ -154,7 +154,7 @@ impl Place<'_> {
             return Ok(None);
         }
         let middle = self.bounds_mm.centre().z;
-        let lattices = volumes.iter().filter_map(AnyMedium::lattice);
+        let lattices = volumes.iter().filter_map(AnyMedium::cell_grid);
         let half = lattices.fold(0.0f32, |half, lattice| {
             let b = lattice.bounds_mm();
             half.max(b.max.z - middle).max(middle - b.min.z)

@@ -7,8 +7,8 @@
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Camera, ClothMedium, Grid, GridMedium, Hemisphere, ImageEnvironment, Interpolation,
-    Lattice, Light, Medium, PixelFilter, Plane, Projection, RectangleLight, Scene,
+    AnyMedium, Camera, CellGrid, ClothMedium, Grid, GridMedium, Hemisphere, ImageEnvironment,
+    Interpolation, Light, Medium, PixelFilter, Plane, Projection, RectangleLight, Scene,
 };
 use organza_volume::VolGrid;
 use std::fmt::Write;
@@ -81,7 +81,7 @@ pub fn export(
                 out.plane(p);
                 continue;
             }
-            AnyMedium::Grid(m) => (Grids::of_grid(m), m.lattice()),
+            AnyMedium::Grid(m) => (Grids::of_grid(m), m.cell_grid()),
             AnyMedium::Cloth(m) => {
                 let (grids, merged) = Grids::of_cloth(m, tiling.max_bytes).map_err(fail)?;
                 if merged > 0 {
@@ -90,7 +90,7 @@ pub fn export(
                          fibres; Mitsuba gets the mean of their SGGX matrices"
                     ));
                 }
-                (grids, m.lattice())
+                (grids, m.cell_grid())
             }
             AnyMedium::Levelled(_) => {
                 return Err(fail(
@@ -147,7 +147,7 @@ fn vol<const N: usize>(bounds_mm: Aabb, grid: &Grid<N>) -> VolGrid {
 
 impl Grids {
     fn of_grid(medium: &GridMedium) -> Grids {
-        let bounds = medium.lattice().bounds_mm();
+        let bounds = medium.cell_grid().bounds_mm();
         let (sigma_t, sggx, albedo) = medium.grids();
         let mut grids = Grids {
             sigma_t: vol(bounds, sigma_t),
@@ -175,7 +175,7 @@ impl Grids {
     /// The grids of a cloth, and how many of its voxels hold more than one
     /// population.
     fn of_cloth(medium: &ClothMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
-        let lattice = medium.lattice();
+        let lattice = medium.cell_grid();
         let dims = lattice.dims();
         let cells = dims.as_u64vec3().element_product();
         check_memory(cells.saturating_mul(40), max_bytes)?;
@@ -214,7 +214,7 @@ impl Grids {
 
     /// Repeats the extinction as often as asked, or as the lattice's cut wants;
     /// gives the box of the matter. The other grids repeat on their own.
-    fn tile(&mut self, lattice: &Lattice, tiling: &Tiling) -> Result<Aabb, String> {
+    fn tile(&mut self, lattice: &CellGrid, tiling: &Tiling) -> Result<Aabb, String> {
         let period = lattice.bounds_mm();
         if !lattice.repeats() {
             return Ok(lattice.reach_mm());

@@ -3,7 +3,7 @@
 use crate::{Exit, PatchResponse};
 use glam::{Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
-use organza_transport::{Integrator, Lattice, Light, PathSample, Scene, Stats, trace_from};
+use organza_transport::{CellGrid, Integrator, Light, PathSample, Scene, Stats, trace_from};
 
 /// Why media make no patch.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -44,10 +44,10 @@ impl VolumePatch {
     /// When the media have no common footprint, or no exact stepping is
     /// possible and asked for.
     pub fn new(scene: Scene, integrator: Integrator) -> Result<VolumePatch, PatchError> {
-        let lattices: Option<Vec<_>> = scene.media.iter().map(|m| m.lattice().copied()).collect();
+        let lattices: Option<Vec<_>> = scene.media.iter().map(|m| m.cell_grid().copied()).collect();
         let mut lattices = lattices.ok_or(PatchError::Plane)?.into_iter();
         let first = lattices.next().ok_or(PatchError::Empty)?;
-        let footprint = |l: &Lattice| {
+        let footprint = |l: &CellGrid| {
             if l.is_endless() {
                 l.bounds_mm()
             } else {

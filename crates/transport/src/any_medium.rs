@@ -3,12 +3,12 @@
 use crate::collision::{AnySite, Collision, Located, each_volume};
 use crate::detail::Tracking;
 use crate::draping::{Draping, find, pass_through};
-use crate::lattice::Lattice;
 use crate::{
     ClothMedium, ExplicitFibres, FibreMedium, FlakeMedium, GridMedium, Integrator, LevelledCloth,
     Medium, Plane, Stats,
 };
 use glam::Vec2;
+use organza_basis::CellGrid;
 use organza_basis::{PathRng, Ray};
 
 /// The closed set of matter, resolved once per ray.
@@ -31,23 +31,23 @@ pub enum AnyMedium {
 
 impl AnyMedium {
     /// Where the medium is; `None` for a plane, which has no box.
-    pub fn lattice(&self) -> Option<&Lattice> {
-        each_volume!(AnyMedium, self, (m) => Some(m.lattice()),
-            AnyMedium::Explicit(m) => Some(m.lattice()),
-            AnyMedium::Levelled(m) => Some(m.lattice()),
+    pub fn cell_grid(&self) -> Option<&CellGrid> {
+        each_volume!(AnyMedium, self, (m) => Some(m.cell_grid()),
+            AnyMedium::Explicit(m) => Some(m.cell_grid()),
+            AnyMedium::Levelled(m) => Some(m.cell_grid()),
             AnyMedium::Plane(_) => None,
         )
     }
 
-    /// Cuts a medium to a rectangle of the x-y plane ([`Lattice::cut_to`]).
+    /// Cuts a medium to a rectangle of the x-y plane ([`CellGrid::cut_to`]).
     /// `None` when nothing would be left, or it is a plane or over a mesh.
     pub fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
-        let lattice = each_volume!(AnyMedium, self, (m) => m.lattice_mut(),
-            AnyMedium::Explicit(m) => m.lattice_mut(),
+        let cell_grid = each_volume!(AnyMedium, self, (m) => m.cell_grid_mut(),
+            AnyMedium::Explicit(m) => m.cell_grid_mut(),
             AnyMedium::Levelled(m) => return m.cut_to(min_mm, max_mm),
             AnyMedium::Plane(_) => return None,
         );
-        *lattice = lattice.cut_to(min_mm, max_mm)?;
+        *cell_grid = cell_grid.cut_to(min_mm, max_mm)?;
         Some(())
     }
 
@@ -101,7 +101,7 @@ impl AnyMedium {
     /// Whether the medium can fill a shell: it repeats, and asks for nothing
     /// but extinction along straight lines.
     pub(crate) fn can_be_draped(&self) -> bool {
-        each_volume!(AnyMedium, self, (m) => m.lattice().repeats(),
+        each_volume!(AnyMedium, self, (m) => m.cell_grid().repeats(),
             AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
         )
     }
@@ -150,7 +150,7 @@ fn collide<M: Medium>(
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> Option<(f32, M::Site)> {
-    let local = medium.lattice().clip(ray, limit)?;
+    let local = medium.cell_grid().clip(ray, limit)?;
     find(medium, &local, integrator, rng, stats).map(|(t, site)| (local.t_entry + t, site))
 }
 
@@ -162,7 +162,7 @@ fn pass<M: Medium>(
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> f32 {
-    let local = medium.lattice().clip(ray, reach);
+    let local = medium.cell_grid().clip(ray, reach);
     local.map_or(1.0, |local| {
         pass_through(medium, &local, integrator, rng, stats)
     })

@@ -1,12 +1,10 @@
 //! A medium from an octree of fibres: every population of fibres in a voxel
 //! scatters as SGGX micro-flakes.
 
-use crate::kernel::{Population, Substance};
-use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::population_flakes::{FlakeOptics, PopulationFlakes, ShapeTable};
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
-use organza_basis::{FibreComponent, Mixture, PathRng, Rgb, Sym3};
+use organza_basis::{CellGrid, CellSpan, FibreComponent, LocalRay, Mixture, PathRng, Rgb, Sym3};
 use organza_scatter::{AxialFlake, LobeSample};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
@@ -36,7 +34,7 @@ pub struct ClothMedium {
     optics: Vec<FlakeOptics>,
     /// Per material.
     shapes: Vec<ShapeTable<(f32, f32)>>,
-    lattice: Lattice,
+    cell_grid: CellGrid,
 }
 
 impl ClothMedium {
@@ -53,7 +51,7 @@ impl ClothMedium {
         if level >= octree.level_count() || optics.len() < octree.material_count() {
             return None;
         }
-        let lattice = Lattice::new(octree.bounds_mm(), octree.dims(level), octree.repeats())?;
+        let cell_grid = CellGrid::new(octree.bounds_mm(), octree.dims(level), octree.repeats())?;
         let shapes = optics
             .iter()
             .map(|o| ShapeTable::new(o.end_on_ratio, |broadside, end_on| (broadside, end_on)))
@@ -63,12 +61,12 @@ impl ClothMedium {
             level,
             optics,
             shapes,
-            lattice,
+            cell_grid,
         })
     }
 
-    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
-        &mut self.lattice
+    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        &mut self.cell_grid
     }
 
     /// The octree.
@@ -76,7 +74,17 @@ impl ClothMedium {
         &self.octree
     }
 
-    /// What a voxel of the lattice would be if its populations were one, for
+    /// The populations of a cell.
+    pub fn populations(&self, cell: UVec3) -> Mixture {
+        self.octree.mixture(self.level, cell)
+    }
+
+    /// Single-scattering albedo of a population.
+    pub fn albedo_of(&self, c: &FibreComponent) -> Rgb {
+        self.optics[usize::from(c.material)].albedo
+    }
+
+    /// What a voxel of the grid would be if its populations were one, for
     /// programs that know no more: extinctions at unit area add, matrices are
     /// their mean by extinction [Heitz2015]. Exact for one population.
     pub fn merged(&self, cell: UVec3) -> MergedFlakes {
@@ -105,19 +113,6 @@ impl ClothMedium {
     }
 }
 
-impl ClothMedium {
-    /// The populations of a cell, one by one.
-    pub(crate) fn axial_populations(&self, cell: UVec3, out: &mut Vec<Population>) {
-        let mixture = self.octree.mixture(self.level, cell);
-        out.extend(mixture.as_slice().iter().map(|c| Population {
-            broadside_per_mm: c.broadside_per_mm() * self.flake_shape(c).0,
-            flake: self.flakes(c),
-            substance: Substance::Flakes(self.albedo(c)),
-            yarn: c.yarn,
-        }));
-    }
-}
-
 impl PopulationFlakes for ClothMedium {
     type Flakes = AxialFlake;
 
@@ -143,8 +138,8 @@ impl PopulationFlakes for ClothMedium {
 impl Medium for ClothMedium {
     type Site = Mixture;
 
-    fn lattice(&self) -> &Lattice {
-        &self.lattice
+    fn cell_grid(&self) -> &CellGrid {
+        &self.cell_grid
     }
 
     fn for_each_span<B>(
@@ -155,7 +150,7 @@ impl Medium for ClothMedium {
         let top = self.octree.level_count() - 1;
         let node_level = (self.level + NODE_LEVELS).min(top);
         let edge = 1 << (node_level - self.level);
-        for span in self.lattice.cells(ray, edge) {
+        for span in self.cell_grid.cells(ray, edge) {
             let majorant = self.octree.majorant_per_mm(node_level, span.cell);
             if majorant > 0.0 {
                 visit(&span, majorant)?;
@@ -176,7 +171,7 @@ impl Medium for ClothMedium {
                 length: node.t1 - node.t0,
                 ..*ray
             };
-            for span in self.lattice.cells(&within, 1) {
+            for span in self.cell_grid.cells(&within, 1) {
                 let site = self.octree.mixture(self.level, span.cell);
                 if !site.is_empty() {
                     visit(node.t0 + span.t0, node.t0 + span.t1, site)?;
@@ -191,7 +186,7 @@ impl Medium for ClothMedium {
     }
 
     fn site(&self, p: Vec3) -> Mixture {
-        self.octree.mixture(self.level, self.lattice.cell(p))
+        self.octree.mixture(self.level, self.cell_grid.cell(p))
     }
 
     fn sigma_t(&self, site: &Mixture, w: Vec3) -> f32 {

@@ -2,22 +2,6 @@
 
 use crate::Integrator;
 
-/// Width that a pixel sees at a distance along a camera ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PixelCone {
-    /// Width where the ray begins.
-    pub width_mm: f64,
-    /// Growth per mm of distance.
-    pub growth: f64,
-}
-
-impl PixelCone {
-    /// The width at a distance from the ray's origin.
-    pub fn width_at_mm(&self, distance_mm: f64) -> f64 {
-        self.width_mm + self.growth * distance_mm
-    }
-}
-
 /// What decides which representation of a cloth a path meets: drawn once, so
 /// that a path meets one and the same cloth however often it comes back, and so
 /// that the mean over paths is the blend of the representations.

@@ -1,12 +1,11 @@
 //! Matter over a mesh: sheets on its faces, media in the shell around it.
 
 use crate::collision::{AnySite, Collision};
-use crate::lattice::LocalRay;
 use crate::sheet::{Sheet, SheetPoint, SheetSite};
 use crate::{Integrator, Medium, Stats, Tracking, tracking};
 use glam::{Mat3, Vec3};
-use organza_basis::{Aabb, Frame, PathRng, Ray};
-use organza_mesh::{DrapedMesh, MeshHit, Shell};
+use organza_basis::{Aabb, CellGrid, Frame, LocalRay, PathRng, Ray};
+use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};
 
 /// A mesh that cloth lies on, with the shell that its thickness fills.
 ///
@@ -65,7 +64,7 @@ impl Draping {
         let mut reach = limit;
         self.shell.as_ref()?.visit_spans(ray, limit, |span| {
             let turn = span.world_from_cloth;
-            if let Some(local) = medium.lattice().enter(span, ray.direction) {
+            if let Some(local) = enter(medium.cell_grid(), span, ray.direction) {
                 let found = find(medium, &local, integrator, rng, stats);
                 if let Some((t, site)) = found {
                     reach = local.t_entry + t;
@@ -93,7 +92,7 @@ impl Draping {
             return product;
         };
         shell.visit_spans(ray, reach, |span| {
-            if let Some(local) = medium.lattice().enter(span, ray.direction) {
+            if let Some(local) = enter(medium.cell_grid(), span, ray.direction) {
                 product *= pass_through(medium, &local, integrator, rng, stats);
             }
             if product > 0.0 { reach } else { 0.0 }
@@ -216,4 +215,38 @@ fn frame_toward(hit: &MeshHit, w_out: Vec3) -> Frame {
         },
         None => Frame::from_normal(face),
     }
+}
+
+/// A straight stretch of a ray through a shell, as one through a grid of cells;
+/// `None` when it misses. The grid repeats in x and y whatever it does elsewhere.
+/// `direction` is the ray's in the world.
+fn enter(grid: &CellGrid, span: &ShellSpan, direction: Vec3) -> Option<LocalRay> {
+    let bounds_mm = grid.bounds_mm();
+    let (low, high) = (bounds_mm.min.z, bounds_mm.max.z);
+    let (mut near, mut far) = (0.0f32, span.t1 - span.t0);
+    let (z, slope) = (span.cloth_mm.z, span.step.z);
+    if slope == 0.0 {
+        if z < low || z > high {
+            return None;
+        }
+    } else {
+        let (a, b) = ((low - z) / slope, (high - z) / slope);
+        near = near.max(a.min(b));
+        far = far.min(a.max(b));
+    }
+    if near >= far {
+        return None;
+    }
+    let (dims, voxels_per_mm) = (grid.dims(), grid.voxels_per_mm());
+    let entry = (span.cloth_mm + near * span.step).as_dvec3();
+    let mut local = (entry - bounds_mm.min.as_dvec3()) * voxels_per_mm.as_dvec3();
+    local.x = local.x.rem_euclid(f64::from(dims.x));
+    local.y = local.y.rem_euclid(f64::from(dims.y));
+    Some(LocalRay {
+        origin: local.as_vec3(),
+        step: span.step * voxels_per_mm,
+        direction: (span.world_from_cloth.transpose() * direction).normalize(),
+        t_entry: span.t0 + near,
+        length: far - near,
+    })
 }

@@ -22,7 +22,6 @@ mod piece;
 #[cfg(test)]
 mod tests;
 
-use crate::lattice::Lattice;
 use crate::{SiteInfo, Stats};
 use curves::{Curves, count_joints};
 use glam::{DVec2, DVec3, IVec2, UVec3, Vec3, Vec3A};
@@ -31,6 +30,7 @@ use obvhs::aabb::Aabb as BvhBox;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray as BvhRay, RayHit};
+use organza_basis::CellGrid;
 use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 use piece::Piece;
@@ -95,7 +95,7 @@ pub struct ExplicitFibres {
     curves: Curves,
     fibres: Vec<Fibre>,
     /// The tile's box as one cell.
-    lattice: Lattice,
+    cell_grid: CellGrid,
     /// The tile's least corner, from which everything below is counted.
     origin_mm: DVec3,
     period_mm: DVec2,
@@ -165,8 +165,8 @@ impl ExplicitFibres {
         });
         let tile = source.tile();
         let bounds_mm = reach(&curves, &tile);
-        let lattice =
-            Lattice::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
+        let cell_grid =
+            CellGrid::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
         let (pieces, boxes) = place(&curves, &tile);
         let mut took = Duration::default();
         let hierarchy = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut took);
@@ -181,20 +181,20 @@ impl ExplicitFibres {
             start_mm,
             curves,
             fibres,
-            lattice,
+            cell_grid,
             hierarchy,
             placed,
         })
     }
 
     /// Where the fibres are.
-    pub fn lattice(&self) -> &Lattice {
-        &self.lattice
+    pub fn cell_grid(&self) -> &CellGrid {
+        &self.cell_grid
     }
 
     /// Fibres that are cut with it are open at the cut, like what starts inside.
-    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
-        &mut self.lattice
+    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        &mut self.cell_grid
     }
 
     /// Pieces of fibre in one tile.
@@ -232,14 +232,14 @@ impl ExplicitFibres {
 
     /// From copy to copy of the tile, each in its own coordinates.
     fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
-        let clip = self.lattice.clip(ray, limit)?;
+        let clip = self.cell_grid.clip(ray, limit)?;
         let d = ray.direction.as_dvec3();
         let t_entry = f64::from(clip.t_entry);
         let mut p = ray.origin.as_dvec3() + t_entry * d - self.origin_mm;
         let (mut gone, length) = (0.0, f64::from(clip.length));
         // A ray that starts among fibres has left its own.
         let mut least = if t_entry > 0.0 { 0.0 } else { self.start_mm };
-        if !self.lattice.repeats() {
+        if !self.cell_grid.repeats() {
             let found = self.in_tile(p, d, (least, length), any, tests)?;
             return Some(found.later(t_entry));
         }
@@ -406,7 +406,7 @@ impl ExplicitFibres {
     /// How much room fibres take and how much of it they share, by `points`
     /// random points of the tile.
     pub fn measure_overlap(&self, points: u64, seed: u64) -> Overlap {
-        let box_mm = self.lattice.bounds_mm();
+        let box_mm = self.cell_grid.bounds_mm();
         let low = box_mm.min.as_dvec3() - self.origin_mm;
         let (mut once, mut times) = (0u64, 0u64);
         for i in 0..points {

@@ -5,17 +5,15 @@
 //! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
 //! what happens there.
 
-use crate::kernel::{Population, Substance, end_on_ratio};
-use crate::lattice::{CellSpan, Lattice, LocalRay, cell_below};
 use crate::voxel_bounds::VoxelBounds;
 use crate::voxel_fibres::{VoxelFibres, broadside_per_mm};
 use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
-use organza_basis::{Aabb, FibreComponent, PathRng, Rgb};
-use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
+use organza_basis::cell_grid::cell_below;
+use organza_basis::{Aabb, CellGrid, CellSpan, FibreComponent, LocalRay, PathRng, Rgb};
 use organza_scatter::{
-    AxialFlake, Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre,
-    packing_fraction, sigma_t_per_mm, void_multiplier,
+    Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre, packing_fraction,
+    sigma_t_per_mm, void_multiplier,
 };
 use organza_volume::Octree;
 use rayon::prelude::*;
@@ -97,8 +95,8 @@ pub struct FibreMedium {
     /// Their density over the void where fibres are packed.
     voxels: VoxelFibres,
     /// The octree's box, and beside it the reach of fibres with their axes inside.
-    lattice: Lattice,
-    /// Voxels of the lattice before the octree's first.
+    cell_grid: CellGrid,
+    /// Voxels of the cell grid before the octree's first.
     pad: IVec3,
     /// Voxels that a fibre reaches beyond its axis.
     reach: IVec3,
@@ -142,7 +140,7 @@ impl FibreMedium {
         };
         let margin_mm = pad.as_vec3() * voxel_mm;
         let inner = octree.bounds_mm();
-        let lattice = Lattice::new(
+        let cell_grid = CellGrid::new(
             Aabb::new(inner.min - margin_mm, inner.max + margin_mm),
             octree.dims(level) + 2 * pad.as_uvec3(),
             octree.repeats(),
@@ -151,7 +149,7 @@ impl FibreMedium {
             FibreEvent::Plain => 1.0,
             FibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
         });
-        let bounds = VoxelBounds::new(lattice, reach, |cell| {
+        let bounds = VoxelBounds::new(cell_grid, reach, |cell| {
             broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
         });
         let mut medium = FibreMedium {
@@ -160,7 +158,7 @@ impl FibreMedium {
             event,
             packing,
             voxels,
-            lattice,
+            cell_grid,
             pad,
             reach,
             voxels_per_mm: 1.0 / voxel_mm,
@@ -171,7 +169,7 @@ impl FibreMedium {
             bounds,
             local: None,
         };
-        let dims = lattice.cell_dims(medium.node_edge);
+        let dims = cell_grid.cell_dims(medium.node_edge);
         medium.nodes = (0..dims.element_product())
             .into_par_iter()
             .map(|i| medium.node(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims))
@@ -179,8 +177,8 @@ impl FibreMedium {
         Some(medium)
     }
 
-    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
-        &mut self.lattice
+    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        &mut self.cell_grid
     }
 
     /// The same with tables of local visibility, counted for its voxels.
@@ -222,24 +220,19 @@ impl FibreMedium {
         self.event
     }
 
-    pub(crate) fn has_local_visibility(&self) -> bool {
+    /// Whether there are tables of local visibility.
+    pub fn has_local_visibility(&self) -> bool {
         self.local.is_some()
     }
 
     /// The fibres, by material.
-    pub(crate) fn fibres(&self) -> &[Fibre] {
+    pub fn fibres(&self) -> &[Fibre] {
         &self.fibres
     }
 
-    /// The populations of a cell, one by one.
-    pub(crate) fn axial_populations(&self, cell: UVec3, out: &mut Vec<Population>) {
-        let populations = self.voxels.of(cell.as_ivec3() - self.pad);
-        out.extend(populations.iter().map(|c| Population {
-            broadside_per_mm: component_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
-            flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
-            substance: Substance::Fibres(c.material),
-            yarn: c.yarn,
-        }));
+    /// The populations of a cell of its [grid](Medium::cell_grid).
+    pub fn populations_of(&self, cell: UVec3) -> &[FibreComponent] {
+        self.voxels.of(cell.as_ivec3() - self.pad)
     }
 
     /// Part of the volume that fibres fill where each material is; zero for the
@@ -261,7 +254,7 @@ impl FibreMedium {
 
     fn node(&self, node: UVec3) -> Node {
         let low = (node * self.node_edge).as_ivec3();
-        let high = (low + self.node_edge as i32).min(self.lattice.dims().as_ivec3());
+        let high = (low + self.node_edge as i32).min(self.cell_grid.dims().as_ivec3());
         let (low, high) = (low - self.reach, high + self.reach);
         let (mut found, mut densest) = (Node::default(), 0.0);
         for z in low.z..high.z {
@@ -283,7 +276,7 @@ impl FibreMedium {
     }
 
     fn node_at(&self, node: UVec3) -> &Node {
-        let dims = self.lattice.cell_dims(self.node_edge);
+        let dims = self.cell_grid.cell_dims(self.node_edge);
         &self.nodes[(node.x + dims.x * (node.y + dims.y * node.z)) as usize]
     }
 
@@ -291,7 +284,7 @@ impl FibreMedium {
     fn expected(&self, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
         let here = self.voxels.at(&self.places(p));
         let Some((last, before)) = here.split_last() else {
-            let node = self.node_at(self.lattice.cell(p) / self.node_edge);
+            let node = self.node_at(self.cell_grid.cell(p) / self.node_edge);
             return (node.axis, node.radius_mm);
         };
         let chosen = if before.is_empty() {
@@ -366,8 +359,8 @@ fn packing_by_material(octree: &Octree, radius_mm: f32, materials: usize) -> Vec
 impl Medium for FibreMedium {
     type Site = FibreSite;
 
-    fn lattice(&self) -> &Lattice {
-        &self.lattice
+    fn cell_grid(&self) -> &CellGrid {
+        &self.cell_grid
     }
 
     fn for_each_span<B>(
@@ -375,7 +368,7 @@ impl Medium for FibreMedium {
         ray: &LocalRay,
         mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for span in self.lattice.cells(ray, self.node_edge) {
+        for span in self.cell_grid.cells(ray, self.node_edge) {
             let majorant = self.node_at(span.cell).majorant_per_mm;
             if majorant > 0.0 {
                 visit(&span, majorant)?;
@@ -389,7 +382,7 @@ impl Medium for FibreMedium {
         ray: &LocalRay,
         mut visit: impl FnMut(f32, f32, FibreSite) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for span in self.lattice.cells(ray, 1) {
+        for span in self.cell_grid.cells(ray, 1) {
             let places = self.voxels.places(span.cell.as_ivec3() - self.pad);
             if !places.is_empty() {
                 visit(span.t0, span.t1, FibreSite::new(places, 0.0))?;
@@ -403,7 +396,7 @@ impl Medium for FibreMedium {
     }
 
     fn site(&self, p: Vec3) -> FibreSite {
-        let cell = self.lattice.cell(p).as_ivec3();
+        let cell = self.cell_grid.cell(p).as_ivec3();
         FibreSite::new(self.voxels.places(cell - self.pad), 0.0)
     }
 

@@ -1,10 +1,10 @@
 //! A medium from an octree of fibres as micro-flakes of the families that are no
 //! mirrors of the SGGX distribution.
 
-use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::population_flakes::{Bands, FlakeOptics, PopulationFlakes};
 use crate::{ClothMedium, Medium, SiteInfo};
 use glam::Vec3;
+use organza_basis::{CellGrid, CellSpan, LocalRay};
 use organza_basis::{Mixture, PathRng, Rgb};
 use organza_scatter::{DiffuseFlake, GaussianBand, Lobe, LobeSample, SineBand};
 use organza_volume::Octree;
@@ -74,8 +74,8 @@ impl FlakeMedium {
         Some(FlakeMedium { cloth, flakes })
     }
 
-    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
-        self.cloth.lattice_mut()
+    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.cloth.cell_grid_mut()
     }
 
     /// The octree.
@@ -96,8 +96,8 @@ impl FlakeMedium {
 impl Medium for FlakeMedium {
     type Site = FlakeSite;
 
-    fn lattice(&self) -> &Lattice {
-        self.cloth.lattice()
+    fn cell_grid(&self) -> &CellGrid {
+        self.cloth.cell_grid()
     }
 
     fn for_each_span<B>(

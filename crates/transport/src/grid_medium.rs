@@ -1,11 +1,9 @@
 //! A medium from dense grids that other programs made: extinction, SGGX
 //! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
 
-use crate::kernel::{NO_YARN, Population, Substance};
-use crate::lattice::{CellSpan, Lattice, LocalRay};
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3};
+use organza_basis::{Aabb, CellGrid, CellSpan, LocalRay, PathRng, Rgb, Sym3};
 use organza_scatter::{AxialFlake, Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
 use std::ops::ControlFlow;
 
@@ -86,7 +84,7 @@ pub enum GridMediumError {
 /// Extinction toward `w` is `sigma_t sqrt(w^T S w)`, scattering that of
 /// specular SGGX flakes, both from samples at cell centres.
 pub struct GridMedium {
-    lattice: Lattice,
+    cell_grid: CellGrid,
     interpolation: Interpolation,
     sigma_t_per_mm: Grid<1>,
     /// Matrices with their eigenvalues floored, as Cholesky factors too.
@@ -118,7 +116,7 @@ impl GridMedium {
         sggx: Grid<6>,
         albedo: Grid<3>,
     ) -> Result<GridMedium, GridMediumError> {
-        let lattice = Lattice::new(bounds_mm, sigma_t_per_mm.dims, repeats)
+        let cell_grid = CellGrid::new(bounds_mm, sigma_t_per_mm.dims, repeats)
             .ok_or(GridMediumError::Box(bounds_mm))?;
         check(
             &sigma_t_per_mm,
@@ -145,7 +143,7 @@ impl GridMedium {
             data: flakes.iter().map(|f| f.matrix().to_array()).collect(),
         };
         let mut medium = GridMedium {
-            lattice,
+            cell_grid,
             interpolation,
             sigma_t_per_mm,
             s,
@@ -168,8 +166,8 @@ impl GridMedium {
         self.interpolation
     }
 
-    pub(crate) fn lattice_mut(&mut self) -> &mut Lattice {
-        &mut self.lattice
+    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        &mut self.cell_grid
     }
 
     /// A bound for every brick: the largest extinction times the largest
@@ -181,7 +179,7 @@ impl GridMedium {
             dims: self.s.dims,
             data: self.flakes.iter().map(|f| [area_bound(f)]).collect(),
         };
-        let bricks = self.lattice.cell_dims(BRICK);
+        let bricks = self.cell_grid.cell_dims(BRICK);
         let mut bounds = Vec::new();
         for z in 0..bricks.z {
             for y in 0..bricks.y {
@@ -197,7 +195,7 @@ impl GridMedium {
     }
 
     fn largest_in_brick(&self, grid: &Grid<1>, brick: UVec3) -> f32 {
-        let dims = self.lattice.dims();
+        let dims = self.cell_grid.dims();
         let scale = grid.dims.as_vec3() / dims.as_vec3();
         let reach = match self.interpolation {
             Interpolation::Nearest => 0,
@@ -213,7 +211,7 @@ impl GridMedium {
         for z in low.z..=high.z {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
-                    let cell = self.lattice.wrap(glam::IVec3::new(x, y, z), grid.dims);
+                    let cell = self.cell_grid.wrap(glam::IVec3::new(x, y, z), grid.dims);
                     largest = largest.max(grid.at(cell)[0]);
                 }
             }
@@ -225,7 +223,9 @@ impl GridMedium {
     fn look_up<const N: usize>(&self, grid: &Grid<N>, p: Vec3) -> [f32; N] {
         let q = self.grid_point(grid, p);
         match self.interpolation {
-            Interpolation::Nearest => *grid.at(self.lattice.wrap(q.floor().as_ivec3(), grid.dims)),
+            Interpolation::Nearest => {
+                *grid.at(self.cell_grid.wrap(q.floor().as_ivec3(), grid.dims))
+            }
             Interpolation::Trilinear => {
                 let q = q - 0.5;
                 let base = q.floor();
@@ -235,7 +235,7 @@ impl GridMedium {
                 for corner in 0..8 {
                     let c = glam::IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
                     let w = Vec3::select(c.cmpeq(glam::IVec3::ZERO), 1.0 - f, f).element_product();
-                    let sample = grid.at(self.lattice.wrap(base + c, grid.dims));
+                    let sample = grid.at(self.cell_grid.wrap(base + c, grid.dims));
                     for (v, s) in value.iter_mut().zip(sample) {
                         *v += w * s;
                     }
@@ -246,17 +246,16 @@ impl GridMedium {
     }
 
     fn grid_point<const N: usize>(&self, grid: &Grid<N>, p: Vec3) -> Vec3 {
-        if grid.dims == self.lattice.dims() {
+        if grid.dims == self.cell_grid.dims() {
             p
         } else {
-            p * (grid.dims.as_vec3() / self.lattice.dims().as_vec3())
+            p * (grid.dims.as_vec3() / self.cell_grid.dims().as_vec3())
         }
     }
 
-    /// The flakes of a cell as those of a fibre; `None` where they are not.
-    /// Only for grids that are [piecewise constant](Medium::is_piecewise_constant).
-    pub(crate) fn axial_population(&self, cell: UVec3) -> Option<Population> {
-        let sigma_t = self.sigma_t_per_mm.at(cell)[0];
+    /// Extinction at unit projected area in 1/mm, matrix and albedo of a cell. Only
+    /// for grids that are [piecewise constant](Medium::is_piecewise_constant).
+    pub fn values_of(&self, cell: UVec3) -> (f32, Sym3, Rgb) {
         let in_grid = |dims: UVec3| {
             if dims == UVec3::ONE {
                 UVec3::ZERO
@@ -264,29 +263,18 @@ impl GridMedium {
                 cell
             }
         };
-        let s = self.s.at(in_grid(self.s.dims));
-        if sigma_t == 0.0 {
-            return Some(Population {
-                broadside_per_mm: 0.0,
-                flake: AxialFlake::new(Vec3::Z, 1.0),
-                substance: Substance::Flakes(Rgb::BLACK),
-                yarn: NO_YARN,
-            });
-        }
-        let (across, flake) = AxialFlake::from_matrix(Sym3::from_array(*s))?;
-        Some(Population {
-            broadside_per_mm: sigma_t * across,
-            flake,
-            substance: Substance::Flakes(Rgb::from(*self.albedo.at(in_grid(self.albedo.dims)))),
-            yarn: NO_YARN,
-        })
+        (
+            self.sigma_t_per_mm.at(cell)[0],
+            Sym3::from_array(*self.s.at(in_grid(self.s.dims))),
+            Rgb::from(*self.albedo.at(in_grid(self.albedo.dims))),
+        )
     }
 
     fn flakes_at(&self, p: Vec3) -> Sggx {
         match self.interpolation {
             Interpolation::Nearest => {
                 let q = self.grid_point(&self.s, p);
-                let c = self.lattice.wrap(q.floor().as_ivec3(), self.s.dims);
+                let c = self.cell_grid.wrap(q.floor().as_ivec3(), self.s.dims);
                 let (nx, ny) = (self.s.dims.x as usize, self.s.dims.y as usize);
                 self.flakes[(c.z as usize * ny + c.y as usize) * nx + c.x as usize]
             }
@@ -329,8 +317,8 @@ fn check<const N: usize>(
 impl Medium for GridMedium {
     type Site = GridSite;
 
-    fn lattice(&self) -> &Lattice {
-        &self.lattice
+    fn cell_grid(&self) -> &CellGrid {
+        &self.cell_grid
     }
 
     fn for_each_span<B>(
@@ -338,8 +326,8 @@ impl Medium for GridMedium {
         ray: &LocalRay,
         mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        let bricks = self.lattice.cell_dims(BRICK);
-        for span in self.lattice.cells(ray, BRICK) {
+        let bricks = self.cell_grid.cell_dims(BRICK);
+        for span in self.cell_grid.cells(ray, BRICK) {
             let brick = span.cell;
             let index = (brick.z * bricks.y + brick.y) * bricks.x + brick.x;
             let majorant = self.majorants[index as usize];
@@ -355,7 +343,7 @@ impl Medium for GridMedium {
         ray: &LocalRay,
         mut visit: impl FnMut(f32, f32, GridSite) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for span in self.lattice.cells(ray, 1) {
+        for span in self.cell_grid.cells(ray, 1) {
             if self.sigma_t_per_mm.at(span.cell)[0] > 0.0 {
                 visit(span.t0, span.t1, self.site(span.cell.as_vec3() + 0.5))?;
             }
@@ -364,7 +352,7 @@ impl Medium for GridMedium {
     }
 
     fn is_piecewise_constant(&self) -> bool {
-        let fits = |dims: UVec3| dims == UVec3::ONE || dims == self.lattice.dims();
+        let fits = |dims: UVec3| dims == UVec3::ONE || dims == self.cell_grid.dims();
         self.interpolation == Interpolation::Nearest && fits(self.s.dims) && fits(self.albedo.dims)
     }
 

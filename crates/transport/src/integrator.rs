@@ -1,6 +1,6 @@
 //! One path: the random walk from the camera against the light.
 
-use crate::{Collision, Light, Scene, SiteInfo, Stats, Tracking};
+use crate::{Collision, Escape, FirstEvent, Light, PathSample, Scene, Stats, Tracking};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 
@@ -14,40 +14,6 @@ pub enum Integrator {
     /// Exact stepping through constant voxels, with closed-form transmittance
     /// (Algorithm 6 of [Schroeder2012], corrected).
     Regular,
-}
-
-/// The first event of a path.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FirstEvent {
-    /// What is there.
-    pub info: SiteInfo,
-    /// Distance from the camera.
-    pub depth_mm: f64,
-}
-
-/// How a path left the matter.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Escape {
-    /// Unit direction in which it went.
-    pub direction: Vec3,
-    /// What it still carried.
-    pub throughput: Rgb,
-}
-
-/// What one path found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathSample {
-    /// Radiance toward the camera.
-    pub radiance: Rgb,
-    /// Scattering events along the path.
-    pub bounces: u32,
-    /// Its first event, `None` when the camera saw straight through the cloth
-    /// (to a plane behind it, if there is one).
-    pub first: Option<FirstEvent>,
-    /// Estimate of the share that was absorbed along the way.
-    pub absorbed: Rgb,
-    /// How it left the matter, unless it ended inside.
-    pub escape: Option<Escape>,
 }
 
 /// Survival probability of Russian roulette over the mean throughput. A path

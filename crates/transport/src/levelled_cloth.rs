@@ -2,13 +2,14 @@
 //! sheet.
 
 use crate::AnyMedium;
+use crate::PixelCone;
 use crate::Stats;
 use crate::collision::{AnySite, Collision};
-use crate::detail::{Detail, LevelSteps, PixelCone, Tracking};
+use crate::detail::{Detail, LevelSteps, Tracking};
 use crate::draping::Draping;
-use crate::lattice::Lattice;
 use crate::sheet::{Sheet, SheetPoint, SheetSite};
 use glam::{DVec3, UVec3, Vec2, Vec3};
+use organza_basis::CellGrid;
 use organza_basis::{Frame, PathRng, Ray};
 
 /// A cloth of which every path meets one representation, the one that suits the
@@ -20,13 +21,13 @@ pub struct LevelledCloth {
     steps: LevelSteps,
     /// The box of one period, of which the sheet is the middle, or the box
     /// around a draping.
-    lattice: Lattice,
+    cell_grid: CellGrid,
     draping: Option<Draping>,
 }
 
 impl LevelledCloth {
     /// An endless flat cloth. `volumes`, finest first, then `sheet`: one more
-    /// than there are `steps` between them. `lattice` is the box of the cloth;
+    /// than there are `steps` between them. `cell_grid` is the box of the cloth;
     /// the sheet lies half way up in it.
     ///
     /// `None` when the numbers do not match.
@@ -34,14 +35,14 @@ impl LevelledCloth {
         volumes: Vec<AnyMedium>,
         sheet: Option<Box<dyn Sheet>>,
         steps: LevelSteps,
-        lattice: Lattice,
+        cell_grid: CellGrid,
     ) -> Option<LevelledCloth> {
         let count = volumes.len() + usize::from(sheet.is_some());
         (count == steps.count()).then_some(LevelledCloth {
             volumes,
             sheet,
             steps,
-            lattice,
+            cell_grid,
             draping: None,
         })
     }
@@ -59,10 +60,10 @@ impl LevelledCloth {
         // A flat mesh has a box without volume.
         let bounds = draping.bounds_mm();
         let bounds = bounds.grown(1e-4 * bounds.size().length());
-        let lattice = Lattice::new(bounds, UVec3::ONE, false)?;
+        let cell_grid = CellGrid::new(bounds, UVec3::ONE, false)?;
         let good = volumes.iter().all(AnyMedium::can_be_draped)
             && (volumes.is_empty() || draping.has_shell());
-        let flat = LevelledCloth::new(volumes, sheet, steps, lattice)?;
+        let flat = LevelledCloth::new(volumes, sheet, steps, cell_grid)?;
         good.then_some(LevelledCloth {
             draping: Some(draping),
             ..flat
@@ -70,8 +71,8 @@ impl LevelledCloth {
     }
 
     /// The box of one period, or around everything that is draped.
-    pub fn lattice(&self) -> &Lattice {
-        &self.lattice
+    pub fn cell_grid(&self) -> &CellGrid {
+        &self.cell_grid
     }
 
     /// Cuts a flat cloth to a rectangle; `None` when nothing is left, or it is
@@ -80,7 +81,7 @@ impl LevelledCloth {
         if self.draping.is_some() {
             return None;
         }
-        self.lattice = self.lattice.cut_to(min_mm, max_mm)?;
+        self.cell_grid = self.cell_grid.cut_to(min_mm, max_mm)?;
         self.volumes
             .iter_mut()
             .try_for_each(|v| v.cut_to(min_mm, max_mm))
@@ -98,7 +99,7 @@ impl LevelledCloth {
         origin_mm: DVec3,
         direction: DVec3,
     ) -> Option<f64> {
-        let to_box = self.lattice.distance_mm(origin_mm, direction);
+        let to_box = self.cell_grid.distance_mm(origin_mm, direction);
         if !to_box.is_finite() {
             return None;
         }
@@ -187,12 +188,12 @@ impl LevelledCloth {
     }
 
     fn sheet_z_mm(&self) -> f32 {
-        self.lattice.bounds_mm().centre().z
+        self.cell_grid.bounds_mm().centre().z
     }
 
     fn sheet_distance_mm(&self, ray: &Ray) -> Option<f32> {
         let t = (self.sheet_z_mm() - ray.origin.z) / ray.direction.z;
         // A ray in the plane of the sheet meets its edge at most: nothing.
-        (t > 0.0 && t.is_finite() && self.lattice.reach_mm().contains(ray.at(t))).then_some(t)
+        (t > 0.0 && t.is_finite() && self.cell_grid.reach_mm().contains(ray.at(t))).then_some(t)
     }
 }

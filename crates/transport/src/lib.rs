@@ -70,65 +70,60 @@
 //! ```
 
 mod any_medium;
-mod camera;
 mod cloth_medium;
 mod collision;
 mod detail;
 mod draping;
 mod explicit_fibres;
 mod fibre_medium;
-mod film;
-mod film_error;
 mod flake_medium;
+mod flatten;
 mod grid_medium;
-mod image_environment;
 mod integrator;
-mod kernel;
-mod lattice;
 mod levelled_cloth;
-mod light;
 mod local_visibility;
 mod medium;
 mod plane;
 mod population_flakes;
-mod rectangle;
 mod render;
 mod scene;
 mod sheet;
-mod stats;
 mod tracking;
 mod voxel_bounds;
 mod voxel_fibres;
-mod wide_sum;
 
 pub use any_medium::AnyMedium;
-pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use cloth_medium::{ClothMedium, MergedFlakes};
 pub use collision::Collision;
-pub use detail::{Detail, LevelSteps, PixelCone, Tracking};
+pub use detail::{Detail, LevelSteps, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
-pub use film::{Film, Pixel};
-pub use film_error::PixelErrors;
 pub use flake_medium::{FlakeFamily, FlakeMedium, FlakeSite};
+pub use flatten::{KernelRefusal, flatten};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
-pub use image_environment::{ImageEnvironment, ImageEnvironmentError};
-pub use integrator::{Escape, FirstEvent, Integrator, PathSample, trace_from, trace_path};
-pub use kernel::{Backend, Kernel, KernelRefusal};
-pub use lattice::{CellSpan, Cells, Lattice, LocalRay};
+pub use integrator::{Integrator, trace_from, trace_path};
 pub use levelled_cloth::LevelledCloth;
-pub use light::{Hemisphere, Light, LightSample, LightSearch};
 pub use local_visibility::LocalVisibility;
-pub use medium::{Medium, SiteInfo};
+pub use medium::Medium;
 pub use plane::Plane;
 pub use population_flakes::{FlakeOptics, population_shape};
-pub use rectangle::{RectangleError, RectangleLight};
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;
 pub use sheet::{Sheet, SheetPoint};
-pub use stats::Stats;
 pub use tracking::{
     exact_transmittance, sample_collision, sample_collision_exactly, stopped_transmittance,
     transmittance,
+};
+
+// What a scene and its picture are made of, under one name for those who trace them.
+pub use organza_basis::cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
+pub use organza_film::{
+    Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
+    PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
+};
+pub use organza_kernel::{Backend, Kernel};
+pub use organza_light::{
+    Hemisphere, ImageEnvironment, ImageEnvironmentError, Light, LightSample, LightSearch,
+    RectangleError, RectangleLight,
 };

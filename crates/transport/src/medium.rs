@@ -1,23 +1,14 @@
 //! The waist between matter and trackers.
 
-use crate::lattice::{CellSpan, Lattice, LocalRay};
+use crate::SiteInfo;
 use glam::Vec3;
-use organza_basis::{PathRng, Rgb};
+use organza_basis::{CellGrid, CellSpan, LocalRay, PathRng, Rgb};
 use organza_scatter::LobeSample;
 use std::ops::ControlFlow;
 
-/// What a picture may show of a point in a medium.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SiteInfo {
-    /// Unit fibre axis, or zero where the medium has none.
-    pub axis: Vec3,
-    /// Yarn number, where the medium knows yarns.
-    pub yarn: Option<u32>,
-}
-
 /// Matter that scatters light, as a tracker sees it.
 ///
-/// Points are given in the *local* coordinates of [`Medium::lattice`], one
+/// Points are given in the *local* coordinates of [`Medium::cell_grid`], one
 /// unit a voxel; directions are unit vectors in the world. `w_out` points back
 /// along the walk, toward the camera; `w_in` toward the light.
 pub trait Medium: Sync {
@@ -25,7 +16,7 @@ pub trait Medium: Sync {
     type Site: Copy + Send;
 
     /// Where the medium is, and how it repeats.
-    fn lattice(&self) -> &Lattice;
+    fn cell_grid(&self) -> &CellGrid;
 
     /// Visits stretches of the ray in order, each with a bound in 1/mm on the
     /// extinction over that stretch **and over all directions**, until `visit`
@@ -49,7 +40,7 @@ pub trait Medium: Sync {
     /// stepping is possible.
     fn is_piecewise_constant(&self) -> bool;
 
-    /// The medium at a local point inside the lattice's box.
+    /// The medium at a local point inside the cell grid's box.
     fn site(&self, p: Vec3) -> Self::Site;
 
     /// A bound in 1/mm on the extinction of whatever [`Medium::meet`] finds at a

@@ -1,9 +1,9 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::kernel::Block;
 use crate::{Film, Integrator, Kernel, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
+use organza_kernel::Block;
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

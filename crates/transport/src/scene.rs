@@ -87,9 +87,9 @@ impl Scene {
     /// Distance in mm along a ray from far away to just before the first
     /// matter or light with a place: where a walk in `f32` should start.
     pub fn near_start(&self, lights: &[Light], origin_mm: DVec3, direction: DVec3) -> f64 {
-        let matter = self.media.iter().map(|m| match (m, m.lattice()) {
+        let matter = self.media.iter().map(|m| match (m, m.cell_grid()) {
             (AnyMedium::Plane(p), _) => before(p.distance_mm(origin_mm, direction)),
-            (_, Some(lattice)) => lattice.distance_mm(origin_mm, direction),
+            (_, Some(cell_grid)) => cell_grid.distance_mm(origin_mm, direction),
             (_, None) => f64::INFINITY,
         });
         let places = lights

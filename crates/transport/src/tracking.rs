@@ -1,7 +1,7 @@
 //! Free flight and transmittance through one medium.
 
-use crate::lattice::LocalRay;
 use crate::{Medium, Stats};
+use organza_basis::LocalRay;
 use organza_basis::PathRng;
 use std::ops::ControlFlow;
 

@@ -3,7 +3,7 @@
 //! Trackers ask before they look a voxel up: most tentative collisions at a
 //! node's majorant are with nothing, and a byte tells so.
 
-use crate::Lattice;
+use crate::CellGrid;
 use glam::{IVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ const PER_OCTAVE: f32 = 16.0;
 
 /// Bounds on the extinction, 1/mm, over all directions.
 pub struct VoxelBounds {
-    lattice: Lattice,
+    cell_grid: CellGrid,
     codes: Vec<u8>,
     /// Of every code; zero means nothing.
     bounds_per_mm: Vec<f32>,
@@ -23,11 +23,11 @@ impl VoxelBounds {
     /// For every voxel the greatest of `extinction_per_mm` at most `reach` voxels
     /// away along each axis, rounded up.
     pub fn new(
-        lattice: Lattice,
+        cell_grid: CellGrid,
         reach: IVec3,
         extinction_per_mm: impl Fn(UVec3) -> f32 + Sync,
     ) -> VoxelBounds {
-        let dims = lattice.dims();
+        let dims = cell_grid.dims();
         let area = dims.x as usize * dims.y as usize;
         let mut values = vec![0.0f32; area * dims.z as usize];
         let layers = values.par_chunks_mut(area).zip(0..dims.z);
@@ -53,10 +53,10 @@ impl VoxelBounds {
         let mut codes: Vec<u8> = values.par_iter().map(|&v| code(v)).collect();
         drop(values);
         for axis in 0..3 {
-            spread(&lattice, &mut codes, axis, reach[axis]);
+            spread(&cell_grid, &mut codes, axis, reach[axis]);
         }
         VoxelBounds {
-            lattice,
+            cell_grid,
             codes,
             bounds_per_mm,
         }
@@ -65,18 +65,18 @@ impl VoxelBounds {
     /// The bound at a local point.
     #[inline]
     pub fn at(&self, p: Vec3) -> f32 {
-        let (c, dims) = (self.lattice.cell(p), self.lattice.dims());
+        let (c, dims) = (self.cell_grid.cell(p), self.cell_grid.dims());
         let place = (c.z as usize * dims.y as usize + c.y as usize) * dims.x as usize;
         self.bounds_per_mm[usize::from(self.codes[place + c.x as usize])]
     }
 }
 
 /// Replaces every code by the greatest at most `reach` away along an axis.
-fn spread(lattice: &Lattice, codes: &mut Vec<u8>, axis: usize, reach: i32) {
+fn spread(cell_grid: &CellGrid, codes: &mut Vec<u8>, axis: usize, reach: i32) {
     if reach == 0 {
         return;
     }
-    let dims = lattice.dims();
+    let dims = cell_grid.dims();
     let stride = [1, dims.x as usize, (dims.x * dims.y) as usize][axis];
     let n = dims[axis] as i32;
     let old = &codes[..];
@@ -84,7 +84,7 @@ fn spread(lattice: &Lattice, codes: &mut Vec<u8>, axis: usize, reach: i32) {
         let at = (place / stride % n as usize) as i32;
         let start = place - at as usize * stride;
         let around = (at - reach..=at + reach).filter_map(|c| {
-            let c = if lattice.repeats() && axis < 2 {
+            let c = if cell_grid.repeats() && axis < 2 {
                 c.rem_euclid(n)
             } else {
                 c
@@ -113,9 +113,9 @@ mod tests {
         let value = |c: UVec3| values[((c.z * dims.y + c.y) * dims.x + c.x) as usize];
         for repeats in [false, true] {
             let bounds_mm = Aabb::new(Vec3::ZERO, dims.as_vec3() * 0.01);
-            let lattice = Lattice::new(bounds_mm, dims, repeats).unwrap();
+            let cell_grid = CellGrid::new(bounds_mm, dims, repeats).unwrap();
             let reach = IVec3::new(2, 1, 1);
-            let bounds = VoxelBounds::new(lattice, reach, value);
+            let bounds = VoxelBounds::new(cell_grid, reach, value);
             for _ in 0..2000 {
                 let p = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * dims.as_vec3();
                 let mut expected = 0.0f32;

@@ -7,8 +7,8 @@ use organza_basis::{Aabb, Moments, PathRng, Rgb, Sym3, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
 use organza_scatter::LobeSample;
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, Draping, Film, Grid, GridMedium, Hemisphere, Integrator,
-    Interpolation, Lattice, LevelSteps, LevelledCloth, Light, PixelFilter, Projection,
+    AnyMedium, Camera, CameraPose, CellGrid, Draping, Film, Grid, GridMedium, Hemisphere,
+    Integrator, Interpolation, LevelSteps, LevelledCloth, Light, PixelFilter, Projection,
     RenderSettings, Scene, Sheet, SheetPoint, Stats, render, trace_from,
 };
 use std::f32::consts::FRAC_1_PI;
@@ -267,8 +267,8 @@ fn paper(gap: f32, back: f32, over: Option<Mesh>) -> AnyMedium {
     let cloth = match over {
         None => {
             let bounds = Aabb::new(Vec3::new(0.0, 0.0, -0.2), Vec3::new(1.0, 1.0, 0.4));
-            let lattice = Lattice::new(bounds, UVec3::ONE, true).unwrap();
-            LevelledCloth::new(Vec::new(), sheet, steps, lattice)
+            let cell_grid = CellGrid::new(bounds, UVec3::ONE, true).unwrap();
+            LevelledCloth::new(Vec::new(), sheet, steps, cell_grid)
         }
         Some(mesh) => {
             let draping = Draping::new(DrapedMesh::new(mesh), None);
@@ -350,7 +350,7 @@ fn levels_blend_by_the_width_of_the_pixel() {
         }]
     };
     let bounds = Aabb::new(Vec3::new(0.0, 0.0, -0.2), Vec3::ONE);
-    let lattice = Lattice::new(bounds, UVec3::ONE, true).unwrap();
+    let cell_grid = CellGrid::new(bounds, UVec3::ONE, true).unwrap();
     let camera = |width_mm: f64| {
         let pose = CameraPose {
             origin_mm: DVec3::Z * 5.0,
@@ -377,7 +377,7 @@ fn levels_blend_by_the_width_of_the_pixel() {
         back: 1.0,
     });
     let steps = LevelSteps::new(vec![(0.1, 0.4)]).unwrap();
-    let cloth = LevelledCloth::new(vec![empty], Some(sheet), steps, lattice).unwrap();
+    let cloth = LevelledCloth::new(vec![empty], Some(sheet), steps, cell_grid).unwrap();
     let media = vec![AnyMedium::Levelled(Box::new(cloth))];
     let mut scene = Scene {
         media,

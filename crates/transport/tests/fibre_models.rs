@@ -160,7 +160,7 @@ fn add(sums: &mut Shares, one: &Shares) {
 }
 
 fn measure(medium: AnyMedium, view: Vec3, paths: u64, seed: u64) -> Shares {
-    let box_mm = medium.lattice().unwrap().bounds_mm();
+    let box_mm = medium.cell_grid().unwrap().bounds_mm();
     let pose = CameraPose {
         origin_mm: DVec3::Z,
         target_mm: DVec3::ZERO,
@@ -408,7 +408,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
 
 /// The mean of a yarn's radiance toward `view` under parallel light from `light`.
 fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Moments {
-    let box_mm = medium.lattice().unwrap().bounds_mm();
+    let box_mm = medium.cell_grid().unwrap().bounds_mm();
     let pose = CameraPose {
         origin_mm: DVec3::Z,
         target_mm: DVec3::ZERO,

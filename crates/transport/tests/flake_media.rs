@@ -69,7 +69,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
     let mut drawn_pdf = None::<f32>;
     let balance = |a: f32, b: f32| f64::from(a / (a + b));
     loop {
-        let local = medium.lattice().clip(&ray, f32::INFINITY);
+        let local = medium.cell_grid().clip(&ray, f32::INFINITY);
         let hit = local
             .as_ref()
             .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
@@ -83,7 +83,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
         let site = medium.settle(site, w_out, rng);
         let w_light = warp::uniform_sphere(rng.unit2());
         let through = medium
-            .lattice()
+            .cell_grid()
             .clip(&Ray::new(at, w_light), f32::INFINITY)
             .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
         let pdf = medium.pdf(&site, w_out, w_light);
@@ -128,7 +128,7 @@ fn ratio_tracking_is_the_closed_form() {
         let medium = flakes(family, 1.0);
         for w in [Vec3::NEG_Z, -Vec3::new(0.5, 0.4, 1.0).normalize()] {
             let local = medium
-                .lattice()
+                .cell_grid()
                 .clip(&Ray::new(Vec3::splat(0.12) - w, w), f32::INFINITY)
                 .unwrap();
             let exact = f64::from(exact_transmittance(&medium, &local, &mut stats));
@@ -159,7 +159,7 @@ fn points_are_reciprocal_and_families_block_alike() {
     let (a, b) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.64, -0.48));
     for family in FAMILIES {
         let medium = flakes(family, 0.8);
-        let dims = medium.lattice().dims().as_vec3();
+        let dims = medium.cell_grid().dims().as_vec3();
         let sites: Vec<_> = (0..200)
             .map(|i| {
                 let u = i as f32 / 200.0;

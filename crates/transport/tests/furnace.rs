@@ -13,7 +13,7 @@ use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, Frame, Moments, PathRng, Ray, Rgb, Sym3, warp};
 use organza_scatter::LobeSample;
 use organza_transport::{
-    CellSpan, Grid, GridMedium, Interpolation, Lattice, LocalRay, Medium, SiteInfo, Stats,
+    CellGrid, CellSpan, Grid, GridMedium, Interpolation, LocalRay, Medium, SiteInfo, Stats,
     sample_collision, transmittance,
 };
 use std::ops::ControlFlow;
@@ -39,8 +39,8 @@ struct TransposedFrame(GridMedium);
 impl Medium for TransposedFrame {
     type Site = <GridMedium as Medium>::Site;
 
-    fn lattice(&self) -> &Lattice {
-        self.0.lattice()
+    fn cell_grid(&self) -> &CellGrid {
+        self.0.cell_grid()
     }
     fn for_each_span<B>(
         &self,
@@ -98,7 +98,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
     let mut drawn_pdf = None::<f32>;
     let balance = |a: f32, b: f32| f64::from(a / (a + b));
     for _ in 0..10_000 {
-        let local = medium.lattice().clip(&ray, f32::INFINITY);
+        let local = medium.cell_grid().clip(&ray, f32::INFINITY);
         let hit = local
             .as_ref()
             .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
@@ -112,7 +112,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
         let w_light = warp::uniform_sphere(rng.unit2());
         let shadow = Ray::new(at, w_light);
         let through = medium
-            .lattice()
+            .cell_grid()
             .clip(&shadow, f32::INFINITY)
             .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
         let value = medium.eval(&site, w_out, w_light).0.x;

@@ -26,7 +26,7 @@ use clap::Args;
 use glam::UVec2;
 use organza_transport::{
     Backend, Crop, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
-    Rendering, Scene,
+    Rendering, Scene, flatten,
 };
 use serde_json::json;
 use std::ops::{ControlFlow, Range};
@@ -431,7 +431,7 @@ fn kernel(
     };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
-        None => Kernel::new(scene, settings, backend, most_bytes),
+        None => flatten(scene, settings, backend, most_bytes),
     };
     match made {
         Err(why) if args.backend != BackendName::Auto => Err(input(format!(

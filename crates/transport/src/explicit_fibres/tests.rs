@@ -177,7 +177,7 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
     for repeats in [false, true] {
         let traced = traced(repeats);
         let around = if repeats { 6 } else { 0 };
-        let box_mm = traced.lattice.bounds_mm();
+        let box_mm = traced.cell_grid.bounds_mm();
         let mut all = Vec::new();
         for y in -around..=around {
             for x in -around..=around {
@@ -191,7 +191,7 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
             let middle = box_mm.centre();
             let o = ray.origin.as_dvec3();
             let least = if traced
-                .lattice
+                .cell_grid
                 .clip(&ray, f32::INFINITY)
                 .is_some_and(|c| c.t_entry == 0.0)
             {

@@ -1,0 +1,13 @@
+//! Lanes of processors: one path in each, and the numbers they compute with.
+
+mod backend;
+mod dispatch;
+pub mod lanes;
+pub mod math;
+#[cfg(test)]
+mod math_tests;
+#[cfg(target_arch = "x86_64")]
+pub mod vector;
+
+pub use backend::Backend;
+pub use dispatch::dispatch;

@@ -1,0 +1,42 @@
+//! Kernels that are wrong on purpose: known-bad twins, which tests must reject.
+
+use crate::Kernel;
+use crate::voxels::fibre_tables::FibreTables;
+use organza_scatter::Fibre;
+
+/// What is wrong with a kernel.
+pub enum Fault<'a> {
+    /// Tables of light hold one depth everywhere: exact rays set that right.
+    LightTables,
+    /// No exact rays are traced.
+    NoExactRays,
+    /// Walks find the lamps of pictures once more.
+    LampsTwice,
+    /// Nothing finds the lamps of pictures.
+    NoLamps,
+    /// Light scatters as from these fibres.
+    Fibres(&'a [Fibre]),
+}
+
+impl Kernel {
+    /// The same kernel with a fault.
+    pub fn with_fault(mut self, fault: Fault<'_>) -> Kernel {
+        /// Four times the code of half a unit of depth.
+        const WRONG: u32 = 0x0e0e_0e0e;
+        match fault {
+            Fault::LightTables => {
+                self.depths.fill(WRONG);
+                let lamps = self.skies.iter_mut().flat_map(|sky| &mut sky.lamps);
+                lamps.for_each(|lamp| lamp.table.depths.fill(WRONG));
+            }
+            Fault::NoExactRays => self.residual_scale = 0.0,
+            Fault::LampsTwice => self
+                .skies
+                .iter_mut()
+                .for_each(|sky| sky.show_lamps_to_all()),
+            Fault::NoLamps => self.skies.iter_mut().for_each(|sky| sky.lamps.clear()),
+            Fault::Fibres(fibres) => self.fibres = FibreTables::new(fibres.iter()),
+        }
+        self
+    }
+}

@@ -1,0 +1,44 @@
+//! What the kernel leaves to another walk, and why.
+
+use crate::Backend;
+use crate::voxels::flat_medium::MAX_DIM;
+
+/// Why the kernel leaves a view to another walk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A medium that does not suit it.
+    #[error(transparent)]
+    Medium(#[from] Unsuited),
+    /// Fibres of which the walk draws better.
+    #[error("fibres are so rough, or point so many ways, that the general walk draws them better")]
+    Skewed,
+    /// A picture of too many pixels.
+    #[error("a picture of light has more than 65536 pixels along an edge")]
+    Picture,
+    /// A rectangle that the walk finds better.
+    #[error("a rectangle light stands in the matter or near to it for its size")]
+    Panel,
+    /// Its tables would take too much.
+    #[error("its tables would take up to {0} bytes, more than {1}")]
+    Memory(u64, u64),
+    /// The processor lacks it.
+    #[error("this processor does not have {0:?}")]
+    Backend(Backend),
+}
+
+/// Why matter cannot be laid out for lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsuited {
+    /// Flakes that are not those of a fibre.
+    #[error("a grid has flakes that are not symmetric about their thinnest direction")]
+    NotAxial,
+    /// More voxels along an axis than [`MAX_DIM`].
+    #[error("a medium has more than {MAX_DIM} voxels along an axis")]
+    TooWide,
+    /// More albedos than there are numbers for.
+    #[error("a medium has more than 65536 different albedos")]
+    TooManyAlbedos,
+    /// More populations than can be addressed.
+    #[error("a medium has more than 2^29 populations of fibres")]
+    TooManyPopulations,
+}

@@ -1,0 +1,371 @@
+//! Light from infinity as a picture, for lanes.
+//!
+//! The picture is split texel by texel into a sum of two: a sky, which is as
+//! bright as a few times its own mean at the most and which walks find by
+//! escaping, and what is brighter than that, the lamps, which shadow rays find.
+//! Interpolation is linear, so both parts interpolated add up to the picture,
+//! and neither is found twice: there is nothing to weigh.
+//!
+//! A lamp is what is bright within a cap. Directions are drawn from it by
+//! luminance: a texel, then a place in the tent that interpolation spreads it
+//! over, so that the light along a drawn direction is nearly the same for all
+//! of them. A [`LightTable`] toward the lamp's middle says how much comes
+//! through, and an occasional exact ray along the drawn direction sets it right.
+
+use super::flat_medium::FlatMedium;
+use super::light_table::{LightTable, Nodes, extinctions};
+use crate::cpu::lanes::{Floats, Ints};
+use crate::cpu::math::{V3, sin_cos_of_turns, turns_of};
+use glam::Vec3;
+use organza_basis::CellGrid;
+use organza_basis::{AliasTable, Rgb};
+use organza_light::ImageEnvironment;
+use std::f32::consts::{PI, TAU};
+
+/// How many times as bright as its own mean the sky may be. Escaping walks
+/// then spread at most about this much more than under a uniform sky.
+const SKY_CONTRAST: f64 = 4.0;
+
+/// Cosine of the angle between a lamp's middle and its rim, 20 degrees, within
+/// which one table serves; and most lamps. What is left over goes to the
+/// nearest: a table that fits badly costs exact rays and nothing else.
+const RIM_COSINE: f32 = 0.94;
+const MOST_LAMPS: usize = 4;
+
+/// What is brighter than the sky may be is left in it when it is less than this
+/// share of the picture's light.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Rounds in which the bound and the mean of what stays below it settle.
+const ROUNDS: usize = 64;
+
+/// Words of a texel in a picture, and of a place to draw in a lamp.
+const TEXEL: u32 = 3;
+const PLACE: u32 = 8;
+
+/// A picture around the scene.
+pub struct Sky {
+    size: [f32; 2],
+    /// Toward the picture's middle, left and up.
+    centre: Vec3,
+    left: Vec3,
+    up: Vec3,
+    /// Red, green and blue of the sky's texels as bits of `f32`, then the same
+    /// of the whole picture, unless that is all there is.
+    texels: Vec<u32>,
+    /// Where the whole picture begins.
+    whole: u32,
+    /// What is brighter.
+    pub lamps: Vec<Lamp>,
+    /// The greatest texel.
+    pub brightest: f32,
+}
+
+/// A part of a picture that shadow rays find.
+pub struct Lamp {
+    /// Depths toward its middle.
+    pub table: LightTable,
+    /// For every place of an alias table [Walker1977] eight words: the share
+    /// of its texel, where that begins which has the rest, column and row;
+    /// then red, green and blue times the solid angle of a texel at the equator
+    /// over the texel's probability, and two that are unused.
+    places: Vec<u32>,
+    /// A power of two, so that all are drawn alike.
+    count: u32,
+}
+
+/// Directions drawn toward a lamp.
+pub struct LampSample<F: Floats> {
+    pub to_light: V3<F>,
+    /// Radiance over density.
+    pub irradiance: V3<F>,
+}
+
+impl Sky {
+    /// Lays a picture out for lanes.
+    pub fn new(medium: &FlatMedium, nodes: Nodes, image: &ImageEnvironment, parts: &Parts) -> Sky {
+        let [up, centre, left] = image.frame();
+        let mut texels: Vec<u32> = parts.sky.iter().flat_map(|&p| bits(p)).collect();
+        let mut whole = 0;
+        if !parts.lamps.is_empty() {
+            whole = texels.len() as u32;
+            texels.extend(image.pixels().iter().flat_map(|&p| bits(p)));
+        }
+        let lamps = parts.lamps.iter();
+        let brightest = image.pixels().iter().map(|p| p.max_component());
+        Sky {
+            size: image.size().as_vec2().to_array(),
+            centre,
+            left,
+            up,
+            texels,
+            whole,
+            lamps: lamps
+                .filter_map(|lamp| Lamp::new(medium, nodes, image, lamp))
+                .collect(),
+            brightest: brightest.fold(0.0, f32::max),
+        }
+    }
+
+    /// Bytes in use.
+    pub fn memory_bytes(&self) -> u64 {
+        let places: usize = self.lamps.iter().map(|l| l.places.len()).sum();
+        let tables: u64 = self.lamps.iter().map(|l| l.table.memory_bytes()).sum();
+        4 * (self.texels.len() + places) as u64 + tables
+    }
+
+    /// A twin that is wrong: walks find the lamps once more.
+    pub fn show_lamps_to_all(&mut self) {
+        let whole = self.texels.split_off(self.whole as usize);
+        self.texels = whole;
+        self.whole = 0;
+    }
+
+    /// Radiance along directions of sight: the sky's, or the whole picture's
+    /// where nothing looked for the lamps.
+    #[inline(always)]
+    pub fn radiance_toward<F: Floats>(&self, w: V3<F>, whole: F::Mask) -> V3<F> {
+        let word = F::Ints::splat;
+        let (half, zero, one) = (F::splat(0.5), F::splat(0.0), F::splat(1.0));
+        let (x, y, z) = (
+            w.dot(V3::splat(self.centre)),
+            w.dot(V3::splat(self.left)),
+            w.dot(V3::splat(self.up)),
+        );
+        let polar = turns_of(x.mul_add(x, y * y).sqrt(), z);
+        let [width, height] = self.size;
+        let column = (half - turns_of(y, x)).mul_add(F::splat(width), -half);
+        let row = polar.mul_add(F::splat(2.0 * height), -half);
+        let (left, above) = (column.floor(), row.floor());
+        let (fx, fy) = (column - left, row - above);
+        let last = F::splat(width - 1.0);
+        let right = left + one;
+        let right = zero.or_where_not(last.below(right), right);
+        let left = last.or_where_not(left.below(zero), left);
+        let bottom = F::splat(height - 1.0);
+        let below = (above + one).min(bottom);
+        let above = above.max(zero);
+        let base = word(self.whole).or_where_not(whole, word(0));
+        let left = left.max(zero).min(last).to_ints() * word(TEXEL);
+        let right = right.max(zero).min(last).to_ints() * word(TEXEL);
+        let row = word(TEXEL * width as u32);
+        let above = base + above.to_ints() * row;
+        let below = base + below.to_ints() * row;
+        let corners = [above + left, above + right, below + left, below + right];
+        V3 {
+            x: self.between(corners, 0, fx, fy),
+            y: self.between(corners, 1, fx, fy),
+            z: self.between(corners, 2, fx, fy),
+        }
+    }
+
+    /// A channel between four texels.
+    #[inline(always)]
+    fn between<F: Floats>(&self, [a, b, c, d]: [F::Ints; 4], channel: u32, fx: F, fy: F) -> F {
+        let channel = F::Ints::splat(channel);
+        let a = (a + channel).gather(&self.texels).as_floats();
+        let b = (b + channel).gather(&self.texels).as_floats();
+        let c = (c + channel).gather(&self.texels).as_floats();
+        let d = (d + channel).gather(&self.texels).as_floats();
+        let (low, high) = ((b - a).mul_add(fx, a), (d - c).mul_add(fx, c));
+        (high - low).mul_add(fy, low)
+    }
+
+    /// Draws directions toward a lamp.
+    #[inline(always)]
+    pub fn sample<F: Floats>(
+        &self,
+        lamp: &Lamp,
+        [u_place, u_own, across, down]: [F; 4],
+    ) -> LampSample<F> {
+        let word = F::Ints::splat;
+        let half = F::splat(0.5);
+        let table = &lamp.places[..];
+        let place = (u_place * F::splat(lamp.count as f32)).to_ints() * word(PLACE);
+        let own = u_own.below(place.gather(table).as_floats());
+        let place = place.or_where_not(own, (place + word(1)).gather(table));
+        let at = (place + word(2)).gather(table);
+        let x = (at & word(0xffff)).to_floats() + half + tent(across);
+        // Beyond a pole the picture goes on as its last row: the tent folds.
+        let y = (at.shr::<16>().to_floats() + half + tent(down)).abs();
+        let height = F::splat(self.size[1]);
+        let y = height - (height - y).abs();
+        let turns = half - x * F::splat(1.0 / self.size[0]);
+        let (sin_azimuth, cos_azimuth) = sin_cos_of_turns(turns - turns.floor());
+        let (sin, cos) = sin_cos_of_turns(y * (half / height));
+        let across = V3::splat(self.centre).scaled(sin * cos_azimuth);
+        let across = V3::splat(self.left).scaled_add(sin * sin_azimuth, across);
+        let irradiance = V3 {
+            x: (place + word(3)).gather(table).as_floats(),
+            y: (place + word(4)).gather(table).as_floats(),
+            z: (place + word(5)).gather(table).as_floats(),
+        };
+        LampSample {
+            to_light: V3::splat(self.up).scaled_add(cos, across),
+            irradiance: irradiance.scaled(sin),
+        }
+    }
+}
+
+/// A number between -1 and 1, the more seldom the farther from 0: linearly.
+#[inline(always)]
+fn tent<F: Floats>(u: F) -> F {
+    let one = F::splat(1.0);
+    let twice = u + u;
+    let rising = twice.sqrt() - one;
+    let falling = one - (one + one - twice).max(F::splat(0.0)).sqrt();
+    rising.or_where_not(twice.below(one), falling)
+}
+
+impl Lamp {
+    fn new(
+        medium: &FlatMedium,
+        nodes: Nodes,
+        image: &ImageEnvironment,
+        texels: &[Texel],
+    ) -> Option<Lamp> {
+        let count = texels.len().next_power_of_two();
+        let mut weights: Vec<f64> = texels.iter().map(|t| t.flux).collect();
+        weights.resize(count, 0.0);
+        let table = AliasTable::new(&weights)?;
+        let size = image.size();
+        let unit = TAU / size.x as f32 * PI / size.y as f32;
+        let mut places = Vec::with_capacity(PLACE as usize * count);
+        for (i, &(own, other)) in table.slots().iter().enumerate() {
+            let mut words = [own.to_bits(), other * PLACE, 0, 0, 0, 0, 0, 0];
+            if let Some(t) = texels.get(i) {
+                words[2] = (t.index % size.x) | ((t.index / size.x) << 16);
+                let over = unit / table.probability(i);
+                words[3..6].copy_from_slice(&bits(over * t.radiance));
+            }
+            places.extend(words);
+        }
+        Some(Lamp {
+            table: LightTable::new(
+                medium.cell_grid,
+                nodes,
+                -middle(texels),
+                Rgb::BLACK,
+                extinctions(medium, middle(texels)),
+            ),
+            places,
+            count: count as u32,
+        })
+    }
+}
+
+/// The middle of what texels shine.
+fn middle(texels: &[Texel]) -> Vec3 {
+    let flux: f64 = texels.iter().map(|t| t.flux).sum();
+    let mean = texels.iter().map(|t| (t.flux / flux) as f32 * t.toward);
+    // Within a cap there is one; the brightest lies in it.
+    let any = texels.first().map_or(Vec3::Z, |t| t.toward);
+    mean.sum::<Vec3>().try_normalize().unwrap_or(any)
+}
+
+fn bits(c: Rgb) -> [u32; 3] {
+    c.0.to_array().map(f32::to_bits)
+}
+
+/// A texel of a lamp.
+pub struct Texel {
+    index: u32,
+    toward: Vec3,
+    /// What it is brighter than the sky.
+    radiance: Rgb,
+    /// Its luminance times the solid angle.
+    flux: f64,
+}
+
+/// A picture taken apart.
+pub struct Parts {
+    pub sky: Vec<Rgb>,
+    pub lamps: Vec<Vec<Texel>>,
+}
+
+impl Parts {
+    /// Bytes that the picture takes in lanes at the most.
+    pub fn bytes(&self, cell_grid: &CellGrid) -> u64 {
+        let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();
+        4 * (u64::from(2 * TEXEL) * self.sky.len() as u64 + u64::from(PLACE) * places as u64)
+            + LightTable::most_bytes(cell_grid, self.lamps.len() as u64)
+    }
+
+    /// Takes a picture apart.
+    pub fn of(image: &ImageEnvironment) -> Parts {
+        let (size, pixels) = (image.size(), image.pixels());
+        let [up, centre, left] = image.frame();
+        let row_weight = |y: u32| {
+            let polar = std::f64::consts::PI * (f64::from(y) + 0.5) / f64::from(size.y);
+            polar.sin()
+        };
+        let rows = || pixels.chunks_exact(size.x as usize).zip(0..);
+        let of_sphere = f64::from(size.x) * (0..size.y).map(row_weight).sum::<f64>();
+        let mean_up_to = |most: f64| {
+            let sums = rows().map(|(row, y)| {
+                let sum: f64 = row.iter().map(|p| f64::from(p.luminance()).min(most)).sum();
+                sum * row_weight(y)
+            });
+            sums.sum::<f64>() / of_sphere
+        };
+        let mean = mean_up_to(f64::INFINITY);
+        let mut most = SKY_CONTRAST * mean;
+        for _ in 0..ROUNDS {
+            most = SKY_CONTRAST * mean_up_to(most);
+        }
+        let mut bright = Vec::new();
+        if mean - mean_up_to(most) > LEAST_SHARE * mean {
+            for (row, y) in rows() {
+                for (&p, x) in row.iter().zip(0..) {
+                    let luminance = f64::from(p.luminance());
+                    if luminance > most {
+                        let turns = 0.5 - (x as f32 + 0.5) / size.x as f32;
+                        let (sin, cos) = (PI * (y as f32 + 0.5) / size.y as f32).sin_cos();
+                        let (s, c) = (TAU * turns).sin_cos();
+                        bright.push(Texel {
+                            index: y * size.x + x,
+                            toward: sin * (c * centre + s * left) + cos * up,
+                            radiance: (1.0 - (most / luminance) as f32) * p,
+                            flux: (luminance - most) * row_weight(y),
+                        });
+                    }
+                }
+            }
+        }
+        let mut sky = pixels.to_vec();
+        for t in &bright {
+            let sky = &mut sky[t.index as usize];
+            *sky = *sky - t.radiance;
+        }
+        Parts {
+            sky,
+            lamps: gather_lamps(bright),
+        }
+    }
+}
+
+/// Texels in caps around the brightest.
+fn gather_lamps(mut texels: Vec<Texel>) -> Vec<Vec<Texel>> {
+    let mut lamps: Vec<(Vec3, Vec<Texel>)> = Vec::new();
+    while lamps.len() < MOST_LAMPS {
+        let brightest =
+            |a: &&Texel, b: &&Texel| a.radiance.luminance().total_cmp(&b.radiance.luminance());
+        let Some(middle) = texels.iter().max_by(brightest).map(|t| t.toward) else {
+            break;
+        };
+        let (within, others) = texels
+            .into_iter()
+            .partition(|t| t.toward.dot(middle) >= RIM_COSINE);
+        lamps.push((middle, within));
+        texels = others;
+    }
+    for t in texels {
+        let nearest = lamps
+            .iter_mut()
+            .max_by(|a, b| a.0.dot(t.toward).total_cmp(&b.0.dot(t.toward)));
+        if let Some((_, lamp)) = nearest {
+            lamp.push(t);
+        }
+    }
+    lamps.into_iter().map(|(_, lamp)| lamp).collect()
+}

@@ -1,0 +1,129 @@
+//! Pictures around the scene, and their parts.
+
+use super::environment::{Parts, Sky};
+use super::flat_medium::FlatMedium;
+use super::light_table::Nodes;
+use super::matter_tests::bundles;
+use crate::cpu::lanes::{self, Mask, one};
+use crate::cpu::math::{LaneRng, V3, pixel_key};
+use glam::{UVec2, Vec3};
+use organza_basis::{PathRng, Rgb, warp};
+use organza_light::ImageEnvironment;
+
+/// A dim sky with a low sun of some pixels, a lamp at the pole and one at the
+/// left edge.
+fn image() -> ImageEnvironment {
+    let size = UVec2::new(24, 12);
+    let mut pixels: Vec<Rgb> = (0..size.element_product())
+        .map(|i| Rgb::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * (i as f32).sin()))
+        .collect();
+    let mut shine = |x: usize, y: usize, radiance| pixels[y * 24 + x] = radiance;
+    shine(13, 8, Rgb::new(60.0, 40.0, 20.0));
+    shine(14, 8, Rgb::new(30.0, 20.0, 10.0));
+    shine(13, 9, Rgb::new(20.0, 15.0, 10.0));
+    shine(0, 5, Rgb::new(2.0, 9.0, 30.0));
+    (0..24).for_each(|x| shine(x, 0, Rgb::splat(9.0)));
+    ImageEnvironment::new(size, pixels, Vec3::new(0.2, 0.3, 1.0), Vec3::Y).unwrap()
+}
+
+fn sky() -> (ImageEnvironment, Sky) {
+    let image = image();
+    let medium = FlatMedium::new(&bundles(false)).unwrap();
+    let parts = Parts::of(&image);
+    let nodes = Nodes::new(&medium.cell_grid, std::iter::empty());
+    let sky = Sky::new(&medium, nodes, &image, &parts);
+    (image, sky)
+}
+
+fn seen(sky: &Sky, w: Vec3, whole: bool) -> Rgb {
+    let c = sky.radiance_toward(V3::<one::F>::splat(w), Mask::from_bits(u32::from(whole)));
+    Rgb::new(c.x.0, c.y.0, c.z.0)
+}
+
+#[test]
+fn lanes_see_the_picture() {
+    let (image, sky) = sky();
+    let mut rng = PathRng::from_seed(21);
+    for i in 0..20_000 {
+        let mut w = warp::uniform_sphere(rng.unit2());
+        if i < 6 {
+            w = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z][i];
+        }
+        let (a, b) = (seen(&sky, w, true), image.radiance_toward(w));
+        let apart = (a.0 - b.0).abs().max_element();
+        assert!(
+            apart < 2e-4 * (1.0 + b.max_component()),
+            "{w}: {a:?}, {b:?}"
+        );
+    }
+}
+
+/// Lamps are found, the sky is smooth, and what is drawn from the lamps sums up
+/// to what the sky lacks, moment by moment.
+#[test]
+fn lamps_are_what_the_sky_lacks() {
+    let (image, sky) = sky();
+    assert_eq!(sky.lamps.len(), 3);
+    let parts = Parts::of(&image);
+    let most = |p: &[Rgb]| p.iter().map(|c| c.luminance()).fold(0.0, f32::max);
+    assert!(most(&parts.sky) < 3.0 && most(image.pixels()) > 40.0);
+    let moments = |w: Vec3| [1.0, w.x, w.y, w.z, w.x * w.y, w.z * w.z];
+    let n = 400_000;
+    let mut rng = PathRng::from_seed(22);
+    let (mut lacking, mut drawn) = ([[0.0f64; 2]; 6], [[0.0f64; 2]; 6]);
+    let add = |sums: &mut [[f64; 2]; 6], w: Vec3, light: f32| {
+        for (sum, m) in sums.iter_mut().zip(moments(w)) {
+            let x = f64::from(m * light);
+            sum[0] += x;
+            sum[1] += x * x;
+        }
+    };
+    // Only the green, at random points of the sphere.
+    for _ in 0..n {
+        let w = warp::uniform_sphere(rng.unit2());
+        let light = seen(&sky, w, true).0.y - seen(&sky, w, false).0.y;
+        add(&mut lacking, w, light * 4.0 * std::f32::consts::PI);
+    }
+    let (a, b) = pixel_key(5, 5);
+    for sample in 0..n {
+        let word = |x: u32| <one::U as lanes::Ints>::splat(x);
+        let mut rng = LaneRng::new((word(a), word(b)), word(sample));
+        let mut light = [0.0f32; 6];
+        for lamp in &sky.lamps {
+            let [p, q, _] = rng.units(true);
+            let [r, s, _] = rng.units(true);
+            let found = sky.sample(lamp, [p, q, r, s]);
+            let w = Vec3::new(found.to_light.x.0, found.to_light.y.0, found.to_light.z.0);
+            assert!((w.length() - 1.0).abs() < 1e-5);
+            let value = moments(w).map(|m| m * found.irradiance.y.0);
+            light = std::array::from_fn(|i| light[i] + value[i]);
+        }
+        for (sum, x) in drawn.iter_mut().zip(light.map(f64::from)) {
+            sum[0] += x;
+            sum[1] += x * x;
+        }
+    }
+    for (i, (a, b)) in lacking.iter().zip(drawn).enumerate() {
+        let n = f64::from(n);
+        let se = |s: &[f64; 2]| ((s[1] / n - (s[0] / n).powi(2)) / n).sqrt();
+        let error = se(a).hypot(se(&b));
+        let apart = (a[0] - b[0]) / n;
+        assert!(apart.abs() < 4.0 * error, "moment {i}: {apart} of {error}");
+        assert!(error < 0.05, "{error}");
+    }
+}
+
+/// Whatever the picture, the split ends, and a uniform one has no lamps.
+#[test]
+fn odd_pictures_are_taken_apart() {
+    let parts = |pixels: &[f32]| {
+        let size = UVec2::new(pixels.len() as u32 / 2, 2);
+        let pixels = pixels.iter().map(|&p| Rgb::splat(p)).collect();
+        Parts::of(&ImageEnvironment::new(size, pixels, Vec3::Z, Vec3::X).unwrap())
+    };
+    assert!(parts(&[0.0; 8]).lamps.is_empty());
+    assert!(parts(&[2.5; 8]).lamps.is_empty());
+    let one = parts(&[0.0, 0.0, 1e30, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(one.lamps.iter().map(Vec::len).sum::<usize>(), 1);
+    assert!(one.sky.iter().all(|p| p.is_valid()));
+}

@@ -1,0 +1,406 @@
+//! Parallel light: optical depths toward one light, tabulated, and the exact
+//! ones that keep the table honest.
+//!
+//! Every event scores the light that the table says arrives, and with a small
+//! probability what the exact transmittance adds or takes away, weighed up. The
+//! sum is right on average whatever the table holds; the better the table, the
+//! less there is to add.
+
+use super::flat_medium::FlatMedium;
+use super::panel::Panel;
+use super::shadow_ray::ShadowRay;
+use crate::cpu::lanes::{Floats, Ints};
+use crate::cpu::math::V3;
+use glam::{IVec3, UVec3, Vec3};
+use organza_basis::CellGrid;
+use organza_basis::Rgb;
+use rayon::prelude::*;
+
+/// Greatest optical depth in the table: the light left, 4e-5, does not matter
+/// to the difference.
+pub const MOST_DEPTH: f32 = 10.0;
+
+/// What is added to what a table lets through when a ray is chosen: where it is
+/// wrong about darkness, rays must not be too rare.
+const RESIDUAL_FLOOR: f32 = 0.005;
+
+/// The same where tables are guesses: for panels, and for cut matter.
+pub const RESIDUAL_FLOOR_OF_GUESSES: f32 = 0.05;
+
+/// Optical depth in a cell of the table that interpolation still copes with.
+const DEPTH_PER_CELL: f32 = 0.7;
+
+/// Most cells along the edge of a voxel.
+const MOST_PER_VOXEL: u32 = 3;
+
+/// Most voxels that the way from a node to the border is followed through. What
+/// nearly horizontal light meets behind them is missing from the table.
+const MOST_STEPS: usize = 4096;
+
+/// Where the nodes of a table are: in the middles of cells that divide voxels.
+#[derive(Clone, Copy, Debug)]
+pub struct Nodes {
+    /// Along each axis.
+    pub dims: UVec3,
+    /// Along the edge of a voxel.
+    pub per_voxel: u32,
+    repeats: bool,
+}
+
+/// The eight nodes around a place, in every lane.
+pub struct Corners<F: Floats> {
+    /// The word of the lower four; that of the upper follows.
+    word: F::Ints,
+    /// How far the place is from the first.
+    x: F,
+    y: F,
+    z: F,
+}
+
+impl Nodes {
+    /// The nodes for lights toward which voxels have these extinctions, 1/mm.
+    pub fn new<'a>(cell_grid: &CellGrid, lights: impl Iterator<Item = &'a [f32]>) -> Nodes {
+        let per_voxel = lights
+            .map(|extinctions| nodes_per_voxel(cell_grid, extinctions))
+            .max()
+            .unwrap_or(1);
+        Nodes {
+            dims: cell_grid.dims() * per_voxel,
+            per_voxel,
+            repeats: cell_grid.repeats(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn around<F: Floats>(&self, at: V3<F>) -> Corners<F> {
+        let word = F::Ints::splat;
+        let (per_voxel, size) = (self.per_voxel as f32, self.dims.as_vec3());
+        let (x, fx) = node_before(at.x, per_voxel, size.x, self.repeats);
+        let (y, fy) = node_before(at.y, per_voxel, size.y, self.repeats);
+        let (z, fz) = node_before(at.z, per_voxel, size.z, false);
+        Corners {
+            word: (x + word(self.dims.x) * y) * word(self.dims.z) + z,
+            x: fx,
+            y: fy,
+            z: fz,
+        }
+    }
+}
+
+/// The last node before a place, along one axis, and how far behind it the
+/// place is. Before the first node: the last one of the period before, or
+/// itself.
+#[inline(always)]
+fn node_before<F: Floats>(at: F, per_voxel: f32, size: f32, wraps: bool) -> (F::Ints, F) {
+    let zero = F::splat(0.0);
+    let at = at.mul_add(F::splat(per_voxel), F::splat(-0.5));
+    let last = F::splat(size - 1.0);
+    if wraps {
+        let low = at.floor();
+        let index = last.or_where_not(low.below(zero), low);
+        return (index.to_ints(), at - low);
+    }
+    // Nothing is known beyond the last node.
+    let at = at.max(zero).min(last);
+    let low = at.floor();
+    (low.to_ints(), at - low)
+}
+
+/// Optical depth toward a light, linear between eight nodes; `depths` holds the
+/// words of all lights side by side.
+#[inline(always)]
+pub fn depth<F: Floats>(depths: &[u32], lights: usize, light: usize, corners: &Corners<F>) -> F {
+    let low = corners.word * F::Ints::splat(lights as u32) + F::Ints::splat(light as u32);
+    let high = low + F::Ints::splat(lights as u32);
+    let low = between_four(low.gather(depths), corners.x, corners.y);
+    let high = between_four(high.gather(depths), corners.x, corners.y);
+    (high - low).mul_add(corners.z, low) * F::splat(MOST_DEPTH / 255.0)
+}
+
+/// The words of all lights side by side: those of a node are one look-up.
+pub fn side_by_side(lights: &mut [LightTable]) -> Vec<u32> {
+    let tables: Vec<Vec<u32>> = lights
+        .iter_mut()
+        .map(|light| std::mem::take(&mut light.depths))
+        .collect();
+    let mut words = vec![0; tables.iter().map(Vec::len).sum()];
+    let nodes = words.par_chunks_exact_mut(tables.len().max(1)).enumerate();
+    nodes.for_each(|(node, out)| {
+        for (out, table) in out.iter_mut().zip(&tables) {
+            *out = table[node];
+        }
+    });
+    words
+}
+
+/// Between the four depths of a word.
+#[inline(always)]
+fn between_four<F: Floats>(four: F::Ints, fx: F, fy: F) -> F {
+    let byte = F::Ints::splat(0xff);
+    let (a, b) = (
+        (four & byte).to_floats(),
+        (four.shr::<8>() & byte).to_floats(),
+    );
+    let (c, d) = (
+        (four.shr::<16>() & byte).to_floats(),
+        four.shr::<24>().to_floats(),
+    );
+    let (low, high) = ((b - a).mul_add(fx, a), (d - c).mul_add(fx, c));
+    (high - low).mul_add(fy, low)
+}
+
+/// One parallel light.
+pub struct LightTable {
+    /// Unit direction toward the light.
+    pub to_light: Vec3,
+    /// Irradiance across it, or the radiance of a panel.
+    pub irradiance: Rgb,
+    /// What light comes from, when it is not parallel.
+    pub panel: Option<Panel>,
+    /// Exact rays are traced as if the table let so much more through.
+    pub residual_floor: f32,
+    pub nodes: Nodes,
+    /// Four optical depths a word, in 255 steps up to [`MOST_DEPTH`]: of the
+    /// node, of its neighbours in x, in y and in both; z fastest, then x, y: a
+    /// look-up takes two that lie one above the other. Empty once the words
+    /// of all lights are [side by side](side_by_side).
+    pub depths: Vec<u32>,
+    /// Extinction toward the light in every voxel, 1/mm.
+    extinction_per_mm: Vec<f32>,
+    cell_grid: CellGrid,
+}
+
+/// A piece of the way to the light from the middle of a cell: through the voxel
+/// so far from the first.
+struct Piece {
+    offset: IVec3,
+    length_mm: f32,
+}
+
+impl LightTable {
+    /// The table of light that travels along `direction`, toward which voxels have
+    /// these [extinctions].
+    pub fn new(
+        cell_grid: CellGrid,
+        nodes: Nodes,
+        direction: Vec3,
+        irradiance: Rgb,
+        extinction_per_mm: Vec<f32>,
+    ) -> LightTable {
+        let mut table = LightTable {
+            to_light: -direction,
+            irradiance,
+            panel: None,
+            residual_floor: RESIDUAL_FLOOR,
+            nodes,
+            depths: Vec::new(),
+            extinction_per_mm,
+            cell_grid,
+        };
+        table.depths = table.pack(&table.node_codes());
+        table
+    }
+
+    /// Bytes that tables of so many lights take at the most.
+    pub fn most_bytes(cell_grid: &CellGrid, lights: u64) -> u64 {
+        let voxels = cell_grid.dims().as_u64vec3().element_product();
+        let nodes = u64::from(MOST_PER_VOXEL).pow(3);
+        // Depths once more while they are packed and put side by side.
+        voxels * (lights * 4 * (1 + 2 * nodes) + 4 * nodes)
+    }
+
+    /// Bytes in use.
+    pub fn memory_bytes(&self) -> u64 {
+        4 * (self.depths.len() + self.extinction_per_mm.len()) as u64
+    }
+
+    /// Optical depths from the nodes, the middles of the table's cells, in 255
+    /// steps up to [`MOST_DEPTH`].
+    ///
+    /// All nodes at one place in their voxels share one way to the light; what
+    /// a row of them meets in a piece of it is a row of voxels.
+    fn node_codes(&self) -> Vec<u8> {
+        let (n, per) = (
+            self.nodes.dims.as_usizevec3(),
+            self.nodes.per_voxel as usize,
+        );
+        let ways: Vec<Vec<Piece>> = (0..per.pow(3))
+            .map(|i| self.way([i % per, i / per % per, i / (per * per)]))
+            .collect();
+        let mut codes = vec![0u8; n.element_product()];
+        codes.par_chunks_mut(n.x).enumerate().for_each_init(
+            || vec![0.0f32; n.x / per],
+            |sums, (at, out)| {
+                let (y, z) = (at % n.y, at / n.y);
+                for x in 0..per {
+                    let way = &ways[(z % per * per + y % per) * per + x];
+                    sums.fill(0.0);
+                    self.add_way(way, y / per, z / per, sums);
+                    for (out, &sum) in out[x..].iter_mut().step_by(per).zip(&*sums) {
+                        *out = (sum.min(MOST_DEPTH) * (255.0 / MOST_DEPTH) + 0.5) as u8;
+                    }
+                }
+            },
+        );
+        codes
+    }
+
+    /// Adds the optical depths along a way to a row of voxels.
+    fn add_way(&self, way: &[Piece], y: usize, z: usize, sums: &mut [f32]) {
+        let dims = self.cell_grid.dims().as_ivec3();
+        for piece in way {
+            let mut y = y as i32 + piece.offset.y;
+            let z = z as i32 + piece.offset.z;
+            let mut x = piece.offset.x;
+            if z < 0 || z >= dims.z {
+                return;
+            }
+            if self.cell_grid.repeats() {
+                x = x.rem_euclid(dims.x);
+                y = y.rem_euclid(dims.y);
+            } else if y < 0 || y >= dims.y || x.abs() >= dims.x {
+                return;
+            }
+            let row = &self.extinction_per_mm[((z * dims.y + y) * dims.x) as usize..];
+            let row = &row[..dims.x as usize];
+            let add = |sums: &mut [f32], row: &[f32]| {
+                for (sum, extinction) in sums.iter_mut().zip(row) {
+                    *sum += piece.length_mm * extinction;
+                }
+            };
+            if x >= 0 {
+                let (around, ahead) = row.split_at(x as usize);
+                add(sums, ahead);
+                if self.cell_grid.repeats() {
+                    add(&mut sums[ahead.len()..], around);
+                }
+            } else {
+                add(&mut sums[-x as usize..], row);
+            }
+        }
+    }
+
+    /// The way from the middle of cell `phase` of a voxel to the farthest
+    /// border there can be.
+    fn way(&self, phase: [usize; 3]) -> Vec<Piece> {
+        let start = Vec3::from_array(phase.map(|p| (p as f32 + 0.5) / self.nodes.per_voxel as f32));
+        let mut walk = VoxelWalk::new(&self.cell_grid, start, self.to_light);
+        let dims = self.cell_grid.dims().as_ivec3();
+        let mut way = Vec::new();
+        while way.len() < MOST_STEPS {
+            let offset = walk.cell;
+            let out = |axis: usize| offset[axis].abs() >= dims[axis];
+            if out(2) || !self.cell_grid.repeats() && (out(0) || out(1)) {
+                break;
+            }
+            let length_mm = walk.step();
+            way.push(Piece { offset, length_mm });
+        }
+        way
+    }
+
+    /// Four neighbours a word.
+    fn pack(&self, codes: &[u8]) -> Vec<u32> {
+        let n = self.nodes.dims.as_usizevec3();
+        let code = |x: usize, y: usize, z: usize| u32::from(codes[(z * n.y + y) * n.x + x]);
+        let next = |i: usize, n: usize| match (i + 1 < n, self.cell_grid.repeats()) {
+            (true, _) => i + 1,
+            (false, true) => 0,
+            (false, false) => i,
+        };
+        let mut words = vec![0u32; codes.len()];
+        let rows = words.par_chunks_mut(n.x * n.z).enumerate();
+        rows.for_each(|(y, out)| {
+            let beyond = next(y, n.y);
+            for (x, column) in out.chunks_exact_mut(n.z).enumerate() {
+                let beside = next(x, n.x);
+                for (z, word) in column.iter_mut().enumerate() {
+                    *word = code(x, y, z)
+                        | code(beside, y, z) << 8
+                        | code(x, beyond, z) << 16
+                        | code(beside, beyond, z) << 24;
+                }
+            }
+        });
+        words
+    }
+
+    /// The transmittance along a ray, and the number of voxels looked at.
+    pub fn transmittance(&self, medium: &FlatMedium, ray: &ShadowRay<'_>) -> (f32, u64) {
+        if ray.toward != self.to_light {
+            return ray.transmittance(|voxel| medium.extinction_per_mm(voxel, ray.toward));
+        }
+        ray.transmittance(|voxel| self.extinction_per_mm.get(voxel).copied())
+    }
+}
+
+/// Extinction toward a direction in every voxel, 1/mm.
+pub fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
+    let voxels = medium.cell_grid.dims().as_usizevec3().element_product();
+    (0..voxels)
+        .into_par_iter()
+        .map(|voxel| medium.extinction_per_mm(voxel, w).unwrap_or_default())
+        .collect()
+}
+
+/// Cells along the edge of a voxel so that most of the matter has at most
+/// [`DEPTH_PER_CELL`] in a cell.
+fn nodes_per_voxel(cell_grid: &CellGrid, extinction_per_mm: &[f32]) -> u32 {
+    let (sum, of_squares) = extinction_per_mm
+        .par_chunks(1 << 16)
+        .map(|c| {
+            let sum = |f: fn(f64) -> f64| c.iter().map(|&x| f(f64::from(x))).sum::<f64>();
+            (sum(|x| x), sum(|x| x * x))
+        })
+        .reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    // The mean extinction where light is stopped.
+    let typical = if sum > 0.0 { of_squares / sum } else { 0.0 };
+    let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
+    let depth = typical as f32 * voxel_mm;
+    ((depth / DEPTH_PER_CELL).round() as u32).clamp(1, MOST_PER_VOXEL)
+}
+
+/// Steps from voxel to voxel along a ray.
+struct VoxelWalk {
+    cell: IVec3,
+    step: IVec3,
+    next_mm: Vec3,
+    per_voxel_mm: Vec3,
+    at_mm: f32,
+}
+
+impl VoxelWalk {
+    fn new(cell_grid: &CellGrid, p: Vec3, direction: Vec3) -> VoxelWalk {
+        let per_mm = direction / cell_grid.voxel_mm();
+        let cell = p.floor();
+        let forth = per_mm.cmpge(Vec3::ZERO);
+        let border = Vec3::select(forth, cell + 1.0, cell);
+        let still = per_mm.cmpeq(Vec3::ZERO);
+        let far = Vec3::INFINITY;
+        VoxelWalk {
+            cell: cell.as_ivec3(),
+            step: IVec3::select(forth, IVec3::ONE, IVec3::NEG_ONE),
+            next_mm: Vec3::select(still, far, (border - p) / per_mm),
+            per_voxel_mm: Vec3::select(still, far, per_mm.abs().recip()),
+            at_mm: 0.0,
+        }
+    }
+
+    /// Leaves the current voxel and tells the length of the way through it.
+    #[inline]
+    fn step(&mut self) -> f32 {
+        let n = self.next_mm;
+        let axis = if n.x < n.y {
+            if n.x < n.z { 0 } else { 2 }
+        } else if n.y < n.z {
+            1
+        } else {
+            2
+        };
+        let length = n[axis] - self.at_mm;
+        self.at_mm = n[axis];
+        self.cell[axis] += self.step[axis];
+        self.next_mm[axis] += self.per_voxel_mm[axis];
+        length.max(0.0)
+    }
+}

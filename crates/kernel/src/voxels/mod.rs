@@ -1,0 +1,24 @@
+//! Matter in voxels: micro-flakes and virtual fibres, laid out flat, and the walk
+//! of lanes through them.
+
+pub mod borders;
+pub mod environment;
+#[cfg(test)]
+mod environment_tests;
+pub mod event;
+pub mod fibre_tables;
+#[cfg(test)]
+mod fibre_tests;
+pub mod fibres;
+pub mod film_rays;
+pub mod flakes;
+pub mod flat_medium;
+pub mod light_table;
+#[cfg(test)]
+mod matter_tests;
+pub mod panel;
+pub mod posts;
+pub mod reach;
+pub mod shadow_ray;
+pub mod voxel_words;
+pub mod walk;

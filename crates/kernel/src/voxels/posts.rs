@@ -1,0 +1,151 @@
+//! What the lanes work for: samples of pixels, a new one when a path has ended.
+
+use super::flat_medium::NO_POPULATION;
+use super::voxel_words::VoxelWords;
+use super::walk::{Paths, add_panels_in_sight};
+use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
+use crate::cpu::math::{LaneRng, V3, pixel_key};
+use crate::{Block, Kernel};
+use glam::Vec3;
+use organza_film::Stats;
+use organza_film::{Sample, Tally};
+
+/// What the lanes work for.
+pub struct Posts {
+    lanes: [Post; MAX_LANES],
+    /// Pixels handed out.
+    next_turn: usize,
+}
+
+impl Posts {
+    pub fn new() -> Posts {
+        Posts {
+            lanes: [Post::default(); MAX_LANES],
+            next_turn: 0,
+        }
+    }
+}
+
+/// What one lane works for.
+#[derive(Clone, Copy, Default)]
+struct Post {
+    /// None when there is nothing left to do.
+    place: Option<Place>,
+    /// The sample under way.
+    sample: u32,
+    tally: Tally,
+}
+
+/// A pixel.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Its number in the block.
+    pixel: usize,
+    /// Its column and row in the whole picture.
+    film: [f32; 2],
+    key: (u32, u32),
+}
+
+/// Counts the paths that have ended, and begins new ones in their lanes while
+/// there are samples left.
+#[inline(always)]
+pub fn regenerate<F: Floats>(
+    kernel: &Kernel,
+    block: &mut Block<'_>,
+    paths: &mut Paths<F>,
+    posts: &mut Posts,
+    ended: F::Mask,
+    stats: &mut Stats,
+) {
+    let mut radiance = [[0.0; MAX_LANES]; 3];
+    paths.radiance.x.store(&mut radiance[0]);
+    paths.radiance.y.store(&mut radiance[1]);
+    paths.radiance.z.store(&mut radiance[2]);
+    let (mut bounces, mut first) = ([0; MAX_LANES], [0; MAX_LANES]);
+    paths.bounces.store(&mut bounces);
+    paths.first_place.store(&mut first);
+    let mut first_depth = [0.0; MAX_LANES];
+    paths.first_depth.store(&mut first_depth);
+
+    let length_mm = 1.0 / kernel.medium.scale_per_mm;
+    let mut key = [[0u32; MAX_LANES]; 2];
+    let mut index = [0u32; MAX_LANES];
+    let mut film = [[0.0f32; MAX_LANES]; 2];
+    let mut begun = 0u32;
+    for lane in SetBits(ended.bits()) {
+        let post = &mut posts.lanes[lane];
+        if let Some(place) = post.place {
+            let radiance = [radiance[0][lane], radiance[1][lane], radiance[2][lane]];
+            let path = Sample {
+                radiance,
+                bounces: bounces[lane],
+                first: kernel
+                    .medium
+                    .first_event(first[lane], first_depth[lane] * length_mm),
+                index: post.sample,
+            };
+            let pixel = &mut block.pixels[place.pixel];
+            if post.tally.add(&path, &kernel.brightness, pixel) {
+                for x in radiance {
+                    stats.brightest = stats.brightest.max(x);
+                }
+            } else {
+                stats.rejected += 1;
+            }
+            post.sample += 1;
+            if post.sample >= block.samples.end {
+                post.tally.flush(&kernel.brightness, pixel);
+                post.place = None;
+            }
+        }
+        if post.place.is_none() {
+            post.place = block.pixel(posts.next_turn).map(|(pixel, x, y)| {
+                let name = u64::from(y) * u64::from(kernel.film_width) + u64::from(x);
+                Place {
+                    pixel,
+                    film: [x as f32, y as f32],
+                    key: pixel_key(kernel.seed, name),
+                }
+            });
+            posts.next_turn += 1;
+            post.sample = block.samples.start;
+        }
+        if let Some(place) = post.place {
+            (key[0][lane], key[1][lane]) = place.key;
+            index[lane] = post.sample;
+            (film[0][lane], film[1][lane]) = (place.film[0], place.film[1]);
+            begun |= 1 << lane;
+            stats.paths += 1;
+        }
+    }
+    let begun = F::Mask::from_bits(begun);
+    if !begun.any() {
+        return;
+    }
+    let keys = (F::Ints::load(&key[0]), F::Ints::load(&key[1]));
+    let mut rng = LaneRng::new(keys, F::Ints::load(&index));
+    let place = (F::load(&film[0]), F::load(&film[1]));
+    let rays = kernel.rays.rays::<F>(kernel, place, &mut rng, begun);
+    let zeros = V3::splat(Vec3::ZERO);
+    paths.rng = rng.or_where_not(begun, paths.rng);
+    paths.at = rays.at.or_where_not(begun, paths.at);
+    let nowhere = F::splat(0.0);
+    let [x, y] = paths.beyond;
+    paths.beyond = [
+        nowhere.or_where_not(begun, x),
+        nowhere.or_where_not(begun, y),
+    ];
+    paths.turn(kernel, rays.direction, begun);
+    let depth = rays.depth_mm * F::splat(kernel.medium.scale_per_mm);
+    paths.depth = depth.or_where_not(begun, paths.depth);
+    paths.throughput = V3::splat(Vec3::ONE).or_where_not(begun, paths.throughput);
+    paths.radiance = zeros.or_where_not(begun, paths.radiance);
+    paths.bounces = F::Ints::splat(0).or_where_not(begun, paths.bounces);
+    paths.first_place = F::Ints::splat(NO_POPULATION).or_where_not(begun, paths.first_place);
+    paths.voxel = VoxelWords::unknown().or_where_not(begun, paths.voxel);
+    if kernel.has_panels() {
+        add_panels_in_sight(kernel, paths, begun, false);
+    }
+    paths.gone = begun & rays.missing;
+    paths.flying = paths.flying | (begun & !rays.missing);
+}

@@ -1,0 +1,474 @@
+//! The walk: one path in every lane, and a new one where one has ended.
+
+use super::borders::Borders;
+use super::event::{Event, Meeting};
+use super::film_rays::inverse_of_step;
+use super::flat_medium::{NO_POPULATION, PLACE_BITS};
+use super::light_table::{LightTable, depth};
+use super::posts::{Posts, regenerate};
+use super::shadow_ray::ShadowRay;
+use super::voxel_words::{MOST, VoxelWords, WORDS};
+use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
+use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive};
+use crate::{Block, Kernel};
+use glam::Vec3;
+use organza_film::Stats;
+use std::f32::consts::LOG2_E;
+
+/// Reaches are taken to end so much, in voxels, before they do, so that
+/// rounding takes no place beyond them.
+const BORDER: f32 = 1.0 / 1024.0;
+
+/// Steps between two looks at which lanes met something or left.
+const STEPS_PER_ROUND: usize = 2;
+
+/// Survival probability of Russian roulette over the mean throughput.
+const ROULETTE_SCALE: f32 = 4.0;
+
+/// An exact shadow ray is followed for sure to so much more optical depth than
+/// the table promises.
+const SURE_DEPTH: f32 = 2.0;
+
+/// Room for rounding when the square of an extinction is held against that of
+/// its bound.
+const BOUND_SLACK: f32 = 1.0 + 4e-5;
+
+/// The state of the paths in all lanes. Extinctions are shares of the medium's
+/// greatest, `scale_per_mm`, and lengths in units of one over that.
+pub struct Paths<F: Floats> {
+    pub rng: LaneRng<F::Ints>,
+    /// Place in voxels, within the first period, and how far that is from the
+    /// first in x and y.
+    pub at: V3<F>,
+    pub beyond: [F; 2],
+    pub direction: V3<F>,
+    /// Voxels per length, and length per voxel, along the way.
+    step: V3<F>,
+    per_step: V3<F>,
+    /// The voxel looked at last, or the population in it that the lane met, and
+    /// where it stands.
+    pub voxel: VoxelWords<F::Ints>,
+    place: F::Ints,
+    /// Way from the camera.
+    pub depth: F,
+    pub throughput: V3<F>,
+    pub radiance: V3<F>,
+    pub bounces: F::Ints,
+    /// The first population that the path met.
+    pub first_place: F::Ints,
+    pub first_depth: F,
+    /// In flight; at an event; outside.
+    pub flying: F::Mask,
+    met: F::Mask,
+    pub gone: F::Mask,
+}
+
+impl<F: Floats> Paths<F> {
+    #[inline(always)]
+    fn none() -> Paths<F> {
+        let (zero, zeros) = (F::splat(0.0), V3::splat(Vec3::ZERO));
+        let (zero_bits, nowhere) = (F::Ints::splat(0), F::Mask::from_bits(0));
+        Paths {
+            rng: LaneRng::new((zero_bits, zero_bits), zero_bits),
+            at: zeros,
+            beyond: [zero; 2],
+            direction: zeros,
+            step: zeros,
+            per_step: zeros,
+            voxel: VoxelWords::unknown(),
+            place: zero_bits,
+            depth: zero,
+            throughput: zeros,
+            radiance: zeros,
+            bounces: zero_bits,
+            first_place: F::Ints::splat(NO_POPULATION),
+            first_depth: zero,
+            flying: nowhere,
+            met: nowhere,
+            gone: nowhere,
+        }
+    }
+
+    /// Turns the lanes of a mask.
+    #[inline(always)]
+    pub fn turn(&mut self, kernel: &Kernel, direction: V3<F>, mask: F::Mask) {
+        let step = direction.times(V3::splat(kernel.voxels_per_length));
+        self.direction = direction.or_where_not(mask, self.direction);
+        self.step = step.or_where_not(mask, self.step);
+        self.per_step = inverse_of_step(step).or_where_not(mask, self.per_step);
+    }
+}
+
+/// Walks all paths of a block.
+#[inline(always)]
+pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+    let mut stats = Stats::default();
+    let mut paths = Paths::<F>::none();
+    let mut posts = Posts::new();
+    let all = u32::MAX >> (32 - F::LANES);
+    let mut ended = F::Mask::from_bits(all);
+    loop {
+        if ended.any() {
+            regenerate(kernel, block, &mut paths, &mut posts, ended, &mut stats);
+        }
+        if !(paths.flying | paths.gone).any() {
+            return stats;
+        }
+        for _ in 0..STEPS_PER_ROUND {
+            fly::<F, E>(kernel, &mut paths, &mut stats);
+        }
+        ended = paths.gone;
+        if paths.gone.any() {
+            escape(kernel, &mut paths);
+        }
+        if paths.met.any() {
+            ended = ended | scatter::<F, E>(kernel, &mut paths, &mut stats);
+        }
+    }
+}
+
+/// One flight to a tentative collision and the look-up there, for the lanes in
+/// flight.
+#[inline(always)]
+fn fly<F: Floats, E: Event<F>>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
+    let medium = &kernel.medium;
+    let word = F::Ints::splat;
+    let [u_flight, u_real, u_which] = paths.rng.units(paths.flying);
+
+    // At the bound to the border of what the voxel reaches, then at the
+    // greatest there is.
+    let bound = paths.voxel.bound();
+    let half = paths.voxel.reach() - F::splat(0.5 + BORDER);
+    let border = way_out(half, paths.at.x, paths.per_step.x)
+        .min(way_out(half, paths.at.y, paths.per_step.y))
+        .min(way_out(half, paths.at.z, paths.per_step.z))
+        .max(F::splat(0.0));
+    let depth = minus_ln(positive(u_flight));
+    let depth_there = bound * border;
+    let within = depth.below(depth_there);
+    let beyond = (depth - depth_there).mul_add(F::splat(1.0 / MOST), border);
+    let way = (depth / bound).or_where_not(within, beyond);
+    let majorant = bound.or_where_not(within, F::splat(MOST));
+    let way = way.or_where_not(paths.flying, F::splat(0.0));
+    paths.depth = paths.depth + way;
+    let mut at = paths.step.scaled_add(way, paths.at);
+
+    let dims = medium.cell_grid.dims();
+    let size = dims.as_vec3();
+    let mut outside = is_outside(at.z, 0.0, size.z);
+    let mut beyond = paths.beyond;
+    if medium.cell_grid.repeats() {
+        (at.x, beyond[0]) = in_first_period(at.x, beyond[0], size.x);
+        (at.y, beyond[1]) = in_first_period(at.y, beyond[1], size.y);
+        paths.beyond = beyond;
+    }
+    if let Some(Borders { low, high }) = kernel.borders {
+        outside = outside
+            | is_outside(at.x + beyond[0], low.x, high.x)
+            | is_outside(at.y + beyond[1], low.y, high.y);
+    }
+    paths.at = at;
+
+    // The voxel there; one of its populations, if it has several.
+    let (x, y, z) = (at.x.to_ints(), at.y.to_ints(), at.z.to_ints());
+    let mut place = x + word(dims.x) * (y + word(dims.y) * z);
+    if !medium.places.is_empty() {
+        let found = place.gather(&medium.places);
+        let count = found.shr::<PLACE_BITS>() + word(1);
+        let which = (u_which * count.to_floats()).to_ints();
+        place = (found & word((1 << PLACE_BITS) - 1)) + which;
+    }
+    let first = place * word(WORDS as u32);
+    let words = [
+        first.gather(&medium.words),
+        (first + word(1)).gather(&medium.words),
+    ];
+    let voxel = VoxelWords(words);
+
+    // Squares of extinctions, times that of the axis' length.
+    let (axis, end_on) = (voxel.axis(), voxel.end_on());
+    let across = axis.cross(paths.direction);
+    let (square, across) = (axis.dot(axis), across.dot(across));
+    let area = E::area_squared(square - across, across, end_on);
+    let broadside = voxel.broadside();
+    let extinction = broadside * broadside * area;
+    let bound = majorant * majorant * square;
+    let u = positive(u_real);
+    let considered = paths.flying & !outside;
+    let met = considered & (u * u * bound).below(extinction);
+    let excess = considered & (bound * F::splat(BOUND_SLACK)).below(extinction);
+    stats.tentative += u64::from(considered.bits().count_ones());
+    stats.collisions += u64::from(met.bits().count_ones());
+    stats.majorant_violations += u64::from(excess.bits().count_ones());
+
+    paths.voxel = voxel.or_where_not(paths.flying, paths.voxel);
+    paths.place = place.or_where_not(paths.flying, paths.place);
+    let left = paths.flying & outside;
+    paths.met = paths.met | met;
+    paths.gone = paths.gone | left;
+    paths.flying = paths.flying & !(met | left);
+}
+
+/// From a place to where it leaves the box of `half` an edge around the middle
+/// of its voxel, along one axis.
+#[inline(always)]
+fn way_out<F: Floats>(half: F, at: F, per_step: F) -> F {
+    let beside_middle = at - at.floor() - F::splat(0.5);
+    (-beside_middle).mul_add(per_step, half * per_step.abs())
+}
+
+#[inline(always)]
+fn is_outside<F: Floats>(at: F, low: f32, high: f32) -> F::Mask {
+    at.below(F::splat(low)) | !at.below(F::splat(high))
+}
+
+/// A coordinate within the first period, and the rest, in whole periods.
+#[inline(always)]
+fn in_first_period<F: Floats>(at: F, beyond: F, size: f32) -> (F, F) {
+    let periods = (at * F::splat(1.0 / size)).floor() * F::splat(size);
+    // Rounding may take it a hair beyond either end.
+    let within = (at - periods)
+        .max(F::splat(0.0))
+        .min(F::splat(size * (1.0 - f32::EPSILON)));
+    (within, beyond + periods)
+}
+
+/// The environment, for the lanes that have left.
+#[inline(always)]
+fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
+    let [behind, before] = kernel.environment;
+    let back = paths.direction.z.below(F::splat(0.0));
+    let mut sky = V3::splat(behind).or_where_not(back, V3::splat(before));
+    let unscattered = paths.bounces.equals(F::Ints::splat(0));
+    for picture in &kernel.skies {
+        sky = sky + picture.radiance_toward(paths.direction, unscattered);
+    }
+    let lit = paths.radiance + paths.throughput.times(sky);
+    paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
+    let unscattered = paths.gone & paths.first_place.equals(F::Ints::splat(NO_POPULATION));
+    if kernel.has_panels() && unscattered.any() {
+        add_panels_in_sight(kernel, paths, unscattered, true);
+    }
+    paths.gone = F::Mask::from_bits(0);
+}
+
+/// What camera rays see of panels before or behind the matter.
+#[inline(always)]
+pub fn add_panels_in_sight<F: Floats>(
+    kernel: &Kernel,
+    paths: &mut Paths<F>,
+    mask: F::Mask,
+    behind: bool,
+) {
+    let (at, direction) = (stored(paths.at), stored(paths.direction));
+    let depths = stored(V3 {
+        x: paths.beyond[0],
+        y: paths.beyond[1],
+        z: paths.depth,
+    });
+    let mut radiance = stored(paths.radiance);
+    for lane in SetBits(mask.bits()) {
+        let [at, direction, depths] =
+            [&at, &direction, &depths].map(|v| Vec3::from_array(v.map(|x| x[lane])));
+        let at = at + depths.with_z(0.0);
+        let seen = kernel.panels_in_sight(at, direction, depths.z, behind);
+        for (channel, seen) in radiance.iter_mut().zip(seen.to_array()) {
+            channel[lane] += seen;
+        }
+    }
+    let [x, y, z] = radiance;
+    paths.radiance = V3 {
+        x: F::load(&x),
+        y: F::load(&y),
+        z: F::load(&z),
+    };
+}
+
+/// The events of the lanes that met something: light, a new direction,
+/// roulette. Gives the lanes whose paths end.
+#[inline(always)]
+fn scatter<F: Floats, E: Event<F>>(
+    kernel: &Kernel,
+    paths: &mut Paths<F>,
+    stats: &mut Stats,
+) -> F::Mask {
+    let word = F::Ints::splat;
+    let one = F::splat(1.0);
+    let first = paths.met & paths.first_place.equals(word(NO_POPULATION));
+    paths.first_place = paths.place.or_where_not(first, paths.first_place);
+    paths.first_depth = paths.depth.or_where_not(first, paths.first_depth);
+    let cut = paths.met & paths.bounces.equals(word(kernel.max_bounces));
+    stats.cut += u64::from(cut.bits().count_ones());
+    let met = paths.met & !cut;
+    paths.bounces = (paths.bounces + word(1)).or_where_not(met, paths.bounces);
+
+    let meeting = Meeting {
+        voxel: paths.voxel,
+        place: paths.place,
+        w_out: V3 {
+            x: -paths.direction.x,
+            y: -paths.direction.y,
+            z: -paths.direction.z,
+        },
+    };
+    let event = E::new(kernel, &meeting, &mut paths.rng, met);
+    let throughput = paths.throughput.times(event.common());
+    let third = F::splat(1.0 / 3.0);
+    let mean = throughput.sum() * third;
+
+    // What is scattered of the light that arrives.
+    let mut light_in = V3::splat(Vec3::ZERO);
+    let corners = kernel.nodes.around(paths.at);
+    let count = kernel.lights.len();
+    let mut units = [F::splat(0.0); 3];
+    for (i, light) in kernel.lights.iter().enumerate() {
+        if i % 3 == 0 {
+            units = paths.rng.units(met);
+        }
+        let u = units[i % 3];
+        let (toward, distance_mm, strength) = match &light.panel {
+            None => (V3::splat(light.to_light), F::splat(f32::INFINITY), one),
+            Some(panel) => {
+                let [u, v, _] = paths.rng.units(met);
+                panel.toward(paths.at, paths.beyond, u, v)
+            }
+        };
+        let (grey, scattered) = event.toward(kernel, toward);
+        let aim = Aim {
+            grey,
+            toward,
+            distance_mm,
+            table_depth: depth(&kernel.depths, count, i, &corners),
+            u,
+        };
+        let through = aim.transmittance(kernel, light, paths, mean, met, stats);
+        let arriving = scattered.scaled(through).scaled(strength);
+        light_in = V3::splat(light.irradiance.0).times_add(arriving, light_in);
+    }
+    for sky in &kernel.skies {
+        for lamp in &sky.lamps {
+            let [place, own, u] = paths.rng.units(met);
+            let [across, down, _] = paths.rng.units(met);
+            let drawn = sky.sample(lamp, [place, own, across, down]);
+            let (grey, scattered) = event.toward(kernel, drawn.to_light);
+            let aim = Aim {
+                grey,
+                toward: drawn.to_light,
+                distance_mm: F::splat(f32::INFINITY),
+                table_depth: depth(&lamp.table.depths, 1, 0, &corners),
+                u,
+            };
+            let through = aim.transmittance(kernel, &lamp.table, paths, mean, met, stats);
+            let arriving = scattered.scaled(through);
+            light_in = drawn.irradiance.times_add(arriving, light_in);
+        }
+    }
+    let lit = throughput.times_add(light_in, paths.radiance);
+    paths.radiance = lit.or_where_not(met, paths.radiance);
+
+    let turn = event.turn(kernel, &mut paths.rng, met);
+    let throughput = throughput.times(turn.weight);
+    let survival = (throughput.sum() * third * F::splat(ROULETTE_SCALE)).min(one);
+    let survives = met & turn.u.below(survival);
+    let throughput = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
+    paths.throughput = throughput.or_where_not(survives, paths.throughput);
+    paths.turn(kernel, turn.direction, survives);
+    paths.flying = paths.flying | survives;
+    let ended = paths.met & !survives;
+    paths.met = F::Mask::from_bits(0);
+    ended
+}
+
+/// Light that a lane looks for.
+struct Aim<F: Floats> {
+    /// What is scattered of it, 1/sr.
+    grey: F,
+    toward: V3<F>,
+    /// To the light, mm.
+    distance_mm: F,
+    /// What a table says.
+    table_depth: F,
+    /// A random number.
+    u: F,
+}
+
+impl<F: Floats> Aim<F> {
+    /// Transmittance: as the table says it, set right by an exact ray with a
+    /// chance that goes with the light there is.
+    #[inline(always)]
+    fn transmittance(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        mean_throughput: F,
+        met: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let through = exp2(self.table_depth * F::splat(-LOG2_E));
+        let share = mean_throughput * self.grey * F::splat(kernel.residual_scale);
+        let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
+        let traced = met & self.u.below(keep);
+        if !traced.any() {
+            return through;
+        }
+        let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
+        let set_right = (exact - through) / keep + through;
+        set_right.or_where_not(traced, through)
+    }
+
+    /// Exact transmittances of the lanes of a mask, one after the other.
+    #[inline(always)]
+    fn transmittances(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        chance: F,
+        traced: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let (at, toward) = (stored(paths.at), stored(self.toward));
+        let beyond = stored(V3 {
+            x: paths.beyond[0],
+            y: paths.beyond[1],
+            z: F::splat(0.0),
+        });
+        let numbers = stored(V3 {
+            x: self.distance_mm,
+            y: self.table_depth,
+            z: chance,
+        });
+        let mut through = [0.0; MAX_LANES];
+        for lane in SetBits(traced.bits()) {
+            let [at, toward, beyond, numbers] =
+                [&at, &toward, &beyond, &numbers].map(|v| Vec3::from_array(v.map(|x| x[lane])));
+            let border_mm = kernel.borders.map_or(f32::INFINITY, |borders| {
+                borders.way_out_mm(&kernel.medium.cell_grid, at + beyond, toward)
+            });
+            let ray = ShadowRay {
+                cell_grid: &kernel.medium.cell_grid,
+                at,
+                toward,
+                reach_mm: numbers.x.min(border_mm),
+                sure_depth: numbers.y + SURE_DEPTH,
+                chance: numbers.z,
+            };
+            let (t, steps) = light.transmittance(&kernel.medium, &ray);
+            through[lane] = t;
+            stats.shadow_rays += 1;
+            stats.shadow_steps += steps;
+        }
+        F::load(&through)
+    }
+}
+
+/// The components of all lanes.
+#[inline(always)]
+fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
+    let mut out = [[0.0; MAX_LANES]; 3];
+    v.x.store(&mut out[0]);
+    v.y.store(&mut out[1]);
+    v.z.store(&mut out[2]);
+    out
+}

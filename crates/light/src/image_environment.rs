@@ -1,0 +1,189 @@
+//! Light from infinity, from a picture of all directions.
+
+use glam::{UVec2, Vec3};
+use organza_basis::{AliasTable, PathRng, Rgb};
+use std::f32::consts::{PI, TAU};
+
+/// An equirectangular picture around the scene, linear between pixel centres.
+///
+/// Rows go from the direction `up` down to its opposite, columns turn about
+/// it: the picture's middle is seen toward `centre`, its left edge is reached
+/// by turning to the left (about `up`, counter-clockwise from above).
+///
+/// Directions are drawn by luminance: a pixel in proportion to the integral of
+/// the interpolated luminance over it, then uniformly in its solid angle, so
+/// that the density is known exactly and is zero nowhere where there is light.
+#[derive(Clone, Debug)]
+pub struct ImageEnvironment {
+    size: UVec2,
+    pixels: Vec<Rgb>,
+    up: Vec3,
+    centre: Vec3,
+    left: Vec3,
+    /// None of a black picture.
+    table: Option<AliasTable>,
+    /// Cosines of the polar angles between rows, from 1 to -1.
+    row_cosines: Vec<f32>,
+}
+
+/// A picture or directions that make no environment.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ImageEnvironmentError {
+    /// Pixels do not fill the picture.
+    #[error("{size} pixels expected, {count} given")]
+    Size {
+        /// Columns and rows.
+        size: UVec2,
+        /// How many there are.
+        count: usize,
+    },
+    /// No number.
+    #[error("pixel ({x}, {y}) is {value:?}; expected finite numbers of at least 0", x = .at.x, y = .at.y)]
+    Pixel {
+        /// Column and row.
+        at: UVec2,
+        /// What is there.
+        value: Rgb,
+    },
+    /// No frame.
+    #[error("up and centre must be finite and not parallel")]
+    Frame,
+}
+
+impl ImageEnvironment {
+    /// An environment from pixels in rows from the top. `centre` is turned
+    /// until it is perpendicular to `up`.
+    ///
+    /// # Errors
+    /// A wrong number of pixels, a pixel that is negative or not finite, or
+    /// directions that give no frame.
+    pub fn new(
+        size: UVec2,
+        pixels: Vec<Rgb>,
+        up: Vec3,
+        centre: Vec3,
+    ) -> Result<ImageEnvironment, ImageEnvironmentError> {
+        let count = u64::from(size.x) * u64::from(size.y);
+        if count == 0 || pixels.len() as u64 != count {
+            let count = pixels.len();
+            return Err(ImageEnvironmentError::Size { size, count });
+        }
+        if let Some(i) = pixels.iter().position(|p| !p.is_valid()) {
+            let i_u32 = i as u32;
+            return Err(ImageEnvironmentError::Pixel {
+                at: UVec2::new(i_u32 % size.x, i_u32 / size.x),
+                value: pixels[i],
+            });
+        }
+        let frame = || {
+            let up = up.try_normalize()?;
+            let centre = (centre - centre.dot(up) * up).try_normalize()?;
+            Some((up, centre, up.cross(centre)))
+        };
+        let (up, centre, left) = frame().ok_or(ImageEnvironmentError::Frame)?;
+        let row_cosines = (0..=size.y)
+            .map(|y| (std::f64::consts::PI * f64::from(y) / f64::from(size.y)).cos() as f32)
+            .collect();
+        let mut made = ImageEnvironment {
+            size,
+            pixels,
+            up,
+            centre,
+            left,
+            table: None,
+            row_cosines,
+        };
+        made.table = AliasTable::new(&made.weights());
+        Ok(made)
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    /// Radiance per pixel, in rows from the top.
+    pub fn pixels(&self) -> &[Rgb] {
+        &self.pixels
+    }
+
+    /// Unit vectors: up, toward the picture's middle, and to the left of it.
+    pub fn frame(&self) -> [Vec3; 3] {
+        [self.up, self.centre, self.left]
+    }
+
+    /// Integral of the interpolated luminance over every pixel, but for what
+    /// the solid angle varies within it.
+    fn weights(&self) -> Vec<f64> {
+        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let luminance = |x: usize, y: usize| f64::from(self.pixels[y * width + x].luminance());
+        // A tent about each centre gives 3/4 to its own pixel, 1/8 to each neighbour.
+        let along_row = |x: usize, y: usize| {
+            let (before, after) = ((x + width - 1) % width, (x + 1) % width);
+            0.75 * luminance(x, y) + 0.125 * (luminance(before, y) + luminance(after, y))
+        };
+        let mut weights = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let solid_angle = f64::from(self.row_cosines[y] - self.row_cosines[y + 1]);
+            let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
+            weights.extend((0..width).map(|x| {
+                let column =
+                    0.75 * along_row(x, y) + 0.125 * (along_row(x, above) + along_row(x, below));
+                column * solid_angle
+            }));
+        }
+        weights
+    }
+
+    /// Where a direction lies in the picture, in pixels from the upper left.
+    fn place(&self, w: Vec3) -> (f32, f32) {
+        let (x, y, z) = (w.dot(self.centre), w.dot(self.left), w.dot(self.up));
+        let theta = x.hypot(y).atan2(z);
+        let u = 0.5 - y.atan2(x) / TAU;
+        let (width, height) = (self.size.x as f32, self.size.y as f32);
+        (u * width, theta / PI * height)
+    }
+
+    /// Radiance seen along a direction of sight.
+    pub fn radiance_toward(&self, w: Vec3) -> Rgb {
+        let (x, y) = self.place(w);
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        let (width, height) = (self.size.x as i32, self.size.y as i32);
+        let (x, y) = (x.floor() as i32, y.floor() as i32);
+        let pixel = |x: i32, y: i32| {
+            let (x, y) = (x.rem_euclid(width), y.clamp(0, height - 1));
+            self.pixels[(y * width + x) as usize]
+        };
+        let row = |y: i32| (1.0 - fx) * pixel(x, y) + fx * pixel(x + 1, y);
+        (1.0 - fy) * row(y) + fy * row(y + 1)
+    }
+
+    /// A direction by luminance, with its density.
+    pub fn sample(&self, rng: &mut PathRng) -> Option<(Vec3, f32)> {
+        let index = self.table.as_ref()?.sample(rng);
+        let (column, row) = (index % self.size.x as usize, index / self.size.x as usize);
+        let s = rng.unit2();
+        let (top, bottom) = (self.row_cosines[row], self.row_cosines[row + 1]);
+        let z = top + s.y * (bottom - top);
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let phi = TAU * (0.5 - (column as f32 + s.x) / self.size.x as f32);
+        let (sin, cos) = phi.sin_cos();
+        let w = r * cos * self.centre + r * sin * self.left + z * self.up;
+        let w = w.normalize();
+        Some((w, self.pdf(w)))
+    }
+
+    /// Density of [`ImageEnvironment::sample`], 1/sr.
+    pub fn pdf(&self, w: Vec3) -> f32 {
+        let Some(table) = &self.table else {
+            return 0.0;
+        };
+        let (x, y) = self.place(w);
+        let column = (x as usize).min(self.size.x as usize - 1);
+        let row = (y as usize).min(self.size.y as usize - 1);
+        let cosines = self.row_cosines[row] - self.row_cosines[row + 1];
+        let solid_angle = cosines * TAU / self.size.x as f32;
+        table.probability(row * self.size.x as usize + column) / solid_angle
+    }
+}

@@ -1,0 +1,129 @@
+//! A rectangle that shines: a panel, a window, or, long and narrow, a tube.
+
+use glam::{DVec3, Vec3};
+use organza_basis::{PathRng, Ray, Rgb};
+
+/// A rectangle in space with the same radiance everywhere and in all
+/// directions. It is a source and no matter: light passes through it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RectangleLight {
+    corner_mm: Vec3,
+    u_mm: Vec3,
+    v_mm: Vec3,
+    /// Unit, the side that shines.
+    normal: Vec3,
+    area_mm2: f32,
+    radiance: Rgb,
+    two_sided: bool,
+}
+
+/// Edges that span no rectangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RectangleError {
+    /// Without area, or not finite.
+    #[error("the edges span no area")]
+    NoArea,
+    /// A parallelogram.
+    #[error("the edges are not perpendicular")]
+    Skew,
+}
+
+impl RectangleLight {
+    /// A light from one corner and the two edges that start there. It shines
+    /// to the side of `u_mm x v_mm`, or to both.
+    ///
+    /// # Errors
+    /// Edges without area or not perpendicular (to a thousandth).
+    pub fn new(
+        corner_mm: Vec3,
+        u_mm: Vec3,
+        v_mm: Vec3,
+        radiance: Rgb,
+        two_sided: bool,
+    ) -> Result<RectangleLight, RectangleError> {
+        let cross = u_mm.cross(v_mm);
+        let area_mm2 = cross.length();
+        if !(corner_mm.is_finite() && area_mm2.is_finite() && area_mm2 > 0.0) {
+            return Err(RectangleError::NoArea);
+        }
+        if u_mm.dot(v_mm).abs() > 1e-3 * u_mm.length() * v_mm.length() {
+            return Err(RectangleError::Skew);
+        }
+        Ok(RectangleLight {
+            corner_mm,
+            u_mm,
+            v_mm,
+            normal: cross / area_mm2,
+            area_mm2,
+            radiance,
+            two_sided,
+        })
+    }
+
+    /// The corner and the two edges.
+    pub fn corner_and_edges_mm(&self) -> [Vec3; 3] {
+        [self.corner_mm, self.u_mm, self.v_mm]
+    }
+
+    /// Radiance of the side that shines.
+    pub fn radiance(&self) -> Rgb {
+        self.radiance
+    }
+
+    /// Whether both sides shine.
+    pub fn is_two_sided(&self) -> bool {
+        self.two_sided
+    }
+
+    /// Radiance seen along a direction of sight.
+    pub fn radiance_toward(&self, direction: Vec3) -> Rgb {
+        if self.two_sided || direction.dot(self.normal) < 0.0 {
+            self.radiance
+        } else {
+            Rgb::BLACK
+        }
+    }
+
+    /// Where a ray crosses the rectangle, mm.
+    pub fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> Option<f64> {
+        let n = self.normal.as_dvec3();
+        let from_corner = origin_mm - self.corner_mm.as_dvec3();
+        let t = -from_corner.dot(n) / direction.dot(n);
+        let p = from_corner + t * direction;
+        let (u, v) = (self.u_mm.as_dvec3(), self.v_mm.as_dvec3());
+        let inside = |e: DVec3| (0.0..=e.length_squared()).contains(&p.dot(e));
+        // A ray in the plane divides by zero: NaN and infinity fail here.
+        (t > 0.0 && t.is_finite() && inside(u) && inside(v)).then_some(t)
+    }
+
+    /// The same for a ray near the rectangle, in `f32`.
+    pub fn distance_along(&self, ray: &Ray) -> Option<f32> {
+        let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        self.distance_mm(o, d).map(|t| t as f32)
+    }
+
+    /// A direction toward a uniformly drawn point of the rectangle, with its
+    /// density.
+    pub fn sample_toward(&self, from_mm: Vec3, rng: &mut PathRng) -> Option<(Vec3, f32)> {
+        let s = rng.unit2();
+        let to = self.corner_mm + s.x * self.u_mm + s.y * self.v_mm - from_mm;
+        let w_in = to.try_normalize()?;
+        let pdf = self.pdf_at(to.length_squared(), w_in);
+        (pdf.is_finite() && !self.radiance_toward(w_in).is_black()).then_some((w_in, pdf))
+    }
+
+    /// Density with which shadow rays are drawn from a point, 1/sr.
+    pub fn pdf_toward(&self, from_mm: Vec3, w_in: Vec3) -> f32 {
+        if self.radiance_toward(w_in).is_black() {
+            return 0.0;
+        }
+        match self.distance_along(&Ray::new(from_mm, w_in)) {
+            Some(t) => self.pdf_at(t * t, w_in),
+            None => 0.0,
+        }
+    }
+
+    fn pdf_at(&self, distance_squared: f32, w_in: Vec3) -> f32 {
+        distance_squared / (self.area_mm2 * w_in.dot(self.normal).abs())
+    }
+}

@@ -1,0 +1,160 @@
+//! The bridge from scenes to the kernel: media described as its matter.
+//!
+//! Media do not know the kernel, and the kernel does not know media: both meet
+//! here and nowhere else.
+
+use crate::{
+    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, Medium,
+    RenderSettings, Scene,
+};
+use glam::UVec3;
+use organza_basis::CellGrid;
+use organza_kernel::{
+    Backend, Kernel, Matter, NO_YARN, Population, Refusal, Substance, Unsuited, View, end_on_ratio,
+};
+use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
+use organza_scatter::{AxialFlake, Fibre};
+
+/// Why a scene is left to the general walk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum KernelRefusal {
+    /// Not one medium but none or several.
+    #[error("the scene has {0} media; the kernel walks through one")]
+    MediumCount(usize),
+    /// A medium of other than micro-flakes or virtual fibres.
+    #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
+    NotFlakes,
+    /// Samples are to be clamped.
+    #[error("samples are to be clamped, which the general walk does")]
+    Clamp,
+    /// Exact stepping was asked for.
+    #[error("exact stepping was asked for; the kernel tracks")]
+    Integrator,
+    /// Interpolated samples, or grids of different resolutions.
+    #[error("a grid is not constant within voxels")]
+    Interpolated,
+    /// Fibres with a surface.
+    #[error("virtual fibres are packed; the kernel walks event = \"plain\" of them")]
+    Packed,
+    /// Tables of local visibility.
+    #[error("virtual fibres have tables of local visibility")]
+    LocalVisibility,
+    /// What the kernel itself refuses.
+    #[error(transparent)]
+    Kernel(#[from] Refusal),
+}
+
+/// Lays a scene out for the kernel, with tables of at most `most_bytes` bytes.
+///
+/// # Errors
+/// Why the general walk must do it.
+pub fn flatten(
+    scene: &Scene,
+    settings: &RenderSettings,
+    backend: Backend,
+    most_bytes: u64,
+) -> Result<Kernel, KernelRefusal> {
+    if settings.integrator != Integrator::Woodcock {
+        return Err(KernelRefusal::Integrator);
+    }
+    let [medium] = &scene.media[..] else {
+        return Err(KernelRefusal::MediumCount(scene.media.len()));
+    };
+    fn lay_out(
+        matter: &impl Matter,
+        scene: &Scene,
+        settings: &RenderSettings,
+        backend: Backend,
+        most_bytes: u64,
+    ) -> Result<Kernel, KernelRefusal> {
+        let view = View {
+            matter,
+            lights: &scene.lights,
+            camera: &scene.camera,
+        };
+        let (seed, max_bounces) = (settings.seed, settings.max_bounces);
+        Ok(Kernel::new(&view, seed, max_bounces, backend, most_bytes)?)
+    }
+    match medium {
+        AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
+        AnyMedium::Grid(m) => lay_out(m, scene, settings, backend, most_bytes),
+        AnyMedium::Cloth(m) => lay_out(m, scene, settings, backend, most_bytes),
+        AnyMedium::Fibres(m) if m.event() == FibreEvent::Packed => Err(KernelRefusal::Packed),
+        AnyMedium::Fibres(m) if m.has_local_visibility() => Err(KernelRefusal::LocalVisibility),
+        AnyMedium::Fibres(m) => lay_out(m, scene, settings, backend, most_bytes),
+        _ => Err(KernelRefusal::NotFlakes),
+    }
+}
+
+impl Matter for GridMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        None
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let (sigma_t_per_mm, matrix, albedo) = self.values_of(cell);
+        if sigma_t_per_mm == 0.0 {
+            return Ok(());
+        }
+        let (across, flake) = AxialFlake::from_matrix(matrix).ok_or(Unsuited::NotAxial)?;
+        let broadside_per_mm = sigma_t_per_mm * across;
+        if broadside_per_mm > 0.0 {
+            out.push(Population {
+                broadside_per_mm,
+                flake,
+                substance: Substance::Flakes(albedo),
+                yarn: NO_YARN,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Matter for ClothMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        None
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let mixture = ClothMedium::populations(self, cell);
+        out.extend(mixture.as_slice().iter().map(|c| {
+            let (broadside, end_on) = self.flake_shape(c);
+            Population {
+                broadside_per_mm: c.broadside_per_mm() * broadside,
+                flake: AxialFlake::new(c.axis, end_on),
+                substance: Substance::Flakes(self.albedo_of(c)),
+                yarn: c.yarn,
+            }
+        }));
+        Ok(())
+    }
+}
+
+impl Matter for FibreMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        Some(FibreMedium::fibres(self))
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let populations = self.populations_of(cell);
+        out.extend(populations.iter().map(|c| Population {
+            broadside_per_mm: component_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
+            flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
+            substance: Substance::Fibres(c.material),
+            yarn: c.yarn,
+        }));
+        Ok(())
+    }
+}

@@ -1,0 +1,211 @@
+//! Virtual fibres with plain events: the kernel against the walk.
+
+use crate::pictures::picture;
+use crate::{agree, film, kernel, lens, panels, parallel, samples, scene, settings, sky};
+use glam::{UVec3, Vec3};
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::{Aabb, PathRng, Rgb, warp};
+use organza_kernel::proofs::Fault;
+use organza_kernel::{Matter, Refusal};
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
+};
+use organza_transport::*;
+use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+
+fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::from(absorption),
+        longitudinal_rad: longitudinal_deg.to_radians(),
+        azimuthal_rad: azimuthal_deg.to_radians(),
+    };
+    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+}
+
+fn fitted(name: &str) -> Fibre {
+    Fibre::Fitted(FittedFibre::new(FittedParameters::preset(name).unwrap()).unwrap())
+}
+
+/// Fibres of two materials that cross in the same voxels.
+fn cloth(fibres: Vec<Fibre>, event: FibreEvent) -> FibreMedium {
+    let mut segments = Vec::new();
+    for i in 0..24 {
+        let at = (i as f32 + 0.5) / 24.0 * 0.2;
+        let z = 0.05 + 0.015 * (i % 3) as f32;
+        let bend = 0.015 * ((i * 7 % 5) as f32 - 2.0);
+        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at + bend, z + 0.02)];
+        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at - bend, 0.2, z)];
+        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
+        let mut other = Segment::straight(along_y[0], along_y[1], 0.006);
+        other.material = 1;
+        segments.push(other);
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
+        repeats: true,
+    };
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        levels: Some(2),
+        footprint: Footprint::Axis,
+        max_memory_bytes: None,
+    };
+    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    FibreMedium::new(octree, 0, fibres, event).unwrap()
+}
+
+fn silk_and_cotton() -> Vec<Fibre> {
+    vec![dielectric([0.02, 0.1, 0.5], 5.0, 10.0), fitted("gabardine")]
+}
+
+/// What the kernel is given of fibres, against the medium's own extinction.
+#[test]
+fn described_fibres_are_the_medium() {
+    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+    let dims = Medium::cell_grid(&medium).dims();
+    let mut rng = PathRng::from_seed(64);
+    let mut mixed = 0;
+    for i in 0..dims.element_product() {
+        let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+        let mut populations = Vec::new();
+        medium.populations(c, &mut populations).unwrap();
+        let site = medium.site(c.as_vec3() + 0.5);
+        for _ in 0..4 {
+            let w = warp::uniform_sphere(rng.unit2());
+            let most: f32 = populations.iter().map(|p| p.broadside_per_mm).sum();
+            let exact = medium.sigma_t(&site, w);
+            assert!(
+                exact <= most * (1.0 + 1e-5),
+                "seed 64: {exact}, {most} at {c}"
+            );
+        }
+        if let [only] = &populations[..] {
+            let across = only
+                .flake
+                .scaled_axis()
+                .normalize()
+                .any_orthonormal_vector();
+            let exact = medium.sigma_t(&site, across);
+            let apart = (only.broadside_per_mm / exact - 1.0).abs();
+            assert!(apart < 1e-4, "{} {exact} at {c}", only.broadside_per_mm);
+        }
+        mixed += usize::from(populations.len() > 1);
+    }
+    assert!(mixed > 20, "{mixed} mixtures");
+    assert_eq!(Matter::fibres(&medium).map(<[Fibre]>::len), Some(2));
+}
+
+/// Pictures of the kernel and of the walk; the twin has others of the fibres.
+#[test]
+fn the_kernel_agrees_with_the_walk_through_fibres() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let pictures = vec![picture()];
+    for (name, lights, projection) in [
+        ("parallel", parallel(), pinhole),
+        ("sky", sky(), lens()),
+        ("panels", panels(), flat),
+        ("picture", pictures, flat),
+    ] {
+        let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+        let scene = scene(AnyMedium::Fibres(medium), lights, projection);
+        let settings = settings(0..samples(), u32::MAX);
+        let made = kernel(&scene, &settings, Backend::widest());
+        let (a, stats) = film(&scene, &settings, Some(made));
+        let (b, of_walk) = film(&scene, &settings, None);
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&a, &b);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
+        let (m, n) = (per_path(&stats), per_path(&of_walk));
+        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+
+        let others = [
+            dielectric([0.0; 3], 6.0, 10.0),
+            dielectric([0.02, 0.3, 2.0], 4.0, 15.0),
+        ];
+        let twin = kernel(&scene, &settings, Backend::widest());
+        let twin = twin.with_fault(Fault::Fibres(&others));
+        let (c, _) = film(&scene, &settings, Some(twin));
+        let (spread, mean) = agree(&c, &b);
+        let least = spread.p_value.min(mean.p_value);
+        assert!(least < 1e-9, "{name}, seed 9: twin {least}");
+    }
+}
+
+/// Fibres that keep all light under even light: nothing is to be seen.
+#[test]
+fn white_fibres_vanish_under_even_light() {
+    let white = FittedParameters {
+        colour_tt: Rgb::WHITE,
+        ..FittedParameters::preset("gabardine").unwrap()
+    };
+    let white = Fibre::Fitted(FittedFibre::new(white).unwrap());
+    let medium = cloth(
+        vec![dielectric([0.0; 3], 6.0, 10.0), white],
+        FibreEvent::Plain,
+    );
+    let light = Light::Environment {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let scene = scene(AnyMedium::Fibres(medium), vec![light], flat);
+    let settings = settings(0..8 * samples(), u32::MAX);
+    let made = kernel(&scene, &settings, Backend::widest());
+    let (film, stats) = film(&scene, &settings, Some(made));
+    assert!(stats.collisions > stats.paths);
+    for (mean, error) in film.mean() {
+        // Per event the extinction is off by less than 0.4 %, either way.
+        let apart = (mean - 1.0).abs();
+        assert!(apart < 3e-3 + 4.0 * error, "seed 9: {mean} +- {error}");
+        assert!(error < 3e-3, "seed 9: {error}");
+    }
+}
+
+#[test]
+fn back_ends_give_the_same_bits_through_fibres() {
+    let mut lights = parallel();
+    lights.push(picture());
+    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+    let scene = scene(AnyMedium::Fibres(medium), lights, lens());
+    let settings = settings(0..6, 40);
+    let of = |backend| film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
+    let one = of(Backend::Scalar);
+    for backend in [Backend::Avx2, Backend::Avx512] {
+        if backend.is_available() {
+            assert!(of(backend) == one, "{backend:?}");
+        }
+    }
+}
+
+#[test]
+fn packed_fibres_are_refused() {
+    let medium = cloth(silk_and_cotton(), FibreEvent::Packed);
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let scene = scene(AnyMedium::Fibres(medium), parallel(), flat);
+    let refused = flatten(&scene, &settings(0..1, 1), Backend::Scalar, 1 << 30).err();
+    assert_eq!(refused, Some(KernelRefusal::Packed));
+}
+
+#[test]
+fn rough_fibres_are_left_to_the_walk() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let refused = |blur_deg: f32| {
+        let fibres = vec![
+            dielectric([0.0; 3], 6.0, 10.0),
+            dielectric([0.0; 3], blur_deg, 60.0),
+        ];
+        let medium = AnyMedium::Fibres(cloth(fibres, FibreEvent::Plain));
+        let made = flatten(
+            &scene(medium, parallel(), flat),
+            &settings(0..4, u32::MAX),
+            Backend::Scalar,
+            u64::MAX,
+        );
+        matches!(made, Err(KernelRefusal::Kernel(Refusal::Skewed)))
+    };
+    assert!(!refused(15.0) && refused(30.0));
+}

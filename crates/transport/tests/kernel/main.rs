@@ -1,0 +1,368 @@
+//! The kernel against the general walk, its oracle.
+
+mod fibres;
+mod pictures;
+
+use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::hypothesis::{Verdict, z_test};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3};
+use organza_kernel::proofs::Fault;
+use organza_kernel::{Refusal, Unsuited};
+use organza_transport::*;
+use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use std::ops::{ControlFlow, Range};
+
+/// Voxels of the test tile: no multiple of anything, not cubic.
+const DIMS: UVec3 = UVec3::new(13, 11, 9);
+const SIZE_MM: Vec3 = Vec3::new(0.26, 0.2, 0.16);
+
+/// Two crossing bundles of fibres with air around them; density varies from
+/// voxel to voxel.
+fn grid(repeats: bool) -> GridMedium {
+    let mut rng = PathRng::from_seed(77);
+    let (mut density, mut sggx, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..DIMS.element_product() {
+        let c = UVec3::new(i % DIMS.x, i / DIMS.x % DIMS.y, i / (DIMS.x * DIMS.y));
+        let p = (c.as_vec3() + 0.5) / DIMS.as_vec3() - 0.5;
+        let low = (p.y * 2.5).powi(2) + (p.z * 6.0 + 1.2).powi(2) < 1.0;
+        let high = (p.x * 2.5).powi(2) + (p.z * 6.0 - 1.2).powi(2) < 1.0;
+        let inside = if low || high { 1.0 } else { 0.0 };
+        density.push([inside * (5.0 + 60.0 * rng.unit() * rng.unit())]);
+        let axis = if low {
+            Vec3::new(1.0, 0.2, 0.3)
+        } else {
+            Vec3::new(0.1, 1.0, -0.2)
+        };
+        sggx.push(Sym3::axial(axis.normalize(), 1.0, 0.06).to_array());
+        albedo.push(if low {
+            [0.95, 0.8, 0.6]
+        } else {
+            [0.5, 0.9, 0.99]
+        });
+    }
+    GridMedium::new(
+        Aabb::new(
+            Vec3::new(0.1, -0.2, 0.0),
+            Vec3::new(0.1, -0.2, 0.0) + SIZE_MM,
+        ),
+        repeats,
+        Interpolation::Nearest,
+        Grid::new(DIMS, density).unwrap(),
+        Grid::new(DIMS, sggx).unwrap(),
+        Grid::new(DIMS, albedo).unwrap(),
+    )
+    .unwrap()
+}
+
+/// Fibres that cross in the same voxels: mixtures of two populations.
+fn cloth() -> ClothMedium {
+    let mut segments = Vec::new();
+    for i in 0..24 {
+        let at = (i as f32 + 0.5) / 24.0 * 0.2;
+        let z = 0.05 + 0.015 * (i % 3) as f32;
+        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at, z + 0.02)];
+        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at, 0.2, z)];
+        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
+        segments.push(Segment::straight(along_y[0], along_y[1], 0.006));
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
+        repeats: true,
+    };
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        levels: Some(2),
+        footprint: Footprint::Axis,
+        max_memory_bytes: None,
+    };
+    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    let optics = FlakeOptics {
+        albedo: Rgb::new(0.9, 0.7, 0.5),
+        end_on_ratio: 0.1,
+    };
+    ClothMedium::new(octree, 0, vec![optics]).unwrap()
+}
+
+fn parallel() -> Vec<Light> {
+    [
+        (Vec3::new(0.5, 0.3, -0.8), 1.0),
+        (Vec3::new(-0.4, 0.2, 0.9), 1.5),
+    ]
+    .map(|(d, e)| Light::Directional {
+        direction: d.normalize(),
+        irradiance: Rgb::new(e, 1.0, 0.5 * e),
+    })
+    .to_vec()
+}
+
+fn sky() -> Vec<Light> {
+    let of = |radiance, hemisphere| Light::Environment {
+        radiance,
+        hemisphere,
+    };
+    vec![
+        of(Rgb::new(0.7, 0.8, 1.0), Hemisphere::All),
+        of(Rgb::new(0.5, 0.2, 0.1), Hemisphere::Back),
+    ]
+}
+
+/// One panel beside the camera, and one behind the matter that is seen through it.
+fn panels() -> Vec<Light> {
+    let panel = |corner, u, v, radiance, two_sided| Light::Rectangle {
+        rectangle: RectangleLight::new(corner, u, v, radiance, two_sided).unwrap(),
+        search: LightSearch::Both,
+    };
+    vec![
+        panel(
+            Vec3::new(0.4, -0.6, 0.9),
+            Vec3::new(0.0, 0.9, 0.0),
+            Vec3::new(0.3, 0.0, -0.3),
+            Rgb::new(4.0, 2.0, 1.0),
+            true,
+        ),
+        panel(
+            Vec3::new(0.0, -0.3, -0.5),
+            Vec3::new(0.5, 0.0, 0.0),
+            Vec3::new(0.0, 0.5, 0.0),
+            Rgb::new(0.5, 1.0, 1.0),
+            false,
+        ),
+    ]
+}
+
+/// The endless grid, cut to a rectangle of other sizes than a period.
+fn cut_grid() -> AnyMedium {
+    let mut grid = AnyMedium::Grid(grid(true));
+    grid.cut_to(Vec2::new(-0.05, -0.31), Vec2::new(0.45, 0.03))
+        .unwrap();
+    grid
+}
+
+fn lens() -> Projection {
+    Projection::ThinLens {
+        fov_rad: 0.3,
+        aperture_mm: 0.1,
+        focus_mm: 0.8,
+    }
+}
+
+fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
+    let middle = medium.cell_grid().unwrap().bounds_mm().centre().as_dvec3();
+    let pose = CameraPose {
+        origin_mm: middle + DVec3::new(0.2, -0.3, 0.8),
+        target_mm: middle,
+        up: DVec3::Y,
+    };
+    let filter = match projection {
+        Projection::Orthographic { .. } => PixelFilter::Tent,
+        Projection::Perspective { .. } => PixelFilter::Box,
+        Projection::ThinLens { .. } => PixelFilter::Gaussian,
+    };
+    Scene {
+        media: vec![medium],
+        lights,
+        camera: Camera::new(projection, pose, UVec2::new(7, 5), filter).unwrap(),
+    }
+}
+
+fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
+    RenderSettings {
+        integrator: Integrator::Woodcock,
+        samples,
+        max_bounces,
+        seed: 9,
+        crop: None,
+    }
+}
+
+fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Film, Stats) {
+    let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
+    if let Some(kernel) = kernel {
+        rendering = rendering.with_kernel(kernel);
+    }
+    let all = settings.samples.end;
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    rendering.into_parts()
+}
+
+fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> Kernel {
+    flatten(scene, settings, backend, u64::MAX).unwrap()
+}
+
+/// Whether two films are of one picture: all pixels and channels together, and
+/// their mean.
+fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
+    let (mut squares, mut values) = (0.0, 0.0);
+    for (p, q) in a.pixels().iter().zip(b.pixels()) {
+        for c in 0..3 {
+            let (m, n) = (p.moments(c), q.moments(c));
+            let variance = m.variance() / m.count as f64 + n.variance() / n.count as f64;
+            if variance > 0.0 {
+                squares += (m.mean - n.mean).powi(2) / variance;
+                values += 1.0;
+            }
+        }
+    }
+    // Channels of a pixel are nearly one value: a third as many.
+    let spread = z_test(squares / values, 1.0, (2.0 * 3.0 / values).sqrt());
+    let (m, n) = (a.mean()[0], b.mean()[0]);
+    (spread, z_test(m.0, n.0, m.1.hypot(n.1)))
+}
+
+fn samples() -> u64 {
+    if std::env::var("ORGANZA_FULL").is_ok() {
+        65_536
+    } else {
+        2048
+    }
+}
+
+#[test]
+fn the_kernel_agrees_with_the_general_walk() {
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let wide = Projection::Orthographic { width_mm: 0.7 };
+    for (name, scene) in [
+        (
+            "finite",
+            scene(AnyMedium::Grid(grid(false)), parallel(), pinhole),
+        ),
+        (
+            "endless",
+            scene(AnyMedium::Grid(grid(true)), parallel(), flat),
+        ),
+        ("sky", scene(AnyMedium::Grid(grid(false)), sky(), lens())),
+        (
+            "endless sky",
+            scene(AnyMedium::Grid(grid(true)), sky(), pinhole),
+        ),
+        (
+            "mixtures",
+            scene(AnyMedium::Cloth(cloth()), parallel(), flat),
+        ),
+        (
+            "panels",
+            scene(AnyMedium::Grid(grid(false)), panels(), pinhole),
+        ),
+        ("cut", scene(cut_grid(), parallel(), wide)),
+        ("cut, panels", scene(cut_grid(), panels(), wide)),
+        (
+            "mixtures, sky",
+            scene(AnyMedium::Cloth(cloth()), sky(), flat),
+        ),
+    ] {
+        let settings = settings(0..samples(), u32::MAX);
+        let widest = kernel(&scene, &settings, Backend::widest());
+        let (a, stats) = film(&scene, &settings, Some(widest));
+        let (b, _) = film(&scene, &settings, None);
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&a, &b);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        for (p, q) in a.pixels().iter().zip(b.pixels()) {
+            let n = samples() as f64;
+            let through = f64::from(q.straight_through());
+            let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
+            let apart = f64::from(p.straight_through()) - through;
+            assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
+            assert!(p.count() == q.count());
+            if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
+                && through < 0.9
+            {
+                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
+                // Crossed fibres have no main direction.
+                let crossed = name.starts_with("mixtures");
+                let along = p.tangent().dot(q.tangent()).abs();
+                assert!(crossed || along > 0.95, "{name}");
+            }
+            let (m, n) = (p.mean_bounces(), q.mean_bounces());
+            assert!((m - n).abs() < 0.15 * n + 0.05, "{name}: bounces {m}, {n}");
+        }
+    }
+}
+
+/// Exact rays set even a wrong table right; without them it is rejected.
+#[test]
+fn a_table_without_exact_rays_is_rejected() {
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let settings = settings(0..2048, 1);
+    let (oracle, _) = film(&scene, &settings, None);
+    let wrong_table =
+        || kernel(&scene, &settings, Backend::widest()).with_fault(Fault::LightTables);
+    let (right, stats) = film(&scene, &settings, Some(wrong_table()));
+    let (spread, mean) = agree(&right, &oracle);
+    assert!(stats.shadow_rays > 0);
+    assert!(
+        spread.p_value > 1e-4 && mean.p_value > 1e-4,
+        "seed 9: {spread:?} {mean:?}"
+    );
+    let twin = wrong_table().with_fault(Fault::NoExactRays);
+    let (wrong, stats) = film(&scene, &settings, Some(twin));
+    assert_eq!(stats.shadow_rays, 0);
+    assert!(agree(&wrong, &oracle).0.p_value < 1e-9, "seed 9");
+}
+
+#[test]
+fn back_ends_threads_and_passes_give_the_same_bits() {
+    let mut lights = parallel();
+    lights.push(pictures::picture());
+    let scene = scene(AnyMedium::Cloth(cloth()), lights, lens());
+    let settings = settings(0..6, 40);
+    let (film_of_one, stats) = film(
+        &scene,
+        &settings,
+        Some(kernel(&scene, &settings, Backend::Scalar)),
+    );
+    for backend in [Backend::Avx2, Backend::Avx512] {
+        if !backend.is_available() {
+            continue;
+        }
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let made = kernel(&scene, &settings, backend);
+                let (whole, counts) = film(&scene, &settings, Some(made));
+                assert_eq!(whole, film_of_one, "{backend:?}, {threads} threads");
+                assert_eq!(counts, stats, "{backend:?}, {threads} threads");
+            });
+        }
+        let mut parts = Rendering::new(&scene, settings.clone())
+            .unwrap()
+            .with_kernel(kernel(&scene, &settings, backend));
+        for samples in [1, 3, 2] {
+            parts = parts.take(samples, &|_| ControlFlow::Continue(())).unwrap();
+        }
+        assert_eq!(*parts.film(), film_of_one, "{backend:?} in passes");
+    }
+}
+
+#[test]
+fn what_the_kernel_cannot_do_it_refuses() {
+    let flat = Projection::Orthographic { width_mm: 0.2 };
+    let refusal = |scene: &Scene, settings: &RenderSettings| {
+        flatten(scene, settings, Backend::Scalar, 1 << 30).err()
+    };
+    let mut scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let mut exact = settings(0..1, 1);
+    assert_eq!(refusal(&scene, &exact), None);
+    exact.integrator = Integrator::Regular;
+    assert_eq!(refusal(&scene, &exact), Some(KernelRefusal::Integrator));
+    scene.media.push(AnyMedium::Grid(grid(false)));
+    let two = refusal(&scene, &settings(0..1, 1));
+    assert_eq!(two, Some(KernelRefusal::MediumCount(2)));
+    // A flat flake is no fibre's.
+    let flat = GridMedium::new(
+        Aabb::new(Vec3::ZERO, Vec3::ONE),
+        false,
+        Interpolation::Nearest,
+        Grid::constant([1.0]),
+        Grid::constant(Sym3::axial(Vec3::Z, 0.1, 1.0).to_array()),
+        Grid::constant([0.5; 3]),
+    );
+    scene.media = vec![AnyMedium::Grid(flat.unwrap())];
+    let not_axial = refusal(&scene, &settings(0..1, 1));
+    let expected = KernelRefusal::Kernel(Refusal::Medium(Unsuited::NotAxial));
+    assert_eq!(not_axial, Some(expected));
+}
