@@ -11,7 +11,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3;
-use organza_basis::{Moments, PathRng, Ray, Rgb};
+use organza_basis::{Budget, Moments, PathRng, Ray, Rgb};
 use organza_transport::{
     ClothMedium, FlakeOptics, LocalRay, Medium, Stats, exact_transmittance, sample_collision,
     stopped_transmittance, transmittance,
@@ -24,7 +24,7 @@ const RAYS: usize = 4096;
 
 fn denim() -> ClothMedium {
     let bytes = include_bytes!("../volumes/denim.ovox");
-    let octree = ovox::read(&mut &bytes[..], 1 << 30).unwrap();
+    let octree = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30)).unwrap();
     let optics = FlakeOptics {
         albedo: Rgb::splat(0.8),
         end_on_ratio: 0.1,

@@ -10,8 +10,9 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{UVec3, Vec3};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, PathRng, Segment, SegmentSource, Tile};
-use organza_volume::{Octree, VoxelizeOptions, export, ovox, vdb, voxelize};
+use organza_basis::{Aabb, Budget, Mixture, PathRng, Segment, SegmentSource, Tile};
+use organza_scatter::{FlakeMaterials, FlakeOptics};
+use organza_volume::{GridSet, Octree, VoxelizeOptions, ovox, vdb, voxelize};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -461,19 +462,25 @@ fn files(c: &mut Criterion) {
         );
     });
     group.bench_function(".ovox read", |b| {
-        b.iter(|| ovox::read(&mut &bytes[..], u64::MAX))
+        b.iter(|| ovox::read(&mut &bytes[..], &mut Budget::new(u64::MAX)))
     });
+    let optics = FlakeOptics {
+        albedo: organza_basis::Rgb::WHITE,
+        end_on_ratio: 0.1,
+    };
+    let materials = FlakeMaterials::new(vec![optics; tree.material_count()]);
+    let merge = |mixture: &Mixture| materials.merged(mixture);
     group.bench_function(".vdb grids and write", |b| {
         b.iter(|| {
             vdb::write(
-                &vdb::grids_from_octree(&tree, 0, true),
+                &vdb::grids_from_octree(&tree, 0, true, &merge),
                 vdb::Codec::Zip,
                 &mut Vec::new(),
             )
         });
     });
     group.bench_function(".vol triple", |b| {
-        b.iter(|| black_box(export::vol_triple(&tree, 0, &|_| organza_basis::Rgb::WHITE)));
+        b.iter(|| black_box(GridSet::from_octree(&tree, 0, &merge)));
     });
     group.finish();
 }

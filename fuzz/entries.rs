@@ -2,6 +2,7 @@
 //! error, in bounded time and memory, and never a panic.
 #![allow(dead_code)] // each fuzz target uses one of them
 
+use organza_basis::Budget;
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
 use std::path::PathBuf;
@@ -46,7 +47,7 @@ pub fn bcc(data: &[u8]) {
 
 /// A Mitsuba grid.
 pub fn vol(data: &[u8]) {
-    if let Ok(grid) = VolGrid::read(&mut &data[..], MAX_BYTES) {
+    if let Ok(grid) = VolGrid::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
         let cells: u64 = grid.dims.to_array().iter().map(|&n| u64::from(n)).product();
         assert_eq!(grid.data.len() as u64, cells * u64::from(grid.channels));
     }
@@ -54,14 +55,15 @@ pub fn vol(data: &[u8]) {
 
 /// An OpenVDB file: every grid of it.
 pub fn vdb(data: &[u8]) {
-    if let Ok(file) = organza_volume::vdb::read(data) {
-        let _ = file.medium(MAX_BYTES);
+    let budget = &mut Budget::new(MAX_BYTES);
+    if let Ok(file) = organza_volume::vdb::read(data, budget) {
+        let _ = file.grid_set(budget);
     }
 }
 
 /// A native volume; what is read is well formed.
 pub fn ovox(data: &[u8]) {
-    if let Ok(octree) = organza_volume::ovox::read(&mut &data[..], MAX_BYTES) {
+    if let Ok(octree) = organza_volume::ovox::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
         octree.assert_well_formed();
     }
 }
@@ -72,7 +74,7 @@ pub fn obj(data: &[u8]) {
         mm_per_unit: 1.0,
         mm_per_uv: 1.0,
     };
-    let _ = organza_mesh::read_obj(data, placement);
+    let _ = organza_mesh::read_obj(data, placement, &mut Budget::new(MAX_BYTES));
 }
 
 /// A scene file, as `organza info` reads it.

@@ -18,3 +18,4 @@ mod refusals; // what is refused before it begins, and left as it was
 mod running; // sample ranges, merging, checkpoints, stopping
 mod slab; // the tracker against an independent renderer's slab
 mod tidy; // the repository itself
+mod volumes; // volume files: what they keep, and what is refused

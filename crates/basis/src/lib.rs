@@ -12,6 +12,7 @@
 
 pub mod aabb;
 pub mod alias_table;
+pub mod budget;
 pub mod cell_grid;
 pub mod curve;
 pub mod frame;
@@ -29,10 +30,11 @@ pub mod warp;
 
 pub use aabb::Aabb;
 pub use alias_table::AliasTable;
+pub use budget::{Budget, OverBudget};
 pub use cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use curve::{Segment, SegmentSource, Tile};
 pub use frame::Frame;
-pub use mixture::{FibreComponent, MAX_COMPONENTS, Mixture};
+pub use mixture::{FibreComponent, MAX_COMPONENTS, MergedFlakes, Mixture};
 pub use moments::Moments;
 pub use nearest_name::nearest_name;
 pub use ray::Ray;

@@ -1,6 +1,7 @@
 //! What a voxel knows of its fibres: the currency between the octree, which
 //! gives it, and the scattering models, which take it.
 
+use crate::{Rgb, Sym3};
 use glam::Vec3;
 
 /// One population of fibres at a point: how much fibre there is, which way it
@@ -93,4 +94,39 @@ impl Mixture {
             .map(FibreComponent::broadside_per_mm)
             .sum()
     }
+}
+
+/// A mixture seen as one population of SGGX micro-flakes `[Heitz2015]`: what is
+/// left of it for programs and files that know no more. Made by the scattering
+/// model, in one place, so that files and pictures agree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MergedFlakes {
+    /// Extinction at unit projected area, 1/mm; zero where there is no fibre.
+    pub density_per_mm: f32,
+    /// SGGX matrix at unit density, greatest eigenvalue at most one: the mean of
+    /// the populations' matrices by extinction. The unit matrix without fibre.
+    pub sggx: Sym3,
+    /// Single-scattering albedo: the mean by extinction.
+    pub albedo: Rgb,
+    /// Unit mean axis of the population that blocks most; z without fibre.
+    pub axis: Vec3,
+    /// Spread of the same, radians.
+    pub spread_rad: f32,
+    /// Yarn of the same.
+    pub yarn: u32,
+    /// How many populations there are.
+    pub populations: usize,
+}
+
+impl MergedFlakes {
+    /// Nothing there.
+    pub const EMPTY: MergedFlakes = MergedFlakes {
+        density_per_mm: 0.0,
+        sggx: Sym3::IDENTITY,
+        albedo: Rgb::BLACK,
+        axis: Vec3::Z,
+        spread_rad: 0.0,
+        yarn: 0,
+        populations: 0,
+    };
 }

@@ -1,11 +1,13 @@
 //! `object.mesh`: the mesh that a cloth is laid over.
 
 use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
 use crate::output::note;
 use crate::read;
 use crate::scene_build::BuildOptions;
 use crate::scene_file::ClothTable;
 use anyhow::Result;
+use organza_basis::Budget;
 use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
 
 /// Millimetres to a unit of length: glTF prescribes metres, the others nothing.
@@ -51,12 +53,14 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         mm_per_uv,
     };
     let bytes = read::bytes(&path)?;
+    let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    let budget = &mut Budget::new(allowed);
     let mesh = match ending.as_str() {
-        "obj" => read_obj(&bytes, placement),
-        "ply" => read_ply(&bytes, placement),
+        "obj" => read_obj(&bytes, placement, budget),
+        "ply" => read_ply(&bytes, placement, budget),
         "gltf" | "glb" => {
             let open = |uri: &str| read::bytes_or_why(&read::beside(&path, uri));
-            read_gltf(&bytes, placement, &open)
+            read_gltf(&bytes, placement, &open, budget)
         }
         _ => return Err(fail("mesh", "expected a file .obj, .ply, .gltf or .glb")),
     }

@@ -92,22 +92,20 @@ fn is_wif(text: &str) -> bool {
 
 /// What bytes are by how they begin, in words.
 pub fn of_bytes(bytes: &[u8]) -> Option<&'static str> {
-    const STARTS: [(&[u8], &str); 12] = [
+    const STARTS: [(&[u8], &str); 9] = [
         (b"\x89PNG", "a PNG picture"),
         (b"\xff\xd8\xff", "a JPEG picture"),
         (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
         (b"#?RADIANCE", "a Radiance picture"),
         (b"#?RGBE", "a Radiance picture"),
-        (b"OVOX", "an octree (.ovox)"),
-        (b" BDV", "an OpenVDB volume (.vdb)"),
-        (b"VOL\x03", "a grid (.vol)"),
         (b"BCC", "a file of curves (.bcc)"),
         (b"organzaR", "a checkpoint of a render"),
         (b"glTF", "a mesh (.glb)"),
         (b"ply\n", "a mesh (.ply)"),
     ];
     let start = STARTS.iter().find(|(start, _)| bytes.starts_with(start));
-    start.map(|(_, words)| *words)
+    let volume = || organza_volume::format::by_magic(bytes).map(|f| f.noun);
+    start.map(|(_, words)| *words).or_else(volume)
 }
 
 #[cfg(test)]

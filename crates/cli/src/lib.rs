@@ -41,6 +41,7 @@ mod scene_build;
 mod scene_file;
 mod schedule;
 mod toml_words;
+mod volume_file;
 mod woven_sheet;
 
 pub use commands::definition as command;

@@ -5,12 +5,13 @@
 //! greatest density, so that matrices must have no eigenvalue above one.
 
 use glam::{DVec3, UVec2, UVec3, Vec3};
-use organza_basis::{Aabb, Rgb, Sym3};
+use organza_basis::{Aabb, Mixture, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Camera, CellGrid, ClothMedium, Grid, GridMedium, Hemisphere, ImageEnvironment,
     Interpolation, Light, Medium, PixelFilter, Plane, Projection, RectangleLight, Scene,
 };
-use organza_volume::VolGrid;
+use organza_volume::grid_set::BYTES_PER_CELL;
+use organza_volume::{GridSet, VolGrid};
 use std::fmt::Write;
 
 /// What is written.
@@ -175,41 +176,27 @@ impl Grids {
     /// The grids of a cloth, and how many of its voxels hold more than one
     /// population.
     fn of_cloth(medium: &ClothMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
-        let lattice = medium.cell_grid();
-        let dims = lattice.dims();
+        let dims = medium.cell_grid().dims();
         let cells = dims.as_u64vec3().element_product();
-        check_memory(cells.saturating_mul(40), max_bytes)?;
-        let grid = |channels: u32, empty: &[f32]| VolGrid {
-            dims,
-            channels,
-            bounds_mm: lattice.bounds_mm(),
-            data: empty.repeat(cells as usize),
+        check_memory(cells.saturating_mul(BYTES_PER_CELL), max_bytes)?;
+        let several = std::cell::Cell::new(0);
+        let merge = |mixture: &Mixture| {
+            let merged = medium.materials().merged(mixture);
+            several.set(several.get() + usize::from(merged.populations > 1));
+            merged
         };
-        let mut grids = Grids {
-            sigma_t: grid(1, &[0.0]),
-            sggx: grid(6, &Sym3::IDENTITY.to_array()),
-            albedo: grid(3, &[0.0; 3]),
+        let set = GridSet::from_octree(medium.octree(), medium.level(), &merge);
+        let (Some(sggx), Some(albedo)) = (set.sggx, set.albedo) else {
+            return Err("its voxels have no orientation".into());
+        };
+        let grids = Grids {
+            sigma_t: set.sigma_t,
+            sggx,
+            albedo,
             filter: "nearest",
             wrap: "clamp",
         };
-        let mut several = 0;
-        for z in 0..dims.z {
-            for y in 0..dims.y {
-                for x in 0..dims.x {
-                    let cell = UVec3::new(x, y, z);
-                    let merged = medium.merged(cell);
-                    if merged.density_per_mm > 0.0 {
-                        several += usize::from(merged.populations > 1);
-                        grids.sigma_t.cell_mut(cell)[0] = merged.density_per_mm;
-                        let s = merged.sggx.to_array();
-                        grids.sggx.cell_mut(cell).copy_from_slice(&s);
-                        let albedo = <[f32; 3]>::from(merged.albedo);
-                        grids.albedo.cell_mut(cell).copy_from_slice(&albedo);
-                    }
-                }
-            }
-        }
-        Ok((grids, several))
+        Ok((grids, several.get()))
     }
 
     /// Repeats the extinction as often as asked, or as the lattice's cut wants;

@@ -16,6 +16,18 @@ fn partial_path(path: &Path) -> PathBuf {
 /// Removes the partial file when writing did not come to its end.
 struct Partial(Option<PathBuf>);
 
+impl Partial {
+    /// Gives the file its name.
+    fn complete(mut self, path: &Path) -> Result<()> {
+        if let Some(temporary) = &self.0 {
+            std::fs::rename(temporary, path)
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        self.0 = None;
+        Ok(())
+    }
+}
+
 impl Drop for Partial {
     fn drop(&mut self) {
         if let Some(path) = self.0.take() {
@@ -29,6 +41,15 @@ impl Drop for Partial {
 /// # Errors
 /// Names the file; nothing is left behind.
 pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>) -> Result<()> {
+    let partial = write_partial(path, write)?;
+    partial.complete(path)
+}
+
+/// Writes a file under its temporary name and flushes it to the disk.
+fn write_partial(
+    path: &Path,
+    write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>,
+) -> Result<Partial> {
     let cannot = || format!("cannot write {}", path.display());
     refuse_special(path)?;
     let temporary = partial_path(path);
@@ -36,7 +57,7 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<
     // followed, should it be a link that someone else put in its place.
     let _ = std::fs::remove_file(&temporary);
     let file = File::create_new(&temporary).with_context(cannot)?;
-    let mut partial = Partial(Some(temporary.clone()));
+    let partial = Partial(Some(temporary));
     let mut out = BufWriter::new(file);
     write(&mut out).with_context(cannot)?;
     let file = out
@@ -44,9 +65,35 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<
         .map_err(std::io::IntoInnerError::into_error)
         .with_context(cannot)?;
     file.sync_all().with_context(cannot)?;
-    std::fs::rename(&temporary, path).with_context(cannot)?;
-    partial.0 = None;
-    Ok(())
+    Ok(partial)
+}
+
+/// What writes one of several files.
+pub type WriteFile<'a> = Box<dyn FnOnce(&mut dyn SeekWrite) -> Result<()> + 'a>;
+
+/// Writes files that belong together, the first of which stands for all: they get
+/// their names when all of them are on the disk, the first one last. Meanwhile
+/// there is no first one, so that old and new ones are never taken for a set.
+///
+/// # Errors
+/// Names the file; while any of them cannot be written, the old ones stay.
+pub fn write_files(files: Vec<(PathBuf, WriteFile<'_>)>) -> Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    for (path, write) in files {
+        let partial = write_partial(&path, write)?;
+        written.push((path, partial));
+    }
+    if let [(first, _), _, ..] = &written[..]
+        && first.exists()
+    {
+        std::fs::remove_file(first)
+            .with_context(|| format!("cannot replace {}", first.display()))?;
+    }
+    let paths = written.iter().map(|(path, _)| path.clone()).collect();
+    for (path, partial) in written.into_iter().rev() {
+        partial.complete(&path)?;
+    }
+    Ok(paths)
 }
 
 /// What encoders need of a file.

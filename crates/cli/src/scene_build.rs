@@ -1,15 +1,16 @@
 //! From a scene file to media, lights and a camera.
 
 use crate::error::input;
+use crate::fabric_file::free_memory_bytes;
 use crate::output::note;
 use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
     IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
 };
-use crate::{cloth_object, environment_file, read};
+use crate::{cloth_object, environment_file, read, volume_file};
 use anyhow::Result;
 use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
-use organza_basis::Rgb;
+use organza_basis::{Budget, Rgb};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Interpolation,
     Light, LightSearch, PixelFilter, Plane, Projection, RectangleLight, Scene, aperture_mm,
@@ -110,11 +111,16 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     let lights = lights(file, options.scene_path)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
+    let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    let mut budget = Budget::new(allowed);
     for (i, table) in file.object.iter().enumerate() {
         let fail = |why: &str| fail(&format!("object[{i}]"), why);
         let (mut medium, extent_mm) = match table {
             ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
-            ObjectTable::Grid(t) => (AnyMedium::Grid(grid(t, options.scene_path)?), t.extent_mm),
+            ObjectTable::Grid(t) => {
+                let medium = grid(t, options.scene_path, &mut budget)?;
+                (AnyMedium::Grid(medium), t.extent_mm)
+            }
             ObjectTable::Cloth(t) => {
                 let medium = cloth_object::medium(t, i, as_fibres, &camera, options)?;
                 (medium, t.extent_mm)
@@ -349,12 +355,13 @@ fn plane(t: &PlaneTable) -> Result<Plane, String> {
 }
 
 /// A `.vol` file and its path, for messages.
-fn vol(scene_path: &Path, name: &str) -> Result<(PathBuf, VolGrid)> {
+fn vol(scene_path: &Path, name: &str, budget: &mut Budget) -> Result<(PathBuf, VolGrid)> {
     let path = read::beside(scene_path, name);
-    let bytes = read::bytes(&path)?;
-    let limit = bytes.len() as u64;
-    let grid = VolGrid::read(&mut &bytes[..], limit)
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let grid = volume_file::read(&path, |source| {
+        source.read(budget, |bytes, budget| {
+            VolGrid::read(&mut &bytes[..], budget)
+        })
+    })?;
     Ok((path, grid))
 }
 
@@ -380,8 +387,8 @@ fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Gr
 ///
 /// # Errors
 /// Names the file at fault.
-pub fn grid(t: &GridTable, scene_path: &Path) -> Result<GridMedium> {
-    let (extinction_path, extinction) = vol(scene_path, &t.extinction)?;
+pub fn grid(t: &GridTable, scene_path: &Path, budget: &mut Budget) -> Result<GridMedium> {
+    let (extinction_path, extinction) = vol(scene_path, &t.extinction, budget)?;
     let bounds_mm = extinction.bounds_mm;
     let same_box = |path: &Path, other: &VolGrid| {
         let slack = 1e-4 * bounds_mm.size().max_element();
@@ -399,12 +406,12 @@ pub fn grid(t: &GridTable, scene_path: &Path) -> Result<GridMedium> {
             )))
         }
     };
-    let (sggx_path, sggx) = vol(scene_path, &t.sggx)?;
+    let (sggx_path, sggx) = vol(scene_path, &t.sggx, budget)?;
     same_box(&sggx_path, &sggx)?;
     let albedo = match &t.albedo {
         AlbedoValue::Colour(c) => Grid::constant(*c),
         AlbedoValue::File(name) => {
-            let (path, albedo) = vol(scene_path, name)?;
+            let (path, albedo) = vol(scene_path, name, budget)?;
             same_box(&path, &albedo)?;
             channels::<3>(&path, &albedo, "albedo")?
         }

@@ -45,6 +45,9 @@ pub enum Error {
         /// The value given.
         value: f32,
     },
+    /// More memory is needed than allowed.
+    #[error("mesh: {0}")]
+    Memory(#[from] organza_basis::OverBudget),
     /// More triangles than can be indexed.
     #[error("mesh: {faces} faces, more than {limit}")]
     TooLarge {

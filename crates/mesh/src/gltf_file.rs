@@ -8,8 +8,11 @@ use base64::Engine;
 use glam::{Mat4, Vec2, Vec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
+use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
 use gltf::{Accessor, Node, Primitive, Semantic};
+use organza_basis::Budget;
+use std::borrow::Cow;
 
 /// Deepest nesting of nodes that is followed.
 const MAX_DEPTH: usize = 64;
@@ -19,24 +22,30 @@ const MAX_DEPTH: usize = 64;
 /// file. Texture coordinates are those of set 0, turned so that y is up.
 ///
 /// # Errors
-/// As [`read_obj`](crate::read_obj), and on what is no plain triangle mesh:
-/// strips, sparse accessors, compressed or quantised positions.
+/// As [`read_obj`](crate::read_obj), on what is no plain triangle mesh (strips,
+/// sparse accessors, compressed or quantised positions), and on nodes that are no
+/// tree.
 pub fn read_gltf(
     bytes: &[u8],
     placement: Placement,
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
+    budget: &mut Budget,
 ) -> Result<Mesh, Error> {
     placement.check()?;
-    let gltf = gltf::Gltf::from_slice(bytes).map_err(|e| syntax(&e.to_string()))?;
+    let gltf = parse(bytes)?;
     let mut buffers = Vec::new();
     for buffer in gltf.buffers() {
-        buffers.push(match buffer.source() {
-            Source::Bin => gltf
-                .blob
-                .clone()
-                .ok_or_else(|| syntax("has no binary part"))?,
-            Source::Uri(uri) => resolve(uri, open)?,
-        });
+        let buffer: Cow<'_, [u8]> = match buffer.source() {
+            Source::Bin => {
+                let part = gltf.blob.as_deref();
+                part.ok_or_else(|| syntax("has no binary part"))?.into()
+            }
+            Source::Uri(uri) => resolve(uri, open)?.into(),
+        };
+        if let Cow::Owned(read) = &buffer {
+            budget.take(read.len() as u64, "buffers")?;
+        }
+        buffers.push(buffer);
     }
     let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
     let scene = scene.ok_or_else(|| syntax("has no scene"))?;
@@ -45,6 +54,8 @@ pub fn read_gltf(
         placement,
         triangles: Vec::new(),
         corners: Vec::new(),
+        seen: vec![false; gltf.nodes().len()],
+        budget,
     };
     for node in scene.nodes() {
         reader.node(&node, Mat4::IDENTITY, 0)?;
@@ -54,6 +65,27 @@ pub fn read_gltf(
 
 fn syntax(what: &str) -> Error {
     Error::Syntax(format!("glTF: {what}"))
+}
+
+/// Parses and checks the file's text. Before the library's own checks, which
+/// index accessors without asking, indices of positions are.
+fn parse(bytes: &[u8]) -> Result<gltf::Gltf, Error> {
+    let unchecked = gltf::Gltf::from_slice_without_validation(bytes);
+    let unchecked = unchecked.map_err(|e| syntax(&e.to_string()))?;
+    let json = unchecked.document.as_json();
+    let positions = Checked::Valid(Semantic::Positions);
+    for (i, mesh) in json.meshes.iter().enumerate() {
+        for primitive in &mesh.primitives {
+            let accessor = primitive.attributes.get(&positions).map(|a| a.value());
+            if let Some(accessor) = accessor.filter(|&a| a >= json.accessors.len()) {
+                return Err(syntax(&format!(
+                    "meshes[{i}]: POSITION names accessor {accessor} of {}",
+                    json.accessors.len()
+                )));
+            }
+        }
+    }
+    gltf::Gltf::from_slice(bytes).map_err(|e| syntax(&e.to_string()))
 }
 
 fn resolve(uri: &str, open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>) -> Result<Vec<u8>, Error> {
@@ -68,17 +100,24 @@ fn resolve(uri: &str, open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>) -> Result
         .map_err(|e| syntax(&format!("a data: buffer: {e}")))
 }
 
-struct Reader {
-    buffers: Vec<Vec<u8>>,
+struct Reader<'a> {
+    buffers: Vec<Cow<'a, [u8]>>,
     placement: Placement,
     triangles: Vec<[crate::Vertex; 3]>,
     corners: Vec<[u32; 3]>,
+    /// Nodes that were met: each has one parent at most.
+    seen: Vec<bool>,
+    budget: &'a mut Budget,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn node(&mut self, node: &Node<'_>, parent: Mat4, depth: usize) -> Result<(), Error> {
+        if std::mem::replace(&mut self.seen[node.index()], true) {
+            let index = node.index();
+            return Err(syntax(&format!("nodes[{index}] has more than one parent")));
+        }
         if depth > MAX_DEPTH {
-            return Err(syntax("nodes nest too deep, or in a circle"));
+            return Err(syntax(&format!("nodes nest deeper than {MAX_DEPTH}")));
         }
         let world = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         if let Some(mesh) = node.mesh() {
@@ -106,6 +145,11 @@ impl Reader {
         let positions = p
             .get(&Semantic::Positions)
             .ok_or_else(|| syntax(&format!("mesh `{name}` has no positions")))?;
+        let corners = p.indices().map_or(positions.count(), |a| a.count()) as u64;
+        self.budget
+            .take_items::<[Vec3; 6]>(positions.count() as u64, "vertices")?;
+        self.budget
+            .take_items::<([crate::Vertex; 3], [u32; 16])>(corners / 3, "triangles")?;
         let mut mesh = Indexed::new(name);
         for [x, y, z] in self.floats::<3>(&positions, Dimensions::Vec3)? {
             mesh.positions

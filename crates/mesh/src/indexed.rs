@@ -73,7 +73,7 @@ impl Indexed {
                 *points.entry(bits).or_insert(next)
             })
             .collect();
-        let vertex = |corner: u32, own: Option<Vec2>| {
+        let vertex = |corner: u32, own: Option<Vec2>| -> Result<Vertex, Error> {
             let i = corner as usize;
             let outside = || {
                 let count = self.positions.len();

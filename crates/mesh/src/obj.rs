@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::mesh::{Mesh, Vertex};
 use glam::{Vec2, Vec3};
+use organza_basis::Budget;
 
 /// How the numbers of a file are meant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,9 +37,9 @@ impl Placement {
 ///
 /// # Errors
 /// On text that is no OBJ, missing texture coordinates, numbers that are not
-/// finite, and when nothing is left. Faces without area and missing normals are
-/// repaired: see [`Mesh::repairs`].
-pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
+/// finite, more memory needed than the budget has left, and when nothing is left.
+/// Faces without area and missing normals are repaired: see [`Mesh::repairs`].
+pub fn read_obj(text: &[u8], placement: Placement, budget: &mut Budget) -> Result<Mesh, Error> {
     placement.check()?;
     let options = tobj::LoadOptions {
         triangulate: true,
@@ -47,7 +48,7 @@ pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
         ..Default::default()
     };
     let no_materials = |_: &std::path::Path| Ok(Default::default());
-    check_relative_indices(text)?;
+    check_lines(text)?.charge(budget)?;
     let mut reader = text;
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
         .map_err(|e| Error::Syntax(e.to_string()))?;
@@ -68,10 +69,32 @@ pub fn read_obj(text: &[u8], placement: Placement) -> Result<Mesh, Error> {
     Mesh::new(triangles, &corners)
 }
 
-/// Refuses relative indices that point before their list, on which the reader
-/// overflows.
-fn check_relative_indices(text: &[u8]) -> Result<(), Error> {
+/// What the lines of a file will become.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sizes {
+    /// Positions, texture coordinates and normals.
+    vectors: u64,
+    /// Corners of faces.
+    corners: u64,
+    /// Triangles that the faces are fanned into.
+    triangles: u64,
+}
+
+impl Sizes {
+    /// Charges what reading takes: the library's lists beside ours.
+    fn charge(self, budget: &mut Budget) -> Result<(), Error> {
+        budget.take_items::<[f32; 6]>(self.vectors, "vertices")?;
+        budget.take_items::<[u64; 3]>(self.corners, "faces")?;
+        budget.take_items::<([Vertex; 3], [u32; 12])>(self.triangles, "triangles")?;
+        Ok(())
+    }
+}
+
+/// Counts what a file holds, and refuses relative indices that point before their
+/// list, on which the library overflows.
+fn check_lines(text: &[u8]) -> Result<Sizes, Error> {
     let mut counts = [0i64; 3];
+    let mut sizes = Sizes::default();
     for (number, line) in text.split(|&b| b == b'\n').enumerate() {
         let Ok(line) = std::str::from_utf8(line) else {
             continue; // for the reader to complain of
@@ -82,6 +105,8 @@ fn check_relative_indices(text: &[u8]) -> Result<(), Error> {
             Some("vt") => counts[1] += 1,
             Some("vn") => counts[2] += 1,
             Some("f" | "l" | "p") => {
+                let mut corners = 0;
+                let words = words.inspect(|_| corners += 1);
                 for word in words.filter(|w| w.contains('-')) {
                     for (index, count) in word.split('/').zip(counts) {
                         if index.parse::<i64>().is_ok_and(|i| i < -count) {
@@ -92,11 +117,14 @@ fn check_relative_indices(text: &[u8]) -> Result<(), Error> {
                         }
                     }
                 }
+                sizes.corners += corners;
+                sizes.triangles += corners.saturating_sub(2);
             }
             _ => {}
         }
     }
-    Ok(())
+    sizes.vectors = counts.iter().sum::<i64>().unsigned_abs();
+    Ok(sizes)
 }
 
 /// Adds one object; `first_corner` sets its corners apart from the others'.

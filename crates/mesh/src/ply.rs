@@ -2,11 +2,12 @@
 
 use crate::error::Error;
 use crate::indexed::Indexed;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Vertex};
 use crate::obj::Placement;
 use glam::{Vec2, Vec3};
+use organza_basis::Budget;
 use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{DefaultElement, Property};
+use ply_rs_bw::ply::{DefaultElement, Header, Property, PropertyType};
 
 /// Names under which programs write texture coordinates of vertices.
 const UV_NAMES: [[&str; 2]; 4] = [
@@ -21,12 +22,16 @@ const UV_NAMES: [[&str; 2]; 4] = [
 ///
 /// # Errors
 /// As [`read_obj`](crate::read_obj).
-pub fn read_ply(bytes: &[u8], placement: Placement) -> Result<Mesh, Error> {
+pub fn read_ply(bytes: &[u8], placement: Placement, budget: &mut Budget) -> Result<Mesh, Error> {
     placement.check()?;
     let syntax = |what: String| Error::Syntax(format!("PLY: {what}"));
-    let mut reader = bytes;
-    let ply = Parser::<DefaultElement>::new()
-        .read_ply(&mut reader)
+    let parser = Parser::<DefaultElement>::new();
+    let header = parser
+        .read_ply_header(&mut &bytes[..])
+        .map_err(|e| syntax(e.to_string()))?;
+    charge(&header, bytes.len() as u64, budget)?;
+    let ply = parser
+        .read_ply(&mut &bytes[..])
         .map_err(|e| syntax(e.to_string()))?;
     let elements = |name: &str| {
         let list = ply.payload.get(name);
@@ -68,6 +73,41 @@ pub fn read_ply(bytes: &[u8], placement: Placement) -> Result<Mesh, Error> {
         mesh.fan(&corners, own_uv.as_deref())?;
     }
     mesh.into_mesh(placement)
+}
+
+/// Charges what the elements that a header announces take in memory, before any
+/// of them is read: the library keeps a table of its properties for each.
+///
+/// # Errors
+/// Elements without properties and more elements than the file has bytes, which
+/// would be read without end; and more memory than the budget has left.
+fn charge(header: &Header, file_bytes: u64, budget: &mut Budget) -> Result<(), Error> {
+    /// A property in the library's table: its name, value and place.
+    const PROPERTY: u64 = (size_of::<(String, Property)>() + 48) as u64;
+    let mut has_lists = false;
+    for (name, element) in &header.elements {
+        let (count, properties) = (element.count as u64, element.properties.len() as u64);
+        if count > 0 && properties == 0 || count > file_bytes {
+            return Err(Error::Syntax(format!(
+                "PLY: its header announces {count} elements `{name}` of {properties} properties \
+                 in a file of {file_bytes} bytes"
+            )));
+        }
+        let is_list = |p: &PropertyType| matches!(p, PropertyType::List(..));
+        has_lists |= element.properties.values().any(|p| is_list(&p.data_type));
+        let names: u64 = element.properties.keys().map(|k| k.len() as u64).sum();
+        let table = size_of::<DefaultElement>() as u64 + names + properties * PROPERTY;
+        budget.take(count.saturating_mul(table), "elements")?;
+    }
+    if has_lists {
+        // A number of a list takes a byte at least and eight in memory, and is a
+        // corner of one triangle at most.
+        let triangle = size_of::<([Vertex; 3], [u32; 12])>() as u64;
+        budget.take(file_bytes.saturating_mul(8), "lists")?;
+        let faces = header.elements.get("face").map_or(0, |e| e.count as u64);
+        budget.take(faces.saturating_mul(2 * triangle), "faces")?;
+    }
+    Ok(())
 }
 
 fn scalar(p: &Property) -> Option<f32> {

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::{Vec2, Vec3};
-use organza_basis::{PathRng, Ray, warp};
+use organza_basis::{Budget, PathRng, Ray, warp};
 use organza_mesh::{DrapedMesh, Error, Mesh, Placement, Vertex, read_obj};
 
 const PLACEMENT: Placement = Placement {
@@ -21,7 +21,7 @@ f 1/1/1 2/2/1 3/3/1 4/4/1
 ";
 
 fn read(text: &str) -> Result<Mesh, Error> {
-    read_obj(text.as_bytes(), PLACEMENT)
+    read_obj(text.as_bytes(), PLACEMENT, &mut Budget::new(1 << 30))
 }
 
 /// A bumpy closed surface around the origin: latitude and longitude.
@@ -193,10 +193,19 @@ fn bad_meshes_are_refused_with_a_reason() {
         mm_per_uv: 0.0,
         ..PLACEMENT
     };
-    let error = read_obj(SQUARE.as_bytes(), scale).unwrap_err().to_string();
+    let error = read_obj(SQUARE.as_bytes(), scale, &mut Budget::new(1 << 30))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("mm_per_uv = 0"));
     // Bytes of no text at all.
-    assert!(read_obj(&[0xff, 0xfe, 0x00, 0x80], PLACEMENT).is_err());
+    assert!(
+        read_obj(
+            &[0xff, 0xfe, 0x00, 0x80],
+            PLACEMENT,
+            &mut Budget::new(1 << 30)
+        )
+        .is_err()
+    );
 }
 
 #[test]
@@ -209,7 +218,7 @@ fn a_draped_towel_is_read() {
         println!("skipped: the towel is not here");
         return;
     };
-    let mesh = read_obj(&bytes, PLACEMENT).unwrap();
+    let mesh = read_obj(&bytes, PLACEMENT, &mut Budget::new(1 << 30)).unwrap();
     println!("{} triangles, {:?}", mesh.triangles().len(), mesh.repairs());
     assert_eq!(mesh.triangles().len(), 2048);
     let draped = DrapedMesh::new(mesh);

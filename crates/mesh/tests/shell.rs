@@ -4,7 +4,7 @@
 
 use base64::Engine;
 use glam::{Mat3, Vec2, Vec3};
-use organza_basis::{PathRng, Ray, warp};
+use organza_basis::{Budget, PathRng, Ray, warp};
 use organza_mesh::{
     Error, Folds, Mesh, Placement, Shell, ShellSpan, Vertex, read_gltf, read_obj, read_ply,
 };
@@ -76,20 +76,31 @@ fn gltf(change: impl Fn(String) -> String) -> String {
     ))
 }
 
+/// More than any mesh here takes.
+fn budget() -> Budget {
+    Budget::new(1 << 20)
+}
+
 fn nothing_beside(_: &str) -> std::io::Result<Vec<u8>> {
     Err(std::io::ErrorKind::NotFound.into())
 }
 
 fn from_gltf(text: &str) -> Result<Mesh, Error> {
-    read_gltf(text.as_bytes(), PLACEMENT, &nothing_beside)
+    read_gltf(text.as_bytes(), PLACEMENT, &nothing_beside, &mut budget())
 }
 
 #[test]
 fn every_format_gives_the_same_square() {
-    let obj = read_obj(OBJ.as_bytes(), PLACEMENT).unwrap();
+    let obj = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
     for (name, mesh) in [
-        ("text PLY", read_ply(PLY.as_bytes(), PLACEMENT).unwrap()),
-        ("binary PLY", read_ply(&ply_binary(), PLACEMENT).unwrap()),
+        (
+            "text PLY",
+            read_ply(PLY.as_bytes(), PLACEMENT, &mut budget()).unwrap(),
+        ),
+        (
+            "binary PLY",
+            read_ply(&ply_binary(), PLACEMENT, &mut budget()).unwrap(),
+        ),
         ("glTF", from_gltf(&gltf(|t| t)).unwrap()),
     ] {
         assert_eq!(mesh.triangles(), obj.triangles(), "{name}");
@@ -103,12 +114,12 @@ fn damage_is_told_and_never_panics() {
         "property float s\nproperty float t\n",
         "property float a\nproperty float b\n",
     );
-    let said = read_ply(bare.as_bytes(), PLACEMENT)
+    let said = read_ply(bare.as_bytes(), PLACEMENT, &mut budget())
         .unwrap_err()
         .to_string();
     assert!(said.contains("no texture coordinates"), "{said}");
     let outside = PLY.replace("4 0 1 2 3\n", "4 0 1 2 -3\n");
-    let said = read_ply(outside.as_bytes(), PLACEMENT)
+    let said = read_ply(outside.as_bytes(), PLACEMENT, &mut budget())
         .unwrap_err()
         .to_string();
     assert!(said.contains("of 4") || said.contains("texture"), "{said}");
@@ -126,12 +137,58 @@ fn damage_is_told_and_never_panics() {
         assert!(from_gltf(&text).is_err(), "{from} -> {to}");
     }
     for cut in 0..PLY.len() {
-        let _ = read_ply(&PLY.as_bytes()[..cut], PLACEMENT);
+        let _ = read_ply(&PLY.as_bytes()[..cut], PLACEMENT, &mut budget());
     }
     let binary = ply_binary();
     for cut in 0..binary.len() {
-        assert!(read_ply(&binary[..cut], PLACEMENT).is_err());
+        assert!(read_ply(&binary[..cut], PLACEMENT, &mut budget()).is_err());
     }
+}
+
+/// Small files that once took minutes, gigabytes or a panic.
+#[test]
+fn files_that_promise_more_than_they_hold_are_refused() {
+    let says = |read: Result<Mesh, Error>, words: &str| {
+        let said = read.unwrap_err().to_string();
+        assert!(said.contains(words), "{said}");
+    };
+    // Each node names the next one twice: 2^28 visits.
+    let chain: Vec<String> = (0..28)
+        .map(|i| format!("{{\"children\":[{0},{0}]}}", i + 1))
+        .collect();
+    let shared = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{},{{}}]}}",
+        chain.join(",")
+    );
+    says(from_gltf(&shared), "nodes[28] has more than one parent");
+    let nowhere = r#"{"asset":{"version":"2.0"},
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}]}"#;
+    says(
+        from_gltf(nowhere),
+        "meshes[0]: POSITION names accessor 0 of 0",
+    );
+    // A mesh that many nodes show takes its memory for each.
+    let many = gltf(|t| {
+        let nodes = vec!["{\"mesh\":0}"; 4000].join(",");
+        let roots: Vec<String> = (0..4000).map(|i| i.to_string()).collect();
+        let t = t.replace("{\"mesh\":0,\"translation\":[0,0,0]}", &nodes);
+        t.replace("\"nodes\":[0]", &format!("\"nodes\":[{}]", roots.join(",")))
+    });
+    says(from_gltf(&many), "bytes are allowed");
+
+    let ply = |header: &str| format!("ply\nformat binary_little_endian 1.0\n{header}end_header\n");
+    let endless = ply("element vertex 4000000000\n");
+    let read = |text: &str| read_ply(text.as_bytes(), PLACEMENT, &mut budget());
+    says(read(&endless), "4000000000 elements `vertex`");
+    let padding = "comment x\n".repeat(2000);
+    let wide = ply(&format!(
+        "{padding}element vertex 20000\nproperty float x\nproperty float y\n"
+    ));
+    says(read(&wide), "bytes are allowed");
+
+    let fan = format!("{OBJ}f{}\n", " 1/1/1".repeat(20_000));
+    let read = |text: &str| read_obj(text.as_bytes(), PLACEMENT, &mut budget());
+    says(read(&fan), "bytes are allowed");
 }
 
 /// A cylinder of cloth, 8 x 4 mm.

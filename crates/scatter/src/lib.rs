@@ -113,6 +113,7 @@ pub mod flake;
 pub mod lobe;
 pub mod longitudinal;
 pub mod packed_fibre;
+pub mod population;
 pub mod proofs;
 pub mod sggx;
 pub mod virtual_fibres;
@@ -128,6 +129,7 @@ pub use fitted::{FittedFibre, FittedParameters};
 pub use flake::{DiffuseFlake, MicroFlake, SpecularFlakes};
 pub use lobe::{Lobe, LobeSample};
 pub use packed_fibre::{ClearedCorridor, PackedEvent, packing_fraction, void_multiplier};
+pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};
 pub use virtual_fibres::{MetFibre, effective_cross_section, meet_fibre, sigma_t_per_mm};
 

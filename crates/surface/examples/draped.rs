@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 use image::{Rgb as Pixel, RgbImage};
-use organza_basis::{PathRng, Ray, Rgb};
+use organza_basis::{Budget, PathRng, Ray, Rgb};
 use organza_mesh::{DrapedMesh, MeshHit, Placement, read_obj};
 use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
 
@@ -70,7 +70,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         mm_per_unit: 40.0,
         mm_per_uv: 90.0,
     };
-    let mesh = DrapedMesh::new(read_obj(&std::fs::read(path)?, placement)?);
+    let mesh = DrapedMesh::new(read_obj(
+        &std::fs::read(path)?,
+        placement,
+        &mut Budget::new(1 << 32),
+    )?);
     let cloth = SurfaceSpec::preset(fabric)?.build()?;
     let mut picture = RgbImage::new(4 * SIDE, SIDE);
     let bounds = mesh.bounds_mm();

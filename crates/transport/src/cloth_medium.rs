@@ -1,11 +1,11 @@
 //! A medium from an octree of fibres: every population of fibres in a voxel
 //! scatters as SGGX micro-flakes.
 
-use crate::population_flakes::{FlakeOptics, PopulationFlakes, ShapeTable};
+use crate::population_flakes::PopulationFlakes;
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
-use organza_basis::{CellGrid, CellSpan, FibreComponent, LocalRay, Mixture, PathRng, Rgb, Sym3};
-use organza_scatter::{AxialFlake, LobeSample};
+use organza_basis::{CellGrid, CellSpan, FibreComponent, LocalRay, Mixture, PathRng, Rgb};
+use organza_scatter::{AxialFlake, FlakeMaterials, FlakeOptics, LobeSample};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -14,26 +14,11 @@ use std::sync::Arc;
 /// along an edge, because the density of cloth varies inside yarns.
 const NODE_LEVELS: u8 = 2;
 
-/// A voxel's populations as one; see [`ClothMedium::merged`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MergedFlakes {
-    /// Extinction at unit projected area; zero where there is no fibre.
-    pub density_per_mm: f32,
-    /// SGGX matrix, greatest eigenvalue at most one; zero without fibre.
-    pub sggx: Sym3,
-    /// Single-scattering albedo.
-    pub albedo: Rgb,
-    /// How many populations there are.
-    pub populations: usize,
-}
-
 /// Fibres of an octree level as specular SGGX flakes.
 pub struct ClothMedium {
     octree: Arc<Octree>,
     level: u8,
-    optics: Vec<FlakeOptics>,
-    /// Per material.
-    shapes: Vec<ShapeTable<(f32, f32)>>,
+    flakes: FlakeMaterials,
     cell_grid: CellGrid,
 }
 
@@ -52,15 +37,10 @@ impl ClothMedium {
             return None;
         }
         let cell_grid = CellGrid::new(octree.bounds_mm(), octree.dims(level), octree.repeats())?;
-        let shapes = optics
-            .iter()
-            .map(|o| ShapeTable::new(o.end_on_ratio, |broadside, end_on| (broadside, end_on)))
-            .collect();
         Some(ClothMedium {
             octree,
             level,
-            optics,
-            shapes,
+            flakes: FlakeMaterials::new(optics),
             cell_grid,
         })
     }
@@ -74,42 +54,19 @@ impl ClothMedium {
         &self.octree
     }
 
+    /// The level of detail, 0 the finest.
+    pub fn level(&self) -> u8 {
+        self.level
+    }
+
     /// The populations of a cell.
     pub fn populations(&self, cell: UVec3) -> Mixture {
         self.octree.mixture(self.level, cell)
     }
 
-    /// Single-scattering albedo of a population.
-    pub fn albedo_of(&self, c: &FibreComponent) -> Rgb {
-        self.optics[usize::from(c.material)].albedo
-    }
-
-    /// What a voxel of the grid would be if its populations were one, for
-    /// programs that know no more: extinctions at unit area add, matrices are
-    /// their mean by extinction [Heitz2015]. Exact for one population.
-    pub fn merged(&self, cell: UVec3) -> MergedFlakes {
-        let mixture = self.octree.mixture(self.level, cell);
-        let mut merged = MergedFlakes {
-            density_per_mm: mixture.broadside_per_mm(),
-            sggx: Sym3::default(),
-            albedo: Rgb::BLACK,
-            populations: mixture.as_slice().len(),
-        };
-        for c in mixture.as_slice() {
-            let share = c.broadside_per_mm() / merged.density_per_mm;
-            let (broadside, end_on) = self.flake_shape(c);
-            let across = broadside * broadside;
-            let s = Sym3::axial(c.axis, across, across * end_on * end_on);
-            merged.sggx = merged.sggx.plus(s.scaled(share));
-            merged.albedo += self.optics[usize::from(c.material)].albedo * share;
-        }
-        merged
-    }
-
-    /// Broadside area, relative to straight smooth fibres, and end-on ratio of the
-    /// flakes of a population: [`crate::population_shape`], tabulated.
-    pub fn flake_shape(&self, c: &FibreComponent) -> (f32, f32) {
-        self.shapes[usize::from(c.material)].look_up(c.spread_rad)
+    /// The flakes of the cloth's materials.
+    pub fn materials(&self) -> &FlakeMaterials {
+        &self.flakes
     }
 }
 
@@ -119,7 +76,7 @@ impl PopulationFlakes for ClothMedium {
     /// Without building the flake: `sqrt(e^2 + (1 - e^2) sin^2)` times the
     /// broadside value.
     fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
-        let (broadside, end_on) = self.flake_shape(c);
+        let (broadside, end_on) = self.flakes.shape(c);
         let along = c.axis.dot(w);
         let sin_sq = (1.0 - along * along).max(0.0);
         let area = (end_on * end_on * (1.0 - sin_sq) + sin_sq).sqrt();
@@ -127,11 +84,11 @@ impl PopulationFlakes for ClothMedium {
     }
 
     fn flakes(&self, c: &FibreComponent) -> AxialFlake {
-        AxialFlake::new(c.axis, self.flake_shape(c).1)
+        self.flakes.flake(c)
     }
 
     fn albedo(&self, c: &FibreComponent) -> Rgb {
-        self.optics[usize::from(c.material)].albedo
+        self.flakes.albedo(c)
     }
 }
 

@@ -1,12 +1,12 @@
 //! A medium from an octree of fibres as micro-flakes of the families that are no
 //! mirrors of the SGGX distribution.
 
-use crate::population_flakes::{Bands, FlakeOptics, PopulationFlakes};
+use crate::population_flakes::{Bands, PopulationFlakes};
 use crate::{ClothMedium, Medium, SiteInfo};
 use glam::Vec3;
 use organza_basis::{CellGrid, CellSpan, LocalRay};
 use organza_basis::{Mixture, PathRng, Rgb};
-use organza_scatter::{DiffuseFlake, GaussianBand, Lobe, LobeSample, SineBand};
+use organza_scatter::{DiffuseFlake, FlakeOptics, GaussianBand, Lobe, LobeSample, SineBand};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -132,7 +132,8 @@ impl Medium for FlakeMedium {
         }
         let met = PopulationFlakes::meet(&self.cloth, &site.mixture, w_out, rng);
         let flake = met.map(|c| {
-            let (flakes, albedo) = (self.cloth.flakes(c), self.cloth.albedo(c));
+            let materials = self.cloth.materials();
+            let (flakes, albedo) = (materials.flake(c), materials.albedo(c));
             DiffuseFlake::meet(&flakes, albedo, w_out, rng)
         });
         FlakeSite { met: flake, ..site }

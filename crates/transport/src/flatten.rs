@@ -126,11 +126,11 @@ impl Matter for ClothMedium {
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
         let mixture = ClothMedium::populations(self, cell);
         out.extend(mixture.as_slice().iter().map(|c| {
-            let (broadside, end_on) = self.flake_shape(c);
+            let materials = self.materials();
             Population {
-                broadside_per_mm: c.broadside_per_mm() * broadside,
-                flake: AxialFlake::new(c.axis, end_on),
-                substance: Substance::Flakes(self.albedo_of(c)),
+                broadside_per_mm: c.broadside_per_mm() * materials.shape(c).0,
+                flake: materials.flake(c),
+                substance: Substance::Flakes(materials.albedo(c)),
                 yarn: c.yarn,
             }
         }));

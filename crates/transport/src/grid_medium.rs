@@ -10,6 +10,14 @@ use std::ops::ControlFlow;
 /// Voxels along the edge of a brick with one majorant.
 const BRICK: u32 = 8;
 
+/// The greatest extinction that is taken: light gets a millionth of a millimetre into
+/// it. Single precision finds no free path beyond.
+pub const MAX_EXTINCTION_PER_MM: f32 = 1e9;
+
+/// How far below zero an eigenvalue may lie, relative to the trace: matrices of 16-bit
+/// floats are off by as much.
+const INDEFINITE_SLACK: f32 = 2e-3;
+
 /// How values between samples are found. Samples sit at cell centres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
@@ -67,6 +75,29 @@ pub enum GridMediumError {
     /// The box has no volume or is not finite.
     #[error("the grid's bounding box {0:?} has no volume")]
     Box(Aabb),
+    /// A matrix that no flakes have.
+    #[error(
+        "sggx: sample ({x}, {y}, {z}) has the eigenvalue {value}; expected none below zero: \
+         areas are squares", x = .at.x, y = .at.y, z = .at.z
+    )]
+    Indefinite {
+        /// Where.
+        at: UVec3,
+        /// The least eigenvalue.
+        value: f32,
+    },
+    /// An extinction that no medium has.
+    #[error(
+        "sample ({x}, {y}, {z}) blocks up to {value} per mm; the limit is {limit} per mm \
+         (extinction times the root of the matrix's diagonal)", x = .at.x, y = .at.y, z = .at.z,
+        limit = MAX_EXTINCTION_PER_MM
+    )]
+    Extinction {
+        /// Where.
+        at: UVec3,
+        /// What it may block.
+        value: f32,
+    },
     /// A value that no medium has.
     #[error("{grid}: sample ({x}, {y}, {z}) is {value}; expected {expected}", x = .at.x, y = .at.y, z = .at.z)]
     Value {
@@ -106,8 +137,9 @@ impl GridMedium {
     /// resolution; the extinction's sets the voxels.
     ///
     /// # Errors
-    /// A box without volume; extinction or S not finite or below zero, albedo
-    /// outside `[0, 1]`, with the place.
+    /// A box without volume; extinction or S not finite or below zero, S with an
+    /// eigenvalue below zero, more than [`MAX_EXTINCTION_PER_MM`], albedo outside
+    /// `[0, 1]`, with the place.
     pub fn new(
         bounds_mm: Aabb,
         repeats: bool,
@@ -133,6 +165,8 @@ impl GridMedium {
         check(&albedo, "albedo", "a value from 0 to 1", |_, v| {
             (0.0..=1.0).contains(&v)
         })?;
+        check_definite(&sggx)?;
+        check_extinction(&sigma_t_per_mm, &sggx)?;
         let flakes: Vec<Sggx> = sggx
             .data
             .iter()
@@ -291,6 +325,61 @@ fn area_bound(flakes: &Sggx) -> f32 {
     }
 }
 
+/// The place of a sample by its index.
+fn place_of(dims: UVec3, index: usize) -> UVec3 {
+    let (nx, ny) = (dims.x as usize, dims.y as usize);
+    UVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as u32))
+}
+
+/// Refuses matrices with an eigenvalue below zero. Their principal minors show the
+/// rest at once to be sound.
+fn check_definite(sggx: &Grid<6>) -> Result<(), GridMediumError> {
+    for (index, &sample) in sggx.data.iter().enumerate() {
+        let s = Sym3::from_array(sample);
+        let (d, o) = (s.diagonal, s.off_diagonal);
+        let trace = s.trace();
+        let slack = 1e-6 * trace;
+        let minors = [
+            d.x * d.y - o.x * o.x,
+            d.x * d.z - o.y * o.y,
+            d.y * d.z - o.z * o.z,
+        ];
+        let sound = minors.iter().all(|m| *m >= -slack * trace)
+            && s.determinant() >= -slack * trace * trace;
+        if sound {
+            continue;
+        }
+        let least = s.eigen()[2].0;
+        if least < -INDEFINITE_SLACK * trace {
+            return Err(GridMediumError::Indefinite {
+                at: place_of(sggx.dims, index),
+                value: least,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses samples that block more than any walk gets through.
+fn check_extinction(sigma_t: &Grid<1>, sggx: &Grid<6>) -> Result<(), GridMediumError> {
+    let area = |s: &[f32; 6]| s[0].max(s[1]).max(s[2]).sqrt();
+    let refuse = |at, value| Err(GridMediumError::Extinction { at, value });
+    for (index, s) in sggx.data.iter().enumerate() {
+        if area(s) > MAX_EXTINCTION_PER_MM {
+            return refuse(place_of(sggx.dims, index), area(s));
+        }
+    }
+    for (index, &[sigma]) in sigma_t.data.iter().enumerate() {
+        let at = place_of(sigma_t.dims, index);
+        let there = at.as_u64vec3() * sggx.dims.as_u64vec3() / sigma_t.dims.as_u64vec3();
+        let most = sigma * area(sggx.at(there.as_uvec3())).max(1.0);
+        if most > MAX_EXTINCTION_PER_MM {
+            return refuse(at, most);
+        }
+    }
+    Ok(())
+}
+
 fn check<const N: usize>(
     grid: &Grid<N>,
     name: &'static str,
@@ -300,11 +389,9 @@ fn check<const N: usize>(
     for (index, sample) in grid.data.iter().enumerate() {
         for (channel, &value) in sample.iter().enumerate() {
             if !value.is_finite() || !good(channel, value) {
-                let (nx, ny) = (grid.dims.x as usize, grid.dims.y as usize);
-                let at = [index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as u32);
                 return Err(GridMediumError::Value {
                     grid: name,
-                    at: UVec3::from_array(at),
+                    at: place_of(grid.dims, index),
                     value,
                     expected,
                 });

@@ -93,7 +93,7 @@ mod voxel_bounds;
 mod voxel_fibres;
 
 pub use any_medium::AnyMedium;
-pub use cloth_medium::{ClothMedium, MergedFlakes};
+pub use cloth_medium::ClothMedium;
 pub use collision::Collision;
 pub use detail::{Detail, LevelSteps, Tracking};
 pub use draping::Draping;
@@ -107,7 +107,6 @@ pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
 pub use medium::Medium;
 pub use plane::Plane;
-pub use population_flakes::{FlakeOptics, population_shape};
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;
 pub use sheet::{Sheet, SheetPoint};
@@ -116,6 +115,7 @@ pub use tracking::{
     transmittance,
 };
 
+pub use organza_scatter::{FlakeOptics, population_shape};
 // What a scene and its picture are made of, under one name for those who trace them.
 pub use organza_basis::cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use organza_film::{

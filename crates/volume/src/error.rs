@@ -33,6 +33,28 @@ pub enum Error {
         /// The limit, bytes.
         allowed: u64,
     },
+    /// Reading takes more memory than allowed.
+    #[error("{0}")]
+    Budget(#[from] organza_basis::OverBudget),
+    /// A file is not there or cannot be opened.
+    #[error("{0}")]
+    Unreadable(String),
+    /// One of the files of a volume is at fault.
+    #[error("{name}: {problem}")]
+    Beside {
+        /// Name of the file.
+        name: String,
+        /// What is wrong with it.
+        problem: Box<Error>,
+    },
+    /// A grid of a volume does not fit the others.
+    #[error("{grid}: {problem}")]
+    Grid {
+        /// Which one: extinction, sggx or albedo.
+        grid: &'static str,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A file is not what it should be.
     #[error("not a readable {format} file: {problem}")]
     Format {

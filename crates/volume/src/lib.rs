@@ -6,13 +6,13 @@
 //!
 //! - [`voxelize()`] clips segments to voxels exactly and conserves their length.
 //! - [`Octree`] holds all levels, quantised; each level is a regular grid.
-//! - [`ovox`] keeps the whole octree in a file.
-//! - [`vol`] reads and writes Mitsuba's `.vol` grids, [`vdb`] OpenVDB files;
-//!   [`export`] says what of an octree goes into them.
+//! - [`format`] holds the file formats, one file each: [`ovox`] keeps the whole
+//!   octree, [`vol`] is Mitsuba's grids, [`vdb`] OpenVDB.
+//! - [`GridSet`] is what formats of other programs keep: dense grids.
 //!
 //! ```
 //! use glam::Vec3;
-//! use organza_basis::Aabb;
+//! use organza_basis::{Aabb, Budget};
 //! use organza_basis::curve::{Segment, SegmentList, Tile};
 //! use organza_volume::{Footprint, VoxelizeOptions, ovox, voxelize};
 //!
@@ -39,7 +39,7 @@
 //!
 //! let mut file = Vec::new();
 //! ovox::write(&octree, &mut file)?;
-//! let again = ovox::read(&mut &file[..], 1 << 30)?;
+//! let again = ovox::read(&mut &file[..], &mut Budget::new(1 << 30))?;
 //! assert_eq!(again.occupied_voxels(), octree.occupied_voxels());
 //! # Ok(())
 //! # }
@@ -49,18 +49,18 @@ mod block;
 mod clip;
 mod cluster;
 mod error;
-pub mod export;
 mod fold;
+pub mod format;
+pub mod grid_set;
 mod lattice;
 pub mod octree;
-pub mod ovox;
 mod record;
 mod route;
-pub mod vdb;
-pub mod vol;
 pub mod voxelize;
 
 pub use error::Error;
+pub use format::vol::VolGrid;
+pub use format::{ovox, vdb, vol};
+pub use grid_set::GridSet;
 pub use octree::Octree;
-pub use vol::VolGrid;
 pub use voxelize::{Footprint, Plan, VoxelizeOptions, voxelize};

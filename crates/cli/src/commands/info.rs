@@ -6,11 +6,11 @@ use crate::fabric_file::free_memory_bytes;
 use crate::flags::{CommonArgs, set_help};
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
-use crate::{auto_model, cloth_object, fabric_file, output, picture, read};
+use crate::{auto_model, cloth_object, fabric_file, output, picture, read, volume_file};
 use anyhow::Result;
 use clap::Args;
-use organza_basis::Aabb;
-use organza_volume::{Octree, VolGrid, ovox, vdb};
+use organza_basis::{Aabb, Budget};
+use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -59,33 +59,13 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             "--set {key}: only fabrics and scenes have keys"
         )));
     }
+    if let Some(format) = format::by_name(&path.to_string_lossy()) {
+        return volume(format, path);
+    }
     match ending.to_lowercase().as_str() {
         "wif" => {
             let draft = Draft::from_wif(&read::bytes(path)?).map_err(|e| fail(e.to_string()))?;
             Ok(json!({ "kind": "draft", "draft": draft.summary() }))
-        }
-        "vol" => {
-            let parts = path.with_extension("sigma_t.vol");
-            if !path.exists() && parts.is_file() {
-                return Err(fail(format!(
-                    "no such file; `voxelize` writes three, the first is {}",
-                    parts.display()
-                )));
-            }
-            let bytes = read::bytes(path)?;
-            let limit = bytes.len() as u64;
-            let grid = VolGrid::read(&mut &bytes[..], limit).map_err(|e| fail(e.to_string()))?;
-            Ok(vol(&grid))
-        }
-        "ovox" => {
-            let bytes = read::bytes(path)?;
-            let octree = ovox::read(&mut &bytes[..], free_memory_bytes())
-                .map_err(|e| fail(e.to_string()))?;
-            Ok(octree_info(&octree))
-        }
-        "vdb" => {
-            let file = vdb::read(&read::bytes(path)?).map_err(|e| fail(e.to_string()))?;
-            Ok(vdb_info(&file))
         }
         "bcc" => {
             let set = CurveSet::read_bcc(&read::bytes(path)?, 1.0, 0.0)
@@ -110,6 +90,12 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             input,
         )),
     }
+}
+
+/// A volume.
+fn volume(format: &Format, path: &Path) -> Result<Value> {
+    let mut budget = Budget::new(free_memory_bytes());
+    volume_file::read(path, |source| (format.describe)(source, &mut budget))
 }
 
 /// A fabric or a scene.
@@ -212,7 +198,7 @@ fn object_info(
     match table {
         ObjectTable::Plane(_) => Ok(json!({ "kind": "plane" })),
         ObjectTable::Grid(t) => {
-            scene_build::grid(t, scene_path)?;
+            scene_build::grid(t, scene_path, &mut Budget::new(free_memory_bytes()))?;
             Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
         }
         ObjectTable::Cloth(t) => {
@@ -246,52 +232,6 @@ fn picture_info(path: &Path) -> Result<Value> {
     }))
 }
 
-fn vol(grid: &VolGrid) -> Value {
-    let range = |c: usize| {
-        let values = grid.data.iter().skip(c).step_by(grid.channels as usize);
-        let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
-            (lo.min(v), hi.max(v))
-        });
-        json!([lo, hi])
-    };
-    json!({
-        "kind": "grid",
-        "resolution": grid.dims.to_array(),
-        "channels": grid.channels,
-        "box": box_of(&grid.bounds_mm),
-        "voxel_mm": (grid.bounds_mm.size() / grid.dims.as_vec3()).to_array(),
-        "range": (0..grid.channels as usize).map(range).collect::<Vec<_>>(),
-    })
-}
-
-fn vdb_info(file: &vdb::File) -> Value {
-    let grids: Vec<Value> = file
-        .grids
-        .iter()
-        .map(|g| {
-            let (low, high) = g.data.active_box().unwrap_or_default();
-            json!({
-                "name": g.name,
-                "type": g.data.type_name(),
-                "active_voxels": g.data.active_count(),
-                "first_cell": low.to_array(),
-                "last_cell": high.to_array(),
-                "voxel_mm": [
-                    g.mm_from_cell.matrix3.x_axis.length(),
-                    g.mm_from_cell.matrix3.y_axis.length(),
-                    g.mm_from_cell.matrix3.z_axis.length(),
-                ],
-            })
-        })
-        .collect();
-    let unread: Vec<Value> = file
-        .unread
-        .iter()
-        .map(|(name, why)| json!({ "name": name, "not_read": why }))
-        .collect();
-    json!({ "kind": "vdb", "grids": grids, "unread": unread })
-}
-
 /// Lengths are in the file's own units.
 fn curves_info(set: &CurveSet) -> Value {
     let points: usize = set.curves.iter().map(|c| c.points_mm.len()).sum();
@@ -311,35 +251,6 @@ fn curves_info(set: &CurveSet) -> Value {
         "length": length,
         "min": bounds.min.to_array(),
         "max": bounds.max.to_array(),
-    })
-}
-
-fn octree_info(octree: &Octree) -> Value {
-    let levels: Vec<Value> = (0..octree.level_count())
-        .map(|l| {
-            json!({
-                "voxel_um": (octree.voxel_mm(l) * 1e3).to_array(),
-                "dims": octree.dims(l).to_array(),
-                "occupied": octree.occupied_cells(l),
-                "fibre_length_mm": octree.fibre_length_mm(l),
-                "memory_bytes": octree.level_memory_bytes(l),
-            })
-        })
-        .collect();
-    let (mut least, mut most) = (f32::INFINITY, 0.0f32);
-    octree.for_each_occupied(0, |cell| {
-        let sigma = octree.broadside_per_mm(0, cell);
-        least = least.min(sigma);
-        most = most.max(sigma);
-    });
-    json!({
-        "kind": "octree",
-        "box": box_of(&octree.bounds_mm()),
-        "repeats": octree.repeats(),
-        "materials": octree.material_count(),
-        "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },
-        "memory_bytes": octree.memory_bytes(),
-        "levels": levels,
     })
 }
 

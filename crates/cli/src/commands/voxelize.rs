@@ -9,29 +9,30 @@ use crate::output;
 use crate::output::note;
 use anyhow::{Context, Result};
 use clap::Args;
-use organza_basis::Rgb;
-use organza_volume::{Footprint, Octree, VolGrid, export, ovox, vdb};
-use std::path::{Path, PathBuf};
+use organza_scatter::FlakeMaterials;
+use organza_volume::format::{self, FORMATS, Format, Voxels, WriteOption};
+use organza_volume::{Footprint, Octree};
+use std::path::PathBuf;
 
 /// `organza voxelize`
 #[derive(Debug, Args)]
 #[command(
     about = "Turn one tile of a fabric into a volume file",
-    after_help = "Example:\n  organza voxelize scenes/fabrics/organza.toml -o organza.ovox --voxel-um 10"
+    after_help = "Example:\n  organza voxelize scenes/fabrics/organza.toml -o organza.ovox --voxel-um 10",
+    mut_arg("outfile", |a| a.help(outfile_help()))
 )]
 pub struct VoxelizeArgs {
     /// Fabric file (TOML)
     pub fabric: PathBuf,
-    /// Volume to write: .ovox (the whole octree), .vdb (OpenVDB) or .vol (Mitsuba: three files, .sigma_t.vol, .sggx.vol and .albedo.vol)
     #[arg(short, long)]
     pub outfile: PathBuf,
-    /// Level of detail that .vdb and .vol hold (an .ovox holds all); 0 is the finest
+    /// Level of detail, for formats that keep one; 0 is the finest
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
     pub level: u8,
-    /// Store 16-bit floats (.vdb)
+    /// Store 16-bit floats, where the format has them
     #[arg(long)]
     pub half: bool,
-    /// Do not compress (.vdb)
+    /// Do not compress, where the format does
     #[arg(long)]
     pub raw: bool,
     #[command(flatten)]
@@ -53,56 +54,59 @@ impl Command for VoxelizeArgs {
     }
 }
 
-/// The formats that a volume can be written in.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Ovox,
-    Vdb,
-    Vol,
-}
-
 /// Runs the command.
 pub fn run(args: &VoxelizeArgs) -> Result<()> {
-    let ending = args.outfile.extension().map(|e| e.to_ascii_lowercase());
-    let format = match ending.as_ref().and_then(|e| e.to_str()) {
-        Some("ovox") => Format::Ovox,
-        Some("vdb") => Format::Vdb,
-        Some("vol") => Format::Vol,
-        _ => {
-            return Err(input(format!(
-                "{}: expected a name that ends in .ovox, .vdb or .vol",
-                args.outfile.display()
-            )));
-        }
-    };
+    let name = args.outfile.to_string_lossy();
+    let format = format::by_name(&name).ok_or_else(|| {
+        let endings: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.ending)).collect();
+        input(format!(
+            "{name}: expected a name that ends in {}",
+            or_list(&endings)
+        ))
+    })?;
     check_flags(args, format)?;
     output::check_writable(&args.outfile)?;
     with_threads(&args.common, || voxelize(args, format))
 }
 
-/// Refuses flags that the format would silently pass over.
-fn check_flags(args: &VoxelizeArgs, format: Format) -> Result<()> {
-    for (flag, given, formats, belongs) in [
-        (
-            "--level",
-            args.level > 0,
-            &[Format::Vdb, Format::Vol][..],
-            ".vdb and .vol; an .ovox holds all levels",
-        ),
-        ("--half", args.half, &[Format::Vdb], ".vdb"),
-        ("--raw", args.raw, &[Format::Vdb], ".vdb"),
+/// Every format that can be written, and what it keeps.
+fn outfile_help() -> String {
+    let one = |f: &&Format| format!(".{} ({})", f.ending, f.keeps);
+    let formats: Vec<String> = FORMATS.iter().map(one).collect();
+    format!("Volume to write: {}", formats.join("; "))
+}
+
+/// Names with "or" before the last.
+fn or_list(names: &[String]) -> String {
+    match names {
+        [before @ .., last] if !before.is_empty() => format!("{} or {last}", before.join(", ")),
+        names => names.join(", "),
+    }
+}
+
+/// Refuses flags that the format would silently ignore.
+fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
+    for (flag, given, option) in [
+        ("--level", args.level > 0, WriteOption::Level),
+        ("--half", args.half, WriteOption::Half),
+        ("--raw", args.raw, WriteOption::Raw),
     ] {
-        if given && !formats.contains(&format) {
+        if given && !format.options.contains(&option) {
+            let takers = FORMATS.iter().filter(|f| f.options.contains(&option));
+            let takers: Vec<String> = takers.map(|f| format!(".{}", f.ending)).collect();
             return Err(input(format!(
-                "{}: {flag} belongs to {belongs}",
-                args.outfile.display()
+                "{}: {flag} is for {}; .{} keeps {}",
+                args.outfile.display(),
+                or_list(&takers),
+                format.ending,
+                format.keeps
             )));
         }
     }
     Ok(())
 }
 
-fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
+fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     let started = std::time::Instant::now();
     let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
     fabric.tell_warnings(&args.fabric, args.common.quiet);
@@ -139,54 +143,30 @@ fn voxelize(args: &VoxelizeArgs, format: Format) -> Result<()> {
 
 fn write(
     args: &VoxelizeArgs,
-    format: Format,
+    format: &Format,
     fabric: &Fabric,
     octree: &Octree,
 ) -> Result<Vec<PathBuf>> {
-    let path = args.outfile.clone();
-    match format {
-        Format::Ovox => {
-            output::write_file(&path, |out| {
-                ovox::write(octree, out).context("writing the octree failed")
-            })?;
-            Ok(vec![path])
-        }
-        Format::Vdb => {
-            let grids = vdb::grids_from_octree(octree, args.level, args.half);
-            let codec = if args.raw {
-                vdb::Codec::Raw
-            } else {
-                vdb::Codec::Zip
-            };
-            output::write_file(&path, |out| {
-                vdb::write(&grids, codec, out).context("writing the grids failed")
-            })?;
-            Ok(vec![path])
-        }
-        Format::Vol => {
-            let optics = fabric.optics();
-            let albedo = |material: u16| {
-                optics
-                    .get(usize::from(material))
-                    .map_or(Rgb::BLACK, |o| o.albedo)
-            };
-            let triple = export::vol_triple(octree, args.level, &albedo);
-            let named = |part: &str| path.with_extension(format!("{part}.vol"));
-            let parts: [(PathBuf, &VolGrid); 3] = [
-                (named("sigma_t"), &triple.sigma_t),
-                (named("sggx"), &triple.sggx),
-                (named("albedo"), &triple.albedo),
-            ];
-            for (path, grid) in &parts {
-                write_vol(path, grid)?;
-            }
-            Ok(parts.map(|(path, _)| path).to_vec())
-        }
-    }
-}
-
-fn write_vol(path: &Path, grid: &VolGrid) -> Result<()> {
-    output::write_file(path, |out| {
-        grid.write(out).context("writing the grid failed")
-    })
+    let materials = FlakeMaterials::new(fabric.optics());
+    let voxels = Voxels {
+        octree,
+        level: args.level,
+        half: args.half,
+        raw: args.raw,
+        merge: &|mixture| materials.merged(mixture),
+    };
+    let parts = (format.write)(&voxels).context("writing the volume failed")?;
+    let files = parts.into_iter().map(|part| {
+        let path = match part.infix {
+            Some(infix) => args
+                .outfile
+                .with_extension(format!("{infix}.{}", format.ending)),
+            None => args.outfile.clone(),
+        };
+        let write = move |out: &mut dyn output::SeekWrite| {
+            (part.write)(out).context("writing the volume failed")
+        };
+        (path, Box::new(write) as output::WriteFile<'_>)
+    });
+    output::write_files(files.collect())
 }

@@ -1,5 +1,6 @@
 use crate::cloth::{PlainWeave, list};
 use glam::Vec3;
+use organza_basis::Budget;
 use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
 
 fn cotton(voxel_mm: f32) -> Octree {
@@ -10,7 +11,9 @@ fn cotton(voxel_mm: f32) -> Octree {
     voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
 }
 
-const PLENTY: u64 = 1 << 30;
+fn plenty() -> Budget {
+    Budget::new(1 << 30)
+}
 
 #[test]
 fn ovox_returns_the_very_octree() {
@@ -27,7 +30,7 @@ fn ovox_returns_the_very_octree() {
     for tree in [cotton(0.02), empty] {
         let mut bytes = Vec::new();
         ovox::write(&tree, &mut bytes).unwrap();
-        let back = ovox::read(&mut &bytes[..], PLENTY).unwrap();
+        let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
         assert!(back == tree);
         back.assert_well_formed();
         println!(
@@ -44,7 +47,7 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
     let mut good = Vec::new();
     ovox::write(&tree, &mut good).unwrap();
     let refusal = |b: &[u8]| {
-        ovox::read(&mut &b[..], PLENTY)
+        ovox::read(&mut &b[..], &mut plenty())
             .map(|_| ())
             .unwrap_err()
             .to_string()
@@ -66,19 +69,20 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
     let mut long = good.clone();
     long.push(0);
     assert!(refusal(&long).contains("goes on"));
-    let small = ovox::read(&mut &good[..], 1000).unwrap_err().to_string();
-    assert!(small.contains("1000 are allowed"), "{small}");
+    let small = ovox::read(&mut &good[..], &mut Budget::new(1000)).unwrap_err();
+    let small = small.to_string();
+    assert!(small.contains("1000 bytes are allowed"), "{small}");
 }
 
 /// A knit of 100 um voxels as version 1 of the format kept it.
 #[test]
 fn files_of_version_1_are_read() {
     let old = include_bytes!("../data/version_1.ovox");
-    let tree = ovox::read(&mut &old[..], PLENTY).unwrap();
+    let tree = ovox::read(&mut &old[..], &mut plenty()).unwrap();
     tree.assert_well_formed();
     assert_eq!((tree.level_count(), tree.occupied_voxels()), (2, 528));
     assert!((tree.fibre_length_mm(0) - 767.365197).abs() < 1e-6);
     let mut again = Vec::new();
     ovox::write(&tree, &mut again).unwrap();
-    assert!(ovox::read(&mut &again[..], PLENTY).unwrap() == tree);
+    assert!(ovox::read(&mut &again[..], &mut plenty()).unwrap() == tree);
 }

@@ -1,7 +1,7 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec3, Vec3};
 use organza_basis::spread::{mean_cos_sq, spread_from_mean_cos_sq};
-use organza_basis::{FibreComponent, Frame, MAX_COMPONENTS, Sym3, warp};
+use organza_basis::{Budget, FibreComponent, Frame, MAX_COMPONENTS, Sym3, warp};
 use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -242,7 +242,10 @@ fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_or_clusters
     for name in ["denim", "charmeuse", "jersey"] {
         let path = format!("{}/../../volumes/{name}.ovox", env!("CARGO_MANIFEST_DIR"));
         let bytes = std::fs::read(path).unwrap();
-        trees.push((name, ovox::read(&mut &bytes[..], 1 << 30).unwrap()));
+        trees.push((
+            name,
+            ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30)).unwrap(),
+        ));
     }
     for (name, tree) in &trees {
         for level in 1..tree.level_count().min(4) {

@@ -1,8 +1,9 @@
 use crate::cloth::PlainWeave;
 use glam::{DAffine3, DMat3, DVec3, IVec3};
-use organza_basis::PathRng;
+use organza_basis::{Budget, MergedFlakes, Mixture, PathRng};
+use organza_scatter::{FlakeMaterials, FlakeOptics};
 use organza_volume::vdb::{self, Cells, Codec, Data, Grid, Leaf, Value};
-use organza_volume::{Octree, VoxelizeOptions, export, voxelize};
+use organza_volume::{Error, GridSet, Octree, VoxelizeOptions, voxelize};
 
 fn cotton() -> Octree {
     let options = VoxelizeOptions {
@@ -10,6 +11,22 @@ fn cotton() -> Octree {
         ..VoxelizeOptions::default()
     };
     voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
+}
+
+/// Rough fibres of one material.
+fn merge(mixture: &Mixture) -> MergedFlakes {
+    static MATERIALS: std::sync::LazyLock<FlakeMaterials> = std::sync::LazyLock::new(|| {
+        FlakeMaterials::new(vec![FlakeOptics {
+            albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
+            end_on_ratio: 0.1,
+        }])
+    });
+    MATERIALS.merged(mixture)
+}
+
+/// Reads with plenty of memory.
+fn read(bytes: &[u8]) -> Result<vdb::File, Error> {
+    vdb::read(bytes, &mut Budget::new(1 << 30))
 }
 
 /// Scattered leaves, some with negative coordinates, some far apart.
@@ -93,7 +110,7 @@ fn round_trips_are_exact() {
             let grids = samples(half);
             let mut bytes = Vec::new();
             vdb::write(&grids, codec, &mut bytes).unwrap();
-            let mut back = sorted(vdb::read(&bytes).unwrap().grids);
+            let mut back = sorted(read(&bytes).unwrap().grids);
             // Integers have no half form.
             back[3].half = half;
             assert_eq!(back, grids, "{half} {codec:?}");
@@ -104,7 +121,7 @@ fn round_trips_are_exact() {
 #[test]
 fn another_reader_finds_the_same_values() {
     let tree = cotton();
-    let grids = vdb::grids_from_octree(&tree, 0, false);
+    let grids = vdb::grids_from_octree(&tree, 0, false, &merge);
     let mut bytes = Vec::new();
     vdb::write(&grids, Codec::Zip, &mut bytes).unwrap();
     let mut reader = vdb_rs::VdbReader::new(std::io::Cursor::new(&bytes)).unwrap();
@@ -113,7 +130,7 @@ fn another_reader_finds_the_same_values() {
         let mut count = 0;
         for (at, value, _) in grid.iter() {
             let cell = glam::UVec3::new(at.x as u32, at.y as u32, at.z as u32);
-            let s = export::Summary::of(&tree.mixture(0, cell));
+            let s = merge(&tree.mixture(0, cell));
             let want = if name == "density" {
                 s.density_per_mm
             } else {
@@ -131,39 +148,79 @@ fn a_file_is_the_medium_that_was_put_in() {
     let tree = cotton();
     let mut bytes = Vec::new();
     vdb::write(
-        &vdb::grids_from_octree(&tree, 0, false),
+        &vdb::grids_from_octree(&tree, 0, false, &merge),
         Codec::Zip,
         &mut bytes,
     )
     .unwrap();
-    let file = vdb::read(&bytes).unwrap();
-    let medium = file.medium(1 << 30).unwrap();
-    let expected = export::vol_triple(&tree, 0, &|_| organza_basis::Rgb::WHITE);
-    assert_eq!(medium.sigma_t.data, expected.sigma_t.data);
-    assert_eq!(medium.sggx.as_ref().unwrap().data, expected.sggx.data);
-    let (a, b) = (medium.sigma_t.bounds_mm, expected.sigma_t.bounds_mm);
-    assert!(a.min.distance(b.min) < 1e-6 && a.max.distance(b.max) < 1e-6);
-
-    // Orientation and spread alone give the same where there is one population.
-    let mut without = file.clone();
-    without.grids.retain(|g| !g.name.starts_with("sggx"));
-    let medium = without.medium(1 << 30).unwrap().sggx.unwrap();
-    tree.for_each_occupied(0, |cell| {
-        if tree.mixture(0, cell).as_slice().len() == 1 {
-            for (x, y) in medium.cell(cell).iter().zip(expected.sggx.cell(cell)) {
-                assert!((x - y).abs() < 1e-6, "{cell}");
-            }
-        }
-    });
-    assert!(
-        file.medium(1000)
-            .unwrap_err()
-            .to_string()
-            .contains("1000 are allowed")
+    let file = read(&bytes).unwrap();
+    let set = file.grid_set(&mut Budget::new(1 << 30)).unwrap();
+    let expected = GridSet::from_octree(&tree, 0, &merge);
+    assert_eq!(set.sigma_t.data, expected.sigma_t.data);
+    assert_eq!(set.sggx.as_ref().unwrap().data, expected.sggx.unwrap().data);
+    assert_eq!(
+        set.albedo.as_ref().unwrap().data,
+        expected.albedo.unwrap().data
     );
-    without.grids[0].name = "densty".into();
-    let error = without.medium(1 << 30).unwrap_err().to_string();
+    let (a, b) = (set.sigma_t.bounds_mm, expected.sigma_t.bounds_mm);
+    assert!(a.min.distance(b.min) < 1e-6 && a.max.distance(b.max) < 1e-6);
+    let axes = set.axes.unwrap();
+    tree.for_each_occupied(0, |cell| {
+        let s = merge(&tree.mixture(0, cell));
+        assert_eq!(axes.cell(cell), s.axis.extend(s.spread_rad).to_array());
+    });
+    let small = file.grid_set(&mut Budget::new(1000)).unwrap_err();
+    assert!(
+        small.to_string().contains("1000 bytes are allowed"),
+        "{small}"
+    );
+    let mut other = file.clone();
+    other.grids[0].name = "densty".into();
+    let error = other
+        .grid_set(&mut Budget::new(1 << 30))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("did you mean \"densty\""), "{error}");
+}
+
+/// 104 bytes that announce 2^32 - 1 grids, each of which ends where it begins, once
+/// took 7.5 GB; a small file of many leaves takes no more than it is allowed.
+#[test]
+fn a_file_takes_no_more_memory_than_allowed() {
+    let mut head = b" BDV\0\0\0\0".to_vec();
+    [224u32, 10, 0]
+        .iter()
+        .for_each(|n| head.extend(n.to_le_bytes()));
+    head.push(1);
+    head.extend([b'0'; 36]);
+    head.extend(0u32.to_le_bytes());
+    head.extend(u32::MAX.to_le_bytes());
+    let at = head.len() as u64;
+    [0u32; 3].iter().for_each(|n| head.extend(n.to_le_bytes()));
+    [at; 3].iter().for_each(|n| head.extend(n.to_le_bytes()));
+    let error = read(&head).unwrap_err().to_string();
+    assert!(error.contains("do not follow"), "{error}");
+
+    let mut cells = Cells::new(0.0f32);
+    for i in 0..64 {
+        cells.leaves.push(Leaf {
+            origin: IVec3::new(8 * i, 0, 0),
+            mask: [0; 8],
+            values: vec![0.0; 512],
+        });
+    }
+    let grid = Grid {
+        name: "density".into(),
+        mm_from_cell: DAffine3::IDENTITY,
+        extent: None,
+        half: false,
+        data: Data::Float(cells),
+    };
+    let mut bytes = Vec::new();
+    vdb::write(&[grid], Codec::Zip, &mut bytes).unwrap();
+    assert!(vdb::read(&bytes, &mut Budget::new(64 * 2200)).is_ok());
+    let error = vdb::read(&bytes, &mut Budget::new(64 * 2000)).unwrap_err();
+    assert!(matches!(error, Error::Budget(_)), "{error}");
 }
 
 #[test]
@@ -171,7 +228,7 @@ fn damaged_files_are_refused_and_never_panic() {
     let mut good = Vec::new();
     vdb::write(&samples(false), Codec::Zip, &mut good).unwrap();
     for end in (0..good.len()).step_by(good.len() / 150) {
-        assert!(vdb::read(&good[..end]).is_err(), "{end}");
+        assert!(read(&good[..end]).is_err(), "{end}");
     }
     let mut rng = PathRng::from_seed(9);
     let mut refused = 0;
@@ -179,7 +236,7 @@ fn damaged_files_are_refused_and_never_panic() {
         let mut bad = good.clone();
         let at = rng.below(bad.len() as u32) as usize;
         bad[at] ^= 1 << rng.below(8);
-        refused += u32::from(vdb::read(&bad).is_err());
+        refused += u32::from(read(&bad).is_err());
     }
     // Many flips only change a value; those in structure are noticed.
     assert!(refused > 20, "seed 9: {refused}");
@@ -188,9 +245,9 @@ fn damaged_files_are_refused_and_never_panic() {
         let at = good.windows(from.len()).position(|w| w == from).unwrap();
         let mut bad = good.clone();
         bad[at..at + to.len()].copy_from_slice(to);
-        vdb::read(&bad).unwrap().unread[0].clone()
+        read(&bad).unwrap().unread[0].clone()
     };
-    let other = vdb::read(b"VOL\x03........").unwrap_err().to_string();
+    let other = read(b"VOL\x03........").unwrap_err().to_string();
     assert!(other.contains("does not begin"), "{other}");
     assert_eq!(with("Tree_float_5_4_3", "Tree_bool__5_4_3").0, "density");
     assert!(
@@ -205,7 +262,7 @@ fn damaged_files_are_refused_and_never_panic() {
 #[test]
 fn blosc_files_of_openvdb_are_read() {
     let bytes = include_bytes!("../data/openvdb_blosc.vdb");
-    let file = vdb::read(bytes).unwrap();
+    let file = read(bytes).unwrap();
     assert_eq!(file.unread, []);
     let by_name = |name: &str| &file.grids.iter().find(|g| g.name == name).unwrap().data;
     for name in ["density", "orientation", "half"] {
@@ -237,6 +294,6 @@ fn blosc_files_of_openvdb_are_read() {
         let at = rng.below(bad.len() as u32) as usize;
         bad[at] ^= 1 << rng.below(8);
         // Whatever comes of it, it comes back.
-        let _ = vdb::read(&bad);
+        let _ = read(&bad);
     }
 }

@@ -1,27 +1,57 @@
 //! OpenVDB files: sparse grids that other programs open `[Museth2013]`.
 //!
-//! Our own codec writes and reads trees of the usual 5-4-3 shape with float,
-//! three-float and 32-bit integer values, full or half, raw or zlib. Float
-//! grids that were packed with Blosc are read through the `vdb-rs` library,
-//! once the headers have shown that it can; whatever neither can read is
-//! refused by name, so that no grid comes out empty in silence.
+//! Trees of the usual 5-4-3 shape with float, three-float and 32-bit integer values
+//! are written and read, full or half, raw or zlib; frames of Blosc are read as
+//! OpenVDB writes them. Whatever cannot be read is refused by name, so that no grid
+//! comes out empty in silence. The codec is our own because libraries for it take
+//! memory as a file asks for it, and panic on some.
 
 mod blosc;
 mod from_octree;
-mod medium;
+mod grids;
 mod read;
 mod value;
 mod write;
 
 pub use from_octree::grids_from_octree;
-pub use medium::VdbMedium;
 pub use read::{File, read};
 pub use write::{Codec, write};
 
+use super::{Format, Part, Source, WriteOption};
+use crate::Error;
 use glam::{DAffine3, DMat3, DVec3, IVec3};
+use organza_basis::Budget;
+use serde_json::json;
 pub use value::Value;
 
-pub(crate) const FORMAT: &str = ".vdb";
+/// The record of the format.
+pub static FORMAT: Format = Format {
+    ending: "vdb",
+    magic: b" BDV",
+    noun: "an OpenVDB volume (.vdb)",
+    keeps: "one level: density, orientation, spread, SGGX matrix, albedo, yarn",
+    options: &[WriteOption::Level, WriteOption::Half, WriteOption::Raw],
+    describe: |source, budget| Ok(open(source, budget)?.describe()),
+    read: |source, budget| {
+        open(source, budget)?
+            .grid_set(budget)
+            .map(super::Volume::Grids)
+    },
+    write: |voxels| {
+        let grids = grids_from_octree(voxels.octree, voxels.level, voxels.half, voxels.merge);
+        let codec = if voxels.raw { Codec::Raw } else { Codec::Zip };
+        Ok(vec![Part {
+            infix: None,
+            write: Box::new(move |out| write(&grids, codec, out)),
+        }])
+    },
+};
+
+fn open(source: &Source<'_>, budget: &mut Budget) -> Result<File, Error> {
+    source.read(budget, read)
+}
+
+pub(crate) const ENDING: &str = ".vdb";
 /// Cells across the nodes below the root, from the leaves up.
 pub(crate) const EDGES: [i32; 3] = [8, 128, 4096];
 
@@ -178,6 +208,31 @@ impl Data {
             Data::Vec3(_) => <[f32; 3]>::NAME,
             Data::Int(_) => i32::NAME,
         }
+    }
+}
+
+impl File {
+    /// The grids, and those that could not be read.
+    fn describe(&self) -> serde_json::Value {
+        let grids = self.grids.iter().map(|g| {
+            let (low, high) = g.data.active_box().unwrap_or_default();
+            let map = g.mm_from_cell.matrix3;
+            json!({
+                "name": g.name,
+                "type": g.data.type_name(),
+                "active_voxels": g.data.active_count(),
+                "first_cell": low.to_array(),
+                "last_cell": high.to_array(),
+                "voxel_mm": [map.x_axis.length(), map.y_axis.length(), map.z_axis.length()],
+            })
+        });
+        let unread = self.unread.iter();
+        let unread = unread.map(|(name, why)| json!({ "name": name, "not_read": why }));
+        json!({
+            "kind": "vdb",
+            "grids": grids.collect::<Vec<_>>(),
+            "unread": unread.collect::<Vec<_>>(),
+        })
     }
 }
 

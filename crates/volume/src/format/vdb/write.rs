@@ -1,6 +1,6 @@
 //! Writing .vdb files, version 224 of the format.
 
-use super::{Cells, Data, EDGES, FORMAT, Grid, Leaf, Value};
+use super::{Cells, Data, EDGES, ENDING, Grid, Leaf, Value};
 use crate::Error;
 use flate2::{Compression, write::ZlibEncoder};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
@@ -192,7 +192,7 @@ fn put_tree<T: Value>(
 ) -> Result<usize, Error> {
     if !cells.cubes.is_empty() {
         return Err(Error::format(
-            FORMAT,
+            ENDING,
             "cubes of one value cannot be written",
         ));
     }
@@ -208,7 +208,7 @@ fn put_tree<T: Value>(
     leaves.sort_by_key(|l| order(l));
     let misplaced = |l: &&Leaf<T>| l.origin & 7 != IVec3::ZERO || l.values.len() != 512;
     if leaves.iter().any(misplaced) || leaves.windows(2).any(|w| order(w[0]) == order(w[1])) {
-        return Err(Error::format(FORMAT, "leaves out of place"));
+        return Err(Error::format(ENDING, "leaves out of place"));
     }
     out.extend(1u32.to_le_bytes());
     cells.background.put(out);

@@ -9,6 +9,7 @@
 //! (version 1: a zlib stream instead). Blocks are packed and unpacked in
 //! parallel. Nothing follows the last.
 
+use super::{Format, Part, Source, Volume, box_of};
 use crate::Error;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::{Group, Level, Octree};
@@ -17,10 +18,29 @@ use bytemuck::Pod;
 use flate2::{Crc, read::ZlibDecoder};
 use glam::{DVec3, UVec3};
 use lz4_flex::block::{compress, decompress_into};
+use organza_basis::Budget;
 use rayon::prelude::*;
+use serde_json::{Value, json};
 use std::io::{Read, Write};
 
-const FORMAT: &str = ".ovox";
+/// The record of the format.
+pub static FORMAT: Format = Format {
+    ending: "ovox",
+    magic: &MAGIC,
+    noun: "an octree (.ovox)",
+    keeps: "the whole octree: every level, every population",
+    options: &[],
+    describe: |source, budget| Ok(describe(&open(source, budget)?)),
+    read: |source, budget| open(source, budget).map(Volume::Octree),
+    write: |voxels| {
+        Ok(vec![Part {
+            infix: None,
+            write: Box::new(|out| write(voxels.octree, out)),
+        }])
+    },
+};
+
+const ENDING: &str = ".ovox";
 const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
 /// The version that this program writes, and the newest that it reads.
 pub const VERSION: u32 = 2;
@@ -55,9 +75,9 @@ pub fn write(octree: &Octree, out: &mut dyn Write) -> Result<(), Error> {
 ///
 /// # Errors
 /// For files of another kind or a newer version, truncated or altered ones,
-/// ones that hold more than `max_bytes` of arrays (checked before memory is
-/// taken), and ones whose octree is not well formed.
-pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
+/// ones that hold more than the budget has room for, and ones whose octree is not
+/// well formed.
+pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Octree, Error> {
     let mut start = [0u8; 16];
     read_exactly(input, &mut start, "header")?;
     if start[..8] != MAGIC {
@@ -77,12 +97,8 @@ pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
         return Err(wrong("its header was altered (checksum)"));
     }
     let h = decode_header(&header).ok_or_else(|| wrong("its header makes no sense"))?;
-    let needed = h.array_bytes();
-    if needed > u128::from(max_bytes) {
-        return Err(wrong(format!(
-            "it needs {needed} bytes of memory, {max_bytes} are allowed"
-        )));
-    }
+    let needed = u64::try_from(h.array_bytes()).unwrap_or(u64::MAX);
+    budget.take(needed, "voxels")?;
     let groups: Vec<[u32; 2]> = read_array(input, version, h.group_count)?;
     let groups = groups.iter().map(|&[yarn, material]| Group {
         yarn,
@@ -114,6 +130,40 @@ pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<Octree, Error> {
     );
     octree.check().map_err(wrong)?;
     Ok(octree)
+}
+
+fn open(source: &Source<'_>, budget: &mut Budget) -> Result<Octree, Error> {
+    source.read(budget, |bytes, budget| read(&mut &bytes[..], budget))
+}
+
+/// Sizes, and what the levels hold.
+fn describe(octree: &Octree) -> Value {
+    let levels: Vec<Value> = (0..octree.level_count())
+        .map(|l| {
+            json!({
+                "voxel_um": (octree.voxel_mm(l) * 1e3).to_array(),
+                "dims": octree.dims(l).to_array(),
+                "occupied": octree.occupied_cells(l),
+                "fibre_length_mm": octree.fibre_length_mm(l),
+                "memory_bytes": octree.level_memory_bytes(l),
+            })
+        })
+        .collect();
+    let (mut least, mut most) = (f32::INFINITY, 0.0f32);
+    octree.for_each_occupied(0, |cell| {
+        let sigma = octree.broadside_per_mm(0, cell);
+        least = least.min(sigma);
+        most = most.max(sigma);
+    });
+    json!({
+        "kind": "octree",
+        "box": box_of(&octree.bounds_mm()),
+        "repeats": octree.repeats(),
+        "materials": octree.material_count(),
+        "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },
+        "memory_bytes": octree.memory_bytes(),
+        "levels": levels,
+    })
 }
 
 /// What the header says.
@@ -330,7 +380,7 @@ fn word(bytes: &[u8], at: usize) -> u32 {
 }
 
 fn wrong(problem: impl Into<String>) -> Error {
-    Error::format(FORMAT, problem)
+    Error::format(ENDING, problem)
 }
 
 fn read_exactly(input: &mut dyn Read, into: &mut [u8], what: &str) -> Result<(), Error> {

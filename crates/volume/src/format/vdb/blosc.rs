@@ -1,73 +1,8 @@
-//! Values packed with Blosc, the usual choice of other programs.
-//!
-//! Float grids are read through `vdb-rs`. That library panics or drops data on
-//! some files, so it is asked only for what it is known to read right (32-bit
-//! float trees without active cubes below the root, a map without rotation),
-//! after our own reader has walked the whole tree, and what it gives must have
-//! the shape that the tree has. All other grids we unpack ourselves: frames of
-//! Blosc 1 with LZ4 or zlib inside.
+//! Frames of Blosc 1, the usual packing of other programs: LZ4 or zlib inside, as
+//! OpenVDB writes them.
 
-use super::read::Problem;
-use super::{Cells, Cube, Leaf};
 use flate2::read::ZlibDecoder;
-use glam::IVec3;
-use std::collections::BTreeMap;
 use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use vdb_rs::{VdbLevel, VdbReader};
-
-/// True for grids that `vdb-rs` reads right.
-pub fn can_read(map: &str, shape: &Cells<f32>) -> bool {
-    const MAPS: [&str; 3] = [
-        "UniformScaleMap",
-        "UniformScaleTranslateMap",
-        "ScaleTranslateMap",
-    ];
-    MAPS.contains(&map) && shape.cubes.iter().all(|c| c.edge < 4096)
-}
-
-/// Reads the values of a grid whose tree, with values yet unknown, is `shape`.
-pub fn read_float(bytes: &[u8], name: &str, shape: &Cells<f32>) -> Result<Cells<f32>, Problem> {
-    let failed = |why: &str| Problem::Unknown(format!("its Blosc packing cannot be read: {why}"));
-    let read = catch_unwind(AssertUnwindSafe(|| {
-        let mut reader =
-            VdbReader::new(std::io::Cursor::new(bytes)).map_err(|e| failed(&e.to_string()))?;
-        let grid = reader
-            .read_grid::<f32>(name)
-            .map_err(|e| failed(&e.to_string()))?;
-        let mut leaves: BTreeMap<[i32; 3], Leaf<f32>> = BTreeMap::new();
-        let mut cells = Cells::new(shape.background);
-        for (at, value, level) in grid.iter() {
-            let at = IVec3::new(at.x as i32, at.y as i32, at.z as i32);
-            if level != VdbLevel::Voxel {
-                cells.cubes.push(Cube {
-                    origin: at,
-                    edge: level.scale() as i32,
-                    value,
-                });
-                continue;
-            }
-            let origin = at & !7;
-            let leaf = leaves.entry(origin.to_array()).or_insert_with(|| Leaf {
-                origin,
-                mask: [0; 8],
-                values: vec![shape.background; 512],
-            });
-            let c = at & 7;
-            let i = (64 * c.x + 8 * c.y + c.z) as usize;
-            leaf.mask[i / 64] |= 1 << (i % 64);
-            leaf.values[i] = value;
-        }
-        cells.leaves = leaves.into_values().collect();
-        Ok(cells)
-    }));
-    let cells: Cells<f32> =
-        read.unwrap_or_else(|_| Err(failed("it is damaged, or its map is not known")))?;
-    if cells.active_count() != shape.active_count() || cells.active_box() != shape.active_box() {
-        return Err(failed("cells are missing"));
-    }
-    Ok(cells)
-}
 
 /// Unpacks a frame that should hold `length` bytes; `None` when it is damaged
 /// or packed in another way than the two we know.

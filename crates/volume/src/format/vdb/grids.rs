@@ -1,31 +1,24 @@
-//! A .vdb file as a medium: dense grids of extinction and SGGX matrices.
+//! A .vdb file as dense grids.
 
-use super::{Cells, Data, FORMAT, File, Grid, Value};
-use crate::export::sggx;
-use crate::{Error, VolGrid};
-use glam::{DMat3, DVec3, IVec3, UVec3, Vec3};
-use organza_basis::{Aabb, Sym3, nearest_name};
+use super::{Cells, Data, ENDING, File, Grid, Value};
+use crate::{Error, GridSet, VolGrid};
+use glam::{DMat3, DVec3, IVec3, UVec3};
+use organza_basis::{Aabb, Budget, Sym3, nearest_name};
 
-/// What a file says of a medium.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VdbMedium {
-    /// One channel: extinction at unit projected area, 1/mm.
-    pub sigma_t: VolGrid,
-    /// Six channels: SGGX matrices, where the file has orientations.
-    pub sggx: Option<VolGrid>,
-}
+/// Bytes for each cell of the grids that a file may have.
+const BYTES_PER_CELL: f64 = 4.0 * (1 + 6 + 4 + 3) as f64;
 
 impl File {
-    /// The medium of the grid `density` and, where there are any, of
-    /// `sggx_diag` and `sggx_offdiag`, or of `orientation` and `spread` (zero
-    /// where the file has none). Cells without an orientation get the unit
-    /// matrix. The box is the one the file names, or else the active cells'.
+    /// The grid `density` and, where there are any, `sggx_diag` and `sggx_offdiag`,
+    /// `orientation` with `spread` (zero if none), and `albedo`. The box is the one
+    /// the file names, or else the active cells'. Cells whose matrix is zero or not
+    /// finite get the unit matrix.
     ///
     /// # Errors
     /// When there is no `density` grid of floats, its map turns or shears, a
     /// density is negative or not finite, another grid has another map, or the
-    /// dense grids would take more than `max_bytes`.
-    pub fn medium(&self, max_bytes: u64) -> Result<VdbMedium, Error> {
+    /// dense grids take more than the budget has left.
+    pub fn grid_set(&self, budget: &mut Budget) -> Result<GridSet, Error> {
         let density = self.grid("density")?.ok_or_else(|| self.no_density())?;
         let Data::Float(cells) = &density.data else {
             return Err(wrong("grid \"density\" holds no floats"));
@@ -46,12 +39,11 @@ impl File {
             (None, None) => return Err(wrong("grid \"density\" has no active cells")),
         };
         let dims = (high.as_i64vec3() - low.as_i64vec3() + 1).as_dvec3();
-        let bytes = 28.0 * dims.element_product();
-        if dims.min_element() < 1.0 || bytes > max_bytes as f64 {
-            return Err(wrong(format!(
-                "{dims} cells need {bytes:.0} bytes, {max_bytes} are allowed"
-            )));
+        if dims.min_element() < 1.0 {
+            return Err(wrong(format!("grid \"density\" spans {dims} cells")));
         }
+        // A cast beyond 64 bits stays at their greatest, which no budget has.
+        budget.take((BYTES_PER_CELL * dims.element_product()) as u64, "cells")?;
         let face = |cell: DVec3| map.transform_point3(cell - 0.5).as_vec3();
         let bounds_mm = Aabb::new(face(low.as_dvec3()), face(high.as_dvec3() + 1.0));
         let dense = Dense {
@@ -81,30 +73,31 @@ impl File {
                 None => Ok(None),
             }
         };
-        let matrices = (vectors("sggx_diag")?, vectors("sggx_offdiag")?);
-        let sggx =
-            if let (Some(d), Some(o)) = matrices {
-                let (d, o) = (dense.fill(d, |v| v), dense.fill(o, |v| v));
-                let cells = d.data.chunks(3).zip(o.data.chunks(3));
-                Some(dense.sggx(
-                    cells.map(|(d, o)| Sym3::from_array([d[0], d[1], d[2], o[0], o[1], o[2]])),
-                ))
-            } else if let Some(axes) = vectors("orientation")? {
-                let axes = dense.fill(axes, |v| v);
-                let spread = match same_map("spread")?.map(|g| &g.data) {
-                    Some(Data::Float(c)) => dense.fill(c, |v| [v]).data,
-                    _ => vec![0.0; sigma_t.data.len()],
-                };
-                let cells = axes.data.chunks(3).zip(spread);
-                Some(dense.sggx(cells.map(|(a, s)| {
-                    let axis = Vec3::new(a[0], a[1], a[2]);
-                    axis.try_normalize()
-                        .map_or(Sym3::default(), |axis| sggx(axis, s.max(0.0)))
-                })))
-            } else {
-                None
-            };
-        Ok(VdbMedium { sigma_t, sggx })
+        let matrices = vectors("sggx_diag")?.zip(vectors("sggx_offdiag")?);
+        let sggx = matrices.map(|(d, o)| {
+            let (d, o) = (dense.fill(d, |v| v), dense.fill(o, |v| v));
+            let cells = d.data.chunks(3).zip(o.data.chunks(3));
+            dense.sggx(cells.map(|(d, o)| Sym3::from_array([d[0], d[1], d[2], o[0], o[1], o[2]])))
+        });
+        let axes = match vectors("orientation")? {
+            Some(axes) => {
+                let mut grid = dense.fill(axes, |[x, y, z]| [x, y, z, 0.0]);
+                if let Some(Data::Float(spread)) = same_map("spread")?.map(|g| &g.data) {
+                    let spread = dense.fill(spread, |v| [v]);
+                    let cells = grid.data.chunks_exact_mut(4);
+                    cells.zip(spread.data).for_each(|(c, s)| c[3] = s.max(0.0));
+                }
+                Some(grid)
+            }
+            None => None,
+        };
+        let albedo = vectors("albedo")?.map(|c| dense.fill(c, |v| v));
+        Ok(GridSet {
+            sigma_t,
+            sggx,
+            axes,
+            albedo,
+        })
     }
 
     /// A grid by name; an error when the file has it but it cannot be read.
@@ -124,7 +117,7 @@ impl File {
 }
 
 fn wrong(problem: impl Into<String>) -> Error {
-    Error::format(FORMAT, problem)
+    Error::format(ENDING, problem)
 }
 
 /// The box that all grids are spread over.

@@ -1,17 +1,16 @@
 //! Reading .vdb files, versions 222 to 224 of the format.
 
 use super::write::EXTENT;
-use super::{Cells, Cube, Data, EDGES, FORMAT, Grid, Leaf, Value, blosc};
+use super::{Cells, Cube, Data, EDGES, ENDING, Grid, Leaf, Value, blosc};
 use crate::Error;
 use flate2::read::ZlibDecoder;
 use glam::{DAffine3, DMat3, DVec3, IVec3};
+use organza_basis::{Budget, OverBudget};
 use std::io::Read;
 
 const ZIP: u32 = 1;
 const ACTIVE_MASK: u32 = 2;
 const BLOSC: u32 = 4;
-/// Most leaves of a grid: a file can claim many in few bytes.
-const MAX_LEAVES: usize = 1 << 24;
 
 /// The grids of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,8 +25,9 @@ pub struct File {
 /// Reads all grids of a file. Cells that are not active read as background.
 ///
 /// # Errors
-/// For files of another kind or version and for damaged ones.
-pub fn read(bytes: &[u8]) -> Result<File, Error> {
+/// For files of another kind or version, for damaged ones, and for those that hold
+/// more than the budget has room for.
+pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<File, Error> {
     let mut cur = Cursor { bytes, at: 0 };
     if cur.take(8)? != b" BDV\0\0\0\0" {
         return Err(wrong("it does not begin as one").into());
@@ -48,13 +48,14 @@ pub fn read(bytes: &[u8]) -> Result<File, Error> {
     let count = cur.u32()?;
     let mut file = File::default();
     for _ in 0..count {
-        let (name, grid) = read_grid(&mut cur)?;
+        let (name, grid) = read_grid(&mut cur, budget)?;
         match grid {
             Ok(grid) => file.grids.push(grid),
             Err(Problem::Unknown(reason)) => file.unread.push((name, reason)),
             Err(Problem::Damage(reason)) => {
-                return Err(Error::format(FORMAT, format!("grid \"{name}\": {reason}")));
+                return Err(Error::format(ENDING, format!("grid \"{name}\": {reason}")));
             }
+            Err(Problem::Budget(over)) => return Err(over.into()),
         }
     }
     Ok(file)
@@ -66,25 +67,46 @@ pub(super) enum Problem {
     Unknown(String),
     /// The file is damaged.
     Damage(String),
+    /// It holds more than there is room for.
+    Budget(OverBudget),
+}
+
+impl From<OverBudget> for Problem {
+    fn from(over: OverBudget) -> Problem {
+        Problem::Budget(over)
+    }
 }
 
 impl From<Problem> for Error {
     fn from(p: Problem) -> Error {
-        let (Problem::Unknown(problem) | Problem::Damage(problem)) = p;
-        Error::format(FORMAT, problem)
+        match p {
+            Problem::Unknown(problem) | Problem::Damage(problem) => Error::format(ENDING, problem),
+            Problem::Budget(over) => over.into(),
+        }
     }
 }
 
-/// Reads one grid and its name, and goes to the place where the next begins.
-fn read_grid(cur: &mut Cursor) -> Result<(String, Result<Grid, Problem>), Problem> {
+/// Reads one grid and its name, and goes to the place where the next begins. Places
+/// only go forward, so that no two grids share bytes.
+fn read_grid(
+    cur: &mut Cursor,
+    budget: &mut Budget,
+) -> Result<(String, Result<Grid, Problem>), Problem> {
     let full_name = cur.text()?;
     let name = name_of(&full_name).to_string();
     let kind = cur.text()?;
     let parent = cur.text()?;
     let (grid_at, blocks_at, end_at) = (cur.place()?, cur.place()?, cur.place()?);
+    if !(cur.at <= grid_at && grid_at <= blocks_at && blocks_at <= end_at) {
+        return Err(wrong(format!(
+            "grid \"{name}\": its places {grid_at}, {blocks_at}, {end_at} do not follow {}",
+            cur.at
+        )));
+    }
+    budget.take_items::<Grid>(1, "grids")?;
     let grid = if parent.is_empty() {
         cur.at = grid_at;
-        read_body(cur, &full_name, &kind, blocks_at)
+        read_body(cur, &full_name, &kind, blocks_at, budget)
     } else {
         Err(Problem::Unknown(
             "it shares the tree of another grid".into(),
@@ -104,6 +126,7 @@ fn read_body(
     full_name: &str,
     kind: &str,
     blocks_at: usize,
+    budget: &mut Budget,
 ) -> Result<Grid, Problem> {
     let (plain, half) = match kind.strip_suffix("_HalfFloat") {
         Some(plain) => (plain, true),
@@ -114,13 +137,13 @@ fn read_body(
         return Err(wrong(format!("packing {compression} is not known")));
     }
     let extent = read_metadata(cur)?;
-    let (mm_from_cell, map) = read_map(cur)?;
+    let mm_from_cell = read_map(cur)?;
     let mut tree = TreeReader {
         cur,
         compression,
         half,
         blocks_at,
-        blosc: false,
+        budget,
         unknown_packing: false,
     };
     let data = match plain {
@@ -133,19 +156,13 @@ fn read_body(
             )));
         }
     };
-    let data = match data {
-        Data::Float(cells) if tree.blosc && !half && blosc::can_read(&map, &cells) => {
-            Data::Float(blosc::read_float(cur.bytes, full_name, &cells)?)
-        }
-        _ if tree.unknown_packing => {
-            return Err(Problem::Unknown(
-                "it is packed with Blosc in a way that cannot be read (other than LZ4 or zlib): \
-                 write it with zip or without compression"
-                    .into(),
-            ));
-        }
-        data => data,
-    };
+    if tree.unknown_packing {
+        return Err(Problem::Unknown(
+            "it is packed with Blosc in a way that cannot be read (other than LZ4 or zlib): \
+             write it with zip or without compression"
+                .into(),
+        ));
+    }
     let name = name_of(full_name).to_string();
     Ok(Grid {
         name,
@@ -156,8 +173,8 @@ fn read_body(
     })
 }
 
-/// A map and its name.
-fn read_map(cur: &mut Cursor) -> Result<(DAffine3, String), Problem> {
+/// A map from cells to millimetres.
+fn read_map(cur: &mut Cursor) -> Result<DAffine3, Problem> {
     let name = cur.text()?;
     let map = match &name[..] {
         "UniformScaleMap" | "ScaleMap" => {
@@ -190,7 +207,7 @@ fn read_map(cur: &mut Cursor) -> Result<(DAffine3, String), Problem> {
     if !map.is_finite() || map.matrix3.determinant() == 0.0 {
         return Err(wrong("its map cannot be inverted"));
     }
-    Ok((map, name))
+    Ok(map)
 }
 
 struct TreeReader<'a, 'b> {
@@ -198,9 +215,8 @@ struct TreeReader<'a, 'b> {
     compression: u32,
     half: bool,
     blocks_at: usize,
-    /// Set when a Blosc frame was met.
-    blosc: bool,
-    /// Set when one could not be unpacked: values are not to be used.
+    budget: &'a mut Budget,
+    /// Set when a Blosc frame could not be unpacked: values are not to be used.
     unknown_packing: bool,
 }
 
@@ -215,6 +231,7 @@ impl TreeReader<'_, '_> {
             let origin = self.cur.cell(4096)?;
             let value = T::get(self.cur.take(T::WIDTH)?);
             if self.cur.take(1)? != [0] {
+                self.budget.take_items::<Cube<T>>(1, "cubes")?;
                 cells.cubes.push(Cube {
                     origin,
                     edge: 4096,
@@ -265,6 +282,7 @@ impl TreeReader<'_, '_> {
         };
         for (i, &value) in values.iter().enumerate() {
             if is_set(active, i) && !is_set(children, i) {
+                self.budget.take_items::<Cube<T>>(1, "cubes")?;
                 cells.cubes.push(Cube {
                     origin: place(i),
                     edge,
@@ -277,9 +295,7 @@ impl TreeReader<'_, '_> {
                 self.inner(place(i), 1, cells)?;
             } else {
                 self.cur.take(64)?;
-                if cells.leaves.len() == MAX_LEAVES {
-                    return Err(wrong(format!("more than {MAX_LEAVES} leaves")));
-                }
+                self.budget.take_items::<(Leaf<T>, [T; 512])>(1, "leaves")?;
                 cells.leaves.push(Leaf {
                     origin: place(i),
                     mask: [0; 8],
@@ -370,7 +386,6 @@ impl TreeReader<'_, '_> {
             if claim(4) != Some(length as u32) || claim(12) != Some(packed as u32) {
                 return Err(wrong("a Blosc frame has the wrong size"));
             }
-            self.blosc = true;
             return Ok(blosc::unpack(bytes, length).unwrap_or_else(|| {
                 self.unknown_packing = true;
                 vec![0; length]
@@ -391,7 +406,7 @@ fn is_set(bits: &[u8], i: usize) -> bool {
     bits[i / 8] >> (i % 8) & 1 == 1
 }
 
-/// Passes over metadata; returns the extent, where it is told.
+/// Passes over metadata; returns the extent, where the file has it.
 fn read_metadata(cur: &mut Cursor) -> Result<Option<(IVec3, IVec3)>, Problem> {
     let mut extent = [None; 2];
     for _ in 0..cur.u32()? {

@@ -2,31 +2,39 @@
 
 use super::{Cells, Data, Grid, Leaf, Value, mm_from_cell};
 use crate::Octree;
-use crate::export::Summary;
 use glam::{IVec3, UVec3};
+use organza_basis::{MergedFlakes, Mixture};
 use std::collections::BTreeMap;
 
 /// The grids of one level: `density` (extinction broadside to the mean fibre,
 /// 1/mm), `orientation` (unit mean axis of the population that blocks most),
 /// `spread` (radians, of the same), `sggx_diag` (xx, yy, zz) and
-/// `sggx_offdiag` (xy, xz, yz) of the whole mixture at unit density, `yarn`.
+/// `sggx_offdiag` (xy, xz, yz) of the whole mixture at unit density, `albedo` (red,
+/// green, blue), `yarn`. `merge` says what a mixture is as one population.
 ///
 /// Cells without fibre are not active and read zero (`yarn`: -1). With `half`
 /// the floats are stored in 16 bits. `level` must be below the octree's count.
-pub fn grids_from_octree(octree: &Octree, level: u8, half: bool) -> Vec<Grid> {
+pub fn grids_from_octree(
+    octree: &Octree,
+    level: u8,
+    half: bool,
+    merge: &dyn Fn(&Mixture) -> MergedFlakes,
+) -> Vec<Grid> {
     let mut density = Builder::new(0.0);
     let mut orientation = Builder::new([0.0; 3]);
     let mut spread = Builder::new(0.0);
     let mut diagonal = Builder::new([0.0; 3]);
     let mut off_diagonal = Builder::new([0.0; 3]);
+    let mut albedo = Builder::new([0.0; 3]);
     let mut yarn = Builder::new(-1);
     octree.for_each_occupied(level, |cell| {
-        let s = Summary::of(&octree.mixture(level, cell));
+        let s = merge(&octree.mixture(level, cell));
         density.set(cell, s.density_per_mm);
         orientation.set(cell, s.axis.to_array());
         spread.set(cell, s.spread_rad);
         diagonal.set(cell, s.sggx.diagonal.to_array());
         off_diagonal.set(cell, s.sggx.off_diagonal.to_array());
+        albedo.set(cell, s.albedo.0.to_array());
         yarn.set(cell, i32::try_from(s.yarn).unwrap_or(i32::MAX));
     });
     let lattice = octree.lattice;
@@ -44,6 +52,7 @@ pub fn grids_from_octree(octree: &Octree, level: u8, half: bool) -> Vec<Grid> {
         grid("spread", Data::Float(spread.finish())),
         grid("sggx_diag", Data::Vec3(diagonal.finish())),
         grid("sggx_offdiag", Data::Vec3(off_diagonal.finish())),
+        grid("albedo", Data::Vec3(albedo.finish())),
         grid("yarn", Data::Int(yarn.finish())),
     ]
 }

@@ -3,13 +3,102 @@
 //! Little-endian: "VOL", a version byte 3, then 32-bit integers: type 1
 //! (32-bit floats), cells along x, y, z, channels; the box as six floats (least
 //! corner, greatest corner); then the values, channel fastest, then x, y, z.
+//!
+//! A volume is three such files, `tile.sigma_t.vol`, `tile.sggx.vol` and
+//! `tile.albedo.vol`, which `tile.vol` or the first stands for.
 
+use super::{Format, Part, Source, Volume, Voxels, WriteOption};
 use crate::Error;
+use crate::grid_set::GridSet;
 use glam::{UVec3, Vec3};
-use organza_basis::Aabb;
+use organza_basis::{Aabb, Budget};
+use serde_json::{Value, json};
 use std::io::{Read, Write};
 
-const FORMAT: &str = ".vol";
+const ENDING: &str = ".vol";
+
+/// The record of the format.
+pub static FORMAT: Format = Format {
+    ending: "vol",
+    magic: b"VOL\x03",
+    noun: "a Mitsuba grid (.vol)",
+    keeps: "one level as three grids: extinction, SGGX matrix, albedo",
+    options: &[WriteOption::Level],
+    describe,
+    read: |source, budget| read_set(source, budget).map(Volume::Grids),
+    write: write_set,
+};
+
+/// What stands before the ending of the three files.
+const INFIXES: [&str; 3] = ["sigma_t", "sggx", "albedo"];
+
+/// The name that the three files have in common, without what tells them apart.
+fn stem(name: &str) -> &str {
+    let stem = name.get(..name.len().saturating_sub(ENDING.len()));
+    let stem = stem.unwrap_or(name);
+    INFIXES
+        .iter()
+        .find_map(|infix| stem.strip_suffix(infix)?.strip_suffix('.'))
+        .unwrap_or(stem)
+}
+
+fn decode(bytes: &[u8], budget: &mut Budget) -> Result<VolGrid, Error> {
+    VolGrid::read(&mut &bytes[..], budget)
+}
+
+/// Reads the three files; SGGX and albedo may be absent.
+fn read_set(source: &Source<'_>, budget: &mut Budget) -> Result<GridSet, Error> {
+    let mut grids = [None, None, None];
+    for (grid, infix) in grids.iter_mut().zip(INFIXES) {
+        let name = format!("{}.{infix}{ENDING}", stem(source.name));
+        let at_fault = |e: Error| Error::Beside {
+            name: name.clone(),
+            problem: Box::new(e),
+        };
+        let read = source.read_beside(&name, budget, decode);
+        *grid = read.map_err(at_fault)?;
+    }
+    let [sigma_t, sggx, albedo] = grids;
+    let sigma_t = sigma_t.ok_or_else(|| {
+        Error::Unreadable(format!("there is no {}.sigma_t{ENDING}", stem(source.name)))
+    })?;
+    let set = GridSet {
+        sigma_t,
+        sggx,
+        axes: None,
+        albedo,
+    };
+    set.check()?;
+    Ok(set)
+}
+
+fn write_set<'a>(voxels: &'a Voxels<'a>) -> Result<Vec<Part<'a>>, Error> {
+    let set = GridSet::from_octree(voxels.octree, voxels.level, voxels.merge);
+    let grids = [Some(set.sigma_t), set.sggx, set.albedo];
+    let parts = INFIXES.into_iter().zip(grids).filter_map(|(infix, grid)| {
+        let grid = grid?;
+        Some(Part {
+            infix: Some(infix),
+            write: Box::new(move |out| grid.write(out)),
+        })
+    });
+    Ok(parts.collect())
+}
+
+/// One file as it is; where the name stands for three, all of them.
+fn describe(source: &Source<'_>, budget: &mut Budget) -> Result<Value, Error> {
+    if let Some(grid) = source.read_beside(source.name, budget, decode)? {
+        return Ok(grid.describe());
+    }
+    let set = read_set(source, budget)?;
+    let or_none = |grid: &Option<VolGrid>| grid.as_ref().map(VolGrid::describe);
+    Ok(json!({
+        "kind": "grids",
+        "sigma_t": set.sigma_t.describe(),
+        "sggx": or_none(&set.sggx),
+        "albedo": or_none(&set.albedo),
+    }))
+}
 
 /// A dense grid of one or more channels; samples stand for whole cells.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +144,7 @@ impl VolGrid {
         let expected = sizes.iter().map(|&n| u128::from(n)).product::<u128>();
         if !sizes.into_iter().all(fits) || expected != self.data.len() as u128 {
             return Err(Error::format(
-                FORMAT,
+                ENDING,
                 format!(
                     "{} cells of {} channels do not match {} values",
                     self.dims,
@@ -82,11 +171,10 @@ impl VolGrid {
     ///
     /// # Errors
     /// For other kinds and versions of file, sizes that are not positive, more
-    /// than `max_bytes` of values (checked before memory is taken), a box that
-    /// is not finite, values that are not finite, and a file that ends early
-    /// or goes on after its values.
-    pub fn read(input: &mut dyn Read, max_bytes: u64) -> Result<VolGrid, Error> {
-        let wrong = |problem: String| Error::format(FORMAT, problem);
+    /// values than the budget has room for, a box that is not finite, values that
+    /// are not finite, and a file that ends early or goes on after its values.
+    pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<VolGrid, Error> {
+        let wrong = |problem: String| Error::format(ENDING, problem);
         let mut head = [0u8; 48];
         read_exactly(input, &mut head, "header")?;
         if &head[..3] != b"VOL" {
@@ -111,11 +199,7 @@ impl VolGrid {
             )));
         }
         let bytes = 4 * sizes.iter().map(|&n| n as u128).product::<u128>();
-        if bytes > u128::from(max_bytes) {
-            return Err(wrong(format!(
-                "{bytes} bytes of values, at most {max_bytes} are allowed"
-            )));
-        }
+        budget.take(u64::try_from(bytes).unwrap_or(u64::MAX), "values")?;
         let float = |i: usize| f32::from_le_bytes(word(i));
         let corner = |i: usize| Vec3::new(float(i), float(i + 4), float(i + 8));
         let bounds_mm = Aabb::new(corner(24), corner(36));
@@ -150,10 +234,31 @@ impl VolGrid {
     }
 }
 
+impl VolGrid {
+    /// Sizes, box and the range of each channel.
+    fn describe(&self) -> Value {
+        let range = |c: usize| {
+            let values = self.data.iter().skip(c).step_by(self.channels as usize);
+            let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
+                (lo.min(v), hi.max(v))
+            });
+            json!([lo, hi])
+        };
+        json!({
+            "kind": "grid",
+            "resolution": self.dims.to_array(),
+            "channels": self.channels,
+            "box": super::box_of(&self.bounds_mm),
+            "voxel_mm": (self.bounds_mm.size() / self.dims.as_vec3()).to_array(),
+            "range": (0..self.channels as usize).map(range).collect::<Vec<_>>(),
+        })
+    }
+}
+
 fn read_exactly(input: &mut dyn Read, into: &mut [u8], what: &str) -> Result<(), Error> {
     input.read_exact(into).map_err(|e| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => {
-            Error::format(FORMAT, format!("it ends within its {what}"))
+            Error::format(ENDING, format!("it ends within its {what}"))
         }
         _ => Error::Io(e),
     })
@@ -180,7 +285,7 @@ mod tests {
 
     #[test]
     fn round_trip_is_exact_and_channel_fastest() {
-        let back = VolGrid::read(&mut &bytes()[..], 1000).unwrap();
+        let back = VolGrid::read(&mut &bytes()[..], &mut Budget::new(1000)).unwrap();
         assert_eq!(back, grid());
         assert_eq!(back.cell(UVec3::new(1, 0, 0)), [0.5, 0.75]);
         assert_eq!(back.cell(UVec3::new(0, 1, 0)), [1.5, 1.75]);
@@ -191,15 +296,20 @@ mod tests {
     fn damaged_files_are_refused() {
         let good = bytes();
         for end in 0..good.len() {
-            assert!(VolGrid::read(&mut &good[..end], 1000).is_err(), "{end}");
+            assert!(
+                VolGrid::read(&mut &good[..end], &mut Budget::new(1000)).is_err(),
+                "{end}"
+            );
         }
         let mut long = good.clone();
         long.push(0);
-        assert!(VolGrid::read(&mut &long[..], 1000).is_err());
+        assert!(VolGrid::read(&mut &long[..], &mut Budget::new(1000)).is_err());
         let spoilt = |at: usize, with: &[u8]| {
             let mut b = good.clone();
             b[at..at + with.len()].copy_from_slice(with);
-            VolGrid::read(&mut &b[..], 1 << 40).unwrap_err().to_string()
+            VolGrid::read(&mut &b[..], &mut Budget::new(1 << 40))
+                .unwrap_err()
+                .to_string()
         };
         assert!(spoilt(0, b"x").contains("VOL"));
         assert!(spoilt(3, b"\x02").contains("version 2"));
@@ -210,7 +320,7 @@ mod tests {
         assert!(spoilt(24, &f32::NAN.to_le_bytes()).contains("box"));
         assert!(spoilt(60, &f32::NAN.to_le_bytes()).contains("value 3"));
         assert!(
-            VolGrid::read(&mut &good[..], 100)
+            VolGrid::read(&mut &good[..], &mut Budget::new(100))
                 .unwrap_err()
                 .to_string()
                 .contains("192 bytes")

@@ -1,0 +1,45 @@
+//! Volume files of every format, opened.
+
+use crate::error::input;
+use crate::read;
+use anyhow::Result;
+use organza_volume::Error;
+use organza_volume::format::Source;
+use std::path::Path;
+
+/// What `decode` makes of a volume file and those that belong to it.
+///
+/// # Errors
+/// Names the file at fault.
+pub fn read<T>(path: &Path, decode: impl FnOnce(&Source<'_>) -> Result<T, Error>) -> Result<T> {
+    let open = |name: &str, max_bytes: u64| {
+        let path = path.with_file_name(name);
+        let Ok(about) = std::fs::metadata(&path) else {
+            return Ok(None);
+        };
+        if about.is_file() && about.len() > max_bytes {
+            return Err(format!(
+                "is {} bytes long; {max_bytes} bytes of memory are allowed",
+                about.len()
+            ));
+        }
+        let bytes = read::bytes_or_why(&path).map_err(|e| read::io_words(&e))?;
+        Ok(Some(bytes))
+    };
+    let source = Source {
+        name: &path.file_name().unwrap_or_default().to_string_lossy(),
+        open: &open,
+    };
+    decode(&source).map_err(|e| match e {
+        Error::Beside { name, problem } => input(format!(
+            "{}: {problem}",
+            path.with_file_name(name).display()
+        )),
+        Error::Unreadable(why) => {
+            // A file of nearly that name is named, if there is one.
+            let why = read::unreachable(path).unwrap_or(format!("{}: {why}", path.display()));
+            input(why)
+        }
+        e => input(format!("{}: {e}", path.display())),
+    })
+}

@@ -1,0 +1,248 @@
+//! What the fibres of a voxel are as micro-flakes: the shape that spread and
+//! roughness give together, and what a mixture is as one population.
+
+use crate::AxialFlake;
+use crate::sggx::MIN_RATIO;
+use organza_basis::spread::sggx_across_along;
+use organza_basis::{FibreComponent, MergedFlakes, Mixture, Rgb, Sym3};
+use std::sync::LazyLock;
+
+/// How the fibres of one material scatter as micro-flakes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlakeOptics {
+    /// Single-scattering albedo, each channel in `[0, 1]`.
+    pub albedo: Rgb,
+    /// Ratio of end-on to broadside extinction of a straight bundle, from the
+    /// roughness of single fibres, in `[0, 1]`; a voxel's spread adds to it.
+    pub end_on_ratio: f32,
+}
+
+/// Broadside area and end-on ratio of the flakes of a population, relative to a
+/// straight bundle of smooth fibres seen broadside: `spread_rad` and the end-on
+/// ratio of the single fibre, both in their whole range.
+///
+/// The matrix of a rough fibre, I - (1 - e^2) t t^T, averages over tangents to
+/// S + e^2 (I - S), where S is that of the spread alone. Against the mean over
+/// tangents of what single fibres show, for SGGX, Gaussian and sine-power flakes
+/// alike, it is off by at most 3 % of the broadside area (tested).
+pub fn population_shape(spread_rad: f32, end_on_ratio: f32) -> (f32, f32) {
+    shape(sggx_across_along(spread_rad), end_on_ratio)
+}
+
+/// From the eigenvalues of S across and along.
+fn shape((across, along): (f32, f32), end_on_ratio: f32) -> (f32, f32) {
+    let rough = end_on_ratio * end_on_ratio;
+    let with = |squared: f32| squared + rough * (1.0 - squared);
+    let broadside = with(across).sqrt();
+    (broadside, with(along).sqrt() / broadside)
+}
+
+/// [`population_shape`] against spread for one material, tabulated: the
+/// quadrature behind it has no place at a look-up.
+pub struct ShapeTable<T> {
+    rows: Vec<T>,
+}
+
+/// Rows in `s / (1 + s)`, which takes every spread into `[0, 1)`; linear
+/// interpolation between 512 of them is exact to 1e-4, below what a voxel's
+/// quantised spread is.
+const ROWS: usize = 512;
+
+/// Eigenvalues of S across and along at each row.
+static ACROSS_ALONG: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
+    let row = |i| {
+        let u = (i as f32 / ROWS as f32).min(1.0 - 1e-6);
+        sggx_across_along(u / (1.0 - u))
+    };
+    (0..=ROWS).map(row).collect()
+});
+
+impl<T> ShapeTable<T> {
+    /// `row` of each broadside area and end-on ratio.
+    pub fn new(end_on_ratio: f32, row: impl Fn(f32, f32) -> T) -> ShapeTable<T> {
+        let of = |&eigenvalues: &(f32, f32)| {
+            let (broadside, end_on) = shape(eigenvalues, end_on_ratio);
+            row(broadside, end_on)
+        };
+        ShapeTable {
+            rows: ACROSS_ALONG.iter().map(of).collect(),
+        }
+    }
+
+    fn place(spread_rad: f32) -> f32 {
+        spread_rad / (1.0 + spread_rad) * ROWS as f32
+    }
+
+    /// The row nearest to a spread.
+    #[inline]
+    pub fn nearest(&self, spread_rad: f32) -> &T {
+        &self.rows[((Self::place(spread_rad) + 0.5) as usize).min(ROWS)]
+    }
+}
+
+impl ShapeTable<(f32, f32)> {
+    /// Broadside area and end-on ratio, interpolated.
+    #[inline]
+    pub fn look_up(&self, spread_rad: f32) -> (f32, f32) {
+        let u = Self::place(spread_rad);
+        let i = (u as usize).min(ROWS - 1);
+        let (a, b, f) = (self.rows[i], self.rows[i + 1], u - i as f32);
+        (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
+    }
+}
+
+/// How all materials of a cloth scatter as micro-flakes, with the shapes of their
+/// populations tabulated.
+pub struct FlakeMaterials {
+    optics: Vec<FlakeOptics>,
+    /// Broadside area and end-on ratio, per material.
+    shapes: Vec<ShapeTable<(f32, f32)>>,
+}
+
+impl FlakeMaterials {
+    /// From the optics of each material.
+    pub fn new(optics: Vec<FlakeOptics>) -> FlakeMaterials {
+        let shapes = optics
+            .iter()
+            .map(|o| ShapeTable::new(o.end_on_ratio, |broadside, end_on| (broadside, end_on)))
+            .collect();
+        FlakeMaterials { optics, shapes }
+    }
+
+    /// Number of materials.
+    pub fn count(&self) -> usize {
+        self.optics.len()
+    }
+
+    /// Broadside area, relative to straight smooth fibres, and end-on ratio of the
+    /// flakes of a population, whose material must be below
+    /// [`FlakeMaterials::count`]: [`population_shape`], tabulated.
+    #[inline]
+    pub fn shape(&self, c: &FibreComponent) -> (f32, f32) {
+        self.shapes[usize::from(c.material)].look_up(c.spread_rad)
+    }
+
+    /// Albedo of a population.
+    #[inline]
+    pub fn albedo(&self, c: &FibreComponent) -> Rgb {
+        self.optics[usize::from(c.material)].albedo
+    }
+
+    /// The flakes of a population, at any scale.
+    #[inline]
+    pub fn flake(&self, c: &FibreComponent) -> AxialFlake {
+        AxialFlake::new(c.axis, self.shape(c).1)
+    }
+
+    /// What a mixture is as one population: extinctions at unit area add, matrices
+    /// and albedos are their mean by extinction `[Heitz2015]`. Exact for one
+    /// population; of several, extinction toward a direction is the root of the
+    /// mean square instead of the mean.
+    ///
+    /// The one place where this is decided: volume files, the export to other
+    /// renderers and the renderer's own flakes agree through it.
+    pub fn merged(&self, mixture: &Mixture) -> MergedFlakes {
+        let populations = mixture.as_slice();
+        let total = mixture.broadside_per_mm();
+        let largest = populations
+            .iter()
+            .max_by(|a, b| a.broadside_per_mm().total_cmp(&b.broadside_per_mm()));
+        let Some(largest) = largest else {
+            return MergedFlakes::EMPTY;
+        };
+        let mut merged = MergedFlakes {
+            axis: largest.axis,
+            spread_rad: largest.spread_rad,
+            yarn: largest.yarn,
+            populations: populations.len(),
+            ..MergedFlakes::EMPTY
+        };
+        if total <= 0.0 {
+            return merged;
+        }
+        merged.density_per_mm = total;
+        merged.sggx = Sym3::default();
+        for c in populations {
+            let share = c.broadside_per_mm() / total;
+            let (broadside, end_on) = self.shape(c);
+            // As the renderer's own flakes: none is thinner than single precision carries.
+            let end_on = end_on.clamp(MIN_RATIO, 1.0);
+            let across = broadside * broadside;
+            let s = Sym3::axial(c.axis, across, across * end_on * end_on);
+            merged.sggx = merged.sggx.plus(s.scaled(share));
+            merged.albedo += self.albedo(c) * share;
+        }
+        merged
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MicroFlake;
+    use glam::Vec3;
+    use organza_basis::{PathRng, warp};
+
+    #[test]
+    fn the_table_is_the_quadrature() {
+        for end_on_ratio in [0.0, 0.1, 1.0] {
+            let table = ShapeTable::new(end_on_ratio, |broadside, end_on| (broadside, end_on));
+            for i in 0..200 {
+                let s = 0.0247 * i as f32;
+                let (broadside, end_on) = population_shape(s, end_on_ratio);
+                let got = table.look_up(s);
+                assert!((broadside - got.0).abs() < 1e-4, "{s}");
+                assert!((end_on - got.1).abs() < 1e-4, "{s}");
+            }
+        }
+    }
+
+    fn population(rng: &mut PathRng) -> FibreComponent {
+        FibreComponent {
+            length_density_per_mm2: 1.0 + 50.0 * rng.unit(),
+            axis: warp::uniform_sphere(rng.unit2()),
+            spread_rad: 2.0 * rng.unit(),
+            radius_mm: 0.01,
+            material: u16::from(rng.unit() < 0.5),
+            yarn: 3,
+        }
+    }
+
+    /// One population blocks what its matrix says; the matrix of a mixture is
+    /// between those of its parts.
+    #[test]
+    fn one_population_merges_to_its_own_flakes() {
+        let optics = |end_on_ratio, albedo| FlakeOptics {
+            albedo: Rgb::splat(albedo),
+            end_on_ratio,
+        };
+        let materials = FlakeMaterials::new(vec![optics(0.1, 0.9), optics(0.0, 0.3)]);
+        let mut rng = PathRng::from_seed(12);
+        for _ in 0..200 {
+            let c = population(&mut rng);
+            let mut mixture = Mixture::EMPTY;
+            mixture.push(c);
+            let merged = materials.merged(&mixture);
+            let w = warp::uniform_sphere(rng.unit2());
+            let area = materials.shape(&c).0 * materials.flake(&c).projected_area(w);
+            let own = c.broadside_per_mm() * area;
+            let got = merged.density_per_mm * merged.sggx.quadratic(w).max(0.0).sqrt();
+            // Along the fibre the matrix loses digits: 1e-3 of the broadside.
+            assert!(
+                (got - own).abs() < 1e-3 * c.broadside_per_mm(),
+                "seed 12: {got} {own}"
+            );
+            assert_eq!(merged.albedo, materials.albedo(&c));
+            mixture.push(population(&mut rng));
+            let both = materials.merged(&mixture);
+            assert!(both.sggx.eigen()[0].0 <= 1.0 + 1e-6, "seed 12");
+            assert!(
+                (0.3..=0.9).contains(&both.albedo.max_component()),
+                "seed 12"
+            );
+            assert_eq!(both.populations, 2);
+        }
+        assert_eq!(materials.merged(&Mixture::EMPTY), MergedFlakes::EMPTY);
+        assert_eq!(MergedFlakes::EMPTY.axis, Vec3::Z);
+    }
+}

@@ -1,0 +1,136 @@
+//! Volume files through the program: what they keep, and what is refused.
+
+use crate::cli::write_grid_scene;
+use crate::program::{complaint, folder, succeed, write_vol};
+use organza_basis::{Budget, PathRng, Rgb, warp};
+use organza_scatter::{FlakeMaterials, FlakeOptics};
+use organza_volume::{GridSet, VolGrid, ovox, vdb};
+use std::path::Path;
+
+fn plenty() -> Budget {
+    Budget::new(1 << 30)
+}
+
+/// A cloth whose voxels hold several yarns, with rough fibres.
+fn write_fabric(folder: &Path) {
+    let fabric = "[draft]\nweave = \"plain\"\n\
+        [warp]\nper_cm = 30.0\n[weft]\nper_cm = 24.0\nyarn = \"thick\"\n\
+        [yarn.default]\npreset = \"cotton\"\n[yarn.thick]\npreset = \"cotton\"\n\
+        [optics.\"*\"]\nalbedo = [0.9, 0.7, 0.4]\nend_on_ratio = 0.3\n\
+        [optics.thick]\nalbedo = [0.2, 0.7, 0.8]\n\
+        [voxel]\nsize_um = 40.0\n";
+    std::fs::write(folder.join("cloth.toml"), fabric).unwrap();
+}
+
+/// `.vol`, `.vdb`, the export to Mitsuba and the renderer's own flakes make the same
+/// of a mixture: files to the last digit, flakes to that of their matrix.
+#[test]
+fn a_mixture_is_seen_in_one_way() {
+    let folder = folder("one_mixture");
+    write_fabric(&folder);
+    for name in ["tile.vol", "tile.vdb", "tile.ovox"] {
+        succeed(&folder, &["voxelize", "cloth.toml", "-o", name, "--quiet"]);
+    }
+    let scene = "[camera]\norigin_mm = [0.5, 0.5, 5.0]\ntarget_mm = [0.5, 0.5, 0.0]\n\
+        width_mm = 1.0\n[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n\
+        [[object]]\nkind = \"cloth\"\nfabric = \"cloth.toml\"\nlod = 0\n";
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let export = ["export", "mitsuba", "scene.toml", "-o", "out", "--quiet"];
+    succeed(&folder, &[&export[..], &["--repeats", "1,1"]].concat());
+    let vol = |name: &str| {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        VolGrid::read(&mut &bytes[..], &mut plenty()).unwrap()
+    };
+    let own = ["sigma_t", "sggx", "albedo"].map(|part| vol(&format!("tile.{part}.vol")));
+    let mitsuba: Vec<VolGrid> = {
+        let files = std::fs::read_dir(folder.join("out")).unwrap();
+        let mut names: Vec<String> = files
+            .map(|f| f.unwrap().file_name().to_str().unwrap().to_owned())
+            .filter(|n| n.ends_with(".vol"))
+            .collect();
+        names.sort();
+        names.iter().map(|n| vol(&format!("out/{n}"))).collect()
+    };
+    assert_eq!(mitsuba.len(), 3);
+    for grid in &own {
+        let same = mitsuba
+            .iter()
+            .find(|g| g.channels == grid.channels)
+            .unwrap();
+        assert!(same.data == grid.data, "{} channels", grid.channels);
+    }
+    let bytes = std::fs::read(folder.join("tile.vdb")).unwrap();
+    let file = vdb::read(&bytes, &mut plenty()).unwrap();
+    let set = file.grid_set(&mut plenty()).unwrap();
+    assert!(set.sigma_t.data == own[0].data);
+    assert!(set.sggx.unwrap().data == own[1].data);
+    assert!(set.albedo.unwrap().data == own[2].data);
+
+    // The renderer: the same optics over the same octree.
+    let bytes = std::fs::read(folder.join("tile.ovox")).unwrap();
+    let octree = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
+    let optics = |r, g, b| FlakeOptics {
+        albedo: Rgb::new(r, g, b),
+        end_on_ratio: 0.3,
+    };
+    let materials = FlakeMaterials::new(vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)]);
+    let merged = GridSet::from_octree(&octree, 0, &|m| materials.merged(m));
+    assert!(merged.sigma_t.data == own[0].data);
+    assert!(merged.sggx.unwrap().data == own[1].data);
+    assert!(merged.albedo.unwrap().data == own[2].data);
+    let medium = organza_transport::ClothMedium::new(
+        octree.clone(),
+        0,
+        vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)],
+    );
+    let medium = medium.unwrap();
+    let mut rng = PathRng::from_seed(4);
+    let (mut alone, mut several) = (0, 0);
+    octree.for_each_occupied(0, |cell| {
+        use organza_transport::Medium;
+        let mixture = octree.mixture(0, cell);
+        if mixture.len() > 1 {
+            several += 1;
+            return;
+        }
+        alone += 1;
+        let w = warp::uniform_sphere(rng.unit2());
+        let s = organza_basis::Sym3::from_array(own[1].cell(cell).try_into().unwrap());
+        let of_file = own[0].cell(cell)[0] * s.quadratic(w).sqrt();
+        let of_renderer = medium.sigma_t(&mixture, w);
+        let broadside = mixture.broadside_per_mm();
+        assert!((of_file - of_renderer).abs() < 1e-5 * broadside, "seed 4");
+    });
+    assert!(alone > 1000 && several > 1000, "{alone} {several}");
+}
+
+/// What a grid says that no medium is, is refused with the cell; it was rendered, or
+/// never came to an end.
+#[test]
+fn grids_that_no_walk_gets_through_are_refused() {
+    let folder = folder("grid_limits");
+    let bounds = [-1.0, -1.0, 0.0, 1.0, 1.0, 1.0];
+    write_grid_scene(&folder);
+    let refused = |name: &str, dims, channels, data: &[f32], expected: &str| {
+        write_grid_scene(&folder);
+        write_vol(&folder.join(name), dims, channels, bounds, data);
+        let said = complaint(&folder, &["render", "scene.toml", "-o", "a.exr"]);
+        assert!(said.contains(expected), "{said}");
+    };
+    let isotropic = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
+    let indefinite = [1.0, 1.0, 1.0, 5.0, 5.0, 5.0];
+    let two = [isotropic, indefinite].concat();
+    let words = "sggx: sample (1, 0, 0) has the eigenvalue -4; expected none below zero";
+    refused("sggx.vol", [2, 1, 1], 6, &two, words);
+    let words = "sample (0, 1, 0) blocks up to 1";
+    refused("sigma_t.vol", [1, 2, 1], 1, &[1.0, 1e38], words);
+    let huge = [1e20, 1e20, 1e20, 0.0, 0.0, 0.0];
+    let words = "sample (0, 0, 0) blocks up to 1";
+    refused("sggx.vol", [1, 1, 1], 6, &huge, words);
+    write_grid_scene(&folder);
+    let said = complaint(
+        &folder,
+        &["render", "scene.toml", "-o", "a.exr", "--max-memory", "20"],
+    );
+    assert!(said.contains("bytes of memory"), "{said}");
+}
