@@ -210,3 +210,35 @@ pub fn check_writable(path: &Path) -> Result<()> {
         ))),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A set is replaced as a whole: where one file fails, the old ones stay.
+    #[test]
+    fn files_of_a_set_are_replaced_together() {
+        let name = format!("organza-output-{}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        let set = |text: &'static str, fails: bool| {
+            let files = ["a", "b"].map(|name| {
+                let write = move |out: &mut dyn SeekWrite| {
+                    anyhow::ensure!(!(fails && name == "b"), "full");
+                    Ok(out.write_all(text.as_bytes())?)
+                };
+                (folder.join(name), Box::new(write) as WriteFile<'_>)
+            });
+            write_files(files.into())
+        };
+        let held = || ["a", "b"].map(|n| std::fs::read_to_string(folder.join(n)).unwrap());
+        assert_eq!(set("old", false).unwrap().len(), 2);
+        assert_eq!(held(), ["old", "old"]);
+        assert!(set("new", true).is_err());
+        assert_eq!(held(), ["old", "old"]);
+        set("new", false).unwrap();
+        assert_eq!(held(), ["new", "new"]);
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

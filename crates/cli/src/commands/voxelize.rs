@@ -24,6 +24,7 @@ use std::path::PathBuf;
 pub struct VoxelizeArgs {
     /// Fabric file (TOML)
     pub fabric: PathBuf,
+    /// Volume to write
     #[arg(short, long)]
     pub outfile: PathBuf,
     /// Level of detail, for formats that keep one; 0 is the finest
