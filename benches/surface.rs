@@ -3,11 +3,12 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, warp};
+use organza_scatter::{Footprint, Surface};
 use organza_surface::quadrature::Rule;
 use organza_surface::real::Direction;
 use organza_surface::segment::{Fit, Pair, SegmentParameters, YarnSegment};
 use organza_surface::spec::PRESETS;
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+use organza_surface::{SurfaceSpec, WovenSurface};
 use std::hint::black_box;
 
 /// Directions and places, many enough that branches are not learnt by heart.
@@ -15,9 +16,9 @@ fn queries(count: usize) -> Vec<(Vec3, Vec3, Vec2)> {
     let mut rng = PathRng::from_seed(1);
     (0..count)
         .map(|_| {
-            let w_i = warp::cosine_hemisphere(rng.unit2());
-            let w_o = warp::cosine_hemisphere(rng.unit2());
-            (w_i, w_o, 50.0 * rng.unit2())
+            let w_in = warp::cosine_hemisphere(rng.unit2());
+            let w_out = warp::cosine_hemisphere(rng.unit2());
+            (w_in, w_out, 50.0 * rng.unit2())
         })
         .collect()
 }
@@ -52,14 +53,14 @@ fn surface(c: &mut Criterion) {
         };
         group.bench_function(format!("texture/{name}"), |b| {
             b.iter(|| {
-                let (w_i, w_o, at) = next();
-                black_box(cloth.texture(w_i, w_o, at))
+                let (w_in, w_out, at) = next();
+                black_box(cloth.eval(w_out, w_in, Footprint::point(at)))
             });
         });
         group.bench_function(format!("reflectance/{name}"), |b| {
             b.iter(|| {
-                let (w_i, w_o, _) = next();
-                black_box(cloth.reflectance(w_i, w_o))
+                let (w_in, w_out, _) = next();
+                black_box(cloth.eval(w_out, w_in, Footprint::FAR))
             });
         });
         let mut rng = PathRng::from_seed(2);
@@ -73,21 +74,14 @@ fn surface(c: &mut Criterion) {
             };
             group.bench_function(format!("sample/{label}/{name}"), |b| {
                 b.iter(|| {
-                    let (_, w_o, at) = next();
-                    black_box(cloth.sample(w_o, footprint(at), &mut rng))
-                });
-            });
-            // Without the value, which `sample` evaluates with its weight.
-            group.bench_function(format!("direction/{label}/{name}"), |b| {
-                b.iter(|| {
-                    let (_, w_o, at) = next();
-                    black_box(cloth.sample_direction(w_o, footprint(at), &mut rng))
+                    let (_, w_out, at) = next();
+                    black_box(cloth.sample(w_out, footprint(at), &mut rng))
                 });
             });
             group.bench_function(format!("pdf/{label}/{name}"), |b| {
                 b.iter(|| {
-                    let (w_i, w_o, at) = next();
-                    black_box(cloth.pdf(w_i, w_o, footprint(at)))
+                    let (w_in, w_out, at) = next();
+                    black_box(cloth.pdf(w_out, w_in, footprint(at)))
                 });
             });
         }

@@ -4,7 +4,8 @@
 use crate::program::{complaint, folder, succeed};
 use crate::slab::write_slab;
 use organza_measure::parse_pairs;
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+use organza_scatter::{Footprint, Surface};
+use organza_surface::SurfaceSpec;
 use std::path::Path;
 
 /// Numbers of a table, row by row; lines that hold none are left out.
@@ -94,8 +95,8 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
         .iter()
         .zip(parse_pairs(pairs).unwrap())
     {
-        let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
-        let own = model.eval(w_i, w_o, Footprint::FAR).0.to_array();
+        let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
+        let own = model.eval(w_out, w_in, Footprint::FAR).0.to_array();
         for c in 0..3 {
             let expected = f64::from(own[c]);
             assert!((row[4 + c] - expected).abs() <= 1e-4 * expected, "{row:?}");

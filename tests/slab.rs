@@ -66,16 +66,16 @@ fn picture_mean(path: &Path) -> [(f64, f64); 3] {
 
 /// Renders the slab for one pair; the BSDF with its standard error.
 fn bsdf(folder: &Path, pair: &[f64], seed: usize, more: &[&str]) -> [(f64, f64); 3] {
-    let w_i = direction(pair[0], pair[1]);
-    let w_o = direction(pair[2], pair[3]);
-    let face = 0.15f64.copysign(w_o[2]);
+    let w_in = direction(pair[0], pair[1]);
+    let w_out = direction(pair[2], pair[3]);
+    let face = 0.15f64.copysign(w_out[2]);
     let list = |v: [f64; 3]| format!("[{:.17}, {:.17}, {:.17}]", v[0], v[1], v[2]);
     let out = format!("pair{seed}.exr");
     let set = [
-        format!("light.0.direction={}", list(w_i.map(|x| -x))),
+        format!("light.0.direction={}", list(w_in.map(|x| -x))),
         format!(
             "camera.origin_mm={}",
-            list([3.0 * w_o[0], 3.0 * w_o[1], face + 3.0 * w_o[2]])
+            list([3.0 * w_out[0], 3.0 * w_out[1], face + 3.0 * w_out[2]])
         ),
         format!("camera.target_mm={}", list([0.0, 0.0, face])),
         format!("render.seed={seed}"),
@@ -84,7 +84,7 @@ fn bsdf(folder: &Path, pair: &[f64], seed: usize, more: &[&str]) -> [(f64, f64);
     arguments.extend(set.iter().flat_map(|s| ["--set", s]));
     arguments.extend(more);
     succeed(folder, &arguments);
-    let cos_i = w_i[2].abs();
+    let cos_i = w_in[2].abs();
     picture_mean(&folder.join(&out)).map(|(mean, se)| (mean / cos_i, se / cos_i))
 }
 

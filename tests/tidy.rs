@@ -25,7 +25,7 @@ const EDGES: [(&str, &[&str]); 12] = [
         ],
     ),
     ("surface", &["basis", "scatter", "weave"]),
-    ("measure", &["basis", "surface", "transport"]),
+    ("measure", &["basis", "scatter", "surface", "transport"]),
     (
         "cli",
         &[

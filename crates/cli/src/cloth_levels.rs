@@ -6,13 +6,14 @@ use crate::output::note;
 use anyhow::Result;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
-use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth, Sheet};
+use organza_scatter::Surface;
+use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth};
 use organza_volume::Octree;
 use std::ops::RangeInclusive;
 
 /// A sheet and the longer side of its repeat.
 pub struct FarSheet {
-    pub sheet: Box<dyn Sheet>,
+    pub sheet: Box<dyn Surface>,
     pub repeat_mm: f32,
 }
 
@@ -133,7 +134,7 @@ impl Place<'_> {
     fn fill(
         &self,
         volumes: Vec<AnyMedium>,
-        sheet: Option<Box<dyn Sheet>>,
+        sheet: Option<Box<dyn Surface>>,
         steps: LevelSteps,
     ) -> Result<Option<AnyMedium>> {
         let cloth = match self.mesh {

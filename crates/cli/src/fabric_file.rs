@@ -9,10 +9,9 @@ use crate::output::note;
 use crate::progress::Progress;
 use crate::read;
 use crate::scattering::ScatteringTable;
-use crate::woven_sheet::WovenSheet;
 use anyhow::Result;
 use organza_basis::SegmentSource;
-use organza_scatter::Fibre;
+use organza_scatter::{Fibre, Shifted};
 use organza_surface::{SurfaceSpec, WovenSurface};
 use organza_transport::{AnyMedium, ExplicitFibres, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
@@ -266,9 +265,9 @@ impl Fabric {
     pub fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
         let surface = self.surface(path)?;
         let repeat_mm = surface.period_mm().max_element();
-        let tile_min_mm = self.cloth.tile().bounds_mm.min.truncate();
+        let origin_mm = surface.origin_mm(self.cloth.tile().bounds_mm.min.truncate());
         Ok(FarSheet {
-            sheet: Box::new(WovenSheet::new(surface, tile_min_mm)),
+            sheet: Box::new(Shifted::new(surface, origin_mm)),
             repeat_mm,
         })
     }

@@ -42,7 +42,6 @@ mod scene_file;
 mod schedule;
 mod toml_words;
 mod volume_file;
-mod woven_sheet;
 
 pub use commands::definition as command;
 

@@ -147,8 +147,8 @@ pub fn measure_pairs(
     let enough =
         |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
     gather(pairs, 0, &effort, &enough, watch, &|pair: &Pair| {
-        let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
-        move |rng: &mut PathRng, stats: &mut Stats| [patch.estimate_bsdf(w_i, w_o, rng, stats)]
+        let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
+        move |rng: &mut PathRng, stats: &mut Stats| [patch.estimate_bsdf(w_in, w_out, rng, stats)]
     })
     .map(|(list, stats)| Told {
         list: pairs

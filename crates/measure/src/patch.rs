@@ -44,14 +44,14 @@ pub struct Exit {
 pub trait PatchResponse: Sync {
     /// One unbiased estimate of the BSDF's mean over the patch, 1/sr, without
     /// what goes straight through.
-    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
+    fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
 
     /// The same at a place of the cloth's middle plane, mm.
     fn estimate_at(
         &self,
         place_mm: Vec2,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb;
@@ -91,19 +91,19 @@ impl<P: PatchResponse + ?Sized> PatchResponse for Box<P>
 where
     Box<P>: Sync,
 {
-    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
-        (**self).estimate_bsdf(w_i, w_o, rng, stats)
+    fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        (**self).estimate_bsdf(w_in, w_out, rng, stats)
     }
 
     fn estimate_at(
         &self,
         place_mm: Vec2,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
-        (**self).estimate_at(place_mm, w_i, w_o, rng, stats)
+        (**self).estimate_at(place_mm, w_in, w_out, rng, stats)
     }
 
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {

@@ -3,39 +3,43 @@
 use crate::{Exit, PatchResponse};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};
-use organza_surface::{Footprint, SurfaceModel};
+use organza_scatter::{Footprint, Passage, Surface};
 use organza_transport::Stats;
 
-/// A surface model seen from afar.
+/// A surface model that covers the whole patch.
 pub struct SurfacePatch<S>(pub S);
 
-impl<S: SurfaceModel> PatchResponse for SurfacePatch<S> {
-    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, _: &mut PathRng, stats: &mut Stats) -> Rgb {
+impl<S: Surface> PatchResponse for SurfacePatch<S> {
+    fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, _: &mut PathRng, stats: &mut Stats) -> Rgb {
         stats.paths += 1;
-        self.0.eval(w_i, w_o, Footprint::FAR)
+        self.0.eval(w_out, w_in, Footprint::FAR)
     }
 
     fn estimate_at(
         &self,
         place_mm: Vec2,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         _: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
         stats.paths += 1;
-        self.0.eval(w_i, w_o, Footprint::point(place_mm))
+        self.0.eval(w_out, w_in, Footprint::point(place_mm))
     }
 
-    /// A surface model knows no absorption of its own: what does not come out
-    /// counts as absorbed.
+    /// A surface model does not say where light is absorbed: what does not come
+    /// out is.
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         stats.paths += 1;
-        let sample = self.0.sample(w, Footprint::FAR, rng);
+        let passage = self.0.pass_or_sample(w, Footprint::FAR, rng);
+        let escape = passage.map(|p| match p {
+            Passage::Straight => (-w, Rgb::WHITE),
+            Passage::Scattered(s) => (s.w_in, s.weight),
+        });
         Exit {
-            escape: sample.map(|s| (s.w_i, s.weight)),
-            is_straight: sample.is_some_and(|s| s.is_straight()),
-            absorbed: Rgb::WHITE - sample.map_or(Rgb::BLACK, |s| s.weight),
+            escape,
+            is_straight: passage == Some(Passage::Straight),
+            absorbed: Rgb::WHITE - escape.map_or(Rgb::BLACK, |(_, weight)| weight),
         }
     }
 

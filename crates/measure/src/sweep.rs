@@ -85,10 +85,10 @@ pub fn measure_sweep(
                     LampAxis::Warp => glam::DVec3::new(sin, along, cos),
                 };
                 let distance = from.length();
-                let w_i = (from / distance).as_vec3();
+                let w_in = (from / distance).as_vec3();
                 // Square of the distance, and a cosine at the lamp.
-                let irradiance = w_i.z.abs() * distance.powi(-3) as f32;
-                let value = patch.estimate_bsdf(w_i, Vec3::Z, rng, stats);
+                let irradiance = w_in.z.abs() * distance.powi(-3) as f32;
+                let value = patch.estimate_bsdf(w_in, Vec3::Z, rng, stats);
                 [value * (irradiance * std::f32::consts::PI)]
             }
         },

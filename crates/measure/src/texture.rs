@@ -46,7 +46,7 @@ pub fn measure_texture(
     if paths < 2 {
         return Err(MeasureError::TooFewPaths(paths));
     }
-    let (w_i, w_o) = (pair.incident.direction(), pair.exitant.direction());
+    let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
     let texel_mm = grid.size_mm / grid.texels.as_vec2();
     let row = |y: u32| {
         let mut stats = Stats::default();
@@ -58,7 +58,7 @@ pub fn measure_texture(
             for path in 0..paths {
                 let mut rng = PathRng::new(seed, stream, path);
                 let place = grid.low_mm + (corner + rng.unit2()) * texel_mm;
-                let value = patch.estimate_at(place, w_i, w_o, &mut rng, &mut stats);
+                let value = patch.estimate_at(place, w_in, w_out, &mut rng, &mut stats);
                 if !value.0.is_finite() {
                     stats.rejected += 1;
                     continue;

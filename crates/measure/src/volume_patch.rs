@@ -134,22 +134,22 @@ fn beam(w: Vec3) -> Light {
 }
 
 impl PatchResponse for VolumePatch {
-    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
-        let from = self.start_mm(w_o, rng);
-        self.trace(from, w_o, &[beam(w_i)], rng, stats).radiance / w_i.z.abs()
+    fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        let from = self.start_mm(w_out, rng);
+        self.trace(from, w_out, &[beam(w_in)], rng, stats).radiance / w_in.z.abs()
     }
 
     fn estimate_at(
         &self,
         place_mm: Vec2,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
-        let face = self.face_mm(w_o);
-        let from = (place_mm + w_o.truncate() * (face / w_o.z)).extend(face);
-        self.trace(from, w_o, &[beam(w_i)], rng, stats).radiance / w_i.z.abs()
+        let face = self.face_mm(w_out);
+        let from = (place_mm + w_out.truncate() * (face / w_out.z)).extend(face);
+        self.trace(from, w_out, &[beam(w_in)], rng, stats).radiance / w_in.z.abs()
     }
 
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {

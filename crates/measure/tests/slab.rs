@@ -75,18 +75,18 @@ fn pair(i: (f64, f64), o: (f64, f64)) -> Pair {
 struct ForgottenCosine(VolumePatch);
 
 impl PatchResponse for ForgottenCosine {
-    fn estimate_bsdf(&self, w_i: Vec3, w_o: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
-        self.0.estimate_bsdf(w_i, w_o, rng, stats) * w_i.z.abs()
+    fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+        self.0.estimate_bsdf(w_in, w_out, rng, stats) * w_in.z.abs()
     }
     fn estimate_at(
         &self,
         place_mm: Vec2,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
-        self.0.estimate_at(place_mm, w_i, w_o, rng, stats) * w_i.z.abs()
+        self.0.estimate_at(place_mm, w_in, w_out, rng, stats) * w_in.z.abs()
     }
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         // And this one loses what it absorbs on the way.
@@ -216,8 +216,8 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     for path in 0..60_000 {
         let mut rng = PathRng::new(6, 0, path);
         for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
-            let w_i = warp::cosine_hemisphere(rng.unit2()).with_z_sign(sign);
-            let value = slab.estimate_bsdf(w_i, from.direction(), &mut rng, &mut stats);
+            let w_in = warp::cosine_hemisphere(rng.unit2()).with_z_sign(sign);
+            let value = slab.estimate_bsdf(w_in, from.direction(), &mut rng, &mut stats);
             for (m, x) in side.iter_mut().zip(value.0.to_array()) {
                 m.add(f64::from(x) * std::f64::consts::PI);
             }

@@ -3,7 +3,8 @@
 use organza_measure::{
     Angles, Effort, SurfacePatch, irawan_layout, measure_albedos, measure_openness, measure_pairs,
 };
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+use organza_scatter::{Footprint, Surface};
+use organza_surface::SurfaceSpec;
 
 const SHEER: &str = r#"
 preset = "polyester-lining"
@@ -34,8 +35,8 @@ fn measured_values_are_the_models_own() {
     let told = measure_pairs(&patch, &pairs, &effort(1), &|_| ()).unwrap();
     let mut lit = 0;
     for got in &told.list {
-        let (w_i, w_o) = (got.pair.incident.direction(), got.pair.exitant.direction());
-        let own = patch.0.eval(w_i, w_o, Footprint::FAR).0.as_dvec3();
+        let (w_in, w_out) = (got.pair.incident.direction(), got.pair.exitant.direction());
+        let own = patch.0.eval(w_out, w_in, Footprint::FAR).0.as_dvec3();
         assert_eq!(got.bsdf.mean, own.to_array(), "{:?}", got.pair);
         assert_eq!(got.bsdf.se, [0.0; 3]);
         lit += usize::from(own.x > 0.0);

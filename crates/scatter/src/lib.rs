@@ -11,6 +11,7 @@
 //! | diffuse flakes | as above | [`DiffuseFlake::meet`] once, then its [`Lobe`] |
 //! | a [`Mixture`](organza_basis::Mixture), plain virtual scattering | [`sigma_t_per_mm`] | [`meet_fibre`], then [`Fibre::far_field`] of its tangent |
 //! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], and on from [`PackedEvent::exit_mm`] |
+//! | cloth without thickness | [`Surface::gap`] | the other methods of [`Surface`] |
 //! | explicit fibres in a hierarchy | - | [`FibreFrame::new`], [`FibreFrame::offset`] of the surface normal, [`Fibre::near_field`], and on from the axis plus the radius times [`NearField::exit_normal`] |
 //!
 //! The directions, measures and weights of all of these are those of [`Lobe`]:
@@ -116,6 +117,7 @@ pub mod packed_fibre;
 pub mod population;
 pub mod proofs;
 pub mod sggx;
+pub mod surface;
 pub mod virtual_fibres;
 
 pub use band::{BandFlakes, BandProfile, GaussianBand, SineBand};
@@ -131,6 +133,7 @@ pub use lobe::{Lobe, LobeSample};
 pub use packed_fibre::{ClearedCorridor, PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};
+pub use surface::{Footprint, Passage, Shifted, Surface};
 pub use virtual_fibres::{MetFibre, effective_cross_section, meet_fibre, sigma_t_per_mm};
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use glam::Vec3;
 use image::{Rgb as Pixel, RgbImage};
 use organza_basis::{Budget, PathRng, Ray, Rgb};
 use organza_mesh::{DrapedMesh, MeshHit, Placement, read_obj};
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+use organza_scatter::{Footprint, Surface};
+use organza_surface::{SurfaceSpec, WovenSurface};
 
 /// Side of a frame, pixels.
 const SIDE: u32 = 384;
@@ -42,12 +43,12 @@ impl Camera {
 fn shade(cloth: &WovenSurface, mesh: &DrapedMesh, ray: &Ray, hit: &MeshHit, spread: f32) -> Rgb {
     let sun = Vec3::new(0.5, 0.8, 0.4).normalize();
     let local = |w: Vec3| hit.frame.frame_from_world(w);
-    let (w_i, w_o) = (local(sun), local(-ray.direction));
+    let (w_in, w_out) = (local(sun), local(-ray.direction));
     // Mm of cloth per mm of the world: the smaller stretch counts.
     let stretch = hit.stretch[0].length().min(hit.stretch[1].length());
     let footprint = Footprint {
         position_mm: hit.uv_mm,
-        width_mm: spread * hit.distance_mm / stretch / w_o.z.abs().max(0.1),
+        width_mm: spread * hit.distance_mm / stretch / w_out.z.abs().max(0.1),
     };
     let side = hit.face_normal * hit.face_normal.dot(sun).signum();
     let lift = 1e-4 * mesh.bounds_mm().size().length();
@@ -55,10 +56,10 @@ fn shade(cloth: &WovenSurface, mesh: &DrapedMesh, ray: &Ray, hit: &MeshHit, spre
     let direct = if mesh.is_blocked(&shadow, 0.0, f32::INFINITY) {
         Rgb::BLACK
     } else {
-        cloth.eval(w_i, w_o, footprint) * (3.0 * w_i.z.abs())
+        cloth.eval(w_out, w_in, footprint) * (3.0 * w_in.z.abs())
     };
     // A little sky, from straight along the view.
-    direct + cloth.eval(w_o, w_o, Footprint::FAR) * 0.3
+    direct + cloth.eval(w_out, w_out, Footprint::FAR) * 0.3
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -85,7 +86,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .map_or(bounds.centre(), |h| h.position_mm);
     let exposure = 0.25
         / cloth
-            .reflectance(Vec3::new(0.3, 0.4, 0.866), Vec3::Z)
+            .eval(Vec3::Z, Vec3::new(0.3, 0.4, 0.866), Footprint::FAR)
             .max_component();
     for frame in 0..4 {
         let origin = target + (far - target) * 0.22f32.powi(frame);

@@ -6,8 +6,9 @@
 use glam::{Vec2, Vec3};
 use image::{Rgb as Pixel, RgbImage};
 use organza_basis::{PathRng, Rgb, warp};
+use organza_scatter::{Footprint, Surface};
 use organza_surface::spec::PRESETS;
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+use organza_surface::{SurfaceSpec, WovenSurface};
 use std::path::Path;
 
 /// Side of one panel, pixels.
@@ -51,7 +52,7 @@ fn panel(
 }
 
 /// A flat patch `width_mm` wide, seen from above.
-fn flat(cloth: &WovenSurface, w_i: Vec3, width_mm: f32, far: bool) -> impl Fn(Vec2) -> Rgb {
+fn flat(cloth: &WovenSurface, w_in: Vec3, width_mm: f32, far: bool) -> impl Fn(Vec2) -> Rgb {
     move |p| {
         let at = Vec2::new(p.x, 1.0 - p.y) * width_mm;
         let footprint = if far {
@@ -59,7 +60,7 @@ fn flat(cloth: &WovenSurface, w_i: Vec3, width_mm: f32, far: bool) -> impl Fn(Ve
         } else {
             Footprint::point(at)
         };
-        cloth.eval(w_i, Vec3::Z, footprint) * w_i.z
+        cloth.eval(Vec3::Z, w_in, footprint) * w_in.z
     }
 }
 
@@ -83,8 +84,8 @@ fn cylinder(
             (around, Vec3::Y)
         };
         let local = |w: Vec3| Vec3::new(w.dot(s), w.dot(t), w.dot(normal));
-        let (w_i, w_o) = (local(light), local(Vec3::Z));
-        if w_i.z <= 0.0 {
+        let (w_in, w_out) = (local(light), local(Vec3::Z));
+        if w_in.z <= 0.0 {
             return Rgb::BLACK;
         }
         let (a, b) = (x.asin() * radius_mm, (1.0 - 2.0 * p.y) * radius_mm);
@@ -93,15 +94,15 @@ fn cylinder(
         } else {
             Vec2::new(a, b)
         };
-        let width_mm = 2.0 * radius_mm / SIDE as f32 / OVER as f32 / w_o.z;
+        let width_mm = 2.0 * radius_mm / SIDE as f32 / OVER as f32 / w_out.z;
         cloth.eval(
-            w_i,
-            w_o,
+            w_in,
+            w_out,
             Footprint {
                 position_mm: at,
                 width_mm,
             },
-        ) * w_i.z
+        ) * w_in.z
     }
 }
 
@@ -113,17 +114,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // Bright cloth and black cloth on one scale each.
         let exposure = 0.35
             / cloth
-                .reflectance(light(30.0, 60.0), Vec3::Z)
+                .eval(Vec3::Z, light(30.0, 60.0), Footprint::FAR)
                 .max_component();
         let patch_mm = 5.0 * cloth.period_mm().max_element();
         for (column, (theta, phi)) in [(20.0, 90.0), (55.0, 0.0), (60.0, 135.0)]
             .iter()
             .enumerate()
         {
-            let w_i = light(*theta, *phi);
+            let w_in = light(*theta, *phi);
             panel(&mut picture, column as u32, 0, exposure, |p| {
                 // The lower corner shows the mean beside the texture.
-                flat(&cloth, w_i, patch_mm, p.x > 0.7 && p.y > 0.7)(p)
+                flat(&cloth, w_in, patch_mm, p.x > 0.7 && p.y > 0.7)(p)
             });
         }
         let above = light(50.0, 60.0);

@@ -50,29 +50,29 @@ impl Components {
 
     /// The parts of the mean value; what the energy bound takes away is left
     /// out.
-    pub fn eval(&self, w_i: Vec3, w_o: Vec3) -> Parts {
+    pub fn eval(&self, w_in: Vec3, w_out: Vec3) -> Parts {
         let [front, back] = &self.faces;
-        let (face, w_i, w_o) = if w_o.z > 0.0 {
-            (front, w_i, w_o)
+        let (face, w_in, w_out) = if w_out.z > 0.0 {
+            (front, w_in, w_out)
         } else {
-            (back, behind(w_i), behind(w_o))
+            (back, behind(w_in), behind(w_out))
         };
         let mut parts = Parts::default();
         let covered = self
             .transmission
             .as_ref()
-            .map_or(1.0, |t| t.covered(w_i, w_o));
-        if w_i.z > 0.0 {
-            face.for_each_type(w_i, w_o, |yarn: Yarn, lobe, area| {
+            .map_or(1.0, |t| t.covered(w_in, w_out));
+        if w_in.z > 0.0 {
+            face.for_each_type(w_in, w_out, |yarn: Yarn, lobe, area| {
                 parts.specular[yarn as usize] += lobe * covered;
                 parts.diffuse[yarn as usize] += area * FRAC_1_PI * covered;
             });
             for yarn in [Yarn::Warp, Yarn::Weft] {
                 let flat = parts.diffuse[yarn as usize];
-                parts.round[yarn as usize] = flat * Face::round(yarn, w_i, w_o);
+                parts.round[yarn as usize] = flat * Face::round(yarn, w_in, w_out);
             }
         } else if let Some(t) = &self.transmission {
-            parts.transmitted = t.lobes(w_i, w_o).map(|x| x * covered);
+            parts.transmitted = t.lobes(w_in, w_out).map(|x| x * covered);
         }
         parts
     }
@@ -86,9 +86,10 @@ impl Components {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SurfaceSpec;
     use crate::spec::TransmissionSpec;
-    use crate::{Footprint, SurfaceModel, SurfaceSpec};
     use organza_basis::{PathRng, warp};
+    use organza_scatter::{Footprint, Surface};
 
     #[test]
     fn parts_add_up_to_the_whole() {
@@ -109,16 +110,16 @@ mod tests {
         let mut rng = PathRng::from_seed(3);
         for k in 0..200 {
             let mut turn = |sign: f32| warp::cosine_hemisphere(rng.unit2()) * sign;
-            let w_i = turn(if k % 2 == 0 { 1.0 } else { -1.0 });
-            let w_o = turn(if k % 3 == 0 { 1.0 } else { -1.0 });
-            let x = parts.eval(w_i, w_o);
+            let w_in = turn(if k % 2 == 0 { 1.0 } else { -1.0 });
+            let w_out = turn(if k % 3 == 0 { 1.0 } else { -1.0 });
+            let x = parts.eval(w_in, w_out);
             let t = p.transmission.as_ref().unwrap();
             let mut sum = t.diffuse() * x.transmitted[0] + t.forward() * x.transmitted[1];
             for (k, yarn) in [&p.warp, &p.weft].into_iter().enumerate() {
                 sum += yarn.diffuse * x.diffuse[k] + yarn.round * x.round[k];
                 sum += yarn.specular * (gain * x.specular[k]);
             }
-            let value = whole.eval(w_i, w_o, Footprint::FAR);
+            let value = whole.eval(w_out, w_in, Footprint::FAR);
             let error = (sum + value * -1.0).0.abs().max_element();
             assert!(
                 error < 2e-5 * (1.0 + value.max_component()),

@@ -31,27 +31,28 @@ pub(crate) struct Fibres {
 }
 
 impl YarnSegment<f32> {
-    /// The fibres at a place that face `w_o`.
+    /// The fibres at a place that face `w_out`.
     #[inline]
-    pub(crate) fn fibres(&self, w_o: Vector, across_mm: f32, along_mm: f32) -> Fibres {
-        // n.w_o is a cosine of the angle from `middle`, less a constant.
+    pub(crate) fn fibres(&self, w_out: Vector, across_mm: f32, along_mm: f32) -> Fibres {
+        // n.w_out is a cosine of the angle from `middle`, less a constant.
         let (band, (sin, cos), middle, reach) = if self.is_filament() {
             let (sin_v, cos_v) = self.v_band.angle(across_mm).sin_cos_acute();
-            let constant = w_o.x * sin_v / (cos_v * (w_o.y * w_o.y + w_o.z * w_o.z).sqrt());
+            let constant =
+                w_out.x * sin_v / (cos_v * (w_out.y * w_out.y + w_out.z * w_out.z).sqrt());
             let reach = arc_cosine((-constant).clamp(-1.0, 1.0));
             (
                 self.u_band.angles(along_mm),
                 (sin_v, cos_v),
-                azimuth(w_o.y, w_o.z),
+                azimuth(w_out.y, w_out.z),
                 reach,
             )
         } else {
             let (sin_u, cos_u) = self.u_band.angle(along_mm).sin_cos_acute();
-            let out = w_o.y * sin_u + w_o.z * cos_u;
+            let out = w_out.y * sin_u + w_out.z * cos_u;
             (
                 self.v_band.angles(across_mm),
                 (sin_u, cos_u),
-                azimuth(w_o.x, out),
+                azimuth(w_out.x, out),
                 FRAC_PI_2,
             )
         };
@@ -63,13 +64,13 @@ impl YarnSegment<f32> {
         }
     }
 
-    /// Draws `w_i` for a highlight seen from `w_o` among its fibres; `None`
+    /// Draws `w_in` for a highlight seen from `w_out` among its fibres; `None`
     /// when there are none or the fibre drawn is turned away. It may lie below
     /// the horizon.
     #[inline]
     pub(crate) fn sample_cone(
         &self,
-        w_o: Vector,
+        w_out: Vector,
         fibres: &Fibres,
         rng: &mut PathRng,
     ) -> Option<Vector> {
@@ -82,7 +83,7 @@ impl YarnSegment<f32> {
         };
         let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
         // Else the pair may have its highlight at the other solution for v.
-        if !(fibres.low < fibres.high && w_o.dot(normal) > 0.0) {
+        if !(fibres.low < fibres.high && w_out.dot(normal) > 0.0) {
             return None;
         }
         let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
@@ -97,7 +98,7 @@ impl YarnSegment<f32> {
             fibre.x * normal.y - fibre.y * normal.x,
         );
         // Around the cone with the cosine to the normal.
-        let sin_theta = -w_o.dot(fibre);
+        let sin_theta = -w_out.dot(fibre);
         let ring = (1.0 - sin_theta * sin_theta).larger(0.0).sqrt();
         let sin_phi = 2.0 * rng.unit() - 1.0;
         let cos_phi = (1.0 - sin_phi * sin_phi).larger(0.0).sqrt();
@@ -119,16 +120,16 @@ impl YarnSegment<f32> {
             let ring = Ring::new(pair);
             let toward =
                 |w: Vector| w.x * fibres.sin + (w.y * ring.sin_u + w.z * ring.cos_u) * fibres.cos;
-            let along = pair.w_i.y * ring.cos_u - pair.w_i.z * ring.sin_u;
-            let (n_i, n_r) = (toward(pair.w_i), toward(pair.w_r));
+            let along = pair.w_in.y * ring.cos_u - pair.w_in.z * ring.sin_u;
+            let (n_i, n_r) = (toward(pair.w_in), toward(pair.w_out));
             (ring.u, along, n_i, n_r, ring.inv_p)
         } else {
             let (sin_u, cos_u) = (fibres.sin, fibres.cos);
             let m = self.mirror(pair, &Inclination::new(pair, sin_u, cos_u));
             let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
-            let along = -pair.w_i.x * m.cos_v * sin_p
-                + pair.w_i.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
-                + pair.w_i.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
+            let along = -pair.w_in.x * m.cos_v * sin_p
+                + pair.w_in.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
+                + pair.w_in.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
             // The other solution is no draw.
             let v = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
             // Where no fibre mirrors, the two normals' cosines cancel.
@@ -193,25 +194,25 @@ mod tests {
             let segment = YarnSegment::<f32>::new(&p).unwrap();
             let (x, y) = (0.5 * rng.unit() - 0.25, rng.unit() - 0.5);
             let w = warp::cosine_hemisphere(rng.unit2());
-            let w_o = Direction::new(w.x, w.y, w.z);
-            let fibres = segment.fibres(w_o, x, y);
+            let w_out = Direction::new(w.x, w.y, w.z);
+            let fibres = segment.fibres(w_out, x, y);
             let (mut drawn, mut expected) = ([Moments::default(); 4], [Moments::default(); 4]);
             let quarter = |w: Direction<f32>| usize::from(w.x > 0.0) + 2 * usize::from(w.y > 0.0);
-            let density = |w_i: Direction<f32>| {
-                if w_i.z > 0.0 {
-                    segment.cone_pdf(&Pair::new(w_i, w_o), &fibres)
+            let density = |w_in: Direction<f32>| {
+                if w_in.z > 0.0 {
+                    segment.cone_pdf(&Pair::new(w_in, w_out), &fibres)
                 } else {
                     0.0
                 }
             };
             for _ in 0..20_000 {
-                let w_i = segment.sample_cone(w_o, &fibres, &mut rng);
-                let w_i = w_i.unwrap_or(Direction::new(0.0, 0.0, -1.0));
-                let counts = density(w_i) > 0.0;
+                let w_in = segment.sample_cone(w_out, &fibres, &mut rng);
+                let w_in = w_in.unwrap_or(Direction::new(0.0, 0.0, -1.0));
+                let counts = density(w_in) > 0.0;
                 let w = warp::uniform_sphere(rng.unit2());
                 let even = Direction::new(w.x, w.y, w.z.abs());
                 for q in 0..4 {
-                    drawn[q].add(f64::from(u8::from(counts && quarter(w_i) == q)));
+                    drawn[q].add(f64::from(u8::from(counts && quarter(w_in) == q)));
                     let d = if quarter(even) == q {
                         density(even)
                     } else {

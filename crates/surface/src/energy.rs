@@ -3,7 +3,7 @@
 //! The thesis' model conserves no energy by itself: towards grazing angles the
 //! specular part grows, and wool gabardine as published returns a percent more
 //! than it gets there. Where a direction's albedo rho(w) exceeds one, values are
-//! divided by `max(m(w_i), m(w_o))` with `m = max(1, rho)`: symmetric, nothing
+//! divided by `max(m(w_in), m(w_out))` with `m = max(1, rho)`: symmetric, nothing
 //! else changes, and the albedo comes out at most one.
 
 use glam::{Vec2, Vec3};

@@ -69,10 +69,10 @@ pub(crate) struct Local<'a> {
 }
 
 impl Local<'_> {
-    /// With the fibres that may mirror light to `w_o`.
+    /// With the fibres that may mirror light to `w_out`.
     #[inline]
-    pub fn with_fibres(self, w_o: Vec3) -> (Self, Fibres) {
-        let seen = segment_from_face(self.yarn, w_o);
+    pub fn with_fibres(self, w_out: Vec3) -> (Self, Fibres) {
+        let seen = segment_from_face(self.yarn, w_out);
         let spot = &self.spot;
         let fibres = self.segment.fibres(seen, spot.across_mm, spot.along_mm);
         (self, fibres)
@@ -80,21 +80,21 @@ impl Local<'_> {
 
     /// Draws a direction from the cone of one of them.
     #[inline]
-    pub fn sample_cone(&self, fibres: &Fibres, w_o: Vec3, rng: &mut PathRng) -> Option<Vec3> {
-        let seen = segment_from_face(self.yarn, w_o);
+    pub fn sample_cone(&self, fibres: &Fibres, w_out: Vec3, rng: &mut PathRng) -> Option<Vec3> {
+        let seen = segment_from_face(self.yarn, w_out);
         let drawn = self.segment.sample_cone(seen, fibres, rng)?;
         Some(face_from_segment(self.yarn, drawn))
     }
 
     /// Density of [`sample_cone`](Self::sample_cone), 1/sr.
     #[inline]
-    pub fn cone_pdf(&self, fibres: &Fibres, w_i: Vec3, w_o: Vec3) -> f32 {
-        if w_i.z <= 0.0 {
+    pub fn cone_pdf(&self, fibres: &Fibres, w_in: Vec3, w_out: Vec3) -> f32 {
+        if w_in.z <= 0.0 {
             return 0.0;
         }
         let pair = Pair::new(
-            segment_from_face(self.yarn, w_i),
-            segment_from_face(self.yarn, w_o),
+            segment_from_face(self.yarn, w_in),
+            segment_from_face(self.yarn, w_out),
         );
         self.segment.cone_pdf(&pair, fibres)
     }
@@ -188,9 +188,9 @@ impl Face {
         let pairs = 1 << 13;
         let mean: f64 = sequence::<4>(pairs)
             .map(|[a, b, c, d]| {
-                let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
-                let w_o = warp::cosine_hemisphere(Vec2::new(c, d));
-                f64::from(self.specular_shape(w_i, w_o))
+                let w_in = warp::cosine_hemisphere(Vec2::new(a, b));
+                let w_out = warp::cosine_hemisphere(Vec2::new(c, d));
+                f64::from(self.specular_shape(w_in, w_out))
             })
             .sum::<f64>()
             / pairs as f64;
@@ -224,15 +224,24 @@ impl Face {
             return 1.0;
         }
         let vec = |w: Direction<f32>| Vec3::new(w.x, w.y, w.z);
-        Shadowing::visible_share(vec(pair.w_i), vec(pair.w_r), size_mm[0], size_mm[1], depth)
+        Shadowing::visible_share(
+            vec(pair.w_in),
+            vec(pair.w_out),
+            size_mm[0],
+            size_mm[1],
+            depth,
+        )
     }
 
     /// Visits every segment type with its mean scattering per area of cloth
     /// (gain and colour left out) and its share of the cloth, both less what
     /// the other system hides. Directions must be above the face.
-    pub fn for_each_type(&self, w_i: Vec3, w_o: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
+    pub fn for_each_type(&self, w_in: Vec3, w_out: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
         for yarn in [Yarn::Warp, Yarn::Weft] {
-            let pair = Pair::new(segment_from_face(yarn, w_i), segment_from_face(yarn, w_o));
+            let pair = Pair::new(
+                segment_from_face(yarn, w_in),
+                segment_from_face(yarn, w_out),
+            );
             // What all segments of a filament yarn share.
             let ring = Ring::new(&pair);
             let mut integrals = None;
@@ -241,7 +250,7 @@ impl Face {
                 for (segment, share) in t.steps.iter().zip(&t.shares) {
                     lobe += share * self.segment_lobe(segment, &pair, &ring, &mut integrals);
                 }
-                let phase = t.steps[0].phase.eval(w_i.dot(w_o));
+                let phase = t.steps[0].phase.eval(w_in.dot(w_out));
                 let seen = self.visible_share(yarn, [t.width_mm, t.length_mm], &pair);
                 let area = t.width_mm * t.length_mm * t.per_mm2;
                 visit(yarn, lobe * phase * t.per_mm2 * seen, area * seen);
@@ -267,18 +276,18 @@ impl Face {
     }
 
     /// The uncoloured specular part, 1/sr.
-    fn specular_shape(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+    fn specular_shape(&self, w_in: Vec3, w_out: Vec3) -> f32 {
         let mut sum = 0.0;
-        self.for_each_type(w_i, w_o, |_, lobe, _| sum += lobe);
+        self.for_each_type(w_in, w_out, |_, lobe, _| sum += lobe);
         sum
     }
 
     /// Mean value over the cloth, 1/sr; both directions above the face.
-    pub fn reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+    pub fn reflectance(&self, w_in: Vec3, w_out: Vec3) -> Rgb {
         let mut sum = Rgb::BLACK;
-        self.for_each_type(w_i, w_o, |yarn, lobe, area| {
+        self.for_each_type(w_in, w_out, |yarn, lobe, area| {
             let thread = self.thread(yarn);
-            let diffuse = self.diffuse(yarn, w_i, w_o);
+            let diffuse = self.diffuse(yarn, w_in, w_out);
             sum += thread.specular * (lobe * self.gain) + diffuse * area;
         });
         sum
@@ -286,18 +295,21 @@ impl Face {
 
     /// The diffuse light of a yarn, flat and round, 1/sr.
     #[inline]
-    fn diffuse(&self, yarn: Yarn, w_i: Vec3, w_o: Vec3) -> Rgb {
+    fn diffuse(&self, yarn: Yarn, w_in: Vec3, w_out: Vec3) -> Rgb {
         let thread = self.thread(yarn);
         if thread.round.is_black() {
             return thread.diffuse;
         }
-        thread.diffuse + thread.round * Face::round(yarn, w_i, w_o)
+        thread.diffuse + thread.round * Face::round(yarn, w_in, w_out)
     }
 
     /// See [`round_yarns`].
     #[inline]
-    pub fn round(yarn: Yarn, w_i: Vec3, w_o: Vec3) -> f32 {
-        round_yarns(segment_from_face(yarn, w_i), segment_from_face(yarn, w_o))
+    pub fn round(yarn: Yarn, w_in: Vec3, w_out: Vec3) -> f32 {
+        round_yarns(
+            segment_from_face(yarn, w_in),
+            segment_from_face(yarn, w_out),
+        )
     }
 
     /// Share of the light from `w` that comes back, by `count` quasi-random
@@ -305,18 +317,18 @@ impl Face {
     pub fn albedo(&self, w: Vec3, count: usize) -> Rgb {
         let mut sum = Rgb::BLACK;
         for [a, b] in sequence::<2>(count) {
-            let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
-            if w_i.z > 0.0 {
-                sum += self.reflectance(w_i, w);
+            let w_in = warp::cosine_hemisphere(Vec2::new(a, b));
+            if w_in.z > 0.0 {
+                sum += self.reflectance(w_in, w);
             }
         }
         sum * (PI / count as f32)
     }
 
     /// The specular part of [`reflectance`](Self::reflectance).
-    pub fn specular_reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+    pub fn specular_reflectance(&self, w_in: Vec3, w_out: Vec3) -> Rgb {
         let mut sum = Rgb::BLACK;
-        self.for_each_type(w_i, w_o, |yarn, lobe, _| {
+        self.for_each_type(w_in, w_out, |yarn, lobe, _| {
             sum += self.thread(yarn).specular * (lobe * self.gain);
         });
         sum
@@ -377,16 +389,16 @@ impl Face {
 
     /// Value at a place already looked up, 1/sr; both directions above the face.
     #[inline]
-    pub fn texture_at(&self, local: &Local<'_>, w_i: Vec3, w_o: Vec3) -> Rgb {
+    pub fn texture_at(&self, local: &Local<'_>, w_in: Vec3, w_out: Vec3) -> Rgb {
         let thread = self.thread(local.yarn);
         let pair = Pair::new(
-            segment_from_face(local.yarn, w_i),
-            segment_from_face(local.yarn, w_o),
+            segment_from_face(local.yarn, w_in),
+            segment_from_face(local.yarn, w_out),
         );
         let s = local.segment;
         let drawn = s.texture(&pair, local.spot.across_mm, local.spot.along_mm);
         let seen = self.visible_share(local.yarn, [s.width_mm, s.length_mm], &pair);
-        let mut value = self.diffuse(local.yarn, w_i, w_o);
+        let mut value = self.diffuse(local.yarn, w_in, w_out);
         if drawn > 0.0 {
             value += thread.specular * (drawn * self.grain(local) * self.gain);
         }

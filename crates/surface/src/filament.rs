@@ -12,7 +12,7 @@ pub(crate) struct Ring<T> {
     tan_half_u: T,
     pub sin_u: T,
     pub cos_u: T,
-    /// One over the length of `w_i + w_r` in the plane of the spine.
+    /// One over the length of `w_in + w_out` in the plane of the spine.
     pub inv_p: T,
 }
 
@@ -44,7 +44,7 @@ impl<T: Real> Ring<T> {
         let wide = |x: T| x.to_f64().unwrap_or(f64::NAN);
         let (sin_u, cos_u) = (wide(self.sin_u), wide(self.cos_u));
         let across = |w: Direction<T>| (wide(w.x), wide(w.y) * sin_u + wide(w.z) * cos_u);
-        let ((x_i, z_i), (x_r, z_r)) = (across(pair.w_i), across(pair.w_r));
+        let ((x_i, z_i), (x_r, z_r)) = (across(pair.w_in), across(pair.w_out));
         // Sine and cosine of b beside the tangent of b/2, which orders angles.
         let angle = |x: f64, z: f64| {
             let r = (x * x + z * z).sqrt();
@@ -141,7 +141,7 @@ impl<T: Real> YarnSegment<T> {
         let (low, high) = self.u_band.angles(y);
         let (sin_v, cos_v) = self.v_band.angle(x).sin_cos_acute();
         let toward = |w: Direction<T>| w.x * sin_v + (w.y * ring.sin_u + w.z * ring.cos_u) * cos_v;
-        let (n_i, n_r) = (toward(pair.w_i), toward(pair.w_r));
+        let (n_i, n_r) = (toward(pair.w_in), toward(pair.w_out));
         let drawn =
             self.holds(&ring) && ring.u > low && ring.u < high && n_i.smaller(n_r) > T::zero();
         if !drawn {

@@ -25,7 +25,7 @@ fn texel_middle(index: usize) -> Vec2 {
 }
 
 impl HalfVectorTable {
-    /// Fits the table to `value(w_i, w_o)` for views `w_o`, which should be
+    /// Fits the table to `value(w_in, w_out)` for views `w_out`, which should be
     /// distributed as the cosine.
     pub fn new(views: &[Vec3], value: impl Fn(Vec3, Vec3) -> f32) -> HalfVectorTable {
         let mut mass = vec![0.0f32; SIDE * SIDE];
@@ -36,12 +36,12 @@ impl HalfVectorTable {
                 continue;
             }
             let h = p.extend(z2.sqrt());
-            for &w_o in views {
-                let cos = w_o.dot(h);
-                let w_i = 2.0 * cos * h - w_o;
-                if cos > 0.0 && w_i.z > 0.0 {
+            for &w_out in views {
+                let cos = w_out.dot(h);
+                let w_in = 2.0 * cos * h - w_out;
+                if cos > 0.0 && w_in.z > 0.0 {
                     // Light carried per area of the projection.
-                    *mass += value(w_i, w_o) * w_i.z * 4.0 * cos / h.z;
+                    *mass += value(w_in, w_out) * w_in.z * 4.0 * cos / h.z;
                 }
             }
         }
@@ -63,9 +63,9 @@ impl HalfVectorTable {
         }
     }
 
-    /// Draws `w_i`; below the horizon when the draw is lost.
+    /// Draws `w_in`; below the horizon when the draw is lost.
     #[inline]
-    pub fn sample(&self, w_o: Vec3, rng: &mut PathRng) -> Vec3 {
+    pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
         let pick = rng.unit() * (SIDE * SIDE) as f32;
         let (threshold, alias) = self.alias[pick as usize];
         let index = if rng.unit() < threshold {
@@ -79,17 +79,17 @@ impl HalfVectorTable {
             return Vec3::NEG_Z;
         }
         let h = p.extend(z2.sqrt());
-        let cos = w_o.dot(h);
+        let cos = w_out.dot(h);
         if cos <= 0.0 {
             return Vec3::NEG_Z;
         }
-        2.0 * cos * h - w_o
+        2.0 * cos * h - w_out
     }
 
-    /// Density of `w_i`, 1/sr; both directions above the horizon.
+    /// Density of `w_in`, 1/sr; both directions above the horizon.
     #[inline]
-    pub fn pdf(&self, w_i: Vec3, w_o: Vec3) -> f32 {
-        let sum = w_i + w_o;
+    pub fn pdf(&self, w_in: Vec3, w_out: Vec3) -> f32 {
+        let sum = w_in + w_out;
         let length = sum.length();
         // No half vector: nothing is drawn there.
         if length <= 0.0 {
@@ -98,7 +98,7 @@ impl HalfVectorTable {
         let h = sum / length;
         let cell = |x: f32| (((x + 1.0) * 0.5 * SIDE as f32) as usize).min(SIDE - 1);
         // Solid angle to projected area, and half vector to direction: with
-        // w_o.h half the length of the sum.
+        // w_out.h half the length of the sum.
         self.density[cell(h.y) * SIDE + cell(h.x)] * h.z / (2.0 * length)
     }
 }

@@ -17,18 +17,16 @@
 //!
 //! ```
 //! use glam::Vec3;
-//! use organza_surface::{Footprint, SurfaceModel, SurfaceSpec};
+//! use organza_scatter::{Footprint, Surface};
+//! use organza_surface::SurfaceSpec;
 //!
 //! # fn main() -> Result<(), organza_surface::Error> {
 //! let denim = SurfaceSpec::preset("denim")?.build()?;
 //! let (to_light, to_eye) = (Vec3::new(0.6, 0.0, 0.8), Vec3::Z);
-//! let mean = Footprint {
-//!     position_mm: glam::Vec2::ZERO,
-//!     width_mm: f32::INFINITY, // a pixel that sees the whole repeat, and more
-//! };
-//! let value = denim.eval(to_light, to_eye, mean);
+//! // A pixel that sees the whole repeat, and more.
+//! let value = denim.eval(to_eye, to_light, Footprint::FAR);
 //! assert!(value.is_valid() && !value.is_black());
-//! let back = denim.eval(to_eye, to_light, mean);
+//! let back = denim.eval(to_light, to_eye, Footprint::FAR);
 //! assert!((value.0 - back.0).abs().max_element() < 1e-5);
 //! # Ok(())
 //! # }
@@ -46,7 +44,6 @@ pub mod error;
 mod face;
 mod filament;
 mod half_vector;
-pub mod model;
 mod noise;
 pub mod phase;
 pub mod quadrature;
@@ -65,7 +62,6 @@ pub mod woven_surface;
 
 pub use components::{Components, Parts};
 pub use error::Error;
-pub use model::{Footprint, SurfaceModel, SurfaceSample};
 pub use spec::SurfaceSpec;
 pub use transmission_fit::MeasuredTransmission;
 pub use woven_surface::{WovenParameters, WovenSurface, YarnParameters};

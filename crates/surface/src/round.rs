@@ -14,9 +14,9 @@ use std::f32::consts::FRAC_PI_2;
 /// Exact but for light that one yarn sends to another: what is lit and what is
 /// seen of a yarn are stretches around it, cut off by its neighbours. Symmetric,
 /// and no more comes back than there is.
-pub(crate) fn round_yarns(w_i: Direction<f32>, w_o: Direction<f32>) -> f32 {
+pub(crate) fn round_yarns(w_in: Direction<f32>, w_out: Direction<f32>) -> f32 {
     let angle = |w: Direction<f32>| w.x.atan2(w.z);
-    let (a, b) = (angle(w_i), angle(w_o));
+    let (a, b) = (angle(w_in), angle(w_out));
     let ((low_a, high_a), (low_b, high_b)) = (open(a), open(b));
     let (low, high) = (low_a.max(low_b), high_a.min(high_b));
     if !(low < high) {
@@ -25,8 +25,8 @@ pub(crate) fn round_yarns(w_i: Direction<f32>, w_o: Direction<f32>) -> f32 {
     // Of cos(v - a) cos(v - b).
     let edges = (2.0 * high - a - b).sin() - (2.0 * low - a - b).sin();
     let integral = 0.5 * ((high - low) * (a - b).cos() + 0.5 * edges);
-    let across = w_i.x.hypot(w_i.z) * w_o.x.hypot(w_o.z);
-    (0.5 * integral * across / (w_i.z * w_o.z)).max(0.0)
+    let across = w_in.x.hypot(w_in.z) * w_out.x.hypot(w_out.z);
+    (0.5 * integral * across / (w_in.z * w_out.z)).max(0.0)
 }
 
 /// The stretch around a yarn that a direction at angle `a` from the normal
@@ -94,8 +94,8 @@ mod tests {
                 let w = warp::direction_from_angles(theta, phi);
                 let d = |w: Vec3| Direction::new(w.x, w.y, w.z);
                 let draws = sequence::<2>(4096).map(|[a, b]| {
-                    let w_i = warp::cosine_hemisphere(Vec2::new(a, b));
-                    round_yarns(d(w_i), d(w))
+                    let w_in = warp::cosine_hemisphere(Vec2::new(a, b));
+                    round_yarns(d(w_in), d(w))
                 });
                 let albedo = draws.sum::<f32>() / 4096.0;
                 assert!(albedo < 1.0 && albedo > 0.5, "{theta} {phi}: {albedo}");

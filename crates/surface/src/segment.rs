@@ -60,19 +60,19 @@ pub struct SegmentParameters {
 /// A pair of directions with what every integrand needs of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair<T> {
-    pub(crate) w_i: Direction<T>,
-    pub(crate) w_r: Direction<T>,
+    pub(crate) w_in: Direction<T>,
+    pub(crate) w_out: Direction<T>,
     pub(crate) s: Direction<T>,
     pub(crate) s2: T,
 }
 
 impl<T: Real> Pair<T> {
     /// Two unit directions.
-    pub fn new(w_i: Direction<T>, w_r: Direction<T>) -> Self {
-        let s = Direction::new(w_i.x + w_r.x, w_i.y + w_r.y, w_i.z + w_r.z);
+    pub fn new(w_in: Direction<T>, w_out: Direction<T>) -> Self {
+        let s = Direction::new(w_in.x + w_out.x, w_in.y + w_out.y, w_in.z + w_out.z);
         Pair {
-            w_i,
-            w_r,
+            w_in,
+            w_out,
             s,
             s2: s.dot(s),
         }
@@ -80,7 +80,7 @@ impl<T: Real> Pair<T> {
 
     /// The two directions.
     pub fn directions(&self) -> (Direction<T>, Direction<T>) {
-        (self.w_i, self.w_r)
+        (self.w_in, self.w_out)
     }
 }
 
@@ -208,7 +208,7 @@ impl<T: Real> YarnSegment<T> {
     /// Zero unless both directions are above the cloth. `rule` holds the nodes
     /// that staple yarn is integrated with; filament yarn has a closed form.
     pub fn reflectance(&self, pair: &Pair<T>, rule: &Rule<T>) -> T {
-        if !(pair.w_i.z > T::zero() && pair.w_r.z > T::zero()) {
+        if !(pair.w_in.z > T::zero() && pair.w_out.z > T::zero()) {
             return T::zero();
         }
         let lobe = if self.is_filament() {
@@ -217,7 +217,7 @@ impl<T: Real> YarnSegment<T> {
         } else {
             self.staple_reflectance(pair, rule)
         };
-        lobe * self.phase.eval(pair.w_i.dot(pair.w_r))
+        lobe * self.phase.eval(pair.w_in.dot(pair.w_out))
     }
 
     /// The scattering function spread over the rectangle, dimensionless: its
@@ -227,7 +227,7 @@ impl<T: Real> YarnSegment<T> {
     /// `x` and `y` are mm from the middle of the rectangle, across and along.
     #[inline]
     pub fn texture(&self, pair: &Pair<T>, x: T, y: T) -> T {
-        if !(pair.w_i.z > T::zero() && pair.w_r.z > T::zero()) {
+        if !(pair.w_in.z > T::zero() && pair.w_out.z > T::zero()) {
             return T::zero();
         }
         let drawn = if self.is_filament() {
@@ -236,7 +236,7 @@ impl<T: Real> YarnSegment<T> {
             self.staple_texture(pair, x, y)
         };
         if drawn > T::zero() {
-            drawn * self.phase.eval(pair.w_i.dot(pair.w_r))
+            drawn * self.phase.eval(pair.w_in.dot(pair.w_out))
         } else {
             T::zero()
         }

@@ -40,23 +40,23 @@ pub struct Shadowing {
 
 impl Shadowing {
     /// Share of a pit `width_mm` by `length_mm` and `depth_mm` deep that is
-    /// both lit from `w_i` and seen from `w_o`, both above and in the frame of
+    /// both lit from `w_in` and seen from `w_out`, both above and in the frame of
     /// the pit. Symmetric in the two.
     pub fn visible_share(
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         width_mm: f32,
         length_mm: f32,
         depth_mm: f32,
     ) -> f32 {
         let side = |i: f32, o: f32, size: f32| {
             // A wall hides what lies behind it as seen along the direction.
-            let (i, o) = (depth_mm * i / w_i.z, depth_mm * o / w_o.z);
+            let (i, o) = (depth_mm * i / w_in.z, depth_mm * o / w_out.z);
             let low = i.min(o).min(0.0);
             let high = i.max(o).max(0.0);
             ((size - (high - low)) / size).max(0.0)
         };
-        side(w_i.x, w_o.x, width_mm) * side(w_i.y, w_o.y, length_mm)
+        side(w_in.x, w_out.x, width_mm) * side(w_in.y, w_out.y, length_mm)
     }
 }
 
@@ -70,8 +70,8 @@ mod tests {
         let (size, depth) = ([0.4f32, 0.7f32], 0.15f32);
         let mut rng = PathRng::from_seed(21);
         for _ in 0..40 {
-            let w_i = warp::cosine_hemisphere(rng.unit2());
-            let w_o = warp::cosine_hemisphere(rng.unit2());
+            let w_in = warp::cosine_hemisphere(rng.unit2());
+            let w_out = warp::cosine_hemisphere(rng.unit2());
             let free = |x: f32, y: f32, w: Vec3| {
                 let (x, y) = (x + depth * w.x / w.z, y + depth * w.y / w.z);
                 (0.0..=size[0]).contains(&x) && (0.0..=size[1]).contains(&y)
@@ -81,11 +81,11 @@ mod tests {
                 .filter(|_| {
                     let u = rng.unit2();
                     let (x, y) = (u.x * size[0], u.y * size[1]);
-                    free(x, y, w_i) && free(x, y, w_o)
+                    free(x, y, w_in) && free(x, y, w_out)
                 })
                 .count() as f32
                 / n as f32;
-            let share = Shadowing::visible_share(w_i, w_o, size[0], size[1], depth);
+            let share = Shadowing::visible_share(w_in, w_out, size[0], size[1], depth);
             let sigma = (share * (1.0 - share) / n as f32).sqrt();
             assert!(
                 (share - hits).abs() < 4.5 * sigma + 1e-6,

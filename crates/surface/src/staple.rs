@@ -5,7 +5,7 @@ use crate::quadrature::Rule;
 use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
 
-/// The angle u as sine and cosine, and the components of `s = w_i + w_r`
+/// The angle u as sine and cosine, and the components of `s = w_in + w_out`
 /// there: along the spine and out of it.
 #[derive(Clone, Copy)]
 pub(crate) struct Inclination<T> {
@@ -54,15 +54,15 @@ impl<T: Real> YarnSegment<T> {
         Mirror {
             sin_v,
             cos_v,
-            n_i: toward(pair.w_i),
-            n_r: toward(pair.w_r),
+            n_i: toward(pair.w_in),
+            n_r: toward(pair.w_out),
         }
     }
 
     /// Geometry factor times attenuation, over the shared factor, mm, at a
-    /// place that faces both directions. With `|s| (n.h) = w_i.n + w_r.n` no
+    /// place that faces both directions. With `|s| (n.h) = w_in.n + w_out.n` no
     /// half vector is normalised and the quotient is at most a quarter:
-    /// `a (R + a cos v) (w_i.n)(w_r.n) / ((w_i.n + w_r.n)^2 |sin psi|)`.
+    /// `a (R + a cos v) (w_in.n)(w_out.n) / ((w_in.n + w_out.n)^2 |sin psi|)`.
     #[inline(always)]
     fn staple_strength(&self, at: &Inclination<T>, m: &Mirror<T>) -> T {
         let sum = m.n_i + m.n_r;

@@ -77,25 +77,25 @@ impl Transmission {
     /// Share of the cloth that is yarn for both directions. The yarn that is
     /// lit is taken to be the yarn that is seen, as far as there is enough.
     #[inline]
-    pub fn covered(&self, w_i: Vec3, w_o: Vec3) -> f32 {
-        1.0 - self.gap(w_i).max(self.gap(w_o))
+    pub fn covered(&self, w_in: Vec3, w_out: Vec3) -> f32 {
+        1.0 - self.gap(w_in).max(self.gap(w_out))
     }
 
     /// The transmitted lobes per unit of light on the yarns, 1/sr, for
     /// directions on opposite sides; symmetric in them.
-    pub fn eval(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
+    pub fn eval(&self, w_in: Vec3, w_out: Vec3) -> Rgb {
         if self.forward.is_black() {
             return self.diffuse * FRAC_1_PI;
         }
-        let [diffuse, forward] = self.lobes(w_i, w_o);
+        let [diffuse, forward] = self.lobes(w_in, w_out);
         self.diffuse * diffuse + self.forward * forward
     }
 
     /// The diffuse and the forward lobe for colours of one.
-    pub fn lobes(&self, w_i: Vec3, w_o: Vec3) -> [f32; 2] {
-        let norm = self.norm(w_i.z).max(self.norm(w_o.z));
+    pub fn lobes(&self, w_in: Vec3, w_out: Vec3) -> [f32; 2] {
+        let norm = self.norm(w_in.z).max(self.norm(w_out.z));
         let forward = if norm > 0.0 {
-            self.forward_density(w_i, w_o) / norm
+            self.forward_density(w_in, w_out) / norm
         } else {
             0.0
         };
@@ -134,9 +134,9 @@ impl Transmission {
         if f > 0.0 { f / (d + f) } else { 0.0 }
     }
 
-    /// A direction on the other side of the cloth from `w_o`, or on the same
+    /// A direction on the other side of the cloth from `w_out`, or on the same
     /// side when the forward lobe spills over the horizon: worth nothing.
-    pub fn sample(&self, w_o: Vec3, rng: &mut PathRng) -> Vec3 {
+    pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
         if rng.unit() < self.forward_share() {
             let u = rng.unit2();
             // Inverse of the von Mises-Fisher distribution's cosine.
@@ -148,30 +148,30 @@ impl Transmission {
             };
             let sin = (1.0 - cos * cos).max(0.0).sqrt();
             let (s, c) = (TAU * u.y).sin_cos();
-            let frame = organza_basis::Frame::from_normal(-w_o);
+            let frame = organza_basis::Frame::from_normal(-w_out);
             frame.world_from_frame(Vec3::new(sin * c, sin * s, cos))
         } else {
             let w = warp::cosine_hemisphere(rng.unit2());
-            w * Vec3::new(1.0, 1.0, -w_o.z.signum())
+            w * Vec3::new(1.0, 1.0, -w_out.z.signum())
         }
     }
 
     /// Density of [`sample`](Self::sample) for a direction on the other side.
-    pub fn pdf(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+    pub fn pdf(&self, w_in: Vec3, w_out: Vec3) -> f32 {
         let forward = self.forward_share();
-        (1.0 - forward) * w_i.z.abs() * FRAC_1_PI + forward * self.forward_density(w_i, w_o)
+        (1.0 - forward) * w_in.z.abs() * FRAC_1_PI + forward * self.forward_density(w_in, w_out)
     }
 
     /// Von Mises-Fisher density about straight on, 1/sr.
-    fn forward_density(&self, w_i: Vec3, w_o: Vec3) -> f32 {
+    fn forward_density(&self, w_in: Vec3, w_out: Vec3) -> f32 {
         let k = self.concentration;
         let norm = if k < 1e-3 {
             1.0 / (4.0 * PI)
         } else {
             k / (TAU * (1.0 - (-2.0 * k).exp()))
         };
-        // |w_i + w_o|^2 / 2 = 1 + cos keeps its digits near straight on.
-        norm * (-0.5 * k * (w_i + w_o).length_squared()).exp()
+        // |w_in + w_out|^2 / 2 = 1 + cos keeps its digits near straight on.
+        norm * (-0.5 * k * (w_in + w_out).length_squared()).exp()
     }
 
     fn norm(&self, cos: f32) -> f32 {

@@ -140,10 +140,10 @@ impl MeasuredTransmission {
             let (diffuse, forward) = (cloth(0.0, concentration), cloth(1.0, concentration));
             // Normal equations of two lobes.
             let (mut dd, mut df, mut ff, mut dy, mut fy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-            for &(w_i, w_o, value) in &self.pairs {
-                let covered = covered(&diffuse, w_i, w_o);
-                let d = f64::from(covered * diffuse.eval(w_i, w_o).mean());
-                let f = f64::from(covered * forward.eval(w_i, w_o).mean());
+            for &(w_in, w_out, value) in &self.pairs {
+                let covered = covered(&diffuse, w_in, w_out);
+                let d = f64::from(covered * diffuse.eval(w_in, w_out).mean());
+                let f = f64::from(covered * forward.eval(w_in, w_out).mean());
                 let y = f64::from(value.mean());
                 dd += d * d;
                 df += d * f;
@@ -177,8 +177,8 @@ impl MeasuredTransmission {
 }
 
 /// Share of the cloth that is yarn for both directions.
-pub(crate) fn covered(cloth: &Transmission, w_i: Vec3, w_o: Vec3) -> f32 {
-    1.0 - cloth.gap(w_i).max(cloth.gap(w_o))
+pub(crate) fn covered(cloth: &Transmission, w_in: Vec3, w_out: Vec3) -> f32 {
+    1.0 - cloth.gap(w_in).max(cloth.gap(w_out))
 }
 
 /// Scattered light from `w` that leaves on the other side.
@@ -201,7 +201,8 @@ fn transmittance(cloth: &Transmission, w: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SurfaceModel, SurfaceSpec};
+    use crate::SurfaceSpec;
+    use organza_scatter::{Footprint, Surface};
 
     #[test]
     fn what_was_put_in_is_found_again() {
@@ -233,12 +234,14 @@ mod tests {
             let mut sum = Rgb::BLACK;
             for [a, b] in sequence::<2>(1 << 14) {
                 let out = warp::cosine_hemisphere(Vec2::new(a, b)) * Vec3::new(1.0, 1.0, -1.0);
-                sum += cloth.reflectance(out, w);
+                sum += cloth.eval(w, out, Footprint::FAR);
             }
             let share = sum * (std::f32::consts::PI / (1 << 14) as f32);
             measured.scattered.push((w, share));
             for out in angles.iter().flat_map(|&t| around.map(|p| below(t, p))) {
-                measured.pairs.push((out, w, cloth.reflectance(out, w)));
+                measured
+                    .pairs
+                    .push((out, w, cloth.eval(w, out, Footprint::FAR)));
             }
         }
         let fitted = measured.fit().unwrap();

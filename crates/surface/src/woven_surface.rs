@@ -5,7 +5,6 @@ use crate::energy::EnergyBound;
 use crate::error::Error;
 use crate::face::{Face, Local};
 use crate::half_vector::HalfVectorTable;
-use crate::model::{Footprint, SurfaceModel, SurfaceSample};
 use crate::segment::SegmentParameters;
 use crate::sequence::sequence;
 use crate::shadowing::Shadowing;
@@ -13,6 +12,7 @@ use crate::transmission::Transmission;
 use crate::weave::{Tiling, Weave, Yarn};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
+use organza_scatter::{Footprint, LobeSample, Passage, Surface};
 use std::f32::consts::FRAC_1_PI;
 
 /// One system of yarn.
@@ -102,18 +102,6 @@ struct Under<'a> {
     local: Option<(Local<'a>, Fibres)>,
 }
 
-/// What a draw came to, in the frame of the side that it left from.
-enum Drawn<'a> {
-    Straight,
-    Scattered {
-        side: &'a Side,
-        under: Under<'a>,
-        w_i: Vec3,
-        w_o: Vec3,
-        pdf: f32,
-    },
-}
-
 /// Probabilities of the specular, diffuse and transmitted part by their weights.
 fn choices((specular, diffuse): (f32, f32), transmitted: f32) -> [f32; 3] {
     // The diffuse part also covers what the half vectors miss.
@@ -169,8 +157,8 @@ impl WovenSurface {
                 });
             }
             Ok(Side {
-                half_vectors: HalfVectorTable::new(&views, |w_i, w_o| {
-                    face.specular_reflectance(w_i, w_o).mean()
+                half_vectors: HalfVectorTable::new(&views, |w_in, w_out| {
+                    face.specular_reflectance(w_in, w_out).mean()
                 }),
                 far_choices: choices(face.specular_and_diffuse(None), passed.mean()),
                 near_choices: [Yarn::Warp, Yarn::Weft]
@@ -213,16 +201,19 @@ impl WovenSurface {
         self.sides[0].face.tiling()
     }
 
-    /// Mean over the whole cloth, 1/sr: the reflectance model with
-    /// transmission and gaps.
-    pub fn reflectance(&self, w_i: Vec3, w_o: Vec3) -> Rgb {
-        self.eval(w_i, w_o, Footprint::FAR)
-    }
-
-    /// Value at a point, 1/sr: the texture model. Its mean over the cloth is
-    /// [`reflectance`](Self::reflectance).
-    pub fn texture(&self, w_i: Vec3, w_o: Vec3, position_mm: Vec2) -> Rgb {
-        self.eval(w_i, w_o, Footprint::point(position_mm))
+    /// Place in the surface's own pattern of a cloth whose first threads begin at
+    /// `tile_min_mm`. A volume has its yarns in the middle of their pitch, the
+    /// pattern at its beginning.
+    pub fn origin_mm(&self, tile_min_mm: Vec2) -> Vec2 {
+        let tiling = self.tiling();
+        let before = |yarn: Yarn| {
+            let (_, pitch) = tiling.yarns(yarn);
+            let segments = tiling.segments();
+            let placed = segments.iter().find(|s| s.yarn == yarn);
+            let width = placed.map_or(pitch, |s| s.width_mm);
+            0.5 * (pitch - width)
+        };
+        -tile_min_mm - Vec2::new(before(Yarn::Warp), before(Yarn::Weft))
     }
 
     /// The side that faces `w`, with direction and place in that side's frame.
@@ -273,152 +264,118 @@ impl WovenSurface {
         &self,
         side: &Side,
         under: &Under<'_>,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
         cone: Option<f32>,
     ) -> f32 {
         let [specular, diffuse, transmitted] = self.choices(side, under);
-        if w_i.z < 0.0 {
+        if w_in.z < 0.0 {
             return match &self.transmission {
-                Some(t) => transmitted * t.pdf(w_i, w_o),
+                Some(t) => transmitted * t.pdf(w_in, w_out),
                 None => 0.0,
             };
         }
         let mut highlight = 0.0;
         if under.far > 0.0 {
-            highlight += under.far * side.half_vectors.pdf(w_i, w_o);
+            highlight += under.far * side.half_vectors.pdf(w_in, w_out);
         }
         if let Some((local, fibres)) = &under.local {
-            let cone = cone.unwrap_or_else(|| local.cone_pdf(fibres, w_i, w_o));
+            let cone = cone.unwrap_or_else(|| local.cone_pdf(fibres, w_in, w_out));
             highlight += (1.0 - under.far) * cone;
         }
-        specular * highlight + diffuse * w_i.z * FRAC_1_PI
+        specular * highlight + diffuse * w_in.z * FRAC_1_PI
     }
 
-    /// Draws a direction for light that leaves along `w_o`, above the side, of
+    /// Draws a direction for light that leaves along `w_out`, above the side, of
     /// which `gap` went straight on; with its density.
     #[inline]
     fn draw_scattered(
         &self,
         side: &Side,
         under: &Under<'_>,
-        w_o: Vec3,
+        w_out: Vec3,
         choice: f32,
         rng: &mut PathRng,
     ) -> Option<(Vec3, f32)> {
         let [specular, diffuse, _] = self.choices(side, under);
         let mut cone = None;
-        let w_i = if choice < specular {
+        let w_in = if choice < specular {
             match &under.local {
                 Some((local, fibres)) if under.far <= 0.0 || rng.unit() >= under.far => {
-                    let drawn = local.sample_cone(fibres, w_o, rng)?;
+                    let drawn = local.sample_cone(fibres, w_out, rng)?;
                     // Draws outside the density's support carry no highlight.
-                    let pdf = local.cone_pdf(fibres, drawn, w_o);
+                    let pdf = local.cone_pdf(fibres, drawn, w_out);
                     if pdf <= 0.0 {
                         return None;
                     }
                     cone = Some(pdf);
                     drawn
                 }
-                _ => side.half_vectors.sample(w_o, rng),
+                _ => side.half_vectors.sample(w_out, rng),
             }
         } else if choice < specular + diffuse {
             warp::cosine_hemisphere(rng.unit2())
         } else {
-            self.transmission.as_ref()?.sample(w_o, rng)
+            self.transmission.as_ref()?.sample(w_out, rng)
         };
         // Reflected light stays above, transmitted light goes below.
-        if (w_i.z > 0.0) != (choice < specular + diffuse) || w_i.z == 0.0 {
+        if (w_in.z > 0.0) != (choice < specular + diffuse) || w_in.z == 0.0 {
             return None;
         }
-        let pdf = self.scattered_pdf(side, under, w_i, w_o, cone);
-        (pdf > 0.0 && pdf.is_finite()).then_some((w_i, pdf))
+        let pdf = self.scattered_pdf(side, under, w_in, w_out, cone);
+        (pdf > 0.0 && pdf.is_finite()).then_some((w_in, pdf))
     }
 
-    /// Draws a direction like [`SurfaceModel::sample`], but evaluates nothing:
-    /// the direction and its density in 1/sr, infinite for light that went
-    /// straight through a gap. For callers that learn first whether light comes
-    /// from there at all; [`SurfaceModel::eval`] tells how much of it is sent on.
-    pub fn sample_direction(
+    /// What lies under a footprint, for light that leaves along `w_out`.
+    #[inline]
+    fn under<'a>(
         &self,
-        w_o: Vec3,
-        at: Footprint,
-        rng: &mut PathRng,
-    ) -> Option<(Vec3, f32)> {
-        let drawn = self.draw(w_o, at, rng)?;
-        Some(match drawn {
-            Drawn::Straight => (-w_o, f32::INFINITY),
-            Drawn::Scattered { w_i, pdf, .. } => (if w_o.z > 0.0 { w_i } else { behind(w_i) }, pdf),
-        })
-    }
-
-    #[inline]
-    fn draw(&self, w_o: Vec3, at: Footprint, rng: &mut PathRng) -> Option<Drawn<'_>> {
-        if !is_usable(w_o) {
-            return None;
-        }
-        let gap = self.gap(w_o);
-        let choice = rng.unit();
-        if choice < gap {
-            return Some(Drawn::Straight);
-        }
-        let (side, w_o, position) = self.side(w_o, at.position_mm);
-        let under = self.under(side, w_o, at.width_mm, position);
-        let choice = (choice - gap) / (1.0 - gap);
-        let (w_i, pdf) = self.draw_scattered(side, &under, w_o, choice, rng)?;
-        Some(Drawn::Scattered {
-            side,
-            under,
-            w_i,
-            w_o,
-            pdf: (1.0 - gap) * pdf,
-        })
-    }
-
-    /// What lies under a footprint, for light that leaves along `w_o`.
-    #[inline]
-    fn under<'a>(&self, side: &'a Side, w_o: Vec3, width_mm: f32, position_mm: Vec2) -> Under<'a> {
+        side: &'a Side,
+        w_out: Vec3,
+        width_mm: f32,
+        position_mm: Vec2,
+    ) -> Under<'a> {
         let far = self.far_share(width_mm);
         Under {
             far,
-            local: (far < 1.0).then(|| side.face.local(position_mm).with_fibres(w_o)),
+            local: (far < 1.0).then(|| side.face.local(position_mm).with_fibres(w_out)),
         }
     }
 
-    /// Value in the frame of a side, whose `w_o` is above it.
+    /// Value in the frame of a side, whose `w_out` is above it.
     #[inline]
     fn scattered(
         &self,
         side: &Side,
         far: f32,
         local: Option<&Local<'_>>,
-        w_i: Vec3,
-        w_o: Vec3,
+        w_in: Vec3,
+        w_out: Vec3,
     ) -> Rgb {
         let mut value = Rgb::BLACK;
-        if w_i.z > 0.0 {
+        if w_in.z > 0.0 {
             if far > 0.0 {
-                value += side.face.reflectance(w_i, w_o) * far;
+                value += side.face.reflectance(w_in, w_out) * far;
             }
             if let Some(local) = local {
-                value += side.face.texture_at(local, w_i, w_o) * (1.0 - far);
+                value += side.face.texture_at(local, w_in, w_out) * (1.0 - far);
             }
         } else if let Some(t) = &self.transmission {
-            value = t.eval(w_i, w_o);
+            value = t.eval(w_in, w_out);
         }
         if self.is_plain {
             return value;
         }
-        let bound = if w_i.z > 0.0 {
-            side.bound.divisor(w_i)
+        let bound = if w_in.z > 0.0 {
+            side.bound.divisor(w_in)
         } else {
-            self.other(side).bound.divisor(behind(w_i))
+            self.other(side).bound.divisor(behind(w_in))
         };
         let covered = self
             .transmission
             .as_ref()
-            .map_or(1.0, |t| t.covered(w_i, w_o));
-        value * (covered / bound.max(side.bound.divisor(w_o)))
+            .map_or(1.0, |t| t.covered(w_in, w_out));
+        value * (covered / bound.max(side.bound.divisor(w_out)))
     }
 }
 
@@ -432,57 +389,82 @@ fn is_usable(w: Vec3) -> bool {
     w.is_finite() && w.z != 0.0
 }
 
-impl SurfaceModel for WovenSurface {
-    fn eval(&self, w_i: Vec3, w_o: Vec3, at: Footprint) -> Rgb {
-        if !(is_usable(w_i) && is_usable(w_o)) {
+impl Surface for WovenSurface {
+    fn gap(&self, w: Vec3) -> f32 {
+        self.transmission.as_ref().map_or(0.0, |t| t.gap(w))
+    }
+
+    fn eval(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb {
+        if !(is_usable(w_in) && is_usable(w_out)) {
             return Rgb::BLACK;
         }
-        let is_front = w_o.z > 0.0;
-        let (side, w_o, position) = self.side(w_o, at.position_mm);
-        let w_i = if is_front { w_i } else { behind(w_i) };
+        let is_front = w_out.z > 0.0;
+        let (side, w_out, position) = self.side(w_out, at.position_mm);
+        let w_in = if is_front { w_in } else { behind(w_in) };
         let far = self.far_share(at.width_mm);
-        let local = (far < 1.0 && w_i.z > 0.0).then(|| side.face.local(position));
-        self.scattered(side, far, local.as_ref(), w_i, w_o)
+        let local = (far < 1.0 && w_in.z > 0.0).then(|| side.face.local(position));
+        self.scattered(side, far, local.as_ref(), w_in, w_out)
     }
 
-    fn sample(&self, w_o: Vec3, at: Footprint, rng: &mut PathRng) -> Option<SurfaceSample> {
-        let is_front = w_o.z > 0.0;
-        let (side, under, w_i, w_o, pdf) = match self.draw(w_o, at, rng)? {
-            Drawn::Straight => {
-                return Some(SurfaceSample {
-                    w_i: -w_o,
-                    weight: Rgb::WHITE,
-                    pdf: f32::INFINITY,
-                });
-            }
-            Drawn::Scattered {
-                side,
-                under,
-                w_i,
-                w_o,
-                pdf,
-            } => (side, under, w_i, w_o, pdf),
-        };
-        let local = under.local.as_ref().map(|(local, _)| local);
-        let value = self.scattered(side, under.far, local, w_i, w_o);
-        let weight = value * (w_i.z.abs() / pdf);
-        let w_i = if is_front { w_i } else { behind(w_i) };
-        (weight.is_valid() && !weight.is_black()).then_some(SurfaceSample { w_i, weight, pdf })
-    }
-
-    fn pdf(&self, w_i: Vec3, w_o: Vec3, at: Footprint) -> f32 {
-        if !(is_usable(w_i) && is_usable(w_o)) {
+    fn pdf(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> f32 {
+        if !(is_usable(w_in) && is_usable(w_out)) {
             return 0.0;
         }
-        let gap = self.gap(w_o);
-        let (side, w, position) = self.side(w_o, at.position_mm);
-        let w_i = if w_o.z > 0.0 { w_i } else { behind(w_i) };
+        let gap = self.gap(w_out);
+        let (side, w, position) = self.side(w_out, at.position_mm);
+        let w_in = if w_out.z > 0.0 { w_in } else { behind(w_in) };
         let under = self.under(side, w, at.width_mm, position);
-        let pdf = (1.0 - gap) * self.scattered_pdf(side, &under, w_i, w, None);
+        let pdf = (1.0 - gap) * self.scattered_pdf(side, &under, w_in, w, None);
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    fn gap(&self, w: Vec3) -> f32 {
-        self.transmission.as_ref().map_or(0.0, |t| t.gap(w))
+    /// Gaps are drawn again, as often as a ray that met yarn is rare, so that the
+    /// mean number of draws per arriving ray is one.
+    fn sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
+        if self.gap(w_out) >= 1.0 {
+            return None;
+        }
+        loop {
+            if let Passage::Scattered(sample) = self.pass_or_sample(w_out, at, rng)? {
+                return Some(sample);
+            }
+        }
+    }
+
+    /// One random number chooses both the gap and the part that scatters.
+    fn pass_or_sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<Passage> {
+        if !is_usable(w_out) {
+            return None;
+        }
+        let gap = self.gap(w_out);
+        let choice = rng.unit();
+        if choice < gap {
+            return Some(Passage::Straight);
+        }
+        let is_front = w_out.z > 0.0;
+        let (side, w_out, position) = self.side(w_out, at.position_mm);
+        let under = self.under(side, w_out, at.width_mm, position);
+        let choice = (choice - gap) / (1.0 - gap);
+        let (w_in, pdf) = self.draw_scattered(side, &under, w_out, choice, rng)?;
+        let pdf = (1.0 - gap) * pdf;
+        let local = under.local.as_ref().map(|(local, _)| local);
+        let value = self.scattered(side, under.far, local, w_in, w_out);
+        let weight = value * (w_in.z.abs() / pdf);
+        let w_in = if is_front { w_in } else { behind(w_in) };
+        (weight.is_valid() && !weight.is_black()).then_some(Passage::Scattered(LobeSample {
+            w_in,
+            weight,
+            pdf,
+        }))
+    }
+
+    fn axis(&self, at: Footprint) -> Vec3 {
+        let tiling = self.tiling();
+        let spot = tiling.locate(at.position_mm);
+        match tiling.segments().get(spot.segment).map(|s| s.yarn) {
+            Some(Yarn::Warp) => Vec3::Y,
+            Some(Yarn::Weft) => Vec3::X,
+            None => Vec3::ZERO,
+        }
     }
 }

@@ -129,10 +129,10 @@ fn random_case(rng: &mut PathRng) -> (SegmentParameters, Pair<f64>) {
         let w = w.as_dvec3().normalize();
         Direction::new(w.x, w.y, w.z)
     };
-    let w_i = wide(warp::cosine_hemisphere(rng.unit2()));
+    let w_in = wide(warp::cosine_hemisphere(rng.unit2()));
     (
         p,
-        Pair::new(w_i, wide(warp::cosine_hemisphere(rng.unit2()))),
+        Pair::new(w_in, wide(warp::cosine_hemisphere(rng.unit2()))),
     )
 }
 
@@ -241,9 +241,9 @@ fn swapping_directions_changes_nothing() {
             p.twist_rad = 0.0;
         }
         let segment = YarnSegment::<f64>::new(&p).unwrap();
-        let (w_i, w_r) = pair.directions();
+        let (w_in, w_out) = pair.directions();
         let there = segment.reflectance(&pair, &rule);
-        let back = segment.reflectance(&Pair::new(w_r, w_i), &rule);
+        let back = segment.reflectance(&Pair::new(w_out, w_in), &rule);
         assert!((there - back).abs() <= 1e-9 * there.abs(), "seed 33");
     }
 }
@@ -262,10 +262,10 @@ fn single_precision_follows_double() {
             p.twist_rad = 0.0;
         }
         let cut = |w: Direction<f64>| Direction::new(w.x as f32, w.y as f32, w.z as f32);
-        let (w_i, w_r) = pair.directions();
+        let (w_in, w_out) = pair.directions();
         let wide = YarnSegment::<f64>::new(&p).unwrap();
         let single = YarnSegment::<f32>::new(&p).unwrap();
-        let cut_pair = Pair::new(cut(w_i), cut(w_r));
+        let cut_pair = Pair::new(cut(w_in), cut(w_out));
         let exact = wide.reflectance(&pair, &rule);
         let got = single.reflectance(&cut_pair, &narrow);
         // The texture, whose scale is the mean's over the area.

@@ -4,8 +4,9 @@
 
 use glam::{Vec2, Vec3};
 use organza_basis::{Moments, PathRng, Rgb, warp};
+use organza_scatter::{Footprint, Passage, Surface};
 use organza_surface::spec::{NoiseSpec, PRESETS, ShadowingSpec, TransmissionSpec};
-use organza_surface::{Footprint, SurfaceModel, SurfaceSpec, WovenSurface};
+use organza_surface::{SurfaceSpec, WovenSurface};
 
 fn preset(name: &str) -> SurfaceSpec {
     SurfaceSpec::preset(name).unwrap()
@@ -25,6 +26,15 @@ fn full(n: usize) -> usize {
         10 * n
     } else {
         n
+    }
+}
+
+/// What an arriving ray is multiplied by.
+fn weight(passage: Option<Passage>) -> Rgb {
+    match passage {
+        Some(Passage::Straight) => Rgb::WHITE,
+        Some(Passage::Scattered(s)) => s.weight,
+        None => Rgb::BLACK,
     }
 }
 
@@ -57,8 +67,8 @@ fn the_mean_of_the_texture_is_the_reflectance() {
             let cloth = spec.build().unwrap();
             let period = cloth.period_mm();
             for _ in 0..full(2) {
-                let w_i = warp::cosine_hemisphere(rng.unit2());
-                let w_o = warp::cosine_hemisphere(rng.unit2());
+                let w_in = warp::cosine_hemisphere(rng.unit2());
+                let w_out = warp::cosine_hemisphere(rng.unit2());
                 let n = 200_000;
                 let mut sum = [0.0f64; 3];
                 for k in 0..n {
@@ -66,13 +76,15 @@ fn the_mean_of_the_texture_is_the_reflectance() {
                     let k = f64::from(k);
                     let at = [0.754_877_666_246_692_7 * k, 0.569_840_290_998_053_3 * k];
                     let at = Vec2::new(at[0].fract() as f32, at[1].fract() as f32);
-                    let value: [f32; 3] = cloth.texture(w_i, w_o, at * period).into();
+                    let value: [f32; 3] = cloth
+                        .eval(w_out, w_in, Footprint::point(at * period))
+                        .into();
                     for (sum, v) in sum.iter_mut().zip(value) {
                         *sum += f64::from(v);
                     }
                 }
                 let mean = Rgb::from(sum.map(|s| (s / f64::from(n)) as f32));
-                let exact = cloth.reflectance(w_i, w_o);
+                let exact = cloth.eval(w_out, w_in, Footprint::FAR);
                 let error = (mean - exact).0.abs().max_element();
                 assert!(
                     error < 6e-3 * exact.max_component() + 1e-6,
@@ -95,8 +107,8 @@ fn noise_keeps_the_mean() {
         });
         let cloth = spec.build().unwrap();
         for _ in 0..full(2) {
-            let w_i = warp::cosine_hemisphere(rng.unit2());
-            let w_o = warp::cosine_hemisphere(rng.unit2());
+            let w_in = warp::cosine_hemisphere(rng.unit2());
+            let w_out = warp::cosine_hemisphere(rng.unit2());
             // Batches of places far apart are independent.
             let mut moments = Moments::default();
             for _ in 0..300 {
@@ -104,11 +116,11 @@ fn noise_keeps_the_mean() {
                 let mut sum = 0.0;
                 for _ in 0..400 {
                     let at = corner + 3.0 * rng.unit2();
-                    sum += cloth.texture(w_i, w_o, at).mean();
+                    sum += cloth.eval(w_out, w_in, Footprint::point(at)).mean();
                 }
                 moments.add(f64::from(sum / 400.0));
             }
-            let exact = f64::from(cloth.reflectance(w_i, w_o).mean());
+            let exact = f64::from(cloth.eval(w_out, w_in, Footprint::FAR).mean());
             let error = (moments.mean - exact).abs();
             let bound = 4.0 * moments.standard_error() + 2e-3 * exact;
             assert!(error < bound, "{name} seed 42: {error} {bound} {exact}");
@@ -131,13 +143,13 @@ fn nothing_returns_more_light_than_it_gets() {
                     (89.0, 0.0),
                     (89.0, 77.0),
                 ] {
-                    let w_o = direction(theta, phi) * Vec3::new(1.0, 1.0, side);
+                    let w_out = direction(theta, phi) * Vec3::new(1.0, 1.0, side);
                     // Furnace: all that is sampled under uniform light, gaps too.
                     let mut rng = PathRng::from_seed(43);
                     let mut furnace = Moments::default();
                     for _ in 0..full(4000) {
-                        let s = cloth.sample(w_o, Footprint::FAR, &mut rng);
-                        furnace.add(f64::from(s.map_or(0.0, |s| s.weight.max_component())));
+                        let passage = cloth.pass_or_sample(w_out, Footprint::FAR, &mut rng);
+                        furnace.add(f64::from(weight(passage).max_component()));
                     }
                     assert!(
                         furnace.mean < 1.0 + 4.0 * furnace.standard_error(),
@@ -174,11 +186,11 @@ fn a_lossless_cloth_keeps_all_light() {
     // the loss is what the correlation of gaps takes away; along it, nothing.
     let mut rng = PathRng::from_seed(44);
     for theta in [70.0, 85.0] {
-        let w_o = direction(theta, 30.0);
+        let w_out = direction(theta, 30.0);
         let mut m = Moments::default();
         for _ in 0..full(20_000) {
-            let s = cloth.sample(w_o, Footprint::FAR, &mut rng);
-            m.add(f64::from(s.map_or(0.0, |s| s.weight.mean())));
+            let passage = cloth.pass_or_sample(w_out, Footprint::FAR, &mut rng);
+            m.add(f64::from(weight(passage).mean()));
         }
         assert!(
             m.mean <= 1.0 + 4.0 * m.standard_error() && m.mean > 0.85,
@@ -189,15 +201,15 @@ fn a_lossless_cloth_keeps_all_light() {
 }
 
 /// Reflected and transmitted share by a deterministic sum over directions.
-fn share_by_sum(cloth: &WovenSurface, w_o: Vec3, at: Footprint) -> f64 {
+fn share_by_sum(cloth: &WovenSurface, w_out: Vec3, at: Footprint) -> f64 {
     let n = 150;
     let mut sum = 0.0;
     for j in 0..n {
         for i in 0..n {
             let u = Vec2::new(i as f32 + 0.5, j as f32 + 0.5) / n as f32;
             let w = warp::cosine_hemisphere(u);
-            for w_i in [w, w * Vec3::new(1.0, 1.0, -1.0)] {
-                sum += f64::from(cloth.eval(w_i, w_o, at).mean());
+            for w_in in [w, w * Vec3::new(1.0, 1.0, -1.0)] {
+                sum += f64::from(cloth.eval(w_out, w_in, at).mean());
             }
         }
     }
@@ -219,15 +231,15 @@ fn samples_estimate_what_sums_over_directions_give() {
                 position_mm,
                 width_mm,
             };
-            let mut w_o = warp::cosine_hemisphere(rng.unit2());
+            let mut w_out = warp::cosine_hemisphere(rng.unit2());
             if case >= 3 {
-                w_o.z = -w_o.z;
+                w_out.z = -w_out.z;
             }
-            let exact = share_by_sum(&cloth, w_o, at);
+            let exact = share_by_sum(&cloth, w_out, at);
             let (mut right, mut wrong) = (Moments::default(), Moments::default());
             for _ in 0..full(10_000) {
-                let weight = match cloth.sample(w_o, at, &mut rng) {
-                    Some(s) if !s.is_straight() => f64::from(s.weight.mean()),
+                let weight = match cloth.pass_or_sample(w_out, at, &mut rng) {
+                    Some(Passage::Scattered(s)) => f64::from(s.weight.mean()),
                     _ => 0.0,
                 };
                 right.add(weight);
@@ -260,7 +272,7 @@ fn the_density_integrates_to_what_is_drawn() {
                 position_mm: cloth.period_mm() * rng.unit2(),
                 width_mm,
             };
-            let w_o = direction(40.0, 70.0);
+            let w_out = direction(40.0, 70.0);
             // Counts and integral over 32 bands of the sphere, so that a density
             // in the wrong place shows.
             let bins = 32;
@@ -271,15 +283,15 @@ fn the_density_integrates_to_what_is_drawn() {
             let n = full(15_000);
             let (mut seen, mut expected) = (vec![0.0f64; bins], vec![Moments::default(); bins]);
             for _ in 0..n {
-                let drawn = cloth.sample(w_o, at, &mut rng);
-                if let Some(s) = drawn.filter(|s| !s.is_straight()) {
-                    seen[bin(s.w_i)] += 1.0 / n as f64;
-                    let pdf = cloth.pdf(s.w_i, w_o, at);
+                let drawn = cloth.pass_or_sample(w_out, at, &mut rng);
+                if let Some(Passage::Scattered(s)) = drawn {
+                    seen[bin(s.w_in)] += 1.0 / n as f64;
+                    let pdf = cloth.pdf(w_out, s.w_in, at);
                     assert!((pdf / s.pdf - 1.0).abs() < 1e-3, "{name}");
                 }
                 let w = warp::uniform_sphere(rng.unit2());
-                let pdf = f64::from(cloth.pdf(w, w_o, at)) / f64::from(warp::UNIFORM_SPHERE_PDF);
-                let carries = !cloth.eval(w, w_o, at).is_black();
+                let pdf = f64::from(cloth.pdf(w_out, w, at)) / f64::from(warp::UNIFORM_SPHERE_PDF);
+                let carries = !cloth.eval(w_out, w, at).is_black();
                 for (b, m) in expected.iter_mut().enumerate() {
                     m.add(if b == bin(w) && carries { pdf } else { 0.0 });
                 }
@@ -307,11 +319,11 @@ fn light_takes_the_same_way_back() {
         let cloth = spec.build().unwrap();
         let mut rng = PathRng::from_seed(47);
         for _ in 0..300 {
-            let w_i = warp::uniform_sphere(rng.unit2());
-            let w_o = warp::uniform_sphere(rng.unit2());
+            let w_in = warp::uniform_sphere(rng.unit2());
+            let w_out = warp::uniform_sphere(rng.unit2());
             let at = Footprint::point(3.0 * rng.unit2());
             for at in [at, Footprint::FAR] {
-                let (there, back) = (cloth.eval(w_i, w_o, at), cloth.eval(w_o, w_i, at));
+                let (there, back) = (cloth.eval(w_out, w_in, at), cloth.eval(w_in, w_out, at));
                 let error = (there - back).0.abs().max_element();
                 assert!(
                     error <= 2e-4 * there.max_component() + 1e-6,
@@ -332,7 +344,7 @@ fn highlights_are_found_with_fewer_samples_than_by_the_cosine() {
             let mut rng = PathRng::from_seed(48);
             let (mut ours, mut cosine) = (0.0, 0.0);
             for _ in 0..40 {
-                let w_o = warp::cosine_hemisphere(rng.unit2());
+                let w_out = warp::cosine_hemisphere(rng.unit2());
                 let at = if point {
                     Footprint::point(cloth.period_mm() * rng.unit2())
                 } else {
@@ -340,10 +352,10 @@ fn highlights_are_found_with_fewer_samples_than_by_the_cosine() {
                 };
                 let (mut a, mut b) = (Moments::default(), Moments::default());
                 for _ in 0..full(800) {
-                    let s = cloth.sample(w_o, at, &mut rng);
+                    let s = cloth.sample(w_out, at, &mut rng);
                     a.add(f64::from(s.map_or(0.0, |s| s.weight.mean())));
-                    let w_i = warp::cosine_hemisphere(rng.unit2());
-                    let value = cloth.eval(w_i, w_o, at).mean() * std::f32::consts::PI;
+                    let w_in = warp::cosine_hemisphere(rng.unit2());
+                    let value = cloth.eval(w_out, w_in, at).mean() * std::f32::consts::PI;
                     b.add(f64::from(value));
                 }
                 ours += a.variance();
@@ -375,20 +387,20 @@ fn hard_directions_are_survived() {
             }
         }
         let mut rng = PathRng::from_seed(49);
-        for &w_i in &directions {
-            for &w_o in &directions {
+        for &w_in in &directions {
+            for &w_out in &directions {
                 for width_mm in [0.0, 0.5, f32::INFINITY] {
                     for position_mm in [Vec2::ZERO, Vec2::new(1e4, -1e4), Vec2::splat(-1e-9)] {
                         let at = Footprint {
                             position_mm,
                             width_mm,
                         };
-                        let value = cloth.eval(w_i, w_o, at);
-                        assert!(value.is_valid(), "{name} {w_i} {w_o} {value:?}");
-                        let pdf = cloth.pdf(w_i, w_o, at);
-                        assert!(pdf.is_finite() && pdf >= 0.0, "{name} {w_i} {w_o} {pdf}");
-                        if let Some(s) = cloth.sample(w_o, at, &mut rng) {
-                            assert!(s.weight.is_valid() && s.w_i.is_finite());
+                        let value = cloth.eval(w_out, w_in, at);
+                        assert!(value.is_valid(), "{name} {w_in} {w_out} {value:?}");
+                        let pdf = cloth.pdf(w_out, w_in, at);
+                        assert!(pdf.is_finite() && pdf >= 0.0, "{name} {w_in} {w_out} {pdf}");
+                        if let Some(s) = cloth.sample(w_out, at, &mut rng) {
+                            assert!(s.weight.is_valid() && s.w_in.is_finite());
                         }
                     }
                 }
@@ -400,16 +412,18 @@ fn hard_directions_are_survived() {
 #[test]
 fn footprints_blend_from_texture_to_mean() {
     let cloth = preset("denim").build().unwrap();
-    let (w_i, w_o) = (direction(30.0, 40.0), direction(20.0, 200.0));
+    let (w_in, w_out) = (direction(30.0, 40.0), direction(20.0, 200.0));
     let repeat = cloth.period_mm().max_element();
     let position_mm = Vec2::new(0.3, 0.9);
-    let mut before = cloth.texture(w_i, w_o, position_mm);
-    let range = (before - cloth.reflectance(w_i, w_o)).0.length();
+    let mut before = cloth.eval(w_out, w_in, Footprint::point(position_mm));
+    let range = (before - cloth.eval(w_out, w_in, Footprint::FAR))
+        .0
+        .length();
     for i in 0..=200 {
         let width_mm = repeat * i as f32 / 150.0;
         let here = cloth.eval(
-            w_i,
-            w_o,
+            w_out,
+            w_in,
             Footprint {
                 position_mm,
                 width_mm,
@@ -421,7 +435,7 @@ fn footprints_blend_from_texture_to_mean() {
         );
         before = here;
     }
-    assert_eq!(before, cloth.reflectance(w_i, w_o));
+    assert_eq!(before, cloth.eval(w_out, w_in, Footprint::FAR));
 }
 
 #[test]
@@ -438,10 +452,10 @@ fn specular_albedo_is_what_the_file_says() {
         let mut rng = PathRng::from_seed(50);
         let mut m = Moments::default();
         for _ in 0..full(20_000) {
-            let w_i = warp::cosine_hemisphere(rng.unit2());
-            let w_o = warp::cosine_hemisphere(rng.unit2());
+            let w_in = warp::cosine_hemisphere(rng.unit2());
+            let w_out = warp::cosine_hemisphere(rng.unit2());
             m.add(f64::from(
-                cloth.reflectance(w_i, w_o).mean() * std::f32::consts::PI,
+                cloth.eval(w_out, w_in, Footprint::FAR).mean() * std::f32::consts::PI,
             ));
         }
         let error = (m.mean - 0.25).abs();

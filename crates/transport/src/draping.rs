@@ -1,11 +1,12 @@
 //! Matter over a mesh: sheets on its faces, media in the shell around it.
 
 use crate::collision::{AnySite, Collision};
-use crate::sheet::{Sheet, SheetPoint, SheetSite};
+use crate::sheet::SheetSite;
 use crate::{Integrator, Medium, Stats, Tracking, tracking};
 use glam::{Mat3, Vec3};
 use organza_basis::{Aabb, CellGrid, Frame, LocalRay, PathRng, Ray};
 use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};
+use organza_scatter::{Footprint, Surface};
 
 /// A mesh that cloth lies on, with the shell that its thickness fills.
 ///
@@ -103,7 +104,7 @@ impl Draping {
     /// The first meeting with a sheet on the faces.
     pub(crate) fn collide_sheet<'a>(
         &self,
-        sheet: &'a dyn Sheet,
+        sheet: &'a dyn Surface,
         ray: &Ray,
         limit: f32,
         tracking: Tracking,
@@ -122,10 +123,10 @@ impl Draping {
             }
             stats.collisions += 1;
             let site = SheetSite {
-                sheet,
-                point: SheetPoint {
+                surface: sheet,
+                at: Footprint {
                     position_mm: hit.uv_mm,
-                    footprint_mm: tracking.detail.footprint_mm,
+                    width_mm: tracking.detail.footprint_mm,
                 },
                 frame,
                 face_normal: hit.face_normal,
@@ -139,7 +140,7 @@ impl Draping {
     /// Transmittance of the gaps in a sheet, up to `reach` mm.
     pub(crate) fn pass_sheet(
         &self,
-        sheet: &dyn Sheet,
+        sheet: &dyn Surface,
         ray: &Ray,
         reach: f32,
         stats: &mut Stats,

@@ -7,17 +7,18 @@ use crate::Stats;
 use crate::collision::{AnySite, Collision};
 use crate::detail::{Detail, LevelSteps, Tracking};
 use crate::draping::Draping;
-use crate::sheet::{Sheet, SheetPoint, SheetSite};
+use crate::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::{Frame, PathRng, Ray};
+use organza_scatter::{Footprint, Surface};
 
 /// A cloth of which every path meets one representation, the one that suits the
 /// width of its pixel: endless and flat, or over a mesh.
 pub struct LevelledCloth {
     /// Finest first.
     volumes: Vec<AnyMedium>,
-    sheet: Option<Box<dyn Sheet>>,
+    sheet: Option<Box<dyn Surface>>,
     steps: LevelSteps,
     /// The box of one period, of which the sheet is the middle, or the box
     /// around a draping.
@@ -33,7 +34,7 @@ impl LevelledCloth {
     /// `None` when the numbers do not match.
     pub fn new(
         volumes: Vec<AnyMedium>,
-        sheet: Option<Box<dyn Sheet>>,
+        sheet: Option<Box<dyn Surface>>,
         steps: LevelSteps,
         cell_grid: CellGrid,
     ) -> Option<LevelledCloth> {
@@ -53,7 +54,7 @@ impl LevelledCloth {
     /// there are volumes and no shell for them.
     pub fn draped(
         volumes: Vec<AnyMedium>,
-        sheet: Option<Box<dyn Sheet>>,
+        sheet: Option<Box<dyn Surface>>,
         steps: LevelSteps,
         draping: Draping,
     ) -> Option<LevelledCloth> {
@@ -144,10 +145,10 @@ impl LevelledCloth {
         stats.collisions += 1;
         let at = ray.at(t);
         let site = SheetSite {
-            sheet,
-            point: SheetPoint {
+            surface: sheet,
+            at: Footprint {
                 position_mm: at.truncate(),
-                footprint_mm: tracking.detail.footprint_mm,
+                width_mm: tracking.detail.footprint_mm,
             },
             frame: Frame {
                 s: Vec3::X,

@@ -9,7 +9,7 @@
 //! scatter as fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
 //! inside are monomorphic. Beside them stand [`ExplicitFibres`], which a ray meets
 //! one by one: the ground truth of the others. A [`LevelledCloth`] holds several of
-//! them, and last a [`Sheet`], of which every path meets the one that suits its
+//! them, and last a [`Surface`](organza_scatter::Surface), of which every path meets the one that suits its
 //! pixel.
 //!
 //! # The walk
@@ -109,7 +109,6 @@ pub use medium::Medium;
 pub use plane::Plane;
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;
-pub use sheet::{Sheet, SheetPoint};
 pub use tracking::{
     exact_transmittance, sample_collision, sample_collision_exactly, stopped_transmittance,
     transmittance,

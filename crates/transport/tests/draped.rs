@@ -5,11 +5,11 @@
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, Sym3, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
-use organza_scatter::LobeSample;
+use organza_scatter::{Footprint, LobeSample, Surface};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, CellGrid, Draping, Film, Grid, GridMedium, Hemisphere,
     Integrator, Interpolation, LevelSteps, LevelledCloth, Light, PixelFilter, Projection,
-    RenderSettings, Scene, Sheet, SheetPoint, Stats, render, trace_from,
+    RenderSettings, Scene, Stats, render, trace_from,
 };
 use std::f32::consts::FRAC_1_PI;
 use std::ops::ControlFlow;
@@ -223,46 +223,39 @@ struct Paper {
     back: f32,
 }
 
-impl Sheet for Paper {
+impl Surface for Paper {
     fn gap(&self, _: Vec3) -> f32 {
         self.gap
     }
-    fn eval(&self, w_out: Vec3, w_in: Vec3, _: SheetPoint) -> Rgb {
+    fn eval(&self, w_out: Vec3, w_in: Vec3, _: Footprint) -> Rgb {
         let share = if w_out.z * w_in.z > 0.0 {
             self.back
         } else {
             1.0 - self.back
         };
-        Rgb::splat(share * FRAC_1_PI * w_in.z.abs())
+        Rgb::splat((1.0 - self.gap) * share * FRAC_1_PI)
     }
-    fn sample(&self, w_out: Vec3, _: SheetPoint, rng: &mut PathRng) -> Option<LobeSample> {
+    fn sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
         let side = if rng.unit() < self.back { 1.0 } else { -1.0 };
         let w = warp::cosine_hemisphere(rng.unit2());
         let w_in = Vec3::new(w.x, w.y, w.z * side * w_out.z.signum());
-        let pdf = self.pdf(
-            w_out,
-            w_in,
-            SheetPoint {
-                position_mm: Vec2::ZERO,
-                footprint_mm: 0.0,
-            },
-        );
+        let pdf = self.pdf(w_out, w_in, at);
         Some(LobeSample {
             w_in,
             weight: Rgb::WHITE,
             pdf,
         })
     }
-    fn pdf(&self, w_out: Vec3, w_in: Vec3, at: SheetPoint) -> f32 {
-        self.eval(w_out, w_in, at).0.x
+    fn pdf(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> f32 {
+        self.eval(w_out, w_in, at).0.x * w_in.z.abs()
     }
-    fn axis(&self, _: SheetPoint) -> Vec3 {
+    fn axis(&self, _: Footprint) -> Vec3 {
         Vec3::X
     }
 }
 
 fn paper(gap: f32, back: f32, over: Option<Mesh>) -> AnyMedium {
-    let sheet = Some(Box::new(Paper { gap, back }) as Box<dyn Sheet>);
+    let sheet = Some(Box::new(Paper { gap, back }) as Box<dyn Surface>);
     let steps = LevelSteps::default();
     let cloth = match over {
         None => {
@@ -372,7 +365,7 @@ fn levels_blend_by_the_width_of_the_pixel() {
         )
         .unwrap(),
     );
-    let sheet: Box<dyn Sheet> = Box::new(Paper {
+    let sheet: Box<dyn Surface> = Box::new(Paper {
         gap: 0.5,
         back: 1.0,
     });
