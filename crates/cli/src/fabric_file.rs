@@ -12,7 +12,7 @@ use crate::scattering::ScatteringTable;
 use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_scatter::{Fibre, Shifted};
-use organza_surface::{SurfaceSpec, WovenSurface};
+use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{AnyMedium, ExplicitFibres, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
@@ -50,7 +50,7 @@ pub struct FabricFile {
     #[serde(default)]
     pub voxel: VoxelTable,
     /// The cloth as a surface, where there is one to compare with.
-    pub surface: Option<SurfaceSpec>,
+    pub surface: Option<SurfaceTable>,
     /// Seed of everything random in the geometry.
     #[serde(default)]
     pub seed: u64,
@@ -216,31 +216,43 @@ impl Fabric {
             .collect()
     }
 
-    /// The surface model of the cloth. Draft and spacing are the cloth's own
-    /// unless `[surface.weave]` says otherwise; a preset supplies the yarns. The
-    /// system that covers more hides all but the threads of the other.
+    /// The surface model of the cloth. Draft and spacing of a woven model are the
+    /// cloth's own unless `[surface.weave]` gives others; a preset supplies the
+    /// yarns. The system that covers more hides all but the threads of the other.
     ///
     /// # Errors
     /// No `[surface]` section, or the key in it that is at fault.
-    pub fn surface(&self, path: &Path) -> Result<WovenSurface> {
-        self.surface_spec(path)?
-            .build()
+    pub fn surface(&self, path: &Path) -> Result<ClothSurface> {
+        self.surface_table(path)?
+            .of_cloth(&self.cloth)
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 
-    /// The `[surface]` section with draft and spacing.
-    ///
-    /// # Errors
-    /// No such section, or a weave that is none.
-    pub fn surface_spec(&self, path: &Path) -> Result<SurfaceSpec> {
-        let spec = self.file.surface.clone().ok_or_else(|| {
+    fn surface_table(&self, path: &Path) -> Result<&SurfaceTable> {
+        self.file.surface.as_ref().ok_or_else(|| {
             input(format!(
                 "{}: has no [surface] section, which the surface model needs",
                 path.display()
             ))
-        })?;
-        spec.for_cloth(&self.cloth)
-            .map_err(|e| input(format!("{}: surface: {e}", path.display())))
+        })
+    }
+
+    /// The `[surface]` section of Irawan's model, with draft and spacing.
+    ///
+    /// # Errors
+    /// No such section, another model, or a weave that is none.
+    pub fn surface_spec(&self, path: &Path) -> Result<SurfaceSpec> {
+        let fail = |why: String| input(format!("{}: surface{why}", path.display()));
+        let table = self.surface_table(path)?;
+        let Some(spec) = table.described_as::<SurfaceSpec>() else {
+            return Err(fail(format!(
+                ".model: expected \"irawan\", the one that can be fitted, found \"{}\"",
+                table.name()
+            )));
+        };
+        spec.clone()
+            .for_cloth(&self.cloth)
+            .map_err(|e| fail(format!(": {e}")))
     }
 
     /// Lets the optics of a scene speak before the fabric's own.
@@ -264,11 +276,9 @@ impl Fabric {
     /// The surface model as a sheet, in register with the volume.
     pub fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
         let surface = self.surface(path)?;
-        let repeat_mm = surface.period_mm().max_element();
-        let origin_mm = surface.origin_mm(self.cloth.tile().bounds_mm.min.truncate());
         Ok(FarSheet {
-            sheet: Box::new(Shifted::new(surface, origin_mm)),
-            repeat_mm,
+            sheet: Box::new(Shifted::new(surface.surface, surface.origin_mm)),
+            repeat_mm: surface.repeat_mm,
         })
     }
 

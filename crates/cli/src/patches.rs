@@ -88,7 +88,7 @@ impl Matter {
     /// Names the file and the key at fault.
     pub fn patch(&self, fabric: &Fabric, path: &Path, options: &PatchOptions) -> Result<AnyPatch> {
         let medium = match self {
-            Matter::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?))),
+            Matter::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?.surface))),
             Matter::Fibres => {
                 fabric.explicit_fibres(path, options.max_memory_bytes, options.quiet)?
             }

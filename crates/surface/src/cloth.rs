@@ -1,5 +1,6 @@
 //! From the cloth of a fabric file to its surface.
 
+use crate::catalogue::{ClothSurface, SurfaceKind};
 use crate::error::Error;
 use crate::spec::SurfaceSpec;
 use crate::weave::Weave;
@@ -57,6 +58,20 @@ impl SurfaceSpec {
             self.weave = Some(weave);
         }
         Ok(self)
+    }
+}
+
+impl SurfaceKind for SurfaceSpec {
+    const NAME: &'static str = "irawan";
+    const ABOUT: &'static str = "woven yarn segments with highlights, gaps and transmitted light";
+
+    fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error> {
+        let surface = self.clone().for_cloth(cloth)?.build()?;
+        Ok(ClothSurface {
+            origin_mm: surface.origin_mm(cloth.tile().bounds_mm.min.truncate()),
+            repeat_mm: surface.period_mm().max_element(),
+            surface: Box::new(surface),
+        })
     }
 }
 

@@ -7,7 +7,8 @@
 //! model; integrated over it, the reflectance model; the mean of the first is
 //! the second. [`WovenSurface`] joins them: two faces, noise, gaps and transmitted
 //! light, optional shadowing, sampling. [`SurfaceSpec`] is its description in
-//! files, with the six fabrics of the thesis as presets.
+//! files, with the six fabrics of the thesis as presets. The [`catalogue`] lists
+//! this and the other surface models that a fabric file can name.
 //!
 //! # Conventions
 //! The fabric frame is right-handed: x along the weft, y along the warp, z out
@@ -36,6 +37,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod band;
+pub mod catalogue;
 mod cloth;
 pub mod components;
 mod cone;
@@ -60,6 +62,7 @@ pub mod transmission_fit;
 pub mod weave;
 pub mod woven_surface;
 
+pub use catalogue::{ClothSurface, SURFACE_MODELS, SurfaceKind, SurfaceTable};
 pub use components::{Components, Parts};
 pub use error::Error;
 pub use spec::SurfaceSpec;
