@@ -4,6 +4,7 @@
 //! A model is one file, with a type that describes it and implements
 //! [`SurfaceKind`], and one line in the list at the end of this file.
 
+use crate::diffuse::DiffuseSpec;
 use crate::error::Error;
 use crate::spec::SurfaceSpec;
 use glam::Vec2;
@@ -178,11 +179,13 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<A> {
 
 surface_models! {
     Irawan(SurfaceSpec),
+    Diffuse(DiffuseSpec),
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use organza_basis::Rgb;
 
     fn read(text: &str) -> Result<SurfaceTable, toml::de::Error> {
         toml::from_str(text)
@@ -199,13 +202,26 @@ mod tests {
     }
 
     #[test]
+    fn a_model_reads_its_own_keys() {
+        let text = "model = \"diffuse\"\nreflectance = [0.5, 0.4, 0.3]\nopenness = 0.1\n";
+        let spec = DiffuseSpec {
+            reflectance: Rgb::new(0.5, 0.4, 0.3),
+            openness: 0.1,
+            ..DiffuseSpec::default()
+        };
+        assert_eq!(read(text).unwrap(), SurfaceTable::Diffuse(spec));
+    }
+
+    #[test]
     fn mistakes_keep_their_place() {
         let text = "preset = \"denim\"\n[warp]\npsi_dg = 3.0\n";
         let e = read(text).unwrap_err();
         assert!(e.message().contains("unknown field `psi_dg`"), "{e}");
         assert_eq!(e.span().map(|s| s.start), text.find("psi_dg"));
-        let e = read("model = \"irawn\"\n").unwrap_err();
-        assert!(e.message().contains("unknown variant `irawn`"), "{e}");
+        let e = read("model = \"difuse\"\n").unwrap_err();
+        assert!(e.message().contains("`irawan`, `diffuse`"), "{e}");
+        let e = read("model = \"diffuse\"\npreset = \"denim\"\n").unwrap_err();
+        assert!(e.message().contains("unknown field `preset`"), "{e}");
     }
 
     #[test]

@@ -73,6 +73,15 @@ pub enum Error {
         /// Reflected and transmitted share, largest channel.
         albedo: f64,
     },
+    /// Shares of one channel that leave more light than arrives.
+    #[error(
+        "reflectance, transmittance and openness add up to {total:.3}: expected at most 1 in every \
+         channel"
+    )]
+    Shares {
+        /// Their sum, largest channel.
+        total: f64,
+    },
     /// Text that is not the TOML of a surface.
     #[error("surface: {0}")]
     Syntax(String),

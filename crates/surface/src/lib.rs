@@ -41,6 +41,7 @@ pub mod catalogue;
 mod cloth;
 pub mod components;
 mod cone;
+pub mod diffuse;
 mod energy;
 pub mod error;
 mod face;
