@@ -7,9 +7,10 @@
 
 use crate::error::input;
 use crate::identity::{Identity, crop_words};
-use crate::{output, read};
+use crate::output;
 use anyhow::{Context, Result};
 use glam::UVec2;
+use organza_scene::read;
 use organza_transport::{Crop, Film, Pixel, Rendering, Stats};
 use sha2::{Digest, Sha256};
 use std::fs::File;

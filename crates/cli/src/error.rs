@@ -1,22 +1,10 @@
 //! One place that turns errors into words and exit codes.
 
 use crate::output::note;
-use std::fmt;
+pub use organza_scene::InputError;
 use std::process::ExitCode;
 
-/// The user's input or command line is wrong: exit status 2.
-#[derive(Debug)]
-pub struct InputError(pub String);
-
-impl fmt::Display for InputError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for InputError {}
-
-/// An [`InputError`] as the error of any command.
+/// An [`InputError`] as the error of any command: exit status 2.
 pub fn input(message: impl Into<String>) -> anyhow::Error {
     anyhow::Error::new(InputError(message.into()))
 }

@@ -3,7 +3,7 @@
 
 use crate::picture::Attribute;
 use crate::sample_ranges::SampleRanges;
-use crate::scene_file::{RenderTable, SceneFile};
+use organza_scene::scene_file::{RenderTable, SceneFile};
 use organza_transport::Crop;
 use sha2::{Digest, Sha256};
 

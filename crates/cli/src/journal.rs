@@ -2,8 +2,8 @@
 //! search that was broken off goes on where it ended.
 
 use crate::error::input;
-use crate::read;
 use anyhow::{Context, Result};
+use organza_scene::read;
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! The command line: the only crate that opens paths or prints.
+//! The command line: the only crate that prints.
 //!
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
@@ -9,39 +9,23 @@
 //! assert_eq!(code, std::process::ExitCode::SUCCESS);
 //! ```
 
-mod auto_model;
 mod bench;
 mod btf_file;
+mod building;
 mod checkpoint;
-mod cloth_levels;
-mod cloth_object;
 mod commands;
-mod drape;
-mod environment_file;
 mod error;
-mod fabric_file;
-mod fibre_optics;
-mod file_kind;
 mod flags;
 mod identity;
 mod interrupt;
 mod journal;
-mod mitsuba;
-mod optics;
 mod output;
-mod patches;
 mod picture;
 mod process_usage;
 mod progress;
-mod read;
 mod report;
 mod sample_ranges;
-mod scattering;
-mod scene_build;
-mod scene_file;
 mod schedule;
-mod toml_words;
-mod volume_file;
 
 pub use commands::definition as command;
 

@@ -206,7 +206,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
             "{}: cannot write in {}: {}",
             path.display(),
             folder.display(),
-            crate::read::io_words(&e)
+            organza_scene::read::io_words(&e)
         ))),
     }
 }

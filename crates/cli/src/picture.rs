@@ -2,7 +2,7 @@
 //! tone-mapped PNG.
 
 use crate::error::input;
-use crate::{output, read};
+use crate::output;
 use anyhow::{Context, Result};
 use exr::meta::{MetaData, header::Header};
 use exr::prelude::{
@@ -11,6 +11,7 @@ use exr::prelude::{
 };
 use glam::UVec2;
 use organza_basis::Rgb;
+use organza_scene::read;
 use organza_transport::{Film, Pixel};
 use std::collections::BTreeMap;
 use std::path::Path;

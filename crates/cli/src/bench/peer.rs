@@ -1,9 +1,9 @@
 //! Pictures that other programs made of the bench's scenes.
 
 use crate::error::input;
-use crate::read;
 use anyhow::Result;
 use organza_measure::{Cost, NoisyPicture};
+use organza_scene::read;
 use serde::Deserialize;
 use std::path::Path;
 

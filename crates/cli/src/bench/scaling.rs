@@ -1,11 +1,11 @@
 //! How cost grows with size.
 
-use super::choice::{Choice, Model, Tracker};
 use super::stage::{Lit, Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::output;
 use anyhow::{Result, anyhow};
 use organza_measure::{Growth, growth};
+use organza_scene::auto::choice::{Choice, Model, Tracker};
 use serde::Serialize;
 use std::path::Path;
 
@@ -253,7 +253,7 @@ fn with_parallel_lights(scene: &str, count: u32) -> String {
 
 /// The fabric with a tile of more repeats.
 fn write_repeats(sample: &Sample, path: &Path, repeats: u32) -> Result<()> {
-    let text = crate::read::text(&sample.path)?;
+    let text = organza_scene::read::text(&sample.path)?;
     let mut table: toml::Table = toml::from_str(&text)?;
     let mut tile = toml::Table::new();
     let both = [i64::from(repeats); 2].map(toml::Value::Integer);
@@ -266,7 +266,7 @@ fn write_repeats(sample: &Sample, path: &Path, repeats: u32) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::{LightTable, SceneFile};
+    use organza_scene::scene_file::{LightTable, SceneFile};
 
     #[test]
     fn lights_are_put_in_the_place_of_others() {

@@ -1,12 +1,13 @@
 //! Where cloths are looked at: one sample, three distances, two lights.
 
 use crate::error::input;
-use crate::fabric_file::{self, Fabric};
 use crate::{output, picture};
 use anyhow::{Context, Result};
 use glam::UVec2;
 use organza_basis::{Rgb, nearest_name};
-use serde::{Deserialize, Serialize};
+pub use organza_scene::auto::lit::Lit;
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
 use std::path::{Path, PathBuf};
 
 /// Fabrics that the program carries along, the same as in `scenes/fabrics`.
@@ -41,7 +42,7 @@ impl Sample {
     }
 
     fn read(name: &str, path: &Path) -> Result<Sample> {
-        let fabric = fabric_file::load(path, &[])?;
+        let fabric = fabric_file::load(path, &[], &Loader::new())?;
         let path = path
             .canonicalize()
             .with_context(|| path.display().to_string())?;
@@ -104,49 +105,29 @@ impl Found {
     }
 }
 
-/// From which side of the cloth, seen from the camera, light comes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Lit {
-    Front,
-    Back,
+/// The file of the room that lights from a side.
+fn room(lit: Lit) -> String {
+    format!("room-{}.exr", lit.name())
 }
 
-impl Lit {
-    pub const ALL: [Lit; 2] = [Lit::Front, Lit::Back];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Lit::Front => "front",
-            Lit::Back => "back",
-        }
-    }
-
-    /// The file of its room.
-    fn room(self) -> String {
-        format!("room-{}.exr", self.name())
-    }
-
-    /// Radiance of the room all around, rows from the zenith down: a window of
-    /// radiance 1, 26 to 60 degrees off the cloth's normal, in walls of 0.2.
-    fn radiance(self) -> (UVec2, Vec<Rgb>) {
-        let size = UVec2::new(64, 32);
-        let pixel = |i: u32| {
-            let (column, row) = (i % size.x, i / size.x);
-            let off_normal = match self {
-                Lit::Front => row,
-                Lit::Back => size.y - 1 - row,
-            };
-            let is_window = (42..54).contains(&column) && (5..11).contains(&off_normal);
-            match off_normal < size.y / 2 {
-                true if is_window => Rgb::WHITE,
-                true => Rgb::splat(0.2),
-                false => Rgb::BLACK,
-            }
+/// Radiance of the room all around, rows from the zenith down: a window of
+/// radiance 1, 26 to 60 degrees off the cloth's normal, in walls of 0.2.
+fn radiance(lit: Lit) -> (UVec2, Vec<Rgb>) {
+    let size = UVec2::new(64, 32);
+    let pixel = |i: u32| {
+        let (column, row) = (i % size.x, i / size.x);
+        let off_normal = match lit {
+            Lit::Front => row,
+            Lit::Back => size.y - 1 - row,
         };
-        (size, (0..size.element_product()).map(pixel).collect())
-    }
+        let is_window = (42..54).contains(&column) && (5..11).contains(&off_normal);
+        match off_normal < size.y / 2 {
+            true if is_window => Rgb::WHITE,
+            true => Rgb::splat(0.2),
+            false => Rgb::BLACK,
+        }
+    };
+    (size, (0..size.element_product()).map(pixel).collect())
 }
 
 /// Writes the rooms that scenes in a folder show.
@@ -155,8 +136,8 @@ impl Lit {
 /// A file that cannot be written.
 pub fn write_rooms(folder: &Path) -> Result<()> {
     for lit in Lit::ALL {
-        let (size, pixels) = lit.radiance();
-        picture::write_plain(&folder.join(lit.room()), size, &pixels)?;
+        let (size, pixels) = radiance(lit);
+        picture::write_plain(&folder.join(room(lit)), size, &pixels)?;
     }
     Ok(())
 }
@@ -215,7 +196,7 @@ impl View {
              [[light]]\nkind = \"environment\"\nfile = {:?}\n\n\
              [[object]]\nkind = \"cloth\"\nfabric = {fabric:?}\n",
             self.words(),
-            self.lit.room(),
+            room(self.lit),
         )
     }
 }
@@ -233,7 +214,7 @@ pub fn distance_words(pixel_mm: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::SceneFile;
+    use organza_scene::scene_file::SceneFile;
 
     #[test]
     fn scenes_are_scenes_and_a_pixel_is_an_arc_minute() {
@@ -252,7 +233,7 @@ mod tests {
     #[test]
     fn the_window_is_on_one_side() {
         for lit in Lit::ALL {
-            let (size, pixels) = lit.radiance();
+            let (size, pixels) = radiance(lit);
             let half = (size.element_product() / 2) as usize;
             let bright = |p: &[Rgb]| p.iter().filter(|c| **c == Rgb::WHITE).count();
             let (front, back) = pixels.split_at(half);

@@ -1,10 +1,11 @@
 //! One render in a process of its own, as a user would run it: its picture, the
 //! time it took and the most memory it had.
 
+use crate::output;
 use crate::picture;
-use crate::{output, read};
 use anyhow::{Context, Result, anyhow};
 use organza_measure::NoisyPicture;
+use organza_scene::read;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};

@@ -1,13 +1,13 @@
 //! All choices in all views of a fabric.
 
-use super::choice::{Choice, Tracker};
 use super::peer::Peer;
 use super::stage::{Lit, Sample, View};
-use super::table::{Row, Traits};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::output;
 use anyhow::{Result, anyhow};
 use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
+use organza_scene::auto::choice::{Choice, Tracker};
+use organza_scene::auto::table::{Row, Traits};
 use std::path::PathBuf;
 
 /// How much of everything.

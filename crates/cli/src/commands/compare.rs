@@ -1,14 +1,15 @@
 //! `organza compare`
 
 use super::{Command, with_threads};
+use crate::building::watched;
 use crate::error::{InputError, input};
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
-use crate::flags::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
+use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
+use crate::output;
 use crate::output::note;
-use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
 use crate::report::{Judged, Measurement, Picture, Report, display, exposure};
-use crate::{fabric_file, output, read};
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{
@@ -16,6 +17,8 @@ use organza_measure::{
     irawan_layout, measure_albedos, measure_pairs, measure_texture, parse_values, read_klems,
     reciprocity,
 };
+use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::{fabric_file, read};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -35,7 +38,7 @@ pub struct CompareArgs {
     pub outdir: PathBuf,
     /// What to compare; the first is the reference unless --data is
     /// [default: fibres if memory allows, volume, surface if the fabric has one]
-    #[arg(long, value_enum, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = patch_model())]
     pub models: Vec<PatchModel>,
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
     #[arg(long, value_name = "FILE")]
@@ -99,7 +102,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
-        let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+        let fabric = watched(args.common.quiet, |loader| {
+            Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+        })?;
         let models_are_chosen = !models.is_empty();
         if !models_are_chosen {
             models = vec![PatchModel::Fibres, PatchModel::Volume];
@@ -123,14 +128,17 @@ pub fn run(args: &CompareArgs) -> Result<()> {
                 seconds: 0.0,
             });
         }
-        let build = PatchOptions {
-            voxel_um: args.voxel.voxel_um,
-            level: args.level,
-            max_memory_bytes: args.memory.max_memory,
-            quiet: args.common.quiet,
-        };
         for model in models {
-            let patch = match fabric_patch(&fabric, &args.fabric, model, &build) {
+            let patch = watched(args.common.quiet, |loader| {
+                let build = PatchOptions {
+                    loader,
+                    voxel_um: args.voxel.voxel_um,
+                    level: args.level,
+                    max_memory_bytes: args.memory.max_memory,
+                };
+                Ok(fabric_patch(&fabric, &args.fabric, model, &build)?)
+            });
+            let patch = match patch {
                 Err(why) if !models_are_chosen && leaves_out(model, &why, args.common.quiet) => {
                     continue;
                 }

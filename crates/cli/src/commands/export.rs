@@ -1,14 +1,12 @@
 //! `organza export`
 
 use super::{Command, with_threads};
+use crate::building::watched;
 use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
 use crate::flags::values::parse_repeats;
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
-use crate::mitsuba::{self, Tiling};
 use crate::output::note;
-use crate::scene_build::{self, BuildOptions};
-use crate::{output, picture, scene_file};
+use crate::{output, picture};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use glam::DVec3;
@@ -56,6 +54,10 @@ pub struct MitsubaArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 }
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::mitsuba::{self, Tiling};
+use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_file;
 
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> Result<()> {
@@ -76,13 +78,16 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     if folder.exists() {
         output::check_writable(&scene_path)?;
     }
-    let file = scene_file::load(&args.scene, &args.common.set)?;
-    let build = BuildOptions {
-        scene_path: &args.scene,
-        quiet: args.common.quiet,
-        max_memory_bytes: args.memory.max_memory,
-    };
-    let scene = scene_build::scene(&file, &build)?;
+    let (file, scene) = watched(args.common.quiet, |loader| {
+        let file = scene_file::load(&args.scene, &args.common.set, loader)?;
+        let build = BuildOptions {
+            scene_path: &args.scene,
+            loader,
+            max_memory_bytes: args.memory.max_memory,
+        };
+        let scene = scene_build::scene(&file, &build)?;
+        Ok((file, scene))
+    })?;
     let tiling = Tiling {
         repeats: args.repeats,
         around_mm: DVec3::from(file.camera.target_mm),

@@ -2,14 +2,16 @@
 
 use super::{Command, with_threads};
 use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
 use crate::flags::{CommonArgs, set_help};
-use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
-use crate::{auto_model, cloth_object, fabric_file, output, picture, read, volume_file};
+use crate::{output, picture};
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
+use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
+use organza_scene::{auto, cloth_object, fabric_file, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
@@ -95,7 +97,9 @@ fn tell(args: &InfoArgs) -> Result<Value> {
 /// A volume.
 fn volume(format: &Format, path: &Path) -> Result<Value> {
     let mut budget = Budget::new(free_memory_bytes());
-    volume_file::read(path, |source| (format.describe)(source, &mut budget))
+    Ok(volume_file::read(path, &Loader::new(), |source| {
+        (format.describe)(source, &mut budget)
+    })?)
 }
 
 /// A fabric or a scene.
@@ -103,7 +107,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
     if is_scene(path)? {
         return scene_info(path, overrides);
     }
-    let fabric = fabric_file::load(path, overrides)?;
+    let fabric = fabric_file::load(path, overrides, &Loader::new())?;
     if fabric.file.surface.is_some() {
         // What would be refused later is no surface.
         fabric.surface(path)?;
@@ -152,16 +156,22 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
 /// A scene, of which everything is read that can be without making voxels:
 /// what is wrong with it is told as `render` tells it.
 fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
-    let mut file = scene_file::load(path, overrides)?;
+    let loader = &Loader::new();
+    let mut file = scene_file::load(path, overrides, loader)?;
     let fail = |why| input(format!("{}: render.{why}", path.display()));
     file.render.check().map_err(fail)?;
     scene_build::check(&file, path)?;
-    let chosen = auto_model::resolve(&mut file, path)?;
-    scene_build::lights(&file, path)?;
+    let chosen = auto::resolve(&mut file, path, loader)?;
+    scene_build::lights(&file, path, loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
+    let options = BuildOptions {
+        scene_path: path,
+        loader,
+        max_memory_bytes: None,
+    };
     let objects = file.object.iter().enumerate();
     let objects = objects
-        .map(|(i, table)| object_info(table, i, as_fibres, path))
+        .map(|(i, table)| object_info(table, i, as_fibres, &options))
         .collect::<Result<Vec<Value>>>()?;
     let mut told = json!({
         "kind": "scene",
@@ -193,21 +203,17 @@ fn object_info(
     table: &ObjectTable,
     index: usize,
     as_fibres: bool,
-    scene_path: &Path,
+    options: &BuildOptions<'_>,
 ) -> Result<Value> {
     match table {
         ObjectTable::Plane(_) => Ok(json!({ "kind": "plane" })),
         ObjectTable::Grid(t) => {
-            scene_build::grid(t, scene_path, &mut Budget::new(free_memory_bytes()))?;
+            let budget = &mut Budget::new(free_memory_bytes());
+            scene_build::grid(t, options, budget)?;
             Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
         }
         ObjectTable::Cloth(t) => {
-            let options = BuildOptions {
-                scene_path,
-                quiet: true,
-                max_memory_bytes: None,
-            };
-            let model = cloth_object::check(t, index, as_fibres, &options)?;
+            let model = cloth_object::check(t, index, as_fibres, options)?;
             let mut told = json!({ "kind": "cloth", "fabric": t.fabric, "model": model.words() });
             if let Some(mesh) = &t.mesh {
                 told["mesh"] = json!(mesh);

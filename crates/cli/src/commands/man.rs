@@ -2,9 +2,10 @@
 
 use super::Command;
 use crate::error::input;
-use crate::{output, read};
+use crate::output;
 use anyhow::{Context, Result};
 use clap::Args;
+use organza_scene::read;
 use std::path::PathBuf;
 
 /// `organza man`

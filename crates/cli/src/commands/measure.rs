@@ -1,18 +1,16 @@
 //! `organza measure`
 
 use super::{Command, with_threads};
+use crate::building::watched;
 use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
 };
-use crate::flags::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs, set_help};
+use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs, set_help};
 use crate::output::note;
-use crate::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use crate::progress::Progress;
-use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{self, IntegratorName, is_scene};
-use crate::{btf_file, fabric_file, output, read};
+use crate::{btf_file, output};
 use anyhow::{Context, Result};
 use clap::Args;
 use glam::UVec2;
@@ -23,6 +21,12 @@ use organza_measure::{
     measure_texture, parse_incident, parse_pairs, write_albedos, write_klems, write_pairs,
     write_sweep,
 };
+use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_file::{self, IntegratorName, is_scene};
+use organza_scene::{fabric_file, read};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -46,7 +50,7 @@ pub struct MeasureArgs {
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
     /// What stands for the cloth
-    #[arg(long, value_enum, default_value = "volume")]
+    #[arg(long, default_value = "volume", value_parser = patch_model())]
     pub model: PatchModel,
     /// Paths per pair, at least 2; the most of them with --target-error
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
@@ -136,19 +140,20 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     let wanted = wanted(args)?;
     with_threads(&args.common, || {
-        let build = PatchOptions {
-            voxel_um: args.voxel.voxel_um,
-            level: args.level,
-            max_memory_bytes: args.memory.max_memory,
-            quiet: args.common.quiet,
-        };
-        let (patch, grid) = if is_scene(&args.file)? {
-            scene_patch(args)?
-        } else {
-            let fabric = fabric_file::load(&args.file, &args.common.set)?;
+        let (patch, grid) = watched(args.common.quiet, |loader| {
+            if is_scene(&args.file)? {
+                return scene_patch(args, loader);
+            }
+            let build = PatchOptions {
+                loader,
+                voxel_um: args.voxel.voxel_um,
+                level: args.level,
+                max_memory_bytes: args.memory.max_memory,
+            };
+            let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
             let patch = fabric_patch(&fabric, &args.file, args.model, &build)?;
-            (patch, texel_grid(&fabric, args.texels))
-        };
+            Ok((patch, texel_grid(&fabric, args.texels)))
+        })?;
         measure(args, &wanted, &patch, &grid)
     })
 }
@@ -211,8 +216,8 @@ fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
 }
 
 /// The objects of a scene file.
-fn scene_patch(args: &MeasureArgs) -> Result<(AnyPatch, TexelGrid)> {
-    let mut file = scene_file::load(&args.file, &args.common.set)?;
+fn scene_patch(args: &MeasureArgs, loader: &Loader<'_>) -> Result<(AnyPatch, TexelGrid)> {
+    let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
     match args.model {
         PatchModel::Volume => {}
         PatchModel::Fibres => file.render.integrator = IntegratorName::Fibres,
@@ -226,7 +231,7 @@ fn scene_patch(args: &MeasureArgs) -> Result<(AnyPatch, TexelGrid)> {
     }
     let build = BuildOptions {
         scene_path: &args.file,
-        quiet: args.common.quiet,
+        loader,
         max_memory_bytes: args.memory.max_memory,
     };
     let scene = scene_build::scene(&file, &build)?;

@@ -66,7 +66,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let limit = args
         .memory
         .max_memory
-        .unwrap_or_else(crate::fabric_file::free_memory_bytes);
+        .unwrap_or_else(organza_scene::memory::free_memory_bytes);
     let mut merged: Option<Part<'_>> = None;
     for path in &args.parts {
         let part = load(path, limit)?;

@@ -1,29 +1,31 @@
 //! `organza render`
 
 use super::{Command, with_threads};
-use crate::auto_model::{self, Chosen};
+use crate::building::watched;
 use crate::checkpoint;
 use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
 use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
 use crate::identity::{self, Identity, crop_words};
 use crate::interrupt;
+use crate::output;
 use crate::output::note;
 use crate::picture::{self, Attribute, PictureKind};
 use crate::process_usage::{cpu_seconds, peak_memory_bytes};
 use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
 use crate::sample_ranges::parse_range;
-use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{self, SceneFile};
 use crate::schedule::{Next, Schedule, Stop, Targets};
-use crate::{output, read};
 use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
+use organza_scene::auto::{self, Chosen};
+use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_file::{self, SceneFile};
 use organza_transport::{
     Backend, Crop, Film, Integrator, Kernel, KernelRefusal, Pixel, RenderError, RenderSettings,
     Rendering, Scene, flatten,
@@ -148,29 +150,14 @@ fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
 
 fn render_scene(args: &RenderArgs) -> Result<()> {
     let started = Instant::now();
-    let mut file = scene_file::load(&args.scene, &args.common.set)?;
-    if let Some(spp) = args.spp {
-        file.render.spp = spp;
-    }
-    if let Some(seed) = args.seed {
-        file.render.seed = seed;
-    }
-    if let Some(clamp) = args.clamp {
-        file.render.clamp = Some(clamp as f32);
-    }
-    check(args, &file)?;
-    let most_bytes = memory_beside_film(args, &file)?;
-    let chosen = auto_model::resolve(&mut file, &args.scene)?;
-    if !args.common.quiet {
-        auto_model::say(&args.scene, &chosen);
-    }
-    let build = BuildOptions {
-        scene_path: &args.scene,
-        quiet: args.common.quiet,
-        max_memory_bytes: Some(most_bytes),
-    };
-    let inputs_before = read::input_count();
-    let scene = scene_build::scene(&file, &build)?;
+    let built = watched(args.common.quiet, |loader| build(args, loader))?;
+    let Built {
+        file,
+        scene,
+        chosen,
+        most_bytes,
+        inputs,
+    } = built;
     let settings = settings(args, &file, &scene)?;
     let kernel = kernel(args, &file, &scene, &settings, most_bytes)?;
     let refusal = kernel.as_ref().err().copied();
@@ -186,7 +173,6 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         Some(limit) => rendering.with_clamp(limit),
         None => rendering,
     };
-    let inputs = read::inputs_after(inputs_before);
     let identity = Identity {
         scene: identity::scene_digest(&file, &inputs, rendering.kernel().is_some()),
         seed: file.render.seed,
@@ -239,8 +225,57 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
+/// A scene that is ready to be rendered.
+struct Built {
+    file: SceneFile,
+    scene: Scene,
+    chosen: Vec<Chosen>,
+    /// Memory that the film leaves.
+    most_bytes: u64,
+    /// Digests of the files that the scene names, sorted.
+    inputs: Vec<[u8; 32]>,
+}
+
+fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
+    let mut file = scene_file::load(&args.scene, &args.common.set, loader)?;
+    if let Some(spp) = args.spp {
+        file.render.spp = spp;
+    }
+    if let Some(seed) = args.seed {
+        file.render.seed = seed;
+    }
+    if let Some(clamp) = args.clamp {
+        file.render.clamp = Some(clamp as f32);
+    }
+    check(args, &file, loader)?;
+    let most_bytes = memory_beside_film(args, &file)?;
+    let chosen = auto::resolve(&mut file, &args.scene, loader)?;
+    if !args.common.quiet {
+        for chosen in &chosen {
+            note!("{}: {chosen}", args.scene.display());
+        }
+    }
+    let build = BuildOptions {
+        scene_path: &args.scene,
+        loader,
+        max_memory_bytes: Some(most_bytes),
+    };
+    let inputs_before = loader.inputs().len();
+    let scene = scene_build::scene(&file, &build)?;
+    let read = loader.inputs();
+    let mut inputs: Vec<_> = read[inputs_before..].iter().map(|i| i.digest).collect();
+    inputs.sort_unstable();
+    Ok(Built {
+        file,
+        scene,
+        chosen,
+        most_bytes,
+        inputs,
+    })
+}
+
 /// Refuses before anything is voxelized what can be told by then.
-fn check(args: &RenderArgs, file: &SceneFile) -> Result<()> {
+fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()> {
     let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
     file.render.check().map_err(fail)?;
     scene_build::check(file, &args.scene)?;
@@ -255,9 +290,7 @@ fn check(args: &RenderArgs, file: &SceneFile) -> Result<()> {
     if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
         checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;
     }
-    if !args.common.quiet {
-        scene_build::tell_of_emptiness(file, &args.scene);
-    }
+    scene_build::warn_of_emptiness(file, &args.scene, loader);
     Ok(())
 }
 

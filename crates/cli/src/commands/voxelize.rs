@@ -1,8 +1,8 @@
 //! `organza voxelize`
 
 use super::{Command, with_threads};
+use crate::building::watched;
 use crate::error::input;
-use crate::fabric_file::{self, Fabric};
 use crate::flags::values::{parse_level, whole};
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
@@ -10,6 +10,8 @@ use crate::output::note;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_scatter::FlakeMaterials;
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
 use organza_volume::format::{self, FORMATS, Format, Voxels, WriteOption};
 use organza_volume::{Footprint, Octree};
 use std::path::PathBuf;
@@ -109,23 +111,7 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
 
 fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     let started = std::time::Instant::now();
-    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
-    fabric.tell_warnings(&args.fabric, args.common.quiet);
-    let plan = fabric.plan(
-        &args.fabric,
-        Footprint::Covered,
-        args.voxel.voxel_um,
-        args.levels,
-        args.memory.max_memory,
-    )?;
-    let levels = plan.level_count();
-    if args.level >= levels {
-        return Err(input(format!(
-            "--level {}: the octree has {levels} levels, from 0",
-            args.level
-        )));
-    }
-    let octree = fabric_file::voxelize_planned(&args.fabric, &plan, args.common.quiet)?;
+    let (fabric, octree) = watched(args.common.quiet, |loader| octree(args, loader))?;
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
@@ -140,6 +126,26 @@ fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
         );
     }
     Ok(())
+}
+
+fn octree(args: &VoxelizeArgs, loader: &Loader<'_>) -> Result<(Fabric, Octree)> {
+    let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+    let plan = fabric.plan(
+        &args.fabric,
+        Footprint::Covered,
+        args.voxel.voxel_um,
+        args.levels,
+        args.memory.max_memory,
+    )?;
+    let levels = plan.level_count();
+    if args.level >= levels {
+        return Err(input(format!(
+            "--level {}: the octree has {levels} levels, from 0",
+            args.level
+        )));
+    }
+    let octree = fabric_file::voxelize_planned(&args.fabric, &plan, loader)?;
+    Ok((fabric, octree))
 }
 
 fn write(

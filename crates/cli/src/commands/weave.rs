@@ -2,13 +2,15 @@
 
 use super::Command;
 use crate::error::input;
-use crate::fabric_file::{self, Fabric};
 use crate::flags::CommonArgs;
 use crate::flags::values::whole;
 use crate::output::note;
-use crate::{file_kind, output, picture, read};
+use crate::{output, picture};
 use anyhow::{Context, Result};
 use clap::Args;
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
+use organza_scene::{file_kind, read};
 use organza_weave::{Draft, Level, Picture, curve_file};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +82,9 @@ impl Subject {
                 .map(Subject::Draft)
                 .map_err(|e| input(format!("{}: {e}", path.display()))),
             Some("toml") => Ok(Subject::Fabric(Box::new(fabric_file::load(
-                path, overrides,
+                path,
+                overrides,
+                &Loader::new(),
             )?))),
             _ if word.contains(['.', '/', '\\']) || path.exists() => Err(no_draft(word, path)),
             _ => Draft::named(word)

@@ -1,11 +1,9 @@
 //! Flags that several commands share. The flags of one command stand in its
 //! own file below `commands`.
 
-mod patch_model;
+pub mod patch_model;
 pub mod set_help;
 pub mod values;
-
-pub use patch_model::PatchModel;
 
 use clap::Args;
 use values::{parse_bytes, parse_micrometres, whole};

@@ -1,29 +1,11 @@
-//! The models that a patch of cloth can be measured as.
+//! The names of what can stand for a cloth, as values of flags.
 
-/// What stands for the cloth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum PatchModel {
-    /// Its fibres as the fabric's [scattering] says, micro-flakes if nothing
-    Volume,
-    /// Every fibre of the fabric, as it is: the ground truth of the others
-    Fibres,
-    /// Virtual scattering off fibres among others
-    Packed,
-    /// Virtual scattering off points, in the far field
-    Plain,
-    /// The reflectance model of the fabric's [surface] section
-    Surface,
-}
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use organza_scene::patches::PatchModel;
 
-impl PatchModel {
-    /// Its name in files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            PatchModel::Volume => "volume",
-            PatchModel::Fibres => "fibres",
-            PatchModel::Packed => "packed",
-            PatchModel::Plain => "plain",
-            PatchModel::Surface => "surface",
-        }
-    }
+/// A reader of the names of models.
+pub fn patch_model() -> impl TypedValueParser<Value = PatchModel> {
+    let values = PatchModel::ALL.map(|m| PossibleValue::new(m.name()).help(m.help()));
+    PossibleValuesParser::new(values)
+        .try_map(|name| PatchModel::named(&name).ok_or("expected the name of a model"))
 }

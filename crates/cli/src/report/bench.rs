@@ -1,11 +1,11 @@
 //! The report of speed against error.
 
-use crate::bench::choice::{Choice, Model};
 use crate::bench::scaling::Series;
 use crate::bench::stage::{Sample, View, distance_words};
-use crate::bench::table::{Candidate, Recommendation, candidates, recommend};
 use crate::bench::try_all::{Plan, Tried, ViewResult};
 use organza_measure::{Cost, Figure, Growth, pareto_front};
+use organza_scene::auto::choice::{Choice, Model};
+use organza_scene::auto::table::{Candidate, Recommendation, candidates, recommend};
 use serde_json::{Value, json};
 use std::fmt::Write;
 

@@ -6,11 +6,11 @@ use super::bench::{
 };
 use super::plot::{Axis, Line, Mark, log_log};
 use super::{Picture, STYLE, data_url, display, escape, exposure, svg};
-use crate::bench::choice::Model;
 use crate::bench::stage::Sample;
 use crate::bench::try_all::ViewResult;
 use anyhow::Result;
 use organza_measure::{Cost, Figure, NoisyPicture, pareto_front};
+use organza_scene::auto::choice::Model;
 use std::fmt::Write;
 
 impl BenchReport<'_> {

@@ -1,23 +1,24 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
 use super::{FitArgs, effort, finish, options, table};
+use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
-use crate::fabric_file::{self, Fabric};
-use crate::file_kind::Wanted;
-use crate::flags::PatchModel;
 use crate::journal::FileJournal;
 use crate::output::note;
-use crate::patches::{AnyPatch, Matter, PatchOptions};
 use crate::progress::Progress;
-use crate::scattering::{ScatteringModel, ScatteringTable};
-use crate::{optics, read};
 use anyhow::Result;
 use organza_basis::Rgb;
 use organza_measure::fit::{Bound, Patience, determine, search};
 use organza_measure::{
     Angles, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
 };
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::file_kind::Wanted;
+use organza_scene::loader::Loader;
+use organza_scene::patches::{AnyPatch, Matter, PatchModel};
+use organza_scene::scattering::{ScatteringModel, ScatteringTable};
+use organza_scene::{optics, read};
 use organza_transport::FibreEvent;
 use serde_json::json;
 use std::collections::BTreeSet;
@@ -112,7 +113,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .ok_or_else(|| input("--data: expected measured values"))?;
     let observed = Observed::read(path)?;
     let values = observed.values();
-    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let unwatched = Loader::new();
+    let fabric = watched(args.common.quiet, |loader| {
+        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    })?;
     let model = model(args, &fabric)?;
     let bounds = bounds(model, &fabric);
     let mut given_way = optics_given_way(args, model, &yarns(&fabric))?;
@@ -125,10 +129,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let key = json!([volume, values, how]).to_string();
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
     let mut failure = None;
-    let quiet = PatchOptions {
-        quiet: true,
-        ..options(args)
-    };
+    let options = options(args, &unwatched);
     // Colour and roughness change no voxel; the last density comes first.
     let mut matter: Option<(f64, Matter)> = None;
     // What is expected of errors is the same everywhere, lest the search end
@@ -137,14 +138,17 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut residuals = |place: &[f64]| {
         let found = journal.once(place, || {
             let keys = keys(args, model, &fabric, &bounds, place);
-            let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys)?;
+            let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys, &unwatched)?;
             let density = place.last().copied().unwrap_or(1.0);
             let same = matter.take().filter(|(d, _)| *d == density);
             let (_, matter) = matter.insert(match same {
                 Some(same) => same,
-                None => (density, Matter::new(&changed, &args.fabric, model, &quiet)?),
+                None => (
+                    density,
+                    Matter::new(&changed, &args.fabric, model, &options)?,
+                ),
             });
-            let patch = matter.patch(&changed, &args.fabric, &quiet)?;
+            let patch = matter.patch(&changed, &args.fabric, &options)?;
             Ok(observed.simulate(args, &patch)?.concat())
         });
         // A fabric whose yarns do not fit is no answer; what went wrong is told
@@ -312,7 +316,7 @@ pub fn optics_given_way(
     model: PatchModel,
     yarns: &[String],
 ) -> Result<Vec<String>> {
-    let own: Table = read::toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+    let own: Table = Loader::new().toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
     let given_way: &[&str] = match model {
         PatchModel::Volume => &["gamma", "sin_power"],
         _ => &["absorption_per_mm", "fitted"],

@@ -1,7 +1,8 @@
 //! `organza fit`
 
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
-use crate::flags::{CommonArgs, MemoryArgs, PatchModel, VoxelArgs};
+use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
 mod fibres;
@@ -10,13 +11,15 @@ mod surface;
 
 use super::{Command, with_threads};
 use crate::error::input;
-use crate::file_kind::Wanted;
+use crate::output;
 use crate::output::note;
-use crate::patches::PatchOptions;
-use crate::{output, read};
 use anyhow::{Context, Result};
 use organza_measure::Effort;
 use organza_measure::fit::Determined;
+use organza_scene::file_kind::Wanted;
+use organza_scene::loader::Loader;
+use organza_scene::patches::{PatchModel, PatchOptions};
+use organza_scene::read;
 use serde_json::json;
 use std::fmt::Write as _;
 use toml::{Table, Value};
@@ -40,7 +43,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "FILE", required_if_eq_any([("what", "fibres"), ("what", "picture")]))]
     pub data: Option<PathBuf>,
     /// What stands for the volume
-    #[arg(long, value_enum, default_value = "volume")]
+    #[arg(long, default_value = "volume", value_parser = patch_model())]
     pub model: PatchModel,
     /// Paths per pair of the volume, or per texel of a picture, at least 2
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
@@ -120,12 +123,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
     })
 }
 
-fn options(args: &FitArgs) -> PatchOptions {
+fn options<'a>(args: &FitArgs, loader: &'a Loader<'a>) -> PatchOptions<'a> {
     PatchOptions {
+        loader,
         voxel_um: args.voxel.voxel_um,
         level: 0,
         max_memory_bytes: args.memory.max_memory,
-        quiet: args.common.quiet,
     }
 }
 
@@ -142,7 +145,8 @@ fn effort(args: &FitArgs) -> Effort {
 fn table(args: &FitArgs, removed: &[String], overrides: &[String]) -> Result<Table> {
     let mut keys = args.common.set.clone();
     keys.extend_from_slice(overrides);
-    let mut table: Table = read::toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
+    let mut table: Table =
+        Loader::new().toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
     if let Some(Value::Table(draft)) = table.get_mut("draft") {
         for key in ["wif", "curves"] {
             if let Some(Value::String(name)) = draft.get_mut(key) {

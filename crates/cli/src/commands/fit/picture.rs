@@ -2,11 +2,9 @@
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, roughness, yarns};
 use super::{FitArgs, finish, options, table};
+use crate::building::watched;
 use crate::error::input;
-use crate::fabric_file::{self, Fabric};
-use crate::patches::{Matter, texel_grid};
 use crate::progress::Progress;
-use crate::{environment_file, read};
 use anyhow::Result;
 use glam::UVec2;
 use image::{ImageFormat, ImageReader, Limits};
@@ -15,6 +13,10 @@ use organza_measure::fit::Determined;
 use organza_measure::{
     Angles, Pair, PictureSearch, PictureStatistics, TexelGrid, match_picture, measure_texture,
 };
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
+use organza_scene::patches::{Matter, texel_grid};
+use organza_scene::{environment_file, read};
 use std::f64::consts::FRAC_1_PI;
 use std::io::Cursor;
 use std::path::Path;
@@ -46,7 +48,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
             return Err(input(format!("{flag}: {why}")));
         }
     }
-    let fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let fabric = watched(args.common.quiet, |loader| {
+        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    })?;
     let (size, pixels) = read_picture(path).map_err(input)?;
     let (size, pixels) = shrunk(size, &pixels);
     let none = vec![[0.0; 3]; pixels.len()];
@@ -67,7 +71,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
     }
     let model = model(args, &fabric)?;
-    let matter = Matter::new(&fabric, &args.fabric, model, &options(args))?;
+    let matter = watched(args.common.quiet, |loader| {
+        let options = options(args, loader);
+        Ok(Matter::new(&fabric, &args.fabric, model, &options)?)
+    })?;
     let yarns = yarns(&fabric);
     let given_way = optics_given_way(args, model, &yarns)?;
     let (key, width, start) = roughness(model);
@@ -95,12 +102,17 @@ pub fn run(args: &FitArgs) -> Result<()> {
     };
     let progress = Progress::new("fitting", u64::from(TURNS) * 8, args.common.quiet);
     let mut count = 0;
+    let unwatched = Loader::new();
     let mut simulate = |colour: [f64; 3], rough: f64| -> Result<PictureStatistics> {
         count += 1;
         progress.at(count);
-        let changed =
-            fabric_file::load_changed(&args.fabric, &given_way, &keys(colour, rough, &fabric))?;
-        let patch = matter.patch(&changed, &args.fabric, &options(args))?;
+        let changed = fabric_file::load_changed(
+            &args.fabric,
+            &given_way,
+            &keys(colour, rough, &fabric),
+            &unwatched,
+        )?;
+        let patch = matter.patch(&changed, &args.fabric, &options(args, &unwatched))?;
         let texture = measure_texture(&patch, pair, &grid, args.spp, args.seed)?;
         Ok(PictureStatistics::of(&texture))
     };
@@ -141,13 +153,13 @@ fn read_picture(path: &Path) -> Result<(UVec2, Vec<Rgb>), String> {
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("png"));
     if !is_png {
-        return environment_file::decode(path);
+        return environment_file::decode(path, &Loader::new());
     }
     let fail = |why: &str| format!("file: {}: {why}", path.display());
     let bytes = read::bytes_or_why(path).map_err(|e| fail(&read::io_words(&e)))?;
     let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
     let mut limits = Limits::default();
-    limits.max_alloc = Some(fabric_file::free_memory_bytes() / 4);
+    limits.max_alloc = Some(organza_scene::memory::free_memory_bytes() / 4);
     reader.limits(limits);
     let picture = reader.decode().map_err(|e| fail(&e.to_string()))?;
     let picture = picture.into_rgb32f();

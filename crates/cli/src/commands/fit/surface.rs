@@ -2,11 +2,10 @@
 //! values.
 
 use super::{FitArgs, effort, finish, options, table};
+use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
-use crate::fabric_file;
 use crate::journal::FileJournal;
-use crate::patches::{AnyPatch, fabric_patch};
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use organza_basis::Rgb;
@@ -15,6 +14,8 @@ use organza_measure::{
     Angles, Effort, Measured, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout,
     measure_albedos, measure_pairs,
 };
+use organza_scene::fabric_file;
+use organza_scene::patches::{AnyPatch, fabric_patch};
 use organza_surface::MeasuredTransmission;
 use serde_json::json;
 use toml::Value;
@@ -28,7 +29,9 @@ const STRIDE: f64 = 1e-3;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
-    let mut fabric = fabric_file::load(&args.fabric, &args.common.set)?;
+    let mut fabric = watched(args.common.quiet, |loader| {
+        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    })?;
     // A fabric without the section gets one.
     fabric.file.surface.get_or_insert_default();
     let fabric = fabric;
@@ -39,7 +42,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let data = match &args.data {
         Some(path) => read_data(path)?,
         None => {
-            let patch = fabric_patch(&fabric, &args.fabric, args.model, &options(args))?;
+            let patch = watched(args.common.quiet, |loader| {
+                let options = options(args, loader);
+                Ok(fabric_patch(&fabric, &args.fabric, args.model, &options)?)
+            })?;
             let (data, told) = measure(args, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
             let fitted = told.fit().map_err(|e| input(e.to_string()))?;

@@ -2,18 +2,17 @@
 
 use crate::cloth_levels::{Levels, Place};
 use crate::drape;
-use crate::error::input;
-use crate::fabric_file::{Fabric, free_memory_bytes, load, voxelize_planned};
+use crate::error::{Result, input};
+use crate::fabric_file::{Fabric, load, voxelize_planned};
 use crate::fibre_optics;
+use crate::memory::free_memory_bytes;
 use crate::read;
 use crate::scattering::ScatteringModel;
 use crate::scene_build::BuildOptions;
 use crate::scene_file::{ClothTable, Lod, LodName};
-use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_transport::{AnyMedium, Camera, FibreEvent, LocalVisibility};
 use organza_volume::Plan;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
@@ -30,11 +29,16 @@ fn fabric_and_model(
     table: &ClothTable,
     index: usize,
     as_fibres: bool,
-    scene_path: &Path,
+    options: &BuildOptions<'_>,
 ) -> Result<(Fabric, ScatteringModel)> {
+    let scene_path = options.scene_path;
     let fail = |why: &str| input(format!("{}: object[{index}]{why}", scene_path.display()));
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
-    let mut fabric = load(&read::beside(scene_path, &table.fabric), &own_seed)?;
+    let mut fabric = load(
+        &read::beside(scene_path, &table.fabric),
+        &own_seed,
+        options.loader,
+    )?;
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!(".optics{why}")))?;
@@ -103,7 +107,7 @@ pub fn check(
     as_fibres: bool,
     options: &BuildOptions<'_>,
 ) -> Result<ScatteringModel> {
-    let (fabric, model) = fabric_and_model(table, index, as_fibres, options.scene_path)?;
+    let (fabric, model) = fabric_and_model(table, index, as_fibres, options)?;
     drape::mesh(table, index, options)?;
     let path = read::beside(options.scene_path, &table.fabric);
     match model {
@@ -132,10 +136,9 @@ pub fn medium(
         let scene = options.scene_path.display();
         input(format!("{scene}: object[{index}]{why}"))
     };
-    let (fabric, model) = fabric_and_model(table, index, as_fibres, options.scene_path)?;
-    fabric.tell_warnings(&path, options.quiet);
+    let (fabric, model) = fabric_and_model(table, index, as_fibres, options)?;
     if model == ScatteringModel::Explicit {
-        return fabric.explicit_fibres(&path, options.max_memory_bytes, options.quiet);
+        return fabric.explicit_fibres(&path, options.max_memory_bytes, options.loader);
     }
     let lod = match model {
         ScatteringModel::Surface => Lod::Name(LodName::Surface),
@@ -146,7 +149,8 @@ pub fn medium(
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
         max_memory_bytes: options.max_memory_bytes.unwrap_or_else(free_memory_bytes),
-        quiet: options.quiet,
+        loader: options.loader,
+        scene_path: options.scene_path,
     };
     if lod == Lod::Name(LodName::Surface) {
         return place
@@ -154,7 +158,7 @@ pub fn medium(
             .ok_or_else(|| fail(".fabric: its tile has no volume"));
     }
     let plan = plan(&fabric, model, table, index, options)?;
-    let octree = Arc::new(voxelize_planned(&path, &plan, options.quiet)?);
+    let octree = Arc::new(voxelize_planned(&path, &plan, options.loader)?);
     if mesh.is_some() && !octree.repeats() {
         return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
     }
@@ -188,7 +192,7 @@ pub fn medium(
             return Ok(Some(AnyMedium::Fibres(medium)));
         }
         let (corner_mm, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(level));
-        let fibres = fabric.trace_fibres(&path, options.max_memory_bytes, options.quiet)?;
+        let fibres = fabric.trace_fibres(&path, options.max_memory_bytes, options.loader)?;
         let (materials, seed) = (octree.material_count(), fabric.file.seed);
         let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
             .map_err(|e| input(format!("{}: {e}", path.display())))?;

@@ -3,7 +3,7 @@
 //! "auto"`.
 
 use super::choice::{Choice, Model, Tracker};
-use super::stage::Lit;
+use super::lit::Lit;
 use crate::fabric_file::Fabric;
 use organza_basis::Rgb;
 use organza_measure::{Cost, Figure};
@@ -80,14 +80,21 @@ impl Traits {
 /// One choice in one view of one fabric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
+    /// Name of the fabric.
     pub fabric: String,
+    /// What the fabric is like.
     pub traits: Traits,
+    /// Width of a pixel on the cloth.
     pub pixel_mm: f64,
+    /// Where light comes from.
     pub lit: Lit,
+    /// What was tried.
     pub choice: Choice,
     /// Noise-free error of a pixel, as a share of the picture's mean.
     pub rmse: Figure,
+    /// Error of the mean, as a share of it.
     pub bias: Figure,
+    /// Time and memory.
     pub cost: Cost,
 }
 
@@ -178,6 +185,7 @@ fn row(line: &str) -> Option<Row> {
 /// What is known of a choice for everything that a view asks for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Candidate {
+    /// What is chosen.
     pub choice: Choice,
     /// The largest of its errors.
     pub rmse: Figure,
@@ -188,6 +196,7 @@ pub struct Candidate {
 /// What to take, and why.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Recommendation {
+    /// The choice with its errors and costs.
     pub taken: Candidate,
     /// Seconds until the picture is within the tolerance; none when nothing
     /// gets there and the least wrong was taken.

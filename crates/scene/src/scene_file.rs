@@ -1,10 +1,11 @@
 //! The scene file, as written in TOML.
 
+use crate::error::Result;
 use crate::file_kind::Wanted;
+use crate::loader::Loader;
 use crate::optics::OpticsFile;
 use crate::read;
 use crate::scattering::ScatteringTable;
-use anyhow::Result;
 use organza_transport::{FibreEvent, Integrator};
 use serde::Deserialize;
 use std::path::Path;
@@ -23,9 +24,9 @@ pub fn is_scene(path: &Path) -> Result<bool> {
 /// Reads a scene file, with `key.path=value` overrides.
 ///
 /// # Errors
-/// Says what a file of another kind is, and as [`read::toml_of`].
-pub fn load(path: &Path, overrides: &[String]) -> Result<SceneFile> {
-    read::toml_of(path, overrides, Wanted::Scene)
+/// Says what a file of another kind is, and as [`read::toml_changed`].
+pub fn load(path: &Path, overrides: &[String], loader: &Loader<'_>) -> Result<SceneFile> {
+    loader.toml_of(path, overrides, Wanted::Scene)
 }
 
 /// A whole scene file.
@@ -49,9 +50,13 @@ pub struct SceneFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderTable {
+    /// How paths find their way.
     pub integrator: IntegratorName,
+    /// Samples of a pixel.
     pub spp: u32,
+    /// Scattering events of a path at most; no limit if none.
     pub max_bounces: Option<u32>,
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Stops of exposure for pictures that are not linear.
     pub exposure: f32,
@@ -92,10 +97,13 @@ impl RenderTable {
     }
 }
 
+/// `integrator`
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum IntegratorName {
+    /// Delta tracking.
     Woodcock,
+    /// Steps from voxel to voxel; exact.
     Regular,
     /// Every cloth as explicit fibres, whatever its `model`.
     Fibres,
@@ -115,10 +123,14 @@ impl From<IntegratorName> for Integrator {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraTable {
+    /// Its projection.
     #[serde(default)]
     pub kind: CameraKind,
+    /// Where it stands.
     pub origin_mm: [f64; 3],
+    /// The point in the middle of the picture.
     pub target_mm: [f64; 3],
+    /// The direction that is up in the picture.
     #[serde(default = "up")]
     pub up: [f64; 3],
     /// Orthographic: width of the picture on the film plane.
@@ -134,8 +146,10 @@ pub struct CameraTable {
     pub focus_mm: Option<f64>,
     /// With `f_number`: width of the sensor, 36 if none.
     pub sensor_width_mm: Option<f64>,
+    /// Pixels, width and height.
     #[serde(default = "resolution")]
     pub resolution: [u32; 2],
+    /// How samples spread over pixels.
     #[serde(default)]
     pub filter: FilterName,
 }
@@ -148,12 +162,16 @@ fn resolution() -> [u32; 2] {
     [512, 512]
 }
 
+/// `kind` of a camera.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum CameraKind {
+    /// Parallel rays.
     #[default]
     Orthographic,
+    /// A pinhole.
     Perspective,
+    /// A lens that focuses at one distance.
     ThinLens,
 }
 
@@ -168,12 +186,16 @@ impl CameraKind {
     }
 }
 
+/// `filter` of a camera.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterName {
+    /// Constant over the pixel.
     #[default]
     Box,
+    /// Falls linearly to the neighbouring pixels' centres.
     Tent,
+    /// A Gaussian of half a pixel.
     Gaussian,
 }
 
@@ -181,18 +203,27 @@ pub enum FilterName {
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum LightTable {
+    /// Parallel light.
     Directional {
+        /// The direction that the light travels.
         direction: [f32; 3],
+        /// Through a plane perpendicular to the direction.
         irradiance: [f32; 3],
     },
+    /// Light from all around.
     Environment(EnvironmentTable),
+    /// A luminous rectangle.
     Rectangle {
+        /// One of its corners.
         corner_mm: [f32; 3],
         /// The two edges that start at the corner; light goes to the side of
         /// their cross product.
         edge_u_mm: [f32; 3],
+        /// The second edge.
         edge_v_mm: [f32; 3],
+        /// Radiance it sends out.
         radiance: [f32; 3],
+        /// Whether it shines to both sides.
         #[serde(default)]
         two_sided: bool,
     },
@@ -202,7 +233,9 @@ pub enum LightTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentTable {
+    /// The same from everywhere.
     pub radiance: Option<[f32; 3]>,
+    /// From which half of all directions.
     pub hemisphere: Option<HemisphereName>,
     /// An equirectangular picture (.exr, .hdr).
     pub file: Option<String>,
@@ -215,12 +248,16 @@ pub struct EnvironmentTable {
     pub rotation_deg: Option<f32>,
 }
 
+/// `hemisphere` of an environment.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum HemisphereName {
+    /// All directions.
     #[default]
     All,
+    /// From z > 0.
     Front,
+    /// From z < 0.
     Back,
 }
 
@@ -228,8 +265,11 @@ pub enum HemisphereName {
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ObjectTable {
+    /// Grids of matter.
     Grid(GridTable),
+    /// A cloth.
     Cloth(ClothTable),
+    /// An opaque plane.
     Plane(PlaneTable),
 }
 
@@ -237,6 +277,7 @@ pub enum ObjectTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneTable {
+    /// A point of it.
     pub position_mm: [f32; 3],
     /// The side that shines, +z if none.
     pub normal: Option<[f32; 3]>,
@@ -246,14 +287,20 @@ pub struct PlaneTable {
     pub radiance: Option<[f32; 3]>,
 }
 
+/// A medium from Mitsuba `.vol` grids.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GridTable {
+    /// File of the extinction, one channel, 1/mm.
     pub extinction: String,
+    /// File of the matrices, six channels: xx yy zz xy xz yz.
     pub sggx: String,
+    /// Single-scattering albedo.
     pub albedo: AlbedoValue,
+    /// Between the samples of the grids.
     #[serde(default)]
     pub interpolation: InterpolationName,
+    /// Whether it repeats without end in x and y.
     #[serde(default)]
     pub repeat_xy: bool,
     /// Where a repeated grid is: x and y of two corners; without end if none.
@@ -267,18 +314,24 @@ pub struct GridTable {
     expecting = "expected three numbers from 0 to 1, or the name of a 3-channel .vol file"
 )]
 pub enum AlbedoValue {
+    /// One colour everywhere.
     Colour([f32; 3]),
+    /// A file of three channels.
     File(String),
 }
 
+/// `interpolation` of a grid.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum InterpolationName {
+    /// Constant in a cell.
     #[default]
     Nearest,
+    /// Linear between the centres of cells.
     Trilinear,
 }
 
+/// A cloth: a fabric, laid where the scene says.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClothTable {
@@ -297,6 +350,7 @@ pub struct ClothTable {
     /// How fibres scatter, before what the fabric says of it.
     #[serde(default)]
     pub optics: OpticsFile,
+    /// Level of detail.
     #[serde(default)]
     pub lod: Lod,
     /// With model = "auto": error of a pixel, a share of the picture's mean, that
@@ -327,11 +381,14 @@ impl ClothTable {
     }
 }
 
+/// `model` of a cloth.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum ModelName {
+    /// Micro-flakes.
     #[default]
     Microflake,
+    /// Virtual scattering off fibres.
     VirtualScattering,
     /// Every fibre, as it is.
     Fibres,
@@ -383,7 +440,9 @@ impl From<EventName> for FibreEvent {
     expecting = "expected \"auto\", \"volume\", \"surface\" or a level (0 the finest)"
 )]
 pub enum Lod {
+    /// A level of the octree.
     Level(u8),
+    /// A name.
     Name(LodName),
 }
 
@@ -393,6 +452,7 @@ impl Default for Lod {
     }
 }
 
+/// `lod`, a name.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum LodName {

@@ -86,11 +86,13 @@ impl Tracker {
 /// One of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
+    /// What stands for the cloth.
     pub model: Model,
     /// Edge of the finest voxels over the fabric's own; 1 of models without.
     pub voxel_scale: f32,
     /// Level of detail; 0 of models without.
     pub level: u8,
+    /// How paths find their way.
     pub tracker: Tracker,
 }
 

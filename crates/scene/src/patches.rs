@@ -1,10 +1,9 @@
 //! Patches to measure: what stands for the cloth of a fabric file.
 
-use crate::error::input;
+use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
-use crate::flags::PatchModel;
+use crate::loader::Loader;
 use crate::scattering::{ScatteringModel, ScatteringTable};
-use anyhow::Result;
 use glam::{DVec3, UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
@@ -20,15 +19,72 @@ pub type AnyPatch = Box<dyn PatchResponse>;
 
 /// How to make the volume.
 #[derive(Clone, Copy, Debug)]
-pub struct PatchOptions {
+pub struct PatchOptions<'a> {
+    /// Reports progress.
+    pub loader: &'a Loader<'a>,
     /// Edge of the finest voxels; the fabric's own if none.
     pub voxel_um: Option<f32>,
     /// Level of detail.
     pub level: u8,
     /// Limit on memory.
     pub max_memory_bytes: Option<u64>,
-    /// No progress.
-    pub quiet: bool,
+}
+
+/// What stands for a cloth that is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PatchModel {
+    /// Its fibres as the fabric's `[scattering]` says, micro-flakes if nothing.
+    Volume,
+    /// Every fibre of the fabric, as it is: the ground truth of the others.
+    Fibres,
+    /// Virtual scattering off fibres among others.
+    Packed,
+    /// Virtual scattering off points, in the far field.
+    Plain,
+    /// The reflectance model of the fabric's `[surface]` section.
+    Surface,
+}
+
+impl PatchModel {
+    /// All of them.
+    pub const ALL: [PatchModel; 5] = [
+        PatchModel::Volume,
+        PatchModel::Fibres,
+        PatchModel::Packed,
+        PatchModel::Plain,
+        PatchModel::Surface,
+    ];
+
+    /// The model of a name.
+    pub fn named(name: &str) -> Option<PatchModel> {
+        PatchModel::ALL.into_iter().find(|m| m.name() == name)
+    }
+
+    /// What it is, for the help of the command line.
+    pub fn help(self) -> &'static str {
+        match self {
+            PatchModel::Volume => {
+                "Its fibres as the fabric's [scattering] says, micro-flakes if nothing"
+            }
+            PatchModel::Fibres => {
+                "Every fibre of the fabric, as it is: the ground truth of the others"
+            }
+            PatchModel::Packed => "Virtual scattering off fibres among others",
+            PatchModel::Plain => "Virtual scattering off points, in the far field",
+            PatchModel::Surface => "The reflectance model of the fabric's [surface] section",
+        }
+    }
+
+    /// Its name in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            PatchModel::Volume => "volume",
+            PatchModel::Fibres => "fibres",
+            PatchModel::Packed => "packed",
+            PatchModel::Plain => "plain",
+            PatchModel::Surface => "surface",
+        }
+    }
 }
 
 /// What stands for a cloth, whatever its fibres' colour and roughness.
@@ -50,9 +106,8 @@ impl Matter {
         fabric: &Fabric,
         path: &Path,
         model: PatchModel,
-        options: &PatchOptions,
+        options: &PatchOptions<'_>,
     ) -> Result<Matter> {
-        fabric.tell_warnings(path, options.quiet);
         let scattering = match model {
             PatchModel::Surface => return Ok(Matter::Surface),
             PatchModel::Fibres => return Ok(Matter::Fibres),
@@ -71,7 +126,7 @@ impl Matter {
             options.voxel_um,
             None,
             options.max_memory_bytes,
-            options.quiet,
+            options.loader,
         )?;
         let (level, levels) = (options.level, octree.level_count());
         if level >= levels {
@@ -86,11 +141,16 @@ impl Matter {
     ///
     /// # Errors
     /// Names the file and the key at fault.
-    pub fn patch(&self, fabric: &Fabric, path: &Path, options: &PatchOptions) -> Result<AnyPatch> {
+    pub fn patch(
+        &self,
+        fabric: &Fabric,
+        path: &Path,
+        options: &PatchOptions<'_>,
+    ) -> Result<AnyPatch> {
         let medium = match self {
             Matter::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?.surface))),
             Matter::Fibres => {
-                fabric.explicit_fibres(path, options.max_memory_bytes, options.quiet)?
+                fabric.explicit_fibres(path, options.max_memory_bytes, options.loader)?
             }
             Matter::Voxels(octree, scattering, level) => {
                 let medium = scattering.medium(fabric, path, octree.clone(), *level)?;
@@ -109,7 +169,7 @@ pub fn fabric_patch(
     fabric: &Fabric,
     path: &Path,
     model: PatchModel,
-    options: &PatchOptions,
+    options: &PatchOptions<'_>,
 ) -> Result<AnyPatch> {
     Matter::new(fabric, path, model, options)?.patch(fabric, path, options)
 }
@@ -125,7 +185,8 @@ fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
     let scene = Scene {
         media: vec![medium],
         lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
+        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)
+            .map_err(|e| input(format!("{}: {e}", path.display())))?,
     };
     let patch = VolumePatch::new(scene, Integrator::Woodcock)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;

@@ -79,13 +79,17 @@ pub enum FittedValue {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FittedTable {
+    /// Its name.
     pub preset: Option<String>,
     /// Reflectance of the surface straight on.
     pub colour_r: Option<[f32; 3]>,
     /// Part of the rest that goes through.
     pub colour_tt: Option<[f32; 3]>,
+    /// Width of the highlight along the fibre.
     pub longitudinal_r_deg: Option<f32>,
+    /// Width of transmitted light along the fibre.
     pub longitudinal_tt_deg: Option<f32>,
+    /// Width of transmitted light about the fibre.
     pub azimuthal_tt_deg: Option<f32>,
 }
 

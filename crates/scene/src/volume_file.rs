@@ -1,8 +1,8 @@
 //! Volume files of every format, opened.
 
-use crate::error::input;
+use crate::error::{Result, input};
+use crate::loader::Loader;
 use crate::read;
-use anyhow::Result;
 use organza_volume::Error;
 use organza_volume::format::Source;
 use std::path::Path;
@@ -11,7 +11,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// Names the file at fault.
-pub fn read<T>(path: &Path, decode: impl FnOnce(&Source<'_>) -> Result<T, Error>) -> Result<T> {
+pub fn read<T>(
+    path: &Path,
+    loader: &Loader<'_>,
+    decode: impl FnOnce(&Source<'_>) -> Result<T, Error>,
+) -> Result<T> {
     let open = |name: &str, max_bytes: u64| {
         let path = path.with_file_name(name);
         let Ok(about) = std::fs::metadata(&path) else {
@@ -23,7 +27,7 @@ pub fn read<T>(path: &Path, decode: impl FnOnce(&Source<'_>) -> Result<T, Error>
                 about.len()
             ));
         }
-        let bytes = read::bytes_or_why(&path).map_err(|e| read::io_words(&e))?;
+        let bytes = loader.bytes_or_why(&path).map_err(|e| read::io_words(&e))?;
         Ok(Some(bytes))
     };
     let source = Source {

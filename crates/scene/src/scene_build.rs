@@ -1,14 +1,13 @@
 //! From a scene file to media, lights and a camera.
 
-use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
-use crate::output::note;
+use crate::error::{Result, input};
+use crate::loader::Loader;
+use crate::memory::free_memory_bytes;
 use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
     IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
 };
 use crate::{cloth_object, environment_file, read, volume_file};
-use anyhow::Result;
 use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
 use organza_basis::{Budget, Rgb};
 use organza_transport::{
@@ -23,8 +22,8 @@ use std::sync::Arc;
 pub struct BuildOptions<'a> {
     /// Where the scene file is: paths inside are relative to its folder.
     pub scene_path: &'a Path,
-    /// No progress.
-    pub quiet: bool,
+    /// Opens the files that the scene names.
+    pub loader: &'a Loader<'a>,
     /// Limit on memory; what is free if none.
     pub max_memory_bytes: Option<u64>,
 }
@@ -74,15 +73,15 @@ pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Tells of a scene whose picture is black but for what its channels know of the
+/// Warns of a scene whose picture is black but for what its channels know of the
 /// cloth, or shows lights alone: both can be meant.
-pub fn tell_of_emptiness(file: &SceneFile, scene_path: &Path) {
+pub fn warn_of_emptiness(file: &SceneFile, scene_path: &Path, loader: &Loader<'_>) {
     let shines = |t: &ObjectTable| matches!(t, ObjectTable::Plane(t) if t.radiance.is_some());
     if file.object.is_empty() {
-        note!("{}: there is no [[object]]", scene_path.display());
+        loader.warn(scene_path, "there is no [[object]]");
     }
     if file.light.is_empty() && !file.object.iter().any(shines) {
-        note!("{}: there is no [[light]]", scene_path.display());
+        loader.warn(scene_path, "there is no [[light]]");
     }
 }
 
@@ -90,10 +89,10 @@ pub fn tell_of_emptiness(file: &SceneFile, scene_path: &Path) {
 ///
 /// # Errors
 /// Names the file and key at fault.
-pub fn lights(file: &SceneFile, scene_path: &Path) -> Result<Vec<Light>> {
+pub fn lights(file: &SceneFile, scene_path: &Path, loader: &Loader<'_>) -> Result<Vec<Light>> {
     let tables = file.light.iter().enumerate();
     let built = tables.map(|(i, table)| {
-        light(table, scene_path)
+        light(table, scene_path, loader)
             .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
     });
     built.collect()
@@ -108,7 +107,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
         |key: &str, why: &str| input(format!("{}: {key}: {why}", options.scene_path.display()));
     check(file, options.scene_path)?;
     let camera = camera(&file.camera).map_err(|why| fail("camera", &why))?;
-    let lights = lights(file, options.scene_path)?;
+    let lights = lights(file, options.scene_path, options.loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
     let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
@@ -118,7 +117,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
         let (mut medium, extent_mm) = match table {
             ObjectTable::Plane(t) => (AnyMedium::Plane(plane(t).map_err(|why| fail(&why))?), None),
             ObjectTable::Grid(t) => {
-                let medium = grid(t, options.scene_path, &mut budget)?;
+                let medium = grid(t, options, &mut budget)?;
                 (AnyMedium::Grid(medium), t.extent_mm)
             }
             ObjectTable::Cloth(t) => {
@@ -242,7 +241,7 @@ fn colour(c: [f32; 3], key: &str) -> Result<Rgb, String> {
     }
 }
 
-fn light(t: &LightTable, scene_path: &Path) -> Result<Light, String> {
+fn light(t: &LightTable, scene_path: &Path, loader: &Loader<'_>) -> Result<Light, String> {
     match *t {
         LightTable::Directional {
             direction,
@@ -253,7 +252,7 @@ fn light(t: &LightTable, scene_path: &Path) -> Result<Light, String> {
                 .ok_or("direction: expected a finite vector that is not zero")?,
             irradiance: colour(irradiance, "irradiance")?,
         }),
-        LightTable::Environment(ref t) => environment(t, scene_path),
+        LightTable::Environment(ref t) => environment(t, scene_path, loader),
         LightTable::Rectangle {
             corner_mm,
             edge_u_mm,
@@ -273,7 +272,11 @@ fn light(t: &LightTable, scene_path: &Path) -> Result<Light, String> {
     }
 }
 
-fn environment(t: &EnvironmentTable, scene_path: &Path) -> Result<Light, String> {
+fn environment(
+    t: &EnvironmentTable,
+    scene_path: &Path,
+    loader: &Loader<'_>,
+) -> Result<Light, String> {
     let of_file = [
         ("scale", t.scale.is_some()),
         ("up", t.up.is_some()),
@@ -294,7 +297,7 @@ fn environment(t: &EnvironmentTable, scene_path: &Path) -> Result<Light, String>
             })
         }
         (None, Some(name)) if t.hemisphere.is_none() => {
-            let image = environment_image(t, &read::beside(scene_path, name))?;
+            let image = environment_image(t, &read::beside(scene_path, name), loader)?;
             Ok(Light::Image {
                 image: Arc::new(image),
                 search: LightSearch::Both,
@@ -305,7 +308,11 @@ fn environment(t: &EnvironmentTable, scene_path: &Path) -> Result<Light, String>
     }
 }
 
-fn environment_image(t: &EnvironmentTable, path: &Path) -> Result<ImageEnvironment, String> {
+fn environment_image(
+    t: &EnvironmentTable,
+    path: &Path,
+    loader: &Loader<'_>,
+) -> Result<ImageEnvironment, String> {
     let scale = t.scale.unwrap_or(1.0);
     if !(scale >= 0.0 && scale.is_finite()) {
         return Err(format!(
@@ -324,7 +331,7 @@ fn environment_image(t: &EnvironmentTable, path: &Path) -> Result<ImageEnvironme
         Vec3::Y
     };
     let centre = Quat::from_axis_angle(up, rotation) * ahead.reject_from_normalized(up);
-    let (size, mut pixels) = environment_file::decode(path)?;
+    let (size, mut pixels) = environment_file::decode(path, loader)?;
     for p in &mut pixels {
         *p *= scale;
     }
@@ -355,9 +362,9 @@ fn plane(t: &PlaneTable) -> Result<Plane, String> {
 }
 
 /// A `.vol` file and its path, for messages.
-fn vol(scene_path: &Path, name: &str, budget: &mut Budget) -> Result<(PathBuf, VolGrid)> {
-    let path = read::beside(scene_path, name);
-    let grid = volume_file::read(&path, |source| {
+fn vol(name: &str, options: &BuildOptions<'_>, budget: &mut Budget) -> Result<(PathBuf, VolGrid)> {
+    let path = read::beside(options.scene_path, name);
+    let grid = volume_file::read(&path, options.loader, |source| {
         source.read(budget, |bytes, budget| {
             VolGrid::read(&mut &bytes[..], budget)
         })
@@ -387,8 +394,8 @@ fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Gr
 ///
 /// # Errors
 /// Names the file at fault.
-pub fn grid(t: &GridTable, scene_path: &Path, budget: &mut Budget) -> Result<GridMedium> {
-    let (extinction_path, extinction) = vol(scene_path, &t.extinction, budget)?;
+pub fn grid(t: &GridTable, options: &BuildOptions<'_>, budget: &mut Budget) -> Result<GridMedium> {
+    let (extinction_path, extinction) = vol(&t.extinction, options, budget)?;
     let bounds_mm = extinction.bounds_mm;
     let same_box = |path: &Path, other: &VolGrid| {
         let slack = 1e-4 * bounds_mm.size().max_element();
@@ -406,12 +413,12 @@ pub fn grid(t: &GridTable, scene_path: &Path, budget: &mut Budget) -> Result<Gri
             )))
         }
     };
-    let (sggx_path, sggx) = vol(scene_path, &t.sggx, budget)?;
+    let (sggx_path, sggx) = vol(&t.sggx, options, budget)?;
     same_box(&sggx_path, &sggx)?;
     let albedo = match &t.albedo {
         AlbedoValue::Colour(c) => Grid::constant(*c),
         AlbedoValue::File(name) => {
-            let (path, albedo) = vol(scene_path, name, budget)?;
+            let (path, albedo) = vol(name, options, budget)?;
             same_box(&path, &albedo)?;
             channels::<3>(&path, &albedo, "albedo")?
         }

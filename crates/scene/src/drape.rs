@@ -1,14 +1,14 @@
 //! `object.mesh`: the mesh that a cloth is laid over.
 
-use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
-use crate::output::note;
+use crate::error::{Result, input};
+use crate::loader::Loader;
+use crate::memory::free_memory_bytes;
 use crate::read;
 use crate::scene_build::BuildOptions;
 use crate::scene_file::ClothTable;
-use anyhow::Result;
 use organza_basis::Budget;
 use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
+use std::path::Path;
 
 /// Millimetres to a unit of length: glTF prescribes metres, the others nothing.
 const GLTF_MM_PER_UNIT: f32 = 1000.0;
@@ -52,26 +52,25 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         }),
         mm_per_uv,
     };
-    let bytes = read::bytes(&path)?;
+    let loader = options.loader;
+    let bytes = loader.bytes(&path)?;
     let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
     let budget = &mut Budget::new(allowed);
     let mesh = match ending.as_str() {
         "obj" => read_obj(&bytes, placement, budget),
         "ply" => read_ply(&bytes, placement, budget),
         "gltf" | "glb" => {
-            let open = |uri: &str| read::bytes_or_why(&read::beside(&path, uri));
+            let open = |uri: &str| loader.bytes_or_why(&read::beside(&path, uri));
             read_gltf(&bytes, placement, &open, budget)
         }
         _ => return Err(fail("mesh", "expected a file .obj, .ply, .gltf or .glb")),
     }
     .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    if !options.quiet {
-        tell(name, mesh.repairs());
-    }
+    warn_of_repairs(&path, mesh.repairs(), loader);
     Ok(Some(mesh))
 }
 
-fn tell(name: &str, repairs: Repairs) {
+fn warn_of_repairs(path: &Path, repairs: Repairs, loader: &Loader<'_>) {
     for (count, what) in [
         (repairs.dropped_faces, "faces without area left out"),
         (repairs.computed_normals, "normals computed from faces"),
@@ -82,7 +81,7 @@ fn tell(name: &str, repairs: Repairs) {
         (repairs.mirrored_uv, "faces with mirrored texture"),
     ] {
         if count > 0 {
-            note!("{name}: {count} {what}");
+            loader.warn(path, format!("{count} {what}"));
         }
     }
 }

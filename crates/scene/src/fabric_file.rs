@@ -1,15 +1,14 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
 use crate::cloth_levels::FarSheet;
-use crate::error::input;
+use crate::error::{Result, input};
 use crate::fibre_optics;
 use crate::file_kind::Wanted;
+use crate::loader::{Loader, Task};
+use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
-use crate::output::note;
-use crate::progress::Progress;
 use crate::read;
 use crate::scattering::ScatteringTable;
-use anyhow::Result;
 use organza_basis::SegmentSource;
 use organza_scatter::{Fibre, Shifted};
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
@@ -20,9 +19,8 @@ use organza_weave::{
     spec::{CurveKind, DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 /// A whole fabric file.
 #[derive(Debug, Deserialize)]
@@ -30,15 +28,21 @@ use std::sync::{Mutex, PoisonError};
 pub struct FabricFile {
     /// Name, for people.
     pub name: Option<String>,
+    /// The weave, knit or curves.
     pub draft: DraftSpec,
+    /// The warp.
     #[serde(default)]
     pub warp: ThreadSetSpec,
+    /// The weft.
     #[serde(default)]
     pub weft: ThreadSetSpec,
+    /// Yarns by name.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
+    /// How yarns find their places.
     #[serde(default)]
     pub relaxation: RelaxationSpec,
+    /// How much of the cloth is made.
     #[serde(default)]
     pub tile: TileSpec,
     /// How the fibres of a yarn scatter light, by the yarn's name.
@@ -47,6 +51,7 @@ pub struct FabricFile {
     /// Which model scatters light, unless a scene says otherwise.
     #[serde(default)]
     pub scattering: ScatteringTable,
+    /// How fine it is voxelized.
     #[serde(default)]
     pub voxel: VoxelTable,
     /// The cloth as a surface, where there is one to compare with.
@@ -155,16 +160,21 @@ pub struct Fabric {
 ///
 /// # Errors
 /// Names the file and the key at fault.
-pub fn load(path: &Path, overrides: &[String]) -> Result<Fabric> {
-    load_changed(path, &[], overrides)
+pub fn load(path: &Path, overrides: &[String], loader: &Loader<'_>) -> Result<Fabric> {
+    load_changed(path, &[], overrides, loader)
 }
 
 /// The same without some keys, which are removed after the `overrides` are set.
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_changed(path: &Path, removed: &[String], overrides: &[String]) -> Result<Fabric> {
-    let file: FabricFile = read::toml_changed(path, removed, overrides, Wanted::Fabric)?;
+pub fn load_changed(
+    path: &Path,
+    removed: &[String],
+    overrides: &[String],
+    loader: &Loader<'_>,
+) -> Result<Fabric> {
+    let file: FabricFile = loader.toml_changed(path, removed, overrides, Wanted::Fabric)?;
     file.check()
         .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let geometry = FabricGeometry {
@@ -175,9 +185,12 @@ pub fn load_changed(path: &Path, removed: &[String], overrides: &[String]) -> Re
         relaxation: file.relaxation,
         tile: file.tile,
     };
-    let open = |name: &str| read::bytes_or_why(&read::beside(path, name));
+    let open = |name: &str| loader.bytes_or_why(&read::beside(path, name));
     let cloth = Cloth::build(&geometry, &open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    for warning in cloth.warnings() {
+        loader.warn(path, warning.to_string());
+    }
     let optics = vec![file.optics.clone()];
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
@@ -188,25 +201,7 @@ pub fn load_changed(path: &Path, removed: &[String], overrides: &[String]) -> Re
     })
 }
 
-/// Warnings that were told already: of each, once is enough for whoever loads a
-/// fabric again and again.
-static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
-
 impl Fabric {
-    /// Says on stderr what is odd about the cloth.
-    pub fn tell_warnings(&self, path: &Path, quiet: bool) {
-        if quiet {
-            return;
-        }
-        let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
-        for warning in self.cloth.warnings() {
-            let line = format!("organza: warning: {}: {warning}", path.display());
-            if told.insert(line.clone()) {
-                note!("{line}");
-            }
-        }
-    }
-
     /// How each material of the cloth scatters.
     pub fn optics(&self) -> Vec<FlakeOptics> {
         self.cloth
@@ -303,26 +298,32 @@ impl Fabric {
         &self,
         path: &Path,
         max_memory_bytes: Option<u64>,
-        quiet: bool,
+        loader: &Loader<'_>,
     ) -> Result<AnyMedium> {
-        self.trace_fibres(path, max_memory_bytes, quiet)
+        self.trace_fibres(path, max_memory_bytes, loader)
             .map(AnyMedium::Explicit)
     }
 
+    /// The same, as they are traced.
+    ///
+    /// # Errors
+    /// As [`Fabric::explicit_fibres`].
     pub fn trace_fibres(
         &self,
         path: &Path,
         max_memory_bytes: Option<u64>,
-        quiet: bool,
+        loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
         let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-        let progress = Progress::new("gathering fibres", 1000, quiet);
-        let traced = ExplicitFibres::new(&self.cloth, self.fibres(path)?, Some(allowed), &|done| {
-            progress.at((done * 1000.0) as u64);
-        })
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
-        progress.finish();
-        Ok(traced)
+        let fibres = self.fibres(path)?;
+        let task = Task::GatheringFibres {
+            fabric: path.to_owned(),
+        };
+        loader
+            .run(&task, |done| {
+                ExplicitFibres::new(&self.cloth, fibres, Some(allowed), done)
+            })
+            .map_err(|e| input(format!("{}: {e}", path.display())))
     }
 
     /// The octree of the cloth's fibres, with the length of thick ones where
@@ -337,10 +338,10 @@ impl Fabric {
         voxel_um: Option<f32>,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
-        quiet: bool,
+        loader: &Loader<'_>,
     ) -> Result<Octree> {
         let plan = self.plan(path, footprint, voxel_um, levels, max_memory_bytes)?;
-        voxelize_planned(path, &plan, quiet)
+        voxelize_planned(path, &plan, loader)
     }
 
     /// What voxelizing will take.
@@ -372,35 +373,18 @@ impl Fabric {
     }
 }
 
-/// Voxelizes as planned; says first how much memory it will take.
+/// Voxelizes as planned.
 ///
 /// # Errors
 /// Segments that cannot be placed.
-pub fn voxelize_planned(path: &Path, plan: &Plan, quiet: bool) -> Result<Octree> {
-    if !quiet {
-        note!(
-            "{}: voxelizing takes about {} MiB of memory",
-            path.display(),
-            plan.memory_bytes().div_ceil(1 << 20)
-        );
-    }
-    let progress = Progress::new("voxelizing", 1000, quiet);
-    let octree = plan
-        .run(&|done| progress.at((done * 1000.0) as u64))
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    progress.finish();
-    Ok(octree)
-}
-
-/// Memory that the machine has free, where it tells (Linux does); else no limit.
-pub fn free_memory_bytes() -> u64 {
-    let from_kernel = || {
-        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-        let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-        let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-        kib.checked_mul(1024)
+pub fn voxelize_planned(path: &Path, plan: &Plan, loader: &Loader<'_>) -> Result<Octree> {
+    let task = Task::Voxelizing {
+        fabric: path.to_owned(),
+        memory_bytes: plan.memory_bytes(),
     };
-    from_kernel().unwrap_or(u64::MAX)
+    loader
+        .run(&task, |done| plan.run(done))
+        .map_err(|e| input(format!("{}: {e}", path.display())))
 }
 
 #[cfg(test)]
@@ -413,9 +397,10 @@ mod tests {
     fn fibres_of_the_projects_fabrics_overlap_little() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/");
         for (name, most) in [("denim", 0.05), ("organza", 0.015)] {
+            let loader = Loader::new();
             let path = Path::new(folder).join(name).with_extension("toml");
-            let fabric = load(&path, &[]).unwrap();
-            let fibres = fabric.trace_fibres(&path, None, true).unwrap();
+            let fabric = load(&path, &[], &loader).unwrap();
+            let fibres = fabric.trace_fibres(&path, None, &loader).unwrap();
             let overlap = fibres.measure_overlap(100_000, 1);
             let shared = 1.0 - overlap.union / overlap.sum;
             println!(

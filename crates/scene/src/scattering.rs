@@ -1,9 +1,9 @@
 //! Which model scatters light off a cloth: `[scattering]` of a fabric file and the
 //! same keys of a scene's cloth.
 
+use crate::error::Result;
 use crate::fabric_file::Fabric;
 use crate::scene_file::{EventName, FlakeName, ModelName};
-use anyhow::Result;
 use organza_transport::{
     AnyMedium, ClothMedium, FibreEvent, FibreMedium, FlakeFamily, FlakeMedium,
 };
@@ -16,6 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScatteringTable {
+    /// The representation.
     pub model: Option<ModelName>,
     /// Micro-flakes: their family.
     pub flake: Option<FlakeName>,

@@ -1,19 +1,21 @@
 //! `lod`: which representations of a cloth a scene needs, and where each gives
 //! way to the next.
 
-use crate::error::input;
-use crate::output::note;
-use anyhow::Result;
+use crate::error::{Result, input};
+use crate::loader::Loader;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
 use organza_scatter::Surface;
 use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth};
 use organza_volume::Octree;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
 /// A sheet and the longer side of its repeat.
 pub struct FarSheet {
+    /// The surface.
     pub sheet: Box<dyn Surface>,
+    /// The longer side of its repeat.
     pub repeat_mm: f32,
 }
 
@@ -108,7 +110,10 @@ pub struct Place<'a> {
     pub mesh: Option<&'a Mesh>,
     /// Limit on memory.
     pub max_memory_bytes: u64,
-    pub quiet: bool,
+    /// Where warnings of folds go, and the file that they are of.
+    pub loader: &'a Loader<'a>,
+    /// The scene file, for warnings.
+    pub scene_path: &'a Path,
 }
 
 impl Place<'_> {
@@ -172,18 +177,14 @@ impl Place<'_> {
         let shell = Shell::new(mesh, middle - half, middle + half)
             .map_err(|e| input(format!("object.mesh: {e}")))?;
         let folds = shell.folds();
-        if !self.quiet && folds != Folds::default() {
-            tell(folds);
+        if folds != Folds::default() {
+            let words = format!(
+                "mesh: it bends tighter than the cloth is thick: of the shell's tetrahedra {} \
+                 overlap others, {} are empty",
+                folds.inverted, folds.flat
+            );
+            self.loader.warn(self.scene_path, words);
         }
         Ok(Some(shell))
     }
-}
-
-fn tell(folds: Folds) {
-    note!(
-        "mesh: it bends tighter than the cloth is thick: of the shell's tetrahedra {} overlap \
-         others, {} are empty",
-        folds.inverted,
-        folds.flat
-    );
 }

@@ -1,29 +1,22 @@
 //! Input files: bytes from paths, and TOML whose mistakes are told with place,
 //! key, what was expected and the nearest valid name.
 
-use crate::error::input;
-use crate::fabric_file::free_memory_bytes;
+use crate::error::{Result, input};
 use crate::file_kind::{self, Wanted};
+use crate::memory::free_memory_bytes;
 use crate::toml_words;
-use anyhow::Result;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
-use sha2::{Digest, Sha256};
 use std::ffi::OsString;
 use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 /// The largest input file read whole into memory, except volumes.
 const MAX_TEXT_BYTES: u64 = 64 << 20;
 
 /// Names of a folder that are looked through for the one that was meant.
 const MAX_NAMES: usize = 10_000;
-
-/// Digests of all input files read so far, in order. Every input passes
-/// through [`bytes_or_why`], so this is what a picture was made from.
-static INPUTS: Mutex<Vec<[u8; 32]>> = Mutex::new(Vec::new());
 
 /// The bytes of a file.
 ///
@@ -71,23 +64,7 @@ fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     // What grows while it is read is cut, and found wrong by whoever decodes it.
     let mut bytes = Vec::new();
     File::open(path)?.take(free).read_to_end(&mut bytes)?;
-    let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
-    inputs.push(Sha256::digest(&bytes).into());
     Ok(bytes)
-}
-
-/// How many input files were read so far.
-pub fn input_count() -> usize {
-    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
-    inputs.len()
-}
-
-/// Digests of the input files read after the first `count`, in sorted order.
-pub fn inputs_after(count: usize) -> Vec<[u8; 32]> {
-    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut digests: Vec<_> = inputs.iter().skip(count).copied().collect();
-    digests.sort_unstable();
-    digests
 }
 
 /// The text of a file, at most [`MAX_TEXT_BYTES`] long.
@@ -189,40 +166,28 @@ pub fn beside(file: &Path, named: &str) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).join(named)
 }
 
-/// Reads a TOML file that should be of a kind into `T`, with `key.path=value`
-/// overrides.
+/// Parses TOML text of the file `path`, which should be of a kind, without the
+/// keys `removed`, `key.path` each, and with `key.path=value` overrides. Keys are
+/// removed after the overrides are set; one that is not there is no mistake.
 ///
 /// # Errors
 /// Names file, line, column and key, and the nearest valid name of a misspelt
 /// key or value; for an override, the flag. Says what a file of another kind is.
-pub fn toml_of<T: DeserializeOwned>(
-    path: &Path,
-    overrides: &[String],
-    wanted: Wanted,
-) -> Result<T> {
-    toml_changed(path, &[], overrides, wanted)
-}
-
-/// The same without some keys, `key.path` each, which are removed after the
-/// overrides are set; one that is not there is no mistake.
-///
-/// # Errors
-/// As [`toml_of`].
 pub fn toml_changed<T: DeserializeOwned>(
     path: &Path,
+    source: &str,
     removed: &[String],
     overrides: &[String],
     wanted: Wanted,
 ) -> Result<T> {
-    let source = text_of(path, wanted)?;
-    wanted.check(path, &source)?;
+    wanted.check(path, source)?;
     // The file alone first: its mistakes have a place, an override's do not.
-    let parsed = ::toml::from_str::<T>(&source).map_err(|e| {
+    let parsed = ::toml::from_str::<T>(source).map_err(|e| {
         let place = e.span().map_or(String::new(), |span| {
-            let (line, column) = line_and_column(&source, span.start);
+            let (line, column) = line_and_column(source, span.start);
             format!(":{line}:{column}")
         });
-        let key = e.span().and_then(|s| key_at(&source, s.start));
+        let key = e.span().and_then(|s| key_at(source, s.start));
         let at_header = e
             .span()
             .is_some_and(|s| source.get(s).is_some_and(|at| at.starts_with('[')));
@@ -236,7 +201,7 @@ pub fn toml_changed<T: DeserializeOwned>(
     if overrides.is_empty() && removed.is_empty() {
         return parsed;
     }
-    let table: ::toml::Table = match ::toml::from_str(&source) {
+    let table: ::toml::Table = match ::toml::from_str(source) {
         Ok(t) => t,
         Err(_) => return parsed,
     };
@@ -395,13 +360,8 @@ mod tests {
     }
 
     fn parse(source: &str, overrides: &[&str]) -> Result<Outer> {
-        let name = format!("organza-read-{}-{}.toml", std::process::id(), source.len());
-        let path = std::env::temp_dir().join(name);
-        std::fs::write(&path, source).unwrap();
         let overrides: Vec<String> = overrides.iter().map(|&s| s.to_owned()).collect();
-        let got = toml_of(&path, &overrides, Wanted::Text);
-        std::fs::remove_file(&path).unwrap();
-        got
+        toml_changed(Path::new("a.toml"), source, &[], &overrides, Wanted::Text)
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! What a file is, for messages to whoever named one of another kind.
 
-use crate::error::input;
-use anyhow::Result;
+use crate::error::{Result, input};
 use std::path::Path;
 use toml::{Table, Value};
 

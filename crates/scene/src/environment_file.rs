@@ -1,6 +1,7 @@
 //! Pictures of all directions, from files.
 
-use crate::fabric_file::free_memory_bytes;
+use crate::loader::Loader;
+use crate::memory::free_memory_bytes;
 use crate::read;
 use glam::UVec2;
 use image::{ImageFormat, ImageReader, Limits};
@@ -13,9 +14,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// Names the file and what about it is not supported.
-pub fn decode(path: &Path) -> Result<(UVec2, Vec<Rgb>), String> {
+pub fn decode(path: &Path, loader: &Loader<'_>) -> Result<(UVec2, Vec<Rgb>), String> {
     let fail = |why: &str| format!("file: {}: {why}", path.display());
-    let bytes = read::bytes_or_why(path).map_err(|e| fail(&read::io_words(&e)))?;
+    let bytes = loader
+        .bytes_or_why(path)
+        .map_err(|e| fail(&read::io_words(&e)))?;
     let format = match bytes.as_slice() {
         [0x76, 0x2f, 0x31, 0x01, ..] => ImageFormat::OpenExr,
         [b'#', b'?', ..] => ImageFormat::Hdr,

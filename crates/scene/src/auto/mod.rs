@@ -1,23 +1,28 @@
 //! `model = "auto"`: the choice that a scene needs of a cloth, by what `organza
 //! bench` has measured.
 
-use crate::bench::choice::{Model, Tracker};
-use crate::bench::stage::Lit;
-use crate::bench::table::{self, Recommendation, Traits, candidates, nearest, recommend};
+pub mod choice;
+pub mod lit;
+pub mod table;
+
 use crate::cloth_levels::Place;
-use crate::error::input;
-use crate::fabric_file::{self, free_memory_bytes};
-use crate::output::note;
+use crate::error::{Result, input};
+use crate::fabric_file;
+use crate::loader::Loader;
+use crate::memory::free_memory_bytes;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{
     ClothTable, EventName, HemisphereName, IntegratorName, LightTable, Lod, LodName, ModelName,
     ObjectTable, SceneFile,
 };
 use crate::{drape, read};
-use anyhow::Result;
+use choice::{Model, Tracker};
+use lit::Lit;
 use organza_basis::SegmentSource;
 use serde::Serialize;
+use std::fmt;
 use std::path::Path;
+use table::{Recommendation, Traits, candidates, nearest, recommend};
 
 /// Error of a pixel, of model and noise together, that is tolerated unless a
 /// cloth says otherwise: a share of the picture's mean.
@@ -36,10 +41,13 @@ pub struct Chosen {
     pub pixel_mm: f64,
     /// From where light comes.
     pub lit: Vec<Lit>,
+    /// Error of a pixel that is tolerated, a share of the picture's mean.
     pub tolerance: f64,
     /// The fabric whose measurements were taken, and at which pixels.
     pub measured_on: String,
+    /// Width of the pixels of those measurements.
     pub measured_pixel_mm: f64,
+    /// What the table recommends.
     pub recommendation: Recommendation,
 }
 
@@ -48,7 +56,11 @@ pub struct Chosen {
 ///
 /// # Errors
 /// Keys that contradict the choice, and those of the camera and the fabrics.
-pub fn resolve(file: &mut SceneFile, scene_path: &Path) -> Result<Vec<Chosen>> {
+pub fn resolve(
+    file: &mut SceneFile,
+    scene_path: &Path,
+    loader: &Loader<'_>,
+) -> Result<Vec<Chosen>> {
     let mut list = Vec::new();
     for i in 0..file.object.len() {
         let Some(ObjectTable::Cloth(table)) = file.object.get(i) else {
@@ -66,7 +78,7 @@ pub fn resolve(file: &mut SceneFile, scene_path: &Path) -> Result<Vec<Chosen>> {
         if file.render.integrator == IntegratorName::Fibres {
             table.model = Some(ModelName::Fibres);
         } else {
-            list.push(choose(file, i, &mut table, scene_path)?);
+            list.push(choose(file, i, &mut table, scene_path, loader)?);
         }
         table.tolerance = None;
         if let Some(slot) = file.object.get_mut(i) {
@@ -76,16 +88,12 @@ pub fn resolve(file: &mut SceneFile, scene_path: &Path) -> Result<Vec<Chosen>> {
     Ok(list)
 }
 
-/// Says on stderr what was chosen.
-pub fn say(scene_path: &Path, chosen: &[Chosen]) {
-    for c in chosen {
-        note!(
-            "{}: object[{}]: auto takes {}: {}",
-            scene_path.display(),
-            c.object,
-            c.what,
-            c.why
-        );
+impl fmt::Display for Chosen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Chosen {
+            object, what, why, ..
+        } = self;
+        write!(f, "object[{object}]: auto takes {what}: {why}")
     }
 }
 
@@ -113,17 +121,18 @@ fn choose(
     index: usize,
     table: &mut ClothTable,
     scene_path: &Path,
+    loader: &Loader<'_>,
 ) -> Result<Chosen> {
     let fail = |why: &str| input(format!("{}: {why}", scene_path.display()));
     let options = BuildOptions {
         scene_path,
-        quiet: true,
+        loader,
         max_memory_bytes: None,
     };
     let camera =
         scene_build::camera(&file.camera).map_err(|why| fail(&format!("camera: {why}")))?;
     let path = read::beside(scene_path, &table.fabric);
-    let mut fabric = fabric_file::load(&path, &[])?;
+    let mut fabric = fabric_file::load(&path, &[], loader)?;
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!("object[{index}].optics{why}")))?;
@@ -132,7 +141,8 @@ fn choose(
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
         max_memory_bytes: free_memory_bytes(),
-        quiet: true,
+        loader,
+        scene_path,
     };
     let pixel_mm = f64::from(place.footprints_mm(&camera).0);
     let lit = if mesh.is_some() {

@@ -1,0 +1,58 @@
+//! What a person sees while fabrics and scenes are loaded and built.
+
+use crate::output::note;
+use crate::progress::Progress;
+use anyhow::Result;
+use organza_scene::loader::{Event, Loader, Task};
+use std::sync::{Mutex, PoisonError};
+
+/// Units of a bar of shares.
+const UNITS: f32 = 1000.0;
+
+/// Runs `work` with a loader whose progress and warnings go to the standard error,
+/// unless `quiet`.
+///
+/// # Errors
+/// Those of `work`.
+pub fn watched<T>(quiet: bool, work: impl FnOnce(&Loader<'_>) -> Result<T>) -> Result<T> {
+    let bar: Mutex<Option<Progress>> = Mutex::new(None);
+    let on_event = |event: Event<'_>| {
+        let mut bar = bar.lock().unwrap_or_else(PoisonError::into_inner);
+        match event {
+            Event::Warning(_) if quiet => {}
+            Event::Warning(warning) => note!("organza: warning: {warning}"),
+            Event::Begin(task) => *bar = Some(begin(task, quiet)),
+            Event::Done(share) => {
+                if let Some(bar) = bar.as_ref() {
+                    bar.at((share * UNITS) as u64);
+                }
+            }
+            Event::End => {
+                if let Some(bar) = bar.take() {
+                    bar.finish();
+                }
+            }
+        }
+    };
+    work(&Loader::watched(&on_event))
+}
+
+fn begin(task: &Task, quiet: bool) -> Progress {
+    let label = match task {
+        Task::Voxelizing {
+            fabric,
+            memory_bytes,
+        } => {
+            if !quiet {
+                note!(
+                    "{}: voxelizing takes about {} MiB of memory",
+                    fabric.display(),
+                    memory_bytes.div_ceil(1 << 20)
+                );
+            }
+            "voxelizing"
+        }
+        Task::GatheringFibres { .. } => "gathering fibres",
+    };
+    Progress::new(label, UNITS as u64, quiet)
+}

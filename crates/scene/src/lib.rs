@@ -1,0 +1,28 @@
+//! Scene and fabric files: reading, checking and building them.
+//!
+//! This crate opens the files that scenes and fabrics name. It prints nothing and
+//! keeps no state of its own: a [`loader::Loader`] records the files it read, holds
+//! the warnings and reports progress.
+
+pub mod auto;
+pub mod cloth_levels;
+pub mod cloth_object;
+mod drape;
+pub mod environment_file;
+mod error;
+pub mod fabric_file;
+mod fibre_optics;
+pub mod file_kind;
+pub mod loader;
+pub mod memory;
+pub mod mitsuba;
+pub mod optics;
+pub mod patches;
+pub mod read;
+pub mod scattering;
+pub mod scene_build;
+pub mod scene_file;
+mod toml_words;
+pub mod volume_file;
+
+pub use error::{InputError, Result};

@@ -1,0 +1,209 @@
+//! The account of what is read and built: input files, warnings, progress.
+
+use crate::error::{InputError, Result, input};
+use crate::file_kind::Wanted;
+use crate::read;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A file that was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// SHA-256 of its bytes.
+    pub digest: [u8; 32],
+}
+
+/// Something odd about a file that is no mistake.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Warning {
+    /// The file.
+    pub file: PathBuf,
+    /// What is odd about it.
+    pub message: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.file.display(), self.message)
+    }
+}
+
+/// A step of building that takes long enough to be watched.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Fibres become voxels.
+    Voxelizing {
+        /// The fabric file.
+        fabric: PathBuf,
+        /// Estimated need of memory.
+        memory_bytes: u64,
+    },
+    /// Fibres become pieces that rays are traced against.
+    GatheringFibres {
+        /// The fabric file.
+        fabric: PathBuf,
+    },
+}
+
+/// What happens while a scene is loaded and built. Tasks follow each other; none
+/// runs within another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event<'a> {
+    /// A warning, which [`Loader::warnings`] keeps as well.
+    Warning(&'a Warning),
+    /// A task begins.
+    Begin(&'a Task),
+    /// The share of the task that is done, 0 to 1. Threads report out of order.
+    Done(f32),
+    /// The task has ended, well or not.
+    End,
+}
+
+/// Receives events as they happen.
+pub type OnEvent<'p> = &'p (dyn Fn(Event<'_>) + Sync);
+
+/// Reads the files that scenes and fabrics name. It records each of them, collects
+/// warnings and passes progress on; it prints nothing.
+#[derive(Default)]
+pub struct Loader<'p> {
+    on_event: Option<OnEvent<'p>>,
+    inputs: Mutex<Vec<Input>>,
+    warnings: Mutex<Vec<Warning>>,
+}
+
+impl fmt::Debug for Loader<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Loader")
+            .field("inputs", &self.inputs)
+            .field("warnings", &self.warnings)
+            .finish_non_exhaustive()
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<'p> Loader<'p> {
+    /// A loader that reports to nobody.
+    pub fn new() -> Loader<'p> {
+        Loader::default()
+    }
+
+    /// A loader that reports events as they happen.
+    pub fn watched(on_event: OnEvent<'p>) -> Loader<'p> {
+        Loader {
+            on_event: Some(on_event),
+            ..Loader::default()
+        }
+    }
+
+    /// The files read so far, in order.
+    pub fn inputs(&self) -> Vec<Input> {
+        locked(&self.inputs).clone()
+    }
+
+    /// The warnings so far, in order, each of them once.
+    pub fn warnings(&self) -> Vec<Warning> {
+        locked(&self.warnings).clone()
+    }
+
+    /// Adds a warning, unless it was given before.
+    pub fn warn(&self, file: &Path, message: impl Into<String>) {
+        let warning = Warning {
+            file: file.to_owned(),
+            message: message.into(),
+        };
+        let mut warnings = locked(&self.warnings);
+        if !warnings.contains(&warning) {
+            self.report(Event::Warning(&warning));
+            warnings.push(warning);
+        }
+    }
+
+    /// Runs a task that reports the share that is done.
+    pub(crate) fn run<T>(&self, task: &Task, work: impl FnOnce(&(dyn Fn(f32) + Sync)) -> T) -> T {
+        self.report(Event::Begin(task));
+        let result = work(&|share| self.report(Event::Done(share)));
+        self.report(Event::End);
+        result
+    }
+
+    fn report(&self, event: Event<'_>) {
+        if let Some(on_event) = self.on_event {
+            on_event(event);
+        }
+    }
+
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// Names the file.
+    pub fn bytes(&self, path: &Path) -> Result<Vec<u8>> {
+        self.bytes_or_why(path).map_err(|e| {
+            let why = read::io_words(&e);
+            input(format!("{}: {why}", path.display()))
+        })
+    }
+
+    /// The bytes of a file, for callers that word the error themselves.
+    ///
+    /// # Errors
+    /// As [`read::bytes_or_why`].
+    pub fn bytes_or_why(&self, path: &Path) -> std::io::Result<Vec<u8>> {
+        let bytes = read::bytes_or_why(path)?;
+        self.record(path, &bytes);
+        Ok(bytes)
+    }
+
+    /// The text of a file that should be of a kind.
+    ///
+    /// # Errors
+    /// As [`read::text_of`].
+    pub fn text_of(&self, path: &Path, wanted: Wanted) -> Result<String> {
+        let text = read::text_of(path, wanted)?;
+        self.record(path, text.as_bytes());
+        Ok(text)
+    }
+
+    fn record(&self, path: &Path, bytes: &[u8]) {
+        locked(&self.inputs).push(Input {
+            path: path.to_owned(),
+            digest: Sha256::digest(bytes).into(),
+        });
+    }
+
+    /// Reads a TOML file that should be of a kind, with `key.path=value` overrides.
+    ///
+    /// # Errors
+    /// As [`read::toml_changed`].
+    pub fn toml_of<T: DeserializeOwned>(
+        &self,
+        path: &Path,
+        overrides: &[String],
+        wanted: Wanted,
+    ) -> Result<T, InputError> {
+        self.toml_changed(path, &[], overrides, wanted)
+    }
+
+    /// The same without some keys, `key.path` each, which are removed after the
+    /// overrides are set; one that is not there is no mistake.
+    ///
+    /// # Errors
+    /// As [`read::toml_changed`].
+    pub fn toml_changed<T: DeserializeOwned>(
+        &self,
+        path: &Path,
+        removed: &[String],
+        overrides: &[String],
+        wanted: Wanted,
+    ) -> Result<T, InputError> {
+        let source = self.text_of(path, wanted)?;
+        read::toml_changed(path, &source, removed, overrides, wanted)
+    }
+}
