@@ -58,6 +58,7 @@ pub mod shadowing;
 pub mod spec;
 pub mod spine;
 mod staple;
+mod stretches;
 pub mod transmission;
 pub mod transmission_fit;
 pub mod weave;

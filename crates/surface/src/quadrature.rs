@@ -1,6 +1,7 @@
 //! How finely the staple integral is taken.
 
 use crate::real::Real;
+use crate::stretches::{Facing, Stretches, may_hide, search};
 use organza_basis::quadrature::gauss_legendre;
 use std::f64::consts::FRAC_PI_2;
 
@@ -40,8 +41,7 @@ impl<T: Real> Rule<T> {
     ///
     /// Measured over random segments and directions (`tests/segment.rs`), 99
     /// of 100 errors stay below `accuracy` relative to the larger of the value
-    /// and a hundredth of the segment's mean. The remainder are supports too
-    /// short for the scan to meet.
+    /// and a hundredth of the segment's mean.
     pub fn for_accuracy(accuracy: f64) -> Self {
         let digits = -accuracy.clamp(1e-10, 0.1).log10();
         // Where both directions are close together the integrand ends like a
@@ -87,34 +87,66 @@ impl<T: Real> Rule<T> {
         &self.nodes
     }
 
-    /// The part of `[low, high]` on which `g` is positive, taken as one
-    /// interval; `None` when no scanned place is.
+    /// The stretches of `[low, high]` on which `facing` is positive throughout:
+    /// nearly always one, whose ends are found from a scan.
     #[inline(always)]
-    pub(crate) fn support(&self, low: T, high: T, g: impl Fn(T) -> T) -> Option<(T, T)> {
+    pub(crate) fn support(&self, low: T, high: T, facing: impl Fn(T) -> Facing<T>) -> Stretches<T> {
         let (zero, half) = (T::zero(), T::of(0.5));
         let (mid, span) = ((low + high) * half, (high - low) * half);
         // All places at once, and both ends together: what waits for one
         // value works on another.
-        let mut values = [[zero; 4]; MOST_SCANNED / 4];
-        let mut positive = 0u32;
-        for (i, (xs, values)) in self.scan.iter().zip(&mut values).enumerate() {
+        let mut values = [[zero; MOST_SCANNED]; 3];
+        let mut positive = [0u32; 3];
+        for (i, xs) in self.scan.iter().enumerate() {
             for lane in 0..4 {
-                values[lane] = g(mid + span * xs[lane]);
+                let at = facing(mid + span * xs[lane]);
+                for (values, value) in values.iter_mut().zip(at) {
+                    values[4 * i + lane] = value;
+                }
             }
-            for (lane, &value) in values.iter().enumerate() {
-                positive |= u32::from(value > zero) << (4 * i + lane);
+            for (positive, values) in positive.iter_mut().zip(&values) {
+                for lane in 0..4 {
+                    *positive |= u32::from(values[4 * i + lane] > zero) << (4 * i + lane);
+                }
             }
         }
+        let found = self.one_support(low, high, &values, positive, &facing);
+        if may_hide(&values, positive, 4 * self.scan.len()) {
+            let every = search(low, high, &facing);
+            // A single stretch is the one found already, and its ends suffice.
+            if every.as_slice().len() > 1 || found.as_slice().is_empty() {
+                return every;
+            }
+        }
+        found
+    }
+
+    /// The stretch from the first scanned place to the last at which all values
+    /// are positive.
+    #[inline(always)]
+    fn one_support(
+        &self,
+        low: T,
+        high: T,
+        values: &[[T; MOST_SCANNED]; 3],
+        positive: [u32; 3],
+        facing: impl Fn(T) -> Facing<T>,
+    ) -> Stretches<T> {
+        let (zero, half) = (T::zero(), T::of(0.5));
+        let (mid, span) = ((low + high) * half, (high - low) * half);
+        let positive = positive[0] & positive[1] & positive[2];
         if positive == 0 {
-            return None;
+            return Stretches::none();
         }
+        let least = |[a, b, c]: Facing<T>| a.smaller(b).smaller(c);
+        let g = |t: T| least(facing(t));
         let last = 4 * self.scan.len() - 1;
         let inside = [positive.trailing_zeros(), positive.ilog2()].map(|i| i as usize);
         // An end of the interval that is inside already is its own neighbour,
         // which the steps below leave where it is.
         let outside = [inside[0].saturating_sub(1), (inside[1] + 1).min(last)];
         let place = |i: usize| mid + span * self.scan[i / 4][i % 4];
-        let value = |i: usize| values[i / 4][i % 4];
+        let value = |i: usize| least([values[0][i], values[1][i], values[2][i]]);
         let (mut a, mut b) = (outside.map(place), inside.map(place));
         let (mut g_a, mut g_b) = (outside.map(|i| value(i).smaller(zero)), inside.map(value));
         // False position with the halving of a retained end (the Illinois rule).
@@ -137,7 +169,7 @@ impl<T: Real> Rule<T> {
                 b[k]
             }
         };
-        Some((end(0), end(1)))
+        Stretches::one(end(0), end(1))
     }
 }
 

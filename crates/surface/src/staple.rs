@@ -106,27 +106,28 @@ impl<T: Real> YarnSegment<T> {
             };
             (at, k)
         };
-        let faces_both = |t: T| {
+        let facing = |t: T| {
             let m = self.mirror(pair, &inclination(t).0);
-            m.n_i.smaller(m.n_r).smaller(m.cos_v)
+            [m.n_i, m.n_r, m.cos_v]
         };
-        let Some((t0, t1)) = rule.support(low, high, faces_both) else {
-            return zero;
-        };
-        let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
-        // Four at a time and without branches, for the vector unit.
-        let mut sums = [zero; 4];
-        for (xs, ws) in rule.nodes() {
-            for lane in 0..4 {
-                let (at, k) = inclination(mid + span * xs[lane]);
-                let m = self.mirror(pair, &at);
-                let faces = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero;
-                let strength = ws[lane] * k * self.staple_strength(&at, &m);
-                sums[lane] = sums[lane] + if faces { strength } else { zero };
+        let mut total = zero;
+        for &(t0, t1) in rule.support(low, high, facing).as_slice() {
+            let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
+            // Four at a time and without branches, for the vector unit.
+            let mut sums = [zero; 4];
+            for (xs, ws) in rule.nodes() {
+                for lane in 0..4 {
+                    let (at, k) = inclination(mid + span * xs[lane]);
+                    let m = self.mirror(pair, &at);
+                    let faces = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero;
+                    let strength = ws[lane] * k * self.staple_strength(&at, &m);
+                    sums[lane] = sums[lane] + if faces { strength } else { zero };
+                }
             }
+            let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+            total = total + two * span * sum * self.staple_factor;
         }
-        let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-        two * span * sum * self.staple_factor
+        total
     }
 
     /// The texture's value over the phase function.
