@@ -13,8 +13,9 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Backend, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator,
-    Interpolation, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene, flatten,
+    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
+    Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection, RenderSettings,
+    Rendering, Scene, flatten,
 };
 use std::f32::consts::TAU;
 use std::ops::ControlFlow;
@@ -76,18 +77,20 @@ fn tile(repeats: bool, varied: bool) -> GridMedium {
 
 fn parallel() -> Vec<Light> {
     [[0.4, 0.3, -0.866_025_4], [-0.3, 0.2, 0.932_737_9]]
-        .map(|d| Light::Directional {
-            direction: Vec3::from_array(d).normalize(),
-            irradiance: Rgb::WHITE,
+        .map(|d| {
+            Light::from(DirectionalLight {
+                direction: Vec3::from_array(d).normalize(),
+                irradiance: Rgb::WHITE,
+            })
         })
         .to_vec()
 }
 
 fn sky() -> Vec<Light> {
-    vec![Light::Environment {
+    vec![Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    }]
+    })]
 }
 
 fn scene(medium: GridMedium, lights: Vec<Light>) -> Scene {

@@ -11,9 +11,10 @@ use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
 };
 use organza_transport::{
-    AnyMedium, Backend, Camera, CameraPose, ClothMedium, ExplicitFibres, FibreEvent, FibreMedium,
-    FlakeFamily, FlakeMedium, FlakeOptics, Grid, GridMedium, Hemisphere, Integrator, Interpolation,
-    Light, PixelFilter, Projection, RenderSettings, Rendering, Scene, flatten,
+    AnyMedium, Backend, Camera, CameraPose, ClothMedium, DirectionalLight, EnvironmentLight,
+    ExplicitFibres, FibreEvent, FibreMedium, FlakeFamily, FlakeMedium, FlakeOptics, Grid,
+    GridMedium, Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection,
+    RenderSettings, Rendering, Scene, flatten,
 };
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
@@ -256,13 +257,17 @@ fn views() -> [(&'static str, Vec3, f64); 5] {
 /// The furnace, or light from where it is hardest: straight from behind what
 /// is looked at, grazing, along the fibres in a voxel plane.
 fn lights(view: Vec3, is_furnace: bool) -> Vec<Light> {
-    let constant = |hemisphere| Light::Environment {
-        radiance: Rgb::WHITE,
-        hemisphere,
+    let constant = |hemisphere| {
+        Light::from(EnvironmentLight {
+            radiance: Rgb::WHITE,
+            hemisphere,
+        })
     };
-    let directional = |direction| Light::Directional {
-        direction,
-        irradiance: Rgb::WHITE,
+    let directional = |direction| {
+        Light::from(DirectionalLight {
+            direction,
+            irradiance: Rgb::WHITE,
+        })
     };
     if is_furnace {
         vec![constant(Hemisphere::All)]

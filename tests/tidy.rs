@@ -30,6 +30,7 @@ const EDGES: [(&str, &[&str]); 13] = [
         "scene",
         &[
             "basis",
+            "light",
             "measure",
             "mesh",
             "scatter",
@@ -43,6 +44,7 @@ const EDGES: [(&str, &[&str]); 13] = [
         "cli",
         &[
             "basis",
+            "light",
             "measure",
             "mesh",
             "scatter",

@@ -32,7 +32,7 @@ pub use voxels::fibre_tables::end_on_ratio;
 use glam::Vec3;
 use organza_basis::Rgb;
 use organza_film::{Brightness, Camera, Stats};
-use organza_light::{Hemisphere, Light};
+use organza_light::{Hemisphere, KernelLight, Light};
 use organza_scatter::Fibre;
 use voxels::borders::Borders;
 use voxels::environment::{Parts, Sky};
@@ -113,29 +113,30 @@ impl Kernel {
         let mut environment = [Vec3::ZERO; 2];
         let mut pictures = Vec::new();
         for light in view.lights {
-            match light {
-                Light::Directional {
+            match light.for_kernel() {
+                KernelLight::Parallel {
                     direction,
                     irradiance,
-                } => parallel.push((*direction, *irradiance)),
-                Light::Environment {
+                } => parallel.push((direction, irradiance)),
+                KernelLight::Sky {
                     radiance,
                     hemisphere,
                 } => {
-                    if *hemisphere != Hemisphere::Front {
+                    if hemisphere != Hemisphere::Front {
                         environment[0] += radiance.0;
                     }
-                    if *hemisphere != Hemisphere::Back {
+                    if hemisphere != Hemisphere::Back {
                         environment[1] += radiance.0;
                     }
                 }
-                Light::Image { image, .. } if image.size().max_element() > 1 << 16 => {
+                KernelLight::Picture(image) if image.size().max_element() > 1 << 16 => {
                     return Err(Refusal::Picture);
                 }
-                Light::Image { image, .. } => pictures.push((image, Parts::of(image))),
-                Light::Rectangle { rectangle, .. } => {
+                KernelLight::Picture(image) => pictures.push((image, Parts::of(image))),
+                KernelLight::Panel(rectangle) => {
                     panels.push(Panel::new(rectangle, &cell_grid).ok_or(Refusal::Panel)?);
                 }
+                KernelLight::Walk(what) => return Err(Refusal::Light(what)),
             }
         }
         let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&cell_grid)).sum();

@@ -18,6 +18,9 @@ pub enum Refusal {
     /// A rectangle that the walk finds better.
     #[error("a rectangle light stands in the matter or near to it for its size")]
     Panel,
+    /// A kind of light that only the walk knows.
+    #[error("{0} needs the general walk")]
+    Light(&'static str),
     /// Its tables would take too much.
     #[error("its tables would take up to {0} bytes, more than {1}")]
     Memory(u64, u64),

@@ -1,8 +1,11 @@
 //! Light from infinity, from a picture of all directions.
 
+use crate::light::{KernelLight, LightSample, LightSearch, LightSource};
+use crate::mitsuba::{self, MitsubaLight};
 use glam::{UVec2, Vec3};
 use organza_basis::{AliasTable, PathRng, Rgb};
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// An equirectangular picture around the scene, linear between pixel centres.
 ///
@@ -186,4 +189,86 @@ impl ImageEnvironment {
         let solid_angle = cosines * TAU / self.size.x as f32;
         table.probability(row * self.size.x as usize + column) / solid_angle
     }
+}
+
+/// A picture of all directions as a light.
+#[derive(Clone, Debug)]
+pub struct ImageLight {
+    /// The picture.
+    pub image: Arc<ImageEnvironment>,
+    /// How it is found.
+    pub search: LightSearch,
+}
+
+impl LightSource for ImageLight {
+    fn radiance_toward(&self, direction: Vec3) -> Rgb {
+        self.image.radiance_toward(direction)
+    }
+
+    fn search(&self) -> LightSearch {
+        self.search
+    }
+
+    fn sample_toward(&self, _: Vec3, rng: &mut PathRng) -> Option<LightSample> {
+        if self.search == LightSearch::Walk {
+            return None;
+        }
+        let (w_in, pdf) = self.image.sample(rng)?;
+        Some(LightSample {
+            w_in,
+            irradiance: self.image.radiance_toward(w_in) / pdf,
+            pdf,
+        })
+    }
+
+    fn pdf_toward(&self, _: Vec3, w_in: Vec3) -> f32 {
+        self.image.pdf(w_in)
+    }
+
+    fn for_kernel(&self) -> KernelLight<'_> {
+        KernelLight::Picture(&self.image)
+    }
+
+    fn for_mitsuba(&self, index: usize) -> Result<MitsubaLight, String> {
+        Ok(self.image.for_mitsuba(index))
+    }
+}
+
+impl ImageEnvironment {
+    /// The picture as Mitsuba's environment, of twice the rows: its first and last
+    /// row lie at the poles.
+    pub(crate) fn for_mitsuba(&self, index: usize) -> MitsubaLight {
+        let name = format!("light{index}.exr");
+        let (size, pixels) = rows_from_pole_to_pole(self);
+        let [up, centre, left] = self.frame();
+        let xml = format!(
+            r#"    <emitter type="envmap">
+        <string name="filename" value="{name}"/>
+        {}
+    </emitter>
+"#,
+            mitsuba::matrix([left, up, centre], Vec3::ZERO)
+        );
+        MitsubaLight {
+            xml,
+            pictures: vec![(name, size, pixels)],
+            notes: Vec::new(),
+            is_environment: true,
+        }
+    }
+}
+
+/// The picture as Mitsuba looks it up: rows from pole to pole, ends included.
+/// At twice the rows, less one shared, both interpolations are the same.
+fn rows_from_pole_to_pole(image: &ImageEnvironment) -> (UVec2, Vec<Rgb>) {
+    let (width, height) = (image.size().x as usize, image.size().y as usize);
+    let row = |y: usize| &image.pixels()[y * width..(y + 1) * width];
+    let mut pixels = Vec::with_capacity(width * (2 * height + 1));
+    for y in 0..=2 * height {
+        // Odd rows are centres of pixels, even ones lie between two.
+        let (above, below) = ((y.max(1) - 1) / 2, (y / 2).min(height - 1));
+        let between = row(above).iter().zip(row(below));
+        pixels.extend(between.map(|(&a, &b)| 0.5 * (a + b)));
+    }
+    (UVec2::new(width as u32, 2 * height as u32 + 1), pixels)
 }

@@ -1,7 +1,12 @@
-//! A rectangle that shines: a panel, a window, or, long and narrow, a tube.
+//! `kind = "rectangle"`: a rectangle that shines. A panel, a window, or, long and
+//! narrow, a tube.
 
+use crate::catalogue::{LightError, LightKind, LoadPicture, colour};
+use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
+use crate::mitsuba::{self, MitsubaLight};
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
+use serde::Deserialize;
 
 /// A rectangle in space with the same radiance everywhere and in all
 /// directions. It is a source and no matter: light passes through it.
@@ -15,6 +20,7 @@ pub struct RectangleLight {
     area_mm2: f32,
     radiance: Rgb,
     two_sided: bool,
+    search: LightSearch,
 }
 
 /// Edges that span no rectangle.
@@ -57,7 +63,13 @@ impl RectangleLight {
             area_mm2,
             radiance,
             two_sided,
+            search: LightSearch::Both,
         })
+    }
+
+    /// The same, found in another way.
+    pub fn with_search(self, search: LightSearch) -> RectangleLight {
+        RectangleLight { search, ..self }
     }
 
     /// The corner and the two edges.
@@ -125,5 +137,105 @@ impl RectangleLight {
 
     fn pdf_at(&self, distance_squared: f32, w_in: Vec3) -> f32 {
         distance_squared / (self.area_mm2 * w_in.dot(self.normal).abs())
+    }
+}
+
+/// The `[[light]]` table of a rectangle.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RectangleTable {
+    /// A corner.
+    pub corner_mm: [f32; 3],
+    /// One of the two edges that start at the corner; light goes to the side of
+    /// their cross product.
+    pub edge_u_mm: [f32; 3],
+    /// The other edge, perpendicular to the first.
+    pub edge_v_mm: [f32; 3],
+    /// Radiance, linear RGB.
+    pub radiance: [f32; 3],
+    /// Whether both sides shine.
+    #[serde(default)]
+    pub two_sided: bool,
+}
+
+impl LightKind for RectangleTable {
+    fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
+        let radiance = colour(self.radiance, "radiance")?;
+        let [corner, u, v] = [self.corner_mm, self.edge_u_mm, self.edge_v_mm].map(Vec3::from_array);
+        RectangleLight::new(corner, u, v, radiance, self.two_sided)
+            .map(Light::from)
+            .map_err(|e| LightError::of("edge_u_mm, edge_v_mm", e.to_string()))
+    }
+
+    fn sides(&self, height_mm: f64) -> [bool; 2] {
+        let (u, v) = (self.edge_u_mm[2], self.edge_v_mm[2]);
+        let heights = [0.0, u, v, u + v].map(|h| f64::from(self.corner_mm[2] + h));
+        [
+            heights.iter().any(|&h| h > height_mm),
+            heights.iter().any(|&h| h < height_mm),
+        ]
+    }
+}
+
+impl LightSource for RectangleLight {
+    fn radiance_toward(&self, direction: Vec3) -> Rgb {
+        RectangleLight::radiance_toward(self, direction)
+    }
+
+    fn search(&self) -> LightSearch {
+        self.search
+    }
+
+    fn sample_toward(&self, from_mm: Vec3, rng: &mut PathRng) -> Option<LightSample> {
+        if self.search == LightSearch::Walk {
+            return None;
+        }
+        let (w_in, pdf) = RectangleLight::sample_toward(self, from_mm, rng)?;
+        Some(LightSample {
+            w_in,
+            irradiance: RectangleLight::radiance_toward(self, w_in) / pdf,
+            pdf,
+        })
+    }
+
+    fn pdf_toward(&self, from_mm: Vec3, w_in: Vec3) -> f32 {
+        RectangleLight::pdf_toward(self, from_mm, w_in)
+    }
+
+    fn distance_along(&self, ray: &Ray) -> Option<f32> {
+        RectangleLight::distance_along(self, ray)
+    }
+
+    fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> Option<f64> {
+        RectangleLight::distance_mm(self, origin_mm, direction)
+    }
+
+    fn for_kernel(&self) -> KernelLight<'_> {
+        KernelLight::Panel(self)
+    }
+
+    fn for_mitsuba(&self, _: usize) -> Result<MitsubaLight, String> {
+        let [corner, u, v] = self.corner_and_edges_mm();
+        let middle = corner + 0.5 * (u + v);
+        let sides: &[(Vec3, Vec3)] = if self.two_sided {
+            &[(u, v), (v, u)]
+        } else {
+            &[(u, v)]
+        };
+        let mut xml = String::new();
+        for &(u, v) in sides {
+            let normal = u.cross(v).normalize();
+            xml += &format!(
+                r#"    <shape type="rectangle">
+        {}
+        <bsdf type="null"/>
+        <emitter type="area"><rgb name="radiance" value="{}"/></emitter>
+    </shape>
+"#,
+                mitsuba::matrix([0.5 * u, 0.5 * v, normal], middle),
+                mitsuba::colour(self.radiance)
+            );
+        }
+        Ok(MitsubaLight::of_xml(xml))
     }
 }

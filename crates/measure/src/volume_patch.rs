@@ -3,7 +3,9 @@
 use crate::{Exit, PatchResponse};
 use glam::{Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
-use organza_transport::{CellGrid, Integrator, Light, PathSample, Scene, Stats, trace_from};
+use organza_transport::{
+    CellGrid, DirectionalLight, Integrator, Light, PathSample, Scene, Stats, trace_from,
+};
 
 /// Why media make no patch.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -127,10 +129,10 @@ impl VolumePatch {
 
 /// Light from `w` of unit irradiance across the beam.
 fn beam(w: Vec3) -> Light {
-    Light::Directional {
+    Light::from(DirectionalLight {
         direction: -w,
         irradiance: Rgb::WHITE,
-    }
+    })
 }
 
 impl PatchResponse for VolumePatch {

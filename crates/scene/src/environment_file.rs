@@ -15,7 +15,7 @@ use std::path::Path;
 /// # Errors
 /// Names the file and what about it is not supported.
 pub fn decode(path: &Path, loader: &Loader<'_>) -> Result<(UVec2, Vec<Rgb>), String> {
-    let fail = |why: &str| format!("file: {}: {why}", path.display());
+    let fail = |why: &str| format!("{}: {why}", path.display());
     let bytes = loader
         .bytes_or_why(path)
         .map_err(|e| fail(&read::io_words(&e)))?;

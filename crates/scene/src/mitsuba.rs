@@ -6,9 +6,11 @@
 
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, Mixture, Rgb, Sym3};
+use organza_light::Light;
+use organza_light::mitsuba::{colour, matrix, numbers};
 use organza_transport::{
-    AnyMedium, Camera, CellGrid, ClothMedium, Grid, GridMedium, Hemisphere, ImageEnvironment,
-    Interpolation, Light, Medium, PixelFilter, Plane, Projection, RectangleLight, Scene,
+    AnyMedium, Camera, CellGrid, ClothMedium, Grid, GridMedium, Interpolation, Medium, PixelFilter,
+    Plane, Projection, Scene,
 };
 use organza_volume::grid_set::BYTES_PER_CELL;
 use organza_volume::{GridSet, VolGrid};
@@ -67,12 +69,12 @@ pub fn export(
 "#
     );
     camera(&mut out.xml, &scene.camera);
-    let is_environment = |l: &&Light| matches!(l, Light::Environment { .. } | Light::Image { .. });
-    if scene.lights.iter().filter(is_environment).count() > 1 {
-        return Err("Mitsuba takes one environment at most; leave the others out".into());
-    }
+    let mut environments = 0;
     for (i, light) in scene.lights.iter().enumerate() {
-        out.light(i, light)?;
+        environments += u32::from(out.light(i, light)?);
+    }
+    if environments > 1 {
+        return Err("Mitsuba takes one environment at most; leave the others out".into());
     }
     let mut boxes: Vec<Aabb> = Vec::new();
     for (i, medium) in scene.media.iter().enumerate() {
@@ -274,30 +276,6 @@ fn check_memory(bytes: u64, max_bytes: u64) -> Result<(), String> {
     Ok(())
 }
 
-fn numbers(v: impl IntoIterator<Item = f64>) -> String {
-    let words: Vec<String> = v.into_iter().map(|x| x.to_string()).collect();
-    words.join(", ")
-}
-
-fn vector(v: Vec3) -> String {
-    numbers(v.as_dvec3().to_array())
-}
-
-fn colour(c: Rgb) -> String {
-    numbers(<[f32; 3]>::from(c).map(f64::from))
-}
-
-/// A transform by its columns: where x, y and z go, and the origin.
-fn matrix(columns: [Vec3; 3], origin: Vec3) -> String {
-    let row = |i: usize| columns.map(|c| c[i].to_string()).join(" ") + &format!(" {} ", origin[i]);
-    format!(
-        r#"<transform name="to_world"><matrix value="{}{}{}0 0 0 1"/></transform>"#,
-        row(0),
-        row(1),
-        row(2)
-    )
-}
-
 fn camera(xml: &mut String, camera: &Camera) {
     let pose = camera.pose();
     let (kind, more, scale) = match camera.projection() {
@@ -362,98 +340,12 @@ fn fov(fov_rad: f64) -> String {
 }
 
 impl Export {
-    fn light(&mut self, i: usize, light: &Light) -> Result<(), String> {
-        match light {
-            Light::Directional {
-                direction,
-                irradiance,
-            } => {
-                let _ = write!(
-                    self.xml,
-                    r#"    <emitter type="directional">
-        <vector name="direction" value="{}"/>
-        <rgb name="irradiance" value="{}"/>
-    </emitter>
-"#,
-                    vector(*direction),
-                    colour(*irradiance)
-                );
-            }
-            Light::Environment {
-                radiance,
-                hemisphere: Hemisphere::All,
-            } => {
-                let _ = write!(
-                    self.xml,
-                    r#"    <emitter type="constant">
-        <rgb name="radiance" value="{}"/>
-    </emitter>
-"#,
-                    colour(*radiance)
-                );
-            }
-            Light::Environment {
-                radiance,
-                hemisphere,
-            } => {
-                self.notes.push(format!(
-                    "light[{i}]: half an environment is written as a picture whose edge is \
-                     0.2 degrees wide"
-                ));
-                let size = UVec2::new(4, 1024);
-                let upper = *hemisphere == Hemisphere::Front;
-                let rows = (0..size.y).flat_map(|y| {
-                    let lit = (y < size.y / 2) == upper;
-                    [if lit { *radiance } else { Rgb::BLACK }; 4]
-                });
-                let image = ImageEnvironment::new(size, rows.collect(), Vec3::Z, Vec3::Y)
-                    .map_err(|e| format!("light[{i}]: {e}"))?;
-                self.environment(i, &image);
-            }
-            Light::Image { image, .. } => self.environment(i, image),
-            Light::Rectangle { rectangle, .. } => self.rectangle(rectangle),
-        }
-        Ok(())
-    }
-
-    fn environment(&mut self, i: usize, image: &ImageEnvironment) {
-        let name = format!("light{i}.exr");
-        let (size, pixels) = rows_from_pole_to_pole(image);
-        let [up, centre, left] = image.frame();
-        let _ = write!(
-            self.xml,
-            r#"    <emitter type="envmap">
-        <string name="filename" value="{name}"/>
-        {}
-    </emitter>
-"#,
-            matrix([left, up, centre], Vec3::ZERO)
-        );
-        self.pictures.push((name, size, pixels));
-    }
-
-    fn rectangle(&mut self, light: &RectangleLight) {
-        let [corner, u, v] = light.corner_and_edges_mm();
-        let middle = corner + 0.5 * (u + v);
-        let sides: &[(Vec3, Vec3)] = if light.is_two_sided() {
-            &[(u, v), (v, u)]
-        } else {
-            &[(u, v)]
-        };
-        for &(u, v) in sides {
-            let normal = u.cross(v).normalize();
-            let _ = write!(
-                self.xml,
-                r#"    <shape type="rectangle">
-        {}
-        <bsdf type="null"/>
-        <emitter type="area"><rgb name="radiance" value="{}"/></emitter>
-    </shape>
-"#,
-                matrix([0.5 * u, 0.5 * v, normal], middle),
-                colour(light.radiance())
-            );
-        }
+    fn light(&mut self, index: usize, light: &Light) -> Result<bool, String> {
+        let light = light.for_mitsuba(index)?;
+        self.xml += &light.xml;
+        self.pictures.extend(light.pictures);
+        self.notes.extend(light.notes);
+        Ok(light.is_environment)
     }
 
     fn plane(&mut self, plane: &Plane) {
@@ -534,19 +426,4 @@ impl Export {
             self.grids.push((format!("object{i}.{part}.vol"), grid));
         }
     }
-}
-
-/// The picture as Mitsuba looks it up: rows from pole to pole, ends included.
-/// At twice the rows, less one shared, both interpolations are the same.
-fn rows_from_pole_to_pole(image: &ImageEnvironment) -> (UVec2, Vec<Rgb>) {
-    let (width, height) = (image.size().x as usize, image.size().y as usize);
-    let row = |y: usize| &image.pixels()[y * width..(y + 1) * width];
-    let mut pixels = Vec::with_capacity(width * (2 * height + 1));
-    for y in 0..=2 * height {
-        // Odd rows are centres of pixels, even ones lie between two.
-        let (above, below) = ((y.max(1) - 1) / 2, (y / 2).min(height - 1));
-        let between = row(above).iter().zip(row(below));
-        pixels.extend(between.map(|(&a, &b)| 0.5 * (a + b)));
-    }
-    (UVec2::new(width as u32, 2 * height as u32 + 1), pixels)
 }

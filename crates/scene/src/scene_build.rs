@@ -4,19 +4,19 @@ use crate::error::{Result, input};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::scene_file::{
-    AlbedoValue, CameraKind, CameraTable, EnvironmentTable, FilterName, GridTable, HemisphereName,
-    IntegratorName, InterpolationName, LightTable, ObjectTable, PlaneTable, SceneFile,
+    AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, IntegratorName, InterpolationName,
+    ObjectTable, PlaneTable, SceneFile,
 };
 use crate::{cloth_object, environment_file, read, volume_file};
-use glam::{DVec3, Quat, UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Budget, Rgb};
+use organza_light::{Light, LightTable, LoadedPicture};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Interpolation,
-    Light, LightSearch, PixelFilter, Plane, Projection, RectangleLight, Scene, aperture_mm,
+    AnyMedium, Camera, CameraPose, Grid, GridMedium, Interpolation, PixelFilter, Plane, Projection,
+    Scene, aperture_mm,
 };
 use organza_volume::VolGrid;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// What building a scene needs besides the file.
 pub struct BuildOptions<'a> {
@@ -242,101 +242,16 @@ fn colour(c: [f32; 3], key: &str) -> Result<Rgb, String> {
 }
 
 fn light(t: &LightTable, scene_path: &Path, loader: &Loader<'_>) -> Result<Light, String> {
-    match *t {
-        LightTable::Directional {
-            direction,
-            irradiance,
-        } => Ok(Light::Directional {
-            direction: Vec3::from_array(direction)
-                .try_normalize()
-                .ok_or("direction: expected a finite vector that is not zero")?,
-            irradiance: colour(irradiance, "irradiance")?,
-        }),
-        LightTable::Environment(ref t) => environment(t, scene_path, loader),
-        LightTable::Rectangle {
-            corner_mm,
-            edge_u_mm,
-            edge_v_mm,
-            radiance,
-            two_sided,
-        } => {
-            let radiance = colour(radiance, "radiance")?;
-            let [corner, u, v] = [corner_mm, edge_u_mm, edge_v_mm].map(Vec3::from_array);
-            let rectangle = RectangleLight::new(corner, u, v, radiance, two_sided)
-                .map_err(|e| format!("edge_u_mm, edge_v_mm: {e}"))?;
-            Ok(Light::Rectangle {
-                rectangle,
-                search: LightSearch::Both,
-            })
-        }
-    }
-}
-
-fn environment(
-    t: &EnvironmentTable,
-    scene_path: &Path,
-    loader: &Loader<'_>,
-) -> Result<Light, String> {
-    let of_file = [
-        ("scale", t.scale.is_some()),
-        ("up", t.up.is_some()),
-        ("rotation_deg", t.rotation_deg.is_some()),
-    ];
-    match (&t.radiance, &t.file) {
-        (Some(radiance), None) => {
-            if let Some((key, _)) = of_file.iter().find(|(_, given)| *given) {
-                return Err(format!("{key} belongs to an environment with a file"));
-            }
-            Ok(Light::Environment {
-                radiance: colour(*radiance, "radiance")?,
-                hemisphere: match t.hemisphere.unwrap_or_default() {
-                    HemisphereName::All => Hemisphere::All,
-                    HemisphereName::Front => Hemisphere::Front,
-                    HemisphereName::Back => Hemisphere::Back,
-                },
-            })
-        }
-        (None, Some(name)) if t.hemisphere.is_none() => {
-            let image = environment_image(t, &read::beside(scene_path, name), loader)?;
-            Ok(Light::Image {
-                image: Arc::new(image),
-                search: LightSearch::Both,
-            })
-        }
-        (None, Some(_)) => Err("hemisphere belongs to an environment with a radiance".into()),
-        _ => Err("an environment takes either radiance or file".into()),
-    }
-}
-
-fn environment_image(
-    t: &EnvironmentTable,
-    path: &Path,
-    loader: &Loader<'_>,
-) -> Result<ImageEnvironment, String> {
-    let scale = t.scale.unwrap_or(1.0);
-    if !(scale >= 0.0 && scale.is_finite()) {
-        return Err(format!(
-            "scale: expected a finite number of at least 0, found {scale}"
-        ));
-    }
-    let rotation = t.rotation_deg.unwrap_or(0.0).to_radians();
-    let up =
-        t.up.map_or(Some(Vec3::Z), |v| Vec3::from_array(v).try_normalize());
-    let (Some(up), true) = (up, rotation.is_finite()) else {
-        return Err("up, rotation_deg: expected finite numbers, and an up that is not zero".into());
+    let load = |name: &str| {
+        let path = read::beside(scene_path, name);
+        let (size, pixels) = environment_file::decode(&path, loader)?;
+        Ok(LoadedPicture {
+            name: path.display().to_string(),
+            size,
+            pixels,
+        })
     };
-    let ahead = if up.y.abs() > 0.999 {
-        Vec3::NEG_Z
-    } else {
-        Vec3::Y
-    };
-    let centre = Quat::from_axis_angle(up, rotation) * ahead.reject_from_normalized(up);
-    let (size, mut pixels) = environment_file::decode(path, loader)?;
-    for p in &mut pixels {
-        *p *= scale;
-    }
-    ImageEnvironment::new(size, pixels, up, centre)
-        .map_err(|e| format!("file: {}: {e}", path.display()))
+    t.build(&load).map_err(|e| e.to_string())
 }
 
 fn plane(t: &PlaneTable) -> Result<Plane, String> {

@@ -6,6 +6,7 @@ use crate::loader::Loader;
 use crate::optics::OpticsFile;
 use crate::read;
 use crate::scattering::ScatteringTable;
+use organza_light::LightTable;
 use organza_transport::{FibreEvent, Integrator};
 use serde::Deserialize;
 use std::path::Path;
@@ -197,68 +198,6 @@ pub enum FilterName {
     Tent,
     /// A Gaussian of half a pixel.
     Gaussian,
-}
-
-/// `[[light]]`
-#[derive(Debug, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum LightTable {
-    /// Parallel light.
-    Directional {
-        /// The direction that the light travels.
-        direction: [f32; 3],
-        /// Through a plane perpendicular to the direction.
-        irradiance: [f32; 3],
-    },
-    /// Light from all around.
-    Environment(EnvironmentTable),
-    /// A luminous rectangle.
-    Rectangle {
-        /// One of its corners.
-        corner_mm: [f32; 3],
-        /// The two edges that start at the corner; light goes to the side of
-        /// their cross product.
-        edge_u_mm: [f32; 3],
-        /// The second edge.
-        edge_v_mm: [f32; 3],
-        /// Radiance it sends out.
-        radiance: [f32; 3],
-        /// Whether it shines to both sides.
-        #[serde(default)]
-        two_sided: bool,
-    },
-}
-
-/// An environment: one radiance, or a picture of all directions.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EnvironmentTable {
-    /// The same from everywhere.
-    pub radiance: Option<[f32; 3]>,
-    /// From which half of all directions.
-    pub hemisphere: Option<HemisphereName>,
-    /// An equirectangular picture (.exr, .hdr).
-    pub file: Option<String>,
-    /// Radiance per value of the picture, 1 if none.
-    pub scale: Option<f32>,
-    /// Where the top of the picture is, z if none.
-    pub up: Option<[f32; 3]>,
-    /// Turns the picture about `up`, counter-clockwise seen from there. At 0
-    /// its middle is seen toward +y, or toward -z where `up` is y.
-    pub rotation_deg: Option<f32>,
-}
-
-/// `hemisphere` of an environment.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum HemisphereName {
-    /// All directions.
-    #[default]
-    All,
-    /// From z > 0.
-    Front,
-    /// From z < 0.
-    Back,
 }
 
 /// `[[object]]`

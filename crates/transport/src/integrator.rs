@@ -166,7 +166,7 @@ impl Event<'_> {
         if scattered.is_black() {
             return Rgb::BLACK;
         }
-        let share = light.shadow_share(&toward, || self.collision.pdf(self.w_out, w_in));
+        let share = light.shadow_share(&toward, &|| self.collision.pdf(self.w_out, w_in));
         let unshadowed = share * self.throughput * scattered * toward.irradiance;
         let keep = (SHADOW_SCALE * unshadowed.mean() / toward.irradiance.mean()).min(1.0);
         if !(keep > 0.0 && (keep == 1.0 || rng.unit() < keep)) {

@@ -48,10 +48,10 @@
 //! let projection = Projection::Orthographic { width_mm: 2.0 };
 //! let scene = Scene {
 //!     media: vec![AnyMedium::Grid(medium)],
-//!     lights: vec![Light::Environment {
+//!     lights: vec![Light::from(EnvironmentLight {
 //!         radiance: Rgb::WHITE,
 //!         hemisphere: Hemisphere::All,
-//!     }],
+//!     })],
 //!     camera: Camera::new(projection, pose, UVec2::splat(8), PixelFilter::Box)?,
 //! };
 //! let settings = RenderSettings {
@@ -123,6 +123,6 @@ pub use organza_film::{
 };
 pub use organza_kernel::{Backend, Kernel};
 pub use organza_light::{
-    Hemisphere, ImageEnvironment, ImageEnvironmentError, Light, LightSample, LightSearch,
-    RectangleError, RectangleLight,
+    DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
+    ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,
 };

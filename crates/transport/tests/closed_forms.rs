@@ -6,9 +6,10 @@
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, Integrator, Interpolation, Light,
-    Medium, PixelFilter, Projection, RenderSettings, Scene, Stats, exact_transmittance, render,
-    sample_collision, sample_collision_exactly, stopped_transmittance, transmittance,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
+    Hemisphere, Integrator, Interpolation, Light, Medium, PixelFilter, Projection, RenderSettings,
+    Scene, Stats, exact_transmittance, render, sample_collision, sample_collision_exactly,
+    stopped_transmittance, transmittance,
 };
 use std::ops::ControlFlow;
 
@@ -66,10 +67,10 @@ fn settings(integrator: Integrator, spp: u64, seed: u64) -> RenderSettings {
 /// and every path returns one exactly, so the mean is exact too.
 #[test]
 fn white_furnace() {
-    let light = Light::Environment {
+    let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
         let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light.clone()], 16);
@@ -94,10 +95,10 @@ fn white_furnace() {
 #[test]
 fn front_and_back_furnace_add_to_one() {
     let half = |hemisphere, seed| {
-        let light = Light::Environment {
+        let light = Light::from(EnvironmentLight {
             radiance: Rgb::WHITE,
             hemisphere,
-        };
+        });
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
         let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
         let done = render(&scene, &settings(Integrator::Woodcock, 64, seed), &|_| {
@@ -228,10 +229,10 @@ fn superposed_media_add() {
             .iter()
             .map(|&p| AnyMedium::Grid(slab(p, 0.8, tilted(), Interpolation::Nearest)))
             .collect();
-        let light = Light::Directional {
+        let light = Light::from(DirectionalLight {
             direction: Vec3::new(0.3, 0.1, -0.9).normalize(),
             irradiance: Rgb::WHITE,
-        };
+        });
         looking_down(media, vec![light], 16)
     };
     let mean = |parts: &[f32], integrator, seed| {
@@ -258,10 +259,10 @@ fn superposed_media_add() {
 #[test]
 fn same_bits_on_one_and_two_threads() {
     let medium = slab(20.0, 0.7, tilted(), Interpolation::Trilinear);
-    let light = Light::Directional {
+    let light = Light::from(DirectionalLight {
         direction: Vec3::NEG_Z,
         irradiance: Rgb::WHITE,
-    };
+    });
     let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 24);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -283,10 +284,10 @@ fn same_bits_on_one_and_two_threads() {
 /// the same.
 #[test]
 fn a_camera_ten_metres_away_sees_the_same() {
-    let light = Light::Environment {
+    let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::Back,
-    };
+    });
     let at = |distance: f64, seed| {
         let medium = slab(20.0, 0.9, tilted(), Interpolation::Nearest);
         let direction = DVec3::new(1.0, 0.5, 3.0).normalize();

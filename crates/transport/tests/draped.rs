@@ -7,9 +7,9 @@ use organza_basis::{Aabb, Moments, PathRng, Rgb, Sym3, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
 use organza_scatter::{Footprint, LobeSample, Surface};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, CellGrid, Draping, Film, Grid, GridMedium, Hemisphere,
-    Integrator, Interpolation, LevelSteps, LevelledCloth, Light, PixelFilter, Projection,
-    RenderSettings, Scene, Stats, render, trace_from,
+    AnyMedium, Camera, CameraPose, CellGrid, DirectionalLight, Draping, EnvironmentLight, Film,
+    Grid, GridMedium, Hemisphere, Integrator, Interpolation, LevelSteps, LevelledCloth, Light,
+    PixelFilter, Projection, RenderSettings, Scene, Stats, render, trace_from,
 };
 use std::f32::consts::FRAC_1_PI;
 use std::ops::ControlFlow;
@@ -102,14 +102,14 @@ fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
 
 fn lamps() -> Vec<Light> {
     vec![
-        Light::Directional {
+        Light::from(DirectionalLight {
             direction: Vec3::new(0.4, 0.3, -0.87).normalize(),
             irradiance: Rgb::splat(2.0),
-        },
-        Light::Environment {
+        }),
+        Light::from(EnvironmentLight {
             radiance: Rgb::new(0.3, 0.2, 0.1),
             hemisphere: Hemisphere::Back,
-        },
+        }),
     ]
 }
 
@@ -181,10 +181,10 @@ fn furnace(scene: &Scene, paths: u64, seed: u64) -> Moments {
 }
 
 fn sky() -> Vec<Light> {
-    vec![Light::Environment {
+    vec![Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    }]
+    })]
 }
 
 fn cylinder(radius_mm: f32) -> impl Fn(Vec2) -> (Vec3, Vec3) {
@@ -297,10 +297,10 @@ fn sheets_conserve_energy_flat_and_over_a_mesh() {
 #[test]
 fn lit_paper_has_its_closed_form() {
     let (gap, back) = (0.25, 0.6);
-    let lamp = Light::Directional {
+    let lamp = Light::from(DirectionalLight {
         direction: Vec3::new(0.6, 0.0, -0.8),
         irradiance: Rgb::splat(3.0),
-    };
+    });
     let flat = scene(vec![paper(gap, back, None)], vec![lamp.clone()]);
     let plane = |uv: Vec2| (uv.extend(0.1), Vec3::Z);
     let wide = mesh(Vec2::splat(40.0), UVec2::ONE, plane);
@@ -337,10 +337,10 @@ fn lit_paper_has_its_closed_form() {
 #[test]
 fn levels_blend_by_the_width_of_the_pixel() {
     let lamp = || {
-        vec![Light::Environment {
+        vec![Light::from(EnvironmentLight {
             radiance: Rgb::WHITE,
             hemisphere: Hemisphere::Back,
-        }]
+        })]
     };
     let bounds = Aabb::new(Vec3::new(0.0, 0.0, -0.2), Vec3::ONE);
     let cell_grid = CellGrid::new(bounds, UVec3::ONE, true).unwrap();

@@ -8,8 +8,9 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, ExplicitFibres, FibreEvent, FibreMedium, Film, Hemisphere,
-    Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats, render, trace_from,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, FibreEvent,
+    FibreMedium, Film, Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings,
+    Scene, Stats, render, trace_from,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
@@ -104,10 +105,10 @@ fn picture(scene: &Scene, spp: u64, seed: u64) -> (Film, Stats) {
 /// The twin absorbs a little.
 #[test]
 fn white_furnace() {
-    let everywhere = Light::Environment {
+    let everywhere = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     let source = strewn(0.4, Vec3::new(0.2, 0.2, 0.12), 1);
     let off = |absorption: f32| {
         let media = vec![traced(&source, rough(absorption))];
@@ -296,10 +297,10 @@ fn thinly_strewn_fibres_are_the_medium() {
 /// Same seed, same bits on any number of threads; another seed, others.
 #[test]
 fn threads_change_nothing() {
-    let sun = Light::Directional {
+    let sun = Light::from(DirectionalLight {
         direction: -direction(30.0, 20.0),
         irradiance: Rgb::WHITE,
-    };
+    });
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {

@@ -12,9 +12,9 @@ use organza_scatter::{
     PackedEvent, meet_fibre, sigma_t_per_mm, void_multiplier,
 };
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, FibreEvent, FibreMedium, Film, Hemisphere, Integrator, Light,
-    Medium, PixelFilter, Projection, RenderSettings, Scene, Stats, exact_transmittance, render,
-    transmittance,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, FibreEvent, FibreMedium,
+    Film, Hemisphere, Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene,
+    Stats, exact_transmittance, render, transmittance,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
@@ -159,10 +159,10 @@ fn transmittance_of_parallel_fibres() {
 /// twin absorbs a little.
 #[test]
 fn white_furnace() {
-    let light = Light::Environment {
+    let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     let view = direction(30.0, 70.0);
     for event in [FibreEvent::Plain, FibreEvent::Packed] {
         let off = |absorption: f32| {
@@ -185,10 +185,10 @@ fn white_furnace() {
 /// twin's fibres are not black.
 #[test]
 fn black_fibres_show_no_more_than_their_gloss() {
-    let light = Light::Environment {
+    let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     let fibre = |colour_r: f32| {
         let parameters = FittedParameters {
             colour_r: Rgb::splat(colour_r),
@@ -344,10 +344,10 @@ fn renders_are_the_slab_walk() {
                 .into_iter()
                 .enumerate()
             {
-                let sun = Light::Directional {
+                let sun = Light::from(DirectionalLight {
                     direction: -light,
                     irradiance: Rgb::WHITE,
-                };
+                });
                 let (film, _) = picture(slab(fibre.clone(), event), sun, view, spp, 52);
                 let (mean, se) = film.mean()[0];
                 let z = |w: &Moments| (mean - w.mean) / se.hypot(w.standard_error());
@@ -367,10 +367,10 @@ fn renders_are_the_slab_walk() {
 /// Same seed, same bits on any number of threads; another seed, others.
 #[test]
 fn threads_change_nothing() {
-    let light = Light::Directional {
+    let light = Light::from(DirectionalLight {
         direction: -direction(30.0, 20.0),
         irradiance: Rgb::WHITE,
-    };
+    });
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {

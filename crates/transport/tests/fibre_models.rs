@@ -10,8 +10,8 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, ExplicitFibres, FibreEvent, FibreMedium, Integrator, Light,
-    LocalVisibility, PixelFilter, Projection, Scene, Stats, trace_from,
+    AnyMedium, Camera, CameraPose, DirectionalLight, ExplicitFibres, FibreEvent, FibreMedium,
+    Integrator, Light, LocalVisibility, PixelFilter, Projection, Scene, Stats, trace_from,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use rayon::prelude::*;
@@ -420,10 +420,10 @@ fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Mom
         lights: Vec::new(),
         camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
     };
-    let lights = [Light::Directional {
+    let lights = [Light::from(DirectionalLight {
         direction: -light,
         irradiance: Rgb::WHITE,
-    }];
+    })];
     let block = |b: u64| {
         let mut stats = Stats::default();
         let one = |i| {

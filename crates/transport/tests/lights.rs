@@ -7,9 +7,9 @@ use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::quadrature::gauss_legendre;
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, Grid, GridMedium, Hemisphere, ImageEnvironment, Integrator,
-    Interpolation, Light, LightSearch, PixelFilter, Plane, Projection, RectangleLight,
-    RenderSettings, Scene, Stats, render,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
+    Hemisphere, ImageEnvironment, ImageLight, Integrator, Interpolation, Light, LightSearch,
+    PixelFilter, Plane, Projection, RectangleLight, RenderSettings, Scene, Stats, render,
 };
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -93,10 +93,11 @@ fn apart(a: (f64, f64), b: (f64, f64)) -> f64 {
 }
 
 fn rectangle(corner: Vec3, u: Vec3, v: Vec3, search: LightSearch) -> Light {
-    Light::Rectangle {
-        rectangle: RectangleLight::new(corner, u, v, Rgb::WHITE, false).unwrap(),
-        search,
-    }
+    Light::from(
+        RectangleLight::new(corner, u, v, Rgb::WHITE, false)
+            .unwrap()
+            .with_search(search),
+    )
 }
 
 /// A panel 0.8 x 0.3 mm, 0.4 mm behind the slab and to the side, facing it.
@@ -185,12 +186,7 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
                     scene.first_collision(&on, Integrator::Woodcock.into(), &mut rng, &mut stats);
                 let reach = next.map_or(f32::INFINITY, |c| c.t);
                 if light.distance_along(&on).is_some_and(|t| t <= reach) {
-                    let light_pdf = match light {
-                        Light::Rectangle { rectangle, .. } => {
-                            rectangle.pdf_toward(at, on.direction)
-                        }
-                        _ => 0.0,
-                    };
+                    let light_pdf = light.pdf_toward(at, on.direction);
                     let share = shares(light_pdf, drawn.pdf).1;
                     let seen = drawn.weight * light.radiance_toward(on.direction);
                     sum += share * seen.0.x;
@@ -278,13 +274,17 @@ fn a_room_of_rectangles_is_a_furnace() {
 }
 
 fn picture(size: UVec2, search: LightSearch, pixel: impl Fn(u32, u32) -> f32) -> Light {
+    Light::from(image_light(size, search, pixel))
+}
+
+fn image_light(size: UVec2, search: LightSearch, pixel: impl Fn(u32, u32) -> f32) -> ImageLight {
     let pixels = (0..size.y)
         .flat_map(|y| (0..size.x).map(move |x| (x, y)))
         .map(|(x, y)| Rgb::splat(pixel(x, y)))
         .collect();
     let up = Vec3::new(0.1, 1.0, 0.2);
     let image = ImageEnvironment::new(size, pixels, up, Vec3::NEG_Z).unwrap();
-    Light::Image {
+    ImageLight {
         image: Arc::new(image),
         search,
     }
@@ -296,10 +296,10 @@ fn picture(size: UVec2, search: LightSearch, pixel: impl Fn(u32, u32) -> f32) ->
 #[test]
 fn a_constant_picture_is_a_constant_environment() {
     let size = UVec2::new(32, 16);
-    let environment = Light::Environment {
+    let environment = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     let under = |light, albedo, seed| {
         let scene = looking_down(vec![slab(20.0, albedo, tilted(), true)], vec![light], 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
@@ -323,12 +323,10 @@ fn a_constant_picture_is_a_constant_environment() {
 fn one_bright_pixel_is_a_directional_light() {
     let size = UVec2::new(512, 256);
     let bright = UVec2::new(200, 150);
-    let light = picture(size, LightSearch::Both, |x, y| {
+    let light = image_light(size, LightSearch::Both, |x, y| {
         f32::from(UVec2::new(x, y) == bright) * 1e4
     });
-    let Light::Image { image, .. } = &light else {
-        panic!("a picture is a picture");
-    };
+    let (image, light) = (Arc::clone(&light.image), Light::from(light));
     // Irradiance and mean direction by adding up the interpolated picture
     // around the pixel.
     let [up, centre, left] = image.frame().map(|v| v.as_dvec3());
@@ -352,9 +350,11 @@ fn one_bright_pixel_is_a_directional_light() {
             vector += e * w;
         }
     }
-    let sun = |scale: f64| Light::Directional {
-        direction: -vector.normalize().as_vec3(),
-        irradiance: Rgb::splat((scale * irradiance) as f32),
+    let sun = |scale: f64| {
+        Light::from(DirectionalLight {
+            direction: -vector.normalize().as_vec3(),
+            irradiance: Rgb::splat((scale * irradiance) as f32),
+        })
     };
     let under = |light, seed| {
         let scene = looking_down(vec![slab(20.0, 0.8, tilted(), true)], vec![light], 0.1);
@@ -412,9 +412,11 @@ fn planes_close_the_furnace_from_behind() {
         let (r, l) = (Rgb::splat(reflectance), Rgb::splat(radiance));
         AnyMedium::Plane(Plane::new(Vec3::new(0.0, 0.0, -0.3), Vec3::Z, r, l).unwrap())
     };
-    let half = |hemisphere| Light::Environment {
-        radiance: Rgb::WHITE,
-        hemisphere,
+    let half = |hemisphere| {
+        Light::from(EnvironmentLight {
+            radiance: Rgb::WHITE,
+            hemisphere,
+        })
     };
     let of = |media, lights, seed| {
         let scene = looking_down(media, lights, 0.1);
@@ -443,10 +445,10 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
         let made = Plane::new(Vec3::ZERO, Vec3::Z, Rgb::splat(0.6), Rgb::BLACK);
         AnyMedium::Plane(made.unwrap())
     };
-    let sun = Light::Directional {
+    let sun = Light::from(DirectionalLight {
         direction: Vec3::new(0.6, 0.0, -0.8),
         irradiance: Rgb::splat(2.0),
-    };
+    });
     let scene = looking_down(vec![plane()], vec![sun], 0.1);
     let got = mean(&scene, Integrator::Woodcock, u32::MAX, 64, 150);
     let expected = 0.6 / PI * 2.0 * 0.8;
@@ -454,10 +456,10 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
         (got.0 - expected).abs() < 4.0 * got.1 + 1e-5,
         "seed 150: {got:?} for {expected}"
     );
-    let from_below = Light::Directional {
+    let from_below = Light::from(DirectionalLight {
         direction: Vec3::Z,
         irradiance: Rgb::WHITE,
-    };
+    });
     let scene = looking_down(vec![plane()], vec![from_below], 0.1);
     assert_eq!(mean(&scene, Integrator::Woodcock, u32::MAX, 4, 151).0, 0.0);
     // A panel of 2 x 2 mm facing the plane from 1 mm above: the form factor to
@@ -489,10 +491,7 @@ fn rectangles_are_seen() {
         }
         let rectangle =
             RectangleLight::new(Vec3::new(-0.5, -0.5, 0.5), u, v, Rgb::WHITE, two_sided).unwrap();
-        let light = Light::Rectangle {
-            rectangle,
-            search: LightSearch::Both,
-        };
+        let light = Light::from(rectangle.with_search(LightSearch::Both));
         let scene = looking_down(vec![slab(20.0, 0.0, tilted(), true)], vec![light], 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 4, 160).0
     };

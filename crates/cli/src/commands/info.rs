@@ -7,10 +7,11 @@ use crate::{output, picture};
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
+use organza_light::LightTable;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::scene_build::{self, BuildOptions};
-use organza_scene::scene_file::{self, IntegratorName, LightTable, ObjectTable, is_scene};
+use organza_scene::scene_file::{self, IntegratorName, ObjectTable, is_scene};
 use organza_scene::{auto, cloth_object, fabric_file, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
@@ -189,13 +190,9 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
 }
 
 fn light_info(table: &LightTable) -> Value {
-    match table {
-        LightTable::Directional { .. } => json!({ "kind": "directional" }),
-        LightTable::Rectangle { .. } => json!({ "kind": "rectangle" }),
-        LightTable::Environment(t) => match &t.file {
-            Some(file) => json!({ "kind": "environment", "file": file }),
-            None => json!({ "kind": "environment" }),
-        },
+    match table.file() {
+        Some(file) => json!({ "kind": table.kind(), "file": file }),
+        None => json!({ "kind": table.kind() }),
     }
 }
 

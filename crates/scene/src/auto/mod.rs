@@ -12,13 +12,13 @@ use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{
-    ClothTable, EventName, HemisphereName, IntegratorName, LightTable, Lod, LodName, ModelName,
-    ObjectTable, SceneFile,
+    ClothTable, EventName, IntegratorName, Lod, LodName, ModelName, ObjectTable, SceneFile,
 };
 use crate::{drape, read};
 use choice::{Model, Tracker};
 use lit::Lit;
 use organza_basis::SegmentSource;
+use organza_light::LightTable;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -261,27 +261,7 @@ fn lit_sides(lights: &[LightTable], camera: f64, middle: f64) -> Vec<Lit> {
     // Above, below.
     let mut from = [false; 2];
     for light in lights {
-        let (above, below) = match light {
-            LightTable::Directional { direction, .. } => (direction[2] < 0.0, direction[2] > 0.0),
-            LightTable::Environment(t) => match t.hemisphere.unwrap_or_default() {
-                HemisphereName::All => (true, true),
-                HemisphereName::Front => (true, false),
-                HemisphereName::Back => (false, true),
-            },
-            LightTable::Rectangle {
-                corner_mm,
-                edge_u_mm,
-                edge_v_mm,
-                ..
-            } => {
-                let heights = [0.0, edge_u_mm[2], edge_v_mm[2], edge_u_mm[2] + edge_v_mm[2]]
-                    .map(|h| f64::from(corner_mm[2] + h));
-                (
-                    heights.iter().any(|&h| h > middle),
-                    heights.iter().any(|&h| h < middle),
-                )
-            }
-        };
+        let [above, below] = light.sides(middle);
         from = [from[0] || above, from[1] || below];
     }
     let [front, back] = if camera >= middle {

@@ -147,10 +147,10 @@ fn white_fibres_vanish_under_even_light() {
         vec![dielectric([0.0; 3], 6.0, 10.0), white],
         FibreEvent::Plain,
     );
-    let light = Light::Environment {
+    let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
-    };
+    });
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let scene = scene(AnyMedium::Fibres(medium), vec![light], flat);
     let settings = settings(0..8 * samples(), u32::MAX);

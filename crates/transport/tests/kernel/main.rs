@@ -89,17 +89,21 @@ fn parallel() -> Vec<Light> {
         (Vec3::new(0.5, 0.3, -0.8), 1.0),
         (Vec3::new(-0.4, 0.2, 0.9), 1.5),
     ]
-    .map(|(d, e)| Light::Directional {
-        direction: d.normalize(),
-        irradiance: Rgb::new(e, 1.0, 0.5 * e),
+    .map(|(d, e)| {
+        Light::from(DirectionalLight {
+            direction: d.normalize(),
+            irradiance: Rgb::new(e, 1.0, 0.5 * e),
+        })
     })
     .to_vec()
 }
 
 fn sky() -> Vec<Light> {
-    let of = |radiance, hemisphere| Light::Environment {
-        radiance,
-        hemisphere,
+    let of = |radiance, hemisphere| {
+        Light::from(EnvironmentLight {
+            radiance,
+            hemisphere,
+        })
     };
     vec![
         of(Rgb::new(0.7, 0.8, 1.0), Hemisphere::All),
@@ -109,9 +113,12 @@ fn sky() -> Vec<Light> {
 
 /// One panel beside the camera, and one behind the matter that is seen through it.
 fn panels() -> Vec<Light> {
-    let panel = |corner, u, v, radiance, two_sided| Light::Rectangle {
-        rectangle: RectangleLight::new(corner, u, v, radiance, two_sided).unwrap(),
-        search: LightSearch::Both,
+    let panel = |corner, u, v, radiance, two_sided| {
+        Light::from(
+            RectangleLight::new(corner, u, v, radiance, two_sided)
+                .unwrap()
+                .with_search(LightSearch::Both),
+        )
     };
     vec![
         panel(

@@ -24,10 +24,10 @@ fn image() -> ImageEnvironment {
 }
 
 pub(crate) fn picture() -> Light {
-    Light::Image {
+    Light::from(ImageLight {
         image: Arc::new(image()),
         search: LightSearch::Both,
-    }
+    })
 }
 
 #[test]
