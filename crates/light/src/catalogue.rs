@@ -8,6 +8,7 @@ use crate::directional::DirectionalTable;
 use crate::environment::EnvironmentTable;
 use crate::light::Light;
 use crate::rectangle::RectangleTable;
+use crate::spot::SpotTable;
 use glam::UVec2;
 use organza_basis::Rgb;
 use serde::Deserialize;
@@ -131,4 +132,5 @@ lights! {
     Directional(DirectionalTable) = "directional",
     Environment(EnvironmentTable) = "environment",
     Rectangle(RectangleTable) = "rectangle",
+    Spot(SpotTable) = "spot",
 }

@@ -3,7 +3,7 @@
 //!
 //! | light | found by |
 //! |---|---|
-//! | parallel | shadow rays: no walk ever meets a single direction |
+//! | parallel, spot | shadow rays: no walk ever meets a single direction |
 //! | constant environment | the walk alone: a shadow ray in a random direction is the worse estimate of light from everywhere |
 //! | rectangle, image environment | both, combined by the balance heuristic \[Veach1995] |
 //!
@@ -18,6 +18,7 @@ mod image_environment;
 mod light;
 pub mod mitsuba;
 mod rectangle;
+mod spot;
 
 pub use catalogue::{LIGHT_KINDS, LightError, LightKind, LightTable, LoadPicture, LoadedPicture};
 pub use directional::{DirectionalLight, DirectionalTable};
@@ -25,3 +26,4 @@ pub use environment::{EnvironmentLight, EnvironmentTable, Hemisphere};
 pub use image_environment::{ImageEnvironment, ImageEnvironmentError, ImageLight};
 pub use light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 pub use rectangle::{RectangleError, RectangleLight, RectangleTable};
+pub use spot::{SpotLight, SpotTable};

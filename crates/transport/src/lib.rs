@@ -125,4 +125,5 @@ pub use organza_kernel::{Backend, Kernel};
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
     ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,
+    SpotLight,
 };

@@ -9,7 +9,8 @@ use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
     Hemisphere, ImageEnvironment, ImageLight, Integrator, Interpolation, Light, LightSearch,
-    PixelFilter, Plane, Projection, RectangleLight, RenderSettings, Scene, Stats, render,
+    PixelFilter, Plane, Projection, RectangleLight, RenderSettings, Scene, SpotLight, Stats,
+    render,
 };
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -505,4 +506,50 @@ fn rectangles_are_seen() {
     );
     let flat = RectangleLight::new(Vec3::ZERO, Vec3::X, Vec3::X, Rgb::WHITE, false);
     assert_eq!(flat.unwrap_err().to_string(), "the edges span no area");
+}
+
+/// A point light over a diffuse plane, in closed form: the camera looks at a place
+/// beside its foot. The twin stands a twentieth higher.
+#[test]
+fn a_point_light_falls_off_with_the_square_and_the_cosine() {
+    let (height, beside) = (3.0f64, 2.0f64);
+    let of = |height: f64, seed| {
+        let made = Plane::new(Vec3::ZERO, Vec3::Z, Rgb::splat(0.6), Rgb::BLACK);
+        let at = Vec3::new(0.0, beside as f32, height as f32);
+        let light = Light::from(SpotLight::point(at, Rgb::splat(50.0)));
+        let plane = AnyMedium::Plane(made.unwrap());
+        let scene = looking_down(vec![plane], vec![light], 1e-3);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 16, seed)
+    };
+    let square = height * height + beside * beside;
+    let expected = 0.6 / PI * 50.0 * height / (square * square.sqrt());
+    let off = |got: (f64, f64)| (got.0 - expected).abs() / (4.0 * got.1 + 1e-4 * expected);
+    let got = of(height, 160);
+    assert!(off(got) < 1.0, "seed 160: {got:?} for {expected}");
+    let twin = of(1.05 * height, 161);
+    assert!(off(twin) > 1.0, "the twin passed: {twin:?} for {expected}");
+}
+
+/// A distant point light is parallel light of its irradiance, in a medium as well.
+/// The twin is a tenth weaker.
+#[test]
+fn a_distant_point_light_is_parallel() {
+    let toward = Vec3::new(0.48, 0.36, 0.8);
+    let distance = 1e4f32;
+    let under = |light, seed| {
+        let scene = looking_down(vec![slab(20.0, 0.8, tilted(), true)], vec![light], 0.1);
+        mean(&scene, Integrator::Woodcock, u32::MAX, 200, seed)
+    };
+    let point = |scale: f32| {
+        let intensity = Rgb::splat(scale * distance * distance);
+        Light::from(SpotLight::point(distance * toward, intensity))
+    };
+    let sun = Light::from(DirectionalLight {
+        direction: -toward,
+        irradiance: Rgb::WHITE,
+    });
+    let (sun, near) = (under(sun, 162), under(point(1.0), 163));
+    assert!(apart(sun, near) < 4.0, "seeds 162, 163: {sun:?} {near:?}");
+    let twin = under(point(0.9), 164);
+    assert!(apart(sun, twin) > 4.0, "the twin passed: {sun:?} {twin:?}");
 }
