@@ -219,7 +219,7 @@ mod tests {
         assert!(e.message().contains("unknown field `psi_dg`"), "{e}");
         assert_eq!(e.span().map(|s| s.start), text.find("psi_dg"));
         let e = read("model = \"difuse\"\n").unwrap_err();
-        assert!(e.message().contains("`irawan`, `diffuse`"), "{e}");
+        assert!(e.message().contains("`irawan` or `diffuse`"), "{e}");
         let e = read("model = \"diffuse\"\npreset = \"denim\"\n").unwrap_err();
         assert!(e.message().contains("unknown field `preset`"), "{e}");
     }
