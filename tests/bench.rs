@@ -159,11 +159,7 @@ tolerance = 0.3
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["chosen"][0]["what"], chosen["what"]);
     let choice = &chosen["recommendation"]["taken"]["choice"];
-    let (model, event) = match choice["model"].as_str().unwrap() {
-        "packed" => ("virtual-scattering", "event = \"packed\"\n"),
-        "plain" => ("virtual-scattering", "event = \"plain\"\n"),
-        other => (other, ""),
-    };
+    let model = choice["model"].as_str().unwrap();
     let voxels = if matches!(model, "fibres" | "surface") {
         String::new()
     } else {
@@ -173,7 +169,7 @@ tolerance = 0.3
     let named = scene
         .replace(
             "model = \"auto\"",
-            &format!("model = \"{model}\"\n{event}{voxels}"),
+            &format!("model = \"{model}\"\n{voxels}"),
         )
         .replace("tolerance = 0.3\n", "");
     std::fs::write(folder.join("named.toml"), named).unwrap();

@@ -392,11 +392,11 @@ fabric = "cloth.toml"
     render("integrator.exr", &["render.integrator=fibres"]);
     assert!(red("model.exr") > 0.0);
     assert_eq!(red("model.exr"), red("integrator.exr"));
-    render("volume.exr", &["object.0.model=virtual-scattering"]);
-    let near = [
-        "object.0.model=virtual-scattering",
-        "object.0.local_visibility=true",
-    ];
+    render("volume.exr", &["object.0.model=packed"]);
+    // The old name of the same, bit for bit.
+    render("old.exr", &["object.0.model=virtual-scattering"]);
+    assert_eq!(red("volume.exr"), red("old.exr"));
+    let near = ["object.0.model=packed", "object.0.local_visibility=true"];
     render("near.exr", &near);
     assert_ne!(red("volume.exr"), red("near.exr"));
     std::fs::write(

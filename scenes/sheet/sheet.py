@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw
 
 HERE = Path(__file__).parent
 ORGANZA = sys.argv[1] if len(sys.argv) > 1 else "organza"
-FLAKE, FIBRE = "object.0.model=microflake", "object.0.model=virtual-scattering"
+FLAKE = "object.0.model=microflake"
+PACKED, PLAIN = "object.0.model=packed", "object.0.model=plain"
 EVERY = "object.0.optics.*."
 MODELS = [
     ("SGGX mirrors", [FLAKE, "object.0.flake=sggx-specular"]),
@@ -19,11 +20,11 @@ MODELS = [
     ("Gaussian, gamma 0.1", [FLAKE, "object.0.flake=gaussian", EVERY + "gamma=0.1"]),
     ("Gaussian, gamma 0.4", [FLAKE, "object.0.flake=gaussian", EVERY + "gamma=0.4"]),
     ("sine power 100", [FLAKE, "object.0.flake=sin-power", EVERY + "sin_power=100"]),
-    ("dielectric, plain (far field)", [FIBRE, "object.0.event=plain"]),
-    ("dielectric, packed (near)", [FIBRE, "object.0.event=packed"]),
-    ("fitted cotton, packed", [FIBRE, EVERY + "fitted=cotton"]),
-    ("fitted silk, packed", [FIBRE, EVERY + "fitted=silk"]),
-    ("fitted gabardine, plain", [FIBRE, "object.0.event=plain", EVERY + "fitted=gabardine"]),
+    ("dielectric, plain (far field)", [PLAIN]),
+    ("dielectric, packed (near)", [PACKED]),
+    ("fitted cotton, packed", [PACKED, EVERY + "fitted=cotton"]),
+    ("fitted silk, packed", [PACKED, EVERY + "fitted=silk"]),
+    ("fitted gabardine, plain", [PLAIN, EVERY + "fitted=gabardine"]),
 ]
 COLUMNS, LABEL, GAP = 5, 14, 4
 

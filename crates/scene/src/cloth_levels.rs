@@ -5,7 +5,8 @@ use crate::error::{Result, input};
 use crate::loader::Loader;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
-use organza_scatter::Surface;
+use organza_scatter::{Shifted, Surface};
+use organza_surface::ClothSurface;
 use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth};
 use organza_volume::Octree;
 use std::ops::RangeInclusive;
@@ -17,6 +18,16 @@ pub struct FarSheet {
     pub sheet: Box<dyn Surface>,
     /// The longer side of its repeat.
     pub repeat_mm: f32,
+}
+
+impl From<ClothSurface> for FarSheet {
+    /// In register with the volume of the same cloth.
+    fn from(surface: ClothSurface) -> FarSheet {
+        FarSheet {
+            sheet: Box::new(Shifted::new(surface.surface, surface.origin_mm)),
+            repeat_mm: surface.repeat_mm,
+        }
+    }
 }
 
 /// Which representations a camera sees, of all that a cloth has.

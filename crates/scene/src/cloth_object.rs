@@ -1,17 +1,16 @@
 //! `[[object]]` of `kind = "cloth"`: a fabric, laid where a scene says.
 
-use crate::cloth_levels::{Levels, Place};
+use crate::cloth_levels::{FarSheet, Levels, Place};
 use crate::drape;
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
-use crate::fibre_optics;
 use crate::memory::free_memory_bytes;
 use crate::read;
-use crate::scattering::ScatteringModel;
+use crate::representation::{Build, FIBRES, ShownAs, VoxelBuild, VoxelSource, owners};
 use crate::scene_build::BuildOptions;
 use crate::scene_file::{ClothTable, Lod, LodName};
 use organza_basis::SegmentSource;
-use organza_transport::{AnyMedium, Camera, FibreEvent, LocalVisibility};
+use organza_transport::{AnyMedium, Camera};
 use organza_volume::Plan;
 use std::sync::Arc;
 
@@ -20,17 +19,16 @@ use std::sync::Arc;
 const VOXELS_ACROSS_THREAD: f32 = 12.0;
 
 /// The fabric of the cloth that is a scene's object of this index, with the
-/// object's optics, and what scatters light off it; `as_fibres` whatever its
-/// model.
+/// object's optics, and how it is shown; `as_fibres` whatever its model.
 ///
 /// # Errors
 /// Names the file and the key at fault.
-fn fabric_and_model(
+fn fabric_and_showing(
     table: &ClothTable,
     index: usize,
     as_fibres: bool,
     options: &BuildOptions<'_>,
-) -> Result<(Fabric, ScatteringModel)> {
+) -> Result<(Fabric, ShownAs)> {
     let scene_path = options.scene_path;
     let fail = |why: &str| input(format!("{}: object[{index}]{why}", scene_path.display()));
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
@@ -42,28 +40,38 @@ fn fabric_and_model(
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!(".optics{why}")))?;
-    let model = table
-        .scattering()
-        .over(fabric.file.scattering)
-        .map_err(fail)?;
-    if table.local_visibility && !matches!(model, ScatteringModel::Fibres(_)) {
-        return Err(fail(
-            ".local_visibility: belongs to model = \"virtual-scattering\"",
-        ));
+    let named = table.scattering();
+    if let Some(why) = named.old_names() {
+        options
+            .loader
+            .warn(scene_path, format!("object[{index}]{why}"));
     }
-    if as_fibres || model == ScatteringModel::Explicit {
-        if table.mesh.is_some() {
-            return Err(fail(
-                ".mesh: fibres one by one lie flat; take another model",
-            ));
-        }
-        return Ok((fabric, ScatteringModel::Explicit));
+    let mut shown = named
+        .over(fabric.file.scattering)
+        .map_err(|why| fail(&why))?;
+    shown.settings.local_visibility = table.local_visibility;
+    if table.local_visibility && !shown.representation.has_key("local_visibility") {
+        let why = format!(
+            ".local_visibility: belongs to {}",
+            owners("local_visibility")
+        );
+        return Err(fail(&why));
+    }
+    if as_fibres {
+        shown = ShownAs::usual(&FIBRES);
+    }
+    let representation = shown.representation;
+    if table.mesh.is_some() && !representation.drapes {
+        return Err(fail(&format!(
+            ".mesh: model = {:?} needs a flat cloth; choose another model",
+            representation.name
+        )));
     }
     let is_named = |lod| matches!(lod, Lod::Name(LodName::Auto | LodName::Surface));
-    if model == ScatteringModel::Surface && !is_named(table.lod) {
+    if matches!(representation.build, Build::Surface(_)) && !is_named(table.lod) {
         return Err(fail(".lod: a surface has no levels; leave it out"));
     }
-    Ok((fabric, model))
+    Ok((fabric, shown))
 }
 
 /// What voxelizing a scene's object will take.
@@ -73,14 +81,14 @@ fn fabric_and_model(
 /// voxels are made, which takes its time.
 fn plan<'a>(
     fabric: &'a Fabric,
-    model: ScatteringModel,
+    voxels: &VoxelBuild,
     table: &ClothTable,
     index: usize,
     options: &BuildOptions<'_>,
 ) -> Result<Plan<'a>> {
     let plan = fabric.plan(
         &read::beside(options.scene_path, &table.fabric),
-        model.footprint(),
+        voxels.footprint,
         table.voxel_um,
         None,
         options.max_memory_bytes,
@@ -97,7 +105,7 @@ fn plan<'a>(
 }
 
 /// Checks the cloth that is a scene's object of this index as far as that can be
-/// without making voxels, and tells what scatters light off it.
+/// without making voxels, and returns how it is shown.
 ///
 /// # Errors
 /// Those of [`medium`].
@@ -106,17 +114,16 @@ pub fn check(
     index: usize,
     as_fibres: bool,
     options: &BuildOptions<'_>,
-) -> Result<ScatteringModel> {
-    let (fabric, model) = fabric_and_model(table, index, as_fibres, options)?;
+) -> Result<ShownAs> {
+    let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     drape::mesh(table, index, options)?;
     let path = read::beside(options.scene_path, &table.fabric);
-    match model {
-        ScatteringModel::Explicit => fabric.fibres(&path).map(|_| ())?,
-        ScatteringModel::Surface => fabric.surface(&path).map(|_| ())?,
-        _ if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
-        _ => plan(&fabric, model, table, index, options).map(|_| ())?,
+    match shown.representation.voxels() {
+        Some(_) if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
+        Some(voxels) => plan(&fabric, voxels, table, index, options).map(|_| ())?,
+        None => (shown.representation.check)(&fabric, &path)?,
     }
-    Ok(model)
+    Ok(shown)
 }
 
 /// The cloth that is a scene's object of this index; `as_fibres` whatever its
@@ -136,14 +143,7 @@ pub fn medium(
         let scene = options.scene_path.display();
         input(format!("{scene}: object[{index}]{why}"))
     };
-    let (fabric, model) = fabric_and_model(table, index, as_fibres, options)?;
-    if model == ScatteringModel::Explicit {
-        return fabric.explicit_fibres(&path, options.max_memory_bytes, options.loader);
-    }
-    let lod = match model {
-        ScatteringModel::Surface => Lod::Name(LodName::Surface),
-        _ => table.lod,
-    };
+    let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     let mesh = drape::mesh(table, index, options)?;
     let mut place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
@@ -152,29 +152,37 @@ pub fn medium(
         loader: options.loader,
         scene_path: options.scene_path,
     };
-    if lod == Lod::Name(LodName::Surface) {
-        return place
-            .sheet_alone(fabric.far_sheet(&path)?)?
-            .ok_or_else(|| fail(".fabric: its tile has no volume"));
-    }
-    let plan = plan(&fabric, model, table, index, options)?;
+    let alone = |sheet: FarSheet| {
+        place
+            .sheet_alone(sheet)?
+            .ok_or_else(|| fail(".fabric: its tile has no volume"))
+    };
+    let lod = table.lod;
+    let voxels = match &shown.representation.build {
+        Build::Fibres(trace) => {
+            let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
+            return Ok(AnyMedium::Explicit(fibres));
+        }
+        Build::Surface(surface) => return alone(surface(&fabric, &path)?.into()),
+        Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {
+            return alone(fabric.surface(&path)?.into());
+        }
+        Build::Voxels(voxels) => voxels,
+    };
+    let plan = plan(&fabric, voxels, table, index, options)?;
     let octree = Arc::new(voxelize_planned(&path, &plan, options.loader)?);
     if mesh.is_some() && !octree.repeats() {
         return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
     }
     place.bounds_mm = octree.bounds_mm();
     let sheet = match (&fabric.file.surface, lod) {
-        (Some(_), Lod::Name(LodName::Auto)) => Some(fabric.far_sheet(&path)?),
+        (Some(_), Lod::Name(LodName::Auto)) => Some(FarSheet::from(fabric.surface(&path)?)),
         _ => None,
     };
     let (name, levels) = match lod {
         Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
         Lod::Name(LodName::Auto) => {
-            let finest = if model == ScatteringModel::Fibres(FibreEvent::Packed) {
-                fibre_optics::level_for_packed(&octree, fabric.cloth.materials())
-            } else {
-                0
-            };
+            let finest = (voxels.finest_level)(&octree, fabric.cloth.materials());
             let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
             let widths = place.footprints_mm(camera);
             let most_mm = fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
@@ -184,19 +192,15 @@ pub fn medium(
         Lod::Name(_) => ("volume".into(), Levels::only(0)),
     };
     let volume = |level| {
-        let medium = model.medium(&fabric, &path, Arc::clone(&octree), level)?;
-        let Some(AnyMedium::Fibres(medium)) = medium else {
-            return Ok(medium);
-        };
-        if !table.local_visibility {
-            return Ok(Some(AnyMedium::Fibres(medium)));
-        }
-        let (corner_mm, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(level));
-        let fibres = fabric.trace_fibres(&path, options.max_memory_bytes, options.loader)?;
-        let (materials, seed) = (octree.material_count(), fabric.file.seed);
-        let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
-        Ok(Some(AnyMedium::Fibres(medium.with_local_visibility(local))))
+        (voxels.medium)(&VoxelSource {
+            fabric: &fabric,
+            path: &path,
+            octree: Arc::clone(&octree),
+            level,
+            settings: shown.settings,
+            max_memory_bytes: options.max_memory_bytes,
+            loader: options.loader,
+        })
     };
     levels.medium(&place, sheet, volume)?.ok_or_else(|| {
         let levels = octree.level_count();

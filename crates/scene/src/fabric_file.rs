@@ -1,6 +1,5 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
-use crate::cloth_levels::FarSheet;
 use crate::error::{Result, input};
 use crate::fibre_optics;
 use crate::file_kind::Wanted;
@@ -10,9 +9,9 @@ use crate::optics::{self, OpticsFile};
 use crate::read;
 use crate::scattering::ScatteringTable;
 use organza_basis::SegmentSource;
-use organza_scatter::{Fibre, Shifted};
+use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
-use organza_transport::{AnyMedium, ExplicitFibres, FlakeOptics};
+use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, FabricGeometry, Material,
@@ -191,6 +190,9 @@ pub fn load_changed(
     for warning in cloth.warnings() {
         loader.warn(path, warning.to_string());
     }
+    if let Some(why) = file.scattering.old_names() {
+        loader.warn(path, format!("scattering{why}"));
+    }
     let optics = vec![file.optics.clone()];
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
@@ -268,15 +270,6 @@ impl Fabric {
         })
     }
 
-    /// The surface model as a sheet, in register with the volume.
-    pub fn far_sheet(&self, path: &Path) -> Result<FarSheet> {
-        let surface = self.surface(path)?;
-        Ok(FarSheet {
-            sheet: Box::new(Shifted::new(surface.surface, surface.origin_mm)),
-            repeat_mm: surface.repeat_mm,
-        })
-    }
-
     /// The fibres of each material of the cloth.
     ///
     /// # Errors
@@ -294,20 +287,6 @@ impl Fabric {
     /// # Errors
     /// A cloth without fibres, optics that make no sense, or more memory needed
     /// than allowed.
-    pub fn explicit_fibres(
-        &self,
-        path: &Path,
-        max_memory_bytes: Option<u64>,
-        loader: &Loader<'_>,
-    ) -> Result<AnyMedium> {
-        self.trace_fibres(path, max_memory_bytes, loader)
-            .map(AnyMedium::Explicit)
-    }
-
-    /// The same, as they are traced.
-    ///
-    /// # Errors
-    /// As [`Fabric::explicit_fibres`].
     pub fn trace_fibres(
         &self,
         path: &Path,

@@ -7,7 +7,6 @@ use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
     absorption_for_colour,
 };
-use organza_volume::Octree;
 use organza_weave::Material;
 
 /// Mean index of cotton, flax, silk and wool, which lie within 0.02 of it
@@ -19,10 +18,6 @@ const LONGITUDINAL_DEG: f32 = 6.0;
 
 /// Estimated: fibres are not round, which turns light about them.
 const AZIMUTHAL_DEG: f32 = 15.0;
-
-/// Edge of the voxels, in fibre radii, that suits packed fibres best: finer ones
-/// count chance clusters twice, coarser ones blur the outline of yarns.
-const PACKED_VOXEL_RADII: f32 = 2.0;
 
 /// Checks the keys of `[optics.YARN]` that describe fibres.
 ///
@@ -146,14 +141,4 @@ fn fitted(value: &FittedValue) -> Result<FittedFibre, String> {
 
 fn missing(key: &str) -> String {
     format!(".{key}: is missing, and there is no `preset`")
-}
-
-/// The level of detail that suits packed fibres of a cloth's materials.
-pub fn level_for_packed(octree: &Octree, materials: &[Material]) -> u8 {
-    let radii: f32 = materials.iter().map(|m| m.fibre_radius_mm).sum();
-    let wanted_mm = PACKED_VOXEL_RADII * radii / materials.len().max(1) as f32;
-    let off = |l: &u8| (octree.voxel_mm(*l).max_element() / wanted_mm).ln().abs();
-    (0..octree.level_count())
-        .min_by(|a, b| off(a).total_cmp(&off(b)))
-        .unwrap_or(0)
 }

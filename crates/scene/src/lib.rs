@@ -19,6 +19,7 @@ pub mod mitsuba;
 pub mod optics;
 pub mod patches;
 pub mod read;
+pub mod representation;
 pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;

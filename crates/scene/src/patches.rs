@@ -3,12 +3,13 @@
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
-use crate::scattering::{ScatteringModel, ScatteringTable};
+use crate::representation::{Build, ModelKey, Representation, ShownAs, VoxelSource};
+use crate::scattering::ScatteringTable;
 use glam::{DVec3, UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, FibreEvent, Integrator, PixelFilter, Projection, Scene,
+    AnyMedium, Camera, CameraPose, Integrator, PixelFilter, Projection, Scene,
 };
 use organza_volume::Octree;
 use std::path::Path;
@@ -30,71 +31,40 @@ pub struct PatchOptions<'a> {
     pub max_memory_bytes: Option<u64>,
 }
 
-/// What stands for a cloth that is measured.
+/// Which representation of a cloth is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PatchModel {
-    /// Its fibres as the fabric's `[scattering]` says, micro-flakes if nothing.
-    Volume,
-    /// Every fibre of the fabric, as it is: the ground truth of the others.
-    Fibres,
-    /// Virtual scattering off fibres among others.
-    Packed,
-    /// Virtual scattering off points, in the far field.
-    Plain,
-    /// The reflectance model of the fabric's `[surface]` section.
-    Surface,
+    /// The one that the fabric's `[scattering]` names; micro-flakes if none.
+    Own,
+    /// One with settings by default, but for a flake that `[scattering]` names.
+    Is(&'static Representation),
 }
 
 impl PatchModel {
-    /// All of them.
-    pub const ALL: [PatchModel; 5] = [
-        PatchModel::Volume,
-        PatchModel::Fibres,
-        PatchModel::Packed,
-        PatchModel::Plain,
-        PatchModel::Surface,
-    ];
-
-    /// The model of a name.
-    pub fn named(name: &str) -> Option<PatchModel> {
-        PatchModel::ALL.into_iter().find(|m| m.name() == name)
-    }
-
-    /// What it is, for the help of the command line.
-    pub fn help(self) -> &'static str {
-        match self {
-            PatchModel::Volume => {
-                "Its fibres as the fabric's [scattering] says, micro-flakes if nothing"
-            }
-            PatchModel::Fibres => {
-                "Every fibre of the fabric, as it is: the ground truth of the others"
-            }
-            PatchModel::Packed => "Virtual scattering off fibres among others",
-            PatchModel::Plain => "Virtual scattering off points, in the far field",
-            PatchModel::Surface => "The reflectance model of the fabric's [surface] section",
-        }
-    }
-
-    /// Its name in files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            PatchModel::Volume => "volume",
-            PatchModel::Fibres => "fibres",
-            PatchModel::Packed => "packed",
-            PatchModel::Plain => "plain",
-            PatchModel::Surface => "surface",
-        }
+    /// How the cloth of a fabric is shown.
+    ///
+    /// # Errors
+    /// Keys of `[scattering]` that contradict each other; names the file.
+    pub fn of(self, fabric: &Fabric, path: &Path) -> Result<ShownAs> {
+        let named = ScatteringTable {
+            model: match self {
+                PatchModel::Own => None,
+                PatchModel::Is(representation) => Some(ModelKey::Is(representation)),
+            },
+            ..ScatteringTable::default()
+        };
+        named
+            .over(fabric.file.scattering)
+            .map_err(|why| input(format!("{}: scattering{why}", path.display())))
     }
 }
 
 /// What stands for a cloth, whatever its fibres' colour and roughness.
 pub enum Matter {
-    /// A surface model.
-    Surface,
-    /// Every fibre by itself.
-    Fibres,
-    /// Voxels, what their fibres scatter like, and their level.
-    Voxels(Arc<Octree>, ScatteringModel, u8),
+    /// No voxels: fibres or a surface.
+    Whole(ShownAs),
+    /// Voxels, how they scatter, and their level.
+    Voxels(Arc<Octree>, ShownAs, u8),
 }
 
 impl Matter {
@@ -105,24 +75,15 @@ impl Matter {
     pub fn new(
         fabric: &Fabric,
         path: &Path,
-        model: PatchModel,
+        shown: ShownAs,
         options: &PatchOptions<'_>,
     ) -> Result<Matter> {
-        let scattering = match model {
-            PatchModel::Surface => return Ok(Matter::Surface),
-            PatchModel::Fibres => return Ok(Matter::Fibres),
-            PatchModel::Volume => ScatteringTable::default()
-                .over(fabric.file.scattering)
-                .map_err(|why| input(format!("{}: scattering{why}", path.display())))?,
-            PatchModel::Plain => ScatteringModel::Fibres(FibreEvent::Plain),
-            PatchModel::Packed => ScatteringModel::Fibres(FibreEvent::Packed),
+        let Some(voxels) = shown.representation.voxels() else {
+            return Ok(Matter::Whole(shown));
         };
-        if scattering == ScatteringModel::Explicit {
-            return Ok(Matter::Fibres);
-        }
         let octree = fabric.voxelize(
             path,
-            scattering.footprint(),
+            voxels.footprint,
             options.voxel_um,
             None,
             options.max_memory_bytes,
@@ -134,7 +95,7 @@ impl Matter {
                 "--level {level}: the octree has {levels} levels, from 0"
             )));
         }
-        Ok(Matter::Voxels(octree.into(), scattering, level))
+        Ok(Matter::Voxels(octree.into(), shown, level))
     }
 
     /// The endless cloth with the optics of a fabric of the same geometry.
@@ -147,16 +108,34 @@ impl Matter {
         path: &Path,
         options: &PatchOptions<'_>,
     ) -> Result<AnyPatch> {
-        let medium = match self {
-            Matter::Surface => return Ok(Box::new(SurfacePatch(fabric.surface(path)?.surface))),
-            Matter::Fibres => {
-                fabric.explicit_fibres(path, options.max_memory_bytes, options.loader)?
+        let (Matter::Whole(shown) | Matter::Voxels(_, shown, _)) = self;
+        let medium = match (&shown.representation.build, self) {
+            (Build::Surface(surface), _) => {
+                return Ok(Box::new(SurfacePatch(surface(fabric, path)?.surface)));
             }
-            Matter::Voxels(octree, scattering, level) => {
-                let medium = scattering.medium(fabric, path, octree.clone(), *level)?;
-                medium.ok_or_else(|| input(format!("{}: no voxels", path.display())))?
+            (Build::Fibres(trace), _) => {
+                let limit = options.max_memory_bytes;
+                Some(AnyMedium::Explicit(trace(
+                    fabric,
+                    path,
+                    limit,
+                    options.loader,
+                )?))
             }
+            (Build::Voxels(voxels), Matter::Voxels(octree, shown, level)) => {
+                (voxels.medium)(&VoxelSource {
+                    fabric,
+                    path,
+                    octree: Arc::clone(octree),
+                    level: *level,
+                    settings: shown.settings,
+                    max_memory_bytes: options.max_memory_bytes,
+                    loader: options.loader,
+                })?
+            }
+            (Build::Voxels(_), Matter::Whole(_)) => None,
         };
+        let medium = medium.ok_or_else(|| input(format!("{}: no voxels", path.display())))?;
         volume_patch(path, medium)
     }
 }
@@ -168,10 +147,10 @@ impl Matter {
 pub fn fabric_patch(
     fabric: &Fabric,
     path: &Path,
-    model: PatchModel,
+    shown: ShownAs,
     options: &PatchOptions<'_>,
 ) -> Result<AnyPatch> {
-    Matter::new(fabric, path, model, options)?.patch(fabric, path, options)
+    Matter::new(fabric, path, shown, options)?.patch(fabric, path, options)
 }
 
 fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {

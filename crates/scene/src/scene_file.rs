@@ -5,9 +5,10 @@ use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::optics::OpticsFile;
 use crate::read;
-use crate::scattering::ScatteringTable;
+use crate::representation::{FlakeName, ModelKey};
+use crate::scattering::{EventName, ScatteringTable};
 use organza_light::LightTable;
-use organza_transport::{FibreEvent, Integrator};
+use organza_transport::Integrator;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -276,11 +277,11 @@ pub enum InterpolationName {
 pub struct ClothTable {
     /// A fabric file.
     pub fabric: String,
-    /// The model of scattering; the fabric's own if none, and so are the next two.
-    pub model: Option<ModelName>,
+    /// How it is shown; as the fabric's `[scattering]` states if none.
+    pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
     pub flake: Option<FlakeName>,
-    /// Virtual scattering: what a collision with a fibre is.
+    /// Old key of `model = "virtual-scattering"`.
     pub event: Option<EventName>,
     /// Virtual scattering: direct light of the first event sees what stands in
     /// its way within two voxels as tables counted from the fibres tell.
@@ -316,58 +317,6 @@ impl ClothTable {
             model: self.model,
             flake: self.flake,
             event: self.event,
-        }
-    }
-}
-
-/// `model` of a cloth.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum ModelName {
-    /// Micro-flakes.
-    #[default]
-    Microflake,
-    /// Virtual scattering off fibres.
-    VirtualScattering,
-    /// Every fibre, as it is.
-    Fibres,
-    /// The fabric's `[surface]`, from near and far.
-    Surface,
-    /// What suits the camera and the lights, as measured by `organza bench`.
-    Auto,
-}
-
-/// `flake`, of micro-flakes.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum FlakeName {
-    /// Mirrors distributed as the normals of an ellipsoid.
-    #[default]
-    SggxSpecular,
-    /// Diffuse flakes distributed so.
-    SggxDiffuse,
-    /// Mirrors with a truncated Gaussian about the fibre's cross-section.
-    Gaussian,
-    /// Mirrors with a power of the sine of the angle to the fibre.
-    SinPower,
-}
-
-/// `event`, of virtual scattering.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum EventName {
-    /// The surface of a fibre among others.
-    #[default]
-    Packed,
-    /// A point, in the far field.
-    Plain,
-}
-
-impl From<EventName> for FibreEvent {
-    fn from(name: EventName) -> FibreEvent {
-        match name {
-            EventName::Packed => FibreEvent::Packed,
-            EventName::Plain => FibreEvent::Plain,
         }
     }
 }

@@ -5,7 +5,8 @@ use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::output;
 use anyhow::{Result, anyhow};
 use organza_measure::{Growth, growth};
-use organza_scene::auto::choice::{Choice, Model, Tracker};
+use organza_scene::auto::choice::Choice;
+use organza_scene::representation::{MICROFLAKE, PACKED, Tracker};
 use serde::Serialize;
 use std::path::Path;
 
@@ -93,8 +94,8 @@ pub struct Series {
 
 /// The models that are measured, the fastest and the most faithful of volumes.
 const MODELS: [Choice; 2] = [
-    Choice::of(Model::Microflake, Tracker::Kernel),
-    Choice::of(Model::Packed, Tracker::Woodcock),
+    Choice::of(&MICROFLAKE, Tracker::Kernel),
+    Choice::of(&PACKED, Tracker::Woodcock),
 ];
 
 /// Renders that [`measure`] makes at most.
@@ -134,7 +135,7 @@ pub fn measure(
             };
             list.push(Series {
                 grows,
-                what: choice.model.words().to_owned(),
+                what: choice.model.title.to_owned(),
                 setup: fit(|p| p.setup_s),
                 trace: fit(|p| p.trace_s),
                 memory: fit(|p| p.memory_bytes as f64),
@@ -216,10 +217,8 @@ fn trial(
     let text = with_parallel_lights(&text, lights);
     output::write_file(&scene, |out| Ok(out.write_all(text.as_bytes())?))?;
     // About a second of each.
-    let spp = match choice.model {
-        Model::Microflake => 1024,
-        _ => 24,
-    };
+    let by_kernel = choice.tracker == Tracker::Kernel;
+    let spp = if by_kernel { 1024 } else { 24 };
     Ok((
         Trial {
             name,

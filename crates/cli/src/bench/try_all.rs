@@ -6,8 +6,9 @@ use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::output;
 use anyhow::{Result, anyhow};
 use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
-use organza_scene::auto::choice::{Choice, Tracker};
+use organza_scene::auto::choice::Choice;
 use organza_scene::auto::table::{Row, Traits};
+use organza_scene::representation::Tracker;
 use std::path::PathBuf;
 
 /// How much of everything.

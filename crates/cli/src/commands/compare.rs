@@ -18,6 +18,7 @@ use organza_measure::{
     reciprocity,
 };
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::representation::{FIBRES, Representation, SURFACE, ShownAs};
 use organza_scene::{fabric_file, read};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -37,7 +38,7 @@ pub struct CompareArgs {
     #[arg(short, long, visible_alias = "outfile")]
     pub outdir: PathBuf,
     /// What to compare; the first is the reference unless --data is
-    /// [default: fibres if memory allows, volume, surface if the fabric has one]
+    /// [default: fibres if memory allows, auto, surface if the fabric has one]
     #[arg(long, value_delimiter = ',', value_parser = patch_model())]
     pub models: Vec<PatchModel>,
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
@@ -107,8 +108,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         })?;
         let models_are_chosen = !models.is_empty();
         if !models_are_chosen {
-            models = vec![PatchModel::Fibres, PatchModel::Volume];
-            models.extend(fabric.file.surface.is_some().then_some(PatchModel::Surface));
+            models = vec![PatchModel::Is(&FIBRES), PatchModel::Own];
+            let has_surface = fabric.file.surface.is_some();
+            models.extend(has_surface.then_some(PatchModel::Is(&SURFACE)));
         }
         let grid = texel_grid(&fabric, args.texels);
         let layout: Vec<Pair> = match &data {
@@ -128,7 +130,14 @@ pub fn run(args: &CompareArgs) -> Result<()> {
                 seconds: 0.0,
             });
         }
+        let mut seen = Vec::new();
         for model in models {
+            let shown = model.of(&fabric, &args.fabric)?;
+            // The fabric's own may be one that is named as well.
+            if seen.contains(&shown) {
+                continue;
+            }
+            seen.push(shown);
             let patch = watched(args.common.quiet, |loader| {
                 let build = PatchOptions {
                     loader,
@@ -136,15 +145,18 @@ pub fn run(args: &CompareArgs) -> Result<()> {
                     level: args.level,
                     max_memory_bytes: args.memory.max_memory,
                 };
-                Ok(fabric_patch(&fabric, &args.fabric, model, &build)?)
+                Ok(fabric_patch(&fabric, &args.fabric, shown, &build)?)
             });
             let patch = match patch {
-                Err(why) if !models_are_chosen && leaves_out(model, &why, args.common.quiet) => {
+                Err(why)
+                    if !models_are_chosen
+                        && leaves_out(shown.representation, &why, args.common.quiet) =>
+                {
                     continue;
                 }
                 patch => patch?,
             };
-            measured.push(measure(args, model, &patch, &layout, &grid)?);
+            measured.push(measure(args, shown, &patch, &layout, &grid)?);
         }
         if measured.len() < 2 {
             return Err(input(format!(
@@ -169,8 +181,8 @@ pub fn run(args: &CompareArgs) -> Result<()> {
 
 /// Whether a comparison of the usual models goes on without one that is refused:
 /// explicit fibres that do not fit into memory. Told, unless `quiet`.
-fn leaves_out(model: PatchModel, why: &anyhow::Error, quiet: bool) -> bool {
-    let leaves_out = model == PatchModel::Fibres && why.is::<InputError>();
+fn leaves_out(model: &Representation, why: &anyhow::Error, quiet: bool) -> bool {
+    let leaves_out = model == &FIBRES && why.is::<InputError>();
     if leaves_out && !quiet {
         note!("fibres are left out: {why}");
     }
@@ -209,7 +221,7 @@ fn lights() -> [(&'static str, Angles); 3] {
 
 fn measure(
     args: &CompareArgs,
-    model: PatchModel,
+    shown: ShownAs,
     patch: &AnyPatch,
     layout: &[Pair],
     grid: &TexelGrid,
@@ -221,7 +233,7 @@ fn measure(
         target_error: args.target_error,
     };
     let progress = Progress::new(
-        model.name(),
+        shown.representation.name,
         layout.len() as u64 * args.spp,
         args.common.quiet,
     );
@@ -271,7 +283,7 @@ fn measure(
     }
     progress.finish();
     Ok(Measurement {
-        model: model.name().into(),
+        model: shown.representation.name.into(),
         reciprocity: reciprocity(&in_plane.list, &reverse.list),
         paths: main.stats.paths + in_plane.stats.paths + albedos.stats.paths,
         layout: main.list,

@@ -210,8 +210,9 @@ fn object_info(
             Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
         }
         ObjectTable::Cloth(t) => {
-            let model = cloth_object::check(t, index, as_fibres, options)?;
-            let mut told = json!({ "kind": "cloth", "fabric": t.fabric, "model": model.words() });
+            let shown = cloth_object::check(t, index, as_fibres, options)?;
+            let mut told =
+                json!({ "kind": "cloth", "fabric": t.fabric, "model": shown.to_string() });
             if let Some(mesh) = &t.mesh {
                 told["mesh"] = json!(mesh);
             }

@@ -3,7 +3,7 @@
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::patch_model::patch_model;
+use crate::flags::patch_model::{OWN, patch_model};
 use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
 };
@@ -24,6 +24,7 @@ use organza_measure::{
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::representation::{FIBRES, SURFACE, ShownAs};
 use organza_scene::scene_build::{self, BuildOptions};
 use organza_scene::scene_file::{self, IntegratorName, is_scene};
 use organza_scene::{fabric_file, read};
@@ -50,7 +51,7 @@ pub struct MeasureArgs {
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
     /// What stands for the cloth
-    #[arg(long, default_value = "volume", value_parser = patch_model())]
+    #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: PatchModel,
     /// Paths per pair, at least 2; the most of them with --target-error
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
@@ -140,7 +141,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     let wanted = wanted(args)?;
     with_threads(&args.common, || {
-        let (patch, grid) = watched(args.common.quiet, |loader| {
+        let (patch, grid, shown) = watched(args.common.quiet, |loader| {
             if is_scene(&args.file)? {
                 return scene_patch(args, loader);
             }
@@ -151,10 +152,11 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
                 max_memory_bytes: args.memory.max_memory,
             };
             let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
-            let patch = fabric_patch(&fabric, &args.file, args.model, &build)?;
-            Ok((patch, texel_grid(&fabric, args.texels)))
+            let shown = args.model.of(&fabric, &args.file)?;
+            let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
+            Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
         })?;
-        measure(args, &wanted, &patch, &grid)
+        measure(args, &wanted, &patch, &grid, shown)
     })
 }
 
@@ -216,16 +218,19 @@ fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
 }
 
 /// The objects of a scene file.
-fn scene_patch(args: &MeasureArgs, loader: &Loader<'_>) -> Result<(AnyPatch, TexelGrid)> {
+fn scene_patch(
+    args: &MeasureArgs,
+    loader: &Loader<'_>,
+) -> Result<(AnyPatch, TexelGrid, Option<ShownAs>)> {
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
     match args.model {
-        PatchModel::Volume => {}
-        PatchModel::Fibres => file.render.integrator = IntegratorName::Fibres,
-        other => {
+        PatchModel::Own => {}
+        PatchModel::Is(r) if r == &FIBRES => file.render.integrator = IntegratorName::Fibres,
+        PatchModel::Is(other) => {
             return Err(input(format!(
                 "{}: is a scene; --model {} measures a fabric file",
                 args.file.display(),
-                other.name()
+                other.name
             )));
         }
     }
@@ -243,10 +248,17 @@ fn scene_patch(args: &MeasureArgs, loader: &Loader<'_>) -> Result<(AnyPatch, Tex
         size_mm: bounds.size().truncate(),
         texels: UVec2::splat(args.texels),
     };
-    Ok((Box::new(patch), grid))
+    Ok((Box::new(patch), grid, None))
 }
 
-fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGrid) -> Result<()> {
+/// `shown` is what is measured of a fabric; `None` for a scene.
+fn measure(
+    args: &MeasureArgs,
+    wanted: &Wanted,
+    patch: &AnyPatch,
+    grid: &TexelGrid,
+    shown: Option<ShownAs>,
+) -> Result<()> {
     let effort = Effort {
         paths: args.spp,
         seed: args.seed,
@@ -280,7 +292,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             told.list = listed(args, &result.list);
             told.paths = result.stats.paths;
             told.words = median_error(&result.list);
-            told.dark = dark_pairs(args, &result.list);
+            told.dark = dark_pairs(shown, &result.list);
         }
         Wanted::Incident(incident) => {
             let result = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
@@ -324,7 +336,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
             } else {
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
             }
-            told.dark = dark_pairs(args, &bsdf.pairs());
+            told.dark = dark_pairs(shown, &bsdf.pairs());
             told.what = "klems";
             told.list = listed(args, &bsdf.pairs());
             told.paths = stats.paths;
@@ -349,7 +361,7 @@ fn measure(args: &MeasureArgs, wanted: &Wanted, patch: &AnyPatch, grid: &TexelGr
         }
     }
     let seconds = progress.finish();
-    report(args, told, seconds)
+    report(args, shown, told, seconds)
 }
 
 /// Values as JSON, which takes ten times the memory, where somebody wants it.
@@ -417,10 +429,10 @@ fn median_error(list: &[PairValue]) -> Option<String> {
 
 /// How many pairs of how many met no light in any path: their standard error is zero as their
 /// value is, which tells nothing. The surface model is exact.
-fn dark_pairs(args: &MeasureArgs, list: &[PairValue]) -> [usize; 2] {
+fn dark_pairs(shown: Option<ShownAs>, list: &[PairValue]) -> [usize; 2] {
     let is_dark = |v: &&PairValue| [v.bsdf.mean, v.bsdf.se] == [[0.0; 3]; 2];
-    match args.model {
-        PatchModel::Surface => [0, list.len()],
+    match shown {
+        Some(s) if s.representation == &SURFACE => [0, list.len()],
         _ => [list.iter().filter(is_dark).count(), list.len()],
     }
 }
@@ -449,11 +461,20 @@ fn write(
     }
 }
 
-fn report(args: &MeasureArgs, told: Told, seconds: f64) -> Result<()> {
+/// What was measured: a representation, or what a scene names.
+fn model_name(args: &MeasureArgs, shown: Option<ShownAs>) -> &'static str {
+    match (shown, args.model) {
+        (Some(shown), _) => shown.representation.name,
+        (None, PatchModel::Is(representation)) => representation.name,
+        (None, PatchModel::Own) => OWN,
+    }
+}
+
+fn report(args: &MeasureArgs, shown: Option<ShownAs>, told: Told, seconds: f64) -> Result<()> {
     let mut map = serde_json::Map::new();
     let mut put = |key: &str, value: Value| map.insert(key.into(), value);
     put("file", json!(args.file));
-    put("model", json!(args.model.name()));
+    put("model", json!(model_name(args, shown)));
     put("seed", json!(args.seed));
     put("paths", json!(told.paths));
     put("seconds", json!(seconds));

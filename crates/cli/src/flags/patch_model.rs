@@ -1,11 +1,21 @@
-//! The names of what can stand for a cloth, as values of flags.
+//! The names of representations, as values of flags.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use organza_scene::patches::PatchModel;
+use organza_scene::representation::{REPRESENTATIONS, Representation};
 
-/// A reader of the names of models.
+/// The representation that the fabric names.
+pub const OWN: &str = "auto";
+
+/// Reads the name of a representation. `volume` is the old name of [`OWN`].
 pub fn patch_model() -> impl TypedValueParser<Value = PatchModel> {
-    let values = PatchModel::ALL.map(|m| PossibleValue::new(m.name()).help(m.help()));
-    PossibleValuesParser::new(values)
-        .try_map(|name| PatchModel::named(&name).ok_or("expected the name of a model"))
+    let own = PossibleValue::new(OWN)
+        .help("What the fabric's [scattering] names, micro-flakes if nothing")
+        .alias("volume");
+    let others = REPRESENTATIONS.map(|r| PossibleValue::new(r.name).help(r.about));
+    let values = std::iter::once(own).chain(others);
+    PossibleValuesParser::new(values).map(|name| {
+        // Every other name that the parser lets through is of the list.
+        Representation::named(&name).map_or(PatchModel::Own, PatchModel::Is)
+    })
 }

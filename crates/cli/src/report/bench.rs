@@ -4,8 +4,9 @@ use crate::bench::scaling::Series;
 use crate::bench::stage::{Sample, View, distance_words};
 use crate::bench::try_all::{Plan, Tried, ViewResult};
 use organza_measure::{Cost, Figure, Growth, pareto_front};
-use organza_scene::auto::choice::{Choice, Model};
+use organza_scene::auto::choice::Choice;
 use organza_scene::auto::table::{Candidate, Recommendation, candidates, recommend};
+use organza_scene::representation::FIBRES;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -249,7 +250,7 @@ pub(super) fn short(sample: &Sample, view: &View) -> String {
 pub(super) fn recommended(r: &Recommendation, sample: &Sample) -> String {
     let words = words(&r.taken.choice, sample);
     match (r.seconds, r.fibres_s) {
-        (Some(own), _) if r.taken.choice.model == Model::Fibres => {
+        (Some(own), _) if r.taken.choice.model == &FIBRES => {
             format!("{words}: {}", time(own))
         }
         (Some(own), Some(fibres)) => format!(

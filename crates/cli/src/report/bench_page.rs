@@ -10,7 +10,7 @@ use crate::bench::stage::Sample;
 use crate::bench::try_all::ViewResult;
 use anyhow::Result;
 use organza_measure::{Cost, Figure, NoisyPicture, pareto_front};
-use organza_scene::auto::choice::Model;
+use organza_scene::representation::{Build, REPRESENTATIONS, Representation};
 use std::fmt::Write;
 
 impl BenchReport<'_> {
@@ -66,12 +66,12 @@ impl BenchReport<'_> {
 
     fn legend(&self, page: &mut String) {
         *page += "<p>In the plots below: ";
-        for model in Model::ALL {
+        for model in REPRESENTATIONS {
             let _ = write!(
                 page,
                 "<span class=\"key\" style=\"background:{}\"></span>{}",
-                svg::colour(model.name()),
-                model.words()
+                svg::colour(model.name),
+                model.title
             );
         }
         *page += "<span class=\"key\" style=\"background:#8a8a8a\"></span>other programs. Full dots are on the Pareto front of their plot: nothing is both nearer the truth and cheaper. Bars are 95 % intervals.</p>";
@@ -92,7 +92,7 @@ impl BenchReport<'_> {
                 let choice = &t.row.choice;
                 (
                     choice.words(own_um),
-                    choice.model.name(),
+                    choice.model.name,
                     t.row.rmse,
                     t.row.cost,
                 )
@@ -180,18 +180,19 @@ impl BenchReport<'_> {
             );
             Ok(())
         };
-        let mut shown: Vec<Model> = Vec::new();
+        let mut shown: Vec<&Representation> = Vec::new();
         for t in &v.results {
             let choice = &t.row.choice;
             if (choice.voxel_scale, choice.level) == (1.0, 0) && !shown.contains(&choice.model) {
                 shown.push(choice.model);
                 let um = sample.fabric.file.voxel.size_um;
-                let caption = match choice.model {
-                    Model::Fibres => "explicit fibres, the truth".to_owned(),
-                    m if m.is_volume() => {
-                        format!("{}, {um} um, bias {}", m.words(), percent(t.row.bias.value))
+                let title = choice.model.title;
+                let caption = match choice.model.build {
+                    Build::Fibres(_) => "explicit fibres, the truth".to_owned(),
+                    Build::Voxels(_) => {
+                        format!("{title}, {um} um, bias {}", percent(t.row.bias.value))
                     }
-                    m => format!("{}, bias {}", m.words(), percent(t.row.bias.value)),
+                    Build::Surface(_) => format!("{title}, bias {}", percent(t.row.bias.value)),
                 };
                 show(&t.picture, &caption)?;
             }

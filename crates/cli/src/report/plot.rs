@@ -8,7 +8,7 @@ pub struct Mark {
     pub y: f64,
     pub low: f64,
     pub high: f64,
-    pub colour: &'static str,
+    pub colour: String,
     /// Filled, on the line of the front, and with its label.
     pub on_front: bool,
     pub label: String,
@@ -17,7 +17,7 @@ pub struct Mark {
 /// A line.
 pub struct Line {
     pub points: Vec<[f64; 2]>,
-    pub colour: &'static str,
+    pub colour: String,
     pub faint: bool,
 }
 
@@ -164,7 +164,7 @@ pub fn log_log(
     }
     for m in marks {
         let (cx, cy) = (x(m.x), y(m.y));
-        let fill = if m.on_front { m.colour } else { "none" };
+        let fill = if m.on_front { &m.colour } else { "none" };
         let _ = write!(
             svg,
             "<path d=\"M{cx:.1} {:.1}V{:.1}\" stroke=\"{}\" stroke-opacity=\"0.6\"/>\

@@ -3,19 +3,17 @@
 use glam::{Vec2, Vec3};
 use organza_basis::{Rgb, warp};
 use organza_measure::{Angles, PairValue, irawan_exitant};
+use organza_scene::representation::Representation;
 use std::fmt::Write;
 
 /// A model's name and colour in plots, readable on light and dark.
-pub fn colour(model: &str) -> &'static str {
-    match model {
-        "volume" | "microflake" => "#3b82c4",
-        "packed" => "#1f9e77",
-        "plain" => "#8a7fd0",
-        "surface" => "#d9701a",
-        "fibres" => "#c23b6b",
-        _ => "#8a8a8a",
-    }
+pub fn colour(model: &str) -> String {
+    let [r, g, b] = Representation::named(model).map_or(OTHER, |r| r.colour);
+    format!("#{r:02x}{g:02x}{b:02x}")
 }
+
+/// Colour of what is no representation.
+const OTHER: [u8; 3] = [0x8a; 3];
 
 /// Incident directions along each side of the thesis' layout.
 const SIDE: usize = 15;

@@ -10,12 +10,10 @@ use crate::error::{Result, input};
 use crate::fabric_file;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
+use crate::representation::{Build, FIBRES, ModelKey, Representation, Tracker};
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{
-    ClothTable, EventName, IntegratorName, Lod, LodName, ModelName, ObjectTable, SceneFile,
-};
+use crate::scene_file::{ClothTable, IntegratorName, Lod, LodName, ObjectTable, SceneFile};
 use crate::{drape, read};
-use choice::{Model, Tracker};
 use lit::Lit;
 use organza_basis::SegmentSource;
 use organza_light::LightTable;
@@ -67,7 +65,7 @@ pub fn resolve(
             continue;
         };
         let fail = |why: &str| input(format!("{}: object[{i}]{why}", scene_path.display()));
-        if table.model != Some(ModelName::Auto) {
+        if table.model != Some(ModelKey::Auto) {
             if table.tolerance.is_some() {
                 return Err(fail(".tolerance: belongs to model = \"auto\""));
             }
@@ -76,7 +74,7 @@ pub fn resolve(
         check(table).map_err(|why| fail(&why))?;
         let mut table = table.clone();
         if file.render.integrator == IntegratorName::Fibres {
-            table.model = Some(ModelName::Fibres);
+            table.model = Some(ModelKey::Is(&FIBRES));
         } else {
             list.push(choose(file, i, &mut table, scene_path, loader)?);
         }
@@ -157,18 +155,15 @@ fn choose(
         .ok_or_else(|| fail("model = \"auto\": this build carries no measurements"))?;
     let by_kernel = file.object.len() == 1 && mesh.is_none();
     let regular = file.render.integrator == IntegratorName::Regular;
-    let possible = |model: Model, tracker: Tracker| match model {
-        Model::Fibres => mesh.is_none() && !regular,
-        Model::Surface => fabric.file.surface.is_some(),
-        Model::Microflake | Model::Plain if !regular && by_kernel => tracker == Tracker::Kernel,
-        _ => {
-            tracker
-                == if regular {
-                    Tracker::Regular
-                } else {
-                    Tracker::Woodcock
-                }
+    let possible = |model: &Representation, tracker: Tracker| match &model.build {
+        _ if mesh.is_some() && !model.drapes => false,
+        Build::Fibres(_) => !regular,
+        Build::Surface(_) => fabric.file.surface.is_some(),
+        Build::Voxels(_) if regular => tracker == Tracker::Regular,
+        Build::Voxels(_) if by_kernel && model.trackers.contains(&Tracker::Kernel) => {
+            tracker == Tracker::Kernel
         }
+        Build::Voxels(_) => tracker == Tracker::Woodcock,
     };
     let usable = rows.iter().filter(|r| {
         r.fabric == like.fabric
@@ -197,15 +192,8 @@ fn choose(
 /// The keys of a cloth that make it what was chosen.
 fn set(table: &mut ClothTable, recommendation: &Recommendation, own_um: f32) {
     let choice = recommendation.taken.choice;
-    let (model, event) = match choice.model {
-        Model::Fibres => (ModelName::Fibres, None),
-        Model::Packed => (ModelName::VirtualScattering, Some(EventName::Packed)),
-        Model::Plain => (ModelName::VirtualScattering, Some(EventName::Plain)),
-        Model::Microflake => (ModelName::Microflake, None),
-        Model::Surface => (ModelName::Surface, None),
-    };
-    (table.model, table.event) = (Some(model), event);
-    if choice.model.is_volume() {
+    table.model = Some(ModelKey::Is(choice.model));
+    if choice.model.voxels().is_some() {
         table.lod = Lod::Level(choice.level);
         table.voxel_um = Some(choice.voxel_scale * own_um);
     }
@@ -221,7 +209,7 @@ fn why(
 ) -> String {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let rmse = &r.taken.rmse;
-    let error = if r.taken.choice.model == Model::Fibres {
+    let error = if r.taken.choice.model == &FIBRES {
         "no other choice is known to be within".to_owned()
     } else {
         let sides = format!(
@@ -236,7 +224,7 @@ fn why(
         }
     };
     let gain = match (r.seconds, r.fibres_s) {
-        (Some(own), Some(fibres)) if r.taken.choice.model != Model::Fibres => {
+        (Some(own), Some(fibres)) if r.taken.choice.model != &FIBRES => {
             format!(", {:.1} times as fast as explicit fibres", fibres / own)
         }
         _ => String::new(),

@@ -2,9 +2,10 @@
 //! view: measured by `organza bench`, kept as a table, asked by `model =
 //! "auto"`.
 
-use super::choice::{Choice, Model, Tracker};
+use super::choice::Choice;
 use super::lit::Lit;
 use crate::fabric_file::Fabric;
+use crate::representation::{FIBRES, Representation, Tracker};
 use organza_basis::Rgb;
 use organza_measure::{Cost, Figure};
 use serde::Serialize;
@@ -113,7 +114,7 @@ pub fn write(rows: &[Row]) -> String {
             t.fibre_um,
             r.pixel_mm,
             r.lit.name(),
-            c.model.name(),
+            c.model.name,
             c.voxel_scale,
             c.level,
             c.tracker.name(),
@@ -167,7 +168,7 @@ fn row(line: &str) -> Option<Row> {
         pixel_mm,
         lit: Lit::ALL.into_iter().find(|l| l.name() == lit)?,
         choice: Choice {
-            model: Model::ALL.into_iter().find(|m| m.name() == model)?,
+            model: Representation::named(model)?,
             voxel_scale,
             level,
             tracker: Tracker::ALL.into_iter().find(|t| t.name() == tracker)?,
@@ -211,7 +212,7 @@ pub struct Recommendation {
 /// stand for the truth in `fibres_s`.
 pub fn recommend(candidates: &[Candidate], tolerance: f64) -> Option<Recommendation> {
     let seconds = |c: &Candidate| c.cost.seconds_within(tolerance, c.rmse.high);
-    let fibres = candidates.iter().find(|c| c.choice.model == Model::Fibres);
+    let fibres = candidates.iter().find(|c| c.choice.model == &FIBRES);
     let reaching = candidates.iter().filter_map(|c| Some((c, seconds(c)?)));
     let fastest = reaching.min_by(|a, b| a.1.total_cmp(&b.1));
     let least = || {
@@ -299,6 +300,7 @@ pub fn nearest<'a>(rows: &'a [Row], traits: &Traits, pixel_mm: f64) -> Option<&'
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::representation::{MICROFLAKE, PACKED};
 
     fn figure(value: f64) -> Figure {
         Figure {
@@ -308,7 +310,14 @@ mod tests {
         }
     }
 
-    fn of(fabric: &str, pixel_mm: f64, lit: Lit, model: Model, rmse: f64, noise_s: f64) -> Row {
+    fn of(
+        fabric: &str,
+        pixel_mm: f64,
+        lit: Lit,
+        model: &'static Representation,
+        rmse: f64,
+        noise_s: f64,
+    ) -> Row {
         let dark = fabric == "dark";
         Row {
             fabric: fabric.into(),
@@ -337,16 +346,9 @@ mod tests {
             for pixel_mm in [0.1, 1.0] {
                 for lit in Lit::ALL {
                     let worse = if lit == Lit::Back { 2.0 } else { 1.0 };
-                    list.push(of(fabric, pixel_mm, lit, Model::Fibres, 0.0, 0.1));
-                    list.push(of(fabric, pixel_mm, lit, Model::Packed, 0.01 * worse, 0.02));
-                    list.push(of(
-                        fabric,
-                        pixel_mm,
-                        lit,
-                        Model::Microflake,
-                        0.05 * worse,
-                        0.001,
-                    ));
+                    list.push(of(fabric, pixel_mm, lit, &FIBRES, 0.0, 0.1));
+                    list.push(of(fabric, pixel_mm, lit, &PACKED, 0.01 * worse, 0.02));
+                    list.push(of(fabric, pixel_mm, lit, &MICROFLAKE, 0.05 * worse, 0.001));
                 }
             }
         }
@@ -369,31 +371,22 @@ mod tests {
     #[test]
     fn the_fastest_within_the_tolerance_is_taken_and_else_the_least_wrong() {
         let rows = rows();
-        let take = |lit: &[Lit], tolerance: f64, without: Option<Model>| {
+        let take = |lit: &[Lit], tolerance: f64, without: Option<&'static Representation>| {
             let wanted = rows.iter().filter(|r| {
                 r.fabric == "dark" && r.pixel_mm == 0.1 && Some(r.choice.model) != without
             });
             recommend(&candidates(wanted, lit), tolerance).unwrap()
         };
         let front = take(&[Lit::Front], 0.06, None);
-        assert_eq!(front.taken.choice.model, Model::Microflake);
+        assert_eq!(front.taken.choice.model, &MICROFLAKE);
         let expected = 1.0 + 0.001 / (0.06f64.powi(2) - 0.05f64.powi(2));
         assert!((front.seconds.unwrap() - expected).abs() < 1e-9);
         assert!((front.fibres_s.unwrap() - (1.0 + 0.1 / 0.0036)).abs() < 1e-9);
         // Light from behind as well asks for what is right there too.
-        assert_eq!(
-            take(&Lit::ALL, 0.06, None).taken.choice.model,
-            Model::Packed
-        );
-        assert_eq!(
-            take(&[Lit::Front], 0.005, None).taken.choice.model,
-            Model::Fibres
-        );
-        let none = take(&[Lit::Front], 0.005, Some(Model::Fibres));
-        assert_eq!(
-            (none.taken.choice.model, none.seconds),
-            (Model::Packed, None)
-        );
+        assert_eq!(take(&Lit::ALL, 0.06, None).taken.choice.model, &PACKED);
+        assert_eq!(take(&[Lit::Front], 0.005, None).taken.choice.model, &FIBRES);
+        let none = take(&[Lit::Front], 0.005, Some(&FIBRES));
+        assert_eq!((none.taken.choice.model, none.seconds), (&PACKED, None));
         assert_eq!(recommend(&[], 0.1), None);
     }
 

@@ -8,7 +8,6 @@ use crate::journal::FileJournal;
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
-use organza_basis::Rgb;
 use organza_measure::fit::{Bound, Patience, determine, search};
 use organza_measure::{
     Angles, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
@@ -16,10 +15,9 @@ use organza_measure::{
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{AnyPatch, Matter, PatchModel};
-use organza_scene::scattering::{ScatteringModel, ScatteringTable};
+use organza_scene::patches::{AnyPatch, Matter};
+use organza_scene::representation::{FittedOptics, ShownAs};
 use organza_scene::{optics, read};
-use organza_transport::FibreEvent;
 use serde_json::json;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
@@ -117,15 +115,15 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let fabric = watched(args.common.quiet, |loader| {
         Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
     })?;
-    let model = model(args, &fabric)?;
-    let bounds = bounds(model, &fabric);
-    let mut given_way = optics_given_way(args, model, &yarns(&fabric))?;
+    let (shown, fitted) = model(args, &fabric)?;
+    let bounds = bounds(fitted, &fabric);
+    let mut given_way = optics_given_way(args, fitted, &yarns(&fabric))?;
     given_way.extend(yarns(&fabric).iter().flat_map(|name| {
         // The number of fibres follows from `tex`, their place from the fraction.
         ["fibres_per_ply", "ply_radius_mm"].map(|key| format!("yarn.{name}.{key}"))
     }));
     let volume = table(args, &[], &[])?;
-    let how = (model.name(), args.voxel.voxel_um, args.spp, args.seed);
+    let how = (shown.to_string(), args.voxel.voxel_um, args.spp, args.seed);
     let key = json!([volume, values, how]).to_string();
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
     let mut failure = None;
@@ -137,7 +135,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut errors: Option<Vec<f64>> = None;
     let mut residuals = |place: &[f64]| {
         let found = journal.once(place, || {
-            let keys = keys(args, model, &fabric, &bounds, place);
+            let keys = keys(args, fitted, &fabric, &bounds, place);
             let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys, &unwatched)?;
             let density = place.last().copied().unwrap_or(1.0);
             let same = matter.take().filter(|(d, _)| *d == density);
@@ -145,7 +143,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
                 Some(same) => same,
                 None => (
                     density,
-                    Matter::new(&changed, &args.fabric, model, &options)?,
+                    Matter::new(&changed, &args.fabric, shown, &options)?,
                 ),
             });
             let patch = matter.patch(&changed, &args.fabric, &options)?;
@@ -199,7 +197,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let freedom = values.len().saturating_sub(bounds.len()).max(1);
     let variance = (least / freedom as f64).max(1.0);
     let parameters = determine(&bounds, &place, &columns, variance);
-    let keys = keys(args, model, &fabric, &bounds, &place);
+    let keys = keys(args, fitted, &fabric, &bounds, &place);
     let table = table(args, &given_way, &keys)?;
     let words = format!("Residual: {:.3} of the expected errors.", variance.sqrt());
     finish(args, &table, &parameters, &words)
@@ -216,34 +214,23 @@ pub fn yarns(fabric: &Fabric) -> Vec<String> {
     names.into_iter().collect()
 }
 
-/// What stands for the cloth: a volume scatters as the fabric says, and takes the
-/// keys of that.
+/// How the cloth is shown, and which of its optics are fitted.
 ///
 /// # Errors
-/// Keys of `[scattering]` that contradict each other.
-pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<PatchModel> {
-    if args.model != PatchModel::Volume {
-        return Ok(args.model);
-    }
-    let own = ScatteringTable::default()
-        .over(fabric.file.scattering)
-        .map_err(|why| input(format!("{}: scattering{why}", args.fabric.display())))?;
-    Ok(match own {
-        ScatteringModel::Fibres(FibreEvent::Plain) => PatchModel::Plain,
-        ScatteringModel::Fibres(FibreEvent::Packed) => PatchModel::Packed,
-        ScatteringModel::Explicit => PatchModel::Fibres,
-        ScatteringModel::Flakes(_) | ScatteringModel::Surface => PatchModel::Volume,
-    })
+/// Keys of `[scattering]` that contradict each other; a surface.
+pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<(ShownAs, &'static FittedOptics)> {
+    let shown = args.model.of(fabric, &args.fabric)?;
+    let fitted = shown.representation.fitted.ok_or_else(|| {
+        input(format!(
+            "{}: model {:?} has no fibres to fit; choose another with --model",
+            args.fabric.display(),
+            shown.representation.name
+        ))
+    })?;
+    Ok((shown, fitted))
 }
 
-pub fn roughness(model: PatchModel) -> (&'static str, [f64; 2], f64) {
-    match model {
-        PatchModel::Volume => ("end_on_ratio", [0.01, 0.9], 0.1),
-        _ => ("longitudinal_deg", [1.0, 30.0], 6.0),
-    }
-}
-
-fn bounds(model: PatchModel, fabric: &Fabric) -> Vec<Bound> {
+fn bounds(fitted: &FittedOptics, fabric: &Fabric) -> Vec<Bound> {
     let mut list = Vec::new();
     let mut add = |name: String, [low, high]: [f64; 2], start: f64| {
         list.push(Bound {
@@ -258,8 +245,7 @@ fn bounds(model: PatchModel, fabric: &Fabric) -> Vec<Bound> {
             add(format!("{yarn}.colour.{letter}"), [0.0, 0.98], c);
         }
     }
-    let (key, range, start) = roughness(model);
-    add(key.into(), range, start);
+    add(fitted.roughness.into(), fitted.range, fitted.start);
     add("density".into(), DENSITY, 1.0);
     list
 }
@@ -267,7 +253,7 @@ fn bounds(model: PatchModel, fabric: &Fabric) -> Vec<Bound> {
 /// Overrides of the fabric file that a place stands for.
 fn keys(
     args: &FitArgs,
-    model: PatchModel,
+    fitted: &FittedOptics,
     fabric: &Fabric,
     bounds: &[Bound],
     place: &[f64],
@@ -280,7 +266,7 @@ fn keys(
     let density = of("density");
     for name in yarns(fabric) {
         let c = ["r", "g", "b"].map(|l| of(&format!("{name}.colour.{l}")));
-        keys.extend(optics_keys(model, &name, c, of(roughness(model).0)));
+        keys.extend(optics_keys(fitted, &name, c, of(fitted.roughness)));
         if let Some(yarn) = fabric.cloth.yarns().iter().find(|y| y.name == name) {
             keys.push(format!("yarn.{name}.tex={:?}", yarn.tex() * density));
             let fraction = yarn.fibre_volume_fraction() * density;
@@ -294,17 +280,12 @@ fn keys(
 }
 
 /// Overrides for the colour and the roughness of a yarn.
-pub fn optics_keys(model: PatchModel, yarn: &str, colour: [f64; 3], rough: f64) -> [String; 2] {
-    // Flakes and fibres take their own keys for the colour of a heap.
-    let colour = if model == PatchModel::Volume {
-        let heap = Rgb::from(colour.map(|c| c as f32));
-        let albedo = optics::albedo_for_colour(heap).0.to_array();
-        format!("optics.{yarn}.albedo={albedo:?}")
-    } else {
-        format!("optics.{yarn}.colour={colour:?}")
-    };
-    let (key, _, _) = roughness(model);
-    [colour, format!("optics.{yarn}.{key}={rough:?}")]
+pub fn optics_keys(fitted: &FittedOptics, yarn: &str, colour: [f64; 3], rough: f64) -> [String; 2] {
+    let (key, value) = (fitted.colour)(colour);
+    [
+        format!("optics.{yarn}.{key}={value}"),
+        format!("optics.{yarn}.{}={rough:?}", fitted.roughness),
+    ]
 }
 
 /// Keys of the fabric that say otherwise what [`optics_keys`] say, to be removed.
@@ -313,14 +294,10 @@ pub fn optics_keys(model: PatchModel, yarn: &str, colour: [f64; 3], rough: f64) 
 /// Optics that tell threads apart by their colour: there is one answer for a yarn.
 pub fn optics_given_way(
     args: &FitArgs,
-    model: PatchModel,
+    fitted: &FittedOptics,
     yarns: &[String],
 ) -> Result<Vec<String>> {
     let own: Table = Loader::new().toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
-    let given_way: &[&str] = match model {
-        PatchModel::Volume => &["gamma", "sin_power"],
-        _ => &["absorption_per_mm", "fitted"],
-    };
     let mut list = Vec::new();
     for yarn in yarns {
         let optics = own.get("optics").and_then(|o| o.get(yarn));
@@ -331,7 +308,7 @@ pub fn optics_given_way(
                 args.fabric.display()
             )));
         }
-        for key in given_way {
+        for key in fitted.replaced {
             if optics.is_some_and(|o| o.get(key).is_some()) {
                 list.push(format!("optics.{yarn}.{key}"));
             }

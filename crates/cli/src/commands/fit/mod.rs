@@ -1,6 +1,6 @@
 //! `organza fit`
 
-use crate::flags::patch_model::patch_model;
+use crate::flags::patch_model::{OWN, patch_model};
 use crate::flags::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
@@ -20,6 +20,7 @@ use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
 use organza_scene::patches::{PatchModel, PatchOptions};
 use organza_scene::read;
+use organza_scene::representation::SURFACE;
 use serde_json::json;
 use std::fmt::Write as _;
 use toml::{Table, Value};
@@ -43,7 +44,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "FILE", required_if_eq_any([("what", "fibres"), ("what", "picture")]))]
     pub data: Option<PathBuf>,
     /// What stands for the volume
-    #[arg(long, default_value = "volume", value_parser = patch_model())]
+    #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: PatchModel,
     /// Paths per pair of the volume, or per texel of a picture, at least 2
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
@@ -113,7 +114,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     if let Some(journal) = &args.journal {
         output::check_writable(journal)?;
     }
-    if args.model == PatchModel::Surface {
+    if args.model == PatchModel::Is(&SURFACE) {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
     with_threads(&args.common, || match args.what {

@@ -1,6 +1,6 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
-use super::fibres::{model, optics_given_way, optics_keys, own_colour, roughness, yarns};
+use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
 use super::{FitArgs, finish, options, table};
 use crate::building::watched;
 use crate::error::input;
@@ -70,14 +70,14 @@ pub fn run(args: &FitArgs) -> Result<()> {
         let width_mm = width_mm as f32;
         grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
     }
-    let model = model(args, &fabric)?;
+    let (shown, fitted) = model(args, &fabric)?;
     let matter = watched(args.common.quiet, |loader| {
         let options = options(args, loader);
-        Ok(Matter::new(&fabric, &args.fabric, model, &options)?)
+        Ok(Matter::new(&fabric, &args.fabric, shown, &options)?)
     })?;
     let yarns = yarns(&fabric);
-    let given_way = optics_given_way(args, model, &yarns)?;
-    let (key, width, start) = roughness(model);
+    let given_way = optics_given_way(args, fitted, &yarns)?;
+    let key = fitted.roughness;
     // Yarns keep their colours against each other.
     let brightest = (0..3).map(|c| {
         let most = yarns.iter().map(|y| own_colour(&fabric, y)[c]);
@@ -86,8 +86,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let brightest: Vec<f64> = brightest.collect();
     let search = PictureSearch {
         colour: std::array::from_fn(|_| [0.0, BRIGHTEST]),
-        width,
-        start,
+        width: fitted.range,
+        start: fitted.start,
         tolerance: TOLERANCE,
         turns: TURNS,
     };
@@ -96,7 +96,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         for yarn in &yarns {
             let own = own_colour(fabric, yarn);
             let scaled = std::array::from_fn(|c| own[c] / brightest[c] * colour[c]);
-            keys.extend(optics_keys(model, yarn, scaled, rough));
+            keys.extend(optics_keys(fitted, yarn, scaled, rough));
         }
         keys
     };

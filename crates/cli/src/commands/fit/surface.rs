@@ -16,6 +16,7 @@ use organza_measure::{
 };
 use organza_scene::fabric_file;
 use organza_scene::patches::{AnyPatch, fabric_patch};
+use organza_scene::representation::ShownAs;
 use organza_surface::MeasuredTransmission;
 use serde_json::json;
 use toml::Value;
@@ -44,9 +45,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
         None => {
             let patch = watched(args.common.quiet, |loader| {
                 let options = options(args, loader);
-                Ok(fabric_patch(&fabric, &args.fabric, args.model, &options)?)
+                let shown = args.model.of(&fabric, &args.fabric)?;
+                Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)
             })?;
-            let (data, told) = measure(args, &patch)?;
+            let shown = args.model.of(&fabric, &args.fabric)?;
+            let (data, told) = measure(args, shown, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
             let fitted = told.fit().map_err(|e| input(e.to_string()))?;
             start.transmission = Some(fitted);
@@ -85,14 +88,18 @@ const THETA_DEG: [f64; 5] = [0.0, 20.0, 40.0, 55.0, 70.0];
 const PHI_DEG: [f64; 3] = [0.0, 45.0, 90.0];
 
 /// Values of the volume, in batches that the journal remembers.
-fn measure(args: &FitArgs, patch: &AnyPatch) -> Result<(Vec<PairValue>, MeasuredTransmission)> {
+fn measure(
+    args: &FitArgs,
+    shown: ShownAs,
+    patch: &AnyPatch,
+) -> Result<(Vec<PairValue>, MeasuredTransmission)> {
     let mut pairs: Vec<Pair> = irawan_layout();
     pairs.extend(in_plane_layout(30.0));
     pairs.extend(in_plane_layout(60.0));
     let volume = table(args, &[], &[])?;
     let key = json!([
         volume,
-        args.model.name(),
+        shown.to_string(),
         args.voxel.voxel_um,
         args.spp,
         args.seed

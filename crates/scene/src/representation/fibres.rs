@@ -1,0 +1,20 @@
+//! Explicit fibres: rays are intersected with every fibre of the cloth.
+
+use super::virtual_fibres::FIBRE_OPTICS;
+use super::{Build, Representation, Tracker};
+
+/// Explicit fibres.
+pub static FIBRES: Representation = Representation {
+    name: "fibres",
+    title: "explicit fibres",
+    about: "Every fibre of the fabric: the ground truth of the others",
+    colour: [0xc2, 0x3b, 0x6b],
+    keys: &[],
+    trackers: &[Tracker::Woodcock],
+    drapes: false,
+    check: |fabric, path| fabric.fibres(path).map(|_| ()),
+    build: Build::Fibres(|fabric, path, max_memory_bytes, loader| {
+        fabric.trace_fibres(path, max_memory_bytes, loader)
+    }),
+    fitted: Some(&FIBRE_OPTICS),
+};

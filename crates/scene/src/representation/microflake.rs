@@ -1,0 +1,79 @@
+//! Micro-flakes: voxels whose fibres scatter as distributions of small flat
+//! mirrors or diffusers.
+
+use super::{Build, FittedOptics, Representation, Tracker, VoxelBuild, VoxelSource};
+use crate::error::Result;
+use crate::optics::albedo_for_colour;
+use organza_basis::Rgb;
+use organza_transport::{AnyMedium, ClothMedium, FlakeFamily, FlakeMedium};
+use organza_volume::Footprint;
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// Micro-flakes.
+pub static MICROFLAKE: Representation = Representation {
+    name: "microflake",
+    title: "micro-flakes",
+    about: "Micro-flakes of the family that `flake` names",
+    colour: [0x3b, 0x82, 0xc4],
+    keys: &["flake"],
+    trackers: &[Tracker::Kernel, Tracker::Woodcock, Tracker::Regular],
+    drapes: true,
+    check: |_, _| Ok(()),
+    build: Build::Voxels(VoxelBuild {
+        footprint: Footprint::Covered,
+        finest_level: |_, _| 0,
+        medium,
+    }),
+    fitted: Some(&FittedOptics {
+        roughness: "end_on_ratio",
+        range: [0.01, 0.9],
+        start: 0.1,
+        colour: |heap| {
+            let heap = Rgb::from(heap.map(|c| c as f32));
+            let albedo = albedo_for_colour(heap).0.to_array();
+            ("albedo", format!("{albedo:?}"))
+        },
+        replaced: &["gamma", "sin_power"],
+    }),
+};
+
+/// `flake`
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlakeName {
+    /// Mirrors distributed as the normals of an ellipsoid.
+    #[default]
+    SggxSpecular,
+    /// Diffuse flakes distributed so.
+    SggxDiffuse,
+    /// Mirrors with a truncated Gaussian about the fibre's cross-section.
+    Gaussian,
+    /// Mirrors with a power of the sine of the angle to the fibre.
+    SinPower,
+}
+
+impl FlakeName {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            FlakeName::SggxSpecular => "sggx-specular",
+            FlakeName::SggxDiffuse => "sggx-diffuse",
+            FlakeName::Gaussian => "gaussian",
+            FlakeName::SinPower => "sin-power",
+        }
+    }
+}
+
+fn medium(source: &VoxelSource<'_>) -> Result<Option<AnyMedium>> {
+    let (octree, optics) = (Arc::clone(&source.octree), source.fabric.optics());
+    let family = match source.settings.flake {
+        FlakeName::SggxSpecular => {
+            return Ok(ClothMedium::new(octree, source.level, optics).map(AnyMedium::Cloth));
+        }
+        FlakeName::SggxDiffuse => FlakeFamily::SggxDiffuse,
+        FlakeName::Gaussian => FlakeFamily::Gaussian,
+        FlakeName::SinPower => FlakeFamily::SinePower,
+    };
+    Ok(FlakeMedium::new(octree, source.level, optics, family).map(AnyMedium::Flakes))
+}

@@ -1,0 +1,38 @@
+//! Virtual scattering, packed: an event is at the surface of a fibre that stands
+//! among others.
+
+use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
+use organza_transport::FibreEvent;
+use organza_volume::{Footprint, Octree};
+use organza_weave::Material;
+
+/// Edge of the voxels, in fibre radii, that suits packed fibres best: finer ones
+/// count chance clusters twice, coarser ones blur the outline of yarns.
+const VOXEL_RADII: f32 = 2.0;
+
+/// Virtual scattering, packed.
+pub static PACKED: Representation = Representation {
+    name: "packed",
+    title: "virtual scattering (packed)",
+    about: "Virtual scattering off the surfaces of fibres among others",
+    colour: [0x1f, 0x9e, 0x77],
+    keys: &["local_visibility"],
+    trackers: &[Tracker::Woodcock],
+    drapes: true,
+    check: |fabric, path| fabric.fibres(path).map(|_| ()),
+    build: Build::Voxels(VoxelBuild {
+        footprint: Footprint::Axis,
+        finest_level,
+        medium: |source| virtual_fibres::medium(source, FibreEvent::Packed),
+    }),
+    fitted: Some(&virtual_fibres::FIBRE_OPTICS),
+};
+
+fn finest_level(octree: &Octree, materials: &[Material]) -> u8 {
+    let radii: f32 = materials.iter().map(|m| m.fibre_radius_mm).sum();
+    let wanted_mm = VOXEL_RADII * radii / materials.len().max(1) as f32;
+    let off = |l: &u8| (octree.voxel_mm(*l).max_element() / wanted_mm).ln().abs();
+    (0..octree.level_count())
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+        .unwrap_or(0)
+}

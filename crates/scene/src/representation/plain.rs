@@ -1,0 +1,24 @@
+//! Virtual scattering, plain: an event is a point that scatters as a fibre seen
+//! from a distance.
+
+use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
+use organza_transport::FibreEvent;
+use organza_volume::Footprint;
+
+/// Virtual scattering, plain.
+pub static PLAIN: Representation = Representation {
+    name: "plain",
+    title: "virtual scattering (plain)",
+    about: "Virtual scattering off points, by the far field of fibres",
+    colour: [0x8a, 0x7f, 0xd0],
+    keys: &["local_visibility"],
+    trackers: &[Tracker::Kernel, Tracker::Woodcock, Tracker::Regular],
+    drapes: true,
+    check: |fabric, path| fabric.fibres(path).map(|_| ()),
+    build: Build::Voxels(VoxelBuild {
+        footprint: Footprint::Covered,
+        finest_level: |_, _| 0,
+        medium: |source| virtual_fibres::medium(source, FibreEvent::Plain),
+    }),
+    fitted: Some(&virtual_fibres::FIBRE_OPTICS),
+};

@@ -1,0 +1,40 @@
+//! What the two kinds of virtual scattering share: voxels whose fibres scatter as
+//! fibres.
+
+use super::{FittedOptics, VoxelSource};
+use crate::error::{Result, input};
+use organza_transport::{AnyMedium, FibreEvent, FibreMedium, LocalVisibility};
+use std::sync::Arc;
+
+/// The optics of fibres that a fit changes.
+pub(super) static FIBRE_OPTICS: FittedOptics = FittedOptics {
+    roughness: "longitudinal_deg",
+    range: [1.0, 30.0],
+    start: 6.0,
+    colour: |heap| ("colour", format!("{heap:?}")),
+    replaced: &["absorption_per_mm", "fitted"],
+};
+
+/// Voxels as a medium of virtual fibres.
+pub(super) fn medium(source: &VoxelSource<'_>, event: FibreEvent) -> Result<Option<AnyMedium>> {
+    let VoxelSource {
+        fabric,
+        path,
+        octree,
+        level,
+        ..
+    } = source;
+    let fibres = fabric.fibres(path)?;
+    let Some(medium) = FibreMedium::new(Arc::clone(octree), *level, fibres, event) else {
+        return Ok(None);
+    };
+    if !source.settings.local_visibility {
+        return Ok(Some(AnyMedium::Fibres(medium)));
+    }
+    let (corner_mm, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(*level));
+    let fibres = fabric.trace_fibres(path, source.max_memory_bytes, source.loader)?;
+    let (materials, seed) = (octree.material_count(), fabric.file.seed);
+    let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    Ok(Some(AnyMedium::Fibres(medium.with_local_visibility(local))))
+}
