@@ -9,7 +9,7 @@ fn root() -> PathBuf {
 }
 
 /// Left imports from right; nothing else is allowed. See ARCHITECTURE.md.
-const EDGES: [(&str, &[&str]); 13] = [
+const EDGES: [(&str, &[&str]); 14] = [
     ("basis", &[]),
     ("weave", &["basis"]),
     ("volume", &["basis"]),
@@ -26,6 +26,7 @@ const EDGES: [(&str, &[&str]); 13] = [
     ),
     ("surface", &["basis", "scatter", "weave"]),
     ("measure", &["basis", "scatter", "surface", "transport"]),
+    ("picture", &["basis", "film"]),
     (
         "scene",
         &[
@@ -33,6 +34,7 @@ const EDGES: [(&str, &[&str]); 13] = [
             "light",
             "measure",
             "mesh",
+            "picture",
             "scatter",
             "surface",
             "transport",
@@ -44,9 +46,11 @@ const EDGES: [(&str, &[&str]); 13] = [
         "cli",
         &[
             "basis",
+            "film",
             "light",
             "measure",
             "mesh",
+            "picture",
             "scatter",
             "scene",
             "surface",

@@ -1,7 +1,6 @@
 //! What a picture is of, so that only samples of the same picture are put
 //! together.
 
-use crate::picture::Attribute;
 use crate::sample_ranges::SampleRanges;
 use organza_scene::scene_file::{RenderTable, SceneFile};
 use organza_transport::Crop;
@@ -47,8 +46,8 @@ pub fn scene_digest(file: &SceneFile, inputs: &[[u8; 32]], by_kernel: bool) -> [
 }
 
 impl Identity {
-    /// What a picture file tells of itself.
-    pub fn attributes(&self, samples: &SampleRanges) -> Vec<Attribute> {
+    /// What a picture file records of itself.
+    pub fn attributes(&self, samples: &SampleRanges) -> Vec<(&'static str, String)> {
         let hex: String = self.scene.iter().map(|b| format!("{b:02x}")).collect();
         vec![
             ("identity", hex),

@@ -16,6 +16,7 @@ use organza_scene::{auto, cloth_object, fabric_file, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// `organza info`
@@ -229,6 +230,7 @@ fn box_of(b: &Aabb) -> Value {
 fn picture_info(path: &Path) -> Result<Value> {
     let (film, attributes) = picture::read_exr(path, free_memory_bytes())?;
     let size = film.size();
+    let attributes: BTreeMap<&str, &str> = attributes.iter().collect();
     Ok(json!({
         "kind": "picture",
         "resolution": size.to_array(),

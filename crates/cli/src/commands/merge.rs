@@ -6,12 +6,13 @@ use crate::error::input;
 use crate::flags::MemoryArgs;
 use crate::output;
 use crate::output::note;
-use crate::picture::{self, Attribute, PictureKind};
+use crate::picture;
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
+use organza_picture::{Attributes, Rendered};
 use organza_transport::{Backend, Film};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// `organza merge`
@@ -49,18 +50,13 @@ const SHARED: [&str; 4] = ["version", "identity", "seed", "crop"];
 struct Part<'a> {
     path: &'a Path,
     film: Film,
-    attributes: BTreeMap<String, String>,
+    attributes: Attributes,
     samples: SampleRanges,
 }
 
 /// Runs the command.
 pub fn run(args: &MergeArgs) -> Result<()> {
-    if PictureKind::of(&args.outfile)? != PictureKind::Exr {
-        return Err(input(format!(
-            "{}: expected a name that ends in .exr",
-            args.outfile.display()
-        )));
-    }
+    picture::format_of_parts(&args.outfile)?;
     output::check_not_an_input(&args.outfile, &args.parts)?;
     output::check_writable(&args.outfile)?;
     let limit = args
@@ -78,24 +74,16 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let Some(all) = merged else {
         return Err(input("expected at least one picture"));
     };
-    let value = |key: &str| all.attributes.get(key).cloned().unwrap_or_default();
     // The order in which `render` writes them: equal pictures, equal files.
-    let mut attributes: Vec<Attribute> = vec![
-        ("version", value("version")),
-        ("scene", value("scene")),
-        ("backend", value("backend")),
-        ("identity", value("identity")),
-        ("seed", value("seed")),
-        ("crop", value("crop")),
-        ("spp", all.samples.count().to_string()),
-        ("samples", all.samples.to_string()),
-    ];
-    for key in ["clamp", CLAMPED] {
-        if let Some(value) = all.attributes.get(key) {
-            attributes.push((key, value.clone()));
-        }
-    }
-    picture::write(&args.outfile, &all.film, 0.0, &attributes)?;
+    let mut attributes = all.attributes.clone();
+    attributes.set("spp", all.samples.count().to_string());
+    attributes.set("samples", all.samples.to_string());
+    let rendered = Rendered {
+        film: &all.film,
+        exposure_stops: 0.0,
+        attributes: &attributes,
+    };
+    picture::write(&args.outfile, &rendered)?;
     if !args.quiet {
         note!(
             "{}: {} x {}, samples {} of every pixel",
@@ -115,7 +103,7 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
     let (film, attributes) = picture::read_exr(path, max_memory_bytes)?;
     let samples = attributes
         .get("samples")
-        .and_then(|text| SampleRanges::parse(text))
+        .and_then(SampleRanges::parse)
         .ok_or_else(|| {
             input(format!(
                 "{}: does not tell its sample ranges; expected a picture of `organza render`",
@@ -135,7 +123,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
     for key in SHARED {
         let (a, b) = (all.attributes.get(key), part.attributes.get(key));
         if a != b {
-            let word = |v: Option<&String>| v.map_or("none", String::as_str).to_owned();
+            let word = |v: Option<&str>| v.unwrap_or("none").to_owned();
             let why = match key {
                 "identity" => {
                     "the scenes or the files they name differ, or were changed in between".into()
@@ -145,14 +133,19 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             return Err(input(format!("{second}: cannot join {first}: {why}")));
         }
     }
-    let backend = |part: &Part| part.attributes.get("backend").cloned().unwrap_or_default();
+    let backend = |part: &Part| {
+        part.attributes
+            .get("backend")
+            .unwrap_or_default()
+            .to_owned()
+    };
     let (a, b) = (backend(&all), backend(&part));
     let Some(both) = joined_backends(&a, &b) else {
         return Err(input(format!(
             "{second}: cannot join {first}: backend is {b}, but {a} in {first}"
         )));
     };
-    all.attributes.insert("backend".into(), both);
+    all.attributes.set("backend", both);
     if all.film.size() != part.film.size() {
         return Err(input(format!(
             "{second}: cannot join {first}: the sizes differ"
@@ -165,7 +158,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
     let removed = |p: &Part<'_>| p.attributes.get(CLAMPED)?.parse::<u128>().ok();
     if let (Some(a), Some(b)) = (removed(&all), removed(&part)) {
         let sum = a.saturating_add(b).to_string();
-        all.attributes.insert(CLAMPED.into(), sum);
+        all.attributes.set(CLAMPED, sum);
     }
     for (a, b) in all.film.pixels_mut().iter_mut().zip(part.film.pixels()) {
         a.merge(b);

@@ -12,7 +12,7 @@ use crate::identity::{self, Identity, crop_words};
 use crate::interrupt;
 use crate::output;
 use crate::output::note;
-use crate::picture::{self, Attribute, PictureKind};
+use crate::picture;
 use crate::process_usage::{cpu_seconds, peak_memory_bytes};
 use crate::progress::Progress;
 use crate::sample_ranges::SampleRanges;
@@ -21,6 +21,7 @@ use crate::schedule::{Next, Schedule, Stop, Targets};
 use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
+use organza_picture::{Attributes, Format, Rendered};
 use organza_scene::auto::{self, Chosen};
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
@@ -118,13 +119,14 @@ pub enum BackendName {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
-    let kind = PictureKind::of(&args.outfile)?;
-    if let (Some(part), false) = (&args.samples, kind == PictureKind::Exr) {
+    let format = picture::format(&args.outfile)?;
+    if let (Some(part), false) = (&args.samples, format.keeps_sums) {
         return Err(input(format!(
-            "{}: --samples {}..{} makes a part, and parts are merged from .exr; name one",
+            "{}: --samples {}..{} makes a part, and parts are merged from {}; name one",
             args.outfile.display(),
             part.start,
-            part.end
+            part.end,
+            Format::list_endings(|f| f.keeps_sums)
         )));
     }
     output::check_writable(&args.outfile)?;
@@ -200,7 +202,12 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
     let render_cpu_s = cpu_seconds() - setup_cpu_s;
     let attributes = attributes(args, &file, &identity, &rendering);
     let film = rendering.film();
-    picture::write(&args.outfile, film, file.render.exposure, &attributes)?;
+    let rendered = Rendered {
+        film,
+        exposure_stops: file.render.exposure,
+        attributes: &attributes,
+    };
+    picture::write(&args.outfile, &rendered)?;
     if !args.common.quiet {
         report(
             args,
@@ -489,7 +496,7 @@ fn attributes(
     file: &SceneFile,
     identity: &Identity,
     rendering: &Rendering<'_>,
-) -> Vec<Attribute> {
+) -> Attributes {
     let name = args.scene.file_name().unwrap_or_default();
     let mut attributes = vec![
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -502,7 +509,7 @@ fn attributes(
         let removed = rendering.stats().clamped_radiance;
         attributes.push((CLAMPED, removed.to_string()));
     }
-    attributes
+    attributes.into_iter().collect()
 }
 
 fn taken_words(rendering: &Rendering<'_>) -> String {

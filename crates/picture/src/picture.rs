@@ -1,0 +1,41 @@
+//! Pictures in memory.
+
+use crate::Attributes;
+use glam::UVec2;
+use organza_basis::Rgb;
+use organza_film::Film;
+
+/// Linear colours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// Rows from the top, each from the left.
+    pub pixels: Vec<Rgb>,
+}
+
+/// A render to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct Rendered<'a> {
+    /// What every pixel has gathered.
+    pub film: &'a Film,
+    /// Gain of formats that hold display values, in stops.
+    pub exposure_stops: f32,
+    /// What made the picture, for formats that keep it.
+    pub attributes: &'a Attributes,
+}
+
+impl Rendered<'_> {
+    /// Width and height, pixels.
+    pub fn size(&self) -> UVec2 {
+        self.film.size()
+    }
+
+    /// The estimated radiance of every pixel.
+    pub fn colours(&self) -> Picture {
+        Picture {
+            size: self.size(),
+            pixels: self.film.pixels().iter().map(|p| p.mean()).collect(),
+        }
+    }
+}
