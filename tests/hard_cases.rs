@@ -178,14 +178,10 @@ fn matters(source: &SegmentList, told: &mut String) -> Vec<Matter> {
         let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
         let sggx = ClothMedium::new(make(), 0, optics.clone()).map(AnyMedium::Cloth);
         put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
-        for (family, name) in [
-            (FlakeFamily::SggxDiffuse, "sggx-diffuse"),
-            (FlakeFamily::Gaussian, "gaussian"),
-            (FlakeFamily::SinePower, "sine-power"),
-        ] {
+        for family in FlakeFamily::all().filter(|f| *f != FlakeFamily::SGGX_SPECULAR) {
             let medium = FlakeMedium::new(make(), 0, optics.clone(), family);
             let medium = medium.map(AnyMedium::Flakes).ok_or_else(String::new);
-            put(words(name), medium, white, 1e-5);
+            put(words(family.name()), medium, white, 1e-5);
         }
     }
     for (name, fibre, white) in [
@@ -474,7 +470,8 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
         end_on_ratio: 0.3,
     }];
     let tree = octree(&source, Footprint::Covered);
-    let medium = FlakeMedium::new(tree, 0, optics, FlakeFamily::SinePower).unwrap();
+    let family = FlakeFamily::named("sin-power").unwrap();
+    let medium = FlakeMedium::new(tree, 0, optics, family).unwrap();
     let pose = CameraPose {
         origin_mm: DVec3::Z,
         target_mm: DVec3::ZERO,

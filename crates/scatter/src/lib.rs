@@ -8,6 +8,7 @@
 //! | micro-flakes of one axis | density x [`MicroFlake::projected_area`] of [`AxialFlake`] | [`MicroFlake::eval`] toward lights, [`MicroFlake::sample`] for the next direction; or both as a [`Lobe`] by [`SpecularFlakes`] |
 //! | micro-flakes from six numbers | the same of [`Sggx`] | the same |
 //! | rough-fibre flakes of a width | the same of [`BandFlakes`] | the same |
+//! | a mixture, as flakes of a [`FlakeFamily`] | [`FlakeScattering::sigma_t_per_mm`] | the other methods of [`FlakeScattering`] |
 //! | diffuse flakes | as above | [`DiffuseFlake::meet`] once, then its [`Lobe`] |
 //! | a [`Mixture`](organza_basis::Mixture), plain virtual scattering | [`sigma_t_per_mm`] | [`meet_fibre`], then [`Fibre::far_field`] of its tangent |
 //! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], and on from [`PackedEvent::exit_mm`] |
@@ -100,7 +101,6 @@
 //! - Walks of the packed event move their starting points, so that a slab of them
 //!   is reciprocal only up to what the tests in `tests/packed_fibres.rs` state.
 
-pub mod band;
 pub mod bvdf;
 mod cone_table;
 pub mod cylinder;
@@ -120,7 +120,6 @@ pub mod sggx;
 pub mod surface;
 pub mod virtual_fibres;
 
-pub use band::{BandFlakes, BandProfile, GaussianBand, SineBand};
 pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters, absorption_for_colour};
 pub use error::Error;
@@ -128,7 +127,12 @@ pub use far_parts::{FAR_LOBES, FAR_ROWS, FarParts};
 pub use fibre::{FarField, Fibre, NearEvent, NearField};
 pub use fibre_frame::{FibreAngles, FibreFrame};
 pub use fitted::{FittedFibre, FittedParameters};
-pub use flake::{DiffuseFlake, MicroFlake, SpecularFlakes};
+pub use flake::band::{BandFlakes, BandProfile};
+pub use flake::catalogue::{FLAKE_FAMILIES, FlakeFamily};
+pub use flake::{
+    DiffuseFlake, FlakeScattering, GaussianBand, MicroFlake, PopulationFlakes, SineBand,
+    SpecularFlakes,
+};
 pub use lobe::{Lobe, LobeSample};
 pub use packed_fibre::{ClearedCorridor, PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};

@@ -3,7 +3,7 @@
 
 use crate::fibre_optics;
 use organza_basis::{Rgb, nearest_name};
-use organza_scatter::band::MIN_GAMMA;
+use organza_scatter::flake::band::MIN_GAMMA;
 use organza_scatter::{BandProfile, GaussianBand, SineBand};
 use organza_transport::FlakeOptics;
 use organza_weave::Material;

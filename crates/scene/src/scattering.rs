@@ -2,8 +2,9 @@
 //! keys of a scene's cloth.
 
 use crate::representation::{
-    FlakeName, MICROFLAKE, ModelKey, PACKED, PLAIN, Representation, Settings, ShownAs, owners,
+    MICROFLAKE, ModelKey, PACKED, PLAIN, Representation, Settings, ShownAs, owners,
 };
+use organza_scatter::FlakeFamily;
 use serde::Deserialize;
 
 /// `[scattering]`
@@ -13,7 +14,7 @@ pub struct ScatteringTable {
     /// The representation.
     pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
-    pub flake: Option<FlakeName>,
+    pub flake: Option<FlakeFamily>,
     /// With the old name `virtual-scattering`: which of its two representations.
     pub event: Option<EventName>,
 }
@@ -120,7 +121,10 @@ mod tests {
         assert_eq!(name("", "model = 'plain'"), Ok("plain"));
         assert_eq!(name("model = 'fibres'", "flake = 'gaussian'"), Ok("fibres"));
         let gaussian = shown("", "flake = 'gaussian'").unwrap();
-        assert_eq!(gaussian.settings.flake, FlakeName::Gaussian);
+        assert_eq!(
+            gaussian.settings.flake,
+            FlakeFamily::named("gaussian").unwrap()
+        );
         assert_eq!(gaussian.to_string(), "microflake, gaussian");
         assert_eq!(ShownAs::usual(&FIBRES).to_string(), "fibres");
         for wrong in ["flake = 'gaussian'", "model = 'auto'"] {

@@ -5,9 +5,10 @@ use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::optics::OpticsFile;
 use crate::read;
-use crate::representation::{FlakeName, ModelKey};
+use crate::representation::ModelKey;
 use crate::scattering::{EventName, ScatteringTable};
 use organza_light::LightTable;
+use organza_scatter::FlakeFamily;
 use organza_transport::Integrator;
 use serde::Deserialize;
 use std::path::Path;
@@ -280,7 +281,7 @@ pub struct ClothTable {
     /// How it is shown; as the fabric's `[scattering]` states if none.
     pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
-    pub flake: Option<FlakeName>,
+    pub flake: Option<FlakeFamily>,
     /// Old key of `model = "virtual-scattering"`.
     pub event: Option<EventName>,
     /// Virtual scattering: direct light of the first event sees what stands in

@@ -10,6 +10,9 @@ use crate::{
 use glam::Vec2;
 use organza_basis::CellGrid;
 use organza_basis::{PathRng, Ray};
+use organza_scatter::{FlakeFamily, FlakeOptics};
+use organza_volume::Octree;
+use std::sync::Arc;
 
 /// The closed set of matter, resolved once per ray.
 pub enum AnyMedium {
@@ -30,6 +33,20 @@ pub enum AnyMedium {
 }
 
 impl AnyMedium {
+    /// A level of an octree as micro-flakes of a family; `None` when the level does
+    /// not exist or a material has no optics.
+    pub fn of_flakes(
+        octree: impl Into<Arc<Octree>>,
+        level: u8,
+        optics: Vec<FlakeOptics>,
+        family: FlakeFamily,
+    ) -> Option<AnyMedium> {
+        if family == FlakeFamily::SGGX_SPECULAR {
+            return ClothMedium::new(octree, level, optics).map(AnyMedium::Cloth);
+        }
+        FlakeMedium::new(octree, level, optics, family).map(AnyMedium::Flakes)
+    }
+
     /// Where the medium is; `None` for a plane, which has no box.
     pub fn cell_grid(&self) -> Option<&CellGrid> {
         each_volume!(AnyMedium, self, (m) => Some(m.cell_grid()),

@@ -1,11 +1,10 @@
 //! A medium from an octree of fibres: every population of fibres in a voxel
 //! scatters as SGGX micro-flakes.
 
-use crate::population_flakes::PopulationFlakes;
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
-use organza_basis::{CellGrid, CellSpan, FibreComponent, LocalRay, Mixture, PathRng, Rgb};
-use organza_scatter::{AxialFlake, FlakeMaterials, FlakeOptics, LobeSample};
+use organza_basis::{CellGrid, CellSpan, LocalRay, Mixture, PathRng, Rgb};
+use organza_scatter::{FlakeMaterials, FlakeOptics, LobeSample, PopulationFlakes};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -70,28 +69,6 @@ impl ClothMedium {
     }
 }
 
-impl PopulationFlakes for ClothMedium {
-    type Flakes = AxialFlake;
-
-    /// Without building the flake: `sqrt(e^2 + (1 - e^2) sin^2)` times the
-    /// broadside value.
-    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
-        let (broadside, end_on) = self.flakes.shape(c);
-        let along = c.axis.dot(w);
-        let sin_sq = (1.0 - along * along).max(0.0);
-        let area = (end_on * end_on * (1.0 - sin_sq) + sin_sq).sqrt();
-        c.broadside_per_mm() * broadside * area
-    }
-
-    fn flakes(&self, c: &FibreComponent) -> AxialFlake {
-        self.flakes.flake(c)
-    }
-
-    fn albedo(&self, c: &FibreComponent) -> Rgb {
-        self.flakes.albedo(c)
-    }
-}
-
 impl Medium for ClothMedium {
     type Site = Mixture;
 
@@ -147,19 +124,19 @@ impl Medium for ClothMedium {
     }
 
     fn sigma_t(&self, site: &Mixture, w: Vec3) -> f32 {
-        self.total(site, w)
+        self.flakes.total(site, w)
     }
 
     fn eval(&self, site: &Mixture, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.mix(site, w_out, w_in).0
+        self.flakes.mix(site, w_out, w_in).0
     }
 
     fn sample(&self, site: &Mixture, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.scatter(site, w_out, rng)
+        self.flakes.scatter(site, w_out, rng)
     }
 
     fn pdf(&self, site: &Mixture, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.mix(site, w_out, w_in).1
+        self.flakes.mix(site, w_out, w_in).1
     }
 
     fn info(&self, site: &Mixture) -> SiteInfo {

@@ -1,39 +1,19 @@
-//! A medium from an octree of fibres as micro-flakes of the families that are no
-//! mirrors of the SGGX distribution.
+//! A medium from an octree of fibres as micro-flakes of any family.
 
-use crate::population_flakes::{Bands, PopulationFlakes};
 use crate::{ClothMedium, Medium, SiteInfo};
 use glam::Vec3;
 use organza_basis::{CellGrid, CellSpan, LocalRay};
 use organza_basis::{Mixture, PathRng, Rgb};
-use organza_scatter::{DiffuseFlake, FlakeOptics, GaussianBand, Lobe, LobeSample, SineBand};
+use organza_scatter::{DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample};
 use organza_volume::Octree;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-
-/// A family of micro-flakes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlakeFamily {
-    /// Diffuse flakes with the normals of SGGX: one flake is drawn per collision
-    /// and scatters toward lights and walk alike [`DiffuseFlake`].
-    SggxDiffuse,
-    /// Mirrors with the truncated Gaussian profile [`GaussianBand`].
-    Gaussian,
-    /// Mirrors with the profile of a power of the sine [`SineBand`].
-    SinePower,
-}
-
-enum Flakes {
-    Diffuse,
-    Gaussian(Bands<GaussianBand>),
-    SinePower(Bands<SineBand>),
-}
 
 /// What lies at a collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlakeSite {
     mixture: Mixture,
-    /// The flake of a real collision, of diffuse ones.
+    /// The flake of a real collision, if the family draws one.
     met: Option<DiffuseFlake>,
 }
 
@@ -43,15 +23,16 @@ impl FlakeSite {
     }
 }
 
-/// Fibres of an octree level as flakes of a [`FlakeFamily`]; specular SGGX flakes
-/// have [`ClothMedium`] for themselves.
+/// Fibres of an octree level as flakes of a [`FlakeFamily`]. Mirrors of the SGGX
+/// distribution have a medium of their own, [`ClothMedium`], which the kernel takes.
 ///
 /// Populations of all families have the same ratio of end-on to broadside
-/// extinction, see [`crate::population_shape`]. `eval`, `sample` and `pdf` of
-/// diffuse flakes are those of the flake that [`Medium::settle`] drew.
+/// extinction, see [`crate::population_shape`]. Where a family draws a flake per
+/// collision, `eval`, `sample` and `pdf` are those of the flake that
+/// [`Medium::settle`] drew.
 pub struct FlakeMedium {
     cloth: ClothMedium,
-    flakes: Flakes,
+    flakes: Box<dyn FlakeScattering>,
 }
 
 impl FlakeMedium {
@@ -65,12 +46,8 @@ impl FlakeMedium {
         optics: Vec<FlakeOptics>,
         family: FlakeFamily,
     ) -> Option<FlakeMedium> {
-        let flakes = match family {
-            FlakeFamily::SggxDiffuse => Flakes::Diffuse,
-            FlakeFamily::Gaussian => Flakes::Gaussian(Bands::new(&optics)),
-            FlakeFamily::SinePower => Flakes::SinePower(Bands::new(&optics)),
-        };
-        let cloth = ClothMedium::new(octree, level, optics)?;
+        let cloth = ClothMedium::new(octree, level, optics.clone())?;
+        let flakes = family.of_materials(optics);
         Some(FlakeMedium { cloth, flakes })
     }
 
@@ -81,15 +58,6 @@ impl FlakeMedium {
     /// The octree.
     pub fn octree(&self) -> &Octree {
         self.cloth.octree()
-    }
-
-    fn mix(&self, site: &FlakeSite, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
-        match (&self.flakes, &site.met) {
-            (Flakes::Diffuse, None) => (Rgb::BLACK, 0.0),
-            (Flakes::Diffuse, Some(met)) => (met.eval(w_out, w_in), met.pdf(w_out, w_in)),
-            (Flakes::Gaussian(f), _) => f.mix(&site.mixture, w_out, w_in),
-            (Flakes::SinePower(f), _) => f.mix(&site.mixture, w_out, w_in),
-        }
     }
 }
 
@@ -127,40 +95,30 @@ impl Medium for FlakeMedium {
     }
 
     fn settle(&self, site: FlakeSite, w_out: Vec3, rng: &mut PathRng) -> FlakeSite {
-        if !matches!(self.flakes, Flakes::Diffuse) {
+        if !self.flakes.draws_flakes() {
             return site;
         }
-        let met = PopulationFlakes::meet(&self.cloth, &site.mixture, w_out, rng);
-        let flake = met.map(|c| {
-            let materials = self.cloth.materials();
-            let (flakes, albedo) = (materials.flake(c), materials.albedo(c));
-            DiffuseFlake::meet(&flakes, albedo, w_out, rng)
-        });
-        FlakeSite { met: flake, ..site }
+        let met = self.flakes.draw_flake(&site.mixture, w_out, rng);
+        FlakeSite { met, ..site }
     }
 
     fn sigma_t(&self, site: &FlakeSite, w: Vec3) -> f32 {
-        match &self.flakes {
-            Flakes::Diffuse => self.cloth.total(&site.mixture, w),
-            Flakes::Gaussian(f) => f.total(&site.mixture, w),
-            Flakes::SinePower(f) => f.total(&site.mixture, w),
-        }
+        self.flakes.sigma_t_per_mm(&site.mixture, w)
     }
 
     fn eval(&self, site: &FlakeSite, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.mix(site, w_out, w_in).0
+        let flake = site.met.as_ref();
+        self.flakes.eval(&site.mixture, flake, w_out, w_in).0
     }
 
     fn sample(&self, site: &FlakeSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        match &self.flakes {
-            Flakes::Diffuse => site.met?.sample(w_out, rng),
-            Flakes::Gaussian(f) => f.scatter(&site.mixture, w_out, rng),
-            Flakes::SinePower(f) => f.scatter(&site.mixture, w_out, rng),
-        }
+        let flake = site.met.as_ref();
+        self.flakes.sample(&site.mixture, flake, w_out, rng)
     }
 
     fn pdf(&self, site: &FlakeSite, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.mix(site, w_out, w_in).1
+        let flake = site.met.as_ref();
+        self.flakes.eval(&site.mixture, flake, w_out, w_in).1
     }
 
     fn info(&self, site: &FlakeSite) -> SiteInfo {

@@ -84,7 +84,6 @@ mod levelled_cloth;
 mod local_visibility;
 mod medium;
 mod plane;
-mod population_flakes;
 mod render;
 mod scene;
 mod sheet;
@@ -99,7 +98,7 @@ pub use detail::{Detail, LevelSteps, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
-pub use flake_medium::{FlakeFamily, FlakeMedium, FlakeSite};
+pub use flake_medium::{FlakeMedium, FlakeSite};
 pub use flatten::{KernelRefusal, flatten};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
 pub use integrator::{Integrator, trace_from, trace_path};
@@ -114,7 +113,7 @@ pub use tracking::{
     transmittance,
 };
 
-pub use organza_scatter::{FlakeOptics, population_shape};
+pub use organza_scatter::{FlakeFamily, FlakeOptics, population_shape};
 // What a scene and its picture are made of, under one name for those who trace them.
 pub use organza_basis::cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use organza_film::{

@@ -38,12 +38,6 @@ fn cloth() -> Octree {
     voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap()
 }
 
-const FAMILIES: [FlakeFamily; 3] = [
-    FlakeFamily::SggxDiffuse,
-    FlakeFamily::Gaussian,
-    FlakeFamily::SinePower,
-];
-
 fn flakes(family: FlakeFamily, albedo: f32) -> FlakeMedium {
     let optics = FlakeOptics {
         albedo: Rgb::splat(albedo),
@@ -113,7 +107,7 @@ fn the_furnace_is_one_for_every_family() {
             .collect();
         (t_test(&gathered, 1.0).p_value, gathered)
     };
-    for family in FAMILIES {
+    for family in FlakeFamily::all() {
         let (p, got) = off(family, 1.0);
         assert!(p > 1e-4, "seed 92, {family:?}: {p} {got:?}");
         let (p, got) = off(family, 0.97);
@@ -124,7 +118,7 @@ fn the_furnace_is_one_for_every_family() {
 #[test]
 fn ratio_tracking_is_the_closed_form() {
     let mut stats = Stats::default();
-    for (k, family) in FAMILIES.into_iter().enumerate() {
+    for (k, family) in FlakeFamily::all().enumerate() {
         let medium = flakes(family, 1.0);
         for w in [Vec3::NEG_Z, -Vec3::new(0.5, 0.4, 1.0).normalize()] {
             let local = medium
@@ -157,7 +151,7 @@ fn points_are_reciprocal_and_families_block_alike() {
     )
     .unwrap();
     let (a, b) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.64, -0.48));
-    for family in FAMILIES {
+    for family in FlakeFamily::all() {
         let medium = flakes(family, 0.8);
         let dims = medium.cell_grid().dims().as_vec3();
         let sites: Vec<_> = (0..200)

@@ -5,9 +5,8 @@ use super::{Build, FittedOptics, Representation, Tracker, VoxelBuild, VoxelSourc
 use crate::error::Result;
 use crate::optics::albedo_for_colour;
 use organza_basis::Rgb;
-use organza_transport::{AnyMedium, ClothMedium, FlakeFamily, FlakeMedium};
+use organza_transport::AnyMedium;
 use organza_volume::Footprint;
-use serde::Deserialize;
 use std::sync::Arc;
 
 /// Micro-flakes.
@@ -38,42 +37,8 @@ pub static MICROFLAKE: Representation = Representation {
     }),
 };
 
-/// `flake`
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum FlakeName {
-    /// Mirrors distributed as the normals of an ellipsoid.
-    #[default]
-    SggxSpecular,
-    /// Diffuse flakes distributed so.
-    SggxDiffuse,
-    /// Mirrors with a truncated Gaussian about the fibre's cross-section.
-    Gaussian,
-    /// Mirrors with a power of the sine of the angle to the fibre.
-    SinPower,
-}
-
-impl FlakeName {
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            FlakeName::SggxSpecular => "sggx-specular",
-            FlakeName::SggxDiffuse => "sggx-diffuse",
-            FlakeName::Gaussian => "gaussian",
-            FlakeName::SinPower => "sin-power",
-        }
-    }
-}
-
 fn medium(source: &VoxelSource<'_>) -> Result<Option<AnyMedium>> {
     let (octree, optics) = (Arc::clone(&source.octree), source.fabric.optics());
-    let family = match source.settings.flake {
-        FlakeName::SggxSpecular => {
-            return Ok(ClothMedium::new(octree, source.level, optics).map(AnyMedium::Cloth));
-        }
-        FlakeName::SggxDiffuse => FlakeFamily::SggxDiffuse,
-        FlakeName::Gaussian => FlakeFamily::Gaussian,
-        FlakeName::SinPower => FlakeFamily::SinePower,
-    };
-    Ok(FlakeMedium::new(octree, source.level, optics, family).map(AnyMedium::Flakes))
+    let family = source.settings.flake;
+    Ok(AnyMedium::of_flakes(octree, source.level, optics, family))
 }

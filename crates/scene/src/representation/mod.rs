@@ -12,7 +12,7 @@ mod surface;
 mod virtual_fibres;
 
 pub use fibres::FIBRES;
-pub use microflake::{FlakeName, MICROFLAKE};
+pub use microflake::MICROFLAKE;
 pub use packed::PACKED;
 pub use plain::PLAIN;
 pub use surface::SURFACE;
@@ -20,6 +20,7 @@ pub use surface::SURFACE;
 use crate::error::Result;
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
+use organza_scatter::FlakeFamily;
 use organza_surface::ClothSurface;
 use organza_transport::{AnyMedium, ExplicitFibres};
 use organza_volume::{Footprint, Octree};
@@ -100,7 +101,7 @@ pub struct VoxelSource<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
     /// `flake`: the family of micro-flakes.
-    pub flake: FlakeName,
+    pub flake: FlakeFamily,
     /// `local_visibility`: direct light of the first event sees what stands in its
     /// way within two voxels, as counted from the fibres.
     pub local_visibility: bool,

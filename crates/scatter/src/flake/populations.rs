@@ -1,13 +1,16 @@
 //! How the populations of a voxel, as micro-flakes, share an event.
 
+use super::band::{BandFlakes, BandProfile};
+use super::{DiffuseFlake, FlakeScattering, MicroFlake};
+use crate::population::{FlakeMaterials, ShapeTable};
+use crate::{AxialFlake, FlakeOptics, Lobe, LobeSample};
 use glam::Vec3;
 use organza_basis::{FibreComponent, Mixture, PathRng, Rgb};
-use organza_scatter::population::ShapeTable;
-use organza_scatter::{BandFlakes, BandProfile, FlakeOptics, LobeSample, MicroFlake};
 
-/// The populations of a cloth as mirror flakes of one family.
-pub(crate) trait PopulationFlakes {
-    /// The family.
+/// The populations of a cloth as flakes of one distribution. Provided methods
+/// scatter as mirrors.
+pub trait PopulationFlakes {
+    /// The distribution.
     type Flakes: MicroFlake;
 
     /// Extinction of a population toward `w`, 1/mm: at most its broadside one.
@@ -71,6 +74,101 @@ pub(crate) trait PopulationFlakes {
     }
 }
 
+impl<P: PopulationFlakes + Send + Sync> FlakeScattering for P {
+    fn sigma_t_per_mm(&self, mixture: &Mixture, w: Vec3) -> f32 {
+        self.total(mixture, w)
+    }
+
+    fn eval(
+        &self,
+        mixture: &Mixture,
+        _: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> (Rgb, f32) {
+        self.mix(mixture, w_out, w_in)
+    }
+
+    fn sample(
+        &self,
+        mixture: &Mixture,
+        _: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<LobeSample> {
+        self.scatter(mixture, w_out, rng)
+    }
+}
+
+/// Populations whose flakes are diffuse: one flake is drawn per collision and
+/// scatters toward lights and walk alike.
+pub(crate) struct Diffuse<P>(pub P);
+
+impl<P: PopulationFlakes + Send + Sync> FlakeScattering for Diffuse<P> {
+    fn sigma_t_per_mm(&self, mixture: &Mixture, w: Vec3) -> f32 {
+        self.0.total(mixture, w)
+    }
+
+    fn draws_flakes(&self) -> bool {
+        true
+    }
+
+    fn draw_flake(
+        &self,
+        mixture: &Mixture,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<DiffuseFlake> {
+        let met = self.0.meet(mixture, w_out, rng)?;
+        let (flakes, albedo) = (self.0.flakes(met), self.0.albedo(met));
+        Some(DiffuseFlake::meet(&flakes, albedo, w_out, rng))
+    }
+
+    fn eval(
+        &self,
+        _: &Mixture,
+        flake: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> (Rgb, f32) {
+        flake.map_or((Rgb::BLACK, 0.0), |f| {
+            (f.eval(w_out, w_in), f.pdf(w_out, w_in))
+        })
+    }
+
+    fn sample(
+        &self,
+        _: &Mixture,
+        flake: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<LobeSample> {
+        flake?.sample(w_out, rng)
+    }
+}
+
+impl PopulationFlakes for FlakeMaterials {
+    type Flakes = AxialFlake;
+
+    /// Without building the flake: `sqrt(e^2 + (1 - e^2) sin^2)` times the
+    /// broadside value.
+    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
+        let (broadside, end_on) = self.shape(c);
+        let along = c.axis.dot(w);
+        let sin_sq = (1.0 - along * along).max(0.0);
+        let area = (end_on * end_on * (1.0 - sin_sq) + sin_sq).sqrt();
+        c.broadside_per_mm() * broadside * area
+    }
+
+    fn flakes(&self, c: &FibreComponent) -> AxialFlake {
+        self.flake(c)
+    }
+
+    fn albedo(&self, c: &FibreComponent) -> Rgb {
+        FlakeMaterials::albedo(self, c)
+    }
+}
+
 /// Populations as flakes of a band profile.
 pub(crate) struct Bands<P> {
     materials: Vec<(Rgb, ShapeTable<Band<P>>)>,
@@ -131,7 +229,7 @@ impl<P: BandProfile + Copy> PopulationFlakes for Bands<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use organza_scatter::{GaussianBand, SineBand, population_shape};
+    use crate::{GaussianBand, SineBand, population_shape};
     use std::f64::consts::{FRAC_PI_2, PI};
 
     /// Mean of `area(sine of the angle between w and t)` over tangents t spread

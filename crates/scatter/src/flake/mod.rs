@@ -1,5 +1,20 @@
 //! Micro-flakes: what every flake distribution offers, and the specular and
-//! diffuse scattering that follows from it [Jakob2010].
+//! diffuse scattering that follows from it [Jakob2010]. The [`catalogue`] lists the
+//! families that files can name.
+
+pub mod band;
+pub mod catalogue;
+mod gaussian;
+mod populations;
+mod scattering;
+mod sggx_diffuse;
+mod sggx_specular;
+mod sine_power;
+
+pub use gaussian::GaussianBand;
+pub use populations::PopulationFlakes;
+pub use scattering::FlakeScattering;
+pub use sine_power::{SineBand, sine_power_from_gamma};
 
 use crate::lobe::{Lobe, LobeSample};
 use glam::Vec3;
