@@ -3,7 +3,7 @@
 //! A family is one file with a [`FlakeRecord`] and one line in the list at the end
 //! of this file.
 
-use super::{FlakeScattering, gaussian, sggx_diffuse, sggx_specular, sine_power};
+use super::{FlakeScattering, gaussian, gaussian_diffuse, sggx_diffuse, sggx_specular, sine_power};
 use crate::FlakeOptics;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -100,6 +100,7 @@ flake_families! {
     sggx_specular,
     sggx_diffuse,
     gaussian,
+    gaussian_diffuse,
     sine_power,
 }
 

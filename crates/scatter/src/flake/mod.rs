@@ -5,6 +5,7 @@
 pub mod band;
 pub mod catalogue;
 mod gaussian;
+mod gaussian_diffuse;
 mod populations;
 mod scattering;
 mod sggx_diffuse;
