@@ -6,7 +6,7 @@
 //! ray, variance about the exact value and efficiency, 1 / (variance of an
 //! average ray's light x time), where the variance of exact stepping is what
 //! the rays differ in.
-#![allow(clippy::print_stdout)] // variances are told beside the timings
+#![allow(clippy::print_stdout)] // prints variances beside the timings
 #![allow(clippy::unwrap_used)] // the tile is the repository's own
 
 use criterion::{Criterion, criterion_group, criterion_main};

@@ -6,7 +6,7 @@
 //! seen straight on at 128 x 128 pixels. Criterion times 16 samples of every
 //! pixel; printed beside are collisions a path, the variance of a sample and
 //! efficiency, 1 / (variance of the mean pixel x seconds of one thread).
-#![allow(clippy::print_stdout)] // variances are told beside the timings
+#![allow(clippy::print_stdout)] // prints variances beside the timings
 #![allow(clippy::unwrap_used)] // the tile is made here
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -5,7 +5,7 @@
 //! of bricks, larger bricks, and one index for every voxel of the box. The
 //! rivals hold the same 12-byte populations and answer the same question (the
 //! broadside extinction there); bytes per occupied voxel are printed.
-#![allow(clippy::print_stdout)] // sizes are told beside the timings
+#![allow(clippy::print_stdout)] // prints sizes beside the timings
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{UVec3, Vec3};

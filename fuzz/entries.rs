@@ -87,7 +87,7 @@ pub fn fabric(data: &[u8]) {
     run(data, "fabric.toml", &["info", "fabric.toml", "--quiet"]);
 }
 
-/// A checkpoint that a render is told to go on from.
+/// A checkpoint from which a render resumes.
 pub fn checkpoint(data: &[u8]) {
     let scene = "[camera]\norigin_mm=[0,0,1]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[2,2]\n";
     let _ = std::fs::write(folder().join("blank.toml"), scene);

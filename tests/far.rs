@@ -1,7 +1,7 @@
 //! The far field: surface models in scenes, cloth over meshes, and what each
 //! level of detail costs in truth.
 
-use crate::program::{complaint, folder, organza, succeed};
+use crate::program::{complaint, folder, succeed};
 use organza_measure::parse_pairs;
 use std::path::Path;
 
@@ -145,35 +145,76 @@ fn cloth_over_a_mesh_says_what_it_lacks() {
     }
 }
 
-/// The towel over a rail, and where present the draped towel of the shared data.
+/// The towel over a rail covers part of its picture and is lit.
 #[test]
-fn towels_are_draped() {
+fn a_towel_is_draped() {
     let folder = folder("far-towel");
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let own = root.join("scenes/towel.toml");
-    let mut arguments = vec!["render", own.to_str().unwrap(), "-o", "own.png", "--quiet"];
+    let mut arguments = vec![
+        "render",
+        own.to_str().unwrap(),
+        "-o",
+        "own.png",
+        "--json",
+        "--quiet",
+    ];
     arguments.extend(["--set", "render.spp=1", "--set", "camera.resolution=[8,8]"]);
-    succeed(&folder, &arguments);
-    let shared = root.join("../shared/data/mesh/towel.obj");
-    if !shared.exists() {
-        eprintln!("no shared towel: left out");
-        return;
-    }
-    let object = format!(
-        "mesh = '{}'\nmm_per_unit = 30.0\nmm_per_uv = 130.0",
-        shared.display()
-    );
-    write(&folder, &object);
-    let told = organza(
-        &folder,
-        &["render", "scene.toml", "-o", "shared.png", "--stats"],
-    );
-    let told = String::from_utf8_lossy(&told.stderr).into_owned();
-    assert!(folder.join("shared.png").exists(), "{told}");
+    let report = succeed(&folder, &arguments);
+    assert!(folder.join("own.png").exists());
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["mean"][0].as_f64().unwrap() > 0.05, "{report}");
 }
 
-/// Every level and the surface against level 0 at 56 pairs of directions. The
-/// table of docs/far_field.md is this test's at full size:
+/// How far a representation is from level 0 on one side of the cloth: relative differences
+/// in the root mean square over pairs and channels, with noise subtracted, and of the sum over
+/// them, with the standard error of the latter.
+struct Difference {
+    rms: f64,
+    noise: f64,
+    total: f64,
+    total_se: f64,
+}
+
+impl Difference {
+    /// Rows are four angles, three values and their three standard errors.
+    fn between(rows: &[Vec<f64>], finest: &[Vec<f64>], on_side: &[usize]) -> Self {
+        let sum = |f: &dyn Fn(usize, usize) -> f64| -> f64 {
+            let each = on_side.iter().flat_map(|&i| (4..7).map(move |c| (i, c)));
+            each.map(|(i, c)| f(i, c)).sum()
+        };
+        let error = |rows: &[Vec<f64>], i: usize, c: usize| rows[i].get(c + 3).map_or(0.0, |e| *e);
+        let level = sum(&|i, c| finest[i][c].powi(2));
+        let off = sum(&|i, c| (rows[i][c] - finest[i][c]).powi(2));
+        let noise = sum(&|i, c| error(rows, i, c).powi(2) + error(finest, i, c).powi(2));
+        // The channels of a pair share their paths, so their errors add; pairs do not.
+        let variance: f64 = on_side
+            .iter()
+            .map(|&i| {
+                let of = |rows| (4..7).map(|c| error(rows, i, c)).sum::<f64>();
+                of(rows).powi(2) + of(finest).powi(2)
+            })
+            .sum();
+        let whole = sum(&|i, c| finest[i][c]);
+        Self {
+            rms: ((off - noise).max(0.0) / level).sqrt(),
+            noise: (noise / level).sqrt(),
+            total: sum(&|i, c| rows[i][c]) / whole - 1.0,
+            total_se: variance.sqrt() / whole,
+        }
+    }
+
+    /// Whether the total is within `share` of level 0, as far as the noise allows to say.
+    fn is_within(&self, share: f64) -> bool {
+        self.total.abs() < share + 4.0 * self.total_se
+    }
+}
+
+/// Every level and the surface against level 0 at 56 pairs of directions. What `lod = "auto"`
+/// uses must be near it in total: level 1 within a tenth (measured with 4096 paths per pair:
+/// +3.3 % +- 1.1 % and -0.6 % +- 3.6 %), the surface model within a fifth (-11.8 % and -3.2 %).
+/// The twin is level 4, which closes the gaps and transmits an eighth. The table of
+/// docs/far_field.md is this test's at full size:
 /// `ORGANZA_FULL=1 cargo test --release --test main levels_against -- --nocapture`.
 #[test]
 fn levels_against_the_finest() {
@@ -181,14 +222,14 @@ fn levels_against_the_finest() {
     let folder = folder("far-levels");
     let pairs = include_str!("data/level_pairs.csv");
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let sides: Vec<bool> = parse_pairs(pairs)
+    let reflects: Vec<bool> = parse_pairs(pairs)
         .unwrap()
         .iter()
         .map(|p| (p.incident.theta_deg < 90.0) == (p.exitant.theta_deg < 90.0))
         .collect();
-    assert!(sides.len() >= 50);
+    assert!(reflects.len() >= 50);
     let fabric = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fabrics/towel.toml");
-    let spp = if full { "16384" } else { "64" };
+    let spp = if full { "16384" } else { "1024" };
     let run = |more: &[&str]| {
         let mut arguments = vec!["measure", fabric.to_str().unwrap(), "--pairs", "pairs.csv"];
         arguments.extend(["--spp", spp, "-o", "out.csv"]);
@@ -199,37 +240,36 @@ fn levels_against_the_finest() {
         let table = std::fs::read_to_string(folder.join("out.csv")).unwrap();
         (numbers(&table), seconds)
     };
-    let (finest, seconds) = run(&["--level", "0"]);
-    eprintln!("level 0: {seconds:.1} s");
-    let others = ["1", "2", "3", "4"].map(|l| (l, vec!["--level", l, "--seed", l]));
-    for (name, more) in others
-        .into_iter()
-        .chain([("surface", vec!["--model", "surface"])])
-    {
+    let (finest, seconds) = run(&["--level", "0", "--seed", "0"]);
+    println!("level 0: {seconds:.1} s");
+    let levels: &[&str] = if full {
+        &["1", "2", "3", "4"]
+    } else {
+        &["1", "4"]
+    };
+    let levels = levels
+        .iter()
+        .map(|l| (*l, vec!["--level", *l, "--seed", *l]));
+    for (name, more) in levels.chain([("surface", vec!["--model", "surface"])]) {
         let (rows, seconds) = run(&more);
-        for (side, what) in [(true, "reflected"), (false, "transmitted")] {
-            let on_side = || (0..sides.len()).filter(|&i| sides[i] == side);
-            // Root mean square over pairs and channels, against that of level 0,
-            // and what noise alone would give.
-            let sum = |f: &dyn Fn(usize, usize) -> f64| -> f64 {
-                on_side()
-                    .flat_map(|i| (4..7).map(move |c| (i, c)))
-                    .map(|(i, c)| f(i, c))
-                    .sum()
-            };
-            let level = sum(&|i, c| finest[i][c].powi(2));
-            let off = sum(&|i, c| (rows[i][c] - finest[i][c]).powi(2));
-            let noise = sum(&|i, c| rows[i][c + 3].powi(2) + finest[i][c + 3].powi(2));
-            let total = sum(&|i, c| rows[i][c]) / sum(&|i, c| finest[i][c]);
-            let error = ((off - noise).max(0.0) / level).sqrt();
-            eprintln!(
-                "{name} {what}: rms {:.1} % (noise {:.1} %), total {:+.1} %, {seconds:.1} s",
-                100.0 * error,
-                100.0 * (noise / level).sqrt(),
-                100.0 * (total - 1.0),
+        for (reflected, what) in [(true, "reflected"), (false, "transmitted")] {
+            let on_side: Vec<usize> = (0..reflects.len())
+                .filter(|&i| reflects[i] == reflected)
+                .collect();
+            let d = Difference::between(&rows, &finest, &on_side);
+            println!(
+                "{name} {what}: rms {:.1} % (noise {:.1} %), total {:+.1} +- {:.1} %, {seconds:.1} s",
+                100.0 * d.rms,
+                100.0 * d.noise,
+                100.0 * d.total,
+                100.0 * d.total_se,
             );
-            if full && name == "1" {
-                assert!(error < 0.2, "{what}: {error}");
+            let message = format!("seeds 0 and {name}, {what}: {} +- {}", d.total, d.total_se);
+            match (name, reflected) {
+                ("1", _) => assert!(d.is_within(0.1), "{message}"),
+                ("surface", _) => assert!(d.is_within(0.2), "{message}"),
+                ("4", false) => assert!(!d.is_within(0.2), "{message}: the twin passed"),
+                _ => {}
             }
         }
     }

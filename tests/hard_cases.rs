@@ -1,14 +1,14 @@
 //! The cases that break renderers, through every medium and tracker: an answer
-//! that is finite, not negative and keeps the light, or a refusal. What each
-//! case does is told in `docs/hard_cases.md`.
+//! that is finite, not negative and keeps the light, or a refusal. `docs/hard_cases.md`
+//! lists the outcomes.
 
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::hypothesis::{sidak, z_test};
+use organza_basis::hypothesis::{SphereGrid, sidak, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3, warp};
 use organza_measure::{Angles, Effort, Pair, VolumePatch, measure_pairs};
 use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
+    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Lobe,
 };
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, ClothMedium, DirectionalLight, EnvironmentLight,
@@ -141,6 +141,13 @@ fn black() -> Fibre {
     Fibre::Fitted(FittedFibre::new(parameters).unwrap())
 }
 
+/// Share of light that black fibres along x reflect toward `view`, by quadrature.
+fn gloss(view: Vec3) -> f64 {
+    let fibre = black();
+    let lobe = fibre.far_field(Vec3::X);
+    SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x))
+}
+
 /// Matter, what a furnace of one shows of it at most and at least, per event.
 struct Matter {
     name: String,
@@ -151,8 +158,8 @@ struct Matter {
     slack: f64,
 }
 
-/// A geometry as everything it can be; what is refused is told.
-fn matters(source: &SegmentList, told: &mut String) -> Vec<Matter> {
+/// A geometry as every kind of matter; refusals are added to `log`.
+fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
     let mut list = Vec::new();
     type Made = Result<AnyMedium, String>;
     let mut put = |name: String, made: Made, is_white, slack| match made {
@@ -163,7 +170,7 @@ fn matters(source: &SegmentList, told: &mut String) -> Vec<Matter> {
             slack,
         }),
         Err(why) => {
-            let _ = writeln!(told, "    {name}: refused: {why}");
+            let _ = writeln!(log, "    {name}: refused: {why}");
         }
     };
     let covered = octree(source, Footprint::Covered);
@@ -279,8 +286,8 @@ fn lights(view: Vec3, is_furnace: bool) -> Vec<Light> {
     }
 }
 
-/// What a tracker made of a scene; `None` where it does not take it.
-fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Told> {
+/// The outcome of a tracker in a scene; `None` where it does not support the scene.
+fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Outcome> {
     let integrator = match tracker {
         Tracker::Exact => Integrator::Regular,
         _ => Integrator::Woodcock,
@@ -302,13 +309,13 @@ fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Told> {
     }
     let rendering = rendering.take(spp, &|_| ControlFlow::Continue(()));
     Some(rendering.map_or_else(
-        |e| Told::Failed(e.to_string()),
+        |e| Outcome::Failed(e.to_string()),
         |r| {
             let stats = *r.stats();
             let [(mean, se), ..] = r.film().mean();
             let pixels = r.film().pixels();
             let least = pixels.iter().map(|p| p.moments(0).mean);
-            Told::Picture {
+            Outcome::Picture {
                 mean,
                 se,
                 least: least.fold(f64::INFINITY, f64::min),
@@ -336,8 +343,8 @@ enum Tracker {
 }
 
 #[derive(Debug)]
-enum Told {
-    /// With its words.
+enum Outcome {
+    /// With its message.
     Failed(#[allow(dead_code)] String),
     Picture {
         mean: f64,
@@ -381,50 +388,61 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
             // Products of many weights are skewed: their mean takes more paths.
             let spp = full(if is_furnace && is_white { 60 } else { 6 });
             for tracker in [Tracker::Woodcock, Tracker::Exact, Tracker::Kernel] {
-                let Some(told) = take(&scene, tracker, spp) else {
+                let Some(outcome) = take(&scene, tracker, spp) else {
                     continue;
                 };
                 *ways += 1;
-                let why = match &told {
-                    Told::Failed(_) => Some("ended in an error"),
-                    Told::Picture { rejected: 1.., .. } => Some("samples rejected"),
-                    Told::Picture { cut: 1.., .. } => Some("paths without an end"),
-                    Told::Picture { mean, .. } if !mean.is_finite() => Some("not finite"),
+                let why = match &outcome {
+                    Outcome::Failed(_) => Some("ended in an error"),
+                    Outcome::Picture { rejected: 1.., .. } => Some("samples rejected"),
+                    Outcome::Picture { cut: 1.., .. } => Some("paths without an end"),
+                    Outcome::Picture { mean, .. } if !mean.is_finite() => Some("not finite"),
                     // The kernel's noise may be negative, its value is not.
-                    Told::Picture { mean, se, .. } if *mean < -5.0 * se => Some("negative"),
-                    Told::Picture { least, .. } if tracker != Tracker::Kernel && *least < 0.0 => {
+                    Outcome::Picture { mean, se, .. } if *mean < -5.0 * se => Some("negative"),
+                    Outcome::Picture { least, .. }
+                        if tracker != Tracker::Kernel && *least < 0.0 =>
+                    {
                         Some("a negative pixel")
                     }
-                    Told::Picture {
+                    Outcome::Picture {
                         mean,
                         se,
                         through,
                         events,
                         ..
                     } if is_furnace => {
-                        // Near fields keep light in the mean over offsets; at single
-                        // ones the roughest send 0.91 to 1.40 of it along the fibre,
-                        // 0.94 to 1.13 elsewhere (docs/hard_cases.md), and walks do
-                        // not meet offsets evenly. Seen: 0.984 of packed events
-                        // and 1.096 of explicit fibres.
-                        let knows_offsets = ["Packed", "explicit"]
-                            .iter()
-                            .any(|event| name == format!("clear rough fibres, {event}"));
+                        // Near fields conserve light in the mean over offsets; at a single
+                        // offset the roughest return 0.91 to 1.41 of it near the axis
+                        // (docs/hard_cases.md). Packed events draw offsets evenly: 0.984
+                        // was seen. Among explicit fibres those in front hide some
+                        // offsets more than others: 1.096. Bounds are 1.5 times that.
                         let is_along = view == "grazing" || view.starts_with("along the fibres");
-                        let uneven = if knows_offsets && is_along { 0.15 } else { 0.0 };
+                        let uneven = match name.as_str() {
+                            "clear rough fibres, Packed" if is_along => 0.024,
+                            "clear rough fibres, explicit" if is_along => 0.15,
+                            _ => 0.0,
+                        };
                         let tolerance = 5.0 * se + slack * (1.0 + events) + uneven;
                         let least = if is_white { 1.0 } else { *through };
-                        // The gloss of black fibres remains.
-                        let most = if name.contains("fibres") { 1.0 } else { least };
+                        // The gloss of black fibres remains, at most one event of it. It is
+                        // known where all fibres are parallel and seen from aside.
+                        let gloss = if !name.contains("fibres") {
+                            0.0
+                        } else if case.contains("parallel") && !is_along {
+                            gloss(toward)
+                        } else {
+                            1.0
+                        };
+                        let most = least + (1.0 - least) * gloss;
                         let off = (least - mean).max(mean - most);
                         (off > tolerance).then_some("light gained or lost")
                     }
-                    Told::Picture { .. } => None,
+                    Outcome::Picture { .. } => None,
                 };
                 if let Some(why) = why {
                     let _ = writeln!(
                         wrong,
-                        "{case}; {name}; {view}; {tracker:?}; furnace {is_furnace}: {why}: {told:?}"
+                        "{case}; {name}; {view}; {tracker:?}; furnace {is_furnace}: {why}: {outcome:?}"
                     );
                 }
             }
@@ -435,14 +453,14 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
 
 #[test]
 fn every_medium_and_tracker_survives_every_geometry() {
-    let (mut wrong, mut told, mut ways) = (String::new(), String::new(), 0);
+    let (mut wrong, mut log, mut ways) = (String::new(), String::new(), 0);
     // In short every third of them, another third for every geometry.
     let step = if full(1) > 1 { 1 } else { 3 };
     for (first, (case, source)) in geometries().into_iter().enumerate() {
         let started = Instant::now();
-        let _ = writeln!(told, "{case}");
-        let all = matters(&source, &mut told);
-        let _ = writeln!(told, "    {} kinds of matter", all.len());
+        let _ = writeln!(log, "{case}");
+        let all = matters(&source, &mut log);
+        let _ = writeln!(log, "    {} kinds of matter", all.len());
         for matter in all.into_iter().skip(first % step).step_by(step) {
             survive(case, matter, &mut wrong, &mut ways);
         }
@@ -451,7 +469,7 @@ fn every_medium_and_tracker_survives_every_geometry() {
     for matter in grids() {
         survive("grids", matter, &mut wrong, &mut ways);
     }
-    println!("{told}{ways} pictures");
+    println!("{log}{ways} pictures");
     assert!(wrong.is_empty(), "seed {SEED:#x}\n{wrong}");
     assert!(ways > 800, "only {ways}");
 }
@@ -500,9 +518,9 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
         seed: SEED,
         target_error: None,
     };
-    let told = measure_pairs(&patch, &ways, &effort, &|_| ()).unwrap().list;
+    let values = measure_pairs(&patch, &ways, &effort, &|_| ()).unwrap().list;
     let (mut least, mut twin) = (1.0f64, 1.0f64);
-    for way in told.chunks_exact(2) {
+    for way in values.chunks_exact(2) {
         for c in 0..3 {
             let [a, b] = [&way[0], &way[1]].map(|v| (v.bsdf.mean[c], v.bsdf.se[c]));
             assert!(a.0 > 0.0 && b.0 > 0.0);
@@ -516,6 +534,6 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     }
     let limit = sidak(1e-4, 12);
     println!("least p-value {least:.2e}, of the twin {twin:.1e}");
-    assert!(least > limit, "seed {SEED:#x}: {least} {told:?}");
+    assert!(least > limit, "seed {SEED:#x}: {least} {values:?}");
     assert!(twin < 1e-9, "seed {SEED:#x}: the twin passed, {twin}");
 }

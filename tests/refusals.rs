@@ -40,7 +40,7 @@ fn no_input_is_written_over() {
     let folder = folder("refusals-inputs");
     sailcloth(&folder);
     let told = complaint(&folder, &["fit", "sailcloth.toml", "-o", "sailcloth.toml"]);
-    assert!(told.contains("is read as well"), "{told}");
+    assert!(told.contains("is also an input"), "{told}");
     let text = fs::read_to_string(folder.join("sailcloth.toml")).unwrap();
     assert_eq!(text, SAILCLOTH);
     let told = complaint(&folder, &["fit", "sailcloth.toml", "-o", "fitted.png"]);
@@ -65,7 +65,7 @@ fn no_input_is_written_over() {
     }
     let before = fs::read(folder.join("a.exr")).unwrap();
     let told = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "./a.exr"]);
-    assert!(told.contains("is read as well"), "{told}");
+    assert!(told.contains("is also an input"), "{told}");
     assert_eq!(fs::read(folder.join("a.exr")).unwrap(), before);
     let told = succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
     assert!(told.contains("samples 1..3 are missing"), "{told}");

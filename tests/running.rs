@@ -236,7 +236,7 @@ fn an_interrupt_saves_and_ends() {
         words.starts_with("organza: interrupted with ")
             && words
                 .trim_end()
-                .ends_with(" of 3000 samples; saved to state, go on with --resume"),
+                .ends_with(" of 3000 samples; saved to state, continue with --resume"),
         "{words}"
     );
     assert!(!folder.join("late.exr").exists());
@@ -269,14 +269,14 @@ fn checkpoints_that_do_not_belong_are_refused() {
     assert_eq!(
         refuse(&good[..good.len() - 1], &same),
         format!(
-            "organza: state: is cut short after {} of {} bytes; it cannot be gone on from",
+            "organza: state: is cut short after {} of {} bytes; it cannot be resumed",
             good.len() - 1,
             good.len()
         )
     );
     assert_eq!(
         refuse(&good[..20], &same),
-        "organza: state: is cut short after 20 bytes; it cannot be gone on from"
+        "organza: state: is cut short after 20 bytes; it cannot be resumed"
     );
     let no_checkpoint = "organza: state: is not a checkpoint of organza";
     assert_eq!(refuse(b"", &same), no_checkpoint);

@@ -49,7 +49,7 @@ def mitsuba_means(xml, spp, **parameters):
 
 def rows_and_columns(organza, mitsuba):
     """Correlation of the two pictures, and of one with the other mirrored:
-    tells a camera or an environment that is turned the wrong way."""
+    reveals a camera or an environment that is turned the wrong way."""
     bitmap = mi.Bitmap(str(organza))
     names = [field.name.split(".")[-1] for field in bitmap.struct_()]
     a = np.array(bitmap)[..., [names.index(c) for c in "RGB"]]

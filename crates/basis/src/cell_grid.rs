@@ -97,7 +97,7 @@ impl CellGrid {
         self.dims
     }
 
-    /// Whether the box repeats in x and y; [`CellGrid::reach_mm`] tells how far.
+    /// Whether the box repeats in x and y; [`CellGrid::reach_mm`] is how far.
     pub fn repeats(&self) -> bool {
         self.repeats
     }

@@ -1,10 +1,10 @@
-//! Curve segments: the one thing that geometry gives and voxelizers take.
+//! Curve segments, the interface between geometry and voxelizers.
 
 use crate::Aabb;
 use glam::{Vec2, Vec3};
 
-/// A piece of a fibre (or yarn) between two points, with what a voxelizer or
-/// an explicit-fibre renderer needs to know of it.
+/// A piece of a fibre (or yarn) between two points, with the properties that a voxelizer or
+/// an explicit-fibre renderer needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// First end.
@@ -69,7 +69,7 @@ pub struct Tile {
     /// one side belongs to the neighbouring copy and must be wrapped by the
     /// consumer. z extents hold every curve with its radius.
     pub bounds_mm: Aabb,
-    /// True when the tile repeats without end in x and y.
+    /// True when the tile repeats in x and y.
     pub repeats: bool,
 }
 
@@ -80,7 +80,7 @@ impl Tile {
     }
 }
 
-/// Anything that can pour out curve segments: a woven or knitted fabric, an
+/// Anything that can emit curve segments: a woven or knitted fabric, an
 /// imported file, three segments placed by hand.
 ///
 /// The stream comes in independent batches (a yarn, a block of a file), so

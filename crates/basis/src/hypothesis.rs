@@ -199,8 +199,7 @@ pub struct SphereGrid {
     norm_tolerance: f64,
 }
 
-/// How far the integral of a density may stray from one where nobody says
-/// otherwise: single precision carries about 1e-6, and a hundred parts in 10^6
+/// How far the integral of a density may differ from one by default: single precision carries about 1e-6, and a hundred parts in 10^6
 /// are below what any test here could otherwise see.
 const NORM_TOLERANCE: f64 = 1e-4;
 
@@ -341,7 +340,7 @@ impl LineGrid {
     }
 }
 
-/// Adds the cell of draws that found nothing, and judges.
+/// Adds the cell of draws that returned `None`, and tests.
 fn close(expected: &mut Vec<f64>, observed: &[u64], n: f64, tolerance: f64) -> Verdict {
     let missing = n - expected.iter().sum::<f64>();
     if missing < -tolerance || missing.is_nan() {

@@ -1,4 +1,4 @@
-//! What every organza crate stands on: vectors in frames, rays and boxes,
+//! The foundation of every organza crate: vectors in frames, rays and boxes,
 //! colour, random numbers, quadrature, curve segments and running moments.
 //!
 //! # Conventions

@@ -1,11 +1,10 @@
-//! What a voxel knows of its fibres: the currency between the octree, which
-//! gives it, and the scattering models, which take it.
+//! The fibres of a voxel: what the octree provides and the scattering models use.
 
 use crate::{Rgb, Sym3};
 use glam::Vec3;
 
-/// One population of fibres at a point: how much fibre there is, which way it
-/// runs, how far single fibres stray from that.
+/// One population of fibres at a point: how much fibre there is, its direction, and how far
+/// single fibres deviate from that.
 ///
 /// The tangents of the population lie at a polar angle from `axis` that is
 /// half-normal with deviation `spread_rad`, cut at 90 degrees, with uniform
@@ -34,7 +33,7 @@ impl FibreComponent {
     }
 }
 
-/// The most populations that one voxel keeps apart.
+/// The maximum number of populations in one voxel.
 pub const MAX_COMPONENTS: usize = 4;
 
 /// The populations at a point, at most [`MAX_COMPONENTS`], without allocation.

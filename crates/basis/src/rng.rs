@@ -7,9 +7,9 @@ use rand_pcg::Pcg32;
 
 /// The random numbers of one path.
 ///
-/// A path is named by a seed, a stream (pixel, pair, yarn: whatever is
-/// independent) and an index in the stream. Equal names give equal numbers;
-/// the state of one path never depends on another.
+/// A path is identified by a seed, a stream (a pixel, a pair, a yarn) and an index in the
+/// stream. Equal identifiers give equal numbers; the state of one path never depends on
+/// another.
 #[derive(Clone, Debug)]
 pub struct PathRng {
     pcg: Pcg32,

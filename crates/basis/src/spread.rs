@@ -11,7 +11,7 @@ use crate::quadrature::{gauss_legendre, integrate_rule};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
 
-/// The greatest spread that is told apart from "no preferred polar angle":
+/// The greatest spread that differs from "no preferred polar angle":
 /// there the density at 90 degrees is 0.98 of that at the axis.
 pub const MAX_SPREAD_RAD: f32 = 8.0;
 

@@ -83,7 +83,7 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
     })
 }
 
-/// Goes on from a checkpoint of the same picture.
+/// Resumes from a checkpoint of the same picture.
 ///
 /// # Errors
 /// A file that is no checkpoint, is not whole, or is of another picture.
@@ -108,7 +108,7 @@ pub fn resume<'a>(
     header.check_picture(path, identity.seed, identity.crop)?;
     if bytes.len() < whole {
         return Err(fail(format!(
-            "is cut short after {} of {whole} bytes; it cannot be gone on from",
+            "is cut short after {} of {whole} bytes; it cannot be resumed",
             bytes.len()
         )));
     }
@@ -170,7 +170,7 @@ impl Header {
         }
         if bytes.len() < HEADER_BYTES {
             return Err(fail(format!(
-                "is cut short after {} bytes; it cannot be gone on from",
+                "is cut short after {} bytes; it cannot be resumed",
                 bytes.len()
             )));
         }

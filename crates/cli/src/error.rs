@@ -15,8 +15,8 @@ pub fn exit_code(e: &anyhow::Error) -> ExitCode {
     ExitCode::from(if wrong_input { 2 } else { 1 })
 }
 
-/// Says what went wrong, causes in one line. Many an error tells its cause
-/// itself; none is told twice.
+/// The message with its causes in one line. Many errors include their cause; none is
+/// printed twice.
 pub fn print(e: &anyhow::Error) {
     let words = e.chain().fold(String::new(), |told, cause| {
         match (cause.to_string(), told.as_str()) {

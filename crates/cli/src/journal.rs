@@ -44,7 +44,7 @@ impl FileJournal {
             && first != head
         {
             return Err(input(format!(
-                "{}: belongs to another search; remove it to begin anew",
+                "{}: belongs to another search; remove it to start again",
                 path.display()
             )));
         }

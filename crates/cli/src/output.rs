@@ -144,7 +144,7 @@ pub fn check_not_an_input(path: &Path, inputs: &[impl AsRef<Path>]) -> Result<()
         |input: &&_| AsRef::<Path>::as_ref(*input).canonicalize().ok().as_ref() == Some(&there);
     match inputs.iter().find(is_it) {
         Some(_) => Err(crate::error::input(format!(
-            "{}: is read as well; expected the name of another file",
+            "{}: is also an input; expected the name of another file",
             path.display()
         ))),
         None => Ok(()),
@@ -152,7 +152,7 @@ pub fn check_not_an_input(path: &Path, inputs: &[impl AsRef<Path>]) -> Result<()
 }
 
 /// Refuses early a folder of reports that could not be made, and one that holds a
-/// report of another kind, told by a file that only that one has.
+/// report of another kind, recognized by a file that only that one has.
 ///
 /// # Errors
 /// Names the folder, or what is in its place.

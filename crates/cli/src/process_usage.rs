@@ -19,7 +19,7 @@ pub fn cpu_seconds() -> f64 {
     FIRST.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// Most memory the process ever had, where the system tells (Linux does).
+/// Peak memory of the process, where the system reports it (Linux does).
 pub fn peak_memory_bytes() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

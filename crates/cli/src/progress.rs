@@ -32,7 +32,7 @@ impl Progress {
         }
     }
 
-    /// Tells how far it is.
+    /// Reports the progress.
     pub fn at(&self, done: u64) {
         // Threads report out of order; the bar only moves on.
         if done > self.bar.position() {

@@ -10,13 +10,15 @@ pub enum Refusal {
     #[error(transparent)]
     Medium(#[from] Unsuited),
     /// Fibres of which the walk draws better.
-    #[error("fibres are so rough, or point so many ways, that the general walk draws them better")]
+    #[error(
+        "fibres are very rough or point in many directions; the general walk samples them with less noise"
+    )]
     Skewed,
     /// A picture of too many pixels.
-    #[error("a picture of light has more than 65536 pixels along an edge")]
+    #[error("an environment picture has more than 65536 pixels along an edge")]
     Picture,
     /// A rectangle that the walk finds better.
-    #[error("a rectangle light stands in the matter or near to it for its size")]
+    #[error("a rectangle light is inside the matter or too close to it for its size")]
     Panel,
     /// A kind of light that only the walk knows.
     #[error("{0} needs the general walk")]

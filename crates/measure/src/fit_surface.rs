@@ -57,7 +57,7 @@ const COMPONENTS: usize = 7;
 /// Where transmission begins among them.
 const FIRST_TRANSMITTED: usize = 5;
 
-/// Fits a surface, starting from a complete section. `watch` is told of every
+/// Fits a surface, starting from a complete section. `watch` is called after every
 /// place that was looked at.
 ///
 /// # Errors

@@ -121,7 +121,7 @@ const MOST_AT_ONCE: u64 = 1 << 22;
 /// Streams of random numbers that belong to directions, not to pairs.
 const DIRECTION_STREAMS: u64 = 1 << 63;
 
-/// Measures the BSDF at pairs. `watch` is told of paths as they are done, from
+/// Measures the BSDF at pairs. `watch` is called with the number of finished paths, from
 /// any thread.
 ///
 /// # Errors

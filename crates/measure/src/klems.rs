@@ -183,7 +183,7 @@ fn direction(sin: f64, phi_deg: f64, front: bool, role: Role) -> Vec3 {
 pub struct KlemsMatrix {
     /// Means over the patches, 1/sr.
     pub values: Vec<[f64; 3]>,
-    /// Their standard errors; zeros where a file tells none.
+    /// Their standard errors; zeros where a file has none.
     pub se: Vec<[f64; 3]>,
 }
 

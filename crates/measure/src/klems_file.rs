@@ -1,6 +1,6 @@
 //! WINDOW's XML files of a BSDF on the Klems basis, schema BSDF-v1.4.
 //!
-//! Colour is told as Radiance reads it: `CIE-X`, `Visible` (Y) and `CIE-Z`, scaled
+//! Colour is written as Radiance reads it: `CIE-X`, `Visible` (Y) and `CIE-Z`, scaled
 //! so that a neutral value is the same in all three. Programs that know only
 //! `Visible` skip the others.
 

@@ -60,7 +60,7 @@ pub enum PairsErrorKind {
         nearest: Option<String>,
     },
     /// A column twice.
-    #[error("the column `{0}` stands in the header twice")]
+    #[error("the column `{0}` appears twice in the header")]
     RepeatedColumn(&'static str),
     /// A line that ends early.
     #[error("the line has {found} fields; expected {expected} as in the header")]
@@ -309,7 +309,7 @@ mod tests {
             ),
             (
                 "theta_i,phi_i,theta_i,phi_o,theta_o\n".into(),
-                "1:15: the column `theta_i` stands in the header twice",
+                "1:15: the column `theta_i` appears twice in the header",
             ),
             (
                 format!("{head}1,2,3,4\n1,2,NaN,4\n"),

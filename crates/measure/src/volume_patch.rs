@@ -14,7 +14,7 @@ pub enum PatchError {
     #[error("there is no medium to measure")]
     Empty,
     /// An opaque plane has no other side.
-    #[error("a plane behind the cloth is no part of a patch; leave it out")]
+    #[error("a patch cannot include a plane; leave it out")]
     Plane,
     /// An endless cloth beside a box that ends.
     #[error("one medium repeats without end and another does not; a patch needs all of one kind")]

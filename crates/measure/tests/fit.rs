@@ -136,10 +136,25 @@ fn planted_shapes_are_recovered_within_their_intervals() {
         "weft.psi_deg" => Some(25.0),
         _ => None,
     };
+    let mut checked = 0;
     for p in fitted.parameters.iter().filter(|p| p.is_fixed) {
         if let Some(truth) = shape(&p.name) {
             let far = (p.value - truth).abs() / p.se;
             assert!(far < 4.0, "seed {SEED}: {p:?} lies {far:.1} from {truth}");
+            checked += 1;
         }
     }
+    assert!(checked >= 2, "seed {SEED}: {:?}", fitted.parameters);
+    // The twin: the shapes that the search started from, with the colours that suit them best.
+    let none = Patience {
+        scan: 0,
+        steps: 0,
+        stride: 1e-3,
+    };
+    let twin = fit_surface(&start, &data, &none, &mut || ()).unwrap();
+    assert!(
+        twin.residual > 2.0 * fitted.residual,
+        "seed {SEED}: {}",
+        twin.residual
+    );
 }

@@ -172,7 +172,7 @@ fn the_bsdf_is_reciprocal() {
             rejected += usize::from(z(&wrong.bsdf).abs() > 4.0);
         }
     }
-    assert!(rejected >= 4, "the twin was told apart {rejected} times");
+    assert!(rejected >= 4, "the twin was rejected {rejected} times");
 }
 
 #[test]

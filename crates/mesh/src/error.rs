@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why a mesh was refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Error {
-    /// The bytes are not what the format wants.
+    /// The bytes do not follow the format.
     #[error("mesh: {0}")]
     Syntax(String),
     /// Cloth needs to know where it lies.
@@ -21,7 +21,7 @@ pub enum Error {
         /// All corners.
         corners: usize,
     },
-    /// A number that is none.
+    /// A number that is not finite.
     #[error("mesh \"{object}\": {what} {index} is not finite")]
     NotFinite {
         /// Name of the object in the file.
@@ -37,7 +37,7 @@ pub enum Error {
         /// Faces without area.
         dropped: usize,
     },
-    /// A scale that is no scale.
+    /// A scale that is not a positive number.
     #[error("{key} = {value}: expected a positive number")]
     Scale {
         /// Its key.

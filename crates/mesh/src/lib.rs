@@ -1,11 +1,10 @@
-//! Triangle meshes that cloth is draped over: reading them, checking and
-//! repairing them, and meeting them with rays.
+//! Triangle meshes over which cloth is draped: reading, checking and repairing them, and
+//! intersecting them with rays.
 //!
-//! A hit answers in the terms of the cloth: the place in the fabric plane in
-//! millimetres, the frame of weft, warp and normal there, and how far the cloth
-//! is stretched; a [`Shell`] answers with the straight stretches of the ray in a
-//! slab of cloth laid over the mesh. What lies there, a surface model or voxels,
-//! is for others to say: this crate knows neither.
+//! A hit is given in the coordinates of the cloth: the place in the fabric plane in
+//! millimetres, the frame of weft, warp and normal there, and how far the cloth is
+//! stretched. A [`Shell`] returns the straight parts of the ray in a slab of cloth over the
+//! mesh. Surface models and voxels that use these coordinates live in other crates.
 //!
 //! ```
 //! use glam::Vec3;

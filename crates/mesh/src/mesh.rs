@@ -14,7 +14,7 @@ pub struct Vertex {
     pub uv_mm: Vec2,
 }
 
-/// What was wrong with the faces and has been put right.
+/// Defects of the faces that have been repaired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Repairs {
     /// Faces without area, left out.
@@ -111,7 +111,7 @@ impl Mesh {
         &self.corners
     }
 
-    /// What had to be repaired, to be told to the user.
+    /// What had to be repaired, for a warning.
     pub fn repairs(&self) -> Repairs {
         self.repairs
     }

@@ -1,4 +1,4 @@
-//! Rays against a mesh.
+//! Intersection of rays with a mesh.
 
 use crate::mesh::{Mesh, Vertex, area_vector, stretch};
 use glam::{Vec2, Vec3, Vec3A};

@@ -3,8 +3,7 @@
 //! Every face of the mesh becomes a prism between its corners moved down and up
 //! along their normals, and every prism three tetrahedra in which the map
 //! between world and cloth is affine. A ray is a straight line in each of them
-//! on either side of the map, so that what walks straight lines through flat
-//! cloth walks draped cloth.
+//! on either side of the map, so a tracker of flat cloth can track draped cloth.
 
 use crate::error::Error;
 use crate::mesh::{Mesh, area_vector, unfolded_uv};
@@ -29,7 +28,7 @@ pub struct Shell {
     folds: Folds,
 }
 
-/// Where the shell is no one-to-one map.
+/// Where the map of the shell is not one-to-one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Folds {
     /// Tetrahedra turned inside out, where the mesh bends tighter than the
@@ -269,7 +268,7 @@ impl Shell {
         self.bounds_mm
     }
 
-    /// Where the map folds, to be told to the user.
+    /// Where the map folds, for a warning.
     pub fn folds(&self) -> Folds {
         self.folds
     }

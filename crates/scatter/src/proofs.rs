@@ -106,7 +106,7 @@ pub fn hard_directions(axis: Vec3) -> Vec<Vec3> {
     all
 }
 
-/// A proof of one model, told apart by what it needs to know.
+/// A proof of one model, by what it needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proof<'a> {
     /// Name, for messages.

@@ -77,7 +77,7 @@ fn fabric_and_showing(
 /// What voxelizing a scene's object will take.
 ///
 /// # Errors
-/// As [`Fabric::plan`]; a level that the cloth does not have, told before the
+/// As [`Fabric::plan`]; a level that the cloth does not have, reported before the
 /// voxels are made, which takes its time.
 fn plan<'a>(
     fabric: &'a Fabric,
@@ -172,7 +172,7 @@ pub fn medium(
     let plan = plan(&fabric, voxels, table, index, options)?;
     let octree = Arc::new(voxelize_planned(&path, &plan, options.loader)?);
     if mesh.is_some() && !octree.repeats() {
-        return Err(fail(".mesh: wants a cloth that repeats, which this is not"));
+        return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
     }
     place.bounds_mm = octree.bounds_mm();
     let sheet = match (&fabric.file.surface, lod) {

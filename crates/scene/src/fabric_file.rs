@@ -117,7 +117,7 @@ impl FabricFile {
                 spaced,
             ),
         ] {
-            // A draft of no kind, or of two, is told of by whoever builds it.
+            // The builder reports a draft of no kind, or of two.
             let is_one_kind = [is_woven, is_knit, is_curves]
                 .iter()
                 .filter(|k| **k)
@@ -151,7 +151,7 @@ pub struct Fabric {
     pub file: FabricFile,
     /// The cloth.
     pub cloth: Cloth,
-    /// Optics, the first to speak first.
+    /// Optics tables, highest precedence first.
     optics: Vec<OpticsFile>,
 }
 
@@ -252,7 +252,7 @@ impl Fabric {
             .map_err(|e| fail(format!(": {e}")))
     }
 
-    /// Lets the optics of a scene speak before the fabric's own.
+    /// Gives the optics of a scene precedence over the fabric's own.
     ///
     /// # Errors
     /// As [`optics::check`].

@@ -49,14 +49,14 @@ impl Wanted {
             return refuse("a draft (WIF)", more);
         }
         let Ok(table) = toml::from_str::<Table>(text) else {
-            // A mistake in what is meant to be TOML is told with its place.
+            // A mistake in TOML is reported with its place.
             let is_named_toml = path
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
             let has_header = text.lines().any(|l| l.trim_start().starts_with('['));
             return match is_named_toml || has_header {
                 true => Ok(()),
-                false => refuse("no TOML", ""),
+                false => refuse("not TOML", ""),
             };
         };
         let scene = ["camera", "object"]
@@ -164,7 +164,7 @@ mod tests {
         let pairs = Wanted::Either.check(Path::new("pairs.csv"), "theta_i,phi_i\n0,0\n");
         let words = pairs.unwrap_err().to_string();
         assert!(
-            words.starts_with("pairs.csv: is no TOML; expected"),
+            words.starts_with("pairs.csv: is not TOML; expected"),
             "{words}"
         );
         assert_eq!(of_bytes(b"\x89PNG\r\n"), Some("a PNG picture"));

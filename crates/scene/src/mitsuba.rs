@@ -350,7 +350,7 @@ impl Export {
 
     fn plane(&mut self, plane: &Plane) {
         self.notes.push(format!(
-            "an endless plane is written as a square of {} m",
+            "an unbounded plane is written as a square of {} m",
             2e-3 * PLANE_HALF_EDGE_MM
         ));
         let (position, normal) = plane.position_and_normal();

@@ -30,7 +30,7 @@ pub const UNDYED: Rgb = Rgb::splat(0.8);
 /// step of eight bits.
 const SAME_COLOUR: f32 = 0.005;
 
-/// One table, or a list that tells colours of thread apart.
+/// One table, or a list with one table per colour of thread.
 #[derive(Clone, Debug, Default)]
 pub struct OpticsList(Vec<OpticsTable>);
 
@@ -167,7 +167,7 @@ impl OpticsTable {
         let mut given = widths.iter().filter(|w| w.1);
         if let (Some(first), Some(second)) = (given.next(), given.next()) {
             return Err(format!(
-                ".{}: says what `{}` says; give one of them",
+                ".{}: sets the same property as `{}`; give one of them",
                 second.0, first.0
             ));
         }
@@ -400,7 +400,7 @@ mod tests {
             ),
             (
                 "[silk]\ngamma = 0.1\nsin_power = 3.0\n",
-                ".silk.sin_power: says what `gamma` says; give one of them",
+                ".silk.sin_power: sets the same property as `gamma`; give one of them",
             ),
             ("[silk]\nfitted = 'coton'\n", "did you mean `cotton`?"),
             (

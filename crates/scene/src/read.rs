@@ -1,4 +1,4 @@
-//! Input files: bytes from paths, and TOML whose mistakes are told with place,
+//! Input files: bytes from paths, and TOML whose mistakes are reported with place,
 //! key, what was expected and the nearest valid name.
 
 use crate::error::{Result, input};
@@ -35,7 +35,7 @@ pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
     unchecked_bytes(path).map_err(|e| std::io::Error::new(e.kind(), io_words(&e)))
 }
 
-/// Why a file that is named somewhere cannot be read, if that can be told without
+/// Why a file that is named somewhere cannot be read, if that is known without
 /// reading it.
 pub fn unreachable(path: &Path) -> Option<String> {
     let why = match about(path) {
@@ -328,7 +328,7 @@ fn element<'a>(
     let (before, rest) = keys.split_at(i);
     let (before, key) = (before.join("."), rest.first().copied().unwrap_or_default());
     let ::toml::Value::Array(list) = value else {
-        return Err(format!("`{key}` lies inside a value that is no table"));
+        return Err(format!("`{key}` lies inside a value that is not a table"));
     };
     let count = list.len();
     let Ok(index) = key.parse::<usize>() else {

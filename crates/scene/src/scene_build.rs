@@ -28,7 +28,7 @@ pub struct BuildOptions<'a> {
     pub max_memory_bytes: Option<u64>,
 }
 
-/// Refuses what can be told without reading or voxelizing anything.
+/// Refuses what can be checked without reading or voxelizing anything.
 ///
 /// # Errors
 /// Names the file and key at fault.
@@ -169,7 +169,7 @@ pub fn camera(t: &CameraTable) -> Result<Camera, String> {
     Camera::new(projection, pose, resolution, filter).map_err(|e| e.to_string())
 }
 
-/// Width of the sensor that f-numbers are told for when none is given: the
+/// Width of the sensor that f-numbers refer to by default: the
 /// 36 mm of small-picture film.
 const SENSOR_WIDTH_MM: f64 = 36.0;
 

@@ -36,7 +36,7 @@ fn square(w: Vec3) -> Vec2 {
 impl EnergyBound {
     /// Tabulates an albedo, given with its number of quadrature points.
     pub fn new(albedo: impl Fn(Vec3, usize) -> f32) -> EnergyBound {
-        // A first look tells most cloth, which is far from returning all.
+        // A first estimate suffices for most cloth, which returns far less than it receives.
         let rim = (0..24).map(|i| warp::direction_from_angles(1.5, i as f32 * 0.262));
         let steep = (0..24).map(|i| warp::direction_from_angles(1.2, i as f32 * 0.262));
         if rim.chain(steep).all(|w| albedo(w, 64) < 0.7) {

@@ -14,7 +14,7 @@
 //! fibre leaves it freely: exit points lie on the surface, so that the fibre just
 //! left is never met again by rounding, and no epsilon is needed; a later bend of
 //! the same fibre is. Fibres that are placed to overlap are, where they do, one
-//! body with the surface of their union. [`ExplicitFibres::measure_overlap`] tells
+//! body with the surface of their union. [`ExplicitFibres::measure_overlap`] returns
 //! how much of their volume that concerns.
 
 mod curves;
@@ -55,11 +55,11 @@ pub enum ExplicitFibresError {
         fibres: usize,
     },
     /// More pieces than can be counted.
-    #[error("{0} pieces of fibre are more than a tile can hold: take a smaller tile")]
+    #[error("{0} pieces of fibre are more than a tile can hold: use a smaller tile")]
     TooMany(u64),
     /// More memory is needed than allowed.
     #[error(
-        "explicit fibres need about {needed} bytes of memory, {allowed} are allowed: take a smaller tile or allow more"
+        "explicit fibres need about {needed} bytes of memory, {allowed} are allowed: use a smaller tile or allow more"
     )]
     Memory {
         /// Estimated need at its peak, bytes.

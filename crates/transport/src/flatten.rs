@@ -25,7 +25,7 @@ pub enum KernelRefusal {
     #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
     NotFlakes,
     /// Samples are to be clamped.
-    #[error("samples are to be clamped, which the general walk does")]
+    #[error("clamping needs the general walk")]
     Clamp,
     /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]

@@ -44,7 +44,7 @@ pub fn trace_path(
 /// in place of the scene's own; the camera plays no part. An [`Integrator`]
 /// alone meets the finest representation of everything.
 ///
-/// How each kind of light is found is told in [`Light`]. Densities are those
+/// [`Light`] describes how each kind of light is sampled. Densities are those
 /// of directions at the event, so that light may leave matter elsewhere than
 /// it came in.
 pub fn trace_from(

@@ -11,7 +11,7 @@ use std::f32::consts::PI;
 /// Edge of the cells, in voxels.
 const CELL_VOXELS: f32 = 2.0;
 
-/// Directions about the fibre and along it that a table tells apart.
+/// Directions about the fibre and along it that a table resolves.
 const DIRECTIONS: (usize, usize) = (8, 16);
 
 /// Points counted per material, and directions looked to from each: some
@@ -30,7 +30,7 @@ pub struct LocalVisibility {
     voxel_mm: Vec3,
 }
 
-/// Rows of the frame that tables are told in: x along the fibre, whose sense
+/// Rows of the frame of the tables: x along the fibre, whose sense
 /// means nothing, z out of the cloth.
 fn from_world(axis: Vec3) -> Mat3 {
     // Any plane through no axis of a yarn will do to settle the sense.

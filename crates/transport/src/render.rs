@@ -32,7 +32,7 @@ pub struct RenderSettings {
     pub crop: Option<Crop>,
 }
 
-/// How far a render has come, told between rows.
+/// Progress of a render, reported between rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pass {
     /// Paths finished.
@@ -51,7 +51,7 @@ pub enum RenderError {
     #[error("samples {0:?}: a pixel can take sample indices below {limit}", limit = u32::MAX)]
     TooManySamples(Range<u64>),
     /// What was gathered before does not belong to these settings.
-    #[error("the film to go on from has another size or other samples")]
+    #[error("the film to resume from has another size or other samples")]
     ForeignFilm,
     /// Extinctions above their bound: the picture would be biased.
     #[error(
@@ -128,7 +128,7 @@ impl<'a> Rendering<'a> {
     }
 
     /// Darkens every sample whose brightest channel is above `limit` to it, which
-    /// takes light away; how much is told by [`Stats::clamped_radiance`]. The
+    /// removes light; [`Stats::clamped_radiance`] is how much. The
     /// general walk does so, never the kernel.
     pub fn with_clamp(mut self, limit: f32) -> Self {
         self.clamp = Some(limit);
@@ -141,7 +141,7 @@ impl<'a> Rendering<'a> {
         self.kernel.as_ref()
     }
 
-    /// Goes on from what an earlier rendering of the same scene, seed and crop
+    /// Resumes from what an earlier rendering of the same scene, seed and crop
     /// had gathered when `next` was its next sample.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! How dense it may be within reach of every voxel, in one byte each.
 //!
 //! Trackers ask before they look a voxel up: most tentative collisions at a
-//! node's majorant are with nothing, and a byte tells so.
+//! node's majorant are empty, and a byte encodes that.
 
 use crate::CellGrid;
 use glam::{IVec3, UVec3, Vec3};

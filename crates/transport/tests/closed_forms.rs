@@ -152,7 +152,7 @@ fn beer_lambert_at_every_angle_to_the_fibre() {
         }
         assert!(
             twin_rejected >= 15,
-            "the wrong law was told apart {twin_rejected} of 20 times"
+            "the wrong law was rejected {twin_rejected} of 20 times"
         );
         assert_eq!(stats.majorant_violations, 0);
     }
@@ -319,7 +319,7 @@ fn a_camera_ten_metres_away_sees_the_same() {
 
 /// A tile repeated and cut to a rectangle is the grid cut out by hand, ray by
 /// ray: voxels that the cut divides are divided by hand too. A cut half a
-/// voxel off is told apart.
+/// voxel off is rejected.
 #[test]
 fn a_cut_edge_is_the_grid_cut_by_hand() {
     // Tile 3 x 2 x 2 voxels of 0.1 mm; the cut runs through the middle of

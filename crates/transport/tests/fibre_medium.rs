@@ -255,7 +255,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The next event of a walk that goes on from height `z` against `w_out`.
+    /// The next event of a walk that continues from height `z` against `w_out`.
     fn fly(&self, mut z: f32, w_out: Vec3, rng: &mut PathRng) -> Option<PackedEvent> {
         let sigma = sigma_t_per_mm(&self.mixture, w_out);
         loop {

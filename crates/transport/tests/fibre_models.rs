@@ -213,6 +213,9 @@ struct Case {
     views: &'static [(f32, f32)],
     /// Packed voxels in radii; the plain event takes the first.
     voxels: &'static [f32],
+    /// Root mean square errors of packed events in the first voxels, of reflection and of
+    /// transmission, as recorded in `benches/runs/2026-11-21-fibres.md`, per cent.
+    recorded: [f64; 2],
 }
 
 /// Root mean square and worst relative error in percent, over views, of the
@@ -295,8 +298,8 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
         100.0 * (sum / union - 1.0)
     );
     let names = models.into_iter().map(|m| m.0);
-    let told: Vec<_> = names.zip(errors).collect();
-    for (name, e) in &told {
+    let results: Vec<_> = names.zip(errors).collect();
+    for (name, e) in &results {
         println!(
             "=> {}, {name}: R rms {:.1} worst {:+.1}, T rms {:.1} worst {:+.1} %",
             case.name,
@@ -306,20 +309,43 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
             e.worst(1)
         );
     }
-    told
+    results
 }
 
 const ACROSS: &[(f32, f32)] = &[(0.0, 0.0), (45.0, 90.0), (30.0, 0.0)];
 
-/// In full, what the record states; reduced, that the packed event holds what
-/// it promises on a twisted yarn and the plain one does not.
+/// Packed events have the errors on record, within the noise of both runs; reduced, on a
+/// twisted yarn. The twin are plain events, whose reflection is farther off in every yarn of
+/// fibres that hardly overlap.
 #[test]
 fn packed_fibres_are_the_yarn_they_stand_for() {
-    let case = |name, yarn| Case {
+    let case = |name, yarn, recorded| Case {
         name,
         yarn,
         views: ACROSS,
         voxels: &[2.0],
+        recorded,
+    };
+    // Standard errors of a view are up to 0.8 % in full, of the record as well, and twice
+    // that reduced. Rms errors move by at most as much: four of them, combined.
+    let check = |case: &Case, results: &[(String, Errors)], se: f64| {
+        let margin = 4.0 * f64::hypot(se, 0.8);
+        let (plain, packed) = (&results[0].1, &results[1].1);
+        for (kind, name) in ["reflection", "transmission"].into_iter().enumerate() {
+            let (found, recorded) = (packed.rms(kind), case.recorded[kind]);
+            assert!(
+                found < recorded + margin,
+                "seeds 300 to 303, {}: {name} off by {found:.1} %, {recorded} on record",
+                case.name
+            );
+        }
+        if case.yarn.wander_deg == 0.0 {
+            assert!(
+                plain.rms(0) > packed.rms(0),
+                "seeds 300 to 303, {}: the twin is nearer",
+                case.name
+            );
+        }
     };
     let twisted = Yarn {
         twist_deg: 25.0,
@@ -328,24 +354,19 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
     if std::env::var_os("ORGANZA_FULL").is_none() {
         let small = Case {
             views: &ACROSS[..2],
-            ..case("twist 25", twisted)
+            ..case("twist 25", twisted, [1.2, 8.3])
         };
-        let told = run(&small, 2, 8000);
-        let (plain, packed) = (&told[0].1, &told[1].1);
-        assert!(
-            packed.rms(0) < 5.0 && packed.rms(0) < plain.rms(0),
-            "seeds 300, 301"
-        );
+        check(&small, &run(&small, 2, 8000), 1.6);
         return;
     }
     let cases = [
         Case {
             voxels: &[2.0, 1.0, 4.0, 8.0],
-            ..case("straight", STRAIGHT)
+            ..case("straight", STRAIGHT, [0.8, 9.8])
         },
         Case {
             views: &[(60.0, 0.0), (75.0, 0.0), (60.0, 45.0), (75.0, 90.0)],
-            ..case("straight, inclined", STRAIGHT)
+            ..case("straight, inclined", STRAIGHT, [1.0, 15.7])
         },
         case(
             "packing 0.2",
@@ -353,6 +374,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 packing: 0.2,
                 ..STRAIGHT
             },
+            [5.1, 3.5],
         ),
         case(
             "packing 0.5",
@@ -360,6 +382,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 packing: 0.5,
                 ..STRAIGHT
             },
+            [2.1, 10.9],
         ),
         case(
             "twist 15",
@@ -367,10 +390,11 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 twist_deg: 15.0,
                 ..STRAIGHT
             },
+            [1.8, 8.8],
         ),
         Case {
             voxels: &[2.0, 4.0],
-            ..case("twist 25", twisted)
+            ..case("twist 25", twisted, [1.2, 8.3])
         },
         case(
             "twist 45",
@@ -378,6 +402,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 twist_deg: 45.0,
                 ..STRAIGHT
             },
+            [1.3, 2.3],
         ),
         case(
             "two plies 25",
@@ -385,6 +410,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 plies: 2,
                 ..twisted
             },
+            [3.7, 7.6],
         ),
         case(
             "wander 5",
@@ -392,6 +418,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 wander_deg: 5.0,
                 ..STRAIGHT
             },
+            [4.0, 4.5],
         ),
         case(
             "wander 15",
@@ -399,10 +426,11 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
                 wander_deg: 15.0,
                 ..STRAIGHT
             },
+            [9.2, 11.7],
         ),
     ];
     for case in &cases {
-        run(case, 4, 16_000);
+        check(case, &run(case, 4, 16_000), 0.8);
     }
 }
 
@@ -451,13 +479,11 @@ fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Mom
     })
 }
 
-/// How near tables of local visibility bring either event to the fibres. Only in
-/// full.
+/// How near tables of local visibility bring either event to the fibres; with a twelfth of
+/// the paths where not in full.
 #[test]
 fn local_visibility_against_fibres() {
-    if std::env::var_os("ORGANZA_FULL").is_none() {
-        return;
-    }
+    let full = std::env::var_os("ORGANZA_FULL").is_some();
     let yarn = Yarn {
         twist_deg: 25.0,
         ..STRAIGHT
@@ -469,7 +495,7 @@ fn local_visibility_against_fibres() {
         azimuthal_rad: 0.4,
     };
     let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let (voxel_radii, paths) = (2.0, 120_000);
+    let (voxel_radii, paths) = (2.0, if full { 120_000 } else { 10_000 });
     let source = yarn.segments(300);
     let angle =
         |theta: f32, phi: f32| warp::direction_from_angles(theta.to_radians(), phi.to_radians());

@@ -200,7 +200,7 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
 }
 
 /// Any two shares that sum to one give the same light; a pair that does not
-/// is told apart.
+/// is rejected.
 #[test]
 fn shares_of_shadow_ray_and_walk_sum_to_one() {
     let scene = looking_down(

@@ -5,7 +5,7 @@
 
 use crate::Footprint;
 use crate::clip::for_each_clip;
-use crate::cluster::Lump;
+use crate::cluster::GatheredPopulation;
 use crate::lattice::{BLOCK, Lattice, VOXELS, voxel_in_block};
 use crate::route::Piece;
 use glam::{DVec3, IVec3, UVec3, Vec3};
@@ -20,7 +20,7 @@ const MAX_LINES: f64 = 65_536.0;
 /// Sums in the voxels of a block: of the first population of a group in each,
 /// and of a second that is unlike the first.
 pub struct BlockSums {
-    lobes: [Vec<Lump>; 2],
+    lobes: [Vec<GatheredPopulation>; 2],
     occupied: [Vec<u64>; 2],
     lines: Vec<Line>,
     /// Where the lines are at the moment.
@@ -39,7 +39,7 @@ struct Line {
 
 impl BlockSums {
     pub fn new() -> BlockSums {
-        let sums = || vec![Lump::default(); VOXELS];
+        let sums = || vec![GatheredPopulation::default(); VOXELS];
         let masks = || vec![0u64; VOXELS / 64];
         BlockSums {
             lobes: [sums(), sums()],
@@ -50,7 +50,7 @@ impl BlockSums {
     }
 
     /// Bytes of one.
-    pub const BYTES: u64 = 2 * (VOXELS * size_of::<Lump>() + VOXELS / 8) as u64;
+    pub const BYTES: u64 = 2 * (VOXELS * size_of::<GatheredPopulation>() + VOXELS / 8) as u64;
 
     /// The populations that `pieces`, each with its group, leave in a block,
     /// sorted by key.
@@ -60,7 +60,7 @@ impl BlockSums {
         footprint: Footprint,
         block: UVec3,
         pieces: &mut [(u64, &Piece)],
-    ) -> Vec<Lump> {
+    ) -> Vec<GatheredPopulation> {
         if !pieces.is_sorted_by_key(|p| p.0) {
             pieces.sort_by_key(|p| p.0);
         }
@@ -79,19 +79,19 @@ impl BlockSums {
             target.low[axis] = -(min[axis] as i32);
             target.high[axis] = dims[axis] - 1 - min[axis] as i32;
         }
-        let mut lumps = Vec::new();
+        let mut populations = Vec::new();
         let mut groups = 0;
         for part in pieces.chunk_by(|a, b| a.0 == b.0) {
             for (_, p) in part {
                 self.add(&target, p);
             }
-            self.take(part[0].0, &mut lumps);
+            self.take(part[0].0, &mut populations);
             groups += 1;
         }
         if groups > 1 {
-            sort_by_voxel(&mut lumps);
+            sort_by_voxel(&mut populations);
         }
-        lumps
+        populations
     }
 
     fn add(&mut self, to: &Target, p: &Piece) {
@@ -117,7 +117,8 @@ impl BlockSums {
                 && let Some(voxel) = to.voxel(cell)
             {
                 let radius = r0 + (t0 + t1) * dr;
-                let piece = Lump::of_line(length_mm * (t1 - t0), radius as f32, tensor);
+                let piece =
+                    GatheredPopulation::of_line(length_mm * (t1 - t0), radius as f32, tensor);
                 put(&mut self.lobes, &mut self.occupied, voxel, &piece);
             }
         });
@@ -169,7 +170,7 @@ impl BlockSums {
                     };
                     *cell = [at(0), at(1), at(2)];
                 }
-                let piece = Lump::of_line(share * f64::from(dt), radius, tensor);
+                let piece = GatheredPopulation::of_line(share * f64::from(dt), radius, tensor);
                 for cell in &self.cells {
                     let mut cell = IVec3::from(*cell);
                     cell[axis] = layer;
@@ -203,8 +204,8 @@ impl BlockSums {
         self.cells = vec![[0; 3]; count];
     }
 
-    /// Moves the sums of one group to the end of `lumps` and leaves none.
-    fn take(&mut self, group: u64, lumps: &mut Vec<Lump>) {
+    /// Moves the sums of one group to the end of `populations` and leaves none.
+    fn take(&mut self, group: u64, populations: &mut Vec<GatheredPopulation>) {
         for word in 0..VOXELS / 64 {
             let mut left = std::mem::take(&mut self.occupied[0][word]);
             let second = std::mem::take(&mut self.occupied[1][word]);
@@ -212,13 +213,13 @@ impl BlockSums {
                 let bit = left.trailing_zeros();
                 left &= left - 1;
                 let voxel = 64 * word + bit as usize;
-                let named = |lump: Lump, lobe: u64| Lump {
-                    key: Lump::key_of(voxel as u32, group) | lobe,
-                    ..lump
+                let named = |population: GatheredPopulation, lobe: u64| GatheredPopulation {
+                    key: GatheredPopulation::key_of(voxel as u32, group) | lobe,
+                    ..population
                 };
-                lumps.push(named(self.lobes[0][voxel], 0));
+                populations.push(named(self.lobes[0][voxel], 0));
                 if second >> bit & 1 == 1 {
-                    lumps.push(named(self.lobes[1][voxel], 1));
+                    populations.push(named(self.lobes[1][voxel], 1));
                 }
             }
         }
@@ -228,7 +229,12 @@ impl BlockSums {
 /// Adds a piece to its voxel: to the lobe of its yarn that it is like, or to a
 /// second one.
 #[inline]
-fn put(lobes: &mut [Vec<Lump>; 2], occupied: &mut [Vec<u64>; 2], voxel: usize, piece: &Lump) {
+fn put(
+    lobes: &mut [Vec<GatheredPopulation>; 2],
+    occupied: &mut [Vec<u64>; 2],
+    voxel: usize,
+    piece: &GatheredPopulation,
+) {
     let (word, bit) = (voxel >> 6, 1u64 << (voxel & 63));
     let first = &mut lobes[0][voxel];
     if occupied[0][word] & bit == 0 {
@@ -243,7 +249,12 @@ fn put(lobes: &mut [Vec<Lump>; 2], occupied: &mut [Vec<u64>; 2], voxel: usize, p
 
 /// Adds a piece that is unlike the first population of its voxel.
 #[cold]
-fn put_aside(lobes: &mut [Vec<Lump>; 2], occupied: &mut [Vec<u64>; 2], voxel: usize, piece: &Lump) {
+fn put_aside(
+    lobes: &mut [Vec<GatheredPopulation>; 2],
+    occupied: &mut [Vec<u64>; 2],
+    voxel: usize,
+    piece: &GatheredPopulation,
+) {
     let (word, bit) = (voxel >> 6, 1u64 << (voxel & 63));
     if occupied[1][word] & bit == 0 {
         occupied[1][word] |= bit;
@@ -254,7 +265,9 @@ fn put_aside(lobes: &mut [Vec<Lump>; 2], occupied: &mut [Vec<u64>; 2], voxel: us
         lobes[1][voxel].add(piece);
         return;
     }
-    let nearness = |lump: &Lump| f64::from(lump.likeness(piece)) / lump.length_mm;
+    let nearness = |population: &GatheredPopulation| {
+        f64::from(population.likeness(piece)) / population.length_mm
+    };
     let second = nearness(&lobes[1][voxel]) > nearness(&lobes[0][voxel]);
     lobes[usize::from(second)][voxel].add(piece);
 }
@@ -297,20 +310,24 @@ impl Target<'_> {
 }
 
 /// Sorts by voxel; what is in one voxel keeps its order.
-pub fn sort_by_voxel(lumps: &mut Vec<Lump>) {
-    let most = lumps.iter().map(Lump::voxel).max().unwrap_or(0);
+pub fn sort_by_voxel(populations: &mut Vec<GatheredPopulation>) {
+    let most = populations
+        .iter()
+        .map(GatheredPopulation::voxel)
+        .max()
+        .unwrap_or(0);
     let mut next = vec![0u32; most as usize + 2];
-    for l in lumps.iter() {
+    for l in populations.iter() {
         next[l.voxel() as usize + 1] += 1;
     }
     for i in 1..next.len() {
         next[i] += next[i - 1];
     }
-    let mut sorted = vec![Lump::default(); lumps.len()];
-    for l in lumps.iter() {
+    let mut sorted = vec![GatheredPopulation::default(); populations.len()];
+    for l in populations.iter() {
         let at = &mut next[l.voxel() as usize];
         sorted[*at as usize] = *l;
         *at += 1;
     }
-    *lumps = sorted;
+    *populations = sorted;
 }

@@ -8,7 +8,7 @@ use organza_basis::Sym3;
 /// Everything adds, so populations merge without loss except that only one
 /// tensor is left of two.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Lump {
+pub struct GatheredPopulation {
     /// From the top: voxel in its block (15 bits), yarn (32), material (16),
     /// lobe (1). Sorting by it goes voxel by voxel.
     pub key: u64,
@@ -21,18 +21,18 @@ pub struct Lump {
     pub moment_mm: Sym3,
 }
 
-impl Lump {
+impl GatheredPopulation {
     /// A straight piece along the unit vector `tangent`.
     #[cfg(test)]
-    pub fn new(key: u64, length_mm: f64, radius_mm: f32, tangent: Vec3) -> Lump {
-        let piece = Lump::of_line(length_mm, radius_mm, Sym3::outer(tangent));
-        Lump { key, ..piece }
+    pub fn new(key: u64, length_mm: f64, radius_mm: f32, tangent: Vec3) -> GatheredPopulation {
+        let piece = GatheredPopulation::of_line(length_mm, radius_mm, Sym3::outer(tangent));
+        GatheredPopulation { key, ..piece }
     }
 
     /// A straight piece, `tensor` being `t t^T` of its unit tangent; not named yet.
     #[inline]
-    pub fn of_line(length_mm: f64, radius_mm: f32, tensor: Sym3) -> Lump {
-        Lump {
+    pub fn of_line(length_mm: f64, radius_mm: f32, tensor: Sym3) -> GatheredPopulation {
+        GatheredPopulation {
             key: 0,
             length_mm,
             radius_length_mm2: length_mm as f32 * radius_mm,
@@ -61,8 +61,8 @@ impl Lump {
 
     /// The same in another voxel of the block.
     #[inline]
-    pub fn moved_to(&self, voxel: u32) -> Lump {
-        Lump {
+    pub fn moved_to(&self, voxel: u32) -> GatheredPopulation {
+        GatheredPopulation {
             key: u64::from(voxel) << 49 | (self.key << 15 >> 15),
             ..*self
         }
@@ -75,20 +75,20 @@ impl Lump {
     }
 
     /// Adds the sums of another; the key stays.
-    pub fn add(&mut self, o: &Lump) {
+    pub fn add(&mut self, o: &GatheredPopulation) {
         self.length_mm += o.length_mm;
         self.radius_length_mm2 += o.radius_length_mm2;
         self.moment_mm = self.moment_mm.plus(o.moment_mm);
     }
 
     /// Mean squared cosine between the tangents of the two, times both lengths.
-    pub fn likeness(&self, o: &Lump) -> f32 {
+    pub fn likeness(&self, o: &GatheredPopulation) -> f32 {
         contract(self.moment_mm, o.moment_mm)
     }
 
     /// True when the tangents of the two are less than 30 degrees apart in the
     /// mean square.
-    pub fn is_like(&self, o: &Lump) -> bool {
+    pub fn is_like(&self, o: &GatheredPopulation) -> bool {
         f64::from(self.likeness(o)) >= 0.75 * self.length_mm * o.length_mm
     }
 
@@ -102,7 +102,7 @@ impl Lump {
     ///
     /// Squares the tensor until one eigenvector is left, which takes few steps
     /// for bundles; where it takes many, again in double precision. Two
-    /// eigenvalues that differ by less than a part in 10^4 are not told apart:
+    /// eigenvalues that differ by less than a part in 10^4 count as equal:
     /// either axis will do then.
     pub fn axis_and_sin_sq(&self) -> (Vec3, f32) {
         let trace = self.moment_mm.trace().max(f32::MIN_POSITIVE);
@@ -186,7 +186,7 @@ fn contract(a: Sym3, b: Sym3) -> f32 {
 
 /// What may be merged by choice rather than by need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Apart {
+pub enum KeepApart {
     /// Only populations of one yarn and material.
     Yarns,
     /// Only populations of one material.
@@ -207,13 +207,19 @@ impl Merger {
     /// so that two equal halves at right angles cost 1/2 and at angle alpha
     /// `sin^2(alpha) / 2`. Pairs that should stay apart go last. The heavier
     /// population names the merged one.
-    pub fn merge_to(&mut self, lumps: &mut Vec<Lump>, limit: usize, tolerance: f32, apart: Apart) {
-        let total: f32 = lumps.iter().map(Lump::weight).sum();
+    pub fn merge_to(
+        &mut self,
+        populations: &mut Vec<GatheredPopulation>,
+        limit: usize,
+        tolerance: f32,
+        apart: KeepApart,
+    ) {
+        let total: f32 = populations.iter().map(GatheredPopulation::weight).sum();
         let candidates = &mut self.0;
         candidates.clear();
         // Most neighbours are all but parallel. Taking those together at once, at
         // a sixteenth of the tolerance, leaves few pairs to compare.
-        for l in lumps.iter() {
+        for l in populations.iter() {
             let new = Candidate::new(*l);
             let near = |c: &&mut Candidate| {
                 !c.should_part(&new, apart) && c.cost(&new) <= 0.0625 * tolerance * total
@@ -245,14 +251,14 @@ impl Merger {
             let other = candidates.remove(j);
             candidates[i].merge(&other);
         }
-        lumps.clear();
-        lumps.extend(candidates.iter().map(|c| c.lump));
+        populations.clear();
+        populations.extend(candidates.iter().map(|c| c.population));
     }
 }
 
 /// A population with what its comparisons need.
 struct Candidate {
-    lump: Lump,
+    population: GatheredPopulation,
     weight: f32,
     /// Mean of `t t^T`, and its square.
     tensor: Sym3,
@@ -260,11 +266,13 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn new(lump: Lump) -> Candidate {
-        let tensor = lump.moment_mm.scaled(1.0 / lump.length_mm as f32);
+    fn new(population: GatheredPopulation) -> Candidate {
+        let tensor = population
+            .moment_mm
+            .scaled(1.0 / population.length_mm as f32);
         Candidate {
-            lump,
-            weight: lump.weight(),
+            population,
+            weight: population.weight(),
             tensor,
             square: contract(tensor, tensor),
         }
@@ -275,21 +283,21 @@ impl Candidate {
         self.weight * o.weight / (self.weight + o.weight) * distance_sq.max(0.0)
     }
 
-    fn should_part(&self, o: &Candidate, apart: Apart) -> bool {
-        let (a, b) = (self.lump.group(), o.lump.group());
+    fn should_part(&self, o: &Candidate, apart: KeepApart) -> bool {
+        let (a, b) = (self.population.group(), o.population.group());
         match apart {
-            Apart::Yarns => a != b,
-            Apart::Materials => a as u16 != b as u16,
+            KeepApart::Yarns => a != b,
+            KeepApart::Materials => a as u16 != b as u16,
         }
     }
 
     fn merge(&mut self, o: &Candidate) {
-        let mut lump = self.lump;
+        let mut population = self.population;
         if o.weight > self.weight {
-            lump.key = o.lump.key;
+            population.key = o.population.key;
         }
-        lump.add(&o.lump);
-        *self = Candidate::new(lump);
+        population.add(&o.population);
+        *self = Candidate::new(population);
     }
 }
 
@@ -298,10 +306,10 @@ mod tests {
     use super::*;
     use organza_basis::{PathRng, warp};
 
-    fn lump(angle_deg: f32, length: f64, yarn: u64) -> Lump {
+    fn population(angle_deg: f32, length: f64, yarn: u64) -> GatheredPopulation {
         let (s, c) = angle_deg.to_radians().sin_cos();
-        Lump::new(
-            Lump::key_of(0, yarn << 16),
+        GatheredPopulation::new(
+            GatheredPopulation::key_of(0, yarn << 16),
             length,
             0.01,
             Vec3::new(c, s, 0.0),
@@ -312,9 +320,9 @@ mod tests {
     fn axes_agree_with_the_eigenvectors() {
         let mut rng = PathRng::from_seed(6);
         for _ in 0..2000 {
-            let mut l = Lump::new(0, 1.0, 1.0, warp::uniform_sphere(rng.unit2()));
+            let mut l = GatheredPopulation::new(0, 1.0, 1.0, warp::uniform_sphere(rng.unit2()));
             for _ in 0..rng.below(4) {
-                l.add(&Lump::new(
+                l.add(&GatheredPopulation::new(
                     0,
                     rng.unit().into(),
                     1.0,
@@ -334,12 +342,12 @@ mod tests {
     #[test]
     fn near_axes_merge_and_far_ones_do_not() {
         let mut l = vec![
-            lump(0.0, 1.0, 0),
-            lump(90.0, 1.0, 0),
-            lump(4.0, 2.0, 0),
-            lump(86.0, 0.5, 0),
+            population(0.0, 1.0, 0),
+            population(90.0, 1.0, 0),
+            population(4.0, 2.0, 0),
+            population(86.0, 0.5, 0),
         ];
-        Merger::default().merge_to(&mut l, 4, 0.02, Apart::Materials);
+        Merger::default().merge_to(&mut l, 4, 0.02, KeepApart::Materials);
         assert_eq!(l.len(), 2);
         let lengths: Vec<f64> = l.iter().map(|x| x.length_mm).collect();
         assert_eq!(lengths, [3.0, 1.5]);
@@ -347,8 +355,10 @@ mod tests {
 
     #[test]
     fn yarns_merge_only_when_there_is_no_room() {
-        let mut l: Vec<Lump> = (0..6).map(|k| lump(k as f32, 1.0, k as u64)).collect();
-        Merger::default().merge_to(&mut l, 4, 1.0, Apart::Yarns);
+        let mut l: Vec<GatheredPopulation> = (0..6)
+            .map(|k| population(k as f32, 1.0, k as u64))
+            .collect();
+        Merger::default().merge_to(&mut l, 4, 1.0, KeepApart::Yarns);
         assert_eq!(l.len(), 4);
         let total: f64 = l.iter().map(|x| x.length_mm).sum();
         assert_eq!(total, 6.0);

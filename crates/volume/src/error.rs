@@ -25,7 +25,7 @@ pub enum Error {
     },
     /// More memory is needed than allowed.
     #[error(
-        "needs about {needed} bytes of memory, {allowed} are allowed: take larger voxels, a smaller tile or allow more"
+        "needs about {needed} bytes of memory, {allowed} are allowed: use larger voxels, a smaller tile or allow more"
     )]
     Memory {
         /// Estimated need, bytes.

@@ -1,17 +1,20 @@
 //! Joining what a block gathered at different times.
 
-use crate::cluster::{Apart, Lump, Merger};
+use crate::cluster::{GatheredPopulation, KeepApart, Merger};
 
-/// Most populations that a voxel remembers while it is being filled; beyond,
-/// the nearest are merged. Keeps memory bounded by occupied voxels.
-const MOST_LUMPS: usize = 16;
-/// Left after such a merger.
-const LEFT_LUMPS: usize = 8;
+/// Maximum number of populations that a voxel holds while it is filled; beyond it the nearest
+/// are merged, which bounds memory by the number of occupied voxels.
+const MAX_POPULATIONS: usize = 16;
+/// Their number after such a merger.
+const MERGED_POPULATIONS: usize = 8;
 
 /// Joins two lists of populations of one block, both sorted by voxel; so is
 /// the result.
-pub fn fold(whole: Vec<Lump>, part: Vec<Lump>) -> Vec<Lump> {
-    let crowded = |v: &[Lump]| v.len() > MOST_LUMPS;
+pub fn fold(
+    whole: Vec<GatheredPopulation>,
+    part: Vec<GatheredPopulation>,
+) -> Vec<GatheredPopulation> {
+    let crowded = |v: &[GatheredPopulation]| v.len() > MAX_POPULATIONS;
     if whole.is_empty() && !part.chunk_by(|a, b| a.voxel() == b.voxel()).any(crowded) {
         return part;
     }
@@ -21,7 +24,12 @@ pub fn fold(whole: Vec<Lump>, part: Vec<Lump>) -> Vec<Lump> {
     let mut voxel = Vec::new();
     loop {
         let next = [whole.get(i), part.get(j)];
-        let Some(at) = next.into_iter().flatten().map(Lump::voxel).min() else {
+        let Some(at) = next
+            .into_iter()
+            .flatten()
+            .map(GatheredPopulation::voxel)
+            .min()
+        else {
             return out;
         };
         voxel.clear();
@@ -31,8 +39,8 @@ pub fn fold(whole: Vec<Lump>, part: Vec<Lump>) -> Vec<Lump> {
         }
         while j < part.len() && part[j].voxel() == at {
             join(&mut voxel, &part[j]);
-            if voxel.len() > MOST_LUMPS {
-                merger.merge_to(&mut voxel, LEFT_LUMPS, 0.0, Apart::Yarns);
+            if voxel.len() > MAX_POPULATIONS {
+                merger.merge_to(&mut voxel, MERGED_POPULATIONS, 0.0, KeepApart::Yarns);
             }
             j += 1;
         }
@@ -42,10 +50,10 @@ pub fn fold(whole: Vec<Lump>, part: Vec<Lump>) -> Vec<Lump> {
 }
 
 /// Adds a population to the lobe of its group that it is like, or as another.
-fn join(voxel: &mut Vec<Lump>, new: &Lump) {
-    let nearness = |l: &Lump| f64::from(l.likeness(new)) / l.length_mm;
+fn join(voxel: &mut Vec<GatheredPopulation>, new: &GatheredPopulation) {
+    let nearness = |l: &GatheredPopulation| f64::from(l.likeness(new)) / l.length_mm;
     let of_group = voxel.iter_mut().filter(|l| l.group() == new.group());
-    let mut lobes: Vec<&mut Lump> = of_group.collect();
+    let mut lobes: Vec<&mut GatheredPopulation> = of_group.collect();
     lobes.sort_by(|a, b| nearness(b).total_cmp(&nearness(a)));
     let full = lobes.len() >= 2;
     match lobes.first_mut() {
@@ -53,7 +61,7 @@ fn join(voxel: &mut Vec<Lump>, new: &Lump) {
         Some(other) => {
             let lobe = 1 - (other.key & 1);
             let key = (new.key & !1) | lobe;
-            voxel.push(Lump { key, ..*new });
+            voxel.push(GatheredPopulation { key, ..*new });
         }
         None => voxel.push(*new),
     }
@@ -64,21 +72,33 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn lump(voxel: u32, yarn: u64, length_mm: f64, tangent: Vec3, lobe: u64) -> Lump {
-        let key = Lump::key_of(voxel, yarn << 16 | 1) | lobe;
-        Lump::new(key, length_mm, 0.01, tangent)
+    fn population(
+        voxel: u32,
+        yarn: u64,
+        length_mm: f64,
+        tangent: Vec3,
+        lobe: u64,
+    ) -> GatheredPopulation {
+        let key = GatheredPopulation::key_of(voxel, yarn << 16 | 1) | lobe;
+        GatheredPopulation::new(key, length_mm, 0.01, tangent)
     }
 
     #[test]
     fn folding_keeps_lobes_apart_whatever_their_order() {
-        let first = vec![lump(9, 3, 2.0, Vec3::X, 0), lump(9, 3, 1.0, Vec3::Y, 1)];
-        let then = vec![lump(9, 3, 1.0, Vec3::Y, 0), lump(9, 3, 1.0, Vec3::X, 1)];
-        let lumps = fold(fold(Vec::new(), first), then);
-        let lengths: Vec<f64> = lumps.iter().map(|l| l.length_mm).collect();
+        let first = vec![
+            population(9, 3, 2.0, Vec3::X, 0),
+            population(9, 3, 1.0, Vec3::Y, 1),
+        ];
+        let then = vec![
+            population(9, 3, 1.0, Vec3::Y, 0),
+            population(9, 3, 1.0, Vec3::X, 1),
+        ];
+        let populations = fold(fold(Vec::new(), first), then);
+        let lengths: Vec<f64> = populations.iter().map(|l| l.length_mm).collect();
         assert_eq!(lengths, [3.0, 2.0]);
-        assert_eq!(lumps[0].moment_mm.diagonal, Vec3::new(3.0, 0.0, 0.0));
+        assert_eq!(populations[0].moment_mm.diagonal, Vec3::new(3.0, 0.0, 0.0));
         assert!(
-            lumps
+            populations
                 .iter()
                 .all(|l| l.voxel() == 9 && l.group() == 3 << 16 | 1)
         );
@@ -87,12 +107,14 @@ mod tests {
     #[test]
     fn crowds_of_yarns_stay_bounded() {
         let one_by_one = (0..100).fold(Vec::new(), |whole, yarn| {
-            fold(whole, vec![lump(0, yarn, 1.0, Vec3::Z, 0)])
+            fold(whole, vec![population(0, yarn, 1.0, Vec3::Z, 0)])
         });
-        let together: Vec<Lump> = (0..100).map(|k| lump(0, k, 1.0, Vec3::Z, 0)).collect();
-        for lumps in [one_by_one, fold(Vec::new(), together)] {
-            assert!(lumps.len() <= MOST_LUMPS);
-            let total: f64 = lumps.iter().map(|l| l.length_mm).sum();
+        let together: Vec<GatheredPopulation> = (0..100)
+            .map(|k| population(0, k, 1.0, Vec3::Z, 0))
+            .collect();
+        for populations in [one_by_one, fold(Vec::new(), together)] {
+            assert!(populations.len() <= MAX_POPULATIONS);
+            let total: f64 = populations.iter().map(|l| l.length_mm).sum();
             assert_eq!(total, 100.0);
         }
     }

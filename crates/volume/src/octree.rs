@@ -25,7 +25,9 @@ pub(crate) mod build;
 mod validate;
 
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
-use crate::record::{Brick, RadiusScale, Record, decode_axis, decode_group, decode_spread};
+use crate::record::{
+    Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
+};
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, FibreComponent, Mixture};
 
@@ -47,7 +49,7 @@ pub(crate) struct Level {
     /// Index of each brick (x fastest, then y, z) or [`EMPTY`].
     pub brick_of: Vec<u32>,
     pub bricks: Vec<Brick>,
-    pub records: Vec<Record>,
+    pub records: Vec<StoredPopulation>,
     /// Density of one length quantum.
     pub density_per_quantum: f32,
 }
@@ -153,7 +155,7 @@ impl Octree {
     }
 
     #[inline]
-    fn records(&self, level: u8, cell: UVec3) -> (f32, &[Record]) {
+    fn records(&self, level: u8, cell: UVec3) -> (f32, &[StoredPopulation]) {
         let Some((l, brick)) = self.brick(level, cell >> 2u32) else {
             return (0.0, &[]);
         };
@@ -164,7 +166,7 @@ impl Octree {
     }
 
     #[inline]
-    fn decode(&self, density_per_quantum: f32, r: &Record) -> FibreComponent {
+    fn decode(&self, density_per_quantum: f32, r: &StoredPopulation) -> FibreComponent {
         let group = self.groups[decode_group(r.population)];
         FibreComponent {
             length_density_per_mm2: r.length as f32 * density_per_quantum,
@@ -283,7 +285,7 @@ impl Octree {
     }
 }
 
-fn broadside(records: &[Record], density_per_quantum: f32, radii: &RadiusScale) -> f32 {
+fn broadside(records: &[StoredPopulation], density_per_quantum: f32, radii: &RadiusScale) -> f32 {
     records
         .iter()
         .map(|r| 2.0 * radii.decode(r.population) * (r.length as f32 * density_per_quantum))

@@ -28,7 +28,7 @@ pub const MAX_GROUPS: usize = 1 << 20;
 /// One population, quantised.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct Record {
+pub struct StoredPopulation {
     /// Fibre length in quanta.
     pub length: u32,
     /// Axis (low 24 bits) and spread (high 8).

@@ -5,7 +5,7 @@
 //! Sums run in the order of batches whatever thread works on them.
 
 use crate::block::BlockSums;
-use crate::cluster::Lump;
+use crate::cluster::GatheredPopulation;
 use crate::fold::fold;
 use crate::lattice::{Lattice, brick_at, bricks_across};
 use crate::octree::build::{Assembly, Scales, build_block};
@@ -64,7 +64,7 @@ impl Default for VoxelizeOptions {
 
 /// Most pieces that wait: 280 MB. When there are more, all blocks take theirs
 /// in and remember sums instead.
-const MOST_WAITING: usize = 4_000_000;
+const MAX_WAITING: usize = 4_000_000;
 
 /// Batches that a thread is given at a time.
 const BATCHES: usize = 4;
@@ -168,7 +168,7 @@ fn run(
             .collect::<Result<_, Error>>()?;
         for r in routed {
             // Whatever the number of threads: else it would change sums.
-            if tile.waiting > 0 && tile.waiting + r.pieces.len() > MOST_WAITING {
+            if tile.waiting > 0 && tile.waiting + r.pieces.len() > MAX_WAITING {
                 tile.take_in();
             }
             tile.add(r);
@@ -199,7 +199,7 @@ struct Block {
     /// Batch among `routed` and its run for this block.
     runs: Vec<(u32, u32)>,
     /// What was taken in before.
-    kept: Vec<Lump>,
+    kept: Vec<GatheredPopulation>,
     most_length_mm: f64,
 }
 
@@ -239,7 +239,7 @@ impl<'a> Tiled<'a> {
     }
 
     /// What waits for a block and what it kept, together.
-    fn filled(&self, index: u32, block: &mut Block) -> Vec<Lump> {
+    fn filled(&self, index: u32, block: &mut Block) -> Vec<GatheredPopulation> {
         let mut pieces: Vec<(u64, &Piece)> = Vec::new();
         for &(batch, run) in &block.runs {
             let r = &self.routed[batch as usize];
@@ -352,9 +352,12 @@ fn sampled_bytes(
             .enumerate()
             .filter(|(_, b)| !b.runs.is_empty())
             .map(|(i, b)| {
-                let lumps = tile.filled(i as u32, b);
-                let kept = size_of_val(&lumps[..]) as u64;
-                (kept, build_block(lattice, &scales, i as u32, lumps).bytes())
+                let populations = tile.filled(i as u32, b);
+                let kept = size_of_val(&populations[..]) as u64;
+                (
+                    kept,
+                    build_block(lattice, &scales, i as u32, populations).bytes(),
+                )
             })
             .collect();
         sums += parts.iter().map(|p| p.0).sum::<u64>();
@@ -363,10 +366,10 @@ fn sampled_bytes(
     let scale = batches as f64 / sample.max(1) as f64;
     let all = |bytes: u64| (bytes as f64 * scale) as u64;
     // Either all wait to the end, or what came first is kept as sums.
-    let before = if pieces as f64 * scale <= MOST_WAITING as f64 {
+    let before = if pieces as f64 * scale <= MAX_WAITING as f64 {
         all(waiting)
     } else {
-        all(sums) + 80 * MOST_WAITING as u64
+        all(sums) + 80 * MAX_WAITING as u64
     };
     let threads = rayon::current_num_threads() as u64;
     Ok(before + all(octree) + threads * (BlockSums::BYTES + (8 << 20)))

@@ -127,7 +127,7 @@ impl Cloth {
             } => {
                 let bend = curve.max_bend_per_mm();
                 let half_height = thread.flatten.y * yarn.radius_mm();
-                let lean = (MOST_BENT / (bend * half_height)).min(1.0);
+                let lean = (MAX_BEND / (bend * half_height)).min(1.0);
                 let interval = curve.period_mm() / curve.height_mm.len() as f64;
                 let steps = (interval / step(bend)).ceil().clamp(4.0, 4096.0);
                 Path::woven(curve, *axis, *origin, steps as usize, lean)
@@ -175,7 +175,7 @@ const CHORD_ERROR: f64 = 0.1;
 /// Where a yarn bends more sharply than its own thickness allows, its
 /// cross-sections lean less than it does, so that inner fibres never fold:
 /// the curvature that they follow stays below this over the half-thickness.
-const MOST_BENT: f64 = 0.8;
+const MAX_BEND: f64 = 0.8;
 
 impl SegmentSource for Curves<'_> {
     fn tile(&self) -> Tile {

@@ -7,7 +7,7 @@ use glam::DVec2;
 
 /// Narrowest cross-section that neighbours can press a yarn into, as width
 /// over height (estimated).
-const LEAST_ASPECT: f64 = 0.5;
+const MIN_ASPECT: f64 = 0.5;
 
 /// The threads of one system before the cloth is formed.
 pub(crate) struct Threads<'a> {
@@ -111,7 +111,7 @@ fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
         if root <= widest {
             return Ok(DVec2::new(root, 1.0 / root));
         }
-        let highest = widest / LEAST_ASPECT;
+        let highest = widest / MIN_ASPECT;
         let flat = DVec2::new(widest, (1.0 / widest).min(highest));
         if (flat.x * flat.y).sqrt() >= least_scale(yarn) {
             return Ok(flat);

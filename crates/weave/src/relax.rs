@@ -52,7 +52,7 @@ const CONTACT: f64 = 10.0;
 const REST: f64 = 0.973_699;
 /// Where crossing threads are nearer than this share of their radii, the
 /// minimiser has failed.
-const LEAST_GAP: f64 = 0.9;
+const MIN_GAP: f64 = 0.9;
 /// Root mean square of the gradient at rest, in units of the mean `k S^2 / D`
 /// per `S`; forces at crossings are of order one.
 const TOLERANCE: f64 = 1e-3;
@@ -335,7 +335,7 @@ impl<'a> Weave<'a> {
                 compression = compression.max(1.0 - self.gap(h, e, p));
             }
         }
-        if compression > 1.0 - LEAST_GAP {
+        if compression > 1.0 - MIN_GAP {
             return Err(Error::Relaxation(format!(
                 "threads rest {:.0} % inside each other; more iterations may help",
                 100.0 * compression

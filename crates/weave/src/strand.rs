@@ -10,7 +10,7 @@
 
 use crate::named::gcd;
 use crate::path::Path;
-use crate::settle::{Bundle, Place, Settled};
+use crate::push_apart::{Bundle, FibrePlace, FibreShifts};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
@@ -160,7 +160,7 @@ impl Strand<'_> {
     pub fn emit_fibres(&self, emit: &mut dyn FnMut(&Segment)) {
         let orbits = self.yarn.plies / self.closure.visited;
         let fibres: Vec<Fibre> = (0..orbits).flat_map(|o| self.fibres(o)).collect();
-        let settled = self.settle(&fibres);
+        let shifts = self.push_apart(&fibres);
         let ply_phase = self.ply_phase();
         let windings = self.closure.windings();
         let mut id = 0;
@@ -168,7 +168,7 @@ impl Strand<'_> {
             for winding in 0..windings {
                 let place = |s: f64| {
                     let run = self.run(winding, s);
-                    let shift = settled.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
+                    let shift = shifts.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
                     self.place(fibre, winding, ply_phase, s).shifted(shift)
                 };
                 self.emit_period(id, self.yarn.fibre_radius_mm, place, emit);
@@ -178,16 +178,16 @@ impl Strand<'_> {
         self.emit_hairs(id, emit);
     }
 
-    /// Pushes fibres apart that would share room.
-    fn settle(&self, fibres: &[Fibre]) -> Option<Settled> {
+    /// Pushes fibres apart that would overlap.
+    fn push_apart(&self, fibres: &[Fibre]) -> Option<FibreShifts> {
         let ply_phase = self.ply_phase();
         let place = |i: usize, winding, s| self.place(&fibres[i], winding, ply_phase, s);
-        self.bundle(&place).settle()
+        self.bundle(&place).push_apart()
     }
 
-    /// Whether its fibres are so many, or so long, that they are not pushed apart.
-    pub fn is_too_large_to_settle(&self) -> bool {
-        let nowhere = Place {
+    /// Whether there are too many fibres, or too long ones, to push them apart.
+    pub fn is_too_large_to_push_apart(&self) -> bool {
+        let nowhere = FibrePlace {
             ply_mm: DVec2::ZERO,
             direction: DVec2::X,
             distance_mm: 0.0,
@@ -195,7 +195,7 @@ impl Strand<'_> {
         self.bundle(&|_, _, _| nowhere).is_too_large()
     }
 
-    fn bundle<'b>(&self, place: &'b dyn Fn(usize, u32, f64) -> Place) -> Bundle<'b> {
+    fn bundle<'b>(&self, place: &'b dyn Fn(usize, u32, f64) -> FibrePlace) -> Bundle<'b> {
         let c = self.closure;
         // A round section turns as one; the flatter it is, the more its fibres move
         // among each other.
@@ -224,11 +224,11 @@ impl Strand<'_> {
 
     /// Where a fibre would be at the share `s` of one of its windings if it had
     /// the yarn to itself.
-    fn place(&self, fibre: &Fibre, winding: u32, ply_phase: f64, s: f64) -> Place {
+    fn place(&self, fibre: &Fibre, winding: u32, ply_phase: f64, s: f64) -> FibrePlace {
         let ply = (i64::from(fibre.orbit) + i64::from(winding) * self.closure.ply_shift)
             .rem_euclid(i64::from(self.yarn.plies)) as u32;
         let (direction, distance_mm) = self.in_ply(fibre, self.run(winding, s));
-        Place {
+        FibrePlace {
             ply_mm: self.ply_centre(ply, ply_phase, s),
             direction,
             distance_mm,

@@ -552,4 +552,6 @@ fn equal_sets(a: &Lists, b: &Lists) -> bool {
 }
 
 #[cfg(test)]
+pub(crate) mod example_drafts;
+#[cfg(test)]
 mod tests;

@@ -1,9 +1,10 @@
-//! A yarn with every value settled and checked.
+//! A yarn with every value known and checked.
+
+mod complete_spec;
 
 use crate::Error;
-use crate::error::did_you_mean;
-use crate::preset::{self, preset};
-use crate::spec::{CrossSectionSpec, MigrationSpec, TwistDirection, TwistSpec, YarnKind, YarnSpec};
+use crate::spec::{CrossSectionSpec, MigrationSpec, YarnKind, YarnSpec};
+use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
 
 /// Densest packing of equal circles in the plane, pi / sqrt(12).
@@ -51,7 +52,7 @@ pub struct Yarn {
     radial_quantiles: Vec<f64>,
 }
 
-/// Settled [`crate::spec::HairSpec`]; pairs are mean and deviation.
+/// [`crate::spec::HairSpec`] with every value; pairs are mean and standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hairs {
     /// Per millimetre of ply.
@@ -66,7 +67,7 @@ pub struct Hairs {
     pub turn_rad: [f64; 2],
 }
 
-/// Settled [`crate::spec::LoopSpec`].
+/// [`crate::spec::LoopSpec`] with every value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loops {
     /// Per millimetre of ply.
@@ -76,214 +77,16 @@ pub struct Loops {
 }
 
 impl Yarn {
-    /// Settles a specification: its own keys, then its preset's.
+    /// Builds a yarn from a specification; its preset supplies the keys that it does not set.
     ///
     /// # Errors
     /// When a value is out of range or the preset is unknown; the key is
     /// named as `yarn.NAME.KEY`.
     pub fn new(name: &str, spec: &YarnSpec) -> Result<Yarn, Error> {
+        let complete = CompleteSpec::new(name, spec)?;
+        let straight = complete.yarn(1.0)?;
         // Twisted fibres are longer than their yarn, so fewer make its tex.
-        let straight = Yarn::settle(name, spec, 1.0)?;
-        Yarn::settle(name, spec, straight.fibre_per_yarn_length())
-    }
-
-    fn settle(name: &str, spec: &YarnSpec, fibre_per_yarn_length: f64) -> Result<Yarn, Error> {
-        let key = |k: &str| format!("yarn.{name}.{k}");
-        let preset_name = match &spec.preset {
-            Some(p) => p.as_str(),
-            None if preset::NAMES.contains(&name) => name,
-            None => "cotton",
-        };
-        let base = preset(preset_name)
-            .ok_or_else(|| {
-                let hint = did_you_mean(preset_name, preset::NAMES);
-                let names = preset::NAMES.join(", ");
-                let message = format!("no preset \"{preset_name}\"{hint}; there are {names}");
-                Error::spec(key("preset"), message)
-            })?
-            .spec;
-        let number = |k: &str, own: Option<f64>, from: f64, to: f64, fallback: Option<f64>| {
-            let v = own.or(fallback).unwrap_or(f64::NAN);
-            if v >= from && v <= to {
-                Ok(v)
-            } else {
-                let message = format!("expected a number from {from} to {to}, found {v}");
-                Err(Error::spec(key(k), message))
-            }
-        };
-        let kind = spec.kind.or(base.kind).unwrap_or(YarnKind::Staple);
-        let fibre_radius_mm = 1e-3
-            * number(
-                "fibre_radius_um",
-                spec.fibre_radius_um,
-                0.1,
-                1e4,
-                base.fibre_radius_um,
-            )?;
-        let density = number(
-            "fibre_density_g_per_cm3",
-            spec.fibre_density_g_per_cm3,
-            0.1,
-            30.0,
-            base.fibre_density_g_per_cm3,
-        )?;
-        let plies = spec.plies.or(base.plies).unwrap_or(1);
-        if !(1..=64).contains(&plies) {
-            let message = format!("expected 1 to 64 plies, found {plies}");
-            return Err(Error::spec(key("plies"), message));
-        }
-        let fibre_tex = 1000.0 * density * PI * fibre_radius_mm * fibre_radius_mm;
-        let fibres = match spec.fibres_per_ply {
-            Some(n) => f64::from(n),
-            None => {
-                let tex = number("tex", spec.tex, 1e-3, 1e6, base.tex)?;
-                let straight_tex = tex / fibre_per_yarn_length;
-                (straight_tex / (f64::from(plies) * fibre_tex))
-                    .round()
-                    .max(1.0)
-            }
-        };
-        if !(1.0..=f64::from(MAX_FIBRES_PER_PLY)).contains(&fibres) {
-            let message = format!("expected 1 to {MAX_FIBRES_PER_PLY} fibres, found {fibres}");
-            return Err(Error::spec(key("fibres_per_ply"), message));
-        }
-        let fraction = match spec.ply_radius_mm {
-            Some(r) => fibres * (fibre_radius_mm / r).powi(2),
-            // A single fibre is its own ply.
-            None if fibres == 1.0 => 1.0,
-            None => number(
-                "fibre_volume_fraction",
-                spec.fibre_volume_fraction,
-                1e-4,
-                1.0,
-                base.fibre_volume_fraction,
-            )?,
-        };
-        let densest = if fibres == 1.0 {
-            1.0
-        } else {
-            MAX_FIBRE_VOLUME_FRACTION
-        };
-        if !(fraction > 0.0 && fraction <= densest) {
-            let message = format!(
-                "a fibre volume fraction of {fraction:.4} inside the ply is outside 0 to {densest}"
-            );
-            return Err(Error::spec(key("fibre_volume_fraction"), message));
-        }
-        let ply_radius_mm = fibre_radius_mm * (fibres / fraction).sqrt();
-        // Plies touch their neighbours.
-        let ply_centre_mm = match plies {
-            1 => 0.0,
-            n => ply_radius_mm / (PI / f64::from(n)).sin(),
-        };
-        let is_ribbon = kind == YarnKind::Ribbon;
-        let no_twist = is_ribbon && spec.twist.is_none();
-        let rate = |k, spec: Option<TwistSpec>, base: Option<TwistSpec>, radius| match spec.or(base)
-        {
-            Some(t) => rate_rad_per_mm(&key(k), t, radius),
-            None => Ok(0.0),
-        };
-        let (hair_rate, loop_rate) = match kind {
-            YarnKind::Staple => preset::fuzz_per_mm(preset_name, ply_radius_mm),
-            _ => (0.0, 0.0),
-        };
-        let (hairs, loops) = (
-            spec.hairs.unwrap_or_default(),
-            spec.loops.unwrap_or_default(),
-        );
-        let cross_section = spec
-            .cross_section
-            .or(base.cross_section)
-            .unwrap_or(CrossSectionSpec {
-                epsilon: 0.0,
-                beta: 0.0,
-            });
-        let outer = ply_centre_mm + ply_radius_mm;
-        let yarn = Yarn {
-            name: name.to_owned(),
-            kind,
-            plies,
-            fibres_per_ply: fibres as u32,
-            fibre_radius_mm,
-            fibre_density_g_per_cm3: density,
-            ply_radius_mm,
-            ply_centre_mm,
-            twist_rad_per_mm: if no_twist {
-                0.0
-            } else {
-                rate("twist", spec.twist, base.twist, ply_radius_mm)?
-            },
-            ply_twist_rad_per_mm: if plies == 1 {
-                0.0
-            } else {
-                rate("ply_twist", spec.ply_twist, base.ply_twist, outer)?
-            },
-            aspect: number(
-                "aspect",
-                spec.aspect,
-                0.1,
-                50.0,
-                if is_ribbon { Some(6.0) } else { base.aspect },
-            )?,
-            stiffness: number("stiffness", spec.stiffness, 1e-3, 1e3, base.stiffness)?,
-            cross_section,
-            migration: match kind {
-                YarnKind::Staple => spec.migration.or(base.migration),
-                _ => spec.migration,
-            },
-            hairs: Hairs {
-                per_mm: hairs.per_mm.unwrap_or(hair_rate),
-                start: hairs.start.unwrap_or(preset::HAIR_START),
-                rise: hairs.rise.unwrap_or(preset::HAIR_RISE),
-                run: hairs.run.unwrap_or(preset::HAIR_RUN),
-                turn_rad: hairs.turn_rad.unwrap_or(preset::HAIR_TURN_RAD),
-            },
-            loops: Loops {
-                per_mm: loops.per_mm.unwrap_or(loop_rate),
-                peak: loops.peak.unwrap_or(preset::LOOP_PEAK),
-            },
-            radial_quantiles: radial_quantiles(cross_section),
-        };
-        let c = yarn.cross_section;
-        number("cross_section.epsilon", Some(c.epsilon), 0.0, 0.5, None)?;
-        number("cross_section.beta", Some(c.beta), 0.0, 10.0, None)?;
-        if let Some(m) = yarn.migration {
-            number(
-                "migration.max_fraction",
-                Some(m.max_fraction),
-                0.0,
-                1.0,
-                None,
-            )?;
-            number(
-                "migration.min_fraction",
-                Some(m.min_fraction),
-                0.0,
-                m.max_fraction,
-                None,
-            )?;
-            number(
-                "migration.cycles_per_turn",
-                Some(m.cycles_per_turn),
-                0.0,
-                20.0,
-                None,
-            )?;
-        }
-        number("hairs.per_mm", Some(yarn.hairs.per_mm), 0.0, 1e5, None)?;
-        number("loops.per_mm", Some(yarn.loops.per_mm), 0.0, 1e5, None)?;
-        let (h, l) = (yarn.hairs, yarn.loops);
-        for (k, [mean, deviation]) in [
-            ("hairs.start", h.start),
-            ("hairs.rise", h.rise),
-            ("hairs.run", h.run),
-            ("hairs.turn_rad", h.turn_rad),
-            ("loops.peak", l.peak),
-        ] {
-            number(k, Some(mean), -100.0, 100.0, None)?;
-            number(k, Some(deviation), 0.0, 100.0, None)?;
-        }
-        Ok(yarn)
+        complete.yarn(straight.fibre_per_yarn_length())
     }
 
     /// Distance of a fibre from the ply's centre below which the share `u` of
@@ -387,39 +190,11 @@ fn radial_quantiles(c: CrossSectionSpec) -> Vec<f64> {
         .collect()
 }
 
-/// Signed twist; the angle is that of a helix on the given radius.
-fn rate_rad_per_mm(key: &str, twist: TwistSpec, radius_mm: f64) -> Result<f64, Error> {
-    let rate = match (twist.turns_per_m, twist.angle_deg) {
-        (Some(turns), None) if (0.0..=1e5).contains(&turns) => turns * 1e-3 * TAU,
-        (None, Some(angle)) if (0.0..=70.0).contains(&angle) => {
-            angle.to_radians().tan() / radius_mm
-        }
-        (turns, angle) => {
-            let given = [("turns_per_m", turns), ("angle_deg", angle)];
-            let given = given.iter().filter_map(|(k, v)| Some((k, (*v)?)));
-            let found: Vec<String> = given.map(|(k, v)| format!("{k} = {v}")).collect();
-            return Err(Error::spec(
-                key,
-                format!(
-                    "expected either turns_per_m (0 to 100000) or angle_deg (0 to 70), found {}",
-                    if found.is_empty() {
-                        "neither".to_owned()
-                    } else {
-                        found.join(" and ")
-                    }
-                ),
-            ));
-        }
-    };
-    Ok(match twist.direction {
-        TwistDirection::Z => rate,
-        TwistDirection::S => -rate,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::preset::{self, preset};
+    use crate::spec::{TwistDirection, TwistSpec};
 
     fn yarn(change: impl FnOnce(&mut YarnSpec)) -> Result<Yarn, Error> {
         let mut spec = YarnSpec::default();
@@ -428,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn every_preset_settles_at_its_own_tex_and_says_where_it_comes_from() {
+    fn every_preset_reaches_its_own_tex_and_names_its_source() {
         for name in preset::NAMES {
             let yarn = Yarn::new(name, &YarnSpec::default()).unwrap();
             let preset = preset(name).unwrap();

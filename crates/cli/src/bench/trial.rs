@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What `render --json` tells, as far as it is needed here.
+/// The part of `render --json` that is needed here.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Figures {
     pub backend: String,

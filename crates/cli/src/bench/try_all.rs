@@ -72,7 +72,7 @@ impl Plan {
         Choice::all(self.quick, sample.fabric.file.surface.is_some())
     }
 
-    /// Tries every choice in a view; `done` is told after every render.
+    /// Tries every choice in a view; `done` is called after every render.
     ///
     /// # Errors
     /// Files that cannot be written, a truth that cannot be rendered, or an

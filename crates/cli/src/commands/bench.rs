@@ -24,14 +24,14 @@ use std::time::Instant;
 
 /// `organza bench`
 #[derive(Debug, Args)]
-#[command(about = "Measure speed against error for every way to represent a cloth", after_help = "Examples:\n  organza bench -o report --quick\n  organza bench denim my_fabric.toml -o report\n\nResults are kept in the folder as they come: the same command goes on where it was broken off.", mut_arg("set", |a| a.help(set_help::BENCH)))]
+#[command(about = "Measure speed against error for every way to represent a cloth", after_help = "Examples:\n  organza bench -o report --quick\n  organza bench denim my_fabric.toml -o report\n\nResults are saved in the folder as they arrive: the same command resumes an interrupted bench.", mut_arg("set", |a| a.help(set_help::BENCH)))]
 pub struct BenchArgs {
     /// Fabrics: denim, charmeuse, organza, or fabric files (.toml) [default: those three]
     pub fabrics: Vec<String>,
     /// Folder to write: report.html, report.json, choices.csv and all pictures
     #[arg(short, long, visible_alias = "outdir")]
     pub outfile: PathBuf,
-    /// Fewer choices, distances and samples: some minutes instead of an hour or more
+    /// Fewer choices, distances and samples: some minutes instead of half an hour or more
     #[arg(long)]
     pub quick: bool,
     /// Also measure how cost grows with size [default: unless --quick]
@@ -46,10 +46,10 @@ pub struct BenchArgs {
     /// Samples per pixel of every choice, at least 2 [default: 512, quick 192]
     #[arg(long, value_name = "N", value_parser = whole::<u64>(2..=1_000_000))]
     pub spp: Option<u64>,
-    /// Samples per pixel of the truth, at least 2 [default: 4096, quick 512]
+    /// Samples per pixel of the reference, at least 2 [default: 4096, quick 512]
     #[arg(long, value_name = "N", value_parser = whole::<u64>(2..=1_000_000))]
     pub truth_spp: Option<u64>,
-    /// Pictures of another program, as benches/peers/mitsuba_bench.py writes them (.json)
+    /// Pictures of another program, as written by benches/peers/mitsuba_bench.py (.json)
     #[arg(long, value_name = "FILE")]
     pub peer: Option<PathBuf>,
     #[command(flatten)]
@@ -86,7 +86,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     for (i, one) in found.iter().enumerate() {
         if found[..i].iter().any(|other| other.name() == one.name()) {
             let name = one.name();
-            return Err(input(format!("{name}: two fabrics are called {name}")));
+            return Err(input(format!("{name}: two fabrics have this name")));
         }
     }
     // Told before anything is written, and not once a render.

@@ -56,7 +56,7 @@ pub struct CompareArgs {
     /// Paths per texel of the pictures, at least 2
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = parse_paths)]
     pub texel_spp: u64,
-    /// Median relative error below which models are said to agree (0.15 is 15 %)
+    /// Median relative error below which models agree (0.15 is 15 %)
     #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
     pub limit: f64,
     /// Seed of all random numbers
@@ -160,7 +160,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         }
         if measured.len() < 2 {
             return Err(input(format!(
-                "{}: has nothing but its volume to compare; give it a [surface] section (organza fit makes one)",
+                "{}: the volume is its only model; add a [surface] section (organza fit creates one)",
                 args.fabric.display()
             )));
         }
@@ -180,7 +180,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
 }
 
 /// Whether a comparison of the usual models goes on without one that is refused:
-/// explicit fibres that do not fit into memory. Told, unless `quiet`.
+/// explicit fibres that do not fit into memory. Reported, unless `quiet`.
 fn leaves_out(model: &Representation, why: &anyhow::Error, quiet: bool) -> bool {
     let leaves_out = model == &FIBRES && why.is::<InputError>();
     if leaves_out && !quiet {

@@ -39,14 +39,14 @@ pub enum ExportTo {
 
 /// `organza export mitsuba`
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  organza export mitsuba scenes/first_light.toml -o mitsuba --repeats 4,4\n  mitsuba -m scalar_rgb mitsuba/scene.xml\n\nMitsuba 3.9.1 draws directions of its sggx phase function in a wrong frame (its issue 1728): its pictures come out too dark. benches/peers/mitsuba_values.py loads a scene with the frame mended.", mut_arg("set", |a| a.help(set_help::SCENE)))]
+#[command(after_help = "Example:\n  organza export mitsuba scenes/first_light.toml -o mitsuba --repeats 4,4\n  mitsuba -m scalar_rgb mitsuba/scene.xml\n\nMitsuba 3.9.1 samples its sggx phase function in a wrong frame (its issue 1728), so its pictures are too dark. benches/peers/mitsuba_values.py loads a scene with the frame corrected.", mut_arg("set", |a| a.help(set_help::SCENE)))]
 pub struct MitsubaArgs {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Folder to write to; made if there is none
+    /// Folder to write to; created if missing
     #[arg(short, long)]
     pub outfile: PathBuf,
-    /// Periods in x and y to write of a cloth without end, around where the camera looks
+    /// Periods in x and y to write of an unbounded cloth, around the camera's target
     #[arg(long, value_name = "NX,NY", allow_hyphen_values = true, value_parser = parse_repeats)]
     pub repeats: Option<UVec2>,
     #[command(flatten)]

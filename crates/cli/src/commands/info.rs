@@ -156,7 +156,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
 }
 
 /// A scene, of which everything is read that can be without making voxels:
-/// what is wrong with it is told as `render` tells it.
+/// mistakes in it are reported as by `render`.
 fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let loader = &Loader::new();
     let mut file = scene_file::load(path, overrides, loader)?;

@@ -15,7 +15,7 @@ use std::path::PathBuf;
     after_help = "Example:\n  organza man -o ~/.local/share/man/man1"
 )]
 pub struct ManArgs {
-    /// Folder for one page a command, organza.1 and so on; made if there is none
+    /// Folder for one page per command, organza.1 and so on; created if missing
     #[arg(short, long, value_name = "DIR")]
     pub outfile: PathBuf,
 }

@@ -38,22 +38,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct MeasureArgs {
     /// A fabric file, or a scene file whose objects are measured (TOML)
     pub file: PathBuf,
-    /// Directions to measure: CSV with the columns theta_i,phi_i,theta_o,phi_o in degrees, of directions that point away from the cloth, toward light and eye; theta from 0 to 180, above 90 behind the cloth
+    /// Directions to measure: CSV with the columns theta_i,phi_i,theta_o,phi_o in degrees, of directions that point away from the cloth, towards light and viewer; theta from 0 to 180, above 90 behind the cloth
     #[arg(long, value_name = "FILE", required_unless_present = "layout")]
     pub pairs: Option<PathBuf>,
     /// Directions to measure by name
     #[arg(long, value_enum, conflicts_with = "pairs")]
     pub layout: Option<LayoutName>,
-    /// Measure where light from each incident direction goes, reflected, transmitted, straight through and absorbed, instead of the BSDF of pairs; --pairs then needs only theta_i,phi_i
+    /// Measure the reflected, transmitted, directly transmitted and absorbed shares of light from each incident direction instead of the BSDF of pairs; --pairs then needs only theta_i,phi_i
     #[arg(long)]
     pub albedo: bool,
     /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW, with --layout klems), .exr (one picture of the tile per pair)
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
-    /// What stands for the cloth
+    /// Model of the cloth
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: PatchModel,
-    /// Paths per pair, at least 2; the most of them with --target-error
+    /// Paths per pair, at least 2; the maximum with --target-error
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
     pub spp: u64,
     /// Seed of all random numbers
@@ -428,7 +428,7 @@ fn median_error(list: &[PairValue]) -> Option<String> {
 }
 
 /// How many pairs of how many met no light in any path: their standard error is zero as their
-/// value is, which tells nothing. The surface model is exact.
+/// value is, and has no information. The surface model is exact.
 fn dark_pairs(shown: Option<ShownAs>, list: &[PairValue]) -> [usize; 2] {
     let is_dark = |v: &&PairValue| [v.bsdf.mean, v.bsdf.se] == [[0.0; 3]; 2];
     match shown {

@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 /// `organza merge`
 #[derive(Debug, Args)]
 #[command(
-    about = "Combine renders of disjoint sample ranges into the unbroken render, exactly",
+    about = "Combine renders of disjoint sample ranges, bit for bit as if rendered at once",
     after_help = "Example:\n  organza render scenes/first_light.toml --samples 0..128 -o a.exr\n  organza render scenes/first_light.toml --samples 128..256 -o b.exr\n  organza merge a.exr b.exr -o all.exr"
 )]
 pub struct MergeArgs {
-    /// Pictures of one scene and seed (.exr), with no sample in common
+    /// Pictures of one scene and seed (.exr) with disjoint samples
     #[arg(required = true)]
     pub parts: Vec<PathBuf>,
     /// Picture to write (.exr)
@@ -30,7 +30,7 @@ pub struct MergeArgs {
     pub outfile: PathBuf,
     #[command(flatten)]
     pub memory: MemoryArgs,
-    /// Say nothing but errors
+    /// Print only errors
     #[arg(long)]
     pub quiet: bool,
 }
@@ -43,7 +43,7 @@ impl Command for MergeArgs {
     }
 }
 
-/// What must agree between parts, in the order in which a picture tells them.
+/// What must agree between parts, in the order in which a picture stores them.
 const SHARED: [&str; 4] = ["version", "identity", "seed", "crop"];
 
 /// A picture of some samples.
@@ -106,7 +106,7 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
         .and_then(SampleRanges::parse)
         .ok_or_else(|| {
             input(format!(
-                "{}: does not tell its sample ranges; expected a picture of `organza render`",
+                "{}: has no sample ranges; expected a picture of `organza render`",
                 path.display()
             ))
         })?;

@@ -46,7 +46,7 @@ pub struct RenderArgs {
     /// Picture to write: .exr or .png
     #[arg(short, long)]
     pub outfile: PathBuf,
-    /// Samples per pixel, at least 1; the most of them with --target-error or --time-limit [default: the scene's]
+    /// Samples per pixel, at least 1; the maximum with --target-error or --time-limit [default: the scene's]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
     pub spp: Option<u32>,
     /// Seed of all random numbers [default: the scene's]
@@ -55,7 +55,7 @@ pub struct RenderArgs {
     /// Render only these pixels: left, top, right, bottom (right and bottom outside), counted from the upper left
     #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
     pub crop: Option<Crop>,
-    /// Take only these samples of every pixel; parts (.exr) are put together by `organza merge`
+    /// Take only these samples of every pixel; `organza merge` combines the parts (.exr)
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_range, conflicts_with = "spp")]
     pub samples: Option<Range<u64>>,
     /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h; a bare number is seconds
@@ -67,19 +67,19 @@ pub struct RenderArgs {
     /// Stop when half the pixels that met matter have a standard error of at most this fraction of their own value, e.g. 0.01; with --target-error, when both are reached
     #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
     pub target_median_error: Option<f64>,
-    /// Darken single samples above this radiance, which biases the picture; --stats tells how much light that takes away [default: the scene's, or no limit]
+    /// Darken single samples above this radiance, which biases the picture; --stats prints how much light that removes [default: the scene's, or no limit]
     #[arg(long, value_name = "RADIANCE", value_parser = parse_positive)]
     pub clamp: Option<f64>,
-    /// Save what was gathered to this file now and then, when interrupted and at the end
+    /// Save the state to this file at intervals, when interrupted and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
-    /// Time between two checkpoints
+    /// Time between checkpoints
     #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
     pub checkpoint_every: Duration,
-    /// Go on from the checkpoint
+    /// Resume from the checkpoint
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
-    /// What walks the paths; auto takes the widest vectors there are where the scene allows it, else the general walk
+    /// Engine that traces the paths; auto uses the widest vector kernel that processor and scene allow, otherwise the general walk
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: BackendName,
     /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
@@ -105,9 +105,9 @@ impl Command for RenderArgs {
 /// What walks the paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum BackendName {
-    /// The widest kernel there is where the scene allows it, else the walk
+    /// The widest kernel that processor and scene allow, otherwise the walk
     Auto,
-    /// The general walk, which can do every scene
+    /// The general walk, which supports every scene
     Walk,
     /// The kernel, one path at a time
     Scalar,
@@ -142,10 +142,10 @@ fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
     output::check_writable(path)?;
     let fail = |why: &str| Err(input(format!("{}: {why}", path.display())));
     if path == args.outfile || path == args.scene {
-        return fail("names the checkpoint and another file at once");
+        return fail("is the name of the checkpoint and of another file");
     }
     if path.exists() && !args.resume {
-        return fail("is there already; go on from it with --resume, or remove it");
+        return fail("already exists; continue it with --resume, or remove it");
     }
     Ok(())
 }
@@ -192,7 +192,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         checkpoint::save(path, &identity, &rendering)?;
         if stop == Stop::Interrupted {
             return Err(anyhow::anyhow!(
-                "interrupted with {}; saved to {}, go on with --resume",
+                "interrupted with {}; saved to {}, continue with --resume",
                 taken_words(&rendering),
                 path.display()
             ));
@@ -281,7 +281,7 @@ fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
     })
 }
 
-/// Refuses before anything is voxelized what can be told by then.
+/// Refuses before anything is voxelized what can be checked by then.
 fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()> {
     let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
     file.render.check().map_err(fail)?;
@@ -372,7 +372,7 @@ fn print_figures(
 }
 
 /// Memory that the film leaves to the scene. The film is held twice when it is
-/// written or gone on from.
+/// written or resumed.
 fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
     let whole = UVec2::from(file.camera.resolution);
     let size = args
@@ -475,7 +475,7 @@ fn kernel(
     };
     match made {
         Err(why) if args.backend != BackendName::Auto => Err(input(format!(
-            "--backend {}: {why}; --backend auto takes the general walk then",
+            "--backend {}: {why}; --backend auto would use the general walk",
             backend.name()
         ))),
         made => Ok(made.map_err(Some)),
@@ -595,7 +595,7 @@ fn report(
         let removed = stats.clamped_radiance as f64 / 2f64.powi(32);
         let kept = means.iter().map(|m| m.0).sum::<f64>() * stats.paths as f64;
         note!(
-            "clamped       {} samples; {:.4} % of the light taken away",
+            "clamped       {} samples; {:.4} % of the light removed",
             stats.clamped,
             100.0 * removed / (removed + kept).max(f64::MIN_POSITIVE)
         );

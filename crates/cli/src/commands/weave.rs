@@ -107,7 +107,7 @@ fn no_draft(word: &str, path: &Path) -> anyhow::Error {
         return input(why);
     }
     let what = read::bytes(path).ok().and_then(|b| file_kind::of_bytes(&b));
-    let what = what.unwrap_or("a file of no kind that is known here");
+    let what = what.unwrap_or("a file of unknown kind");
     input(format!(
         "{word}: is {what}; expected a draft (.wif), a fabric file (.toml) or the name of a weave"
     ))

@@ -14,7 +14,7 @@ pub struct CommonArgs {
     /// Threads to use [default: all cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::from(u16::MAX)))]
     pub threads: Option<u16>,
-    /// Say nothing but errors
+    /// Print only errors
     #[arg(long)]
     pub quiet: bool,
     /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)

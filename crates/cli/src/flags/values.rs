@@ -47,7 +47,7 @@ pub fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// A share of a whole, above 0 and below 1: who types 5 means percent.
+/// A share of a whole, above 0 and below 1: 5 would mean percent.
 pub fn parse_share(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x > 0.0 && x < 1.0 => Ok(x),

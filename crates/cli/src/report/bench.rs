@@ -261,7 +261,7 @@ pub(super) fn recommended(r: &Recommendation, sample: &Sample) -> String {
             percent(r.taken.rmse.high)
         ),
         _ => format!(
-            "nothing; {words} comes nearest with {}",
+            "none; {words} is closest with {}",
             percent(r.taken.rmse.value)
         ),
     }

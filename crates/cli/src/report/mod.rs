@@ -134,10 +134,10 @@ impl Report {
         // Noise adds to errors: what it explains is held against nobody.
         let noisy = self.limit.hypot(j.layout.noise_median);
         let judged = match m.is_below(self.limit) {
-            Some(false) if m.low <= noisy => "cannot be told from",
+            Some(false) if m.low <= noisy => "cannot be distinguished from",
             Some(true) => "within",
             Some(false) => "further off than",
-            None => "cannot be told from",
+            None => "cannot be distinguished from",
         };
         format!(
             "{}: {judged} {:.0} %. In the median its reflection is off by {}; noise alone would show {:.1} %.",

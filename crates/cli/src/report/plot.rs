@@ -22,7 +22,7 @@ pub struct Line {
 }
 
 /// An axis: what it shows, how its numbers are written, and the least that is
-/// told apart from nothing.
+/// distinguished from zero.
 pub struct Axis {
     pub title: &'static str,
     pub number: fn(f64) -> String,

@@ -2,7 +2,7 @@
 //!
 //! The kernel is written once over these traits. Every operation is one that
 //! IEEE 754 rounds in one way only (no reciprocal estimates, products fused
-//! with sums wherever the source says so and nowhere else), so a lane computes
+//! with sums exactly where the source has it), so a lane computes
 //! the same bits whatever vector it is part of.
 
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};

@@ -232,7 +232,7 @@ pub fn end_on_ratio(spread_rad: f32) -> f32 {
     effective_cross_section(0.0, spread_rad) / effective_cross_section(1.0, spread_rad)
 }
 
-/// The spread behind an end-on ratio: half the interval a hundred times.
+/// The spread that gives an end-on ratio, by bisection in 40 steps.
 fn spread_of(end_on: f32) -> f32 {
     let (mut low, mut high) = (0.0f32, 20.0f32);
     for _ in 0..40 {

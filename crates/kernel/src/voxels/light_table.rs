@@ -386,7 +386,7 @@ impl VoxelWalk {
         }
     }
 
-    /// Leaves the current voxel and tells the length of the way through it.
+    /// Leaves the current voxel and returns the length of the path through it.
     #[inline]
     fn step(&mut self) -> f32 {
         let n = self.next_mm;

@@ -152,7 +152,7 @@ fn choose(
     let rows = table::measured();
     let traits = Traits::of(&fabric);
     let like = nearest(&rows, &traits, pixel_mm)
-        .ok_or_else(|| fail("model = \"auto\": this build carries no measurements"))?;
+        .ok_or_else(|| fail("model = \"auto\": this build contains no measurements"))?;
     let by_kernel = file.object.len() == 1 && mesh.is_none();
     let regular = file.render.integrator == IntegratorName::Regular;
     let possible = |model: &Representation, tracker: Tracker| match &model.build {
@@ -171,8 +171,9 @@ fn choose(
             && possible(r.choice.model, r.choice.tracker)
     });
     let tolerance = table.tolerance.unwrap_or(TOLERANCE);
-    let recommendation = recommend(&candidates(usable, &lit), tolerance)
-        .ok_or_else(|| fail("model = \"auto\": nothing measured suits this cloth; name a model"))?;
+    let recommendation = recommend(&candidates(usable, &lit), tolerance).ok_or_else(|| {
+        fail("model = \"auto\": no measurement applies to this cloth; set a model")
+    })?;
     let choice = recommendation.taken.choice;
     let own_um = fabric.file.voxel.size_um;
     set(table, &recommendation, own_um);
@@ -220,7 +221,7 @@ fn why(
         );
         match r.seconds {
             Some(_) => format!("{sides}, the fastest within"),
-            None => format!("{sides}, the least wrong; nothing is within"),
+            None => format!("{sides}, the smallest error; no choice is within"),
         }
     };
     let gain = match (r.seconds, r.fibres_s) {

@@ -17,7 +17,7 @@ const MEASURED: &str = include_str!("../../data/choices.csv");
 const HEADER: &str = "fabric,spacing_mm,openness,albedo,fibre_um,pixel_mm,lit,model,voxel_scale,\
 level,tracker,rmse,rmse_low,rmse_high,bias,bias_low,bias_high,setup_s,noise_s,memory_bytes";
 
-/// By what fabrics are told apart.
+/// The properties by which fabrics are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Traits {
     /// The narrower spacing of threads.

@@ -75,7 +75,7 @@ pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
 }
 
 impl Curves {
-    /// All curves of a source. `done` is told of every finished batch.
+    /// All curves of a source. `done` is called after every finished batch.
     pub fn gather(source: &dyn SegmentSource, done: &(dyn Fn() + Sync)) -> Curves {
         let tile = source.tile();
         let gathered: Vec<Curves> = (0..source.batch_count())

@@ -13,7 +13,7 @@ use super::{Format, Part, Source, Volume, box_of};
 use crate::Error;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::{Group, Level, Octree};
-use crate::record::{Brick, RadiusScale, Record};
+use crate::record::{Brick, RadiusScale, StoredPopulation};
 use bytemuck::Pod;
 use flate2::{Crc, read::ZlibDecoder};
 use glam::{DVec3, UVec3};
@@ -81,7 +81,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Octree, Error> 
     let mut start = [0u8; 16];
     read_exactly(input, &mut start, "header")?;
     if start[..8] != MAGIC {
-        return Err(wrong("it does not begin as one"));
+        return Err(wrong("its first bytes are wrong"));
     }
     let version = word(&start, 8);
     if !(1..=VERSION).contains(&version) {
@@ -96,7 +96,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Octree, Error> 
     if crc(&header) != word(&sum, 0) {
         return Err(wrong("its header was altered (checksum)"));
     }
-    let h = decode_header(&header).ok_or_else(|| wrong("its header makes no sense"))?;
+    let h = decode_header(&header).ok_or_else(|| wrong("its header is inconsistent"))?;
     let needed = u64::try_from(h.array_bytes()).unwrap_or(u64::MAX);
     budget.take(needed, "voxels")?;
     let groups: Vec<[u32; 2]> = read_array(input, version, h.group_count)?;
@@ -118,7 +118,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Octree, Error> 
         });
     }
     if input.read(&mut [0])? != 0 {
-        return Err(wrong("it goes on after its last block"));
+        return Err(wrong("it continues after its last block"));
     }
     let octree = Octree::assemble(
         h.lattice,
@@ -187,7 +187,7 @@ impl Header {
                 let table = bricks_across(self.lattice.dims_at(level)).as_u64vec3();
                 4 * u128::from(table.x) * u128::from(table.y) * u128::from(table.z)
                     + size_of::<Brick>() as u128 * u128::from(bricks)
-                    + size_of::<Record>() as u128 * u128::from(records)
+                    + size_of::<StoredPopulation>() as u128 * u128::from(records)
             });
         levels.sum::<u128>() + 8 * u128::from(self.group_count)
     }

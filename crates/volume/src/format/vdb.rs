@@ -107,7 +107,7 @@ pub struct Grid {
     /// From cell numbers (the middle of a cell) to millimetres.
     pub mm_from_cell: DAffine3,
     /// Least and greatest cell of the lattice that the grid was cut from, where
-    /// the file tells (ours do): a period includes its empty cells.
+    /// the file records it (ours do): a period includes its empty cells.
     pub extent: Option<(IVec3, IVec3)>,
     /// Store 16-bit floats (not for integers).
     pub half: bool,

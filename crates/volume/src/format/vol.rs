@@ -32,7 +32,7 @@ pub static FORMAT: Format = Format {
 /// What stands before the ending of the three files.
 const INFIXES: [&str; 3] = ["sigma_t", "sggx", "albedo"];
 
-/// The name that the three files have in common, without what tells them apart.
+/// The part of the name that the three files have in common.
 fn stem(name: &str) -> &str {
     let stem = name.get(..name.len().saturating_sub(ENDING.len()));
     let stem = stem.unwrap_or(name);
@@ -223,7 +223,7 @@ impl VolGrid {
             return Err(wrong(format!("value {i} is {}", data[i])));
         }
         if input.read(&mut [0])? != 0 {
-            return Err(wrong("it goes on after its values".into()));
+            return Err(wrong("it continues after its values".into()));
         }
         Ok(VolGrid {
             dims: UVec3::new(sizes[0] as u32, sizes[1] as u32, sizes[2] as u32),

@@ -3,12 +3,12 @@
 use super::{EMPTY, Group, Level, Octree, broadside};
 use crate::Error;
 use crate::block::sort_by_voxel;
-use crate::cluster::{Apart, Lump, Merger};
+use crate::cluster::{GatheredPopulation, KeepApart, Merger};
 use crate::lattice::{
     BLOCK, LEVELS_IN_BLOCK, Lattice, bit_of, brick_at, brick_index, bricks_across, cell_in_block,
     cell_of_bit, octant, voxel_in_block,
 };
-use crate::record::{Brick, MAX_GROUPS, RadiusScale, Record, encode_direction};
+use crate::record::{Brick, MAX_GROUPS, RadiusScale, StoredPopulation, encode_direction};
 use glam::UVec3;
 use organza_basis::MAX_COMPONENTS;
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ const FINEST_TOLERANCE: f32 = 0.05;
 const COARSE_TOLERANCE: f32 = 0.01;
 
 /// The populations of one brick under construction, sorted by voxel.
-type BuildBrick = (u32, Vec<Lump>);
+type BuildBrick = (u32, Vec<GatheredPopulation>);
 
 /// What quantisation needs to know of the whole tile.
 pub(crate) struct Scales {
@@ -70,10 +70,10 @@ impl Scales {
         })
     }
 
-    fn record(&self, l: &Lump) -> Record {
+    fn record(&self, l: &GatheredPopulation) -> StoredPopulation {
         let (axis, sin_sq) = l.axis_and_sin_sq();
         let group = self.groups.binary_search(&l.group()).unwrap_or(0) as u32;
-        Record {
+        StoredPopulation {
             length: (l.length_mm / self.quantum_mm) as u32,
             direction: encode_direction(axis, sin_sq),
             population: self.radii.encode(group, l.radius_mm()),
@@ -87,17 +87,22 @@ struct Part {
     /// Where each brick belongs in the table of its level.
     places: Vec<u32>,
     bricks: Vec<Brick>,
-    records: Vec<Record>,
+    records: Vec<StoredPopulation>,
 }
 
 impl Part {
     /// Quantises the populations of a brick; returns its records.
-    fn push(&mut self, place: u32, lumps: &[Lump], scales: &Scales) -> (&mut Brick, &[Record]) {
+    fn push(
+        &mut self,
+        place: u32,
+        populations: &[GatheredPopulation],
+        scales: &Scales,
+    ) -> (&mut Brick, &[StoredPopulation]) {
         let mut header = Brick {
             first: self.records.len() as u32,
             ..Brick::default()
         };
-        for l in lumps {
+        for l in populations {
             let bit = 1u64 << l.bit();
             // At most four per voxel, so a mask is always free.
             if let Some(mask) = header.masks.iter_mut().find(|m| **m & bit == 0) {
@@ -105,7 +110,8 @@ impl Part {
             }
         }
         let start = self.records.len();
-        self.records.extend(lumps.iter().map(|l| scales.record(l)));
+        self.records
+            .extend(populations.iter().map(|l| scales.record(l)));
         self.places.push(place);
         self.bricks.push(header);
         let last = self.bricks.len() - 1;
@@ -134,46 +140,46 @@ pub(crate) fn build_block(
     lattice: &Lattice,
     scales: &Scales,
     block: u32,
-    lumps: Vec<Lump>,
+    populations: Vec<GatheredPopulation>,
 ) -> BuiltBlock {
     let corner = brick_at(block, lattice.blocks_across());
     let mut merger = Merger::default();
-    let mut lumps = reduce(&mut merger, lumps, Apart::Yarns);
+    let mut populations = reduce(&mut merger, populations, KeepApart::Yarns);
     // What is left of each number after rounding goes to the next, so that
     // a sum over voxels is off by half a quantum and not by its root.
     let mut carry = 0.0;
-    for l in lumps.iter_mut() {
+    for l in populations.iter_mut() {
         let exact = l.length_mm / scales.quantum_mm + carry;
         let quanta = exact.round().max(0.0);
         carry = exact - quanta;
         l.rescale(quanta * scales.quantum_mm);
     }
-    lumps.retain(|l| l.length_mm > 0.0);
+    populations.retain(|l| l.length_mm > 0.0);
 
     let mut built = BuiltBlock {
         levels: Vec::new(),
         top: None,
     };
-    if lumps.is_empty() {
+    if populations.is_empty() {
         return built;
     }
     let bricks_in_block = UVec3::splat(BLOCK / 4);
     let mut below = [0.0f32; (BLOCK * BLOCK * BLOCK / 64) as usize];
     for level in 0..lattice.levels.min(LEVELS_IN_BLOCK) {
         if level > 0 {
-            for l in lumps.iter_mut() {
+            for l in populations.iter_mut() {
                 let cell = cell_in_block(l.voxel()) >> 1u32;
                 *l = l.moved_to(voxel_in_block(cell));
             }
-            sort_by_voxel(&mut lumps);
-            lumps = reduce(&mut merger, lumps, Apart::Materials);
+            sort_by_voxel(&mut populations);
+            populations = reduce(&mut merger, populations, KeepApart::Materials);
         }
         let grid = bricks_across(lattice.dims_at(level));
         let low = corner * (bricks_in_block >> u32::from(level));
         let density_per_quantum = lattice.density_of(scales.quantum_mm, level);
         let finer = std::mem::replace(&mut below, [0.0; _]);
         let mut part = Part::default();
-        for brick in lumps.chunk_by(|a, b| a.voxel() >> 6 == b.voxel() >> 6) {
+        for brick in populations.chunk_by(|a, b| a.voxel() >> 6 == b.voxel() >> 6) {
             let number = brick[0].voxel() >> 6;
             let at = brick_at(number, bricks_in_block);
             let (header, records) = part.push(brick_index(low + at, grid), brick, scales);
@@ -189,36 +195,40 @@ pub(crate) fn build_block(
     }
     if lattice.levels > LEVELS_IN_BLOCK {
         // One brick is left, where the block is in the grid of blocks.
-        built.top = Some((block, lumps));
+        built.top = Some((block, populations));
     }
     built
 }
 
 /// Merges the populations of each voxel; they are sorted by voxel.
-fn reduce(merger: &mut Merger, all: Vec<Lump>, apart: Apart) -> Vec<Lump> {
+fn reduce(
+    merger: &mut Merger,
+    all: Vec<GatheredPopulation>,
+    apart: KeepApart,
+) -> Vec<GatheredPopulation> {
     let tolerance = match apart {
-        Apart::Yarns => FINEST_TOLERANCE,
-        Apart::Materials => COARSE_TOLERANCE,
+        KeepApart::Yarns => FINEST_TOLERANCE,
+        KeepApart::Materials => COARSE_TOLERANCE,
     };
-    let mut lumps = Vec::with_capacity(all.len());
+    let mut populations = Vec::with_capacity(all.len());
     let mut voxel = Vec::new();
     for part in all.chunk_by(|a, b| a.voxel() == b.voxel()) {
         if let [only] = part {
-            lumps.push(*only);
+            populations.push(*only);
             continue;
         }
         voxel.extend_from_slice(part);
         merger.merge_to(&mut voxel, MAX_COMPONENTS, tolerance, apart);
         // Largest first: a reader who wants only one takes the first.
         voxel.sort_by(|a, b| b.radius_length_mm2.total_cmp(&a.radius_length_mm2));
-        lumps.append(&mut voxel);
+        populations.append(&mut voxel);
     }
-    lumps
+    populations
 }
 
 fn finest_majorant(
     brick: &Brick,
-    records: &[Record],
+    records: &[StoredPopulation],
     density_per_quantum: f32,
     radii: &RadiusScale,
 ) -> f32 {
@@ -281,8 +291,8 @@ impl<'a> Assembly<'a> {
             let finer = &finer[level - 1];
             bricks = coarsen(&bricks, finer, coarser[0].grid);
             let mut part = Part::default();
-            for (place, lumps) in &bricks {
-                let (header, _) = part.push(*place, lumps, self.scales);
+            for (place, populations) in &bricks {
+                let (header, _) = part.push(*place, populations, self.scales);
                 let below = children(brick_at(*place, coarser[0].grid), finer);
                 header.majorant_per_mm = below
                     .iter()
@@ -314,7 +324,7 @@ fn append(level: &mut Level, mut part: Part) -> Result<(), Error> {
     let first = level.records.len();
     if u32::try_from(first + part.records.len()).is_err() {
         return Err(Error::Options(
-            "more than 4294967295 populations in one level: take larger voxels".into(),
+            "more than 4294967295 populations in one level: use larger voxels".into(),
         ));
     }
     for (place, brick) in part.places.iter().zip(&mut part.bricks) {
@@ -350,18 +360,18 @@ fn coarsen(bricks: &[BuildBrick], finer: &Level, grid: UVec3) -> Vec<BuildBrick>
     parents
         .into_par_iter()
         .map(|parent| {
-            let mut lumps = Vec::new();
+            let mut populations = Vec::new();
             let below = children(brick_at(parent, grid), finer);
             for (i, child) in below.into_iter().enumerate() {
                 let Some(child) = child else { continue };
                 let low = octant(i as u32) << 1u32;
-                lumps.extend(bricks[child as usize].1.iter().map(|l| {
+                populations.extend(bricks[child as usize].1.iter().map(|l| {
                     let cell = low + (cell_of_bit(l.bit()) >> 1u32);
                     l.moved_to(bit_of(cell))
                 }));
             }
-            lumps.sort_by_key(Lump::bit);
-            let merged = reduce(&mut Merger::default(), lumps, Apart::Materials);
+            populations.sort_by_key(GatheredPopulation::bit);
+            let merged = reduce(&mut Merger::default(), populations, KeepApart::Materials);
             (parent, merged)
         })
         .collect()

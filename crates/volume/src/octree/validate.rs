@@ -62,7 +62,7 @@ impl Octree {
             }
         }
         if place_of.contains(&EMPTY) {
-            return Err("a brick that no place names".into());
+            return Err("a brick without a place".into());
         }
         let mut first = 0u64;
         for (&at, brick) in place_of.iter().zip(&l.bricks) {
@@ -76,7 +76,7 @@ impl Octree {
             first += u64::from(brick.masks.iter().map(|m| m.count_ones()).sum::<u32>());
         }
         if first != l.records.len() as u64 {
-            return Err("populations that no cell names".into());
+            return Err("populations without a cell".into());
         }
         let problem = place_of
             .par_iter()

@@ -60,12 +60,12 @@ impl Cloth {
         Ok(cloth)
     }
 
-    /// Says what becomes of twist where the tile closes, and which yarns have too
+    /// Warns of twist that changes so that the tile closes, and of yarns with too
     /// many fibres to be pushed apart.
     fn warn_of_yarns(&mut self) {
-        let mut told = vec![false; self.yarns.len()];
+        let mut is_checked = vec![false; self.yarns.len()];
         for (batch, thread) in self.threads.iter().enumerate() {
-            if std::mem::replace(&mut told[thread.yarn], true) {
+            if std::mem::replace(&mut is_checked[thread.yarn], true) {
                 continue;
             }
             if let Centreline::Bare(_) = thread.line {
@@ -75,10 +75,10 @@ impl Cloth {
             let path = self.path(thread, Level::Yarn);
             let length = path.length_mm();
             let closure = Closure::new(yarn, length);
-            if self.strand(batch, &path).is_too_large_to_settle() {
+            if self.strand(batch, &path).is_too_large_to_push_apart() {
                 self.warnings.push(format!(
-                    "yarn.{}: its fibres are too many over {length:.0} mm to be pushed apart; where \
-                     they run into each other they share room",
+                    "yarn.{}: too many fibres over {length:.0} mm to be pushed apart; some of them \
+                     overlap",
                     yarn.name,
                 ));
             }
@@ -99,8 +99,8 @@ impl Cloth {
                 if (wanted - got).abs() * radius > TWIST_WARNING {
                     let turns = |rate: f64| (rate * 1000.0 / std::f64::consts::TAU).round();
                     self.warnings.push(format!(
-                        "yarn.{}.{what}: {} turns per metre come out as {}, so that the tile \
-                         closes; more tile.repeats bring it nearer",
+                        "yarn.{}.{what}: {} turns per metre were changed to {} so that the tile \
+                         closes; more tile.repeats reduce the change",
                         yarn.name,
                         turns(wanted),
                         turns(got)
@@ -111,17 +111,17 @@ impl Cloth {
     }
 }
 
-/// Fibres that send out more light than they get are none.
+/// No fibre reflects more light than it receives.
 fn check_colours(system: &str, spec: &ThreadSetSpec) -> Result<(), Error> {
     for (i, colour) in spec.colours.iter().enumerate() {
         let channels = <[f32; 3]>::from(*colour);
         if channels.iter().all(|c| (0.0..=1.0).contains(c)) {
             continue;
         }
-        // What was meant can be told of a swatch's numbers alone.
+        // Only values of a swatch, 0 to 255, can be converted to what was meant.
         let hint = if channels.iter().all(|c| (0.0..=255.0).contains(c)) {
             let [r, g, b] = channels.map(|c| Rgb::linear_from_srgb(c / 255.0));
-            format!("; a swatch of 0 to 255 like that is [{r:.3}, {g:.3}, {b:.3}]")
+            format!("; as sRGB from 0 to 255 this would be [{r:.3}, {g:.3}, {b:.3}]")
         } else {
             String::new()
         };
@@ -131,7 +131,7 @@ fn check_colours(system: &str, spec: &ThreadSetSpec) -> Result<(), Error> {
     Ok(())
 }
 
-/// Threads that lie loose on the others are seldom meant.
+/// Threads that never interlace are seldom intended.
 fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
     let floats = draft.floats();
     for (loose, all, what) in [
@@ -154,7 +154,7 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
     let mut yarns = Yarns::new(&fabric.yarn);
     let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
     let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
-    let yarns = yarns.settled;
+    let yarns = yarns.built;
     let [rx, ry] = repeats(fabric)?;
     let ends = threads(draft.ends(), &warp_yarns, &fabric.warp).saturating_mul(rx);
     let picks = threads(draft.picks(), &weft_yarns, &fabric.weft).saturating_mul(ry);
@@ -174,10 +174,10 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
     let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
     let rest = relax(&draft, &warp, &weft, fabric.relaxation.max_iterations)?;
 
-    // Less than half a percent would be told as 100 %.
+    // Less than half a percent would be printed as 100 %.
     if fitted.compaction < 0.995 {
         warnings.push(format!(
-            "yarns are pressed to {:.0} % of their thickness to fit between each other",
+            "yarns are pressed to {:.0} % of their thickness so that they fit",
             100.0 * fitted.compaction
         ));
     }
@@ -246,7 +246,7 @@ fn knitted(fabric: &FabricGeometry, name: &str) -> Result<Cloth, Error> {
     };
     let mut yarns = Yarns::new(&fabric.yarn);
     let course_yarns = yarns.of_system("weft", &fabric.weft)?;
-    let yarns = yarns.settled;
+    let yarns = yarns.built;
     let course_mm = spacing_mm("weft", &fabric.weft, None, 0)?;
     let thickest = course_yarns
         .iter()
@@ -338,17 +338,17 @@ fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
     lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
 }
 
-/// The yarns that threads have asked for, settled once each.
+/// The yarns that threads use, each built once.
 pub(super) struct Yarns<'a> {
     specs: &'a BTreeMap<String, YarnSpec>,
-    pub settled: Vec<Yarn>,
+    pub built: Vec<Yarn>,
 }
 
 impl<'a> Yarns<'a> {
     pub fn new(specs: &'a BTreeMap<String, YarnSpec>) -> Yarns<'a> {
         Yarns {
             specs,
-            settled: Vec::new(),
+            built: Vec::new(),
         }
     }
 
@@ -368,7 +368,7 @@ impl<'a> Yarns<'a> {
     }
 
     fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
-        if let Some(i) = self.settled.iter().position(|y| y.name == name) {
+        if let Some(i) = self.built.iter().position(|y| y.name == name) {
             return Ok(i);
         }
         let preset_itself = YarnSpec::default();
@@ -389,8 +389,8 @@ impl<'a> Yarns<'a> {
                 ));
             }
         };
-        self.settled.push(Yarn::new(name, spec)?);
-        Ok(self.settled.len() - 1)
+        self.built.push(Yarn::new(name, spec)?);
+        Ok(self.built.len() - 1)
     }
 }
 

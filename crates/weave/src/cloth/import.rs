@@ -23,7 +23,7 @@ pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Res
     }
     let mut yarns = Yarns::new(&fabric.yarn);
     let used = yarns.of_system("weft", &fabric.weft)?;
-    let yarns = yarns.settled;
+    let yarns = yarns.built;
     let set = if bytes.starts_with(b"BCC") {
         let radius_mm = yarns[used[0]].fibre_radius_mm;
         CurveSet::read_bcc(&bytes, unit_mm as f32, radius_mm as f32)

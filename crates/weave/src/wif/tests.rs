@@ -1,4 +1,6 @@
+use super::example_drafts::{EXAMPLES, damask};
 use super::*;
+use std::collections::BTreeMap;
 
 /// A four-shaft draft of the project's own, with room for oddities.
 fn wif(weaving: &str, rest: &str) -> String {
@@ -257,49 +259,53 @@ fn undecided_files_are_refused_with_section_and_key() {
     }
 }
 
-/// Real files of many programs, when they lie beside the project.
+/// Files in the dialects of several programs load, with a warning where their name says
+/// so; rising and sinking sheds are complements.
 #[test]
-fn files_of_other_programs_load_or_are_refused_as_their_names_say() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/wif");
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        eprintln!("skipped: {folder} is not there");
-        return;
-    };
-    let mut drafts = std::collections::BTreeMap::new();
-    for entry in entries {
-        let path = entry.unwrap().path();
-        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let result = Draft::from_wif(&std::fs::read(&path).unwrap());
-        if name.starts_with("BAD") {
-            let error = result.expect_err(&name).to_string();
-            let section = match name.as_str() {
-                "BAD missing liftplan" => "[LIFTPLAN]",
-                "BAD missing tieup" => "[TIEUP]",
-                "BAD missing_color_table_warp" => "[WARP COLORS] 1",
-                "BAD too many treadles in treadline" => "[TREADLING] 1",
-                "BAD warp_color too big" => "[WEFT COLORS] 6",
-                other => panic!("a new bad file: {other}"),
-            };
-            assert!(error.contains(section), "{name}: {error}");
-        } else {
-            let draft = result.unwrap_or_else(|e| panic!("{name}: {e}"));
+fn drafts_in_many_dialects_load() {
+    let drafts: BTreeMap<&str, Draft> = EXAMPLES
+        .iter()
+        .map(|(name, bytes)| {
+            let draft = Draft::from_wif(bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert!(
-                !name.starts_with("WARN") || !draft.warnings.is_empty(),
+                !name.starts_with("warn") || !draft.warnings.is_empty(),
                 "{name}"
             );
-            drafts.insert(name, draft);
-        }
-    }
-    for name in ["two color liftplan", "two color single treadles"] {
-        let (up, down) = (&drafts[name], &drafts[&format!("{name} sinking shed")]);
+            (*name, draft)
+        })
+        .collect();
+    for name in ["liftplan", "treadles"] {
+        let up = &drafts[format!("{name}_rising").as_str()];
+        let down = &drafts[format!("{name}_sinking").as_str()];
         for i in 0..up.ends() * up.picks() {
             let (e, p) = (i % up.ends(), i / up.ends());
             assert_ne!(up.warp_up(e, p), down.warp_up(e, p), "{name}");
         }
     }
-    let big = &drafts["multi-byte liftplan"];
-    assert_eq!((big.ends(), big.picks()), (641, 641));
-    assert_eq!(drafts["54235plain"].drawdown().lines().count(), 2);
+    let forgiving = drafts["forgiving_liftplan"].drawdown();
+    assert_eq!(forgiving, "X....\n.....\n.....\n.X...\n");
+    assert_eq!(drafts["studio_latin_1"].title, "Köper für Tücher");
+    let inch = drafts["studio_latin_1"].warp[2].spacing_mm.unwrap();
+    assert!((inch - 0.09 * 25.4).abs() < 1e-4, "{inch}");
+    let private = &drafts["private_sections_and_defaults"];
+    assert_eq!(private.warp[1].colour, private.weft[4].colour);
+    assert!((private.warp[3].spacing_mm.unwrap() - 0.53).abs() < 1e-4);
+    assert!((private.warp[4].spacing_mm.unwrap() - 2.12).abs() < 1e-4);
+}
+
+/// A jacquard-sized lift plan is read whole: every crossing is what the damask says.
+#[test]
+fn a_large_lift_plan_is_read() {
+    let draft = read(&damask(641));
+    assert_eq!((draft.ends(), draft.picks()), (641, 641));
+    assert_eq!(draft.smallest_repeat().ends(), 641);
+    let in_figure = |thread: usize| [0, 3, 4, 8, 10, 11, 15].contains(&(thread / 12 % 17));
+    for i in 0..641 * 641 {
+        let (e, p) = (i % 641, i / 641);
+        let diagonal = e % 4 == p % 4;
+        let expected = diagonal != (in_figure(e) == in_figure(p));
+        assert_eq!(draft.warp_up(e, p), expected, "{e} {p}");
+    }
 }
 
 proptest::proptest! {

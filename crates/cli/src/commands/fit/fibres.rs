@@ -22,7 +22,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
 
-/// What a measurement told, and how to make the same of a fabric.
+/// The data of a measurement, and how to simulate the same for a fabric.
 enum Observed {
     Pairs(Vec<PairValue>),
     /// Reflected and transmitted light of some directions.
@@ -149,7 +149,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
             let patch = matter.patch(&changed, &args.fabric, &options)?;
             Ok(observed.simulate(args, &patch)?.concat())
         });
-        // A fabric whose yarns do not fit is no answer; what went wrong is told
+        // A fabric whose yarns do not fit is no answer; its error is reported
         // when there is no other.
         let told = found.map_err(|e| failure = Some(e)).ok()?;
         let both = || told.chunks_exact(2).zip(&values);
@@ -315,7 +315,7 @@ pub fn optics_given_way(
         }
     }
     if !list.is_empty() && !args.common.quiet {
-        note!("what is fitted takes the place of {}", list.join(", "));
+        note!("the fitted values replace {}", list.join(", "));
     }
     Ok(list)
 }

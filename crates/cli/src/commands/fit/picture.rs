@@ -44,7 +44,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         ("--patience", args.patience.is_some()),
     ] {
         if is_given {
-            let why = "a fit to a picture takes a dozen turns; belongs to the other fits";
+            let why = "applies only to fits of a surface or of fibres";
             return Err(input(format!("{flag}: {why}")));
         }
     }

@@ -30,7 +30,7 @@ pub struct File {
 pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<File, Error> {
     let mut cur = Cursor { bytes, at: 0 };
     if cur.take(8)? != b" BDV\0\0\0\0" {
-        return Err(wrong("it does not begin as one").into());
+        return Err(wrong("its first bytes are wrong").into());
     }
     let version = cur.u32()?;
     if !(222..=224).contains(&version) {
@@ -116,7 +116,7 @@ fn read_grid(
     Ok((name, grid))
 }
 
-/// Copies of a name are told apart by a control character and a number.
+/// Copies of a name differ by a control character and a number.
 fn name_of(full_name: &str) -> &str {
     full_name.split('\u{1e}').next().unwrap_or_default()
 }

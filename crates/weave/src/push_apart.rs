@@ -1,34 +1,33 @@
-//! Fibres of a strand pushed apart until they share hardly any room.
+//! Pushes the fibres of a strand apart until they hardly overlap.
 //!
-//! Random places, migration and flattening put fibres into each other: a sixth
-//! of the fibre volume of a flattened cotton yarn would lie in other fibres too.
-//! That is more fibre than there is room for, and a volume that counts lengths
-//! sees all of it. So the cross-section is taken as discs at stations along the
-//! yarn, and discs that overlap are moved apart, by turns with smoothing along
-//! the fibres. Places change; numbers and radii of fibres stay.
+//! Random placement, migration and flattening make fibres overlap: a sixth of the fibre
+//! volume of a flattened cotton yarn would lie inside other fibres as well. A volume that
+//! adds up fibre lengths would count all of it. Therefore the cross-section is treated as
+//! discs at stations along the yarn. Steps that move overlapping discs apart alternate with
+//! smoothing along the fibres. Only positions change; number and radii of fibres stay.
 //!
-//! Shifts are kept away from the ply's centre and about it, so that a fibre that
-//! keeps its place among its neighbours has the same all along, and are
-//! interpolated between stations with continuous tangents.
+//! Shifts are stored relative to the ply's centre, as a radial and a tangential part, so that
+//! a fibre that keeps its place among its neighbours has the same shift all along. Between
+//! stations they are interpolated with continuous tangents.
 
 use crate::spline::catmull_rom;
 use glam::{DVec2, Vec2};
 
-/// Rounds of neighbours found anew, and pushes within a round.
+/// Rounds, each of which searches neighbours again, and pushes within a round.
 const ROUNDS: usize = 3;
 const PUSHES: usize = 6;
-/// What smoothing takes of the differences along a fibre after a round, the last
-/// excepted.
+/// Share of the differences along a fibre that smoothing removes after every round but the
+/// last.
 const SMOOTHING: f32 = 0.25;
-/// Neighbours are nearer than so many radii when a round begins.
+/// Distance in radii within which discs are neighbours at the start of a round.
 const REACH_RADII: f32 = 3.0;
 /// Angle of twist and migration between stations, radians.
 const STATION_RAD: f64 = 0.5;
-const FEWEST_STATIONS: usize = 4;
-/// Discs held at once, of 48 bytes; more are left where they are.
-const MOST_DISCS: usize = 1 << 20;
+const MIN_STATIONS: usize = 4;
+/// Maximum number of discs, of 48 bytes each; larger bundles are not pushed apart.
+const MAX_DISCS: usize = 1 << 20;
 
-/// What is to settle: the fibres of all plies, each wound through the period
+/// What is pushed apart: the fibres of all plies, each wound through the period
 /// several times.
 pub(crate) struct Bundle<'a> {
     pub fibres: usize,
@@ -43,13 +42,13 @@ pub(crate) struct Bundle<'a> {
     /// No centre gets further from its ply's centre, unless it starts there.
     pub reach_mm: f64,
     /// Of a fibre in a winding, at a share of the period.
-    pub place: &'a dyn Fn(usize, u32, f64) -> Place,
+    pub place: &'a dyn Fn(usize, u32, f64) -> FibrePlace,
 }
 
 /// Where a fibre would be if it had the yarn to itself, in the round
 /// cross-section.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct FibrePlace {
     /// The centre of its ply.
     pub ply_mm: DVec2,
     /// From there: unit length.
@@ -57,7 +56,7 @@ pub(crate) struct Place {
     pub distance_mm: f64,
 }
 
-impl Place {
+impl FibrePlace {
     /// The fibre's centre when it is shifted, away from the ply's centre and
     /// about it.
     pub fn shifted(&self, shift_mm: DVec2) -> DVec2 {
@@ -66,15 +65,15 @@ impl Place {
     }
 }
 
-/// Where fibres went.
-pub(crate) struct Settled {
+/// How far fibres were shifted.
+pub(crate) struct FibreShifts {
     /// Stations along a whole fibre.
     around: usize,
     /// By fibre, then station.
     shifts_mm: Vec<Vec2>,
 }
 
-impl Settled {
+impl FibreShifts {
     /// The shift of a fibre at the share `run` of all its windings, which may lie
     /// a little outside; away from the ply's centre and about it, mm.
     pub fn at(&self, fibre: usize, run: f64) -> DVec2 {
@@ -109,18 +108,18 @@ struct Disc {
 impl Bundle<'_> {
     /// Sections along a period.
     fn stations(&self) -> usize {
-        ((self.angle_rad / STATION_RAD).ceil() as usize).max(FEWEST_STATIONS)
+        ((self.angle_rad / STATION_RAD).ceil() as usize).max(MIN_STATIONS)
     }
 
     /// Whether it takes too much memory to push these fibres apart.
     pub fn is_too_large(&self) -> bool {
         let pieces = self.fibres.saturating_mul(self.windings);
-        pieces.saturating_mul(self.stations()) > MOST_DISCS
+        pieces.saturating_mul(self.stations()) > MAX_DISCS
     }
 
     /// Pushes the fibres apart; `None` where there is but one, or they are [too
     /// many](Bundle::is_too_large).
-    pub fn settle(&self) -> Option<Settled> {
+    pub fn push_apart(&self) -> Option<FibreShifts> {
         let (windings, pieces) = (self.windings, self.fibres * self.windings);
         if pieces < 2 || self.is_too_large() {
             return None;
@@ -141,7 +140,7 @@ impl Bundle<'_> {
                     let shift = shifts_mm[place(disc.piece)];
                     disc.at_mm = disc.base_mm + flatten * disc.direction.rotate(shift);
                 }
-                self.push_apart(section, &mut pairs);
+                self.push_section(section, &mut pairs);
                 let turned_back = Vec2::new(1.0, -1.0);
                 for disc in &*section {
                     let moved = (disc.at_mm - disc.base_mm) / flatten;
@@ -152,7 +151,7 @@ impl Bundle<'_> {
                 shifts_mm.chunks_exact_mut(around).for_each(smooth);
             }
         }
-        Some(Settled { around, shifts_mm })
+        Some(FibreShifts { around, shifts_mm })
     }
 
     /// All discs, by station, then fibre, then winding.
@@ -203,7 +202,7 @@ impl Bundle<'_> {
     }
 
     /// Moves the discs of one section; they are left in the order of their x.
-    fn push_apart(&self, section: &mut [Disc], pairs: &mut Vec<(u32, u32)>) {
+    fn push_section(&self, section: &mut [Disc], pairs: &mut Vec<(u32, u32)>) {
         section.sort_by(|a, b| {
             let by_place = a.at_mm.x.total_cmp(&b.at_mm.x);
             by_place.then(a.piece.cmp(&b.piece))
@@ -285,19 +284,19 @@ mod tests {
     const FIBRES: usize = 26;
 
     /// Fibres at random, twisted, that wander in and out, filling half of the ply.
-    fn place(seed: u64, fibre: usize, winding: u32, s: f64) -> Place {
+    fn place(seed: u64, fibre: usize, winding: u32, s: f64) -> FibrePlace {
         let mut rng = PathRng::from_seed(seed + fibre as u64);
         let [radius, phase, swing] = [0; 3].map(|_| f64::from(rng.unit()));
         let run = (f64::from(winding) + s) / WINDINGS as f64;
         let wander = 0.85 + 0.15 * (TAU * (swing + 4.0 * run)).cos();
-        Place {
+        FibrePlace {
             ply_mm: DVec2::ZERO,
             direction: DVec2::from_angle(TAU * (phase + TURNS * run)),
             distance_mm: (PLY_MM - RADIUS_MM) * radius.sqrt() * wander,
         }
     }
 
-    fn bundle(place: &dyn Fn(usize, u32, f64) -> Place) -> Bundle<'_> {
+    fn bundle(place: &dyn Fn(usize, u32, f64) -> FibrePlace) -> Bundle<'_> {
         Bundle {
             fibres: FIBRES,
             windings: WINDINGS,
@@ -312,7 +311,7 @@ mod tests {
 
     /// Area that pairs of discs share over the area of all discs, between the
     /// stations as well as at them.
-    fn shared(bundle: &Bundle, settled: Option<&Settled>) -> f64 {
+    fn shared(bundle: &Bundle, shifts: Option<&FibreShifts>) -> f64 {
         let mut shared = 0.0;
         for k in 0..50 {
             let s = f64::from(k) / 50.0;
@@ -320,7 +319,7 @@ mod tests {
             for fibre in 0..FIBRES {
                 for winding in 0..WINDINGS {
                     let run = (winding as f64 + s) / WINDINGS as f64;
-                    let shift = settled.map_or(DVec2::ZERO, |all| all.at(fibre, run));
+                    let shift = shifts.map_or(DVec2::ZERO, |all| all.at(fibre, run));
                     let place = (bundle.place)(fibre, winding as u32, s);
                     let from_ply = place.shifted(shift) - place.ply_mm;
                     assert!(from_ply.length() < PLY_MM, "{from_ply} left its ply");
@@ -345,8 +344,8 @@ mod tests {
         for seed in [1, 1001, 2001] {
             let place = |fibre, winding, s| place(seed, fibre, winding, s);
             let bundle = bundle(&place);
-            let settled = bundle.settle().unwrap();
-            let (before, after) = (shared(&bundle, None), shared(&bundle, Some(&settled)));
+            let shifts = bundle.push_apart().unwrap();
+            let (before, after) = (shared(&bundle, None), shared(&bundle, Some(&shifts)));
             // Placed by chance; yarns place their fibres better to begin with.
             assert!(before > 0.3, "seed {seed}: {before} to begin with");
             assert!(
@@ -359,18 +358,18 @@ mod tests {
     #[test]
     fn shifts_close_and_have_no_kinks() {
         let place = |fibre, winding, s| place(7, fibre, winding, s);
-        let settled = bundle(&place).settle().unwrap();
+        let shifts = bundle(&place).push_apart().unwrap();
         let mut sharpest_chord_mm = 0.0f32;
         for fibre in 0..FIBRES {
-            assert!(settled.at(fibre, 0.0).distance(settled.at(fibre, 1.0)) < 1e-9);
-            let knots = &settled.shifts_mm[fibre * settled.around..][..settled.around];
+            assert!(shifts.at(fibre, 0.0).distance(shifts.at(fibre, 1.0)) < 1e-9);
+            let knots = &shifts.shifts_mm[fibre * shifts.around..][..shifts.around];
             let step = 1e-3;
-            for k in 0..settled.around {
+            for k in 0..shifts.around {
                 // Left and right of a station, the border's too, slopes agree, which
                 // those of chords from knot to knot do not.
-                let run = k as f64 / settled.around as f64;
+                let run = k as f64 / shifts.around as f64;
                 let [a, b, c] =
-                    [-step, 0.0, step].map(|d| settled.at(fibre, run + d / settled.around as f64));
+                    [-step, 0.0, step].map(|d| shifts.at(fibre, run + d / shifts.around as f64));
                 let kink_mm = (c - b).distance(b - a) / step;
                 assert!(kink_mm < 1e-3, "fibre {fibre}, station {k}: {kink_mm} mm");
                 let [a, b, c] = [knots.len() - 1, 0, 1].map(|d| knots[(k + d) % knots.len()]);
@@ -388,6 +387,6 @@ mod tests {
             windings: 1,
             ..bundle(&place)
         };
-        assert!(alone.settle().is_none());
+        assert!(alone.push_apart().is_none());
     }
 }
