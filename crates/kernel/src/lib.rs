@@ -36,6 +36,7 @@ use organza_light::{Hemisphere, KernelLight, Light};
 use organza_scatter::Fibre;
 use voxels::borders::Borders;
 use voxels::environment::{Parts, Sky};
+use voxels::event_weights::{EventWeights, are_even};
 use voxels::fibre_tables::FibreTables;
 use voxels::film_rays::FilmRays;
 use voxels::flat_medium::FlatMedium;
@@ -78,6 +79,9 @@ pub struct Kernel {
     /// times what the table lets through, plus a little.
     residual_scale: f32,
 }
+
+/// Lanes look words up by signed numbers.
+const MOST_WORDS: u64 = 1 << 31;
 
 /// What a picture is made of: matter, what lights it, and the camera that looks at it.
 pub struct View<'a, M> {
@@ -156,7 +160,22 @@ impl Kernel {
                 if fibres().any(is_rough) || medium.wide_share() > MOST_WIDE {
                     return Err(Refusal::Skewed);
                 }
-                FibreTables::new(fibres())
+                let tables = FibreTables::new(fibres());
+                let (thickness, of_tangents) = medium.thickness_and_variance();
+                let is_even = |weights: &EventWeights| {
+                    let variance = weights.variance + of_tangents;
+                    are_even(
+                        EventWeights {
+                            variance,
+                            ..*weights
+                        },
+                        thickness,
+                    )
+                };
+                if !tables.weights.iter().all(is_even) {
+                    return Err(Refusal::Skewed);
+                }
+                tables
             }
         };
         let panels = panels.into_iter().map(|panel| {
@@ -169,6 +188,12 @@ impl Kernel {
         let extinctions: Vec<Vec<f32>> = extinctions.collect();
         // Lamps are wide: a fine table toward their middles would be no better.
         let nodes = Nodes::new(&cell_grid, extinctions.iter().map(Vec::as_slice));
+        let texels = pictures.iter().map(|(_, parts)| parts.words()).max();
+        let words = (nodes.words() * lamps.len().max(1) as u64).max(texels.unwrap_or(0));
+        let words = words.max(fibres.words.len() as u64);
+        if words >= MOST_WORDS {
+            return Err(Refusal::Words(words));
+        }
         let skies: Vec<Sky> = pictures
             .iter()
             .map(|(image, parts)| Sky::new(&medium, nodes, image, parts))

@@ -16,6 +16,8 @@ pub enum Fault<'a> {
     NoLamps,
     /// Light scatters as from these fibres.
     Fibres(&'a [Fibre]),
+    /// The scale of far fields, a factor of every event, is rounded to nine bits.
+    RoundedScale,
 }
 
 impl Kernel {
@@ -35,6 +37,7 @@ impl Kernel {
                 .iter_mut()
                 .for_each(|sky| sky.show_lamps_to_all()),
             Fault::NoLamps => self.skies.iter_mut().for_each(|sky| sky.lamps.clear()),
+            Fault::RoundedScale => self.fibres.round_scales(),
             Fault::Fibres(fibres) => self.fibres = FibreTables::new(fibres.iter()),
         }
         self

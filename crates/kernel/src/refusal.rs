@@ -1,17 +1,18 @@
 //! What the kernel leaves to another walk, and why.
 
 use crate::Backend;
-use crate::voxels::flat_medium::MAX_DIM;
+use crate::voxels::layout::MAX_DIM;
 
 /// Why the kernel leaves a view to another walk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// A medium that does not suit it.
     #[error(transparent)]
     Medium(#[from] Unsuited),
     /// Fibres of which the walk draws better.
     #[error(
-        "fibres are very rough or point in many directions; the general walk samples them with less noise"
+        "fibres are very rough, point in many directions, or lie very thick and white; the \
+         general walk samples them with less noise"
     )]
     Skewed,
     /// A picture of too many pixels.
@@ -26,13 +27,16 @@ pub enum Refusal {
     /// Its tables would take too much.
     #[error("its tables would take up to {0} bytes, more than {1}")]
     Memory(u64, u64),
+    /// More words in a table than lanes can address.
+    #[error("one of its tables would have {0} words, more than 2^31")]
+    Words(u64),
     /// The processor lacks it.
     #[error("this processor does not have {0:?}")]
     Backend(Backend),
 }
 
 /// Why matter cannot be laid out for lanes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Unsuited {
     /// Flakes that are not those of a fibre.
     #[error("a grid has flakes that are not symmetric about their thinnest direction")]
@@ -43,6 +47,12 @@ pub enum Unsuited {
     /// More albedos than there are numbers for.
     #[error("a medium has more than 65536 different albedos")]
     TooManyAlbedos,
+    /// Thin matter beside matter so dense that the chance of meeting it is lost.
+    #[error("thin matter beside dense matter (an optical depth of {0} across all of it)")]
+    Contrast(f32),
+    /// Matter so dense that places are too far apart.
+    #[error("matter so dense that a voxel has an optical depth of {0}")]
+    Dense(f32),
     /// More populations than can be addressed.
     #[error("a medium has more than 2^29 populations of fibres")]
     TooManyPopulations,

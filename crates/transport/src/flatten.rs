@@ -4,7 +4,7 @@
 //! here and nowhere else.
 
 use crate::{
-    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, Medium,
+    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, MOST_EVENTS, Medium,
     RenderSettings, Scene,
 };
 use glam::UVec3;
@@ -16,7 +16,7 @@ use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
 
 /// Why a scene is left to the general walk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum KernelRefusal {
     /// Not one medium but none or several.
     #[error("the scene has {0} media; the kernel walks through one")]
@@ -72,7 +72,7 @@ pub fn flatten(
             lights: &scene.lights,
             camera: &scene.camera,
         };
-        let (seed, max_bounces) = (settings.seed, settings.max_bounces);
+        let (seed, max_bounces) = (settings.seed, settings.max_bounces.min(MOST_EVENTS));
         Ok(Kernel::new(&view, seed, max_bounces, backend, most_bytes)?)
     }
     match medium {

@@ -26,6 +26,15 @@ const ROULETTE_SCALE: f32 = 5.0;
 /// in proportion and weighed up.
 const SHADOW_SCALE: f32 = 10.0;
 
+/// No path has more events, whatever is asked for: a path that is never absorbed and
+/// cannot get out would not end. In lossless matter at most a thousandth of the paths
+/// get as far, however thick it is; they count as cut.
+pub const MOST_EVENTS: u32 = 1 << 20;
+
+/// Events in a row at one place, to single precision, after which a path ends: matter
+/// there is denser than places are apart. It counts as cut.
+const MOST_EVENTS_IN_PLACE: u32 = 1000;
+
 /// Traces path `rng` of a pixel.
 pub fn trace_path(
     scene: &Scene,
@@ -57,6 +66,7 @@ pub fn trace_from(
     stats: &mut Stats,
 ) -> PathSample {
     let tracking = tracking.into();
+    let max_bounces = max_bounces.min(MOST_EVENTS);
     stats.paths += 1;
     // The path goes on in f32 from a point near what it meets first, so that a
     // far camera costs no precision.
@@ -75,6 +85,7 @@ pub fn trace_from(
     let mut throughput = Rgb::WHITE;
     // Where the ray's direction was drawn, and how densely; none by a camera.
     let mut drawn: Option<(Vec3, f32)> = None;
+    let mut events_in_place = 0;
     loop {
         let collision = scene.first_collision(&ray, tracking, rng, stats);
         let reach = collision.as_ref().map_or(f32::INFINITY, |c| c.t);
@@ -101,13 +112,16 @@ pub fn trace_from(
                 depth_mm: start_mm + f64::from(collision.t),
             });
         }
-        if sample.bounces == max_bounces {
+        let at = ray.at(collision.t);
+        let is_in_place = drawn.is_some_and(|(from, _)| from == at);
+        events_in_place = if is_in_place { events_in_place + 1 } else { 0 };
+        if sample.bounces == max_bounces || events_in_place == MOST_EVENTS_IN_PLACE {
             stats.cut += 1;
             return sample;
         }
         sample.bounces += 1;
         let event = Event {
-            at: ray.at(collision.t),
+            at,
             w_out,
             throughput,
             collision: &collision,

@@ -101,7 +101,7 @@ pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use flake_medium::{FlakeMedium, FlakeSite};
 pub use flatten::{KernelRefusal, flatten};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
-pub use integrator::{Integrator, trace_from, trace_path};
+pub use integrator::{Integrator, MOST_EVENTS, trace_from, trace_path};
 pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
 pub use medium::Medium;

@@ -1,8 +1,7 @@
 //! Free flight and transmittance through one medium.
 
 use crate::{Medium, Stats};
-use organza_basis::LocalRay;
-use organza_basis::PathRng;
+use organza_basis::{CellSpan, LocalRay, PathRng};
 use std::ops::ControlFlow;
 
 /// Room for rounding when an extinction is held against its bound.
@@ -12,12 +11,56 @@ const MAJORANT_SLACK: f32 = 1.0 + 1e-5;
 /// `T / SHADOW_ROULETTE`, so that it ends after a few look-ups in dense cloth.
 const SHADOW_ROULETTE: f32 = 0.1;
 
+/// Optical depth of a span at its majorant above which it is stepped through instead of
+/// tracked: far above what cloth has, and where one thin voxel beside a dense one would
+/// cost as many look-ups as the dense one has mean free paths in the span.
+const MOST_SPAN_DEPTH: f32 = 1024.0;
+
+/// Steps through such a span where voxels are not constant.
+const STEPS: u32 = 1024;
+
+/// Optical depth behind which `f32` sees nothing.
+const LEAST_SEEN_DEPTH: f32 = 88.0;
+
+fn is_very_dense(span: &CellSpan, majorant: f32) -> bool {
+    (span.t1 - span.t0) * majorant > MOST_SPAN_DEPTH
+}
+
+/// Visits a span of a ray in order, `[t0, t1]` and what is there: voxel by voxel where
+/// they are constant, and otherwise in even steps, each as what is in its middle.
+fn step_through<M: Medium, B>(
+    medium: &M,
+    ray: &LocalRay,
+    span: &CellSpan,
+    rng: &mut PathRng,
+    mut visit: impl FnMut(f32, f32, M::Site) -> ControlFlow<B>,
+) -> ControlFlow<B> {
+    if medium.is_piecewise_constant() {
+        let within = LocalRay {
+            origin: span.point(ray, span.t0),
+            length: span.t1 - span.t0,
+            ..*ray
+        };
+        return medium.for_each_voxel(&within, |t0, t1, site| {
+            visit(span.t0 + t0, span.t0 + t1, site)
+        });
+    }
+    let step = (span.t1 - span.t0) / STEPS as f32;
+    for i in 0..STEPS {
+        let t0 = span.t0 + i as f32 * step;
+        let site = medium.meet(span.point(ray, t0 + 0.5 * step), ray.direction, rng);
+        visit(t0, t0 + step, site)?;
+    }
+    ControlFlow::Continue(())
+}
+
 /// Draws the first collision along a ray by delta tracking [Woodcock1965]
 /// [Novak2018]: the local distance and what is there, or `None` when the ray
 /// leaves the medium.
 ///
 /// One exponential number is spent across the spans of different majorants,
-/// which is exact because optical depth adds.
+/// which is exact because optical depth adds. Spans that are very dense somewhere are
+/// stepped through.
 pub fn sample_collision<M: Medium>(
     medium: &M,
     ray: &LocalRay,
@@ -26,6 +69,19 @@ pub fn sample_collision<M: Medium>(
 ) -> Option<(f32, M::Site)> {
     let mut depth = rng.exponential();
     let found = medium.for_each_span(ray, |span, majorant| {
+        if is_very_dense(span, majorant) {
+            return step_through(medium, ray, span, rng, |t0, t1, site| {
+                stats.tentative += 1;
+                let sigma = medium.sigma_t(&site, ray.direction);
+                let step_depth = (t1 - t0) * sigma;
+                if depth < step_depth {
+                    stats.collisions += 1;
+                    return ControlFlow::Break((t0 + depth / sigma, site));
+                }
+                depth -= step_depth;
+                ControlFlow::Continue(())
+            });
+        }
         let mut t = span.t0;
         loop {
             let span_depth = (span.t1 - t) * majorant;
@@ -70,6 +126,25 @@ pub fn transmittance<M: Medium>(
     let mut transmitted = 1.0f32;
     let mut depth = rng.exponential();
     let _ = medium.for_each_span(ray, |span, majorant| {
+        if is_very_dense(span, majorant) {
+            let mut span_depth = 0.0f32;
+            let _ = step_through(medium, ray, span, rng, |t0, t1, site| {
+                stats.shadow_steps += 1;
+                span_depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
+                if span_depth > LEAST_SEEN_DEPTH {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            });
+            transmitted *= (-span_depth).exp();
+            return if span_depth > LEAST_SEEN_DEPTH {
+                transmitted = 0.0;
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            };
+        }
         let mut t = span.t0;
         loop {
             let span_depth = (span.t1 - t) * majorant;
@@ -134,8 +209,7 @@ pub fn sample_collision_exactly<M: Medium>(
 
 /// The transmittance along a ray through constant voxels, in closed form.
 pub fn exact_transmittance<M: Medium>(medium: &M, ray: &LocalRay, stats: &mut Stats) -> f32 {
-    // e^-88 is the smallest f32 worth carrying on for.
-    (-optical_depth(medium, ray, 88.0, stats)).exp()
+    (-optical_depth(medium, ray, LEAST_SEEN_DEPTH, stats)).exp()
 }
 
 /// Estimates the same without bias and with fewer steps: what falls below a

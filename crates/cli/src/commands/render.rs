@@ -208,6 +208,7 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         attributes: &attributes,
     };
     picture::write(&args.outfile, &rendered)?;
+    warn_of_rejected_samples(&rendering);
     if !args.common.quiet {
         report(
             args,
@@ -230,6 +231,21 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         print_figures(&rendering, refusal.flatten(), &chosen, &told)?;
     }
     Ok(())
+}
+
+/// Samples that no film holds are missing from the picture, which nobody would see.
+fn warn_of_rejected_samples(rendering: &Rendering<'_>) {
+    let stats = rendering.stats();
+    if stats.rejected > 0 {
+        note!(
+            "organza: warning: {} of {} samples were brighter than {:e} or not finite and are \
+             left out: the picture is darker than it should be; use dimmer lights and more \
+             exposure",
+            stats.rejected,
+            stats.paths,
+            Pixel::RADIANCE_LIMIT
+        );
+    }
 }
 
 /// A scene that is ready to be rendered.

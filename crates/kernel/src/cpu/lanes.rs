@@ -133,7 +133,7 @@ pub mod one {
 
     /// One whole number.
     #[derive(Clone, Copy)]
-    pub struct U(u32);
+    pub struct U(pub u32);
 
     /// One number.
     #[derive(Clone, Copy)]

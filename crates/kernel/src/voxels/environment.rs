@@ -284,6 +284,13 @@ pub struct Parts {
 }
 
 impl Parts {
+    /// Words of its longest table.
+    pub fn words(&self) -> u64 {
+        let places = self.lamps.iter().map(|l| l.len().next_power_of_two());
+        let places = u64::from(PLACE) * places.max().unwrap_or(0) as u64;
+        places.max(u64::from(2 * TEXEL) * self.sky.len() as u64)
+    }
+
     /// Bytes that the picture takes in lanes at the most.
     pub fn bytes(&self, cell_grid: &CellGrid) -> u64 {
         let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();

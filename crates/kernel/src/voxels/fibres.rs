@@ -6,7 +6,10 @@
 //! is in lanes.
 
 use super::event::{Event, Meeting, Turn};
-use super::fibre_tables::{CHANCES, FibreTables, HEAD, ROW_HEAD, WIDE_RAD, area_squared, colour};
+use super::fibre_tables::{
+    CHANCES, FibreTables, HEAD, ROW_HEAD, WIDE_RAD, area_squared, colour, scale_of,
+};
+use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
 use crate::Kernel;
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
@@ -218,8 +221,10 @@ impl<F: Floats> Fibres<F> {
         let tangent = e1.scaled_add(x * sign, e2.scaled_add(y * sign, axis.scaled(cos_polar)));
 
         let seen = sine * sine;
-        let shown = area_squared((one - seen).max(zero), seen, end_on).sqrt();
-        let weight = weight * F::splat(0.5) * both / ((sine + polar) * shown);
+        let along = (one - seen).max(zero);
+        let shown = area_squared(along, seen, end_on).sqrt();
+        let exactly = shown_correction(tables, met.voxel.end_on_code(), along, seen, end_on);
+        let weight = weight * F::splat(0.5) * both * exactly / ((sine + polar) * shown);
         let weight = weight.or_where_not(zero.below(both), zero);
 
         let side = w.cross(tangent);
@@ -245,7 +250,10 @@ impl<F: Floats> Fibres<F> {
         let node = cos
             .mul_add(self.head.scale_steps, chance)
             .min(self.head.scale_steps);
-        colour((self.head.scale + node.to_ints()).gather(&tables.words))
+        let node = node.to_ints();
+        let first = self.head.scale + node + node;
+        let second = first + F::Ints::splat(1);
+        scale_of([first.gather(&tables.words), second.gather(&tables.words)])
     }
 
     /// First word of the row of an inclination, one of two by chance.
@@ -370,6 +378,28 @@ impl<F: Floats> Fibres<F> {
             u,
         }
     }
+}
+
+/// The fitted area that a population shows over the exact one: rows by the code of its
+/// end-on ratio, linear in the part of the ellipsoid's square that is across the axis.
+#[inline(always)]
+fn shown_correction<F: Floats>(
+    tables: &FibreTables,
+    code: F::Ints,
+    along: F,
+    across: F,
+    end_on: F,
+) -> F {
+    let word = F::Ints::splat;
+    let ellipsoid = (end_on * end_on).mul_add(along, across);
+    let part = across / ellipsoid.max(F::splat(f32::MIN_POSITIVE));
+    let place = part.min(F::splat(1.0)) * F::splat((SHOWN_NODES - 1) as f32);
+    let node = place.min(F::splat((SHOWN_NODES - 2) as f32)).floor();
+    let row = code.shr::<CODES_PER_ROW_LOG2>() * word(SHOWN_NODES);
+    let at = row + node.to_ints();
+    let low = at.gather(&tables.shown).as_floats();
+    let high = (at + word(1)).gather(&tables.shown).as_floats();
+    (high - low).mul_add(place - node, low)
 }
 
 /// A unit vector across another.

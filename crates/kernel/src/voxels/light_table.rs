@@ -71,6 +71,11 @@ impl Nodes {
         }
     }
 
+    /// Words of the table of one light.
+    pub fn words(&self) -> u64 {
+        self.dims.as_u64vec3().element_product()
+    }
+
     #[inline(always)]
     pub fn around<F: Floats>(&self, at: V3<F>) -> Corners<F> {
         let word = F::Ints::splat;

@@ -1,11 +1,13 @@
 //! Matter in voxels: micro-flakes and virtual fibres, laid out flat, and the walk
 //! of lanes through them.
 
+pub mod aim;
 pub mod borders;
 pub mod environment;
 #[cfg(test)]
 mod environment_tests;
 pub mod event;
+pub mod event_weights;
 pub mod fibre_tables;
 #[cfg(test)]
 mod fibre_tests;
@@ -13,11 +15,13 @@ pub mod fibres;
 pub mod film_rays;
 pub mod flakes;
 pub mod flat_medium;
+pub mod lane_work;
+pub mod layout;
 pub mod light_table;
 #[cfg(test)]
 mod matter_tests;
 pub mod panel;
-pub mod posts;
+pub mod population_tables;
 pub mod reach;
 pub mod shadow_ray;
 pub mod voxel_words;

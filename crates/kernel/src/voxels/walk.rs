@@ -1,19 +1,18 @@
 //! The walk: one path in every lane, and a new one where one has ended.
 
+use super::aim::Aim;
 use super::borders::Borders;
 use super::event::{Event, Meeting};
 use super::film_rays::inverse_of_step;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
-use super::light_table::{LightTable, depth};
-use super::posts::{Posts, regenerate};
-use super::shadow_ray::ShadowRay;
+use super::lane_work::{LaneWork, regenerate};
+use super::light_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive};
+use crate::cpu::math::{LaneRng, V3, minus_ln, positive};
 use crate::{Block, Kernel};
 use glam::Vec3;
 use organza_film::Stats;
-use std::f32::consts::LOG2_E;
 
 /// Reaches are taken to end so much, in voxels, before they do, so that
 /// rounding takes no place beyond them.
@@ -24,10 +23,6 @@ const STEPS_PER_ROUND: usize = 2;
 
 /// Survival probability of Russian roulette over the mean throughput.
 const ROULETTE_SCALE: f32 = 4.0;
-
-/// An exact shadow ray is followed for sure to so much more optical depth than
-/// the table promises.
-const SURE_DEPTH: f32 = 2.0;
 
 /// Room for rounding when the square of an extinction is held against that of
 /// its bound.
@@ -104,12 +99,12 @@ impl<F: Floats> Paths<F> {
 pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
     let mut stats = Stats::default();
     let mut paths = Paths::<F>::none();
-    let mut posts = Posts::new();
+    let mut work = LaneWork::new();
     let all = u32::MAX >> (32 - F::LANES);
     let mut ended = F::Mask::from_bits(all);
     loop {
         if ended.any() {
-            regenerate(kernel, block, &mut paths, &mut posts, ended, &mut stats);
+            regenerate(kernel, block, &mut paths, &mut work, ended, &mut stats);
         }
         if !(paths.flying | paths.gone).any() {
             return stats;
@@ -379,93 +374,9 @@ fn scatter<F: Floats, E: Event<F>>(
     ended
 }
 
-/// Light that a lane looks for.
-struct Aim<F: Floats> {
-    /// What is scattered of it, 1/sr.
-    grey: F,
-    toward: V3<F>,
-    /// To the light, mm.
-    distance_mm: F,
-    /// What a table says.
-    table_depth: F,
-    /// A random number.
-    u: F,
-}
-
-impl<F: Floats> Aim<F> {
-    /// Transmittance: as the table says it, set right by an exact ray with a
-    /// chance that goes with the light there is.
-    #[inline(always)]
-    fn transmittance(
-        &self,
-        kernel: &Kernel,
-        light: &LightTable,
-        paths: &Paths<F>,
-        mean_throughput: F,
-        met: F::Mask,
-        stats: &mut Stats,
-    ) -> F {
-        let through = exp2(self.table_depth * F::splat(-LOG2_E));
-        let share = mean_throughput * self.grey * F::splat(kernel.residual_scale);
-        let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
-        let traced = met & self.u.below(keep);
-        if !traced.any() {
-            return through;
-        }
-        let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
-        let set_right = (exact - through) / keep + through;
-        set_right.or_where_not(traced, through)
-    }
-
-    /// Exact transmittances of the lanes of a mask, one after the other.
-    #[inline(always)]
-    fn transmittances(
-        &self,
-        kernel: &Kernel,
-        light: &LightTable,
-        paths: &Paths<F>,
-        chance: F,
-        traced: F::Mask,
-        stats: &mut Stats,
-    ) -> F {
-        let (at, toward) = (stored(paths.at), stored(self.toward));
-        let beyond = stored(V3 {
-            x: paths.beyond[0],
-            y: paths.beyond[1],
-            z: F::splat(0.0),
-        });
-        let numbers = stored(V3 {
-            x: self.distance_mm,
-            y: self.table_depth,
-            z: chance,
-        });
-        let mut through = [0.0; MAX_LANES];
-        for lane in SetBits(traced.bits()) {
-            let [at, toward, beyond, numbers] =
-                [&at, &toward, &beyond, &numbers].map(|v| Vec3::from_array(v.map(|x| x[lane])));
-            let border_mm = kernel.borders.map_or(f32::INFINITY, |borders| {
-                borders.way_out_mm(&kernel.medium.cell_grid, at + beyond, toward)
-            });
-            let ray = ShadowRay {
-                cell_grid: &kernel.medium.cell_grid,
-                at,
-                toward,
-                reach_mm: numbers.x.min(border_mm),
-                sure_depth: numbers.y + SURE_DEPTH,
-                chance: numbers.z,
-            };
-            let (t, steps) = light.transmittance(&kernel.medium, &ray);
-            through[lane] = t;
-            stats.shadow_rays += 1;
-            stats.shadow_steps += steps;
-        }
-        F::load(&through)
-    }
-}
-
 /// The components of all lanes.
 #[inline(always)]
-fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
+pub fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
     let mut out = [[0.0; MAX_LANES]; 3];
     v.x.store(&mut out[0]);
     v.y.store(&mut out[1]);

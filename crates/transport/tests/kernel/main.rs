@@ -1,5 +1,6 @@
 //! The kernel against the general walk, its oracle.
 
+mod energy;
 mod fibres;
 mod pictures;
 

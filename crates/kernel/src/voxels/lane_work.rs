@@ -1,4 +1,4 @@
-//! What the lanes work for: samples of pixels, a new one when a path has ended.
+//! Which sample of which pixel every lane walks, and the next one when a path has ended.
 
 use super::flat_medium::NO_POPULATION;
 use super::voxel_words::VoxelWords;
@@ -10,27 +10,27 @@ use glam::Vec3;
 use organza_film::Stats;
 use organza_film::{Sample, Tally};
 
-/// What the lanes work for.
-pub struct Posts {
-    lanes: [Post; MAX_LANES],
+/// The samples under way in all lanes.
+pub struct LaneWork {
+    lanes: [Assignment; MAX_LANES],
     /// Pixels handed out.
     next_turn: usize,
 }
 
-impl Posts {
-    pub fn new() -> Posts {
-        Posts {
-            lanes: [Post::default(); MAX_LANES],
+impl LaneWork {
+    pub fn new() -> LaneWork {
+        LaneWork {
+            lanes: [Assignment::default(); MAX_LANES],
             next_turn: 0,
         }
     }
 }
 
-/// What one lane works for.
+/// The sample under way in one lane.
 #[derive(Clone, Copy, Default)]
-struct Post {
-    /// None when there is nothing left to do.
-    place: Option<Place>,
+struct Assignment {
+    /// The pixel; none when there is nothing left to do.
+    place: Option<PixelPlace>,
     /// The sample under way.
     sample: u32,
     tally: Tally,
@@ -38,7 +38,7 @@ struct Post {
 
 /// A pixel.
 #[derive(Clone, Copy)]
-struct Place {
+struct PixelPlace {
     /// Its number in the block.
     pixel: usize,
     /// Its column and row in the whole picture.
@@ -53,7 +53,7 @@ pub fn regenerate<F: Floats>(
     kernel: &Kernel,
     block: &mut Block<'_>,
     paths: &mut Paths<F>,
-    posts: &mut Posts,
+    work: &mut LaneWork,
     ended: F::Mask,
     stats: &mut Stats,
 ) {
@@ -73,8 +73,8 @@ pub fn regenerate<F: Floats>(
     let mut film = [[0.0f32; MAX_LANES]; 2];
     let mut begun = 0u32;
     for lane in SetBits(ended.bits()) {
-        let post = &mut posts.lanes[lane];
-        if let Some(place) = post.place {
+        let assignment = &mut work.lanes[lane];
+        if let Some(place) = assignment.place {
             let radiance = [radiance[0][lane], radiance[1][lane], radiance[2][lane]];
             let path = Sample {
                 radiance,
@@ -82,37 +82,37 @@ pub fn regenerate<F: Floats>(
                 first: kernel
                     .medium
                     .first_event(first[lane], first_depth[lane] * length_mm),
-                index: post.sample,
+                index: assignment.sample,
             };
             let pixel = &mut block.pixels[place.pixel];
-            if post.tally.add(&path, &kernel.brightness, pixel) {
+            if assignment.tally.add(&path, &kernel.brightness, pixel) {
                 for x in radiance {
                     stats.brightest = stats.brightest.max(x);
                 }
             } else {
                 stats.rejected += 1;
             }
-            post.sample += 1;
-            if post.sample >= block.samples.end {
-                post.tally.flush(&kernel.brightness, pixel);
-                post.place = None;
+            assignment.sample += 1;
+            if assignment.sample >= block.samples.end {
+                assignment.tally.flush(&kernel.brightness, pixel);
+                assignment.place = None;
             }
         }
-        if post.place.is_none() {
-            post.place = block.pixel(posts.next_turn).map(|(pixel, x, y)| {
+        if assignment.place.is_none() {
+            assignment.place = block.pixel(work.next_turn).map(|(pixel, x, y)| {
                 let name = u64::from(y) * u64::from(kernel.film_width) + u64::from(x);
-                Place {
+                PixelPlace {
                     pixel,
                     film: [x as f32, y as f32],
                     key: pixel_key(kernel.seed, name),
                 }
             });
-            posts.next_turn += 1;
-            post.sample = block.samples.start;
+            work.next_turn += 1;
+            assignment.sample = block.samples.start;
         }
-        if let Some(place) = post.place {
+        if let Some(place) = assignment.place {
             (key[0][lane], key[1][lane]) = place.key;
-            index[lane] = post.sample;
+            index[lane] = assignment.sample;
             (film[0][lane], film[1][lane]) = (place.film[0], place.film[1]);
             begun |= 1 << lane;
             stats.paths += 1;

@@ -1,0 +1,100 @@
+//! Light that lanes look for: what a table says, set right by exact rays.
+
+use super::light_table::LightTable;
+use super::shadow_ray::ShadowRay;
+use super::walk::{Paths, stored};
+use crate::Kernel;
+use crate::cpu::lanes::{Floats, MAX_LANES, Mask, SetBits};
+use crate::cpu::math::{V3, exp2};
+use glam::Vec3;
+use organza_film::Stats;
+use std::f32::consts::LOG2_E;
+
+/// An exact shadow ray is followed for sure to so much more optical depth than
+/// the table promises.
+const SURE_DEPTH: f32 = 2.0;
+
+/// Light that a lane looks for.
+pub struct Aim<F: Floats> {
+    /// What is scattered of it, 1/sr.
+    pub grey: F,
+    /// Unit direction toward it.
+    pub toward: V3<F>,
+    /// To the light, mm.
+    pub distance_mm: F,
+    /// What a table says.
+    pub table_depth: F,
+    /// A random number.
+    pub u: F,
+}
+
+impl<F: Floats> Aim<F> {
+    /// Transmittance: as the table says it, set right by an exact ray with a
+    /// chance that goes with the light there is.
+    #[inline(always)]
+    pub fn transmittance(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        mean_throughput: F,
+        met: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let through = exp2(self.table_depth * F::splat(-LOG2_E));
+        let share = mean_throughput * self.grey * F::splat(kernel.residual_scale);
+        let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
+        let traced = met & self.u.below(keep);
+        if !traced.any() {
+            return through;
+        }
+        let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
+        let set_right = (exact - through) / keep + through;
+        set_right.or_where_not(traced, through)
+    }
+
+    /// Exact transmittances of the lanes of a mask, one after the other.
+    #[inline(always)]
+    fn transmittances(
+        &self,
+        kernel: &Kernel,
+        light: &LightTable,
+        paths: &Paths<F>,
+        chance: F,
+        traced: F::Mask,
+        stats: &mut Stats,
+    ) -> F {
+        let (at, toward) = (stored(paths.at), stored(self.toward));
+        let beyond = stored(V3 {
+            x: paths.beyond[0],
+            y: paths.beyond[1],
+            z: F::splat(0.0),
+        });
+        let numbers = stored(V3 {
+            x: self.distance_mm,
+            y: self.table_depth,
+            z: chance,
+        });
+        let mut through = [0.0; MAX_LANES];
+        for lane in SetBits(traced.bits()) {
+            let [at, toward, beyond, numbers] =
+                [&at, &toward, &beyond, &numbers].map(|v| Vec3::from_array(v.map(|x| x[lane])));
+            let border_mm = kernel.borders.map_or(f32::INFINITY, |borders| {
+                borders.way_out_mm(&kernel.medium.cell_grid, at + beyond, toward)
+            });
+            let ray = ShadowRay {
+                cell_grid: &kernel.medium.cell_grid,
+                at,
+                toward,
+                reach_mm: numbers.x.min(border_mm),
+                sure_depth: numbers.y + SURE_DEPTH,
+                chance: numbers.z,
+            };
+            let (t, steps) = light.transmittance(&kernel.medium, &ray);
+            through[lane] = t;
+            stats.shadow_rays += 1;
+            stats.shadow_steps += steps;
+        }
+        F::load(&through)
+    }
+}
