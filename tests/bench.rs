@@ -146,9 +146,9 @@ tolerance = 0.3
         "--json",
     ];
     let said = succeed(&folder, &render);
-    let told: serde_json::Value =
+    let printed: serde_json::Value =
         serde_json::from_str(&said[said.find('{').unwrap()..=said.rfind('}').unwrap()]).unwrap();
-    let chosen = &told["chosen"][0];
+    let chosen = &printed["chosen"][0];
     assert_eq!(chosen["lit"][0], "front");
     let words = chosen["what"].as_str().unwrap();
     assert!(

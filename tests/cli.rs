@@ -61,18 +61,18 @@ fn scenes_are_told_object_by_object() {
          {{ kind = \"plane\", position_mm = [0.0, 0.0, -1.0] }}]"
     );
     let info = |set: &[&str]| {
-        let told = succeed(&folder, &[&["info", "scene.toml", "--json"], set].concat());
-        serde_json::from_str::<serde_json::Value>(&told).unwrap()
+        let printed = succeed(&folder, &[&["info", "scene.toml", "--json"], set].concat());
+        serde_json::from_str::<serde_json::Value>(&printed).unwrap()
     };
-    let told = info(&[]);
-    assert_eq!(told["camera"], "orthographic");
-    assert_eq!(told["objects"][0]["kind"], "grid");
+    let printed = info(&[]);
+    assert_eq!(printed["camera"], "orthographic");
+    assert_eq!(printed["objects"][0]["kind"], "grid");
     let kinds = ["--set", &cloth.replacen(" = ", "=", 1)];
-    let told = info(&kinds);
-    assert_eq!(told["objects"][0]["model"], "fibres");
-    assert_eq!(told["objects"][1]["kind"], "plane");
-    let told = succeed(&folder, &["info", "scene.toml", "--set", "light=[]"]);
-    assert!(told.contains("lights: none"), "{told}");
+    let printed = info(&kinds);
+    assert_eq!(printed["objects"][0]["model"], "fibres");
+    assert_eq!(printed["objects"][1]["kind"], "plane");
+    let printed = succeed(&folder, &["info", "scene.toml", "--set", "light=[]"]);
+    assert!(printed.contains("lights: none"), "{printed}");
 }
 
 #[test]
@@ -247,8 +247,11 @@ fn the_volumes_of_the_project_can_be_told_and_made_again() {
         ("jersey.vdb", "vdb"),
     ] {
         let path = root.join("volumes").join(file);
-        let told = succeed(&folder, &["info", path.to_str().unwrap(), "--json"]);
-        assert!(told.contains(&format!("\"kind\": \"{kind}\"")), "{told}");
+        let printed = succeed(&folder, &["info", path.to_str().unwrap(), "--json"]);
+        assert!(
+            printed.contains(&format!("\"kind\": \"{kind}\"")),
+            "{printed}"
+        );
     }
     let fabric = root.join("scenes/fabrics/jersey.toml");
     let fabric = fabric.to_str().unwrap();
@@ -266,12 +269,12 @@ fn the_volumes_of_the_project_can_be_told_and_made_again() {
         &folder,
         &["voxelize", fabric, "-o", "tile.vol", "--level", "1"],
     );
-    let told = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox"]);
-    assert!(told.contains("MiB of memory"), "{told}");
-    let told = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox", "--quiet"]);
-    assert!(told.is_empty(), "{told}");
-    let told = succeed(&folder, &["info", "tile.sggx.vol"]);
-    assert!(told.contains("channels: 6"), "{told}");
+    let printed = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox"]);
+    assert!(printed.contains("MiB of memory"), "{printed}");
+    let printed = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox", "--quiet"]);
+    assert!(printed.is_empty(), "{printed}");
+    let printed = succeed(&folder, &["info", "tile.sggx.vol"]);
+    assert!(printed.contains("channels: 6"), "{printed}");
     let words = complaint(
         &folder,
         &["voxelize", fabric, "-o", "x.ovox", "--max-memory", "100k"],
@@ -293,8 +296,8 @@ fn drafts_and_curves_go_through_the_command_line() {
     let words = complaint(&folder, &["weave", "twil-3-1-s"]);
     assert!(words.contains("did you mean \"twill-3-1-s\"?"), "{words}");
     let draft = root.join("scenes/drafts/first_light.wif");
-    let told = succeed(&folder, &["weave", draft.to_str().unwrap(), "--json"]);
-    assert!(told.contains("\"ends\": 16"), "{told}");
+    let printed = succeed(&folder, &["weave", draft.to_str().unwrap(), "--json"]);
+    assert!(printed.contains("\"ends\": 16"), "{printed}");
     // A knit is drawn from its curves; text written and read back is the same text.
     let fabric = root.join("scenes/fabrics/jersey.toml");
     let fabric = fabric.to_str().unwrap();
@@ -333,8 +336,8 @@ fn drafts_and_curves_go_through_the_command_line() {
         "60",
     ];
     let warning = "organza: warning: loose.toml: draft: 2 of 2 ends never interlace";
-    let told = succeed(&folder, &voxelize);
-    assert!(told.starts_with(warning), "{told}");
+    let printed = succeed(&folder, &voxelize);
+    assert!(printed.starts_with(warning), "{printed}");
     let quiet = [&voxelize[..], &["--quiet"]].concat();
     assert_eq!(succeed(&folder, &quiet), "");
     complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
@@ -404,7 +407,7 @@ fabric = "cloth.toml"
         "theta_i,phi_i,theta_o,phi_o\n20,0,0,0\n",
     )
     .unwrap();
-    let told = succeed(
+    let printed = succeed(
         &folder,
         &[
             "measure",
@@ -418,7 +421,7 @@ fabric = "cloth.toml"
             "--json",
         ],
     );
-    assert!(told.contains("\"model\": \"fibres\""), "{told}");
+    assert!(printed.contains("\"model\": \"fibres\""), "{printed}");
     let refuse = |sets: &[&str]| {
         let mut arguments = vec!["render", "scene.toml", "-o", "x.exr"];
         arguments.extend(sets);

@@ -1,4 +1,4 @@
-//! What README and pages tell a reader to type.
+//! Commands and links of the README and the pages.
 
 use crate::program::{complaint, folder, organza, succeed};
 use std::path::{Path, PathBuf};
@@ -63,13 +63,13 @@ fn every_command_on_a_page_is_one_that_the_program_knows() {
                 ["cargo", "run", "--release", "--", arguments @ ..] => arguments,
                 _ => continue,
             };
-            // A flag or value that is not known is told before the help is.
+            // An unknown flag or value is an error even with --help.
             let asked = [arguments, &["--help"]].concat();
             let out = organza(&folder, &asked);
-            let told = String::from_utf8_lossy(&out.stderr);
+            let printed = String::from_utf8_lossy(&out.stderr);
             assert!(
                 out.status.success(),
-                "{}: {words:?}: {told}",
+                "{}: {words:?}: {printed}",
                 path.display()
             );
             count += 1;

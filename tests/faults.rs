@@ -5,7 +5,7 @@
 //! `ORGANZA_FULL=1 cargo test --release --test main faults:: -- --nocapture`
 //! kills each command fifty times and more and prints what it saw; without it
 //! each is killed a few times.
-#![allow(clippy::print_stdout)] // what befell the runs is told
+#![allow(clippy::print_stdout)] // prints what befell the runs
 
 use crate::cli::write_grid_scene;
 use crate::program::{complaint, folder, organza, succeed};
@@ -55,7 +55,7 @@ fn left(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Equal but for the line in which a fitted fabric tells its own command.
+/// Equal but for the line with which a fitted fabric records its command.
 fn same(a: &[u8], b: &[u8]) -> bool {
     let lines = |bytes: &[u8]| -> Vec<Vec<u8>> {
         bytes

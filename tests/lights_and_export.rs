@@ -64,7 +64,7 @@ fn mistakes_in_lights_and_planes_are_told_with_their_key() {
 }
 
 /// Every light, a plane, a cut cloth and an environment from a file render and
-/// are written for Mitsuba; what it cannot do is told.
+/// are written for Mitsuba; what it does not support is reported.
 #[test]
 fn scenes_are_written_for_mitsuba() {
     let folder = folder("export");

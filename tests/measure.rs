@@ -86,9 +86,9 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
     let draft = organza_weave::Draft::named("twill-2-1-s").unwrap();
     weave.draft = draft.drawdown().lines().map(str::to_owned).collect();
     (weave.warp_pitch_mm, weave.weft_pitch_mm) = (0.5, 1.0 / 1.8);
-    let told = succeed(&folder, &["info", "cloth.toml", "--json"]);
-    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
-    let width = told["figures"]["weft"]["width_mm"].as_f64().unwrap();
+    let printed = succeed(&folder, &["info", "cloth.toml", "--json"]);
+    let printed: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    let width = printed["figures"]["weft"]["width_mm"].as_f64().unwrap();
     (weave.warp_width_mm, weave.weft_width_mm) = (None, Some(width));
     let model = spec.build().unwrap();
     for (row, pair) in rows(&read(&folder, "out.csv"))
@@ -106,8 +106,8 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
 
     let mut arguments = vec!["measure", "bare.toml", "--pairs", "pairs.csv"];
     arguments.extend(["--albedo", "--spp", "4000", "-o", "albedo.csv", "--json"]);
-    let told = succeed(&folder, &arguments);
-    assert!(told.contains("\"cover_factor\""), "{told}");
+    let printed = succeed(&folder, &arguments);
+    assert!(printed.contains("\"cover_factor\""), "{printed}");
     let table = rows(&read(&folder, "albedo.csv"));
     assert_eq!(table.len(), 3);
     for row in &table {
@@ -138,8 +138,8 @@ fn pairs_without_light_are_no_exact_zeros() {
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
     let mut arguments = vec!["measure", "black.toml", "--pairs", "pairs.csv"];
     arguments.extend(["--spp", "4", "-o", "out.csv"]);
-    let told = succeed(&folder, &arguments);
-    assert!(told.contains("2 of 2 pairs met no light"), "{told}");
+    let printed = succeed(&folder, &arguments);
+    assert!(printed.contains("2 of 2 pairs met no light"), "{printed}");
     arguments.push("--quiet");
     assert_eq!(succeed(&folder, &arguments), "");
 }

@@ -39,12 +39,12 @@ fn names(folder: &Path) -> Vec<String> {
 fn no_input_is_written_over() {
     let folder = folder("refusals-inputs");
     sailcloth(&folder);
-    let told = complaint(&folder, &["fit", "sailcloth.toml", "-o", "sailcloth.toml"]);
-    assert!(told.contains("is also an input"), "{told}");
+    let printed = complaint(&folder, &["fit", "sailcloth.toml", "-o", "sailcloth.toml"]);
+    assert!(printed.contains("is also an input"), "{printed}");
     let text = fs::read_to_string(folder.join("sailcloth.toml")).unwrap();
     assert_eq!(text, SAILCLOTH);
-    let told = complaint(&folder, &["fit", "sailcloth.toml", "-o", "fitted.png"]);
-    assert!(told.contains("ends in .toml"), "{told}");
+    let printed = complaint(&folder, &["fit", "sailcloth.toml", "-o", "fitted.png"]);
+    assert!(printed.contains("ends in .toml"), "{printed}");
     let fit = [
         "fit",
         "sailcloth.toml",
@@ -53,8 +53,11 @@ fn no_input_is_written_over() {
         "--journal",
         "none/journal",
     ];
-    let told = complaint(&folder, &fit);
-    assert!(told.contains("the folder none does not exist"), "{told}");
+    let printed = complaint(&folder, &fit);
+    assert!(
+        printed.contains("the folder none does not exist"),
+        "{printed}"
+    );
 
     write_grid_scene(&folder);
     for (name, samples) in [("a.exr", "0..1"), ("b.exr", "3..4")] {
@@ -64,13 +67,13 @@ fn no_input_is_written_over() {
         );
     }
     let before = fs::read(folder.join("a.exr")).unwrap();
-    let told = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "./a.exr"]);
-    assert!(told.contains("is also an input"), "{told}");
+    let printed = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "./a.exr"]);
+    assert!(printed.contains("is also an input"), "{printed}");
     assert_eq!(fs::read(folder.join("a.exr")).unwrap(), before);
-    let told = succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
-    assert!(told.contains("samples 1..3 are missing"), "{told}");
-    let told = succeed(&folder, &["info", "all.exr"]);
-    assert!(told.contains("samples: 0..1,3..4"), "{told}");
+    let printed = succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
+    assert!(printed.contains("samples 1..3 are missing"), "{printed}");
+    let printed = succeed(&folder, &["info", "all.exr"]);
+    assert!(printed.contains("samples: 0..1,3..4"), "{printed}");
 }
 
 /// Channels of a cloth in the dark, or lights alone, can be meant.
@@ -80,10 +83,10 @@ fn scenes_without_light_or_matter_are_rendered_and_told() {
     write_grid_scene(&folder);
     for (key, words) in [("light=[]", "no [[light]]"), ("object=[]", "no [[object]]")] {
         let render = ["render", "scene.toml", "-o", "x.exr", "--set", key];
-        let told = succeed(&folder, &render);
-        assert!(told.contains(words), "{told}");
-        let told = succeed(&folder, &[&render[..], &["--quiet"]].concat());
-        assert!(told.is_empty(), "{told}");
+        let printed = succeed(&folder, &render);
+        assert!(printed.contains(words), "{printed}");
+        let printed = succeed(&folder, &[&render[..], &["--quiet"]].concat());
+        assert!(printed.is_empty(), "{printed}");
     }
 }
 
@@ -94,11 +97,14 @@ fn reports_of_two_kinds_do_not_share_a_folder() {
     let few = ["--spp", "2", "--texels", "8", "--texel-spp", "2"];
     // Without a [surface] section: its fibres and its volume.
     let compare = [&["compare", "sailcloth.toml", "-o", "report"][..], &few].concat();
-    let told = succeed(&folder, &compare);
-    assert!(told.contains("volume against fibres"), "{told}");
+    let printed = succeed(&folder, &compare);
+    assert!(printed.contains("volume against fibres"), "{printed}");
     let before = fs::read(folder.join("report/report.html")).unwrap();
-    let told = complaint(&folder, &["bench", "sailcloth.toml", "-o", "report"]);
-    assert!(told.contains("holds a comparison (pairs.csv)"), "{told}");
+    let printed = complaint(&folder, &["bench", "sailcloth.toml", "-o", "report"]);
+    assert!(
+        printed.contains("holds a comparison (pairs.csv)"),
+        "{printed}"
+    );
     assert_eq!(fs::read(folder.join("report/report.html")).unwrap(), before);
     assert_eq!(
         names(&folder.join("report")),
@@ -107,8 +113,8 @@ fn reports_of_two_kinds_do_not_share_a_folder() {
 
     fs::create_dir(folder.join("bench")).unwrap();
     fs::write(folder.join("bench/choices.csv"), "").unwrap();
-    let told = complaint(&folder, &["compare", "sailcloth.toml", "-o", "bench"]);
-    assert!(told.contains("holds the report of a bench"), "{told}");
+    let printed = complaint(&folder, &["compare", "sailcloth.toml", "-o", "bench"]);
+    assert!(printed.contains("holds the report of a bench"), "{printed}");
 }
 
 #[test]
@@ -158,13 +164,13 @@ fn layouts_that_fit_into_no_memory_are_refused_with_the_figure() {
         (&["--layout", "sweep", "--step", "1e-9"], "--step:"),
     ] {
         let measure = ["measure", "sailcloth.toml", "-o", "table.csv", "--spp", "2"];
-        let told = complaint(
+        let printed = complaint(
             &folder,
             &[&measure[..], layout, &["--max-memory", "1GiB"]].concat(),
         );
         assert!(
-            told.contains(words) && told.contains("1073741824"),
-            "{told}"
+            printed.contains(words) && printed.contains("1073741824"),
+            "{printed}"
         );
     }
     assert_eq!(names(&folder), ["sailcloth.toml"]);
@@ -190,8 +196,8 @@ fn fits_begin_at_optics_in_other_words() {
         let mut fit = vec!["fit", "sailcloth.toml", "--what", "fibres", "--model"];
         fit.extend([model, "--data", "values.csv", "-o", "fitted.toml"]);
         fit.extend(["--spp", "4", "--patience", "0,1"]);
-        let told = succeed(&folder, &fit);
-        assert!(told.contains(gives_way), "{told}");
+        let printed = succeed(&folder, &fit);
+        assert!(printed.contains(gives_way), "{printed}");
         succeed(&folder, &["info", "fitted.toml"]);
         let text = fs::read_to_string(folder.join("fitted.toml")).unwrap();
         let key = gives_way.rsplit('.').next().unwrap();
@@ -217,10 +223,10 @@ fn listings_may_be_cut_short() {
             .unwrap();
         drop(child.stdout.take());
         let out = child.wait_with_output().unwrap();
-        let told = String::from_utf8_lossy(&out.stderr);
+        let printed = String::from_utf8_lossy(&out.stderr);
         assert!(
-            out.status.success() && told.is_empty(),
-            "{arguments:?}: {told}"
+            out.status.success() && printed.is_empty(),
+            "{arguments:?}: {printed}"
         );
     }
     if Path::new("/dev/full").exists() {
@@ -231,11 +237,11 @@ fn listings_may_be_cut_short() {
             .stdout(full)
             .output()
             .unwrap();
-        let told = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{told}");
+        let printed = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{printed}");
         assert!(
-            told.contains("cannot write to the standard output"),
-            "{told}"
+            printed.contains("cannot write to the standard output"),
+            "{printed}"
         );
     }
     assert!(organza(&folder, &["--version"]).status.success());

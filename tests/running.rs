@@ -203,7 +203,7 @@ fn a_killed_render_resumes_to_the_unbroken_picture() {
     let resume = [&run[..], &keep[..], &["--resume"]].concat();
     succeed(&folder, &resume);
     assert!(bytes(&folder, "late.exr") == whole);
-    // What is complete can be shown again, and gone on from with more samples.
+    // A complete render can be shown again, and continued with more samples.
     succeed(&folder, &resume);
     assert!(bytes(&folder, "late.exr") == whole);
     let more = ["--checkpoint", "state", "--resume", "--spp", "3100"];
@@ -218,7 +218,7 @@ fn an_interrupt_saves_and_ends() {
     write_grid_scene(&folder);
     let whole = picture(&folder, &["--spp", LONG]);
     let run = ["render", "scene.toml", "-o", "late.exr", "--spp", LONG];
-    // The first checkpoint tells that the render is under way.
+    // The first checkpoint shows that the render is under way.
     let keep = ["--checkpoint", "state", "--checkpoint-every", "0s"];
     let mut child = start(
         &folder,
@@ -338,8 +338,8 @@ fn checkpoints_that_do_not_belong_are_refused() {
 /// The number before " of N samples" in the final line.
 fn taken(words: &str) -> u64 {
     let line = words.lines().find(|l| l.starts_with("stopped")).unwrap();
-    let (_, told) = line.rsplit_once("; ").unwrap();
-    told.split(' ').next().unwrap().parse().unwrap()
+    let (_, printed) = line.rsplit_once("; ").unwrap();
+    printed.split(' ').next().unwrap().parse().unwrap()
 }
 
 #[test]
@@ -366,15 +366,15 @@ fn errors_that_were_not_reached_or_are_not_known_are_told() {
     let folder = folder("target-missed");
     write_grid_scene(&folder);
     let run = ["render", "scene.toml", "-o", "out.exr", "--target-error"];
-    let told = |more: &[&str]| succeed(&folder, &[&run[..], more].concat());
-    let words = told(&["0.0001", "--spp", "4"]);
+    let printed = |more: &[&str]| succeed(&folder, &[&run[..], more].concat());
+    let words = printed(&["0.0001", "--spp", "4"]);
     let missed = "all samples taken, target error not reached, 0.";
     assert!(words.contains(missed), "{words}");
     assert!(words.contains(" of the mean; 4 of 4 samples"), "{words}");
-    let words = told(&["0.99", "--spp", "4"]);
+    let words = printed(&["0.99", "--spp", "4"]);
     assert!(words.contains("taken, target error reached, 0."), "{words}");
     // The spread of one sample is not zero, it is not known.
-    let words = told(&["0.99", "--spp", "1", "--stats"]);
+    let words = printed(&["0.99", "--spp", "1", "--stats"]);
     assert!(
         words.contains("error         unknown (one sample)"),
         "{words}"
@@ -383,10 +383,10 @@ fn errors_that_were_not_reached_or_are_not_known_are_told() {
         !words.contains("+-") && !words.contains("reached"),
         "{words}"
     );
-    let figures = told(&["0.99", "--spp", "1", "--json", "--quiet"]);
+    let figures = printed(&["0.99", "--spp", "1", "--json", "--quiet"]);
     let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
     assert!(figures["relative_error"].is_null() && figures["standard_error"].is_null());
-    let figures = told(&["0.0001", "--spp", "2", "--json", "--quiet"]);
+    let figures = printed(&["0.0001", "--spp", "2", "--json", "--quiet"]);
     let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
     assert!(figures["relative_error"].as_f64() > Some(0.0), "{figures}");
 }

@@ -130,6 +130,6 @@ fn agrees_with_independent_walks_at_every_pair() {
     }
     assert!(
         twin_rejected >= 60,
-        "the wrong normalisation was told apart only {twin_rejected} times"
+        "the wrong normalisation was rejected only {twin_rejected} times"
     );
 }

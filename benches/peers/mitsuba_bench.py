@@ -6,7 +6,7 @@
 
 Exports each scene as micro-flakes of the fabric's own voxels, level 0, repeated as often as the picture is wide, and
 renders it with the integrator of the export and the phase function mended (sggx_mended). Scenes that would need
-more than --most-repeats are left out and told. Needs mitsuba 3.9.1 and numpy; LLVM 16 or newer named by
+more than --most-repeats are left out, with a message. Needs mitsuba 3.9.1 and numpy; LLVM 16 or newer named by
 DRJIT_LIBLLVM_PATH for llvm_ad_rgb. Seconds are processor seconds; compiling is setup, as it is paid once a scene.
 """
 import argparse, json, math, pathlib, resource, subprocess, sys, tempfile, tomllib

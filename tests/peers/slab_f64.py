@@ -84,8 +84,8 @@ def main():
     print(header)
     for row in rows:
         pair = row.split(",")[:4]
-        told = [bsdf([float(x) for x in pair], rng) for _ in range(batches)]
-        mean, variance = np.array(told).mean(0)
+        samples = [bsdf([float(x) for x in pair], rng) for _ in range(batches)]
+        mean, variance = np.array(samples).mean(0)
         figures = [*mean, *np.sqrt(variance / batches)]
         print(",".join([*pair, *(f"{x:.6g}" for x in figures)]), flush=True)
 

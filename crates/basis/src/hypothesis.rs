@@ -92,7 +92,7 @@ fn student(t: f64, degrees: f64) -> Verdict {
         puruspe::betai(0.5 * degrees, 0.5, degrees / (degrees + t * t))
     } else {
         // Zero variance makes the degrees NaN only together with an infinite t;
-        // fewer than two values say nothing.
+        // fewer than two values have no information.
         1.0
     };
     Verdict {

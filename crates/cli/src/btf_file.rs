@@ -47,8 +47,8 @@ pub fn write(path: &Path, textures: &[Texture], grid: &TexelGrid) -> Result<()> 
         ));
     }
     let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions(size));
-    let told = exr::meta::attribute::AttributeValue::Text(text(&angles));
-    attributes.other.insert(text("organza.angles"), told);
+    let attribute = exr::meta::attribute::AttributeValue::Text(text(&angles));
+    attributes.other.insert(text("organza.angles"), attribute);
     let place = format!(
         "low_mm {} {} size_mm {} {}",
         grid.low_mm.x, grid.low_mm.y, grid.size_mm.x, grid.size_mm.y

@@ -18,11 +18,11 @@ pub fn exit_code(e: &anyhow::Error) -> ExitCode {
 /// The message with its causes in one line. Many errors include their cause; none is
 /// printed twice.
 pub fn print(e: &anyhow::Error) {
-    let words = e.chain().fold(String::new(), |told, cause| {
-        match (cause.to_string(), told.as_str()) {
+    let words = e.chain().fold(String::new(), |text, cause| {
+        match (cause.to_string(), text.as_str()) {
             (cause, "") => cause,
-            (cause, _) if told.ends_with(&cause) => told,
-            (cause, _) => told + ": " + &cause,
+            (cause, _) if text.ends_with(&cause) => text,
+            (cause, _) => text + ": " + &cause,
         }
     });
     note!("organza: {words}");

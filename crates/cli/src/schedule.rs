@@ -66,10 +66,10 @@ impl Targets {
 
     /// In words that follow others.
     pub fn words(&self) -> String {
-        let told = |error: Option<f64>, of| {
+        let text_of = |error: Option<f64>, of| {
             error.map_or(String::new(), |e| format!(", {e:.5} of the {of}"))
         };
-        told(self.picture, "mean") + &told(self.median, "median pixel")
+        text_of(self.picture, "mean") + &text_of(self.median, "median pixel")
     }
 }
 

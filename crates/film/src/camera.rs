@@ -69,7 +69,7 @@ pub enum CameraError {
     /// Origin and target coincide.
     #[error("origin_mm and target_mm are the same point")]
     NoDirection,
-    /// The up vector says nothing.
+    /// The up vector is zero or parallel to the view.
     #[error("up is zero or parallel to the view direction")]
     NoUp,
     /// A picture without pixels.

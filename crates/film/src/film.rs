@@ -33,7 +33,7 @@ impl ChannelSums {
     }
 }
 
-/// Everything a pixel knows, as whole numbers: adding samples in any order and
+/// The complete state of a pixel, as whole numbers: adding samples in any order and
 /// merging pixels in any grouping gives the same bits. Fewer than `2^32`
 /// samples. The vector kernel's samples may be negative, which is noise around
 /// a value that is not; sums of radiance have a sign.

@@ -5,7 +5,7 @@ use crate::film::variance_of_mean;
 use rayon::prelude::*;
 
 /// Relative standard errors of single pixels, over the pixels that met matter
-/// and are lit: what is seen straight past the cloth has none and says nothing.
+/// and are lit: background seen past the cloth has none and is left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelErrors {
     /// Half the pixels have less.

@@ -8,7 +8,7 @@ use organza_basis::Rgb;
 pub struct SiteInfo {
     /// Unit fibre axis, or zero where the medium has none.
     pub axis: Vec3,
-    /// Yarn number, where the medium knows yarns.
+    /// Yarn number, where the medium has yarns.
     pub yarn: Option<u32>,
 }
 

@@ -130,7 +130,7 @@ impl Tally {
         true
     }
 
-    /// Adds all to the pixel and begins anew.
+    /// Adds all to the pixel and starts again.
     pub fn flush(&mut self, brightness: &Brightness, pixel: &mut Pixel) {
         if self.count > 0 {
             pixel.add_tally(self, brightness);

@@ -67,7 +67,7 @@ pub trait LightKind {
     /// The light.
     ///
     /// # Errors
-    /// Names the key at fault and what it takes.
+    /// Names the key at fault and its valid values.
     fn build(&self, load: &LoadPicture<'_>) -> Result<Light, LightError>;
 
     /// Whether light may come from above a height, mm, and from below it.
@@ -112,7 +112,7 @@ impl LightTable {
     /// The light; pictures are read by `load`.
     ///
     /// # Errors
-    /// Names the key at fault and what it takes.
+    /// Names the key at fault and its valid values.
     pub fn build(&self, load: &LoadPicture<'_>) -> Result<Light, LightError> {
         self.described().build(load)
     }

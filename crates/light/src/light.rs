@@ -1,4 +1,4 @@
-//! What a walk, the kernel and an exporter ask of a light.
+//! The interface of a light for the walk, the kernel and exporters.
 
 use crate::mitsuba::MitsubaLight;
 use crate::{Hemisphere, ImageEnvironment, RectangleLight};
@@ -34,7 +34,7 @@ pub struct LightSample {
     pub pdf: f32,
 }
 
-/// What a light is for the kernel, which knows a few shapes of light.
+/// A light as the kernel sees it, which supports a few shapes of light.
 #[derive(Clone, Copy, Debug)]
 pub enum KernelLight<'a> {
     /// Parallel light.

@@ -1,4 +1,4 @@
-//! Search within bounds and what the data says of the answer.
+//! Search within bounds, and the uncertainty of the answer.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
@@ -17,7 +17,7 @@ pub struct Bound {
     pub start: f64,
 }
 
-/// A parameter with what the data says of it.
+/// A parameter with its uncertainty.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Determined {
     /// Its name.
@@ -50,7 +50,7 @@ const DESCENTS: usize = 4;
 /// Change of the cost or of the place below which a descent ends.
 const TOLERANCE: f64 = 1e-5;
 
-/// Weighted residuals of a place; none where there is no answer.
+/// Weighted residuals at a point; `None` where the model fails.
 pub type Residuals<'a> = dyn FnMut(&[f64]) -> Option<Vec<f64>> + 'a;
 
 fn square(list: &[f64]) -> f64 {
@@ -211,7 +211,7 @@ pub fn search(
     best
 }
 
-/// What the data says of parameters at the best value, from the derivatives of
+/// Uncertainty of the parameters at the best value, from the derivatives of
 /// weighted residuals by each of them (`columns`) and the variance of one
 /// residual.
 pub fn determine(
@@ -352,10 +352,10 @@ mod tests {
         let b: Vec<f64> = (0..200).map(|_| rng.unit().into()).collect();
         let bounds = ["p", "q", "r", "s"].map(|n| bound(n, 0.0, 1.0, 0.5));
         let columns = [a.clone(), a, b, vec![0.0; 200]];
-        let told = determine(&bounds, &[0.5; 4], &columns, 1e-4);
-        let fixed: Vec<bool> = told.iter().map(|d| d.is_fixed).collect();
-        assert_eq!(fixed, [false, false, true, false], "{told:?}");
-        assert!(told[2].se < 0.003 && (told[3].se - 12f64.powf(-0.5)).abs() < 1e-9);
+        let determined = determine(&bounds, &[0.5; 4], &columns, 1e-4);
+        let fixed: Vec<bool> = determined.iter().map(|d| d.is_fixed).collect();
+        assert_eq!(fixed, [false, false, true, false], "{determined:?}");
+        assert!(determined[2].se < 0.003 && (determined[3].se - 12f64.powf(-0.5)).abs() < 1e-9);
     }
 
     #[test]

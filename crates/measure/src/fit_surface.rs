@@ -1,4 +1,4 @@
-//! The surface model that a list of measured pairs asks for.
+//! The surface model that matches a list of measured pairs.
 //!
 //! The model is linear in its colours: for every shape of the yarns they come
 //! from non-negative least squares, and only the shape is searched for
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 pub struct FittedSurface {
     /// The whole section, without preset.
     pub spec: SurfaceSpec,
-    /// Every parameter with what the data says of it.
+    /// Every parameter with its uncertainty from the data.
     pub parameters: Vec<Determined>,
     /// Root mean square of the weighted residuals: about one tenth of it is a
     /// relative error.
@@ -26,13 +26,13 @@ pub struct FittedSurface {
     pub median_relative: f64,
 }
 
-/// Why there is no fit.
+/// Why a fit failed.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
     /// Nothing to fit to.
     #[error("the data has no pair with light and exitant direction on the face")]
     NoReflection,
-    /// The start is no surface.
+    /// The start is not a valid surface.
     #[error("{0}")]
     Surface(#[from] organza_surface::Error),
     /// No shape within the bounds can be built.
@@ -329,8 +329,8 @@ impl<'a> Problem<'a> {
             let target = self.target(channel);
             let (x, _) = non_negative(columns, &target);
             colours[channel].copy_from_slice(&x);
-            let told = combine(columns, &colours[channel]);
-            residuals.extend(told.zip(target).map(|(t, v)| t - v));
+            let combined = combine(columns, &colours[channel]);
+            residuals.extend(combined.zip(target).map(|(t, v)| t - v));
         }
         (colours, residuals)
     }

@@ -67,16 +67,16 @@ pub struct Albedo {
     pub paths: u64,
 }
 
-/// What was measured, with counts of what the trackers did.
+/// Measured values, with the counts of the trackers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told<T> {
+pub struct Results<T> {
     /// One entry per pair or direction, in order.
     pub list: Vec<T>,
     /// Sums over all of them.
     pub stats: Stats,
 }
 
-/// Why a measurement gave nothing.
+/// Why a measurement failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeasureError {
     /// Too little for a standard error.
@@ -90,7 +90,7 @@ pub enum MeasureError {
         /// Out of how many.
         lookups: u64,
     },
-    /// Estimates that are no numbers; leaving them out would bias the mean.
+    /// Estimates that are not finite; leaving them out would bias the mean.
     #[error("{0} estimates were not finite")]
     NotFinite(u64),
 }
@@ -131,7 +131,7 @@ pub fn measure_pairs(
     pairs: &[Pair],
     effort: &Effort,
     watch: &(dyn Fn(u64) + Sync),
-) -> Result<Told<PairValue>, MeasureError> {
+) -> Result<Results<PairValue>, MeasureError> {
     let effort = if patch.is_exact() {
         Effort {
             paths: 1,
@@ -150,7 +150,7 @@ pub fn measure_pairs(
         let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
         move |rng: &mut PathRng, stats: &mut Stats| [patch.estimate_bsdf(w_in, w_out, rng, stats)]
     })
-    .map(|(list, stats)| Told {
+    .map(|(list, stats)| Results {
         list: pairs
             .iter()
             .zip(list)
@@ -180,7 +180,7 @@ pub fn measure_albedos(
     incident: &[Angles],
     effort: &Effort,
     watch: &(dyn Fn(u64) + Sync),
-) -> Result<Told<Albedo>, MeasureError> {
+) -> Result<Results<Albedo>, MeasureError> {
     if effort.paths < 2 {
         return Err(MeasureError::TooFewPaths(effort.paths));
     }
@@ -198,7 +198,7 @@ pub fn measure_albedos(
             }
         },
     )
-    .map(|(list, stats)| Told {
+    .map(|(list, stats)| Results {
         list: incident
             .iter()
             .zip(list)
@@ -237,8 +237,8 @@ pub fn measure_openness(
         target_error: None,
         ..*effort
     };
-    let told = measure_albedos(patch, &[normal], &effort, &|_| ())?;
-    let direct = told.list.first().map(|a| a.direct);
+    let results = measure_albedos(patch, &[normal], &effort, &|_| ())?;
+    let direct = results.list.first().map(|a| a.direct);
     Ok(direct.map_or((0.0, f64::INFINITY), |d| (d.mean[0], d.se[0])))
 }
 

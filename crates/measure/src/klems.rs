@@ -404,9 +404,12 @@ mod tests {
                 for (index, value) in matrix.values.iter().enumerate() {
                     assert!(value[0] == 0.0 || index / n == index % n, "{index}");
                 }
-                let told = bsdf.hemispherical(matrix, 17);
-                assert!((told[0] - share).abs() < 0.1 && told[2] == 0.0, "{told:?}");
-                assert!((told[1] - 0.5 * told[0]).abs() < 1e-12);
+                let shares = bsdf.hemispherical(matrix, 17);
+                assert!(
+                    (shares[0] - share).abs() < 0.1 && shares[2] == 0.0,
+                    "{shares:?}"
+                );
+                assert!((shares[1] - 0.5 * shares[0]).abs() < 1e-12);
             }
         }
         assert_eq!(bsdf.pairs().len(), 2 * n * n + 2 * (n * n - n));

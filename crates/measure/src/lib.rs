@@ -30,13 +30,13 @@
 //!     target_error: None,
 //! };
 //! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
-//! let told = measure_pairs(&patch, &pairs, &effort, &|_paths| ())?;
-//! let bsdf = told.list[0].bsdf;
+//! let results = measure_pairs(&patch, &pairs, &effort, &|_paths| ())?;
+//! let bsdf = results.list[0].bsdf;
 //! println!("{:?} +- {:?} 1/sr", bsdf.mean, bsdf.se);
 //!
 //! let incident = parse_incident("theta_i,phi_i\n30,0\n")?;
-//! let told = measure_albedos(&patch, &incident, &effort, &|_paths| ())?;
-//! assert!(told.list[0].reflected.mean[0] < 1.0);
+//! let results = measure_albedos(&patch, &incident, &effort, &|_paths| ())?;
+//! assert!(results.list[0].reflected.mean[0] < 1.0);
 //! # Ok(())
 //! # }
 //! ```
@@ -62,7 +62,7 @@ mod volume_patch;
 pub use cost::{Cost, Growth, growth, pareto_front};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
-    Albedo, Effort, MeasureError, Measured, PairValue, Told, measure_albedos, measure_openness,
+    Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedos, measure_openness,
     measure_pairs,
 };
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};

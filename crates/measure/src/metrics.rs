@@ -44,7 +44,7 @@ pub struct Difference {
     /// direction, as a share of the reference's own.
     pub cosine_rmse: Figure,
     /// The median relative error that noise alone would show if both were
-    /// equal: what is not above it is no difference.
+    /// equal: smaller differences are ignored.
     pub noise_median: f64,
     /// Mean of the values over that of the reference's, less one.
     pub bias: Figure,

@@ -1,4 +1,4 @@
-//! What a goniometer asks of a patch.
+//! The interface of a patch for goniometers.
 
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};

@@ -1,6 +1,6 @@
 //! Colour and roughness of fibres from one picture of a cloth, by its mean and
 //! deviation [Zhao2011]: the mean grows with the colour, the deviation shrinks
-//! with the width of the highlights, so that two searches on a line, by turns,
+//! with the width of the highlights, so that two searches on a line, in alternation,
 //! end where both are met.
 
 use crate::Texture;
@@ -50,19 +50,19 @@ pub struct PictureSearch {
     pub start: f64,
     /// Relative error of means and deviation that is near enough.
     pub tolerance: f64,
-    /// Most turns of both searches.
+    /// Maximum turns of both searches.
     pub turns: u32,
 }
 
-/// Where the search ended.
+/// The result of the search.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PictureMatch {
     /// Colour of each channel.
     pub colour: [f64; 3],
     /// Width of the highlights.
     pub width: f64,
-    /// What the picture came to.
-    pub told: PictureStatistics,
+    /// Mean and deviation of the picture that was found.
+    pub statistics: PictureStatistics,
     /// Turns taken.
     pub turns: u32,
     /// Whether mean and deviation are both met; if not, no value in the ranges
@@ -73,16 +73,17 @@ pub struct PictureMatch {
 /// Steps of one search on a line.
 const STEPS: u32 = 12;
 
-/// Searches by turns. `simulate` tells what a colour and a width look like.
+/// Alternates searches for the colour and for the width. `simulate` returns the statistics of
+/// the picture with a colour and a width.
 ///
 /// # Errors
-/// What `simulate` says.
+/// Those of `simulate`.
 pub fn match_picture<E>(
     target: &PictureStatistics,
     search: &PictureSearch,
     simulate: &mut dyn FnMut([f64; 3], f64) -> Result<PictureStatistics, E>,
 ) -> Result<PictureMatch, E> {
-    let near = |told: f64, wanted: f64| (told - wanted).abs() <= search.tolerance * wanted.abs();
+    let near = |value: f64, wanted: f64| (value - wanted).abs() <= search.tolerance * wanted.abs();
     let [narrow, wide] = search.width;
     let mut width = search.start.clamp(narrow, wide);
     let mut colour = search.colour.map(|[low, high]| 0.5 * (low + high));
@@ -91,25 +92,25 @@ pub fn match_picture<E>(
         turns += 1;
         // Every channel has its own search; one picture serves all three.
         let mut lines: [Line; 3] = std::array::from_fn(|c| Line::new(search.colour[c], colour[c]));
-        let mut told = simulate(colour, width)?;
+        let mut statistics = simulate(colour, width)?;
         for _ in 0..STEPS {
-            let is_near = |c: usize| near(told.mean[c], target.mean[c]);
+            let is_near = |c: usize| near(statistics.mean[c], target.mean[c]);
             if (0..3).all(is_near) {
                 break;
             }
             for (c, line) in lines.iter_mut().enumerate() {
-                line.tell(told.mean[c] - target.mean[c]);
+                line.observe(statistics.mean[c] - target.mean[c]);
             }
             colour = lines.map(|l| l.at);
-            told = simulate(colour, width)?;
+            statistics = simulate(colour, width)?;
         }
-        let mean_met = (0..3).all(|c| near(told.mean[c], target.mean[c]));
-        let is_met = mean_met && near(told.deviation, target.deviation);
+        let mean_met = (0..3).all(|c| near(statistics.mean[c], target.mean[c]));
+        let is_met = mean_met && near(statistics.deviation, target.deviation);
         if is_met || turns >= search.turns {
             return Ok(PictureMatch {
                 colour,
                 width,
-                told,
+                statistics,
                 turns,
                 is_met,
             });
@@ -117,12 +118,12 @@ pub fn match_picture<E>(
         // Wider highlights are flatter pictures.
         let mut line = Line::new([narrow.ln(), wide.ln()], width.ln());
         for _ in 0..STEPS {
-            if near(told.deviation, target.deviation) {
+            if near(statistics.deviation, target.deviation) {
                 break;
             }
-            line.tell(target.deviation - told.deviation);
+            line.observe(target.deviation - statistics.deviation);
             width = line.at.exp();
-            told = simulate(colour, width)?;
+            statistics = simulate(colour, width)?;
         }
     }
 }
@@ -146,7 +147,7 @@ impl Line {
     }
 
     /// Takes the value at the place.
-    fn tell(&mut self, value: f64) {
+    fn observe(&mut self, value: f64) {
         if value < 0.0 {
             self.low = (self.at, Some(value));
         } else {
@@ -239,7 +240,7 @@ mod tests {
         let errors = vec![[0.1f32; 3]; list.len()];
         assert!(PictureStatistics::new(&list, &errors).deviation < 0.012);
         let none = vec![[0.0f32; 3]; list.len()];
-        let told = PictureStatistics::new(&list, &none).deviation;
-        assert!((told - 0.1).abs() < 0.002, "{told}");
+        let statistics = PictureStatistics::new(&list, &none).deviation;
+        assert!((statistics - 0.1).abs() < 0.002, "{statistics}");
     }
 }

@@ -109,8 +109,9 @@ fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
         .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
         .collect();
     assert_eq!((pairs.len(), rows.len()), (16, 16));
-    let told = measure_pairs(patch, &pairs, &effort(paths, seed), &|_| ()).unwrap();
-    told.list
+    let results = measure_pairs(patch, &pairs, &effort(paths, seed), &|_| ()).unwrap();
+    results
+        .list
         .iter()
         .zip(&rows)
         .flat_map(|(got, row)| {
@@ -179,8 +180,8 @@ fn the_bsdf_is_reciprocal() {
 fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
     let slab = slab(Integrator::Woodcock);
     let incident = [angles(0.0, 0.0), angles(60.0, 35.0), angles(140.0, 80.0)];
-    let told = measure_albedos(&slab, &incident, &effort(40_000, 3), &|_| ()).unwrap();
-    for a in &told.list {
+    let results = measure_albedos(&slab, &incident, &effort(40_000, 3), &|_| ()).unwrap();
+    for a in &results.list {
         for c in 0..3 {
             let (sum, se) = (a.sum.mean[c], a.sum.se[c]);
             assert!((sum - 1.0).abs() < 4.0 * se + 1e-6, "seed 3: {sum} +- {se}");
@@ -210,7 +211,7 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     // comes from the cosine distribution, so f / density is pi f.
     let slab = slab(Integrator::Woodcock);
     let from = angles(50.0, 20.0);
-    let told = measure_albedos(&slab, &[from], &effort(60_000, 5), &|_| ()).unwrap();
+    let results = measure_albedos(&slab, &[from], &effort(60_000, 5), &|_| ()).unwrap();
     let mut sides = [[Moments::default(); 3]; 2];
     let mut stats = Stats::default();
     for path in 0..60_000 {
@@ -225,7 +226,7 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     }
     for (side, share) in sides
         .iter()
-        .zip([told.list[0].reflected, told.list[0].transmitted])
+        .zip([results.list[0].reflected, results.list[0].transmitted])
     {
         for (c, m) in side.iter().enumerate() {
             let z = (m.mean - share.mean[c]) / m.standard_error().hypot(share.se[c]);
@@ -254,12 +255,12 @@ fn results_depend_on_the_seed_and_not_on_the_threads() {
     let table = |threads, seed| {
         let slab = slab(Integrator::Woodcock);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let told = pool
+        let results = pool
             .build()
             .unwrap()
             .install(|| measure_pairs(&slab, &pairs, &effort(5000, seed), &|_| ()).unwrap());
         let mut out = Vec::new();
-        write_pairs(&told.list, &mut out).unwrap();
+        write_pairs(&results.list, &mut out).unwrap();
         String::from_utf8(out).unwrap()
     };
     assert_eq!(table(1, 4), table(2, 4));
@@ -278,8 +279,8 @@ fn a_target_error_is_met_where_paths_allow() {
         seed: 9,
         target_error: Some(0.05),
     };
-    let told = measure_pairs(&slab(Integrator::Woodcock), &pairs, &effort, &|_| ()).unwrap();
-    let (easy, hard) = (&told.list[0], &told.list[1]);
+    let results = measure_pairs(&slab(Integrator::Woodcock), &pairs, &effort, &|_| ()).unwrap();
+    let (easy, hard) = (&results.list[0], &results.list[1]);
     assert!((0..3).all(|c| easy.bsdf.se[c] <= 0.05 * easy.bsdf.mean[c]));
     assert!(easy.paths.is_power_of_two() && easy.paths < 50_000);
     assert_eq!(hard.paths, 50_000, "blue hardly comes through");
@@ -290,8 +291,8 @@ fn an_end_of_the_box_is_no_end_of_energy() {
     // A box that ends loses light through its sides, but none altogether.
     let ends = patch_of(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
     let incident = [angles(30.0, 0.0)];
-    let told = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
-    let a = &told.list[0];
+    let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
+    let a = &results.list[0];
     let rest = a.reflected.mean[0] + a.transmitted.mean[0] + a.direct.mean[0];
     assert!((rest - 1.0).abs() < 1e-5, "nothing is absorbed: {rest}");
 }

@@ -32,9 +32,9 @@ fn measured_values_are_the_models_own() {
     for pair in pairs.iter_mut().step_by(5) {
         pair.exitant.theta_deg = 180.0 - pair.exitant.theta_deg;
     }
-    let told = measure_pairs(&patch, &pairs, &effort(1), &|_| ()).unwrap();
+    let results = measure_pairs(&patch, &pairs, &effort(1), &|_| ()).unwrap();
     let mut lit = 0;
-    for got in &told.list {
+    for got in &results.list {
         let (w_in, w_out) = (got.pair.incident.direction(), got.pair.exitant.direction());
         let own = patch.0.eval(w_out, w_in, Footprint::FAR).0.as_dvec3();
         assert_eq!(got.bsdf.mean, own.to_array(), "{:?}", got.pair);
@@ -50,8 +50,8 @@ fn shares_add_to_one_and_openness_is_the_gap() {
     let patch = SurfacePatch(surface);
     let incident = [(0.0, 0.0), (45.0, 30.0), (150.0, 80.0)]
         .map(|(theta_deg, phi_deg)| Angles { theta_deg, phi_deg });
-    let told = measure_albedos(&patch, &incident, &effort(40_000), &|_| ()).unwrap();
-    for a in &told.list {
+    let results = measure_albedos(&patch, &incident, &effort(40_000), &|_| ()).unwrap();
+    for a in &results.list {
         for c in 0..3 {
             assert!((a.sum.mean[c] - 1.0).abs() < 1e-6);
             assert!(a.absorbed.mean[c] > -4.0 * a.absorbed.se[c], "{a:?}");

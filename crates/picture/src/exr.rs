@@ -223,8 +223,8 @@ mod tests {
         };
         let mut out = Cursor::new(Vec::new());
         write(&rendered, &mut out).unwrap();
-        let (read, told) = read_film(out.get_ref(), 1 << 20).unwrap();
-        assert_eq!(told, attributes);
+        let (read, stored) = read_film(out.get_ref(), 1 << 20).unwrap();
+        assert_eq!(stored, attributes);
         assert_eq!(read.pixels(), film.pixels());
         // Known bad: a picture of another program has no sums.
         let picture = rendered.colours();

@@ -1,4 +1,4 @@
-//! What the program knows of a picture format.
+//! The record of a picture format.
 
 use crate::{FORMATS, Picture, PictureError, Rendered};
 use glam::UVec2;

@@ -137,7 +137,7 @@ impl FarField<'_> {
     }
 }
 
-/// What a far field knows of the way a walk came.
+/// What a far field knows about the incoming direction of a walk.
 struct FarEvent {
     frame: FibreFrame,
     out: Balanced,

@@ -470,7 +470,7 @@ fn near_fields_keep_light_in_the_mean_over_offsets() {
                 (0..draws(4000)).map(|_| draw(&mut rng)).collect()
             })
             .collect();
-        let told = || {
+        let report = || {
             let of = |m: &Moments| format!("{:.3} +- {:.3}", m.mean, m.standard_error());
             let all: Vec<String> = energies.iter().map(of).collect();
             format!(
@@ -481,7 +481,7 @@ fn near_fields_keep_light_in_the_mean_over_offsets() {
         for m in &energies {
             let noise = 5.0 * m.standard_error();
             let kept = least - noise..=most + noise;
-            assert!(kept.contains(&m.mean), "{}", told());
+            assert!(kept.contains(&m.mean), "{}", report());
         }
         let mean = |list: &[Moments]| {
             let n = list.len() as f64;
@@ -491,14 +491,14 @@ fn near_fields_keep_light_in_the_mean_over_offsets() {
         };
         // Twenty offsets for the integral.
         let off = |(mean, se): (f64, f64)| (mean - 1.0).abs() > 5.0 * se + 2e-3;
-        assert!(!off(mean(&energies)), "{}", told());
+        assert!(!off(mean(&energies)), "{}", report());
         if view_deg == 10.0 {
             // The outer offsets alone keep too much.
             let outer = [&energies[..2], &energies[OFFSETS - 2..]].concat();
-            assert!(off(mean(&outer)), "{}", told());
+            assert!(off(mean(&outer)), "{}", report());
         }
         if std::env::var_os("ORGANZA_FULL").is_some() {
-            eprintln!("{}", told());
+            eprintln!("{}", report());
         }
     }
 }

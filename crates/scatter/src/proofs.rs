@@ -70,7 +70,7 @@ impl std::fmt::Debug for Flaw {
     }
 }
 
-/// `Ok` when `holds`, else the flaw that `say` words.
+/// `Ok` when `holds`, otherwise the flaw described by `say`.
 fn hold(holds: bool, say: impl FnOnce() -> String) -> Result<(), Flaw> {
     if holds { Ok(()) } else { Err(Flaw(say())) }
 }
@@ -253,7 +253,7 @@ impl Proof<'_> {
         )?;
         for s in drawn {
             let (pdf, eval) = (lobe.pdf(w_out, s.w_in), lobe.eval(w_out, s.w_in));
-            // Single precision knows angles about the pole no better than this.
+            // Single precision resolves angles about the pole no better than this.
             let across = self.pole.cross(s.w_in).length();
             let rounding = 1e-3 + 3e-7 / across.max(1e-6);
             hold((s.pdf - pdf).abs() <= rounding * pdf, || {
@@ -321,7 +321,7 @@ const ALPHA: f64 = 1e-3;
 #[cfg(test)]
 pub(crate) use in_tests::*;
 
-/// Sizes for every build; `ORGANZA_FULL=1` asks for more.
+/// Sizes for every run; larger with `ORGANZA_FULL=1`.
 #[cfg(test)]
 mod in_tests {
     use super::*;

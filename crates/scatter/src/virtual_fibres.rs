@@ -180,7 +180,7 @@ fn half_normal(s: f32, rng: &mut PathRng) -> f32 {
     }
 }
 
-/// Draws a tangent of the population itself, whatever sees it: for tests, and
+/// Samples a tangent of the population itself, regardless of the view: for tests, and
 /// for the published form of virtual scattering.
 pub fn tangent_sample(axis: Vec3, spread_rad: f32, rng: &mut PathRng) -> Vec3 {
     if spread_rad <= MIN_SPREAD_RAD {

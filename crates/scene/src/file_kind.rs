@@ -118,8 +118,8 @@ mod tests {
             "[camera]\n[[object]]\nfabric = 'a.toml'\n",
         );
         let say = |wanted: Wanted, text: &str| {
-            let told = wanted.check(Path::new("x.toml"), text);
-            told.map_or_else(|e| e.to_string(), |()| String::new())
+            let checked = wanted.check(Path::new("x.toml"), text);
+            checked.map_or_else(|e| e.to_string(), |()| String::new())
         };
         for (wanted, text, words) in [
             (Wanted::Fabric, fabric, ""),

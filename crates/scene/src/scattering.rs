@@ -19,7 +19,7 @@ pub struct ScatteringTable {
     pub event: Option<EventName>,
 }
 
-/// `event`, the old key that told packed and plain virtual scattering apart.
+/// `event`, the old key that selected packed or plain virtual scattering.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum EventName {

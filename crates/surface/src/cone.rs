@@ -130,7 +130,7 @@ impl YarnSegment<f32> {
             let along = -pair.w_in.x * m.cos_v * sin_p
                 + pair.w_in.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
                 + pair.w_in.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
-            // The other solution is no draw.
+            // The other solution is not a sample.
             let v = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
             // Where no fibre mirrors, the two normals' cosines cancel.
             let width = 1.0 / ((m.n_i + m.n_r) * sin_p.abs());

@@ -46,7 +46,7 @@ pub enum Error {
     /// A draft that is not a matrix, or is too large.
     #[error("draft: {0}")]
     Draft(String),
-    /// A name that stands for nothing.
+    /// An unknown name.
     #[error("{key} = \"{name}\": expected one of {expected}{}", hint(.nearest))]
     Name {
         /// Key whose value the name is.

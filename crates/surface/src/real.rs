@@ -1,4 +1,4 @@
-//! The scalar the model is written for: `f32` renders, `f64` judges.
+//! The scalar type of the model: `f32` for rendering, `f64` for validation.
 //!
 //! The few transcendental functions of an evaluation are called on ranges so
 //! small that single precision needs no reduction of the argument: there they

@@ -12,7 +12,7 @@ use crate::transmission::Transmission;
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
 
-/// What a goniometer says of light on its way through a cloth. Directions are
+/// A goniometer's measurement of light that passes through a cloth. Directions are
 /// unit vectors away from the cloth.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasuredTransmission {

@@ -75,7 +75,7 @@ const SAMPLES_PER_PASS: u64 = 16;
 /// threads end at about the same time.
 const BLOCKS_PER_THREAD: u32 = 4;
 
-/// Told of progress between rows, from any thread; may break to stop.
+/// Called between rows, from any thread, with the progress; may break to stop.
 pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 
 /// A picture in the making. However its samples are split into calls of
@@ -207,11 +207,11 @@ impl<'a> Rendering<'a> {
                         add_samples(scene, settings, clamp, pixel, indices, out, &mut stats);
                     }
                 }
-                let told = Pass {
+                let state = Pass {
                     paths_done: paths_done.fetch_add(paths, Ordering::Relaxed) + paths,
                     paths_total,
                 };
-                if watch(told).is_break() {
+                if watch(state).is_break() {
                     stopped.store(true, Ordering::Relaxed);
                 }
                 stats

@@ -180,8 +180,8 @@ fn stopping_early_is_unbiased() {
         let off = (got.mean - exact).abs();
         assert!(off < allowed(&got), "seed {seed}: {} for {exact}", got.mean);
         let ended = exact < 0.09;
-        let told = (twin.mean - exact).abs() > allowed(&twin);
-        assert_eq!(told, ended, "seed {seed}: the twin");
+        let is_rejected = (twin.mean - exact).abs() > allowed(&twin);
+        assert_eq!(is_rejected, ended, "seed {seed}: the twin");
     }
 }
 

@@ -13,7 +13,7 @@ use organza_basis::{Frame, Sym3};
 use std::f32::consts::TAU;
 use std::f64::consts::PI;
 
-/// Most lines that stand for one thick segment; with them the lines are half
+/// Maximum number of lines that represent one thick segment; with them the lines are half
 /// a voxel apart up to a radius of 64 voxels.
 const MAX_LINES: f64 = 65_536.0;
 
@@ -27,7 +27,7 @@ pub struct BlockSums {
     cells: Vec<[i32; 3]>,
 }
 
-/// One of the lines that stand for a thick fibre of radius one.
+/// One of the lines that represent a thick fibre of radius one.
 #[derive(Clone, Copy)]
 struct Line {
     /// Place in the cross-section.

@@ -8,7 +8,7 @@ pub const MAX_THREADS: usize = 16_384;
 /// The most crossings that a draft may have.
 pub const MAX_CROSSINGS: usize = 1 << 26;
 
-/// One thread of a draft, as far as the draft says anything of it.
+/// One thread of a draft, with the properties that the draft gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thread {
     /// Linear colour.

@@ -55,14 +55,14 @@ pub struct DraftSpec {
     pub curves_are: CurveKind,
 }
 
-/// What imported curves stand for.
+/// What imported curves represent.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum CurveKind {
     /// Centrelines of yarns.
     #[default]
     Yarns,
-    /// Fibres, with their own radii; `.bcc` has none, there the yarn's fibre
+    /// Fibres, with their own radii; for `.bcc`, which has none, the yarn's fibre
     /// radius holds.
     Fibres,
 }

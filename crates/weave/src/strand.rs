@@ -110,7 +110,7 @@ impl Closure {
     }
 }
 
-/// One yarn in the tile, ready to pour out curves.
+/// One yarn in the tile, ready to emit curves.
 pub(crate) struct Strand<'a> {
     pub yarn: &'a Yarn,
     pub path: &'a Path,
@@ -299,7 +299,7 @@ impl Strand<'_> {
                         let turn = (phase - p + 0.5 * sector).rem_euclid(sector) - 0.5 * sector;
                         radius_mm * radius_mm + r * r - 2.0 * radius_mm * r * turn.cos()
                     };
-                    // Fibres much further inside are no neighbours.
+                    // Fibres much further inside are not neighbours.
                     let near = placed.iter().rev().take(64).map(gap);
                     near.fold(f64::INFINITY, f64::min)
                 };

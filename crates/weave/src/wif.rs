@@ -73,7 +73,7 @@ impl Reader {
                 "there is no section at all; not a WIF file",
             ));
         }
-        // Programs forget [WIF], but nothing is a draft that has none of these.
+        // Some programs omit [WIF], but every draft has one of these.
         const DRAFT: [&str; 5] = ["WIF", "THREADING", "TIEUP", "TREADLING", "LIFTPLAN"];
         if DRAFT.iter().all(|s| self.ini.section(s).is_none()) {
             return Err(wrong("WIF", "", "the section is missing; not a WIF file"));

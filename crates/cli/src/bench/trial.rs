@@ -108,7 +108,7 @@ impl Laboratory {
             .args(&arguments)
             .output()
             .with_context(|| format!("cannot run {}", self.program.display()))?;
-        let told = if run.status.success() {
+        let note = if run.status.success() {
             let figures: Value = serde_json::from_slice(&run.stdout)
                 .context("the figures of a render are not JSON")?;
             json!({ "key": key, "arguments": arguments, "figures": figures })
@@ -119,7 +119,7 @@ impl Laboratory {
         } else {
             return Err(anyhow!("{}: ended with {}", trial.name, run.status));
         };
-        let text = serde_json::to_string_pretty(&told)?;
+        let text = serde_json::to_string_pretty(&note)?;
         output::write_file(&notes, |out| Ok(out.write_all(text.as_bytes())?))?;
         kept(&notes, &picture, &key).ok_or_else(|| anyhow!("{}: left no result", trial.name))
     }
@@ -143,14 +143,14 @@ impl Laboratory {
 
 /// What a trial of that key gave before.
 fn kept(notes: &Path, picture: &Path, key: &str) -> Option<Outcome> {
-    let told: Value = serde_json::from_slice(&fs::read(notes).ok()?).ok()?;
-    if told.get("key")?.as_str()? != key {
+    let note: Value = serde_json::from_slice(&fs::read(notes).ok()?).ok()?;
+    if note.get("key")?.as_str()? != key {
         return None;
     }
-    if let Some(why) = told.get("refused") {
+    if let Some(why) = note.get("refused") {
         return Some(Outcome::Refused(why.as_str()?.to_owned()));
     }
-    let figures = serde_json::from_value(told.get("figures")?.clone()).ok()?;
+    let figures = serde_json::from_value(note.get("figures")?.clone()).ok()?;
     let (film, _) = picture::read_exr(picture, u64::MAX).ok()?;
     Some(Outcome::Picture(
         Box::new(NoisyPicture::from(&film)),

@@ -89,7 +89,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
             return Err(input(format!("{name}: two fabrics have this name")));
         }
     }
-    // Told before anything is written, and not once a render.
+    // Checked before anything is written, and only once.
     let view = View {
         pixel_mm: 1.0,
         lit: Lit::Front,

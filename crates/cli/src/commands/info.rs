@@ -42,12 +42,12 @@ impl Command for InfoArgs {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let told = with_threads(&args.common, || tell(args))?;
+    let listing = with_threads(&args.common, || tell(args))?;
     let mut text = String::new();
     if args.json {
-        text = serde_json::to_string_pretty(&told)? + "\n";
+        text = serde_json::to_string_pretty(&listing)? + "\n";
     } else {
-        list(&mut text, &told, 0);
+        list(&mut text, &listing, 0);
     }
     output::print(&text)
 }
@@ -175,7 +175,7 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let objects = objects
         .map(|(i, table)| object_info(table, i, as_fibres, &options))
         .collect::<Result<Vec<Value>>>()?;
-    let mut told = json!({
+    let mut listing = json!({
         "kind": "scene",
         "camera": file.camera.kind.name(),
         "resolution": file.camera.resolution,
@@ -185,9 +185,9 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
         "objects": objects,
     });
     if !chosen.is_empty() {
-        told["chosen"] = json!(chosen);
+        listing["chosen"] = json!(chosen);
     }
-    Ok(told)
+    Ok(listing)
 }
 
 fn light_info(table: &LightTable) -> Value {
@@ -212,12 +212,12 @@ fn object_info(
         }
         ObjectTable::Cloth(t) => {
             let shown = cloth_object::check(t, index, as_fibres, options)?;
-            let mut told =
+            let mut listing =
                 json!({ "kind": "cloth", "fabric": t.fabric, "model": shown.to_string() });
             if let Some(mesh) = &t.mesh {
-                told["mesh"] = json!(mesh);
+                listing["mesh"] = json!(mesh);
             }
-            Ok(told)
+            Ok(listing)
         }
     }
 }

@@ -276,7 +276,7 @@ fn measure(
     let done = AtomicU64::new(0);
     let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
     let failed = |e: MeasureError| anyhow::Error::new(e);
-    let mut told = Told {
+    let mut summary = Summary {
         what: "pairs",
         list: Value::Null,
         extra: Vec::new(),
@@ -289,25 +289,25 @@ fn measure(
         Wanted::Pairs(pairs) => {
             let result = measure_pairs(patch, pairs, &effort, &watch).map_err(failed)?;
             write(args, |out| write_pairs(&result.list, out))?;
-            told.list = listed(args, &result.list);
-            told.paths = result.stats.paths;
-            told.words = median_error(&result.list);
-            told.dark = dark_pairs(shown, &result.list);
+            summary.list = listed(args, &result.list);
+            summary.paths = result.stats.paths;
+            summary.words = median_error(&result.list);
+            summary.dark = dark_pairs(shown, &result.list);
         }
         Wanted::Incident(incident) => {
             let result = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
-            told.what = "albedo";
-            told.list = listed(args, &result.list);
-            told.paths = result.stats.paths;
-            told.extra = vec![
+            summary.what = "albedo";
+            summary.list = listed(args, &result.list);
+            summary.paths = result.stats.paths;
+            summary.extra = vec![
                 ("openness", json!(open)),
                 ("cover_factor", json!(1.0 - open)),
                 ("se_openness", json!(se)),
             ];
             let cover = 1.0 - open;
-            told.words = Some(format!(
+            summary.words = Some(format!(
                 "openness {open:.4} +- {se:.4}, cover factor {cover:.4}"
             ));
         }
@@ -319,9 +319,9 @@ fn measure(
                 textures.push(texture.map_err(failed)?);
                 watch(args.spp * u64::from(grid.texels.element_product()));
             }
-            told.what = "textures";
-            told.list = listed(args, pairs);
-            told.paths = args.spp * count as u64;
+            summary.what = "textures";
+            summary.list = listed(args, pairs);
+            summary.paths = args.spp * count as u64;
             if let Some(path) = &args.outfile {
                 btf_file::write(path, &textures, grid)?;
             }
@@ -336,15 +336,15 @@ fn measure(
             } else {
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
             }
-            told.dark = dark_pairs(shown, &bsdf.pairs());
-            told.what = "klems";
-            told.list = listed(args, &bsdf.pairs());
-            told.paths = stats.paths;
+            summary.dark = dark_pairs(shown, &bsdf.pairs());
+            summary.what = "klems";
+            summary.list = listed(args, &bsdf.pairs());
+            summary.paths = stats.paths;
             let along = [
                 bsdf.hemispherical(&bsdf.reflection[0], 0),
                 bsdf.hemispherical(&bsdf.transmission[0], 0),
             ];
-            told.words = Some(format!(
+            summary.words = Some(format!(
                 "along the normal R {:.4?}, T {:.4?}",
                 along[0], along[1]
             ));
@@ -353,15 +353,15 @@ fn measure(
             let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;
             write(args, |out| write_sweep(&sweep, out))?;
             let [front, back] = front_and_back(&sweep);
-            told.what = "sweep";
-            told.list = listed(args, &sweep);
-            told.paths = args.spp * count as u64;
-            told.extra = vec![("front_lit", json!(front)), ("back_lit", json!(back))];
-            told.words = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
+            summary.what = "sweep";
+            summary.list = listed(args, &sweep);
+            summary.paths = args.spp * count as u64;
+            summary.extra = vec![("front_lit", json!(front)), ("back_lit", json!(back))];
+            summary.words = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
         }
     }
     let seconds = progress.finish();
-    report(args, shown, told, seconds)
+    report(args, shown, summary, seconds)
 }
 
 /// Values as JSON, which takes ten times the memory, where somebody wants it.
@@ -438,7 +438,7 @@ fn dark_pairs(shown: Option<ShownAs>, list: &[PairValue]) -> [usize; 2] {
 }
 
 /// What to say in the end.
-struct Told {
+struct Summary {
     what: &'static str,
     list: Value,
     extra: Vec<(&'static str, Value)>,
@@ -470,16 +470,21 @@ fn model_name(args: &MeasureArgs, shown: Option<ShownAs>) -> &'static str {
     }
 }
 
-fn report(args: &MeasureArgs, shown: Option<ShownAs>, told: Told, seconds: f64) -> Result<()> {
+fn report(
+    args: &MeasureArgs,
+    shown: Option<ShownAs>,
+    summary: Summary,
+    seconds: f64,
+) -> Result<()> {
     let mut map = serde_json::Map::new();
     let mut put = |key: &str, value: Value| map.insert(key.into(), value);
     put("file", json!(args.file));
     put("model", json!(model_name(args, shown)));
     put("seed", json!(args.seed));
-    put("paths", json!(told.paths));
+    put("paths", json!(summary.paths));
     put("seconds", json!(seconds));
-    put(told.what, told.list);
-    for (key, value) in told.extra {
+    put(summary.what, summary.list);
+    for (key, value) in summary.extra {
         put(key, value);
     }
     let text = serde_json::to_string_pretty(&Value::Object(map))?;
@@ -493,19 +498,19 @@ fn report(args: &MeasureArgs, shown: Option<ShownAs>, told: Told, seconds: f64) 
         note!(
             "{}: {} {}, {} paths in {seconds:.1} s ({:.2} M paths/s)",
             args.file.display(),
-            told.count,
-            if told.what == "pairs" {
+            summary.count,
+            if summary.what == "pairs" {
                 "pairs"
             } else {
                 "directions"
             },
-            told.paths,
-            told.paths as f64 / seconds.max(1e-9) * 1e-6,
+            summary.paths,
+            summary.paths as f64 / seconds.max(1e-9) * 1e-6,
         );
-        if let Some(words) = told.words {
+        if let Some(words) = summary.words {
             note!("{words}");
         }
-        let [dark, pairs] = told.dark;
+        let [dark, pairs] = summary.dark;
         if dark > 0 {
             note!(
                 "{dark} of {pairs} pairs met no light in any path: their value 0 +- 0 is not \

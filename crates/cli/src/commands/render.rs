@@ -222,13 +222,13 @@ fn render_scene(args: &RenderArgs) -> Result<()> {
         say_why(&rendering, stop, targets(args));
     }
     if args.json {
-        let told = Told {
+        let timing = Timing {
             setup_cpu_s,
             render_cpu_s,
             render_s,
             total_s: started.elapsed().as_secs_f64(),
         };
-        print_figures(&rendering, refusal.flatten(), &chosen, &told)?;
+        print_figures(&rendering, refusal.flatten(), &chosen, &timing)?;
     }
     Ok(())
 }
@@ -346,7 +346,7 @@ fn samples(args: &RenderArgs, file: &SceneFile) -> Range<u64> {
 
 /// Where the time went: of the whole process and of all its threads together
 /// (CPU), and as it passed.
-struct Told {
+struct Timing {
     setup_cpu_s: f64,
     render_cpu_s: f64,
     render_s: f64,
@@ -357,7 +357,7 @@ fn print_figures(
     rendering: &Rendering<'_>,
     refusal: Option<KernelRefusal>,
     chosen: &[Chosen],
-    told: &Told,
+    timing: &Timing,
 ) -> Result<()> {
     let (film, stats) = (rendering.film(), rendering.stats());
     let known = has_errors(rendering);
@@ -366,10 +366,10 @@ fn print_figures(
         "kernel_refused": refusal.map(|why| why.to_string()),
         "resolution": film.size().to_array(),
         "samples": rendering.taken().end - rendering.taken().start,
-        "setup_cpu_s": told.setup_cpu_s,
-        "render_cpu_s": told.render_cpu_s,
-        "render_s": told.render_s,
-        "total_s": told.total_s,
+        "setup_cpu_s": timing.setup_cpu_s,
+        "render_cpu_s": timing.render_cpu_s,
+        "render_s": timing.render_s,
+        "total_s": timing.total_s,
         "peak_memory_bytes": peak_memory_bytes(),
         "mean": film.mean().map(|m| m.0),
         "standard_error": known.then(|| film.mean().map(|m| m.1)),
@@ -434,8 +434,8 @@ fn trace<'a>(
             Next::Take(samples) => samples,
         };
         let pass_started = Instant::now();
-        rendering = rendering.take(pass, &|told| {
-            progress.at(told.paths_done);
+        rendering = rendering.take(pass, &|timing| {
+            progress.at(timing.paths_done);
             ControlFlow::Continue(())
         })?;
         schedule.took(pass, pass_started.elapsed());

@@ -131,14 +131,14 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
     }
     let no_draft = || input(format!("{}: has no draft to show", args.draft));
     if args.json {
-        let told = match &subject {
+        let listing = match &subject {
             Subject::Draft(d) => serde_json::json!({ "draft": d.summary() }),
             Subject::Fabric(f) => serde_json::json!({
                 "draft": f.cloth.draft().map(Draft::summary),
                 "figures": f.cloth.figures(),
             }),
         };
-        output::print(&(serde_json::to_string_pretty(&told)? + "\n"))?;
+        output::print(&(serde_json::to_string_pretty(&listing)? + "\n"))?;
     } else if args.outfile.is_none() {
         output::print(&subject.draft().ok_or_else(no_draft)?.drawdown())?;
     }

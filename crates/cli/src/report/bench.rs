@@ -87,11 +87,11 @@ impl BenchReport<'_> {
         for (sample, views) in self.fabrics {
             for view in views {
                 for &tolerance in self.within {
-                    let told = Self::recommendation(view, tolerance)
+                    let advice = Self::recommendation(view, tolerance)
                         .map(|r| recommended(&r, sample))
                         .unwrap_or_default();
                     list.push(format!(
-                        "{}, {}, within {}: {told}",
+                        "{}, {}, within {}: {advice}",
                         sample.name,
                         view.view.words(),
                         percent(tolerance)
@@ -174,8 +174,8 @@ impl BenchReport<'_> {
             for v in views {
                 let _ = write!(text, "| {} |", short(sample, &v.view));
                 for &t in self.within {
-                    let told = Self::recommendation(v, t).map(|r| recommended(&r, sample));
-                    let _ = write!(text, " {} |", told.unwrap_or_default());
+                    let advice = Self::recommendation(v, t).map(|r| recommended(&r, sample));
+                    let _ = write!(text, " {} |", advice.unwrap_or_default());
                 }
                 text.push('\n');
             }

@@ -55,8 +55,8 @@ impl BenchReport<'_> {
             for v in views {
                 let _ = write!(page, "<tr><td>{}</td>", escape(&short(sample, &v.view)));
                 for &t in self.within {
-                    let told = Self::recommendation(v, t).map(|r| recommended(&r, sample));
-                    let _ = write!(page, "<td>{}</td>", told.unwrap_or_default());
+                    let advice = Self::recommendation(v, t).map(|r| recommended(&r, sample));
+                    let _ = write!(page, "<td>{}</td>", advice.unwrap_or_default());
                 }
                 *page += "</tr>";
             }

@@ -8,7 +8,7 @@ use crate::FlakeOptics;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 
-/// What a family of micro-flakes says of itself.
+/// The description of a family of micro-flakes.
 pub(super) struct FlakeRecord {
     /// Its name in the key `flake`.
     pub name: &'static str,

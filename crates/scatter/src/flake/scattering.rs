@@ -1,4 +1,4 @@
-//! What a medium asks of a family of micro-flakes.
+//! The interface of a family of micro-flakes for media.
 
 use super::DiffuseFlake;
 use crate::LobeSample;

@@ -245,7 +245,7 @@ fn why(
 }
 
 /// From which sides of a flat cloth at height `middle`, seen from a camera at
-/// height `camera`, light comes; from both when it cannot be told.
+/// height `camera`, light comes; from both when that is unknown.
 fn lit_sides(lights: &[LightTable], camera: f64, middle: f64) -> Vec<Lit> {
     // Above, below.
     let mut from = [false; 2];

@@ -230,7 +230,7 @@ pub enum ModelKey {
     Is(&'static Representation),
     /// What suits the camera and the lights, as measured by `organza bench`.
     Auto,
-    /// The old name of two representations, which `event` tells apart.
+    /// The old name of two representations, which `event` distinguishes.
     VirtualScattering,
 }
 

@@ -70,7 +70,7 @@ pub struct Voxels<'a> {
     pub half: bool,
     /// No compression.
     pub raw: bool,
-    /// What a mixture is as one population, for formats that know no more.
+    /// A mixture as one population, for formats that hold only one.
     pub merge: &'a dyn Fn(&Mixture) -> MergedFlakes,
 }
 

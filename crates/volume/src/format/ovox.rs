@@ -166,7 +166,7 @@ fn describe(octree: &Octree) -> Value {
     })
 }
 
-/// What the header says.
+/// The contents of the header.
 struct Header {
     lattice: Lattice,
     quantum_mm: f64,
@@ -332,7 +332,7 @@ fn read_array<T: Pod + Send + Sync>(
     Ok(array)
 }
 
-/// The raw bytes of a block, if there are as many as it says.
+/// The raw bytes of a block, if their number is the one declared.
 fn unpack(version: u32, stored: &[u8], raw: usize) -> Option<Vec<u8>> {
     if version == 1 {
         let mut bytes = Vec::with_capacity(raw);

@@ -88,7 +88,7 @@ pub struct Cells<T> {
     pub cubes: Vec<Cube<T>>,
 }
 
-/// A sparse array of one of the kinds we know.
+/// A sparse array of one of the supported kinds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Data {
     /// OpenVDB's `float`.

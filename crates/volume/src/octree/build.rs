@@ -24,7 +24,7 @@ const COARSE_TOLERANCE: f32 = 0.01;
 /// The populations of one brick under construction, sorted by voxel.
 type BuildBrick = (u32, Vec<GatheredPopulation>);
 
-/// What quantisation needs to know of the whole tile.
+/// The properties of the whole tile that quantisation needs.
 pub(crate) struct Scales {
     quantum_mm: f64,
     radii: RadiusScale,

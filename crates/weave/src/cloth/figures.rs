@@ -1,4 +1,4 @@
-//! The figures by which textile people know a cloth.
+//! The figures by which textile engineers describe a cloth.
 
 use super::{Centreline, Cloth, Level};
 use crate::strand::Closure;

@@ -259,8 +259,8 @@ fn undecided_files_are_refused_with_section_and_key() {
     }
 }
 
-/// Files in the dialects of several programs load, with a warning where their name says
-/// so; rising and sinking sheds are complements.
+/// Files in the dialects of several programs load, with a warning where their name starts
+/// with `warn`; rising and sinking sheds are complements.
 #[test]
 fn drafts_in_many_dialects_load() {
     let drafts: BTreeMap<&str, Draft> = EXAMPLES
@@ -293,7 +293,7 @@ fn drafts_in_many_dialects_load() {
     assert!((private.warp[4].spacing_mm.unwrap() - 2.12).abs() < 1e-4);
 }
 
-/// A jacquard-sized lift plan is read whole: every crossing is what the damask says.
+/// A lift plan of jacquard size is read completely: every crossing is that of the damask.
 #[test]
 fn a_large_lift_plan_is_read() {
     let draft = read(&damask(641));

@@ -71,15 +71,15 @@ impl Observed {
 
     /// The same of a fabric.
     fn simulate(&self, args: &FitArgs, patch: &AnyPatch) -> Result<Vec<[f64; 2]>> {
-        let told = match self {
+        let results = match self {
             Observed::Pairs(list) => {
                 let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
                 Observed::Pairs(measure_pairs(patch, &pairs, &effort(args), &|_| ())?.list)
             }
             Observed::Hemispheres(list) => {
                 let from: Vec<_> = list.iter().map(|l| l.0).collect();
-                let told = measure_albedos(patch, &from, &effort(args), &|_| ())?;
-                let parts = told.list.iter().map(|a| {
+                let results = measure_albedos(patch, &from, &effort(args), &|_| ())?;
+                let parts = results.list.iter().map(|a| {
                     let through = Measured {
                         mean: std::array::from_fn(|c| a.transmitted.mean[c] + a.direct.mean[c]),
                         se: std::array::from_fn(|c| a.transmitted.se[c].hypot(a.direct.se[c])),
@@ -89,7 +89,7 @@ impl Observed {
                 Observed::Hemispheres(parts.collect())
             }
         };
-        Ok(told.values())
+        Ok(results.values())
     }
 }
 
@@ -151,8 +151,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
         });
         // A fabric whose yarns do not fit is no answer; its error is reported
         // when there is no other.
-        let told = found.map_err(|e| failure = Some(e)).ok()?;
-        let both = || told.chunks_exact(2).zip(&values);
+        let results = found.map_err(|e| failure = Some(e)).ok()?;
+        let both = || results.chunks_exact(2).zip(&values);
         let errors = errors.get_or_insert_with(|| {
             let one = |(t, v): (&[f64], &[f64; 2])| t[1].hypot(v[1]).hypot(TOLERANCE * v[0]);
             both().map(one).map(|e| e.max(1e-4)).collect()

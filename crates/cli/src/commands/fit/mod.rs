@@ -185,8 +185,8 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
         out.write_all(text.as_bytes()).context("writing failed")
     })?;
     if args.json {
-        let told = json!({ "parameters": parameters, "words": words });
-        output::print(&(serde_json::to_string_pretty(&told)? + "\n"))?;
+        let answer = json!({ "parameters": parameters, "words": words });
+        output::print(&(serde_json::to_string_pretty(&answer)? + "\n"))?;
     }
     if !args.common.quiet {
         note!("{words}");

@@ -123,9 +123,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
         "{} after {} turns: mean {}, wanted {}; deviation {:.4}, wanted {:.4} (1/sr).",
         if found.is_met { "Met" } else { "Not met" },
         found.turns,
-        triple(found.told.mean),
+        triple(found.statistics.mean),
         triple(target.mean),
-        found.told.deviation,
+        found.statistics.deviation,
         target.deviation,
     );
     let mut parameters: Vec<Determined> = ["r", "g", "b"]

@@ -49,9 +49,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
                 Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)
             })?;
             let shown = args.model.of(&fabric, &args.fabric)?;
-            let (data, told) = measure(args, shown, &patch)?;
+            let (data, results) = measure(args, shown, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
-            let fitted = told.fit().map_err(|e| input(e.to_string()))?;
+            let fitted = results.fit().map_err(|e| input(e.to_string()))?;
             start.transmission = Some(fitted);
             data
         }
@@ -114,9 +114,9 @@ fn measure(
             ..effort(args)
         };
         let numbers = journal.once(&[batch as f64], || {
-            let told = measure_pairs(patch, pairs, &effort, &|_| ())?.list;
+            let results = measure_pairs(patch, pairs, &effort, &|_| ())?.list;
             let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
-            Ok(told.iter().flat_map(numbers).collect())
+            Ok(results.iter().flat_map(numbers).collect())
         })?;
         for (&pair, v) in pairs.iter().zip(numbers.chunks_exact(6)) {
             let bsdf = Measured {
@@ -140,8 +140,8 @@ fn measure(
             paths: 16 * args.spp,
             ..effort(args)
         };
-        let told = measure_albedos(patch, &incident, &effort, &|_| ())?.list;
-        let numbers = told.iter().flat_map(|a| {
+        let results = measure_albedos(patch, &incident, &effort, &|_| ())?.list;
+        let numbers = results.iter().flat_map(|a| {
             let [r, g, b] = a.transmitted.mean;
             [a.direct.mean[1], r, g, b]
         });

@@ -5,7 +5,7 @@ use flate2::read::ZlibDecoder;
 use std::io::Read;
 
 /// Unpacks a frame that should hold `length` bytes; `None` when it is damaged
-/// or packed in another way than the two we know.
+/// or packed in another way than the two supported.
 pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
     let word = |at: usize| {
         let bytes = frame.get(at..at + 4)?.try_into().ok()?;

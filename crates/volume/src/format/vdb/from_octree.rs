@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// 1/mm), `orientation` (unit mean axis of the population that blocks most),
 /// `spread` (radians, of the same), `sggx_diag` (xx, yy, zz) and
 /// `sggx_offdiag` (xy, xz, yz) of the whole mixture at unit density, `albedo` (red,
-/// green, blue), `yarn`. `merge` says what a mixture is as one population.
+/// green, blue), `yarn`. `merge` turns a mixture into one population.
 ///
 /// Cells without fibre are not active and read zero (`yarn`: -1). With `half`
 /// the floats are stored in 16 bits. `level` must be below the octree's count.

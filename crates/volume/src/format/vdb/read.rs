@@ -18,7 +18,7 @@ pub struct File {
     /// Grids that could be read.
     pub grids: Vec<Grid>,
     /// Names of those that could not, each with the reason: a type, map or
-    /// packing that we do not know.
+    /// packing that is not supported.
     pub unread: Vec<(String, String)>,
 }
 
