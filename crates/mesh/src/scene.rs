@@ -141,11 +141,6 @@ impl DrapedMesh {
         Some(self.describe(triangle, t, weights))
     }
 
-    /// True when something lies between two distances.
-    pub fn is_blocked(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> bool {
-        self.nearest(ray, min_mm, max_mm).is_some()
-    }
-
     fn nearest(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> Option<(usize, f32, [f32; 3])> {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && min_mm <= max_mm)
             || ray.direction == Vec3::ZERO

@@ -71,7 +71,7 @@ fn a_hit_says_where_on_the_cloth_it_lies() {
         (Vec3::X, Vec3::Y, Vec3::Z)
     );
     assert!(mesh.hit(&ray, 0.0, 29.0).is_none() && mesh.hit(&ray, 31.0, 99.0).is_none());
-    assert!(mesh.is_blocked(&ray, 0.0, 31.0));
+    assert!(mesh.hit(&ray, 0.0, 31.0).is_some());
 }
 
 #[test]
@@ -144,7 +144,9 @@ fn no_ray_slips_through_a_closed_surface() {
             continue;
         };
         assert!(
-            draped.is_blocked(&Ray::new(origin, direction), 0.0, 10.0),
+            draped
+                .hit(&Ray::new(origin, direction), 0.0, 10.0)
+                .is_some(),
             "seed 82, {k}: {origin} to {target}"
         );
     }

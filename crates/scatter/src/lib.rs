@@ -134,7 +134,7 @@ pub use flake::{
     SpecularFlakes,
 };
 pub use lobe::{Lobe, LobeSample};
-pub use packed_fibre::{ClearedCorridor, PackedEvent, packing_fraction, void_multiplier};
+pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};
 pub use surface::{Footprint, Passage, Shifted, Surface};

@@ -120,32 +120,6 @@ impl PackedEvent {
     }
 }
 
-/// The corridor that a walk has just passed without meeting a fibre.
-///
-/// Light that returns along it must find it as empty: on the ray that leaves the
-/// *first* event, ignore collisions with fibres that would have blocked the way
-/// in. (At later events this over-corrects where fibres are dense.)
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClearedCorridor {
-    /// Where the way in began.
-    pub from_mm: Vec3,
-    /// Where it ended: the collision.
-    pub to_mm: Vec3,
-}
-
-impl ClearedCorridor {
-    /// True when a fibre through `axis_mm` along the unit vector `tangent` would
-    /// have blocked the corridor.
-    pub fn excludes(&self, axis_mm: Vec3, tangent: Vec3, radius_mm: f32) -> bool {
-        let across = |v: Vec3| v - tangent * tangent.dot(v);
-        let way = across(self.to_mm - self.from_mm);
-        let axis = across(axis_mm - self.from_mm);
-        let along = axis.dot(way) / way.length_squared().max(f32::MIN_POSITIVE);
-        let nearest = way * along.clamp(0.0, 1.0);
-        axis.distance_squared(nearest) < radius_mm * radius_mm
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -188,25 +162,6 @@ mod tests {
         };
         let v = line.chi_square(draws(40_000), sample, |_| 0.5);
         assert!(!fails(v, 1), "seed 62: {v:?}");
-    }
-
-    #[test]
-    fn corridors_exclude_what_would_have_blocked_them() {
-        let corridor = ClearedCorridor {
-            from_mm: Vec3::new(0.0, 0.0, 5.0),
-            to_mm: Vec3::ZERO,
-        };
-        let t = Vec3::X;
-        assert!(corridor.excludes(Vec3::new(9.0, 0.9, 2.0), t, 1.0));
-        assert!(!corridor.excludes(Vec3::new(9.0, 1.1, 2.0), t, 1.0));
-        assert!(!corridor.excludes(Vec3::new(0.0, 0.5, -0.9), t, 1.0));
-        assert!(corridor.excludes(Vec3::new(0.0, 0.5, -0.8), t, 1.0));
-        // Along the fibre the corridor is a point.
-        let along = ClearedCorridor {
-            from_mm: Vec3::ZERO,
-            to_mm: Vec3::X,
-        };
-        assert!(along.excludes(Vec3::new(3.0, 0.5, 0.0), t, 1.0));
     }
 
     #[test]

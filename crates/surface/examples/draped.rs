@@ -53,7 +53,7 @@ fn shade(cloth: &WovenSurface, mesh: &DrapedMesh, ray: &Ray, hit: &MeshHit, spre
     let side = hit.face_normal * hit.face_normal.dot(sun).signum();
     let lift = 1e-4 * mesh.bounds_mm().size().length();
     let shadow = Ray::new(hit.position_mm + side * lift, sun);
-    let direct = if mesh.is_blocked(&shadow, 0.0, f32::INFINITY) {
+    let direct = if mesh.hit(&shadow, 0.0, f32::INFINITY).is_some() {
         Rgb::BLACK
     } else {
         cloth.eval(w_out, w_in, footprint) * (3.0 * w_in.z.abs())

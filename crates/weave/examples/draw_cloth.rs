@@ -1,7 +1,7 @@
-//! Draws a fabric at yarn, ply and fibre level, from the top and cut open.
+//! Draws a fabric at yarn, ply and fibre level, from the top.
 //!
 //! `cargo run --release -p organza-weave --example draw_cloth -- FABRIC.toml OUT`
-//! writes `OUT.yarn.png`, `OUT.ply.png`, `OUT.fibre.png` and `OUT.cut.png`.
+//! writes `OUT.yarn.png`, `OUT.ply.png` and `OUT.fibre.png`.
 //! Files named in the fabric are looked for beside it.
 
 use organza_weave::{Cloth, FabricGeometry, Level, Picture};
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let drawn = cloth.picture(level, cloth.default_picture_mm());
         save(drawn, &format!("{out}.{name}.png"))?;
     }
-    save(cloth.cut_picture(), &format!("{out}.cut.png"))
+    Ok(())
 }
 
 fn save(p: Picture, path: &str) -> Result<(), Box<dyn std::error::Error>> {

@@ -90,28 +90,6 @@ impl Cloth {
         canvas.picture()
     }
 
-    /// A slice 0.06 mm thick through the middle of the first pick, seen along y.
-    pub fn cut_picture(&self) -> Picture {
-        const HALF_MM: f32 = 0.03;
-        let bounds = self.tile().bounds_mm;
-        let shown = self.default_picture_mm();
-        let scale = WIDTH as f32 / shown.x;
-        let mut canvas = Canvas::new(WIDTH, (bounds.size().z * scale) as usize + 20);
-        let at = 0.5 * self.tile().period_mm().y / self.draft().map_or(1, |d| d.picks()) as f32;
-        self.for_each_copy(Level::Fibre, shown, |s| {
-            if (s.start_mm.y - at).abs() < HALF_MM {
-                let place = |p: Vec3| {
-                    let depth = (at - p.y).clamp(-HALF_MM, HALF_MM);
-                    let z = (p.z - bounds.min.z) * scale + 10.0;
-                    Vec3::new(p.x * scale, z, depth * scale)
-                };
-                let radius = s.start_radius_mm * scale;
-                canvas.capsule(place(s.start_mm), place(s.end_mm), radius, self.tint(s));
-            }
-        });
-        canvas.picture()
-    }
-
     fn tint(&self, s: &Segment) -> Vec3 {
         let warp = s.start_tangent.y.abs() > s.start_tangent.x.abs();
         let plain = if warp {
