@@ -24,7 +24,9 @@ const RAYS: usize = 4096;
 
 fn denim() -> ClothMedium {
     let bytes = include_bytes!("../volumes/denim.ovox");
-    let octree = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30)).unwrap();
+    let octree = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30))
+        .unwrap()
+        .octree;
     let optics = FlakeOptics {
         albedo: Rgb::splat(0.8),
         end_on_ratio: 0.1,

@@ -445,7 +445,7 @@ fn tree_for_look_ups() -> Octree {
 fn files(c: &mut Criterion) {
     let tree = tile(4);
     let mut bytes = Vec::new();
-    ovox::write(&tree, &mut bytes).unwrap_or_else(|e| panic!("{e}"));
+    ovox::write(&tree, &[], &mut bytes).unwrap_or_else(|e| panic!("{e}"));
     println!(
         ".ovox: {} bytes for {} in memory",
         bytes.len(),
@@ -457,7 +457,7 @@ fn files(c: &mut Criterion) {
     group.bench_function(".ovox write", |b| {
         b.iter_batched(
             Vec::new,
-            |mut out| ovox::write(&tree, &mut out).map(|()| out),
+            |mut out| ovox::write(&tree, &[], &mut out).map(|()| out),
             BatchSize::LargeInput,
         );
     });

@@ -63,8 +63,8 @@ pub fn vdb(data: &[u8]) {
 
 /// A native volume; what is read is well formed.
 pub fn ovox(data: &[u8]) {
-    if let Ok(octree) = organza_volume::ovox::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
-        octree.assert_well_formed();
+    if let Ok(stored) = organza_volume::ovox::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
+        stored.octree.assert_well_formed();
     }
 }
 

@@ -1,7 +1,7 @@
 //! Volume files through the program: what they keep, and what is refused.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, folder, succeed, write_vol};
+use crate::program::{complaint, exr_channels, folder, succeed, write_vol};
 use organza_basis::{Budget, PathRng, Rgb, warp};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
 use organza_volume::{GridSet, VolGrid, ovox, vdb};
@@ -68,7 +68,7 @@ fn a_mixture_is_seen_in_one_way() {
 
     // The renderer: the same optics over the same octree.
     let bytes = std::fs::read(folder.join("tile.ovox")).unwrap();
-    let octree = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
+    let octree = ovox::read(&mut &bytes[..], &mut plenty()).unwrap().octree;
     let optics = |r, g, b| FlakeOptics {
         albedo: Rgb::new(r, g, b),
         end_on_ratio: 0.3,
@@ -101,7 +101,7 @@ fn a_mixture_is_seen_in_one_way() {
         let broadside = mixture.broadside_per_mm();
         assert!((of_file - of_renderer).abs() < 1e-5 * broadside, "seed 4");
     });
-    assert!(alone > 1000 && several > 1000, "{alone} {several}");
+    assert!(alone > 1000 && several > 100, "{alone} {several}");
 }
 
 /// What a grid says that no medium is, is refused with the cell; it was rendered, or
@@ -109,7 +109,7 @@ fn a_mixture_is_seen_in_one_way() {
 #[test]
 fn grids_that_no_walk_gets_through_are_refused() {
     let folder = folder("grid_limits");
-    let bounds = [-1.0, -1.0, 0.0, 1.0, 1.0, 1.0];
+    let bounds = [-0.2, -0.2, -0.2, 0.2, 0.2, 0.2];
     write_grid_scene(&folder);
     let refused = |name: &str, dims, channels, data: &[f32], expected: &str| {
         write_grid_scene(&folder);
@@ -133,4 +133,138 @@ fn grids_that_no_walk_gets_through_are_refused() {
         &["render", "scene.toml", "-o", "a.exr", "--max-memory", "20"],
     );
     assert!(said.contains("bytes of memory"), "{said}");
+}
+
+/// A camera, lights and one object.
+fn write_scene(folder: &Path, name: &str, object: &str) {
+    let scene = "[render]\nspp = 4\nseed = 3\n\
+        [camera]\nkind = \"perspective\"\norigin_mm = [1.0, -2.0, 6.0]\n\
+        target_mm = [0.8, 0.5, 0.0]\nfov_deg = 14.0\nresolution = [24, 18]\n\
+        [[light]]\nkind = \"directional\"\ndirection = [0.3, 0.2, -0.9]\n\
+        irradiance = [2.0, 2.0, 2.0]\n\
+        [[light]]\nkind = \"environment\"\nradiance = [0.5, 0.5, 0.5]\n\
+        [[object]]\n";
+    std::fs::write(folder.join(name), format!("{scene}{object}")).unwrap();
+}
+
+/// The channels of a scene's picture, and what was printed.
+fn picture(folder: &Path, scene: &str) -> (std::collections::BTreeMap<String, Vec<f32>>, String) {
+    let printed = succeed(folder, &["render", scene, "-o", "a.exr"]);
+    (exr_channels(&folder.join("a.exr")), printed)
+}
+
+/// A tile voxelized to `.ovox` gives the picture of its fabric, whatever shows it.
+#[test]
+fn a_volume_is_the_picture_of_its_fabric() {
+    let folder = folder("volume_picture");
+    write_fabric(&folder);
+    let surface = std::fs::read_to_string(folder.join("cloth.toml")).unwrap()
+        + "[surface]\npreset = \"denim\"\n";
+    std::fs::write(folder.join("cloth.toml"), surface).unwrap();
+    for (name, footprint) in [("covered.ovox", "covered"), ("axis.ovox", "axis")] {
+        let voxelize = ["voxelize", "cloth.toml", "-o", name, "--quiet"];
+        succeed(
+            &folder,
+            &[&voxelize[..], &["--footprint", footprint]].concat(),
+        );
+    }
+    let optics = "[object.optics.thick]\nend_on_ratio = 0.5\ncolour = [0.2, 0.4, 0.6]\n";
+    for (file, keys) in [
+        ("covered.ovox", "lod = \"volume\"\n"),
+        ("covered.ovox", "lod = 1\n"),
+        ("covered.ovox", "lod = \"auto\"\n"),
+        ("covered.ovox", "flake = \"gaussian\"\nlod = \"auto\"\n"),
+        ("covered.ovox", "model = \"plain\"\nlod = 0\n"),
+        (
+            "axis.ovox",
+            "model = \"packed\"\nextent_mm = [0.1, 0.1, 1.2, 0.9]\n",
+        ),
+    ] {
+        let cloth = format!("kind = \"cloth\"\nfabric = \"cloth.toml\"\n{keys}{optics}");
+        let volume =
+            format!("kind = \"volume\"\nfile = \"{file}\"\nalbedo = [1, 1, 1]\n{keys}{optics}");
+        write_scene(&folder, "cloth_scene.toml", &cloth);
+        write_scene(
+            &folder,
+            "volume_scene.toml",
+            &volume.replace("[1, 1, 1]", "[1.0, 1.0, 1.0]"),
+        );
+        let (of_cloth, _) = picture(&folder, "cloth_scene.toml");
+        let (of_volume, printed) = picture(&folder, "volume_scene.toml");
+        assert!(!printed.contains("warning"), "{keys}: {printed}");
+        assert_eq!(of_cloth.len(), of_volume.len());
+        for (name, values) in &of_cloth {
+            let same = values.iter().zip(&of_volume[name]);
+            let off = same.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+            assert_eq!(off, 0, "{keys}: {name}");
+        }
+        assert!(of_cloth["R"].iter().any(|v| *v > 0.0), "{keys}");
+    }
+    // The wrong footprint is said, not refused.
+    let volume = "kind = \"volume\"\nfile = \"covered.ovox\"\nmodel = \"packed\"\n";
+    write_scene(&folder, "volume_scene.toml", volume);
+    let (_, printed) = picture(&folder, "volume_scene.toml");
+    assert!(printed.contains("--footprint covered"), "{printed}");
+    let told = succeed(&folder, &["info", "volume_scene.toml"]);
+    assert!(told.contains("packed"), "{told}");
+    let told = succeed(&folder, &["info", "axis.ovox"]);
+    assert!(
+        told.contains("footprint: axis") && told.contains("cloth.toml"),
+        "{told}"
+    );
+}
+
+/// What a volume object cannot be is refused with its key.
+#[test]
+fn mistakes_in_volume_objects_are_reported_with_their_key() {
+    let folder = folder("volume_mistakes");
+    write_fabric(&folder);
+    for name in ["tile.vol", "tile.ovox"] {
+        succeed(&folder, &["voxelize", "cloth.toml", "-o", name, "--quiet"]);
+    }
+    std::fs::remove_file(folder.join("tile.albedo.vol")).unwrap();
+    for (object, expected) in [
+        ("file = \"tile.png\"\n", "object[0].file: "),
+        ("file = \"none.ovox\"\n", "none.ovox: no such file"),
+        ("file = \"none.vol\"\n", "none.vol: "),
+        ("file = \"tile.vol\"\n", "object[0].albedo: is missing"),
+        ("file = \"tile.ovox\"\nlod = 9\n", "object[0].lod: "),
+        (
+            "file = \"tile.ovox\"\nlod = \"surface\"\n",
+            "object[0].lod: ",
+        ),
+        (
+            "file = \"tile.ovox\"\nmodel = \"fibres\"\n",
+            "object[0].model: ",
+        ),
+        ("file = \"tile.ovox\"\nscale = 0.0\n", "object[0].scale: "),
+        (
+            "file = \"tile.ovox\"\ndensity_scale = 2.0\n",
+            "object[0].density_scale: ",
+        ),
+        (
+            "file = \"tile.ovox\"\nrepeat_xy = false\nextent_mm = [0.0, 0.0, 1.0, 1.0]\n",
+            "extent_mm belongs to repeat_xy",
+        ),
+        (
+            "file = \"tile.vol\"\nalbedo = [0.5, 0.5, 0.5]\nmodel = \"packed\"\n",
+            "object[0].model: expected",
+        ),
+        (
+            "file = \"tile.vol\"\nalbedo = [0.5, 0.5, 2.0]\n",
+            "object[0].albedo: expected",
+        ),
+        (
+            "file = \"tile.ovox\"\n[object.optics.thik]\nalbedo = [0.5, 0.5, 0.5]\n",
+            "object[0].optics.thik: no yarn",
+        ),
+    ] {
+        write_scene(
+            &folder,
+            "scene.toml",
+            &format!("kind = \"volume\"\n{object}"),
+        );
+        let said = complaint(&folder, &["render", "scene.toml", "-o", "a.exr"]);
+        assert!(said.contains(expected), "{object}: {said}");
+    }
 }

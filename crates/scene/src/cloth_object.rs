@@ -6,12 +6,13 @@ use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
 use crate::memory::free_memory_bytes;
 use crate::read;
-use crate::representation::{Build, FIBRES, ShownAs, VoxelBuild, VoxelSource, owners};
+use crate::representation::{Build, FIBRES, Settings, ShownAs, VoxelBuild, VoxelSource, owners};
 use crate::scene_build::BuildOptions;
 use crate::scene_file::{ClothTable, Lod, LodName};
 use organza_basis::SegmentSource;
 use organza_transport::{AnyMedium, Camera};
-use organza_volume::Plan;
+use organza_volume::{Octree, Plan};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
@@ -145,7 +146,7 @@ pub fn medium(
     };
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     let mesh = drape::mesh(table, index, options)?;
-    let mut place = Place {
+    let place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
         max_memory_bytes: options.max_memory_bytes.unwrap_or_else(free_memory_bytes),
@@ -170,42 +171,109 @@ pub fn medium(
         Build::Voxels(voxels) => voxels,
     };
     let plan = plan(&fabric, voxels, table, index, options)?;
-    let octree = Arc::new(voxelize_planned(&path, &plan, options.loader)?);
-    if mesh.is_some() && !octree.repeats() {
-        return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
+    let octree = voxelize_planned(&path, &plan, options.loader)?;
+    Laying {
+        fabric: &fabric,
+        path: &path,
+        voxels,
+        settings: shown.settings,
+        lod,
+        scale: 1.0,
+        index,
+        camera,
+        options,
     }
-    place.bounds_mm = octree.bounds_mm();
-    let sheet = match (&fabric.file.surface, lod) {
-        (Some(_), Lod::Name(LodName::Auto)) => Some(FarSheet::from(fabric.surface(&path)?)),
-        _ => None,
-    };
-    let (name, levels) = match lod {
-        Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
-        Lod::Name(LodName::Auto) => {
-            let finest = (voxels.finest_level)(&octree, fabric.cloth.materials());
-            let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
-            let widths = place.footprints_mm(camera);
-            let most_mm = fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
-            let levels = Levels::for_footprints(&octree, finest, most_mm, repeat_mm, widths);
-            ("auto".into(), levels)
+    .medium(place, octree)
+}
+
+/// A cloth in voxels, to be laid out.
+pub(crate) struct Laying<'a> {
+    /// The fabric.
+    pub fabric: &'a Fabric,
+    /// The file that the voxels are from.
+    pub path: &'a Path,
+    /// What is built from them.
+    pub voxels: &'a VoxelBuild,
+    /// Values of the representation's own keys.
+    pub settings: Settings,
+    /// Level of detail.
+    pub lod: Lod,
+    /// How many times as large as its fabric it is.
+    pub scale: f32,
+    /// The object's index.
+    pub index: usize,
+    /// Who looks at it.
+    pub camera: &'a Camera,
+    /// Files and limits.
+    pub options: &'a BuildOptions<'a>,
+}
+
+impl Laying<'_> {
+    /// The medium of an octree in the fabric's own size. Its box becomes that of
+    /// `place`.
+    ///
+    /// # Errors
+    /// Names the file and the key at fault.
+    pub fn medium(&self, mut place: Place<'_>, octree: Octree) -> Result<AnyMedium> {
+        let Laying {
+            fabric,
+            path,
+            voxels,
+            lod,
+            scale,
+            options,
+            ..
+        } = *self;
+        let fail = |why: &str| {
+            let (scene, index) = (options.scene_path.display(), self.index);
+            input(format!("{scene}: object[{index}]{why}"))
+        };
+        if place.mesh.is_some() && !octree.repeats() {
+            return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
         }
-        Lod::Name(_) => ("volume".into(), Levels::only(0)),
-    };
-    let volume = |level| {
-        (voxels.medium)(&VoxelSource {
-            fabric: &fabric,
-            path: &path,
-            octree: Arc::clone(&octree),
-            level,
-            settings: shown.settings,
-            max_memory_bytes: options.max_memory_bytes,
-            loader: options.loader,
+        let finest = (voxels.finest_level)(&octree, fabric.cloth.materials());
+        let octree = if scale == 1.0 {
+            octree
+        } else {
+            let scaled = octree.scaled(f64::from(scale));
+            scaled.ok_or_else(|| fail(".scale: the cloth does not stay finite"))?
+        };
+        let octree = Arc::new(octree);
+        place.bounds_mm = octree.bounds_mm();
+        let sheet = match (&fabric.file.surface, lod) {
+            // A surface model has the size of its fabric.
+            (Some(_), Lod::Name(LodName::Auto)) if scale == 1.0 => {
+                Some(FarSheet::from(fabric.surface(path)?))
+            }
+            _ => None,
+        };
+        let (name, levels) = match lod {
+            Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
+            Lod::Name(LodName::Auto) => {
+                let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
+                let widths = place.footprints_mm(self.camera);
+                let most_mm = scale * fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
+                let levels = Levels::for_footprints(&octree, finest, most_mm, repeat_mm, widths);
+                ("auto".into(), levels)
+            }
+            Lod::Name(_) => ("volume".into(), Levels::only(0)),
+        };
+        let volume = |level| {
+            (voxels.medium)(&VoxelSource {
+                fabric,
+                path,
+                octree: Arc::clone(&octree),
+                level,
+                settings: self.settings,
+                max_memory_bytes: options.max_memory_bytes,
+                loader: options.loader,
+            })
+        };
+        levels.medium(&place, sheet, volume)?.ok_or_else(|| {
+            let levels = octree.level_count();
+            fail(&format!(
+                ".lod: {name} does not exist; the cloth has {levels}, from 0"
+            ))
         })
-    };
-    levels.medium(&place, sheet, volume)?.ok_or_else(|| {
-        let levels = octree.level_count();
-        fail(&format!(
-            ".lod: {name} does not exist; the cloth has {levels}, from 0"
-        ))
-    })
+    }
 }

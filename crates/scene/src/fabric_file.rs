@@ -12,12 +12,14 @@ use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
+use organza_volume::ovox::SourceFile;
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{
     Cloth, FabricGeometry, Material,
     spec::{CurveKind, DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
 };
 use serde::Deserialize;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -153,6 +155,8 @@ pub struct Fabric {
     pub cloth: Cloth,
     /// Optics tables, highest precedence first.
     optics: Vec<OpticsFile>,
+    /// The file with all overrides, and those that it names.
+    sources: Vec<SourceFile>,
 }
 
 /// Reads a fabric file and relaxes its yarns.
@@ -173,7 +177,74 @@ pub fn load_changed(
     overrides: &[String],
     loader: &Loader<'_>,
 ) -> Result<Fabric> {
-    let file: FabricFile = loader.toml_changed(path, removed, overrides, Wanted::Fabric)?;
+    let source = loader.text_of(path, Wanted::Fabric)?;
+    let file: FabricFile = read::toml_changed(path, &source, removed, overrides, Wanted::Fabric)?;
+    let table: toml::Table = read::toml_changed(path, &source, removed, overrides, Wanted::Fabric)?;
+    let text = toml::to_string(&table).map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let sources = RefCell::new(vec![SourceFile {
+        name: name.into_owned(),
+        bytes: text.into_bytes(),
+    }]);
+    let open = |name: &str| {
+        let bytes = loader.bytes_or_why(&read::beside(path, name))?;
+        let mut sources = sources.borrow_mut();
+        if !sources.iter().any(|s| s.name == name) {
+            sources.push(SourceFile {
+                name: name.to_owned(),
+                bytes: bytes.clone(),
+            });
+        }
+        Ok(bytes)
+    };
+    let (cloth, optics) = build(path, &file, &open)?;
+    for warning in cloth.warnings() {
+        loader.warn(path, warning.to_string());
+    }
+    if let Some(why) = file.scattering.old_names() {
+        loader.warn(path, format!("scattering{why}"));
+    }
+    Ok(Fabric {
+        file,
+        cloth,
+        optics,
+        sources: sources.into_inner(),
+    })
+}
+
+/// The fabric of a volume file, from the [files](Fabric::sources) that it keeps.
+///
+/// # Errors
+/// Names the volume file, and in it the key at fault; there is no file to make a
+/// fabric of.
+pub fn from_sources(path: &Path, sources: &[SourceFile]) -> Result<Fabric> {
+    let fail = |why: String| input(format!("{}: its fabric: {why}", path.display()));
+    let [first, ..] = sources else {
+        return Err(fail("it keeps none".into()));
+    };
+    let text = std::str::from_utf8(&first.bytes).map_err(|e| fail(e.to_string()))?;
+    let file: FabricFile = read::toml_changed(path, text, &[], &[], Wanted::Fabric)?;
+    let open = |name: &str| {
+        let found = sources.iter().skip(1).find(|s| s.name == name);
+        found
+            .map(|s| s.bytes.clone())
+            .ok_or_else(|| std::io::ErrorKind::NotFound.into())
+    };
+    let (cloth, optics) = build(path, &file, &open)?;
+    Ok(Fabric {
+        file,
+        cloth,
+        optics,
+        sources: sources.to_vec(),
+    })
+}
+
+/// The cloth of a fabric file, and its optics.
+fn build(
+    path: &Path,
+    file: &FabricFile,
+    open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
+) -> Result<(Cloth, Vec<OpticsFile>)> {
     file.check()
         .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let geometry = FabricGeometry {
@@ -184,26 +255,21 @@ pub fn load_changed(
         relaxation: file.relaxation,
         tile: file.tile,
     };
-    let open = |name: &str| loader.bytes_or_why(&read::beside(path, name));
-    let cloth = Cloth::build(&geometry, &open, file.seed)
+    let cloth = Cloth::build(&geometry, open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    for warning in cloth.warnings() {
-        loader.warn(path, warning.to_string());
-    }
-    if let Some(why) = file.scattering.old_names() {
-        loader.warn(path, format!("scattering{why}"));
-    }
     let optics = vec![file.optics.clone()];
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
-    Ok(Fabric {
-        file,
-        cloth,
-        optics,
-    })
+    Ok((cloth, optics))
 }
 
 impl Fabric {
+    /// What the fabric was made from: its file with all overrides, then those that it
+    /// names. [`from_sources`] makes the same fabric of them.
+    pub fn sources(&self) -> &[SourceFile] {
+        &self.sources
+    }
+
     /// How each material of the cloth scatters.
     pub fn optics(&self) -> Vec<FlakeOptics> {
         self.cloth

@@ -25,5 +25,6 @@ pub mod scene_build;
 pub mod scene_file;
 mod toml_words;
 pub mod volume_file;
+pub mod volume_object;
 
 pub use error::{InputError, Result};

@@ -194,7 +194,7 @@ impl OpticsTable {
 impl OpticsList {
     /// What holds for threads of `colour`: the tables of that colour over the
     /// others.
-    fn of(&self, colour: Option<Rgb>) -> OpticsTable {
+    pub(crate) fn of(&self, colour: Option<Rgb>) -> OpticsTable {
         let own = self.0.iter().filter(|t| t.is_for(colour, true));
         let any = self.0.iter().filter(|t| t.is_for(colour, false));
         own.chain(any)

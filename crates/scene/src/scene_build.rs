@@ -7,6 +7,7 @@ use crate::scene_file::{
     AlbedoValue, CameraKind, CameraTable, FilterName, GridTable, IntegratorName, InterpolationName,
     ObjectTable, PlaneTable, SceneFile,
 };
+use crate::volume_object::VolumeObject;
 use crate::{cloth_object, environment_file, read, volume_file};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Budget, Rgb};
@@ -56,6 +57,11 @@ pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
                 return refuse("extent_mm belongs to repeat_xy = true");
             }
             ObjectTable::Grid(t) => t.extent_mm,
+            ObjectTable::Volume(t) => {
+                t.check(as_fibres, scene_path)
+                    .map_err(|why| fail(format!("object[{i}]{why}")))?;
+                t.extent_mm
+            }
             ObjectTable::Plane(t) => {
                 plane(t).map_err(|why| fail(format!("object[{i}]: {why}")))?;
                 None
@@ -119,6 +125,10 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
             ObjectTable::Grid(t) => {
                 let medium = grid(t, options, &mut budget)?;
                 (AnyMedium::Grid(medium), t.extent_mm)
+            }
+            ObjectTable::Volume(t) => {
+                let object = VolumeObject::new(t, i, options);
+                (object.medium(&camera, &mut budget)?, t.extent_mm)
             }
             ObjectTable::Cloth(t) => {
                 let medium = cloth_object::medium(t, i, as_fibres, &camera, options)?;
@@ -288,7 +298,7 @@ fn vol(name: &str, options: &BuildOptions<'_>, budget: &mut Budget) -> Result<(P
 }
 
 /// The samples of a `.vol` grid that must have `N` channels.
-fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Grid<N>> {
+pub(crate) fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Grid<N>> {
     if grid.channels as usize != N {
         return Err(input(format!(
             "{}: has {} channels; `{key}` expects {N}",

@@ -7,6 +7,7 @@ use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::ModelKey;
 use crate::scattering::{EventName, ScatteringTable};
+use crate::volume_object::VolumeTable;
 use organza_light::LightTable;
 use organza_scatter::FlakeFamily;
 use organza_transport::Integrator;
@@ -212,6 +213,8 @@ pub enum ObjectTable {
     Cloth(ClothTable),
     /// An opaque plane.
     Plane(PlaneTable),
+    /// A volume file.
+    Volume(Box<VolumeTable>),
 }
 
 /// An opaque, endless plane.

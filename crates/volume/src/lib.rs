@@ -38,9 +38,9 @@
 //! assert!(here.as_slice()[0].axis.x.abs() > 0.99);
 //!
 //! let mut file = Vec::new();
-//! ovox::write(&octree, &mut file)?;
+//! ovox::write(&octree, &[], &mut file)?;
 //! let again = ovox::read(&mut &file[..], &mut Budget::new(1 << 30))?;
-//! assert_eq!(again.occupied_voxels(), octree.occupied_voxels());
+//! assert_eq!(again.octree.occupied_voxels(), octree.occupied_voxels());
 //! # Ok(())
 //! # }
 //! ```

@@ -28,6 +28,7 @@ use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
 use crate::record::{
     Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
 };
+use crate::voxelize::Footprint;
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, FibreComponent, Mixture};
 
@@ -68,6 +69,7 @@ pub struct Octree {
     /// One unit of stored length; a power of two.
     pub(crate) quantum_mm: f64,
     pub(crate) material_count: u32,
+    pub(crate) footprint: Footprint,
 }
 
 impl Octree {
@@ -88,6 +90,7 @@ impl Octree {
             radii,
             quantum_mm,
             material_count,
+            footprint: Footprint::Covered,
         }
     }
 
@@ -100,6 +103,38 @@ impl Octree {
     /// True when the box repeats without end in x and y.
     pub fn repeats(&self) -> bool {
         self.lattice.repeats
+    }
+
+    /// Where the length of fibres lies that are thicker than a voxel.
+    pub fn footprint(&self) -> Footprint {
+        self.footprint
+    }
+
+    /// The same octree, `scale` times as large in every direction, its fibres too.
+    /// `None` unless the scale is positive and the octree stays finite.
+    pub fn scaled(mut self, scale: f64) -> Option<Octree> {
+        self.lattice.min_mm *= scale;
+        self.lattice.voxel_mm *= scale;
+        self.quantum_mm *= scale;
+        self.radii.min_mm = (f64::from(self.radii.min_mm) * scale) as f32;
+        self.radii.step_mm = (f64::from(self.radii.step_mm) * scale) as f32;
+        for (level, l) in (0u8..).zip(&mut self.levels) {
+            l.density_per_quantum = self.lattice.density_of(self.quantum_mm, level);
+            for brick in &mut l.bricks {
+                // Rounding must not take a bound below what it bounds.
+                brick.majorant_per_mm *= (1.0 / scale) as f32 * (1.0 + 1e-5);
+            }
+        }
+        self.bounds_mm = self.lattice.bounds_mm();
+        self.finest_per_mm = (1.0 / self.lattice.voxel_mm).as_vec3();
+        let sound = scale > 0.0 && self.lattice.is_sound() && self.check().is_ok();
+        sound.then_some(self)
+    }
+
+    /// The same octree, repeated in x and y or not.
+    pub fn with_repeats(mut self, repeats: bool) -> Octree {
+        self.lattice.repeats = repeats;
+        self
     }
 
     /// Number of levels; level 0 is the finest.

@@ -176,7 +176,8 @@ fn run(
         done += chunk.len();
         progress(0.4 * done as f32 / batches.len() as f32);
     }
-    let octree = tile.build(source.material_count(), progress)?;
+    let mut octree = tile.build(source.material_count(), progress)?;
+    octree.footprint = options.footprint;
     progress(1.0);
     Ok(octree)
 }

@@ -12,6 +12,7 @@ use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::scene_build::{self, BuildOptions};
 use organza_scene::scene_file::{self, IntegratorName, ObjectTable, is_scene};
+use organza_scene::volume_object::VolumeObject;
 use organza_scene::{auto, cloth_object, fabric_file, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
@@ -209,6 +210,11 @@ fn object_info(
             let budget = &mut Budget::new(free_memory_bytes());
             scene_build::grid(t, options, budget)?;
             Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
+        }
+        ObjectTable::Volume(t) => {
+            let mut budget = Budget::new(free_memory_bytes());
+            let model = VolumeObject::new(t, index, options).check(&mut budget)?;
+            Ok(json!({ "kind": "volume", "file": t.file, "model": model }))
         }
         ObjectTable::Cloth(t) => {
             let shown = cloth_object::check(t, index, as_fibres, options)?;

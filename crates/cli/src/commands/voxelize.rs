@@ -8,10 +8,11 @@ use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
 use crate::output::note;
 use anyhow::{Context, Result};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use organza_scatter::FlakeMaterials;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
+use organza_scene::scattering::ScatteringTable;
 use organza_volume::format::{self, FORMATS, Format, Voxels, WriteOption};
 use organza_volume::{Footprint, Octree};
 use std::path::PathBuf;
@@ -38,6 +39,9 @@ pub struct VoxelizeArgs {
     /// Do not compress, where the format does
     #[arg(long)]
     pub raw: bool,
+    /// Where the length of thick fibres lies, for formats that keep populations [default: as the fabric's [scattering] wants it]
+    #[arg(long, value_name = "WHERE")]
+    pub footprint: Option<FootprintName>,
     #[command(flatten)]
     pub voxel: VoxelArgs,
     /// Number of levels of detail, 1 to 8 [default: as many as fit, at most 6]
@@ -47,6 +51,15 @@ pub struct VoxelizeArgs {
     pub memory: MemoryArgs,
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+/// `--footprint`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FootprintName {
+    /// In the voxels that a fibre covers: micro-flakes and plain events
+    Covered,
+    /// In the voxels that its axis passes: packed fibres
+    Axis,
 }
 
 impl Command for VoxelizeArgs {
@@ -93,6 +106,11 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
         ("--level", args.level > 0, WriteOption::Level),
         ("--half", args.half, WriteOption::Half),
         ("--raw", args.raw, WriteOption::Raw),
+        (
+            "--footprint",
+            args.footprint.is_some(),
+            WriteOption::Footprint,
+        ),
     ] {
         if given && !format.options.contains(&option) {
             let takers = FORMATS.iter().filter(|f| f.options.contains(&option));
@@ -111,7 +129,7 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
 
 fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     let started = std::time::Instant::now();
-    let (fabric, octree) = watched(args.common.quiet, |loader| octree(args, loader))?;
+    let (fabric, octree) = watched(args.common.quiet, |loader| octree(args, format, loader))?;
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
@@ -128,11 +146,11 @@ fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     Ok(())
 }
 
-fn octree(args: &VoxelizeArgs, loader: &Loader<'_>) -> Result<(Fabric, Octree)> {
+fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(Fabric, Octree)> {
     let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
     let plan = fabric.plan(
         &args.fabric,
-        Footprint::Covered,
+        footprint(args, format, &fabric),
         args.voxel.voxel_um,
         args.levels,
         args.memory.max_memory,
@@ -148,6 +166,21 @@ fn octree(args: &VoxelizeArgs, loader: &Loader<'_>) -> Result<(Fabric, Octree)> 
     Ok((fabric, octree))
 }
 
+/// What was asked for; else what the fabric's own model wants, where the format keeps
+/// populations to show it by.
+fn footprint(args: &VoxelizeArgs, format: &Format, fabric: &Fabric) -> Footprint {
+    match args.footprint {
+        Some(FootprintName::Covered) => Footprint::Covered,
+        Some(FootprintName::Axis) => Footprint::Axis,
+        None if format.options.contains(&WriteOption::Footprint) => {
+            let own = ScatteringTable::default().over(fabric.file.scattering);
+            let voxels = own.ok().and_then(|shown| shown.representation.voxels());
+            voxels.map_or(Footprint::Covered, |v| v.footprint)
+        }
+        None => Footprint::Covered,
+    }
+}
+
 fn write(
     args: &VoxelizeArgs,
     format: &Format,
@@ -160,6 +193,7 @@ fn write(
         level: args.level,
         half: args.half,
         raw: args.raw,
+        files: fabric.sources(),
         merge: &|mixture| materials.merged(mixture),
     };
     let parts = (format.write)(&voxels).context("writing the volume failed")?;

@@ -8,13 +8,14 @@ pub mod ovox;
 pub mod vdb;
 pub mod vol;
 
+use self::ovox::{SourceFile, Stored};
 use crate::grid_set::GridSet;
 use crate::{Error, Octree};
 use organza_basis::{Aabb, Budget, MergedFlakes, Mixture};
 use std::io::Write;
 
 /// Every format, the native one first.
-pub static FORMATS: [&Format; 3] = [&ovox::FORMAT, &vdb::FORMAT, &vol::FORMAT];
+pub static FORMATS: &[&Format] = &[&ovox::FORMAT, &vdb::FORMAT, &vol::FORMAT];
 
 /// One format.
 pub struct Format {
@@ -39,14 +40,14 @@ pub struct Format {
 /// The format of a file of this name, by its ending.
 pub fn by_name(name: &str) -> Option<&'static Format> {
     let (_, ending) = name.rsplit_once('.')?;
-    FORMATS
-        .into_iter()
-        .find(|f| f.ending.eq_ignore_ascii_case(ending))
+    let mut formats = FORMATS.iter().copied();
+    formats.find(|f| f.ending.eq_ignore_ascii_case(ending))
 }
 
 /// The format of a file that begins like this.
 pub fn by_magic(bytes: &[u8]) -> Option<&'static Format> {
-    FORMATS.into_iter().find(|f| bytes.starts_with(f.magic))
+    let mut formats = FORMATS.iter().copied();
+    formats.find(|f| bytes.starts_with(f.magic))
 }
 
 /// Something to choose in writing.
@@ -58,6 +59,8 @@ pub enum WriteOption {
     Half,
     /// No compression.
     Raw,
+    /// Where the length of thick fibres lies: the format keeps populations.
+    Footprint,
 }
 
 /// A volume to write, and how.
@@ -70,6 +73,8 @@ pub struct Voxels<'a> {
     pub half: bool,
     /// No compression.
     pub raw: bool,
+    /// What the cloth was made from, for formats that keep it.
+    pub files: &'a [SourceFile],
     /// A mixture as one population, for formats that hold only one.
     pub merge: &'a dyn Fn(&Mixture) -> MergedFlakes,
 }
@@ -90,7 +95,7 @@ pub struct Part<'a> {
 #[derive(Clone, Debug)]
 pub enum Volume {
     /// Fibre mixtures at several levels.
-    Octree(Octree),
+    Octree(Stored),
     /// Dense grids.
     Grids(GridSet),
 }

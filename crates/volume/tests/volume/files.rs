@@ -11,6 +11,17 @@ fn cotton(voxel_mm: f32) -> Octree {
     voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
 }
 
+fn files() -> Vec<ovox::SourceFile> {
+    let file = |name: &str, bytes: &[u8]| ovox::SourceFile {
+        name: name.into(),
+        bytes: bytes.into(),
+    };
+    vec![
+        file("fabric.toml", b"[draft]"),
+        file("drafts/leer.wif", b""),
+    ]
+}
+
 fn plenty() -> Budget {
     Budget::new(1 << 30)
 }
@@ -29,10 +40,10 @@ fn ovox_returns_the_very_octree() {
     .unwrap();
     for tree in [cotton(0.02), empty] {
         let mut bytes = Vec::new();
-        ovox::write(&tree, &mut bytes).unwrap();
+        ovox::write(&tree, &files(), &mut bytes).unwrap();
         let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
-        assert!(back == tree);
-        back.assert_well_formed();
+        assert!(back.octree == tree && back.files == files());
+        back.octree.assert_well_formed();
         println!(
             ".ovox: {} bytes for {} in memory",
             bytes.len(),
@@ -45,7 +56,7 @@ fn ovox_returns_the_very_octree() {
 fn damaged_ovox_files_are_refused_with_a_reason() {
     let tree = cotton(0.1);
     let mut good = Vec::new();
-    ovox::write(&tree, &mut good).unwrap();
+    ovox::write(&tree, &files(), &mut good).unwrap();
     let refusal = |b: &[u8]| {
         ovox::read(&mut &b[..], &mut plenty())
             .map(|_| ())
@@ -61,14 +72,16 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
         bad[at] ^= 1 << (at % 8);
         let why = refusal(&bad);
         match at {
-            0..8 => assert!(why.contains("does not begin"), "{why}"),
-            8..12 => assert!(why.contains("this program reads versions 1 to 2"), "{why}"),
+            0..8 => assert!(why.contains("first bytes"), "{why}"),
+            // The version before, which has no table of files.
+            8 => assert!(why.contains("inconsistent"), "{why}"),
+            9..12 => assert!(why.contains("this program reads versions 1 to 3"), "{why}"),
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
     }
     let mut long = good.clone();
     long.push(0);
-    assert!(refusal(&long).contains("goes on"));
+    assert!(refusal(&long).contains("continues"));
     let small = ovox::read(&mut &good[..], &mut Budget::new(1000)).unwrap_err();
     let small = small.to_string();
     assert!(small.contains("1000 bytes are allowed"), "{small}");
@@ -78,11 +91,34 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
 #[test]
 fn files_of_version_1_are_read() {
     let old = include_bytes!("../data/version_1.ovox");
-    let tree = ovox::read(&mut &old[..], &mut plenty()).unwrap();
+    let stored = ovox::read(&mut &old[..], &mut plenty()).unwrap();
+    assert!(stored.files.is_empty());
+    let tree = stored.octree;
     tree.assert_well_formed();
     assert_eq!((tree.level_count(), tree.occupied_voxels()), (2, 528));
     assert!((tree.fibre_length_mm(0) - 767.365197).abs() < 1e-6);
     let mut again = Vec::new();
-    ovox::write(&tree, &mut again).unwrap();
-    assert!(ovox::read(&mut &again[..], &mut plenty()).unwrap() == tree);
+    ovox::write(&tree, &files(), &mut again).unwrap();
+    assert!(ovox::read(&mut &again[..], &mut plenty()).unwrap().octree == tree);
+}
+
+/// Twice as large: lengths double, what is blocked per mm halves.
+#[test]
+fn octrees_are_scaled_with_their_fibres() {
+    let tree = cotton(0.05);
+    let large = tree.clone().scaled(2.0).unwrap();
+    large.assert_well_formed();
+    assert_eq!(large.bounds_mm().max, 2.0 * tree.bounds_mm().max);
+    let ratio = large.fibre_length_mm(0) / tree.fibre_length_mm(0);
+    assert!((ratio - 2.0).abs() < 1e-9, "{ratio}");
+    tree.for_each_occupied(0, |cell| {
+        let (a, b) = (
+            tree.broadside_per_mm(0, cell),
+            large.broadside_per_mm(0, cell),
+        );
+        assert!((a - 2.0 * b).abs() < 1e-5 * a, "{cell}");
+    });
+    assert!(tree.clone().scaled(0.0).is_none());
+    assert!(tree.clone().scaled(f64::NAN).is_none());
+    assert!(!tree.with_repeats(false).repeats());
 }

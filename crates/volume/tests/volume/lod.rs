@@ -244,7 +244,9 @@ fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_does() {
         let bytes = std::fs::read(path).unwrap();
         trees.push((
             name,
-            ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30)).unwrap(),
+            ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30))
+                .unwrap()
+                .octree,
         ));
     }
     for (name, tree) in &trees {

@@ -13,13 +13,14 @@ fn cotton() -> Octree {
     voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
 }
 
-/// Rough fibres of one material.
+/// Rough fibres, alike in all materials.
 fn merge(mixture: &Mixture) -> MergedFlakes {
     static MATERIALS: std::sync::LazyLock<FlakeMaterials> = std::sync::LazyLock::new(|| {
-        FlakeMaterials::new(vec![FlakeOptics {
+        let optics = FlakeOptics {
             albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
             end_on_ratio: 0.1,
-        }])
+        };
+        FlakeMaterials::new(vec![optics; 4])
     });
     MATERIALS.merged(mixture)
 }
@@ -248,7 +249,7 @@ fn damaged_files_are_refused_and_never_panic() {
         read(&bad).unwrap().unread[0].clone()
     };
     let other = read(b"VOL\x03........").unwrap_err().to_string();
-    assert!(other.contains("does not begin"), "{other}");
+    assert!(other.contains("first bytes"), "{other}");
     assert_eq!(with("Tree_float_5_4_3", "Tree_bool__5_4_3").0, "density");
     assert!(
         with("ScaleTranslateMap", "NonlinearFrustumM")

@@ -1,0 +1,476 @@
+//! `[[object]]` of `kind = "volume"`: a volume file, laid where a scene says.
+
+use crate::cloth_levels::{Levels, Place};
+use crate::cloth_object::Laying;
+use crate::drape;
+use crate::error::{Result, input};
+use crate::fabric_file::{self, Fabric};
+use crate::memory::free_memory_bytes;
+use crate::optics::{self, EVERY_YARN, OpticsFile};
+use crate::read;
+use crate::representation::{MICROFLAKE, ModelKey, ShownAs, VoxelBuild};
+use crate::scattering::EventName;
+use crate::scene_build::{BuildOptions, channels};
+use crate::scene_file::{ClothTable, Lod, LodName};
+use crate::volume_file;
+use glam::Vec3;
+use organza_basis::{Aabb, Budget, FibreComponent, Mixture, Rgb};
+use organza_scatter::{FlakeFamily, FlakeMaterials, FlakeOptics};
+use organza_transport::{AnyMedium, Camera, ClothMedium, Grid, GridMedium, Interpolation};
+use organza_volume::format::{self, FORMATS, Format, Volume};
+use organza_volume::ovox::Stored;
+use organza_volume::{Footprint, GridSet, Octree, VolGrid};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A volume file, laid where the scene says.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VolumeTable {
+    /// The file, of any format that is read.
+    pub file: String,
+    /// Whether it repeats without end in x and y; as the file says if none.
+    pub repeat_xy: Option<bool>,
+    /// Where a repeated volume is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
+    /// Millimetres to the file's unit of length; extinction is per that unit. 1 if
+    /// none.
+    pub scale: Option<f32>,
+    /// Extinction to the file's unit of density, 1 if none. Grids alone.
+    pub density_scale: Option<f32>,
+    /// Single-scattering albedo, where the file has none.
+    pub albedo: Option<[f32; 3]>,
+    /// The representation; the fabric's own if none, and so are the next two.
+    pub model: Option<ModelKey>,
+    /// Micro-flakes: their family.
+    pub flake: Option<FlakeFamily>,
+    /// Virtual scattering: what a collision with a fibre is.
+    pub event: Option<EventName>,
+    /// How fibres scatter, before what the file says of it.
+    #[serde(default)]
+    pub optics: OpticsFile,
+    /// Level of detail.
+    #[serde(default)]
+    pub lod: Lod,
+    /// A mesh with texture coordinates to lay the volume over.
+    pub mesh: Option<String>,
+    /// With `mesh`: length of its units; 1000 for glTF and else 1, if none.
+    pub mm_per_unit: Option<f32>,
+    /// With `mesh`: cloth to a unit of texture coordinate.
+    pub mm_per_uv: Option<f32>,
+}
+
+impl VolumeTable {
+    /// The keys that a cloth has as well.
+    fn as_cloth(&self) -> ClothTable {
+        ClothTable {
+            fabric: self.file.clone(),
+            model: self.model,
+            flake: self.flake,
+            event: self.event,
+            local_visibility: false,
+            optics: self.optics.clone(),
+            lod: self.lod,
+            tolerance: None,
+            mesh: self.mesh.clone(),
+            mm_per_unit: self.mm_per_unit,
+            mm_per_uv: self.mm_per_uv,
+            voxel_um: None,
+            seed: None,
+            extent_mm: self.extent_mm,
+        }
+    }
+
+    /// Refuses what can be told without opening the file.
+    ///
+    /// # Errors
+    /// `.key: why`.
+    pub fn check(&self, as_fibres: bool, scene_path: &Path) -> Result<(), String> {
+        if as_fibres {
+            return Err(": a volume has no fibres for render.integrator = \"fibres\"".into());
+        }
+        let path = read::beside(scene_path, &self.file);
+        format_of(&path)?;
+        for (key, value) in [("scale", self.scale), ("density_scale", self.density_scale)] {
+            if let Some(v) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
+                return Err(format!(".{key}: expected a positive number, found {v}"));
+            }
+        }
+        if let Some(c) = self.albedo
+            && !c.iter().all(|c| (0.0..=1.0).contains(c))
+        {
+            return Err(format!(
+                ".albedo: expected three numbers from 0 to 1, found {c:?}"
+            ));
+        }
+        if self.extent_mm.is_some() && self.mesh.is_some() {
+            return Err(": extent_mm is for flat volumes and does not go with mesh".into());
+        }
+        let shown = match self.model {
+            Some(ModelKey::Is(r)) => r.voxels().is_some(),
+            Some(ModelKey::Auto) => false,
+            Some(ModelKey::VirtualScattering) | None => true,
+        };
+        if !shown {
+            return Err(
+                ".model: a volume has voxels alone; for this one make an object of kind = \
+                 \"cloth\" of its fabric"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+}
+
+fn format_of(path: &Path) -> Result<&'static Format, String> {
+    format::by_name(&path.to_string_lossy()).ok_or_else(|| {
+        let endings: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.ending)).collect();
+        format!(
+            ".file: {}: expected a name that ends in {}",
+            path.display(),
+            endings.join(", ")
+        )
+    })
+}
+
+/// A volume that is a scene's object, opened.
+pub struct VolumeObject<'a> {
+    table: &'a VolumeTable,
+    index: usize,
+    path: PathBuf,
+    options: &'a BuildOptions<'a>,
+}
+
+/// What there is to render, and how.
+enum Content {
+    /// A voxelized cloth with its fabric.
+    Cloth(Box<Fabric>, Octree, ShownAs, &'static VoxelBuild),
+    /// A voxelized cloth whose materials are not known.
+    Bare(Octree),
+    /// Grids.
+    Grids(GridSet),
+}
+
+impl<'a> VolumeObject<'a> {
+    /// The object of this index.
+    pub fn new(
+        table: &'a VolumeTable,
+        index: usize,
+        options: &'a BuildOptions<'a>,
+    ) -> VolumeObject<'a> {
+        VolumeObject {
+            table,
+            index,
+            path: read::beside(options.scene_path, &table.file),
+            options,
+        }
+    }
+
+    fn fail(&self, why: impl AsRef<str>) -> crate::InputError {
+        let (scene, index) = (self.options.scene_path.display(), self.index);
+        input(format!("{scene}: object[{index}]{}", why.as_ref()))
+    }
+
+    /// Reads the file and checks the table against it; says how it will be shown.
+    ///
+    /// # Errors
+    /// Those of [`VolumeObject::medium`].
+    pub fn check(&self, budget: &mut Budget) -> Result<String> {
+        drape::mesh(&self.table.as_cloth(), self.index, self.options)?;
+        Ok(match self.open(budget)? {
+            Content::Cloth(_, _, shown, _) => shown.to_string(),
+            Content::Bare(_) | Content::Grids(_) => ShownAs::usual(&MICROFLAKE).to_string(),
+        })
+    }
+
+    /// The medium.
+    ///
+    /// # Errors
+    /// Names the file, or the key at fault.
+    pub fn medium(&self, camera: &Camera, budget: &mut Budget) -> Result<AnyMedium> {
+        let mesh = drape::mesh(&self.table.as_cloth(), self.index, self.options)?;
+        let allowed = self.options.max_memory_bytes;
+        let place = |bounds_mm| Place {
+            bounds_mm,
+            mesh: mesh.as_ref(),
+            max_memory_bytes: allowed.unwrap_or_else(free_memory_bytes),
+            loader: self.options.loader,
+            scene_path: self.options.scene_path,
+        };
+        let table = self.table;
+        match self.open(budget)? {
+            Content::Cloth(fabric, octree, shown, voxels) => Laying {
+                fabric: &fabric,
+                path: &self.path,
+                voxels,
+                settings: shown.settings,
+                lod: table.lod,
+                scale: table.scale.unwrap_or(1.0),
+                index: self.index,
+                camera,
+                options: self.options,
+            }
+            .medium(place(octree.bounds_mm()), octree),
+            Content::Bare(octree) => {
+                let octree = match table.scale {
+                    None => octree,
+                    Some(scale) => octree
+                        .scaled(f64::from(scale))
+                        .ok_or_else(|| self.fail(".scale: the volume does not stay finite"))?,
+                };
+                let optics = self.flakes(None)?;
+                let optics = vec![optics; octree.material_count()];
+                let octree = Arc::new(octree);
+                let place = place(octree.bounds_mm());
+                let levels = match table.lod {
+                    Lod::Level(level) => Levels::only(level),
+                    Lod::Name(LodName::Auto) => {
+                        let widths = place.footprints_mm(camera);
+                        Levels::for_footprints(&octree, 0, f32::INFINITY, None, widths)
+                    }
+                    Lod::Name(_) => Levels::only(0),
+                };
+                let volume = |level| {
+                    let medium = ClothMedium::new(Arc::clone(&octree), level, optics.clone());
+                    Ok(medium.map(AnyMedium::Cloth))
+                };
+                levels
+                    .medium(&place, None, volume)?
+                    .ok_or_else(|| self.no_level(octree.level_count()))
+            }
+            Content::Grids(set) => {
+                let medium = AnyMedium::Grid(self.grids(set)?);
+                let bounds_mm = medium.cell_grid().map_or(Aabb::EMPTY, |g| g.bounds_mm());
+                let mut medium = Some(medium);
+                Levels::only(0)
+                    .medium(&place(bounds_mm), None, |_| Ok(medium.take()))?
+                    .ok_or_else(|| self.no_level(1))
+            }
+        }
+    }
+
+    fn no_level(&self, count: u8) -> crate::InputError {
+        self.fail(format!(
+            ".lod: there is no such level; the volume has {count}, from 0"
+        ))
+    }
+
+    /// Reads the file and settles how it is shown.
+    fn open(&self, budget: &mut Budget) -> Result<Content> {
+        let format = format_of(&self.path).map_err(|why| self.fail(why))?;
+        let volume = volume_file::read(&self.path, self.options.loader, |source| {
+            (format.read)(source, budget)
+        })?;
+        match volume {
+            Volume::Octree(stored) => self.octree(stored),
+            Volume::Grids(set) => {
+                self.check_grids(&set)?;
+                Ok(Content::Grids(set))
+            }
+        }
+    }
+
+    fn octree(&self, stored: Stored) -> Result<Content> {
+        let table = self.table;
+        if table.density_scale.is_some() {
+            return Err(self.fail(".density_scale: belongs to volumes of grids"));
+        }
+        let octree = match table.repeat_xy {
+            Some(repeats) if repeats != stored.octree.repeats() => {
+                stored.octree.with_repeats(repeats)
+            }
+            _ => stored.octree,
+        };
+        if table.extent_mm.is_some() && !octree.repeats() {
+            return Err(self.fail(": extent_mm belongs to repeat_xy = true"));
+        }
+        let levels = octree.level_count();
+        match table.lod {
+            Lod::Level(level) if level >= levels => return Err(self.no_level(levels)),
+            Lod::Name(LodName::Surface) => {
+                let why = ".lod: a volume has no surface; take a level, \"volume\" or \"auto\"";
+                return Err(self.fail(why));
+            }
+            _ => {}
+        }
+        let keys = table.as_cloth().scattering();
+        if let Some(why) = keys.old_names() {
+            let scene_path = self.options.scene_path;
+            let loader = self.options.loader;
+            loader.warn(scene_path, format!("object[{}]{why}", self.index));
+        }
+        if stored.files.is_empty() {
+            self.check_plain_flakes(
+                "the file keeps no materials: voxelize its fabric again for others",
+            )?;
+            self.check_optics(&[])?;
+            self.flakes(None)?;
+            return Ok(Content::Bare(octree));
+        }
+        let mut fabric = fabric_file::from_sources(&self.path, &stored.files)?;
+        fabric
+            .override_optics(&table.optics)
+            .map_err(|why| self.fail(format!(".optics{why}")))?;
+        let known = fabric.cloth.materials().len();
+        if known < octree.material_count() {
+            return Err(input(format!(
+                "{}: its voxels have {} materials, its fabric {known}",
+                self.path.display(),
+                octree.material_count()
+            )));
+        }
+        // What the fabric is shown as otherwise may have no voxels.
+        let mut own = fabric.file.scattering;
+        match own.model {
+            Some(ModelKey::Is(r)) if r.voxels().is_none() => own.model = None,
+            Some(ModelKey::Auto) => own.model = None,
+            _ => {}
+        }
+        let shown = keys.over(own).map_err(|why| self.fail(why))?;
+        let Some(voxels) = shown.representation.voxels() else {
+            return Err(self.fail(".model: a volume has voxels alone"));
+        };
+        if voxels.footprint != octree.footprint() {
+            let name = |f| match f {
+                Footprint::Covered => "covered",
+                Footprint::Axis => "axis",
+            };
+            self.options.loader.warn(
+                &self.path,
+                format!(
+                    "it was voxelized with --footprint {}; {shown} needs {}, and outlines of \
+                     yarns are off by a fibre's radius",
+                    name(octree.footprint()),
+                    name(voxels.footprint)
+                ),
+            );
+        }
+        Ok(Content::Cloth(Box::new(fabric), octree, shown, voxels))
+    }
+
+    /// Refuses whatever is not micro-flakes of the usual family.
+    fn check_plain_flakes(&self, why: &str) -> Result<()> {
+        let table = self.table;
+        let is_flakes = table.model.is_none_or(|m| m == ModelKey::Is(&MICROFLAKE));
+        let is_sggx = table.flake.is_none_or(|f| f == FlakeFamily::SGGX_SPECULAR);
+        if is_flakes && is_sggx && table.event.is_none() {
+            return Ok(());
+        }
+        Err(self.fail(format!(
+            ".model: expected \"microflake\" with flake = \"sggx-specular\"; {why}"
+        )))
+    }
+
+    /// Optics for yarns that the file does not name.
+    fn check_optics(&self, materials: &[organza_weave::Material]) -> Result<()> {
+        optics::check(&self.table.optics, materials)
+            .map_err(|why| self.fail(format!(".optics{why}")))
+    }
+
+    /// What the scene says of fibres whose material is not known; `own` albedo is the
+    /// file's.
+    fn flakes(&self, own: Option<Rgb>) -> Result<FlakeOptics> {
+        let given = self.every_yarn();
+        let albedo = given.albedo.map(Rgb::from).or(own);
+        let albedo = albedo.or(self.table.albedo.map(Rgb::from));
+        let albedo =
+            albedo.ok_or_else(|| self.fail(".albedo: is missing; the file has no materials"))?;
+        Ok(FlakeOptics {
+            albedo,
+            ..given.flakes(None)
+        })
+    }
+
+    fn every_yarn(&self) -> optics::OpticsTable {
+        let list = self.table.optics.get(EVERY_YARN);
+        list.map(|list| list.of(None)).unwrap_or_default()
+    }
+
+    fn check_grids(&self, set: &GridSet) -> Result<()> {
+        let table = self.table;
+        self.check_optics(&[])?;
+        if !matches!(
+            table.lod,
+            Lod::Level(0) | Lod::Name(LodName::Auto | LodName::Volume)
+        ) {
+            return Err(self.no_level(1));
+        }
+        self.check_plain_flakes("grids hold no fibres")?;
+        if table.extent_mm.is_some() && table.repeat_xy != Some(true) {
+            return Err(self.fail(": extent_mm belongs to repeat_xy = true"));
+        }
+        if table.mesh.is_some() && table.repeat_xy != Some(true) {
+            return Err(self.fail(".mesh: belongs to repeat_xy = true"));
+        }
+        if set.albedo.is_none() {
+            self.flakes(None)?;
+        }
+        Ok(())
+    }
+
+    /// Grids as a medium: matrices of the file, or made of its axes where it has none
+    /// or the scene gives the roughness of fibres.
+    fn grids(&self, set: GridSet) -> Result<GridMedium> {
+        let table = self.table;
+        let given = self.every_yarn();
+        let has_width =
+            given.end_on_ratio.is_some() || given.gamma.is_some() || given.sin_power.is_some();
+        let matrices = match (set.sggx, set.axes) {
+            (Some(sggx), None) => Some(channels::<6>(&self.path, &sggx, "sggx")?),
+            (Some(sggx), Some(_)) if !has_width => Some(channels::<6>(&self.path, &sggx, "sggx")?),
+            (_, Some(axes)) => {
+                let optics = FlakeOptics {
+                    albedo: Rgb::WHITE,
+                    ..given.flakes(None)
+                };
+                Some(self.matrices(&axes, optics)?)
+            }
+            (None, None) => None,
+        };
+        let isotropic = Grid::constant([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+        let albedo = match (given.albedo, set.albedo) {
+            (None, Some(grid)) => channels::<3>(&self.path, &grid, "albedo")?,
+            _ => Grid::constant(self.flakes(None)?.albedo.0.to_array()),
+        };
+        let scale = table.scale.unwrap_or(1.0);
+        let bounds_mm = Aabb::new(
+            set.sigma_t.bounds_mm.min * scale,
+            set.sigma_t.bounds_mm.max * scale,
+        );
+        let mut sigma_t = set.sigma_t;
+        let per_value = table.density_scale.unwrap_or(1.0) / scale;
+        if per_value != 1.0 {
+            sigma_t.data.iter_mut().for_each(|v| *v *= per_value);
+        }
+        GridMedium::new(
+            bounds_mm,
+            table.repeat_xy.unwrap_or(false),
+            Interpolation::Nearest,
+            channels::<1>(&self.path, &sigma_t, "density")?,
+            matrices.unwrap_or(isotropic),
+            albedo,
+        )
+        .map_err(|e| input(format!("{}: {e}", self.path.display())))
+    }
+
+    /// The matrices of fibres that run along axes; isotropic where there is none.
+    fn matrices(&self, axes: &VolGrid, optics: FlakeOptics) -> Result<Grid<6>> {
+        let materials = FlakeMaterials::new(vec![optics]);
+        let samples = axes.data.chunks_exact(4).map(|a| {
+            let mut mixture = Mixture::EMPTY;
+            if let Some(axis) = Vec3::new(a[0], a[1], a[2]).try_normalize() {
+                mixture.push(FibreComponent {
+                    length_density_per_mm2: 1.0,
+                    radius_mm: 1.0,
+                    axis,
+                    spread_rad: a[3],
+                    ..FibreComponent::default()
+                });
+            }
+            materials.merged(&mixture).sggx.to_array()
+        });
+        Grid::new(axes.dims, samples.collect())
+            .ok_or_else(|| input(format!("{}: holds no samples", self.path.display())))
+    }
+}

@@ -1,0 +1,153 @@
+//! The header: everything but the arrays.
+
+use super::SourceFile;
+use super::blocks::word;
+use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
+use crate::octree::Octree;
+use crate::record::{Brick, RadiusScale, StoredPopulation};
+use crate::voxelize::Footprint;
+use glam::{DVec3, UVec3};
+
+/// The contents of the header.
+pub struct Header {
+    pub lattice: Lattice,
+    pub quantum_mm: f64,
+    pub radii: RadiusScale,
+    pub materials: u32,
+    /// Where the length of thick fibres is; since version 3.
+    pub footprint: Footprint,
+    pub group_count: u64,
+    /// Bricks and populations of each level.
+    pub counts: Vec<(u64, u64)>,
+    /// Names and sizes of the files that the cloth was made from; since version 3.
+    pub files: Vec<(String, u64)>,
+}
+
+impl Header {
+    /// Bytes that everything takes which follows.
+    pub fn array_bytes(&self) -> u128 {
+        let levels = self
+            .counts
+            .iter()
+            .zip(0..)
+            .map(|(&(bricks, records), level)| {
+                let table = bricks_across(self.lattice.dims_at(level)).as_u64vec3();
+                4 * u128::from(table.x) * u128::from(table.y) * u128::from(table.z)
+                    + size_of::<Brick>() as u128 * u128::from(bricks)
+                    + size_of::<StoredPopulation>() as u128 * u128::from(records)
+            });
+        let files = self.files.iter().map(|(_, size)| u128::from(*size));
+        levels.sum::<u128>() + files.sum::<u128>() + 8 * u128::from(self.group_count)
+    }
+}
+
+/// The header's bytes.
+pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
+    let l = &o.lattice;
+    let mut h = Vec::new();
+    for x in l.min_mm.to_array().into_iter().chain(l.voxel_mm.to_array()) {
+        h.extend(x.to_le_bytes());
+    }
+    h.extend(o.quantum_mm.to_le_bytes());
+    for n in l.dims.to_array() {
+        h.extend(n.to_le_bytes());
+    }
+    h.extend(o.radii.min_mm.to_le_bytes());
+    h.extend(o.radii.step_mm.to_le_bytes());
+    h.extend(o.material_count.to_le_bytes());
+    let footprint = match o.footprint {
+        Footprint::Covered => 0,
+        Footprint::Axis => 1,
+    };
+    h.extend([l.levels, u8::from(l.repeats), footprint, 0]);
+    h.extend((o.groups.len() as u64).to_le_bytes());
+    for level in &o.levels {
+        h.extend((level.bricks.len() as u64).to_le_bytes());
+        h.extend((level.records.len() as u64).to_le_bytes());
+    }
+    h.extend((files.len() as u32).to_le_bytes());
+    for file in files {
+        h.extend((file.name.len() as u32).to_le_bytes());
+        h.extend(file.name.as_bytes());
+        h.extend((file.bytes.len() as u64).to_le_bytes());
+    }
+    h
+}
+
+/// What a header says; `None` when that makes no sense.
+pub fn decode(h: &[u8], version: u32) -> Option<Header> {
+    const FIXED: usize = 56 + 12 + 8 + 4 + 4 + 8;
+    if h.len() < FIXED {
+        return None;
+    }
+    let long = |at: usize| {
+        let mut b = [0u8; 8];
+        b.copy_from_slice(&h[at..at + 8]);
+        u64::from_le_bytes(b)
+    };
+    let double = |at: usize| f64::from_bits(long(at));
+    let triple = |at: usize| DVec3::new(double(at), double(at + 8), double(at + 16));
+    let float = |at: usize| f32::from_bits(word(h, at));
+    let lattice = Lattice {
+        min_mm: triple(0),
+        voxel_mm: triple(24),
+        dims: UVec3::new(word(h, 56), word(h, 60), word(h, 64)),
+        levels: h[80],
+        repeats: h[81] == 1,
+    };
+    let levels = usize::from(lattice.levels);
+    let quantum_mm = double(48);
+    let radii = RadiusScale {
+        min_mm: float(68),
+        step_mm: float(72),
+    };
+    let footprint = match h[82] {
+        0 => Footprint::Covered,
+        1 if version >= 3 => Footprint::Axis,
+        _ => return None,
+    };
+    let rest = h.get(FIXED + 16 * levels..)?;
+    let files = match version {
+        3.. => decode_files(rest)?,
+        _ if rest.is_empty() => Vec::new(),
+        _ => return None,
+    };
+    let sound = (1..=MAX_LEVELS).contains(&lattice.levels)
+        && h[81] <= 1
+        && lattice.is_sound()
+        && quantum_mm.is_finite()
+        && quantum_mm > 0.0
+        && radii.min_mm >= 0.0
+        && radii.step_mm >= 0.0
+        && (radii.min_mm + 4096.0 * radii.step_mm).is_finite();
+    sound.then(|| Header {
+        lattice,
+        quantum_mm,
+        radii,
+        materials: word(h, 76),
+        footprint,
+        group_count: long(84),
+        counts: (0..levels)
+            .map(|k| (long(FIXED + 16 * k), long(FIXED + 16 * k + 8)))
+            .collect(),
+        files,
+    })
+}
+
+/// The table of files, which ends the header.
+fn decode_files(mut rest: &[u8]) -> Option<Vec<(String, u64)>> {
+    let mut take = |length: usize| {
+        let (taken, left) = rest.split_at_checked(length)?;
+        rest = left;
+        Some(taken)
+    };
+    let count = word(take(4)?, 0) as usize;
+    let mut files = Vec::new();
+    for _ in 0..count {
+        let length = word(take(4)?, 0) as usize;
+        let name = std::str::from_utf8(take(length)?).ok()?.to_owned();
+        let size = u64::from_le_bytes(take(8)?.try_into().ok()?);
+        files.push((name, size));
+    }
+    rest.is_empty().then_some(files)
+}
