@@ -4,6 +4,7 @@
 //! writes volumes, what shows what is in one, and scenes that render them take the
 //! formats from that list.
 
+pub mod nrrd;
 pub mod ovox;
 pub mod vdb;
 pub mod vol;
@@ -15,7 +16,7 @@ use organza_basis::{Aabb, Budget, MergedFlakes, Mixture};
 use std::io::Write;
 
 /// Every format, the native one first.
-pub static FORMATS: &[&Format] = &[&ovox::FORMAT, &vdb::FORMAT, &vol::FORMAT];
+pub static FORMATS: &[&Format] = &[&ovox::FORMAT, &vdb::FORMAT, &vol::FORMAT, &nrrd::FORMAT];
 
 /// One format.
 pub struct Format {

@@ -102,6 +102,56 @@ fn files_of_version_1_are_read() {
     assert!(ovox::read(&mut &again[..], &mut plenty()).unwrap().octree == tree);
 }
 
+/// What an array keeps is what the grids of other formats hold; half of them raw.
+#[test]
+fn nrrd_returns_the_grids_of_a_level() {
+    use organza_scatter::{FlakeMaterials, FlakeOptics};
+    use organza_volume::format::{Open, Source, Volume, Voxels, nrrd};
+    let tree = cotton(0.05);
+    let optics = FlakeOptics {
+        albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
+        end_on_ratio: 0.1,
+    };
+    let materials = FlakeMaterials::new(vec![optics; 4]);
+    let merge = |mixture: &organza_basis::Mixture| materials.merged(mixture);
+    let expected = organza_volume::GridSet::from_octree(&tree, 1, &merge);
+    for raw in [false, true] {
+        let voxels = Voxels {
+            octree: &tree,
+            level: 1,
+            half: false,
+            raw,
+            files: &[],
+            merge: &merge,
+        };
+        let mut bytes = Vec::new();
+        let parts = (nrrd::FORMAT.write)(&voxels).unwrap();
+        assert_eq!(parts.len(), 1);
+        for part in parts {
+            (part.write)(&mut bytes).unwrap();
+        }
+        let open: &Open<'_> = &|_, _| Ok(Some(bytes.clone()));
+        let source = Source {
+            name: "tile.nrrd",
+            open,
+        };
+        let Volume::Grids(set) = (nrrd::FORMAT.read)(&source, &mut plenty()).unwrap() else {
+            panic!("no grids");
+        };
+        assert!(set.sigma_t.data == expected.sigma_t.data);
+        assert!(set.sggx.unwrap().data == expected.sggx.as_ref().unwrap().data);
+        assert!(set.albedo.unwrap().data == expected.albedo.as_ref().unwrap().data);
+        assert_eq!(set.axes.unwrap().channels, 4);
+        let (a, b) = (set.sigma_t.bounds_mm, expected.sigma_t.bounds_mm);
+        assert!(a.min.distance(b.min) < 1e-6 && a.max.distance(b.max) < 1e-6);
+        let small = (nrrd::FORMAT.read)(&source, &mut Budget::new(10_000)).unwrap_err();
+        assert!(
+            small.to_string().contains("10000 bytes are allowed"),
+            "{small}"
+        );
+    }
+}
+
 /// Twice as large: lengths double, what is blocked per mm halves.
 #[test]
 fn octrees_are_scaled_with_their_fibres() {
