@@ -104,6 +104,30 @@ fn crates_import_one_way_only() {
     assert_eq!(root, BTreeSet::from(["cli".to_owned()]));
 }
 
+/// The table "To add something" of ARCHITECTURE.md: an example and the list that registers
+/// it, which names the example.
+#[test]
+fn the_table_of_additions_names_examples_and_their_lists() {
+    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let section = text.split("## To add something").nth(1).unwrap();
+    let section = section.split("\n## ").next().unwrap();
+    let mut rows = 0;
+    for row in section.lines().filter(|line| line.contains("`crates/")) {
+        let paths: Vec<&str> = row.split('`').skip(1).step_by(2).collect();
+        let [example, list] = paths[..] else {
+            panic!("expected an example and a list: {row}");
+        };
+        assert!(root().join(example).exists(), "{example}");
+        let list_text =
+            std::fs::read_to_string(root().join(list)).unwrap_or_else(|e| panic!("{list}: {e}"));
+        let stem = Path::new(example).file_stem().unwrap().to_string_lossy();
+        let is_named = list_text.to_lowercase().contains(stem.as_ref());
+        assert!(is_named, "{list} does not register {stem}");
+        rows += 1;
+    }
+    assert!(rows >= 7, "only {rows} rows");
+}
+
 /// All files below `folder` with one of the endings.
 fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! What a person sees while fabrics and scenes are loaded and built.
+//! Messages and progress while fabrics and scenes are loaded and built.
 
 use crate::output::note;
 use crate::progress::Progress;

@@ -1,4 +1,4 @@
-//! Checkpoints: what a render has gathered, to go on from.
+//! Checkpoints: the state of a render, from which it resumes.
 //!
 //! Little-endian: [`MAGIC`], version, then the header's `u64` words (seed;
 //! crop left, top, right, bottom; first and next sample; the counts of

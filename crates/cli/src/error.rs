@@ -1,4 +1,4 @@
-//! One place that turns errors into words and exit codes.
+//! Turns errors into messages and exit codes, in one place.
 
 use crate::output::note;
 pub use organza_scene::InputError;

@@ -1,4 +1,4 @@
-//! What a picture is of, so that only samples of the same picture are put
+//! The identity of a picture, so that only samples of the same picture are put
 //! together.
 
 use crate::sample_ranges::SampleRanges;

@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one asks, the second one insists.
+//! Ctrl-C: the first stops the run in order, the second ends it at once.
 
 use anyhow::{Context, Result};
 use std::sync::atomic::{AtomicBool, Ordering};

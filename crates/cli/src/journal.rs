@@ -1,4 +1,4 @@
-//! A search's memory in a file: places and the numbers found there, so that a
+//! The journal of a search: evaluated points and their results, so that a
 //! search that was broken off goes on where it ended.
 
 use crate::error::input;

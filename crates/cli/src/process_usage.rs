@@ -1,4 +1,4 @@
-//! What this process has used so far.
+//! Time and memory that this process has used.
 
 /// Seconds that processors spent on all threads of the process: unlike the
 /// clock's, they do not count what other programs took. The clock's where the

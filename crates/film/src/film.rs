@@ -1,4 +1,4 @@
-//! Films: what every pixel has gathered.
+//! Films: the sums of every pixel.
 
 use crate::wide_sum::{WideSum, mantissa_and_exponent};
 use crate::{Brightness, PathSample, Tally};

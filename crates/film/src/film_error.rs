@@ -1,4 +1,4 @@
-//! How far films are from what they will become.
+//! The error of films.
 
 use crate::Film;
 use crate::film::variance_of_mean;

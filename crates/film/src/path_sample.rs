@@ -1,4 +1,4 @@
-//! What one path found.
+//! The result of one path.
 
 use glam::Vec3;
 use organza_basis::Rgb;

@@ -1,4 +1,4 @@
-//! How wide a pixel is along its ray.
+//! The width of a pixel along its ray.
 
 /// Width that a pixel sees at a distance along a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]

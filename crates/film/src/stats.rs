@@ -1,4 +1,4 @@
-//! Counts of what the trackers did.
+//! Counts of the trackers' work.
 
 use organza_basis::Rgb;
 

@@ -1,4 +1,4 @@
-//! What one pixel gathers before it goes to the film: whole numbers, as there,
+//! The sums of one pixel before they are added to the film: whole numbers, as there,
 //! but of one word each.
 
 use crate::{FirstEvent, Pixel};

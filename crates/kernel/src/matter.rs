@@ -1,4 +1,4 @@
-//! Matter, as whoever has it describes it to the kernel.
+//! The interface through which matter is described to the kernel.
 
 use crate::Unsuited;
 use glam::UVec3;

@@ -1,4 +1,4 @@
-//! What the kernel leaves to another walk, and why.
+//! Why the kernel leaves a scene to the general walk.
 
 use crate::Backend;
 use crate::voxels::layout::MAX_DIM;

@@ -1,4 +1,4 @@
-//! `kind = "rectangle"`: a rectangle that shines. A panel, a window, or, long and
+//! `kind = "rectangle"`: a rectangle that emits light. A panel, a window, or, long and
 //! narrow, a tube.
 
 use crate::catalogue::{LightError, LightKind, LoadPicture, colour};

@@ -1,4 +1,4 @@
-//! What made a picture, as lines of text inside its file.
+//! The provenance of a picture, as lines of text in its file.
 
 use percent_encoding::{AsciiSet, CONTROLS, percent_decode_str, utf8_percent_encode};
 

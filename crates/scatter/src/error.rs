@@ -1,4 +1,4 @@
-//! What can be wrong with parameters.
+//! Errors of parameters.
 
 /// A parameter outside its domain.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

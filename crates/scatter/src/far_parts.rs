@@ -1,4 +1,4 @@
-//! A far field taken apart, for those who tabulate it in their own way.
+//! The parts of a far field, for other tabulations.
 
 use crate::fibre::Fibre;
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! What the fibres of a voxel are as micro-flakes: the shape that spread and
+//! The fibres of a voxel as micro-flakes: the shape that spread and
 //! roughness give together, and what a mixture is as one population.
 
 use crate::AxialFlake;

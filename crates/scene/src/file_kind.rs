@@ -1,4 +1,4 @@
-//! What a file is, for messages to whoever named one of another kind.
+//! The kind of a file, for messages about files of the wrong kind.
 
 use crate::error::{Result, input};
 use std::path::Path;

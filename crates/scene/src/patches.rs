@@ -1,4 +1,4 @@
-//! Patches to measure: what stands for the cloth of a fabric file.
+//! Patches to measure: the representations of a fabric file's cloth.
 
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;

@@ -1,4 +1,4 @@
-//! What goes through the cloth: gaps between yarns, and light that yarns pass
+//! Transmission through the cloth: gaps between yarns, and light that yarns transmit
 //! on. The thesis has neither. [`MeasuredTransmission`](crate::MeasuredTransmission)
 //! fits the parameters to a measured cloth, real or voxels.
 //!

@@ -1,4 +1,4 @@
-//! What a scene can be made of.
+//! The kinds of matter in a scene.
 
 use crate::collision::{AnySite, Collision, Located, each_volume};
 use crate::detail::Tracking;

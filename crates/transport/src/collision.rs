@@ -1,4 +1,4 @@
-//! Where light meets matter, of whatever kind.
+//! Collisions of light with any kind of matter.
 
 use crate::sheet::SheetSite;
 use crate::{

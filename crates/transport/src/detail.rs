@@ -1,4 +1,4 @@
-//! How closely a path looks at the cloth.
+//! The level of detail of a path.
 
 use crate::Integrator;
 

@@ -1,4 +1,4 @@
-//! Fibres as they are: the ground truth that media of fibres stand for.
+//! Explicit fibres: the reference for media of fibres.
 //!
 //! Every fibre of a tile is a chain of cylinders (or cones, where it tapers)
 //! joined at ellipses, in a hierarchy of boxes. Light meets its surface at an

@@ -1,4 +1,4 @@
-//! What stands in the light of a fibre within its own cell, counted from explicit
+//! Occlusion of a fibre within its own cell, computed from explicit
 //! fibres: the tables of [`organza_scatter::bvdf`] and how a walk uses them.
 
 use crate::ExplicitFibres;

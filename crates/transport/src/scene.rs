@@ -1,4 +1,4 @@
-//! Everything light can meet.
+//! A scene: its matter, lights and camera.
 
 use crate::collision::Collision;
 use crate::detail::{Detail, Tracking};

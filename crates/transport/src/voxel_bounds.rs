@@ -1,4 +1,4 @@
-//! How dense it may be within reach of every voxel, in one byte each.
+//! A bound of the density around every voxel, in one byte each.
 //!
 //! Trackers ask before they look a voxel up: most tentative collisions at a
 //! node's majorant are empty, and a byte encodes that.

@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! Errors of volumes.
 
 /// Failures of the voxelizer and of volume files.
 #[derive(Debug, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! Joining what a block gathered at different times.
+//! Joins the populations that a block gathered at different times.
 
 use crate::cluster::{GatheredPopulation, KeepApart, Merger};
 

@@ -1,4 +1,4 @@
-//! Which blocks of voxels each segment concerns.
+//! The blocks of voxels that each segment touches.
 //!
 //! Segments wait, sorted by block, until a block takes all of its own at once:
 //! they are far fewer than the voxels that they fill.

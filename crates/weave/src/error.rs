@@ -1,4 +1,4 @@
-//! What can be wrong with a cloth.
+//! Errors of cloths.
 
 /// Why a draft, a yarn or a cloth could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! The weaves that have a name.
+//! Named weaves.
 
 use crate::error::did_you_mean;
 use crate::{Draft, Error};

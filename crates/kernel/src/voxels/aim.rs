@@ -1,4 +1,4 @@
-//! Light that lanes look for: what a table says, set right by exact rays.
+//! Direct light for lanes: tabulated estimates, corrected by exact rays.
 
 use super::light_table::LightTable;
 use super::shadow_ray::ShadowRay;

@@ -1,4 +1,4 @@
-//! Where matter ends sideways.
+//! The lateral borders of matter.
 
 use glam::{Vec2, Vec3};
 use organza_basis::CellGrid;

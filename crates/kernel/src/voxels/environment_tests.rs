@@ -1,4 +1,4 @@
-//! Pictures around the scene, and their parts.
+//! Environment pictures and their parts.
 
 use super::environment::{Parts, Sky};
 use super::flat_medium::FlatMedium;

@@ -1,4 +1,4 @@
-//! What weights of events are like, and whether paths of them have a variance.
+//! The distribution of event weights, and whether paths have a finite variance.
 //!
 //! Lanes draw inclinations by the blur and tangents by a simple density, and weigh what
 //! is drawn. Weights multiply along a path. In lossless matter of optical thickness t,

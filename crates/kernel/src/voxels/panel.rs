@@ -1,4 +1,4 @@
-//! Rectangle lights, found by shadow rays to drawn points.
+//! Rectangle lights, sampled by shadow rays.
 //!
 //! The table of such a light is that of parallel light from its middle to that
 //! of the matter: a guess, which the exact rays set right.

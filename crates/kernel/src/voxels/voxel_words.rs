@@ -1,4 +1,4 @@
-//! What the lanes know of a voxel, in two words.
+//! The two words that describe a voxel to the lanes.
 //!
 //! ```text
 //! word 0:  extinction 16 | end-on ratio 12 | reach 4
