@@ -35,6 +35,124 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// What a scene or fabric names is also an input as what the command line names.
+#[test]
+fn no_file_that_an_input_names_is_written_over() {
+    let folder = folder("refusals-named-inputs");
+    let refused = |name: &str, arguments: &[&str]| {
+        let before = fs::read(folder.join(name)).unwrap();
+        let message = complaint(&folder, arguments);
+        assert!(message.contains("is also an input"), "{message}");
+        assert_eq!(
+            fs::read(folder.join(name)).unwrap(),
+            before,
+            "{arguments:?}"
+        );
+    };
+    // A scene under its own sky.
+    write_grid_scene(&folder);
+    succeed(
+        &folder,
+        &["render", "scene.toml", "-o", "sky.exr", "--spp", "1"],
+    );
+    let sky = "light=[{kind='environment', file='sky.exr'}]";
+    let render = ["render", "scene.toml", "--spp", "1", "--set", sky, "-o"];
+    refused("sky.exr", &[&render[..], &["./sky.exr"]].concat());
+    succeed(&folder, &[&render[..], &["out.exr"]].concat());
+    let grid = ["state.exr", "--checkpoint", "sigma_t.vol", "--resume"];
+    let message = complaint(&folder, &[&render[..], &grid[..]].concat());
+    assert!(
+        message.contains("sigma_t.vol: is not a checkpoint"),
+        "{message}"
+    );
+    let both = ["x.exr", "--checkpoint", "./x.exr"];
+    let message = complaint(&folder, &[&render[..], &both[..]].concat());
+    assert!(
+        message.contains("the checkpoint and the picture at once"),
+        "{message}"
+    );
+    // A fabric of curves, and the pairs of a measurement.
+    sailcloth(&folder);
+    let curves = [
+        "weave",
+        "sailcloth.toml",
+        "--level",
+        "yarn",
+        "-o",
+        "curves.txt",
+    ];
+    succeed(&folder, &curves);
+    let imported = "[draft]\ncurves = 'curves.txt'\n[yarn.cotton]\npreset = 'cotton'\ntex = 30.0\n";
+    fs::write(folder.join("imported.toml"), imported).unwrap();
+    let again = [
+        "weave",
+        "imported.toml",
+        "--level",
+        "yarn",
+        "-o",
+        "curves.txt",
+    ];
+    refused("curves.txt", &again);
+    fs::write(
+        folder.join("p.csv"),
+        "theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n",
+    )
+    .unwrap();
+    refused(
+        "p.csv",
+        &[
+            "measure",
+            "sailcloth.toml",
+            "--pairs",
+            "p.csv",
+            "-o",
+            "p.csv",
+        ],
+    );
+}
+
+/// A journal knows the content of every file that its fabric names.
+#[test]
+fn a_fit_does_not_resume_from_another_draft() {
+    let folder = folder("refusals-journal");
+    sailcloth(&folder);
+    let wif = |colour: &str| {
+        let text = format!(
+            "[WIF]\nVersion=1.1\n[CONTENTS]\nWEAVING=true\nWARP=true\nWEFT=true\nTHREADING=true\n\
+             TREADLING=true\nTIEUP=true\nCOLOR TABLE=true\nCOLOR PALETTE=true\n\
+             [COLOR PALETTE]\nEntries=2\nRange=0,255\n[COLOR TABLE]\n1={colour}\n2=20,20,20\n\
+             [WEAVING]\nShafts=2\nTreadles=2\n[WARP]\nThreads=2\nColor=1\n[WEFT]\nThreads=2\nColor=2\n\
+             [THREADING]\n1=1\n2=2\n[TREADLING]\n1=1\n2=2\n[TIEUP]\n1=1\n2=2\n"
+        );
+        fs::write(folder.join("draft.wif"), text).unwrap();
+    };
+    let text = SAILCLOTH.replace("weave = \"plain\"", "wif = \"draft.wif\"");
+    fs::write(folder.join("drafted.toml"), text).unwrap();
+    let fit = [
+        "fit",
+        "drafted.toml",
+        "-o",
+        "fitted.toml",
+        "--journal",
+        "journal",
+        "--spp",
+        "2",
+        "--voxel-um",
+        "160",
+        "--patience",
+        "0,1",
+    ];
+    wif("200,30,30");
+    succeed(&folder, &fit);
+    succeed(&folder, &fit); // the known-bad twin: nothing changed
+    wif("30,30,200");
+    let message = complaint(&folder, &fit);
+    assert!(
+        message.contains("journal: belongs to another search"),
+        "{message}"
+    );
+}
+
 #[test]
 fn no_input_is_written_over() {
     let folder = folder("refusals-inputs");

@@ -101,20 +101,20 @@ fn what_does_not_belong_together_is_not_merged() {
         refuse("b.exr"),
         "organza: b.exr: cannot join a.exr: crop is 0,0,8,8, but 0,0,16,8 in a.exr"
     );
-    let other_scene = "organza: b.exr: cannot join a.exr: the scenes or the files they name \
-                       differ, or were changed in between";
+    let cannot = "organza: b.exr: cannot join a.exr: ";
     make(
         "b.exr",
         &["--samples", "4..6", "--set", "camera.width_mm=1.5"],
     );
-    assert_eq!(refuse("b.exr"), other_scene);
+    assert_eq!(refuse("b.exr"), format!("{cannot}the scenes differ"));
     // The same scene file with other bytes behind a name in it.
     let grid = bytes(&folder, "sigma_t.vol");
     let mut denser = grid.clone();
     denser[48..52].copy_from_slice(&6.0f32.to_le_bytes());
     std::fs::write(folder.join("sigma_t.vol"), denser).unwrap();
     make("b.exr", &["--samples", "4..6"]);
-    assert_eq!(refuse("b.exr"), other_scene);
+    let changed = format!("{cannot}the contents of sigma_t.vol differ");
+    assert_eq!(refuse("b.exr"), changed);
     std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
     // What only says how much to take and how to show it may differ.
     make(
@@ -214,6 +214,13 @@ fn a_killed_render_resumes_to_the_unbroken_picture() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_saves_and_ends() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        interrupt_with(signal);
+    }
+}
+
+#[cfg(unix)]
+fn interrupt_with(signal: &str) {
     let folder = folder("interrupted");
     write_grid_scene(&folder);
     let whole = picture(&folder, &["--spp", LONG]);
@@ -226,7 +233,7 @@ fn an_interrupt_saves_and_ends() {
     );
     wait_for(&folder.join("state"), &mut child);
     let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+        .args([signal, &child.id().to_string()])
         .status();
     assert!(sent.unwrap().success());
     let out = child.wait_with_output().unwrap();
@@ -242,6 +249,54 @@ fn an_interrupt_saves_and_ends() {
     assert!(!folder.join("late.exr").exists());
     succeed(&folder, &[&run[..], &keep[..], &["--resume"]].concat());
     assert!(bytes(&folder, "late.exr") == whole);
+}
+
+/// The engine is another cause than the scene, and is named as such.
+#[test]
+fn parts_of_another_engine_are_refused_for_that_reason() {
+    let folder = folder("other-engine");
+    write_grid_scene(&folder);
+    for (name, samples, backend) in [("a.exr", "0..2", "walk"), ("b.exr", "2..4", "scalar")] {
+        let run = ["render", "scene.toml", "-o", name, "--samples", samples];
+        let state = format!("{backend}.state");
+        let more = ["--backend", backend, "--checkpoint", &state];
+        succeed(&folder, &[&run[..], &more[..]].concat());
+    }
+    let merged = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
+    assert_eq!(
+        merged,
+        "organza: b.exr: cannot join a.exr: backend is scalar, but walk in a.exr; render both \
+         with one --backend"
+    );
+    let run = ["render", "scene.toml", "-o", "c.exr", "--resume"];
+    let resume = |more: &[&str]| complaint(&folder, &[&run[..], more].concat());
+    let walked = ["--samples", "0..2", "--checkpoint", "walk.state"];
+    assert_eq!(
+        resume(&[&walked[..], &["--backend", "scalar"]].concat()),
+        "organza: walk.state: is a checkpoint of the general walk; this render is of the kernel; \
+         continue with --backend walk"
+    );
+    let by_kernel = ["--samples", "2..4", "--checkpoint", "scalar.state"];
+    assert_eq!(
+        resume(&[&by_kernel[..], &["--set", "render.clamp=100.0"]].concat()),
+        "organza: scalar.state: is a checkpoint of the kernel; this render is of the general \
+         walk, for samples are to be clamped, which the general walk does"
+    );
+}
+
+/// A scene's name in another script: its parts keep what they are of.
+#[test]
+fn a_scene_of_any_name_can_be_merged() {
+    let folder = folder("other-script");
+    write_grid_scene(&folder);
+    std::fs::rename(folder.join("scene.toml"), folder.join("шёлк.toml")).unwrap();
+    for (name, samples) in [("a.exr", "0..1"), ("b.exr", "1..2")] {
+        let run = ["render", "шёлк.toml", "-o", name, "--samples", samples];
+        succeed(&folder, &run);
+    }
+    succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
+    let info = succeed(&folder, &["info", "all.exr"]);
+    assert!(info.contains("шёлк.toml"), "{info}");
 }
 
 #[test]
@@ -282,7 +337,7 @@ fn checkpoints_that_do_not_belong_are_refused() {
     assert_eq!(refuse(b"", &same), no_checkpoint);
     assert_eq!(refuse(b"something else", &same), no_checkpoint);
     let damaged = "organza: state: is damaged: its checksum does not match";
-    for at in [good.len() - 1, good.len() / 2, 70] {
+    for at in [good.len() - 1, good.len() / 2, good.len() / 3] {
         let mut bent = good.clone();
         bent[at] ^= 1;
         assert_eq!(refuse(&bent, &same), damaged, "byte {at}");
@@ -290,10 +345,10 @@ fn checkpoints_that_do_not_belong_are_refused() {
     let longer = [&good[..], b"x"].concat();
     assert_eq!(refuse(&longer, &same), damaged);
     let mut newer = good.clone();
-    newer[8] = 3;
+    newer[8] = 4;
     assert_eq!(
         refuse(&newer, &same),
-        "organza: state: is a checkpoint of format 3; this program reads 2"
+        "organza: state: is a checkpoint of format 4; this program reads 3"
     );
     assert_eq!(
         refuse(&good, &["--samples", "2..6", "--seed", "3"]),
@@ -316,9 +371,17 @@ fn checkpoints_that_do_not_belong_are_refused() {
             &good,
             &["--samples", "2..6", "--set", "camera.width_mm=1.5"]
         ),
-        "organza: state: is a checkpoint of another scene, of changed input files or of another \
-         version of organza"
+        "organza: state: is a checkpoint of another scene"
     );
+    let grid = bytes(&folder, "sigma_t.vol");
+    let mut denser = grid.clone();
+    denser[48..52].copy_from_slice(&6.0f32.to_le_bytes());
+    std::fs::write(folder.join("sigma_t.vol"), denser).unwrap();
+    assert_eq!(
+        refuse(&good, &same),
+        "organza: state: is a checkpoint of another content of sigma_t.vol, which the scene names"
+    );
+    std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
     assert!(!folder.join("no.exr").exists());
     std::fs::remove_file(folder.join("state")).unwrap();
     let arguments = [

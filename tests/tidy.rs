@@ -47,6 +47,7 @@ const EDGES: [(&str, &[&str]); 14] = [
         &[
             "basis",
             "film",
+            "kernel",
             "light",
             "measure",
             "mesh",

@@ -1,17 +1,15 @@
 //! Checkpoints: the state of a render, from which it resumes.
 //!
-//! Little-endian: [`MAGIC`], version, then the header's `u64` words (seed;
-//! crop left, top, right, bottom; first and next sample; the counts of
-//! [`Stats`]), the scene's digest, every pixel's words row by row, and last
-//! the SHA-256 of all before.
+//! [`MAGIC`]; the version, a little-endian `u32`; the length of the header, the
+//! same; the [`Header`] as JSON; every pixel's words row by row, little-endian;
+//! and last the SHA-256 of all before.
 
 use crate::error::input;
-use crate::identity::{Identity, crop_words};
+use crate::identity::{Difference, Engine, Identity, VERSION, crop_edges};
 use crate::output;
 use anyhow::{Context, Result};
-use glam::UVec2;
-use organza_scene::read;
 use organza_transport::{Crop, Film, Pixel, Rendering, Stats};
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Write};
@@ -19,12 +17,22 @@ use std::ops::Range;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"organzaR";
-const VERSION: u32 = 2;
-const HEADER_WORDS: usize = 7 + Stats::WORDS;
+const FORMAT: u32 = 3;
+/// Longest header that is read, bytes; a scene may name a hundred thousand files.
+const MAX_HEADER: usize = 16 << 20;
 const DIGEST_BYTES: usize = 32;
-const PREFIX_BYTES: usize = MAGIC.len() + 4;
-const HEADER_BYTES: usize = PREFIX_BYTES + 8 * HEADER_WORDS + DIGEST_BYTES;
+const PREFIX_BYTES: usize = MAGIC.len() + 8;
 const PIXEL_BYTES: usize = 4 * Pixel::WORDS;
+
+/// What stands before the pixels.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    identity: Identity,
+    /// The first sample of every pixel, and the one after the last.
+    samples: Range<u64>,
+    /// [`Stats::to_words`].
+    stats: Vec<u64>,
+}
 
 /// Writes through to a file and digests on the way.
 struct Digesting<W> {
@@ -45,18 +53,12 @@ impl<W: Write> Digesting<W> {
 /// # Errors
 /// The file cannot be written.
 pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Result<()> {
-    let Crop { min, max } = identity.crop;
-    let taken = rendering.taken();
-    let mut header = vec![
-        identity.seed,
-        u64::from(min.x),
-        u64::from(min.y),
-        u64::from(max.x),
-        u64::from(max.y),
-        taken.start,
-        taken.end,
-    ];
-    header.extend(rendering.stats().to_words());
+    let header = serde_json::to_vec(&Header {
+        identity: identity.clone(),
+        samples: rendering.taken(),
+        stats: rendering.stats().to_words().to_vec(),
+    })?;
+    let length = u32::try_from(header.len())?;
     output::write_file(path, |out| {
         let mut out = Digesting {
             out,
@@ -64,11 +66,9 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
         };
         let mut write = || -> std::io::Result<()> {
             out.put(MAGIC)?;
-            out.put(&VERSION.to_le_bytes())?;
-            for word in &header {
-                out.put(&word.to_le_bytes())?;
-            }
-            out.put(&identity.scene)?;
+            out.put(&FORMAT.to_le_bytes())?;
+            out.put(&length.to_le_bytes())?;
+            out.put(&header)?;
             for pixel in rendering.film().pixels() {
                 let mut bytes = [0; PIXEL_BYTES];
                 for (slot, word) in bytes.chunks_exact_mut(4).zip(pixel.to_words()) {
@@ -83,29 +83,25 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
     })
 }
 
-/// Resumes from a checkpoint of the same picture.
+/// Resumes from a checkpoint of the same picture. `why_walk` is why the kernel
+/// does not take the paths of this render, if it does not.
 ///
 /// # Errors
 /// A file that is no checkpoint, is not whole, or is of another picture.
 pub fn resume<'a>(
     path: &Path,
     identity: &Identity,
+    why_walk: Option<&str>,
     rendering: Rendering<'a>,
 ) -> Result<Rendering<'a>> {
     let fail = |why: String| input(format!("{}: {why}", path.display()));
     let size = rendering.film().size();
     let pixels = size.x as usize * size.y as usize;
-    let whole = HEADER_BYTES + pixels * PIXEL_BYTES + DIGEST_BYTES;
     // No more than belongs to it, whatever the file is.
-    let bytes = start(path, whole as u64 + 1)?;
-    let header = Header::parse(path, &bytes)?;
-    if header.scene != identity.scene {
-        return Err(fail(
-            "is a checkpoint of another scene, of changed input files or of another version of organza"
-                .into(),
-        ));
-    }
-    header.check_picture(path, identity.seed, identity.crop)?;
+    let most = PREFIX_BYTES + MAX_HEADER + pixels * PIXEL_BYTES + DIGEST_BYTES + 1;
+    let bytes = start(path, most as u64)?;
+    let (header, header_bytes) = Header::parse(path, &bytes)?;
+    let whole = PREFIX_BYTES + header_bytes + pixels * PIXEL_BYTES + DIGEST_BYTES;
     if bytes.len() < whole {
         return Err(fail(format!(
             "is cut short after {} of {whole} bytes; it cannot be resumed",
@@ -116,10 +112,22 @@ pub fn resume<'a>(
     if Sha256::digest(content)[..] != *digest {
         return Err(fail("is damaged: its checksum does not match".into()));
     }
+    if let Some(difference) = header.identity.difference(identity) {
+        return Err(fail(difference_words(
+            &difference,
+            &header.identity,
+            identity,
+            why_walk,
+        )));
+    }
     let wanted = rendering.taken().start..rendering.taken().start + rendering.left();
     header.check_samples(path, &wanted)?;
+    let stats: [u64; Stats::WORDS] = header
+        .stats
+        .try_into()
+        .map_err(|_| fail("is damaged: it holds other counts".into()))?;
     let mut film = Film::new(size);
-    let rest = bytes.get(HEADER_BYTES..).unwrap_or_default();
+    let rest = bytes.get(PREFIX_BYTES + header_bytes..).unwrap_or_default();
     for (pixel, bytes) in film
         .pixels_mut()
         .iter_mut()
@@ -129,18 +137,68 @@ pub fn resume<'a>(
     }
     let next = header.samples.end;
     rendering
-        .resume(film, header.stats, next)
+        .resume(film, Stats::from_words(&stats), next)
         .map_err(|e| fail(e.to_string()))
 }
 
+/// Why a checkpoint is of another picture.
+fn difference_words(
+    difference: &Difference,
+    of_file: &Identity,
+    here: &Identity,
+    why_walk: Option<&str>,
+) -> String {
+    let crop = |[x0, y0, x1, y1]: [u32; 4]| format!("{x0},{y0},{x1},{y1}");
+    match difference {
+        Difference::Version => format!(
+            "is a checkpoint of organza {}; this is organza {}",
+            of_file.version, here.version
+        ),
+        Difference::Seed => format!(
+            "is a checkpoint of seed {}; this render has seed {}",
+            of_file.seed, here.seed
+        ),
+        Difference::Crop => format!(
+            "is a checkpoint of the pixels {}; this render is of {}",
+            crop(of_file.crop),
+            crop(here.crop)
+        ),
+        Difference::Engine => {
+            let remedy = match (here.engine, why_walk) {
+                (Engine::Walk, Some(why)) => format!(", for {why}"),
+                (Engine::Walk, None) => "; leave out --backend walk".to_owned(),
+                (Engine::Kernel, _) => "; continue with --backend walk".to_owned(),
+            };
+            format!(
+                "is a checkpoint of {}; this render is of {}{remedy}",
+                of_file.engine.words(),
+                here.engine.words()
+            )
+        }
+        Difference::Input(name) => {
+            format!("is a checkpoint of another content of {name}, which the scene names")
+        }
+        Difference::Scene => "is a checkpoint of another scene".to_owned(),
+    }
+}
+
 /// Refuses a checkpoint of another picture before that one's scene is built: all
-/// but its digest is known by then.
+/// but the scene and its engine is known by then.
 ///
 /// # Errors
 /// As [`resume`].
 pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result<()> {
-    let header = Header::parse(path, &start(path, HEADER_BYTES as u64)?)?;
-    header.check_picture(path, seed, crop)?;
+    let (header, _) = Header::parse(path, &start(path, (PREFIX_BYTES + MAX_HEADER) as u64)?)?;
+    let here = Identity {
+        version: VERSION.into(),
+        seed,
+        crop: crop_edges(crop),
+        ..header.identity.clone()
+    };
+    if let Some(difference) = header.identity.difference(&here) {
+        let words = difference_words(&difference, &header.identity, &here, None);
+        return Err(input(format!("{}: {words}", path.display())));
+    }
     header.check_samples(path, samples)
 }
 
@@ -149,73 +207,49 @@ fn start(path: &Path, count: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|f| f.take(count).read_to_end(&mut bytes))
-        .map_err(|e| input(format!("{}: {}", path.display(), read::io_words(&e))))?;
+        .map_err(|e| {
+            input(format!(
+                "{}: {}",
+                path.display(),
+                organza_scene::read::io_words(&e)
+            ))
+        })?;
     Ok(bytes)
 }
 
-/// What stands before the pixels.
-struct Header {
-    seed: u64,
-    crop: Crop,
-    samples: Range<u64>,
-    stats: Stats,
-    scene: [u8; DIGEST_BYTES],
-}
-
 impl Header {
-    fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
-        let fail = |why: String| input(format!("{}: {why}", path.display()));
+    /// The header of a file, and its length.
+    fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, usize)> {
+        let fail = |why: String| Err(input(format!("{}: {why}", path.display())));
         if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) || bytes.is_empty() {
-            return Err(fail("is not a checkpoint of organza".into()));
+            return fail("is not a checkpoint of organza".into());
         }
-        if bytes.len() < HEADER_BYTES {
-            return Err(fail(format!(
+        let cut = || {
+            fail(format!(
                 "is cut short after {} bytes; it cannot be resumed",
                 bytes.len()
-            )));
+            ))
+        };
+        if bytes.len() < PREFIX_BYTES {
+            return cut();
         }
-        let header = bytes.split_at(HEADER_BYTES).0;
-        let version = u32_at(header, MAGIC.len());
-        if version != VERSION {
-            return Err(fail(format!(
-                "is a checkpoint of format {version}; this program reads {VERSION}"
-            )));
-        }
-        let words: [u64; HEADER_WORDS] = std::array::from_fn(|i| {
-            let at = PREFIX_BYTES + 8 * i;
-            u64::from(u32_at(header, at)) | (u64::from(u32_at(header, at + 4)) << 32)
-        });
-        let [seed, x0, y0, x1, y1, first, next, ..] = words;
-        let scene = header.get(HEADER_BYTES - DIGEST_BYTES..);
-        let scene = scene.and_then(|b| b.try_into().ok()).unwrap_or_default();
-        Ok(Header {
-            seed,
-            crop: Crop {
-                min: UVec2::new(x0 as u32, y0 as u32),
-                max: UVec2::new(x1 as u32, y1 as u32),
-            },
-            samples: first..next,
-            stats: Stats::from_words(&std::array::from_fn(|i| words[7 + i])),
-            scene,
-        })
-    }
-
-    fn check_picture(&self, path: &Path, seed: u64, crop: Crop) -> Result<()> {
-        let fail = |why: String| Err(input(format!("{}: {why}", path.display())));
-        if self.seed != seed {
-            let own = self.seed;
+        let format = u32_at(bytes, MAGIC.len());
+        if format != FORMAT {
             return fail(format!(
-                "is a checkpoint of seed {own}; this render has seed {seed}"
+                "is a checkpoint of format {format}; this program reads {FORMAT}"
             ));
         }
-        if self.crop != crop {
-            return fail(format!(
-                "is a checkpoint of the pixels {}; this render is of {}",
-                crop_words(self.crop),
-                crop_words(crop)
-            ));
+        let length = u32_at(bytes, MAGIC.len() + 4) as usize;
+        if length > MAX_HEADER {
+            return fail("is damaged: its header is too long".into());
         }
-        Ok(())
+        let Some(header) = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length) else {
+            return cut();
+        };
+        match serde_json::from_slice(header) {
+            Ok(header) => Ok((header, length)),
+            Err(e) => fail(format!("is damaged: its header cannot be read: {e}")),
+        }
     }
 
     fn check_samples(&self, path: &Path, wanted: &Range<u64>) -> Result<()> {

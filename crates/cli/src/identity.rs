@@ -2,65 +2,256 @@
 //! together.
 
 use crate::sample_ranges::SampleRanges;
-use organza_scene::scene_file::{RenderTable, SceneFile};
+use organza_scene::loader::Input;
 use organza_transport::Crop;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::path::Path;
+use toml::{Table, Value};
 
-/// A picture but for its samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Identity {
-    /// See [`scene_digest`].
-    pub scene: [u8; 32],
-    /// Seed of the random numbers.
-    pub seed: u64,
-    /// Pixels of the whole picture.
-    pub crop: Crop,
+/// The version of this program, which decides what a sample is.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What takes the paths. Both estimate the same picture, with other random
+/// numbers; all back ends of the kernel give the same bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Engine {
+    /// The general walk.
+    Walk,
+    /// The kernel.
+    Kernel,
 }
 
-/// Digest of everything that decides the value of a sample besides the seed:
-/// the version of the program, the scene file after all overrides (but what
-/// only says how many samples to take and how to show them), the bytes of all
-/// files that it names, and whether the kernel walks the paths (all of whose
-/// back ends give the same) or the general walk.
-pub fn scene_digest(file: &SceneFile, inputs: &[[u8; 32]], by_kernel: bool) -> [u8; 32] {
-    let render = RenderTable {
-        spp: 0,
-        seed: 0,
-        exposure: 0.0,
-        ..file.render.clone()
-    };
-    let SceneFile {
-        render: _,
-        camera,
-        light,
-        object,
-    } = file;
-    let mut digest = Sha256::new();
-    digest.update(env!("CARGO_PKG_VERSION"));
-    digest.update(format!("{render:?}{camera:?}{light:?}{object:?}"));
-    digest.update([u8::from(by_kernel)]);
-    for input in inputs {
-        digest.update(input);
+impl Engine {
+    /// In words, after "of".
+    pub fn words(self) -> &'static str {
+        match self {
+            Engine::Walk => "the general walk",
+            Engine::Kernel => "the kernel",
+        }
     }
-    digest.finalize().into()
+
+    /// The engine of a back end, as pictures name it; parts of several are
+    /// joined by `+`.
+    pub fn of_backend(name: &str) -> Engine {
+        match name {
+            "walk" => Engine::Walk,
+            _ => Engine::Kernel,
+        }
+    }
+}
+
+/// An input file: its name beside the scene, and its digest in hexadecimal.
+pub type NamedDigest = (String, String);
+
+/// A picture but for its samples.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Version of the program.
+    pub version: String,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Pixels of the whole picture: left, top, right, bottom.
+    pub crop: [u32; 4],
+    /// What took the paths.
+    pub engine: Engine,
+    /// The files that the scene names, in the order in which it names them.
+    pub inputs: Vec<NamedDigest>,
+    /// Digest of the scene, see [`scene_digest`].
+    pub scene: String,
+}
+
+/// How two pictures differ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Difference {
+    /// Made by other versions of the program.
+    Version,
+    /// Other random numbers.
+    Seed,
+    /// Other pixels.
+    Crop,
+    /// Another engine.
+    Engine,
+    /// The content of this file.
+    Input(String),
+    /// The scene itself.
+    Scene,
 }
 
 impl Identity {
+    /// The first difference, of those with the plainest words first.
+    pub fn difference(&self, other: &Identity) -> Option<Difference> {
+        let differ = |is_so: bool, what: Difference| is_so.then_some(what);
+        differ(self.version != other.version, Difference::Version)
+            .or_else(|| differ(self.seed != other.seed, Difference::Seed))
+            .or_else(|| differ(self.crop != other.crop, Difference::Crop))
+            .or_else(|| differ(self.engine != other.engine, Difference::Engine))
+            .or_else(|| differ(self.scene != other.scene, Difference::Scene))
+            .or_else(|| differing_input(&self.inputs, &other.inputs).map(Difference::Input))
+    }
+
     /// What a picture file records of itself.
     pub fn attributes(&self, samples: &SampleRanges) -> Vec<(&'static str, String)> {
-        let hex: String = self.scene.iter().map(|b| format!("{b:02x}")).collect();
+        let inputs = serde_json::to_string(&self.inputs).unwrap_or_default();
+        let [x0, y0, x1, y1] = self.crop;
         vec![
-            ("identity", hex),
+            ("identity", self.scene.clone()),
+            ("inputs", inputs),
             ("seed", self.seed.to_string()),
-            ("crop", crop_words(self.crop)),
+            ("crop", format!("{x0},{y0},{x1},{y1}")),
             ("spp", samples.count().to_string()),
             ("samples", samples.to_string()),
         ]
     }
 }
 
+/// The first file, by its place in the list, whose content differs; a list that
+/// is longer differs by what it has more.
+pub fn differing_input(a: &[NamedDigest], b: &[NamedDigest]) -> Option<String> {
+    let pair = a.iter().zip(b).find(|(a, b)| a.1 != b.1).map(|(a, _)| a);
+    let more = || a.get(b.len()).or_else(|| b.get(a.len()));
+    pair.or_else(more).map(|(name, _)| name.clone())
+}
+
+/// The files that a scene or fabric names, in the order in which they were read:
+/// each stands in its role, so that contents which change places are noticed.
+pub fn named_inputs(file: &Path, read: &[Input]) -> Vec<NamedDigest> {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let named = read.iter().filter(|input| input.path != file);
+    let name = |path: &Path| {
+        let beside = path.strip_prefix(folder).unwrap_or(path);
+        beside.to_string_lossy().into_owned()
+    };
+    named.map(|i| (name(&i.path), hex(&i.digest))).collect()
+}
+
+/// Digest of everything in a scene file (after all overrides) that decides the
+/// value of a sample besides the seed: all but the numbers that only say how many
+/// samples to take and how to show them. `more` is what was decided elsewhere.
+pub fn scene_digest(scene: &Table, more: &[String]) -> String {
+    let mut scene = scene.clone();
+    if let Some(Value::Table(render)) = scene.get_mut("render") {
+        for key in ["spp", "seed", "exposure"] {
+            render.remove(key);
+        }
+    }
+    let more = more.iter().cloned().map(Value::String).collect();
+    digest(&Value::Array(vec![Value::Table(scene), Value::Array(more)]))
+}
+
+/// Digest of a value in a form that does not depend on the order of keys or on
+/// how numbers are spelled (1 or 1.0), in hexadecimal.
+pub fn digest(value: &Value) -> String {
+    let mut digest = Sha256::new();
+    feed(value, &mut digest);
+    hex(&digest.finalize())
+}
+
+fn feed(value: &Value, digest: &mut Sha256) {
+    let mut text = |tag: &[u8], text: &str| {
+        digest.update(tag);
+        digest.update((text.len() as u64).to_le_bytes());
+        digest.update(text);
+    };
+    match value {
+        Value::String(s) => text(b"s", s),
+        Value::Integer(i) if i.unsigned_abs() > 1 << 53 => text(b"i", &i.to_string()),
+        Value::Integer(i) => text(b"n", &(*i as f64).to_string()),
+        Value::Float(x) => text(b"n", &x.to_string()),
+        Value::Boolean(b) => text(b"b", &b.to_string()),
+        Value::Datetime(d) => text(b"d", &d.to_string()),
+        Value::Array(list) => {
+            digest.update(b"a");
+            digest.update((list.len() as u64).to_le_bytes());
+            list.iter().for_each(|v| feed(v, digest));
+        }
+        Value::Table(table) => {
+            let mut keys: Vec<&String> = table.keys().collect();
+            keys.sort_unstable();
+            digest.update(b"t");
+            digest.update((keys.len() as u64).to_le_bytes());
+            for key in keys {
+                digest.update((key.len() as u64).to_le_bytes());
+                digest.update(key);
+                feed(&table[key.as_str()], digest);
+            }
+        }
+    }
+}
+
+/// Bytes as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
 /// A crop as `--crop` takes it.
 pub fn crop_words(crop: Crop) -> String {
     let Crop { min, max } = crop;
     format!("{},{},{},{}", min.x, min.y, max.x, max.y)
+}
+
+/// The edges of a crop: left, top, right, bottom.
+pub fn crop_edges(crop: Crop) -> [u32; 4] {
+    let Crop { min, max } = crop;
+    [min.x, min.y, max.x, max.y]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str) -> Table {
+        toml::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_scene_is_known_by_its_values_and_not_by_its_spelling() {
+        let of = |text: &str| scene_digest(&table(text), &[]);
+        let scene = "[render]\nspp = 4\nmax_bounces = 8\n[camera]\nwidth_mm = 1.0\n";
+        assert_eq!(
+            of(scene),
+            of("[camera]\nwidth_mm = 1 # as before\n[render]\nmax_bounces = 8\nseed = 3\n")
+        );
+        for other in [
+            "[render]\nmax_bounces = 9\n[camera]\nwidth_mm = 1.0\n",
+            "[render]\nmax_bounces = 8\n[camera]\nwidth_mm = 1.5\n",
+            "[render]\nmax_bounces = 8\n[camera]\nwidth_mm = '1'\n",
+            "[render]\nmax_bounces = 8\n[[camera]]\nwidth_mm = 1\n",
+        ] {
+            assert_ne!(of(scene), of(other), "{other}");
+        }
+        let chosen = scene_digest(&table(scene), &["fibres".into()]);
+        assert_ne!(of(scene), chosen);
+    }
+
+    #[test]
+    fn contents_that_change_places_are_noticed_and_named() {
+        let input = |name: &str, byte: u8| Input {
+            path: format!("scenes/{name}").into(),
+            digest: [byte; 32],
+        };
+        let scene = Path::new("scenes/a.toml");
+        let of = |read: &[Input]| Identity {
+            version: VERSION.into(),
+            seed: 0,
+            crop: [0, 0, 4, 4],
+            engine: Engine::Kernel,
+            inputs: named_inputs(scene, read),
+            scene: "0".into(),
+        };
+        let a = of(&[input("a.toml", 9), input("x.toml", 1), input("y.toml", 2)]);
+        let swapped = of(&[input("a.toml", 8), input("x.toml", 2), input("y.toml", 1)]);
+        assert_eq!(a.inputs[0].0, "x.toml");
+        let x = Difference::Input("x.toml".into());
+        assert_eq!(a.difference(&swapped), Some(x));
+        let longer = of(&[input("x.toml", 1), input("y.toml", 2), input("z.toml", 3)]);
+        let z = Difference::Input("z.toml".into());
+        assert_eq!(a.difference(&longer), Some(z));
+        let mut walked = a.clone();
+        walked.engine = Engine::Walk;
+        walked.scene = "1".into();
+        assert_eq!(a.difference(&walked), Some(Difference::Engine));
+        assert_eq!(a.difference(&a.clone()), None);
+    }
 }

@@ -1,39 +1,52 @@
-//! Output files appear under their final name only when complete.
+//! Output files appear under their final names only when complete.
 
+use crate::error::input;
 use anyhow::{Context, Result};
+use organza_scene::read::io_words;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
-/// Where a file is written before it is renamed: in the same folder, so that
-/// the rename cannot cross a file system.
-fn partial_path(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
-    path.with_file_name(name)
+/// What encoders need of a file.
+pub trait SeekWrite: Write + Seek {}
+impl<T: Write + Seek> SeekWrite for T {}
+
+/// Ending of the files that are written before they get their names.
+const TEMPORARY: &str = ".tmp";
+
+/// Characters of an output's name that its temporary file repeats: with what
+/// follows, the longest name that file systems take stays within their limit.
+const REPEATED_CHARS: usize = 48;
+
+/// Names of a folder that are looked through for temporary files of killed runs.
+const MAX_NAMES: usize = 100_000;
+
+/// Writes a file under a temporary name and flushes it to the disk.
+fn write_temporary(
+    path: &Path,
+    write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>,
+) -> Result<NamedTempFile> {
+    let cannot = || format!("cannot write {}", path.display());
+    refuse_special(path)?;
+    remove_left_over(path);
+    let temporary = temporary_file(path)
+        .map_err(without_path)
+        .with_context(cannot)?;
+    let mut out = BufWriter::new(temporary.as_file());
+    write(&mut out).with_context(cannot)?;
+    out.flush().with_context(cannot)?;
+    drop(out);
+    temporary.as_file().sync_all().with_context(cannot)?;
+    Ok(temporary)
 }
 
-/// Removes the partial file when writing did not come to its end.
-struct Partial(Option<PathBuf>);
-
-impl Partial {
-    /// Gives the file its name.
-    fn complete(mut self, path: &Path) -> Result<()> {
-        if let Some(temporary) = &self.0 {
-            std::fs::rename(temporary, path)
-                .with_context(|| format!("cannot write {}", path.display()))?;
-        }
-        self.0 = None;
-        Ok(())
-    }
-}
-
-impl Drop for Partial {
-    fn drop(&mut self) {
-        if let Some(path) = self.0.take() {
-            let _ = std::fs::remove_file(path);
-        }
-    }
+/// Gives a complete file its name.
+fn complete(temporary: NamedTempFile, path: &Path) -> Result<()> {
+    let renamed = temporary.persist(path).map_err(|e| e.error);
+    renamed
+        .map(|_| ())
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Writes a file through `write`, flushes it to the disk and gives it its name.
@@ -41,31 +54,7 @@ impl Drop for Partial {
 /// # Errors
 /// Names the file; nothing is left behind.
 pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>) -> Result<()> {
-    let partial = write_partial(path, write)?;
-    partial.complete(path)
-}
-
-/// Writes a file under its temporary name and flushes it to the disk.
-fn write_partial(
-    path: &Path,
-    write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>,
-) -> Result<Partial> {
-    let cannot = || format!("cannot write {}", path.display());
-    refuse_special(path)?;
-    let temporary = partial_path(path);
-    // Left by a killed process of the same number, if it is there. Never
-    // followed, should it be a link that someone else put in its place.
-    let _ = std::fs::remove_file(&temporary);
-    let file = File::create_new(&temporary).with_context(cannot)?;
-    let partial = Partial(Some(temporary));
-    let mut out = BufWriter::new(file);
-    write(&mut out).with_context(cannot)?;
-    let file = out
-        .into_inner()
-        .map_err(std::io::IntoInnerError::into_error)
-        .with_context(cannot)?;
-    file.sync_all().with_context(cannot)?;
-    Ok(partial)
+    complete(write_temporary(path, write)?, path)
 }
 
 /// What writes one of several files.
@@ -80,8 +69,8 @@ pub type WriteFile<'a> = Box<dyn FnOnce(&mut dyn SeekWrite) -> Result<()> + 'a>;
 pub fn write_files(files: Vec<(PathBuf, WriteFile<'_>)>) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for (path, write) in files {
-        let partial = write_partial(&path, write)?;
-        written.push((path, partial));
+        let temporary = write_temporary(&path, write)?;
+        written.push((path, temporary));
     }
     if let [(first, _), _, ..] = &written[..]
         && first.exists()
@@ -90,20 +79,75 @@ pub fn write_files(files: Vec<(PathBuf, WriteFile<'_>)>) -> Result<Vec<PathBuf>>
             .with_context(|| format!("cannot replace {}", first.display()))?;
     }
     let paths = written.iter().map(|(path, _)| path.clone()).collect();
-    for (path, partial) in written.into_iter().rev() {
-        partial.complete(&path)?;
+    for (path, temporary) in written.into_iter().rev() {
+        complete(temporary, &path)?;
     }
     Ok(paths)
 }
 
-/// What encoders need of a file.
-pub trait SeekWrite: Write + Seek {}
-impl<T: Write + Seek> SeekWrite for T {}
+/// The folder of a file's name.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// What the names of a file's temporary files begin with.
+fn temporary_prefix(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.chars().take(REPEATED_CHARS).collect::<String>() + "."
+}
+
+/// A new file in the same folder, so that the rename cannot cross a file system,
+/// under a random name that no other run has, on this or another machine. It is
+/// locked, which shows other runs that it is in use.
+fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
+    let prefix = temporary_prefix(path);
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(TEMPORARY).rand_bytes(12);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
+    }
+    loop {
+        let file = builder.tempfile_in(folder_of(path))?;
+        // Another run may have taken it for left over before it was locked.
+        let _ = file.as_file().try_lock();
+        if file.path().exists() {
+            return Ok(file);
+        }
+    }
+}
+
+/// Removes the temporary files of an output that killed runs left: those that no
+/// process holds a lock on.
+fn remove_left_over(path: &Path) {
+    let prefix = temporary_prefix(path);
+    let Ok(names) = std::fs::read_dir(folder_of(path)) else {
+        return;
+    };
+    for entry in names.take(MAX_NAMES).flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let middle = name.strip_prefix(prefix.as_str());
+        let middle = middle.and_then(|rest| rest.strip_suffix(TEMPORARY));
+        let is_ours = middle.is_some_and(|m| m.len() == 12 && m.chars().all(char::is_alphanumeric));
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_ours && is_file {
+            let file = File::options().read(true).open(entry.path());
+            if file.is_ok_and(|f| f.try_lock().is_ok()) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
 
 /// Devices and pipes keep their place: a rename would put a file there instead.
 fn refuse_special(path: &Path) -> Result<()> {
     match std::fs::metadata(path) {
-        Ok(about) if !about.is_file() && !about.is_dir() => Err(crate::error::input(format!(
+        Ok(about) if !about.is_file() && !about.is_dir() => Err(input(format!(
             "{}: is a device or a pipe; expected the name of a file",
             path.display()
         ))),
@@ -123,7 +167,7 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
-/// A line on the standard error, for whoever still listens.
+/// A line on the standard error; a reader that is gone is no error.
 macro_rules! note {
     ($($words:tt)*) => {{
         use std::io::Write as _;
@@ -132,22 +176,75 @@ macro_rules! note {
 }
 pub(crate) use note;
 
-/// Refuses a name to write that is a file to read.
+/// Whether two paths lead to one file, or would if both were written.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
+    match (file_id(a), file_id(b)) {
+        (Some(a), Some(b)) => a == b,
+        (None, None) => place_of(a).is_some_and(|place| place_of(b) == Some(place)),
+        _ => false,
+    }
+}
+
+/// What names an existing file whatever path leads to it, through links of any
+/// kind.
+#[cfg(unix)]
+fn file_id(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    let about = std::fs::metadata(path).ok()?;
+    Some((about.dev(), about.ino()))
+}
+
+/// What names an existing file whatever path leads to it, through links of any
+/// kind but hard ones.
+#[cfg(not(unix))]
+fn file_id(path: &Path) -> Option<PathBuf> {
+    path.canonicalize().ok()
+}
+
+/// Where a file would appear.
+fn place_of(path: &Path) -> Option<PathBuf> {
+    let folder = folder_of(path).canonicalize().ok()?;
+    Some(folder.join(path.file_name()?))
+}
+
+/// Refuses an output that is one of the files read, under whatever path.
+///
+/// # Errors
+/// Names the output, and the input where its name is another.
+pub fn check_not_an_input(
+    path: &Path,
+    inputs: impl IntoIterator<Item = impl AsRef<Path>>,
+) -> Result<()> {
+    let same = |read: &_| {
+        let read = AsRef::<Path>::as_ref(read);
+        file_id(read).is_some() && is_same_file(path, read)
+    };
+    let Some(read) = inputs.into_iter().find(same) else {
+        return Ok(());
+    };
+    let alias = match read.as_ref() {
+        read if read == path => String::new(),
+        read => format!(" (as {})", read.display()),
+    };
+    Err(input(format!(
+        "{}: is also an input{alias}; expected the name of another file",
+        path.display()
+    )))
+}
+
+/// Refuses two outputs of one run that are the same file.
 ///
 /// # Errors
 /// Names the file.
-pub fn check_not_an_input(path: &Path, inputs: &[impl AsRef<Path>]) -> Result<()> {
-    let Ok(there) = path.canonicalize() else {
-        return Ok(()); // what is not there is not read
-    };
-    let is_it =
-        |input: &&_| AsRef::<Path>::as_ref(*input).canonicalize().ok().as_ref() == Some(&there);
-    match inputs.iter().find(is_it) {
-        Some(_) => Err(crate::error::input(format!(
-            "{}: is also an input; expected the name of another file",
-            path.display()
+pub fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
+    match is_same_file(a.1, b.1) {
+        true => Err(input(format!(
+            "{}: is {} and {} at once; expected two files",
+            a.1.display(),
+            a.0,
+            b.0
         ))),
-        None => Ok(()),
+        false => Ok(()),
     }
 }
 
@@ -157,7 +254,7 @@ pub fn check_not_an_input(path: &Path, inputs: &[impl AsRef<Path>]) -> Result<()
 /// # Errors
 /// Names the folder, or what is in its place.
 pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
-    let fail = |why: String| crate::error::input(format!("{}: {why}", path.display()));
+    let fail = |why: String| input(format!("{}: {why}", path.display()));
     if path.exists() && !path.is_dir() {
         return Err(fail("is a file; expected a folder".into()));
     }
@@ -179,66 +276,123 @@ pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
 /// The folder does not exist, is none or takes no files; the path names a
 /// folder, a device or a pipe.
 pub fn check_writable(path: &Path) -> Result<()> {
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     if !folder.is_dir() {
-        return Err(crate::error::input(format!(
+        return Err(input(format!(
             "{}: the folder {} does not exist",
             path.display(),
             folder.display()
         )));
     }
     if path.is_dir() {
-        return Err(crate::error::input(format!(
+        return Err(input(format!(
             "{}: is a folder; expected the name of a file",
             path.display()
         )));
     }
     refuse_special(path)?;
-    // The folder itself is asked, for its mode does not tell all.
-    let probe = partial_path(path);
-    let _ = std::fs::remove_file(&probe);
-    match File::create_new(&probe) {
-        Ok(_) => Ok(std::fs::remove_file(&probe)?),
-        Err(e) => Err(crate::error::input(format!(
+    // Only writing shows whether the folder takes files: its mode does not tell.
+    match temporary_file(path) {
+        Ok(_) => Ok(()),
+        Err(e) => Err(input(format!(
             "{}: cannot write in {}: {}",
             path.display(),
             folder.display(),
-            organza_scene::read::io_words(&e)
+            io_words(&without_path(e))
         ))),
     }
+}
+
+/// The error of the system alone; `tempfile` adds the path of its own file.
+fn without_path(e: std::io::Error) -> std::io::Error {
+    let code = e.get_ref().and_then(|inner| {
+        let source = std::error::Error::source(inner)?;
+        source.downcast_ref::<std::io::Error>()?.raw_os_error()
+    });
+    code.map_or(e, std::io::Error::from_raw_os_error)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A set is replaced as a whole: where one file fails, the old ones stay.
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
     #[test]
-    fn files_of_a_set_are_replaced_together() {
-        let name = format!("organza-output-{}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        let set = |text: &'static str, fails: bool| {
-            let files = ["a", "b"].map(|name| {
-                let write = move |out: &mut dyn SeekWrite| {
-                    anyhow::ensure!(!(fails && name == "b"), "full");
-                    Ok(out.write_all(text.as_bytes())?)
-                };
-                (folder.join(name), Box::new(write) as WriteFile<'_>)
-            });
-            write_files(files.into())
+    fn a_failed_write_leaves_nothing_and_files_of_a_set_appear_together() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let text =
+            |text: &'static str| move |out: &mut dyn SeekWrite| Ok(out.write_all(text.as_bytes())?);
+        write_file(&path("old"), text("kept")).unwrap();
+        let failed = write_file(&path("old"), |out| {
+            out.write_all(b"half")?;
+            anyhow::bail!("the disk is full")
+        });
+        let words = format!("{:#}", failed.unwrap_err());
+        assert!(words.ends_with("old: the disk is full"), "{words}");
+        assert_eq!(std::fs::read(path("old")).unwrap(), b"kept");
+        assert_eq!(names(folder.path()), ["old"]);
+        // The second of two fails: the first does not appear either.
+        let file = |name: &str, fails: bool| -> (PathBuf, WriteFile<'_>) {
+            let write = move |out: &mut dyn SeekWrite| match fails {
+                true => anyhow::bail!("the disk is full"),
+                false => Ok(out.write_all(b"new")?),
+            };
+            (path(name), Box::new(write))
         };
-        let held = || ["a", "b"].map(|n| std::fs::read_to_string(folder.join(n)).unwrap());
-        assert_eq!(set("old", false).unwrap().len(), 2);
-        assert_eq!(held(), ["old", "old"]);
-        assert!(set("new", true).is_err());
-        assert_eq!(held(), ["old", "old"]);
-        set("new", false).unwrap();
-        assert_eq!(held(), ["new", "new"]);
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
-        std::fs::remove_dir_all(&folder).unwrap();
+        let failed = write_files(vec![file("old", false), file("b", true)]);
+        assert!(failed.is_err());
+        assert_eq!(names(folder.path()), ["old"]);
+        assert_eq!(std::fs::read(path("old")).unwrap(), b"kept");
+        write_files(vec![file("old", false), file("b", false)]).unwrap();
+        assert_eq!(names(folder.path()), ["b", "old"]);
+        assert_eq!(std::fs::read(path("old")).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_what_a_living_one_writes_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out.exr");
+        let left = folder.path().join("out.exr.a1B2c3D4e5F6.tmp");
+        std::fs::write(&left, "half").unwrap();
+        let foreign = folder.path().join("out.exr.notes.tmp");
+        std::fs::write(&foreign, "of the user").unwrap();
+        let living = temporary_file(&out).unwrap();
+        write_file(&out, |_| Ok(())).unwrap();
+        assert!(!left.exists());
+        assert!(living.path().exists() && foreign.exists() && out.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_output_is_not_an_input_under_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("sky.exr"), "").unwrap();
+        std::fs::write(path("other.exr"), "").unwrap();
+        std::fs::hard_link(path("sky.exr"), path("hard.exr")).unwrap();
+        std::os::unix::fs::symlink("sky.exr", path("soft.exr")).unwrap();
+        let inputs = [path("sky.exr")];
+        for name in ["sky.exr", "hard.exr", "soft.exr", "./sky.exr"] {
+            let refused = check_not_an_input(&path(name), &inputs);
+            assert!(refused.is_err(), "{name}");
+        }
+        for name in ["other.exr", "new.exr"] {
+            check_not_an_input(&path(name), &inputs).unwrap();
+        }
+        // Neither is there yet.
+        let twice = |a: &str, b: &str| {
+            check_distinct(("the checkpoint", &path(a)), ("the picture", &path(b)))
+        };
+        assert!(twice("./x.exr", "x.exr").is_err());
+        twice("x.exr", "y.exr").unwrap();
     }
 }

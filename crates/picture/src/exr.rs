@@ -21,6 +21,7 @@ const NAME: &str = "OpenEXR";
 pub const FORMAT: Format = Format {
     name: NAME,
     endings: &["exr"],
+    keeps: "linear radiance, its variance, and what the first events saw",
     starts: &[b"\x76\x2f\x31\x01"],
     is_linear: true,
     keeps_sums: true,

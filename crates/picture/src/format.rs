@@ -28,6 +28,8 @@ pub struct Format {
     /// Endings of file names, in lower case and without the dot; the first one
     /// is the usual one.
     pub endings: &'static [&'static str],
+    /// What a written file keeps of a render, for help texts.
+    pub keeps: &'static str,
     /// What a file may begin with.
     pub starts: &'static [&'static [u8]],
     /// Whether values are linear radiance of any size, and not display values

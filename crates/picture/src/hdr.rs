@@ -10,6 +10,7 @@ const NAME: &str = "Radiance";
 pub const FORMAT: Format = Format {
     name: NAME,
     endings: &["hdr"],
+    keeps: "linear radiance",
     starts: &[b"#?"],
     is_linear: true,
     keeps_sums: false,

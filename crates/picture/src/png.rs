@@ -14,6 +14,7 @@ const NAME: &str = "PNG";
 pub const FORMAT: Format = Format {
     name: NAME,
     endings: &["png"],
+    keeps: "display values, tone-mapped",
     starts: &[b"\x89PNG"],
     is_linear: false,
     keeps_sums: false,

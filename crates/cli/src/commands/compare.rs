@@ -101,6 +101,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         return Err(input("--models: expected two models or more, or --data"));
     }
     output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
+    for name in ["report.html", "report.json", "pairs.csv"] {
+        output::check_not_an_input(&args.outdir.join(name), &args.data)?;
+    }
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
         let fabric = watched(args.common.quiet, |loader| {

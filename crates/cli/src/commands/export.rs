@@ -5,12 +5,13 @@ use crate::building::watched;
 use crate::error::input;
 use crate::flags::values::parse_repeats;
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
-use crate::output::note;
-use crate::{output, picture};
+use crate::output;
+use crate::output::{WriteFile, note};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use glam::DVec3;
 use glam::UVec2;
+use organza_picture::{Picture, exr};
 use std::path::PathBuf;
 
 /// `organza export`
@@ -78,7 +79,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     if folder.exists() {
         output::check_writable(&scene_path)?;
     }
-    let (file, scene) = watched(args.common.quiet, |loader| {
+    let (file, scene, read) = watched(args.common.quiet, |loader| {
         let file = scene_file::load(&args.scene, &args.common.set, loader)?;
         let build = BuildOptions {
             scene_path: &args.scene,
@@ -86,7 +87,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
             max_memory_bytes: args.memory.max_memory,
         };
         let scene = scene_build::scene(&file, &build)?;
-        Ok((file, scene))
+        Ok((file, scene, loader.inputs()))
     })?;
     let tiling = Tiling {
         repeats: args.repeats,
@@ -97,16 +98,29 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         .map_err(|why| input(format!("{}: {why}", args.scene.display())))?;
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    // The scene first: it stands for all, and a folder with one is whole.
+    let mut files: Vec<(PathBuf, WriteFile<'_>)> = vec![(
+        scene_path.clone(),
+        Box::new(|out| Ok(out.write_all(export.xml.as_bytes())?)),
+    )];
     for (name, grid) in &export.grids {
-        output::write_file(&folder.join(name), |out| {
-            grid.write(out).context("writing the grid failed")
-        })?;
+        let write: WriteFile<'_> =
+            Box::new(|out| grid.write(out).context("writing the grid failed"));
+        files.push((folder.join(name), write));
     }
     for (name, size, pixels) in &export.pictures {
-        picture::write_plain(&folder.join(name), *size, pixels)?;
+        let picture = Picture {
+            size: *size,
+            pixels: pixels.clone(),
+        };
+        let write: WriteFile<'_> =
+            Box::new(move |mut out| Ok(exr::write_colours(&picture, &mut out)?));
+        files.push((folder.join(name), write));
     }
-    // Last, so that a folder with a scene is a whole one.
-    output::write_file(&scene_path, |out| Ok(out.write_all(export.xml.as_bytes())?))?;
+    for (path, _) in &files {
+        output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
+    }
+    output::write_files(files)?;
     if !args.common.quiet {
         for note in &export.notes {
             note!("note: {note}");

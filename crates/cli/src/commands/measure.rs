@@ -138,12 +138,15 @@ const BYTES_OF_JSON: u64 = 5120;
 pub fn run(args: &MeasureArgs) -> Result<()> {
     if let Some(path) = &args.outfile {
         output::check_writable(path)?;
+        output::check_not_an_input(path, args.pairs.iter().chain([&args.file]))?;
     }
     let wanted = wanted(args)?;
     with_threads(&args.common, || {
         let (patch, grid, shown) = watched(args.common.quiet, |loader| {
             if is_scene(&args.file)? {
-                return scene_patch(args, loader);
+                let patch = scene_patch(args, loader)?;
+                check_outfile(args, loader)?;
+                return Ok(patch);
             }
             let build = PatchOptions {
                 loader,
@@ -152,12 +155,21 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
                 max_memory_bytes: args.memory.max_memory,
             };
             let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
+            check_outfile(args, loader)?;
             let shown = args.model.of(&fabric, &args.file)?;
             let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
             Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
         })?;
         measure(args, &wanted, &patch, &grid, shown)
     })
+}
+
+/// Refuses a table that is one of the files read.
+fn check_outfile(args: &MeasureArgs, loader: &Loader<'_>) -> Result<()> {
+    match &args.outfile {
+        Some(path) => output::check_not_an_input(path, loader.inputs().iter().map(|i| &i.path)),
+        None => Ok(()),
+    }
 }
 
 /// What to measure.

@@ -4,6 +4,7 @@ use super::Command;
 use super::render::CLAMPED;
 use crate::error::input;
 use crate::flags::MemoryArgs;
+use crate::identity::{Difference, Engine, Identity};
 use crate::output;
 use crate::output::note;
 use crate::picture;
@@ -42,9 +43,6 @@ impl Command for MergeArgs {
         run(self)
     }
 }
-
-/// What must agree between parts, in the order in which a picture stores them.
-const SHARED: [&str; 4] = ["version", "identity", "seed", "crop"];
 
 /// A picture of some samples.
 struct Part<'a> {
@@ -120,18 +118,20 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
 
 fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
     let (first, second) = (all.path.display(), part.path.display());
-    for key in SHARED {
-        let (a, b) = (all.attributes.get(key), part.attributes.get(key));
-        if a != b {
-            let word = |v: Option<&str>| v.unwrap_or("none").to_owned();
-            let why = match key {
-                "identity" => {
-                    "the scenes or the files they name differ, or were changed in between".into()
-                }
-                _ => format!("{key} is {}, but {} in {first}", word(b), word(a)),
-            };
-            return Err(input(format!("{second}: cannot join {first}: {why}")));
-        }
+    if let Some(difference) = identity(&all)?.difference(&identity(&part)?) {
+        let differ = |key: &str| {
+            let word = |p: &Part<'_>| p.attributes.get(key).unwrap_or("none").to_owned();
+            format!("{key} is {}, but {} in {first}", word(&part), word(&all))
+        };
+        let why = match difference {
+            Difference::Version => differ("version"),
+            Difference::Seed => differ("seed"),
+            Difference::Crop => differ("crop"),
+            Difference::Engine => differ("backend") + "; render both with one --backend",
+            Difference::Scene => "the scenes differ".to_owned(),
+            Difference::Input(name) => format!("the contents of {name} differ"),
+        };
+        return Err(input(format!("{second}: cannot join {first}: {why}")));
     }
     let backend = |part: &Part| {
         part.attributes
@@ -164,6 +164,29 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
         a.merge(b);
     }
     Ok(all)
+}
+
+/// What the picture of a part is of.
+fn identity(part: &Part<'_>) -> Result<Identity> {
+    let missing = |key: &str| {
+        input(format!(
+            "{}: does not state its {key}; expected a picture of `organza render`",
+            part.path.display()
+        ))
+    };
+    let value = |key: &'static str| part.attributes.get(key).ok_or_else(|| missing(key));
+    let crop: Vec<u32> = value("crop")?
+        .split(',')
+        .filter_map(|n| n.parse().ok())
+        .collect();
+    Ok(Identity {
+        version: value("version")?.to_owned(),
+        seed: value("seed")?.parse().map_err(|_| missing("seed"))?,
+        crop: crop.try_into().map_err(|_| missing("crop"))?,
+        engine: Engine::of_backend(value("backend")?),
+        inputs: serde_json::from_str(value("inputs")?).map_err(|_| missing("inputs"))?,
+        scene: value("identity")?.to_owned(),
+    })
 }
 
 /// The back ends of a picture of two parts. Those of the vector kernel give the

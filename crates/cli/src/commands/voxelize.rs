@@ -148,6 +148,7 @@ fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
 
 fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(Fabric, Octree)> {
     let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+    output::check_not_an_input(&args.outfile, loader.inputs().iter().map(|i| &i.path))?;
     let plan = fabric.plan(
         &args.fabric,
         footprint(args, format, &fabric),

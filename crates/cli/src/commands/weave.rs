@@ -67,7 +67,7 @@ enum Subject {
 impl Subject {
     /// # Errors
     /// No such file or weave, or a file that cannot be read.
-    fn of(word: &str, overrides: &[String]) -> Result<Subject> {
+    fn of(word: &str, overrides: &[String], loader: &Loader<'_>) -> Result<Subject> {
         let path = Path::new(word);
         let ending = path.extension().and_then(|e| e.to_str());
         let ending = ending.map(str::to_lowercase);
@@ -78,13 +78,11 @@ impl Subject {
             )));
         }
         match ending {
-            Some("wif") => Draft::from_wif(&read::bytes(path)?)
+            Some("wif") => Draft::from_wif(&loader.bytes(path)?)
                 .map(Subject::Draft)
                 .map_err(|e| input(format!("{}: {e}", path.display()))),
             Some("toml") => Ok(Subject::Fabric(Box::new(fabric_file::load(
-                path,
-                overrides,
-                &Loader::new(),
+                path, overrides, loader,
             )?))),
             _ if word.contains(['.', '/', '\\']) || path.exists() => Err(no_draft(word, path)),
             _ => Draft::named(word)
@@ -115,7 +113,8 @@ fn no_draft(word: &str, path: &Path) -> anyhow::Error {
 
 /// Runs the command.
 pub fn run(args: &WeaveArgs) -> Result<()> {
-    let subject = Subject::of(&args.draft, &args.common.set)?;
+    let loader = Loader::new();
+    let subject = Subject::of(&args.draft, &args.common.set, &loader)?;
     let warnings = match &subject {
         Subject::Draft(d) => &d.warnings[..],
         Subject::Fabric(f) => f.cloth.warnings(),
@@ -127,6 +126,7 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
     }
     if let Some(path) = &args.outfile {
         output::check_writable(path)?;
+        output::check_not_an_input(path, loader.inputs().iter().map(|i| &i.path))?;
         write(args, &subject, path)?;
     }
     let no_draft = || input(format!("{}: has no draft to show", args.draft));

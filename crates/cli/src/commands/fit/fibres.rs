@@ -1,10 +1,10 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
-use super::{FitArgs, effort, finish, options, table};
+use super::{FitArgs, check_outputs, effort, finish, journal_key, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
-use crate::journal::FileJournal;
+use crate::journal::{FileJournal, JournalError};
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
@@ -18,7 +18,7 @@ use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, Matter};
 use organza_scene::representation::{FittedOptics, ShownAs};
 use organza_scene::{optics, read};
-use serde_json::json;
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
 
@@ -112,9 +112,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let observed = Observed::read(path)?;
     let values = observed.values();
     let unwatched = Loader::new();
-    let fabric = watched(args.common.quiet, |loader| {
-        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    let (fabric, read) = watched(args.common.quiet, |loader| {
+        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        Ok((fabric, loader.inputs()))
     })?;
+    check_outputs(args, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let bounds = bounds(fitted, &fabric);
     let mut given_way = optics_given_way(args, fitted, &yarns(&fabric))?;
@@ -122,11 +124,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
         // The number of fibres follows from `tex`, their place from the fraction.
         ["fibres_per_ply", "ply_radius_mm"].map(|key| format!("yarn.{name}.{key}"))
     }));
-    let volume = table(args, &[], &[])?;
-    let how = (shown.to_string(), args.voxel.voxel_um, args.spp, args.seed);
-    let key = json!([volume, values, how]).to_string();
+    let key = journal_key(args, &shown.to_string(), &read)?;
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
     let mut failure = None;
+    // A journal that fails ends the search, which then has no use for places.
+    let fatal = RefCell::new(None);
     let options = options(args, &unwatched);
     // Colour and roughness change no voxel; the last density comes first.
     let mut matter: Option<(f64, Matter)> = None;
@@ -134,7 +136,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     // where noise is largest: that of the first place.
     let mut errors: Option<Vec<f64>> = None;
     let mut residuals = |place: &[f64]| {
-        let found = journal.once(place, || {
+        if fatal.borrow().is_some() {
+            return None;
+        }
+        let found = journal.once(place, 2 * values.len(), || {
             let keys = keys(args, fitted, &fabric, &bounds, place);
             let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys, &unwatched)?;
             let density = place.last().copied().unwrap_or(1.0);
@@ -151,7 +156,17 @@ pub fn run(args: &FitArgs) -> Result<()> {
         });
         // A fabric whose yarns do not fit is no answer; its error is reported
         // when there is no other.
-        let results = found.map_err(|e| failure = Some(e)).ok()?;
+        let results = match found {
+            Ok(results) => results,
+            Err(e) if e.is::<JournalError>() => {
+                *fatal.borrow_mut() = Some(e);
+                return None;
+            }
+            Err(e) => {
+                failure = Some(e);
+                return None;
+            }
+        };
         let both = || results.chunks_exact(2).zip(&values);
         let errors = errors.get_or_insert_with(|| {
             let one = |(t, v): (&[f64], &[f64; 2])| t[1].hypot(v[1]).hypot(TOLERANCE * v[0]);
@@ -176,6 +191,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
         residuals(place)
     });
     progress.finish();
+    if let Some(e) = fatal.take() {
+        return Err(e);
+    }
     let (Some(base), true) = (residuals(&place), least.is_finite()) else {
         let none = || input(format!("{}: no answer", args.fabric.display()));
         return Err(failure.unwrap_or_else(none));
@@ -190,7 +208,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
             step
         };
         moved[k] += step;
-        let there = residuals(&moved).unwrap_or_else(|| base.clone());
+        let there = residuals(&moved);
+        if let Some(e) = fatal.take() {
+            return Err(e);
+        }
+        let there = there.unwrap_or_else(|| base.clone());
         let quotient = |(a, b): (&f64, &f64)| (a - b) / step;
         columns.push(there.iter().zip(&base).map(quotient).collect());
     }

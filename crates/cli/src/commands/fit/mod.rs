@@ -11,17 +11,19 @@ mod surface;
 
 use super::{Command, with_threads};
 use crate::error::input;
+use crate::identity::{self, VERSION};
 use crate::output;
 use crate::output::note;
 use anyhow::{Context, Result};
 use organza_measure::Effort;
 use organza_measure::fit::Determined;
 use organza_scene::file_kind::Wanted;
-use organza_scene::loader::Loader;
+use organza_scene::loader::{Input, Loader};
 use organza_scene::patches::{PatchModel, PatchOptions};
 use organza_scene::read;
 use organza_scene::representation::SURFACE;
 use serde_json::json;
+use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use toml::{Table, Value};
 
@@ -109,11 +111,15 @@ pub fn run(args: &FitArgs) -> Result<()> {
             args.outfile.display()
         )));
     }
-    output::check_not_an_input(&args.outfile, &[&args.fabric])?;
     output::check_writable(&args.outfile)?;
     if let Some(journal) = &args.journal {
         output::check_writable(journal)?;
+        output::check_distinct(
+            ("the journal", journal),
+            ("the fitted fabric", &args.outfile),
+        )?;
     }
+    check_outputs(args, &[])?;
     if args.model == PatchModel::Is(&SURFACE) {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
@@ -122,6 +128,41 @@ pub fn run(args: &FitArgs) -> Result<()> {
         FitWhat::Fibres => fibres::run(args),
         FitWhat::Picture => picture::run(args),
     })
+}
+
+/// Refuses outputs that are the fabric, the data, or files that the fabric names.
+fn check_outputs(args: &FitArgs, read: &[Input]) -> Result<()> {
+    let read = || {
+        let named = read.iter().map(|i| i.path.as_path());
+        named
+            .chain([args.fabric.as_path()])
+            .chain(args.data.as_deref())
+    };
+    for path in [Some(&args.outfile), args.journal.as_ref()] {
+        if let Some(path) = path {
+            output::check_not_an_input(path, read())?;
+        }
+    }
+    Ok(())
+}
+
+/// What a search is of: the program, the fabric after all overrides, the bytes of
+/// every file that it names and of the measured values, each in its role, and how
+/// the places of the search are measured.
+fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
+    let fabric: Table = Loader::new().toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+    let data = args.data.as_deref().map(read::bytes).transpose()?;
+    let key = json!({
+        "version": VERSION,
+        "fabric": identity::digest(&Value::Table(fabric)),
+        "inputs": identity::named_inputs(&args.fabric, read),
+        "data": data.map(|bytes| identity::hex(&Sha256::digest(&bytes))),
+        "model": shown,
+        "voxel_um": args.voxel.voxel_um,
+        "spp": args.spp,
+        "seed": args.seed,
+    });
+    Ok(key.to_string())
 }
 
 fn options<'a>(args: &FitArgs, loader: &'a Loader<'a>) -> PatchOptions<'a> {
@@ -159,22 +200,26 @@ fn table(args: &FitArgs, removed: &[String], overrides: &[String]) -> Result<Tab
     Ok(table)
 }
 
+/// A comment of one line, whatever stands in names of files and yarns.
+fn comment(words: &str) -> String {
+    let printable = |c: char| if c.is_control() { ' ' } else { c };
+    format!("# {}\n", words.chars().map(printable).collect::<String>())
+}
+
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
     let command: Vec<String> = std::env::args().collect();
-    let mut text = format!("# Fitted by: {}\n# {words}\n#\n", command.join(" "));
+    let mut text = comment(&format!("Fitted by: {}", command.join(" "))) + &comment(words);
+    text += "#\n";
     for p in parameters {
-        let _ = writeln!(
-            text,
-            "# {} = {:.4} +- {:.4}{}",
-            p.name,
-            p.value,
-            p.se,
-            if p.is_fixed {
-                ""
-            } else {
-                ", not fixed by the data"
-            }
-        );
+        let loose = if p.is_fixed {
+            ""
+        } else {
+            ", not fixed by the data"
+        };
+        text += &comment(&format!(
+            "{} = {:.4} +- {:.4}{loose}",
+            p.name, p.value, p.se
+        ));
     }
     let _ = write!(
         text,
@@ -200,4 +245,16 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comments_stay_on_their_line() {
+        let text = comment("a\nname = 1") + &comment("b\u{7f}\r");
+        assert_eq!(text, "# a name = 1\n# b  \n");
+        assert!(text.parse::<Table>().unwrap().is_empty());
+    }
 }

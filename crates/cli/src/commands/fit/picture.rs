@@ -1,13 +1,12 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitArgs, finish, options, table};
+use super::{FitArgs, check_outputs, finish, options, table};
 use crate::building::watched;
 use crate::error::input;
 use crate::progress::Progress;
 use anyhow::Result;
 use glam::UVec2;
-use image::{ImageFormat, ImageReader, Limits};
 use organza_basis::Rgb;
 use organza_measure::fit::Determined;
 use organza_measure::{
@@ -15,10 +14,10 @@ use organza_measure::{
 };
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{Matter, texel_grid};
-use organza_scene::{environment_file, read};
+use organza_scene::read;
 use std::f64::consts::FRAC_1_PI;
-use std::io::Cursor;
 use std::path::Path;
 
 /// Texels of the longer side at most: larger pictures are averaged to it.
@@ -48,10 +47,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
             return Err(input(format!("{flag}: {why}")));
         }
     }
-    let fabric = watched(args.common.quiet, |loader| {
-        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    let (fabric, read) = watched(args.common.quiet, |loader| {
+        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        Ok((fabric, loader.inputs()))
     })?;
-    let (size, pixels) = read_picture(path).map_err(input)?;
+    check_outputs(args, &read)?;
+    let (size, pixels) = read_picture(path, args.memory.max_memory)?;
     let (size, pixels) = shrunk(size, &pixels);
     let none = vec![[0.0; 3]; pixels.len()];
     // White sends 1/pi of the light on it into every direction.
@@ -147,28 +148,15 @@ fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
     }
 }
 
-/// Linear pixels of a picture; those of a PNG are decoded from sRGB.
-fn read_picture(path: &Path) -> Result<(UVec2, Vec<Rgb>), String> {
-    let is_png = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    if !is_png {
-        return environment_file::decode(path, &Loader::new());
-    }
-    let fail = |why: &str| format!("file: {}: {why}", path.display());
-    let bytes = read::bytes_or_why(path).map_err(|e| fail(&read::io_words(&e)))?;
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(organza_scene::memory::free_memory_bytes() / 4);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|e| fail(&e.to_string()))?;
-    let picture = picture.into_rgb32f();
-    let linear = picture
-        .pixels()
-        .map(|p| Rgb::from(p.0.map(Rgb::linear_from_srgb)));
+/// Linear pixels of a picture, none of them negative.
+fn read_picture(path: &Path, max_memory_bytes: Option<u64>) -> Result<(UVec2, Vec<Rgb>)> {
+    let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    let decoded = organza_picture::decode(&read::bytes(path)?, allowed);
+    let (picture, _) = decoded.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let positive = |p: Rgb| Rgb::from(p.0.to_array().map(|x| if x < 0.0 { 0.0 } else { x }));
     Ok((
-        UVec2::new(picture.width(), picture.height()),
-        linear.collect(),
+        picture.size,
+        picture.pixels.into_iter().map(positive).collect(),
     ))
 }
 

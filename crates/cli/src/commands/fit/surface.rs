@@ -1,7 +1,7 @@
 //! Fitting the surface model: to the volume of the same file, or to measured
 //! values.
 
-use super::{FitArgs, effort, finish, options, table};
+use super::{FitArgs, check_outputs, effort, finish, journal_key, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
@@ -15,10 +15,10 @@ use organza_measure::{
     measure_albedos, measure_pairs,
 };
 use organza_scene::fabric_file;
+use organza_scene::loader::Input;
 use organza_scene::patches::{AnyPatch, fabric_patch};
 use organza_scene::representation::ShownAs;
 use organza_surface::MeasuredTransmission;
-use serde_json::json;
 use toml::Value;
 
 /// Pairs that are measured between two entries of the journal.
@@ -30,9 +30,11 @@ const STRIDE: f64 = 1e-3;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
-    let mut fabric = watched(args.common.quiet, |loader| {
-        Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
+    let (mut fabric, read) = watched(args.common.quiet, |loader| {
+        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        Ok((fabric, loader.inputs()))
     })?;
+    check_outputs(args, &read)?;
     // A fabric without the section gets one.
     fabric.file.surface.get_or_insert_default();
     let fabric = fabric;
@@ -49,7 +51,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
                 Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)
             })?;
             let shown = args.model.of(&fabric, &args.fabric)?;
-            let (data, results) = measure(args, shown, &patch)?;
+            let (data, results) = measure(args, shown, &read, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
             let fitted = results.fit().map_err(|e| input(e.to_string()))?;
             start.transmission = Some(fitted);
@@ -87,24 +89,17 @@ pub fn run(args: &FitArgs) -> Result<()> {
 const THETA_DEG: [f64; 5] = [0.0, 20.0, 40.0, 55.0, 70.0];
 const PHI_DEG: [f64; 3] = [0.0, 45.0, 90.0];
 
-/// Values of the volume, in batches that the journal remembers.
+/// Values of the volume, in batches that the journal stores.
 fn measure(
     args: &FitArgs,
     shown: ShownAs,
+    read: &[Input],
     patch: &AnyPatch,
 ) -> Result<(Vec<PairValue>, MeasuredTransmission)> {
     let mut pairs: Vec<Pair> = irawan_layout();
     pairs.extend(in_plane_layout(30.0));
     pairs.extend(in_plane_layout(60.0));
-    let volume = table(args, &[], &[])?;
-    let key = json!([
-        volume,
-        shown.to_string(),
-        args.voxel.voxel_um,
-        args.spp,
-        args.seed
-    ])
-    .to_string();
+    let key = journal_key(args, &shown.to_string(), read)?;
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
     let progress = Progress::new("measuring", pairs.len() as u64, args.common.quiet);
     let mut list = Vec::with_capacity(pairs.len());
@@ -113,7 +108,7 @@ fn measure(
             seed: args.seed ^ (batch as u64) << 40,
             ..effort(args)
         };
-        let numbers = journal.once(&[batch as f64], || {
+        let numbers = journal.once(&[batch as f64], 6 * pairs.len(), || {
             let results = measure_pairs(patch, pairs, &effort, &|_| ())?.list;
             let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
             Ok(results.iter().flat_map(numbers).collect())
@@ -135,7 +130,7 @@ fn measure(
         .into_iter()
         .flat_map(|theta_deg| PHI_DEG.map(|phi_deg| Angles { theta_deg, phi_deg }))
         .collect();
-    let passed = journal.once(&[-1.0], || {
+    let passed = journal.once(&[-1.0], 4 * incident.len(), || {
         let effort = Effort {
             paths: 16 * args.spp,
             ..effort(args)

@@ -1,0 +1,241 @@
+//! `organza render`
+
+mod engine;
+mod scene;
+mod summary;
+mod tracing;
+
+pub use summary::CLAMPED;
+
+use super::{Command, with_threads};
+use crate::building::watched;
+use crate::checkpoint;
+use crate::error::input;
+use crate::flags::values::{
+    parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
+};
+use crate::flags::{CommonArgs, MemoryArgs, set_help};
+use crate::identity::{Identity, VERSION, crop_edges};
+use crate::interrupt;
+use crate::output;
+use crate::picture;
+use crate::process_usage::cpu_seconds;
+use crate::sample_ranges::parse_range;
+use crate::schedule::{Stop, Targets};
+use anyhow::{Context, Result};
+use clap::Args;
+use engine::{BackendName, Chosen};
+use organza_picture::{FORMATS, Format, Rendered};
+use organza_transport::{Crop, RenderError, Rendering};
+use scene::Built;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use summary::Times;
+
+/// `organza render`
+#[derive(Debug, Args)]
+#[command(about = "Path-trace a scene to .exr (linear, with variance and AOVs) or .png", after_help = "Example:\n  organza render scenes/first_light.toml -o first_light.exr --spp 256 --stats", mut_arg("set", |a| a.help(set_help::SCENE)),
+    mut_arg("outfile", |a| a.help(outfile_help())))]
+pub struct RenderArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Picture to write; its ending chooses the format
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Samples per pixel, at least 1; the maximum with --target-error or --time-limit [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
+    pub spp: Option<u32>,
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = parse_seed)]
+    pub seed: Option<u64>,
+    /// Render only these pixels: left, top, right, bottom (right and bottom outside), counted from the upper left
+    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
+    pub crop: Option<Crop>,
+    /// Take only these samples of every pixel; `organza merge` combines the parts (.exr)
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_range, conflicts_with = "spp")]
+    pub samples: Option<Range<u64>>,
+    /// Stop when this time has passed since the start, e.g. 60s, 5m, 2h; a bare number is seconds
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration)]
+    pub time_limit: Option<Duration>,
+    /// Stop when the standard error of the pixels (root mean square) is at most this fraction of the picture's mean, e.g. 0.02
+    #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Stop when half the pixels that met matter have a standard error of at most this fraction of their own value, e.g. 0.01; with --target-error, when both are reached
+    #[arg(long, value_name = "FRACTION", value_parser = parse_share)]
+    pub target_median_error: Option<f64>,
+    /// Darken single samples above this radiance, which biases the picture; --stats prints how much light that removes [default: the scene's, or no limit]
+    #[arg(long, value_name = "RADIANCE", value_parser = parse_positive)]
+    pub clamp: Option<f64>,
+    /// Save the state to this file at intervals, at the end, and on Ctrl-C, SIGTERM and SIGHUP
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+    /// Time between checkpoints
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = parse_duration, default_value = "60s", requires = "checkpoint")]
+    pub checkpoint_every: Duration,
+    /// Resume from the checkpoint
+    #[arg(long, requires = "checkpoint")]
+    pub resume: bool,
+    /// Engine that traces the paths; auto uses the widest vector kernel that processor and scene allow, otherwise the general walk. The noise depends on whether the kernel or the walk traces, not on the width
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: BackendName,
+    /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
+    #[arg(long)]
+    pub stats: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for RenderArgs {
+    const NAME: &'static str = "render";
+
+    fn run(&self) -> Result<()> {
+        let format = picture::format(&self.outfile)?;
+        if let (Some(part), false) = (&self.samples, format.keeps_sums) {
+            return Err(input(format!(
+                "{}: --samples {}..{} makes a part, and parts are merged from {}; name one",
+                self.outfile.display(),
+                part.start,
+                part.end,
+                Format::list_endings(|f| f.keeps_sums)
+            )));
+        }
+        output::check_writable(&self.outfile)?;
+        output::check_not_an_input(&self.outfile, [&self.scene])?;
+        if let Some(path) = &self.checkpoint {
+            check_checkpoint(path, self)?;
+            interrupt::watch()?;
+        }
+        with_threads(&self.common, || render(self))
+    }
+}
+
+/// Every format that can be written.
+fn outfile_help() -> String {
+    let written = FORMATS.iter().filter(|f| f.writer.is_some());
+    let one = |f: &&&Format| format!(".{} ({})", f.endings[0], f.keeps);
+    let formats: Vec<String> = written.map(|f| one(&f)).collect();
+    format!("Picture to write: {}", formats.join("; "))
+}
+
+/// Refuses to lose what stands in the checkpoint's place.
+fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
+    output::check_writable(path)?;
+    output::check_distinct(("the checkpoint", path), ("the picture", &args.outfile))?;
+    output::check_not_an_input(path, [&args.scene])?;
+    if path.exists() && !args.resume {
+        return Err(input(format!(
+            "{}: already exists; continue it with --resume, or remove it",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
+/// The errors that end a render.
+fn targets(args: &RenderArgs) -> Targets {
+    Targets {
+        picture: args.target_error,
+        median: args.target_median_error,
+    }
+}
+
+fn render(args: &RenderArgs) -> Result<()> {
+    let started = Instant::now();
+    let built = watched(args.common.quiet, |loader| scene::build(args, loader))?;
+    let Built { file, scene, .. } = &built;
+    let settings = scene::settings(args, file, scene)?;
+    let engine = engine::choose(args, file, scene, &settings, built.most_bytes)?;
+    engine.warn(args);
+    let rendering = Rendering::new(scene, settings).map_err(|e| match e {
+        RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
+        _ => input(e.to_string()),
+    })?;
+    let identity = Identity {
+        version: VERSION.into(),
+        seed: file.render.seed,
+        crop: crop_edges(rendering.crop()),
+        engine: engine.kind(),
+        inputs: built.inputs.clone(),
+        scene: built.digest.clone(),
+    };
+    let Chosen { kernel, why_walk } = engine;
+    let rendering = match kernel {
+        Some(kernel) => rendering.with_kernel(kernel),
+        None => rendering,
+    };
+    let rendering = match file.render.clamp {
+        Some(limit) => rendering.with_clamp(limit),
+        None => rendering,
+    };
+    let (began, setup_cpu_s) = (Instant::now(), cpu_seconds());
+    let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
+        Some(path) => {
+            let why = why_walk.as_ref().map(ToString::to_string);
+            checkpoint::resume(path, &identity, why.as_deref(), rendering)?
+        }
+        None => rendering,
+    };
+    let paths_before = rendering.stats().paths;
+    let (rendering, stop) = tracing::trace(args, &identity, rendering, started)?;
+    let saved = match &args.checkpoint {
+        Some(path) => checkpoint::save(path, &identity, &rendering),
+        None => Ok(()),
+    };
+    if let (Some(path), Stop::Interrupted, Ok(())) = (&args.checkpoint, stop, &saved) {
+        return Err(anyhow::anyhow!(
+            "interrupted with {}; saved to {}, continue with --resume",
+            summary::taken_words(&rendering),
+            path.display()
+        ));
+    }
+    let times = Times {
+        setup_cpu_s,
+        render_cpu_s: cpu_seconds() - setup_cpu_s,
+        render_s: began.elapsed().as_secs_f64(),
+    };
+    let attributes = summary::attributes(args, file, &identity, &rendering);
+    let rendered = Rendered {
+        film: rendering.film(),
+        exposure_stops: file.render.exposure,
+        attributes: &attributes,
+    };
+    picture::write(&args.outfile, &rendered)?;
+    summary::warn_of_rejected_samples(&rendering);
+    let total_s = started.elapsed().as_secs_f64();
+    if !args.common.quiet {
+        let paths = rendering.stats().paths - paths_before;
+        summary::print(
+            args,
+            file,
+            &rendering,
+            why_walk.as_ref(),
+            paths,
+            &times,
+            total_s,
+        );
+        summary::print_reason(&rendering, stop, targets(args));
+    }
+    if args.json {
+        summary::print_json(
+            &rendering,
+            why_walk.as_ref(),
+            &built.chosen,
+            &times,
+            total_s,
+        )?;
+    }
+    // The picture is whole whatever became of the checkpoint.
+    saved.with_context(|| {
+        format!(
+            "the picture {} with {} is written, but not the checkpoint",
+            args.outfile.display(),
+            summary::taken_words(&rendering)
+        )
+    })
+}

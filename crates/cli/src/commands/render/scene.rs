@@ -1,0 +1,176 @@
+//! The scene of a render, read, checked and built.
+
+use super::RenderArgs;
+use crate::checkpoint;
+use crate::error::input;
+use crate::identity::{self, NamedDigest, crop_words};
+use crate::output;
+use crate::output::note;
+use anyhow::Result;
+use glam::UVec2;
+use organza_scene::auto::{self, Chosen};
+use organza_scene::file_kind::Wanted;
+use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_file::{self, SceneFile};
+use organza_transport::{Crop, Film, Integrator, RenderSettings, Scene};
+use std::ops::Range;
+
+/// A scene that is ready to be rendered.
+pub struct Built {
+    /// Its file.
+    pub file: SceneFile,
+    /// The scene.
+    pub scene: Scene,
+    /// What was chosen where the file says `auto`.
+    pub chosen: Vec<Chosen>,
+    /// Memory that the film leaves, bytes.
+    pub most_bytes: u64,
+    /// The files that the scene names.
+    pub inputs: Vec<NamedDigest>,
+    /// See [`identity::scene_digest`].
+    pub digest: String,
+}
+
+/// Builds the scene of the command line.
+///
+/// # Errors
+/// A wrong scene, or one that needs more memory than allowed; an output that is
+/// one of its files.
+pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
+    let mut file = scene_file::load(&args.scene, &args.common.set, loader)?;
+    let table: toml::Table = loader.toml_of(&args.scene, &args.common.set, Wanted::Scene)?;
+    if let Some(spp) = args.spp {
+        file.render.spp = spp;
+    }
+    if let Some(seed) = args.seed {
+        file.render.seed = seed;
+    }
+    if let Some(clamp) = args.clamp {
+        file.render.clamp = Some(clamp as f32);
+    }
+    check(args, &file, loader)?;
+    let most_bytes = memory_beside_film(args, &file)?;
+    let chosen = auto::resolve(&mut file, &args.scene, loader)?;
+    if !args.common.quiet {
+        for chosen in &chosen {
+            note!("{}: {chosen}", args.scene.display());
+        }
+    }
+    let build = BuildOptions {
+        scene_path: &args.scene,
+        loader,
+        max_memory_bytes: Some(most_bytes),
+    };
+    let scene = scene_build::scene(&file, &build)?;
+    let read = loader.inputs();
+    for path in [Some(&args.outfile), args.checkpoint.as_ref()] {
+        if let Some(path) = path {
+            output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
+        }
+    }
+    let mut decided: Vec<String> = chosen
+        .iter()
+        .map(|c| format!("object {}: {}", c.object, c.what))
+        .collect();
+    decided.push(format!("clamp {:?}", file.render.clamp));
+    Ok(Built {
+        digest: identity::scene_digest(&table, &decided),
+        inputs: identity::named_inputs(&args.scene, &read),
+        file,
+        scene,
+        chosen,
+        most_bytes,
+    })
+}
+
+/// Refuses before anything is voxelized what can be checked by then.
+fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()> {
+    let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
+    file.render.check().map_err(fail)?;
+    scene_build::check(file, &args.scene)?;
+    let size = UVec2::from(file.camera.resolution);
+    let crop = args.crop.unwrap_or(Crop {
+        min: UVec2::ZERO,
+        max: size,
+    });
+    if let Some(why) = crop_fault(crop, size) {
+        return Err(input(format!("--crop {}: {why}", crop_words(crop))));
+    }
+    if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
+        checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;
+    }
+    scene_build::warn_of_emptiness(file, &args.scene, loader);
+    Ok(())
+}
+
+/// Which edge of a crop is where it cannot be.
+fn crop_fault(crop: Crop, size: UVec2) -> Option<String> {
+    let Crop { min, max } = crop;
+    for (near, first, far, last, pixels, extent) in [
+        ("left", min.x, "right", max.x, size.x, "wide"),
+        ("top", min.y, "bottom", max.y, size.y, "high"),
+    ] {
+        if last > pixels {
+            return Some(format!(
+                "its {far} edge {last} lies beyond the picture, which is {pixels} pixels {extent}"
+            ));
+        }
+        if first >= last {
+            return Some(format!(
+                "its {near} edge {first} is not before its {far} edge {last}; no pixel is left"
+            ));
+        }
+    }
+    None
+}
+
+/// The samples of every pixel that are asked for.
+fn samples(args: &RenderArgs, file: &SceneFile) -> Range<u64> {
+    let all = || 0..u64::from(file.render.spp);
+    args.samples.clone().unwrap_or_else(all)
+}
+
+/// Memory that the film leaves to the scene. The film is held twice when it is
+/// written or resumed.
+fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
+    let whole = UVec2::from(file.camera.resolution);
+    let size = args
+        .crop
+        .map_or(whole, |c| c.max.min(whole).saturating_sub(c.min));
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    let needed = Film::memory_bytes(size).saturating_mul(2);
+    most.checked_sub(needed).ok_or_else(|| {
+        input(format!(
+            "{}: camera.resolution: a film of {} x {} pixels needs {needed} bytes of memory, \
+             {most} are allowed: render fewer pixels, or parts of them with --crop",
+            args.scene.display(),
+            size.x,
+            size.y
+        ))
+    })
+}
+
+/// How the scene is to be rendered.
+///
+/// # Errors
+/// An integrator that cannot take this scene.
+pub fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<RenderSettings> {
+    let integrator = Integrator::from(file.render.integrator);
+    if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
+        return Err(input(format!(
+            "{}: render.integrator: \"regular\" steps through constant voxels; \
+             use interpolation = \"nearest\" and grids of one resolution, \
+             event = \"plain\" for virtual scattering, or \"woodcock\"",
+            args.scene.display()
+        )));
+    }
+    Ok(RenderSettings {
+        integrator,
+        samples: samples(args, file),
+        max_bounces: file.render.max_bounces.unwrap_or(u32::MAX),
+        seed: file.render.seed,
+        crop: args.crop,
+    })
+}

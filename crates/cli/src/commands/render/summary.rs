@@ -1,0 +1,241 @@
+//! What a render says of itself: in its file, on the terminal, as JSON.
+
+use super::RenderArgs;
+use crate::identity::{Identity, VERSION};
+use crate::output;
+use crate::output::note;
+use crate::process_usage::peak_memory_bytes;
+use crate::sample_ranges::SampleRanges;
+use crate::schedule::{Stop, Targets};
+use anyhow::Result;
+use organza_picture::Attributes;
+use organza_scene::auto::Chosen;
+use organza_scene::scene_file::SceneFile;
+use organza_transport::{Film, Kernel, KernelRefusal, Pixel, Rendering};
+use serde_json::json;
+
+/// Where the time went: of the whole process and of all its threads together
+/// (CPU), and as it passed; seconds.
+pub struct Times {
+    /// Before the first path, CPU.
+    pub setup_cpu_s: f64,
+    /// Of the paths, CPU.
+    pub render_cpu_s: f64,
+    /// Of the paths, as it passed.
+    pub render_s: f64,
+}
+
+/// Prints the figures as JSON.
+///
+/// # Errors
+/// The standard output fails.
+pub fn print_json(
+    rendering: &Rendering<'_>,
+    why_walk: Option<&KernelRefusal>,
+    chosen: &[Chosen],
+    times: &Times,
+    total_s: f64,
+) -> Result<()> {
+    let (film, stats) = (rendering.film(), rendering.stats());
+    let known = has_errors(rendering);
+    let figures = json!({
+        "backend": backend_name(rendering),
+        "kernel_refused": why_walk.map(|why| why.to_string()),
+        "resolution": film.size().to_array(),
+        "samples": rendering.taken().end - rendering.taken().start,
+        "setup_cpu_s": times.setup_cpu_s,
+        "render_cpu_s": times.render_cpu_s,
+        "render_s": times.render_s,
+        "total_s": total_s,
+        "peak_memory_bytes": peak_memory_bytes(),
+        "mean": film.mean().map(|m| m.0),
+        "standard_error": known.then(|| film.mean().map(|m| m.1)),
+        "relative_error": known.then(|| film.relative_error()),
+        "collisions": stats.collisions,
+        "tentative": stats.tentative,
+        "shadow_rays": stats.shadow_rays,
+        "shadow_steps": stats.shadow_steps,
+        "cut": stats.cut,
+        "rejected": stats.rejected,
+        "brightest": stats.brightest,
+        "chosen": chosen,
+    });
+    output::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
+    Ok(())
+}
+
+/// The attribute that holds [`organza_film::Stats::clamped_radiance`]: a whole number,
+/// so that parts add up to the unbroken picture's.
+pub const CLAMPED: &str = "clamped_radiance_2e-32";
+
+/// What takes the paths, as pictures name it.
+fn backend_name(rendering: &Rendering<'_>) -> &'static str {
+    rendering.kernel().map_or("walk", |k| k.backend().name())
+}
+
+/// What the picture file records of how it was made.
+pub fn attributes(
+    args: &RenderArgs,
+    file: &SceneFile,
+    identity: &Identity,
+    rendering: &Rendering<'_>,
+) -> Attributes {
+    let name = args.scene.file_name().unwrap_or_default();
+    let mut attributes = vec![
+        ("version", VERSION.to_owned()),
+        ("scene", name.to_string_lossy().into_owned()),
+        ("backend", backend_name(rendering).to_owned()),
+    ];
+    attributes.extend(identity.attributes(&SampleRanges::one(rendering.taken())));
+    if let Some(limit) = file.render.clamp {
+        attributes.push(("clamp", limit.to_string()));
+        let removed = rendering.stats().clamped_radiance;
+        attributes.push((CLAMPED, removed.to_string()));
+    }
+    attributes.into_iter().collect()
+}
+
+/// Samples that no film holds are missing from the picture, which nobody would see.
+pub fn warn_of_rejected_samples(rendering: &Rendering<'_>) {
+    let stats = rendering.stats();
+    if stats.rejected > 0 {
+        note!(
+            "organza: warning: {} of {} samples were brighter than {:e} or not finite and are \
+             left out: the picture is darker than it should be; use dimmer lights and more \
+             exposure",
+            stats.rejected,
+            stats.paths,
+            Pixel::RADIANCE_LIMIT
+        );
+    }
+}
+
+/// How many samples are taken, of how many.
+pub fn taken_words(rendering: &Rendering<'_>) -> String {
+    let taken = rendering.taken().end - rendering.taken().start;
+    format!("{taken} of {} samples", taken + rendering.left())
+}
+
+/// Whether errors are known: that of a single sample is not, and is no 0.
+fn has_errors(rendering: &Rendering<'_>) -> bool {
+    let taken = rendering.taken();
+    taken.end - taken.start > 1
+}
+
+/// A number that is not known of one sample.
+const UNKNOWN: &str = "unknown (one sample)";
+
+/// Prints why the render stopped.
+pub fn print_reason(rendering: &Rendering<'_>, stop: Stop, targets: Targets) {
+    let film = rendering.film();
+    let why = match stop {
+        Stop::Done => "all samples taken",
+        Stop::TimeLimit => "time limit reached",
+        Stop::TargetError(_) => "",
+        Stop::Interrupted => "interrupted",
+    };
+    let reached = match stop {
+        Stop::TargetError(errors) => format!("target error reached{}", errors.words()),
+        _ if !targets.are_given() => String::new(),
+        _ if !has_errors(rendering) => format!(", error {UNKNOWN}"),
+        _ => format!(
+            ", target error {}reached{}",
+            if targets.are_met(film) { "" } else { "not " },
+            targets.errors(film).words()
+        ),
+    };
+    note!(
+        "stopped       {why}{reached}; {} a pixel",
+        taken_words(rendering)
+    );
+}
+
+/// Prints what was rendered and, with `--stats`, the counts.
+pub fn print(
+    args: &RenderArgs,
+    file: &SceneFile,
+    rendering: &Rendering<'_>,
+    why_walk: Option<&KernelRefusal>,
+    paths: u64,
+    times: &Times,
+    total_s: f64,
+) {
+    let render_s = times.render_s;
+    let (film, stats) = (rendering.film(), rendering.stats());
+    let rate = paths as f64 / render_s.max(1e-9);
+    note!(
+        "{}: {} x {}, {paths} paths in {total_s:.1} s ({render_s:.1} s tracing, {:.2} M paths/s)",
+        args.outfile.display(),
+        film.size().x,
+        film.size().y,
+        rate * 1e-6,
+    );
+    if !args.stats {
+        return;
+    }
+    let per_path = |n: u64| n as f64 / stats.paths.max(1) as f64;
+    let why = why_walk.map_or(String::new(), |why| format!(": {why}"));
+    note!("backend       {}{why}", backend_name(rendering));
+    note!(
+        "collisions    {:.3} real, {:.3} tentative a path",
+        per_path(stats.collisions),
+        per_path(stats.tentative)
+    );
+    note!(
+        "shadow rays   {:.3} a path, {:.3} steps",
+        per_path(stats.shadow_rays),
+        per_path(stats.shadow_steps)
+    );
+    note!("cut           {} paths at the bounce limit", stats.cut);
+    note!(
+        "rejected      {} samples (NaN, infinite, negative or above {:e})",
+        stats.rejected,
+        Pixel::RADIANCE_LIMIT
+    );
+    let means = film.mean();
+    if file.render.clamp.is_some() {
+        let removed = stats.clamped_radiance as f64 / 2f64.powi(32);
+        let kept = means.iter().map(|m| m.0).sum::<f64>() * stats.paths as f64;
+        note!(
+            "clamped       {} samples; {:.4} % of the light removed",
+            stats.clamped,
+            100.0 * removed / (removed + kept).max(f64::MIN_POSITIVE)
+        );
+    }
+    let known = has_errors(rendering);
+    for (name, (mean, se)) in ["red", "green", "blue"].iter().zip(means) {
+        match known {
+            true => note!("mean {name:<6}   {mean:.6} +- {se:.6}"),
+            false => note!("mean {name:<6}   {mean:.6}"),
+        }
+    }
+    let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
+    let pixels = film.pixel_errors();
+    match known {
+        true => note!(
+            "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
+            film.relative_error(),
+            pixels.median,
+            pixels.worst_hundredth
+        ),
+        false => note!("error         {UNKNOWN}"),
+    }
+    note!(
+        "brightest     {:.3e}, {:.1} times the mean",
+        stats.brightest,
+        f64::from(stats.brightest) / mean.max(f64::MIN_POSITIVE)
+    );
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let film_mib = mib(Film::memory_bytes(film.size()));
+    match peak_memory_bytes() {
+        Some(peak) => {
+            let tables = rendering.kernel().map_or(0, Kernel::memory_bytes);
+            note!(
+                "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
+                mib(peak),
+                mib(tables)
+            );
+        }
+        None => note!("memory        {film_mib:.0} MiB of film"),
+    }
+}

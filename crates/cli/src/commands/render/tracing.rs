@@ -1,0 +1,60 @@
+//! The loop of a render: samples in passes, and checkpoints between them.
+
+use super::{RenderArgs, targets};
+use crate::checkpoint;
+use crate::identity::Identity;
+use crate::interrupt;
+use crate::output::note;
+use crate::progress::Progress;
+use crate::schedule::{Next, Schedule, Stop};
+use anyhow::Result;
+use organza_transport::Rendering;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// Takes samples until the schedule or the user says stop. A checkpoint that
+/// cannot be saved on the way is reported and tried again at the next time.
+///
+/// # Errors
+/// Those of the paths.
+pub fn trace<'a>(
+    args: &RenderArgs,
+    identity: &Identity,
+    mut rendering: Rendering<'a>,
+    started: Instant,
+) -> Result<(Rendering<'a>, Stop)> {
+    let mut schedule = Schedule::new(args.time_limit, targets(args));
+    let film_size = rendering.film().size();
+    let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
+    let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
+    let progress = Progress::new("rendering", paths, args.common.quiet);
+    let mut saved = Instant::now();
+    let mut is_reported = false;
+    let stop = loop {
+        let pass = match schedule.next(&rendering, started.elapsed(), interrupt::came()) {
+            Next::Stop(stop) => break stop,
+            Next::Take(samples) => samples,
+        };
+        let pass_started = Instant::now();
+        rendering = rendering.take(pass, &|news| {
+            progress.at(news.paths_done);
+            ControlFlow::Continue(())
+        })?;
+        schedule.took(pass, pass_started.elapsed());
+        if let Some(path) = &args.checkpoint
+            && saved.elapsed() >= args.checkpoint_every
+            && rendering.left() > 0
+        {
+            if let Err(e) = checkpoint::save(path, identity, &rendering)
+                && !std::mem::replace(&mut is_reported, true)
+            {
+                note!(
+                    "organza: warning: {e:#}; rendering continues, and the next checkpoint is tried"
+                );
+            }
+            saved = Instant::now();
+        }
+    };
+    progress.finish();
+    Ok((rendering, stop))
+}
