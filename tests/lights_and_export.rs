@@ -38,7 +38,7 @@ fn mistakes_in_lights_and_planes_are_told_with_their_key() {
         ),
         (
             "[[light]]\nkind = \"environment\"\nfile = \"not.exr\"\n",
-            "not.exr: expected an OpenEXR (.exr) or Radiance (.hdr) picture",
+            "not.exr: expected an OpenEXR (.exr), Radiance (.hdr) or TIFF (.tif) picture",
         ),
         (
             "[[light]]\nkind = \"environment\"\nfile = \"short.hdr\"\n",

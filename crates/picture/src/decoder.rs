@@ -2,7 +2,7 @@
 
 use crate::{Picture, PictureError};
 use glam::UVec2;
-use image::{ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use organza_basis::Rgb;
 use std::io::Cursor;
 
@@ -24,18 +24,42 @@ pub(crate) fn size(
     Ok(UVec2::new(width, height))
 }
 
-/// The values as they stand in the file, display values from 0 to 1.
+/// The values as they stand in the file; those of integers as display values from
+/// 0 to 1.
 pub(crate) fn decode(
     name: &'static str,
     bytes: &[u8],
     format: ImageFormat,
 ) -> Result<Picture, PictureError> {
     let decoded = reader(bytes, format).decode();
-    let picture = decoded
-        .map_err(|e| PictureError::broken(name, e))?
-        .into_rgb32f();
-    Ok(Picture {
-        size: UVec2::new(picture.width(), picture.height()),
-        pixels: picture.pixels().map(|p| Rgb::from(p.0)).collect(),
-    })
+    Ok(picture(decoded.map_err(|e| PictureError::broken(name, e))?))
+}
+
+/// The same of formats that hold radiance as floats, or else display values, which
+/// are refused.
+pub(crate) fn decode_floats(
+    name: &'static str,
+    bytes: &[u8],
+    format: ImageFormat,
+) -> Result<Picture, PictureError> {
+    let decoded = reader(bytes, format).decode();
+    let decoded = decoded.map_err(|e| PictureError::broken(name, e))?;
+    match decoded {
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => Ok(picture(decoded)),
+        other => Err(PictureError::broken(
+            name,
+            format!(
+                "it holds {:?} values; expected 32-bit floats in red, green and blue",
+                other.color()
+            ),
+        )),
+    }
+}
+
+fn picture(decoded: DynamicImage) -> Picture {
+    let decoded = decoded.into_rgb32f();
+    Picture {
+        size: UVec2::new(decoded.width(), decoded.height()),
+        pixels: decoded.pixels().map(|p| Rgb::from(p.0)).collect(),
+    }
 }

@@ -30,6 +30,7 @@ mod format;
 mod hdr;
 mod picture;
 pub mod png;
+mod tiff;
 
 pub use attributes::Attributes;
 pub use error::PictureError;
@@ -37,4 +38,4 @@ pub use format::{Format, Reader, WriteSeek, Writer, decode, format_of_bytes, for
 pub use picture::{Picture, Rendered};
 
 /// Every format, in the order in which messages list them.
-pub const FORMATS: &[&Format] = &[&exr::FORMAT, &png::FORMAT, &hdr::FORMAT];
+pub const FORMATS: &[&Format] = &[&exr::FORMAT, &png::FORMAT, &hdr::FORMAT, &tiff::FORMAT];
