@@ -6,6 +6,7 @@
 mod bench;
 mod compare;
 mod completions;
+mod difference;
 mod export;
 mod fit;
 mod info;
@@ -27,6 +28,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<voxelize::VoxelizeArgs>(),
     Registration::of::<measure::MeasureArgs>(),
     Registration::of::<compare::CompareArgs>(),
+    Registration::of::<difference::DifferenceArgs>(),
     Registration::of::<fit::FitArgs>(),
     Registration::of::<bench::BenchArgs>(),
     Registration::of::<weave::WeaveArgs>(),
