@@ -3,15 +3,23 @@
 use crate::error::{Result, input};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
+use crate::object::ClothTable;
 use crate::read;
 use crate::scene_build::BuildOptions;
-use crate::scene_file::ClothTable;
 use organza_basis::Budget;
 use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
 use std::path::Path;
 
 /// Millimetres to a unit of length: glTF prescribes metres, the others nothing.
 const GLTF_MM_PER_UNIT: f32 = 1000.0;
+
+/// The largest coordinate of a mesh or of the cloth on it, mm. There `f32`, in which
+/// both are kept, has steps of 1 mm, as wide as a coarse thread.
+const MAX_MM: f32 = 1e7;
+
+/// Length of cloth on a length of mesh, at most: each millimetre of a ray near the mesh
+/// passes that many millimetres of cloth, and takes that many times as long.
+const MAX_STRETCH: f32 = 1e3;
 
 /// The mesh of the cloth that is a scene's object of this index, if it has one.
 ///
@@ -53,6 +61,15 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         mm_per_uv,
     };
     let loader = options.loader;
+    for (key, length) in [
+        ("mm_per_unit", placement.mm_per_unit),
+        ("mm_per_uv", placement.mm_per_uv),
+    ] {
+        if length > MAX_MM {
+            let why = format!("expected at most {MAX_MM:e}, found {length:e}");
+            return Err(fail(key, &why));
+        }
+    }
     let bytes = loader.bytes(&path)?;
     let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
     let budget = &mut Budget::new(allowed);
@@ -66,8 +83,46 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         _ => return Err(fail("mesh", "expected a file .obj, .ply, .gltf or .glb")),
     }
     .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    check_size(&mesh).map_err(|(key, why)| fail(key, &why))?;
     warn_of_repairs(&path, mesh.repairs(), loader);
     Ok(Some(mesh))
+}
+
+/// Refuses what would take forever, or has no place in `f32`: a key and why.
+fn check_size(mesh: &Mesh) -> Result<(), (&'static str, String)> {
+    let vertices = || mesh.triangles().iter().flatten();
+    let far = |lengths: &mut dyn Iterator<Item = f32>| lengths.fold(0.0, f32::max);
+    let mesh_mm = far(&mut vertices().map(|v| v.position_mm.abs().max_element()));
+    let cloth_mm = far(&mut vertices().map(|v| v.uv_mm.abs().max_element()));
+    for (key, what, reach_mm) in [
+        ("mm_per_unit", "the mesh", mesh_mm),
+        ("mm_per_uv", "the cloth on it", cloth_mm),
+    ] {
+        if reach_mm > MAX_MM {
+            return Err((
+                key,
+                format!("{what} reaches {reach_mm:e} mm from the origin; at most {MAX_MM:e} mm"),
+            ));
+        }
+    }
+    let (mut cloth_mm2, mut mesh_mm2) = (0.0f64, 0.0f64);
+    for [a, b, c] in mesh.triangles() {
+        let [u, v] = [b.uv_mm - a.uv_mm, c.uv_mm - a.uv_mm];
+        cloth_mm2 += f64::from(u.perp_dot(v).abs());
+        let normal = (b.position_mm - a.position_mm).cross(c.position_mm - a.position_mm);
+        mesh_mm2 += f64::from(normal.length());
+    }
+    let stretch = (cloth_mm2 / mesh_mm2).sqrt();
+    if stretch > f64::from(MAX_STRETCH) {
+        return Err((
+            "mm_per_uv",
+            format!(
+                "lays {stretch:.0} mm of cloth on every millimetre of the mesh; at most \
+                 {MAX_STRETCH}"
+            ),
+        ));
+    }
+    Ok(())
 }
 
 fn warn_of_repairs(path: &Path, repairs: Repairs, loader: &Loader<'_>) {

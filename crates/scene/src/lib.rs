@@ -5,18 +5,22 @@
 //! the warnings and reports progress.
 
 pub mod auto;
+pub mod camera;
 pub mod cloth_levels;
-pub mod cloth_object;
 mod drape;
 pub mod environment_file;
 mod error;
 pub mod fabric_file;
 mod fibre_optics;
 pub mod file_kind;
+pub mod light;
+mod loaded_scene;
 pub mod loader;
 pub mod memory;
 pub mod mitsuba;
+pub mod object;
 pub mod optics;
+pub mod overrides;
 pub mod patches;
 pub mod read;
 pub mod representation;
@@ -25,6 +29,6 @@ pub mod scene_build;
 pub mod scene_file;
 mod toml_words;
 pub mod volume_file;
-pub mod volume_object;
 
 pub use error::{InputError, Result};
+pub use loaded_scene::{LoadedScene, from_str, load};

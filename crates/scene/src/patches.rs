@@ -1,16 +1,15 @@
 //! Patches to measure: the representations of a fabric file's cloth.
 
+use crate::camera::of_a_goniometer;
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
 use crate::representation::{Build, ModelKey, Representation, ShownAs, VoxelSource};
 use crate::scattering::ScatteringTable;
-use glam::{DVec3, UVec2, Vec2};
+use glam::{UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
-use organza_transport::{
-    AnyMedium, Camera, CameraPose, Integrator, PixelFilter, Projection, Scene,
-};
+use organza_transport::{AnyMedium, Integrator, Scene};
 use organza_volume::Octree;
 use std::path::Path;
 use std::sync::Arc;
@@ -154,18 +153,11 @@ pub fn fabric_patch(
 }
 
 fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
-    // A goniometer has no camera, but every scene does.
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
+    let camera = of_a_goniometer().map_err(|e| input(format!("{}: {e}", path.display())))?;
     let scene = Scene {
         media: vec![medium],
         lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?,
+        camera,
     };
     let patch = VolumePatch::new(scene, Integrator::Woodcock)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;

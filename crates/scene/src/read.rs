@@ -4,6 +4,7 @@
 use crate::error::{Result, input};
 use crate::file_kind::{self, Wanted};
 use crate::memory::free_memory_bytes;
+use crate::overrides::overridden;
 use crate::toml_words;
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
@@ -208,37 +209,6 @@ pub fn toml_changed<T: DeserializeOwned>(
     overridden(table, removed, overrides)?.or_else(|e| parsed.and(Err(e)))
 }
 
-/// Checks overrides against a text that is known to be right.
-///
-/// # Errors
-/// Names the flag.
-pub fn check_overrides<T: DeserializeOwned>(source: &str, overrides: &[String]) -> Result<()> {
-    let table = ::toml::from_str(source).map_err(|e| input(e.to_string()))?;
-    overridden::<T>(table, &[], overrides)?.map(|_| ())
-}
-
-/// The outer error is an override that cannot be applied, the inner one what came
-/// of all of them.
-fn overridden<T: DeserializeOwned>(
-    mut table: ::toml::Table,
-    removed: &[String],
-    overrides: &[String],
-) -> Result<Result<T>> {
-    for o in overrides {
-        apply_override(&mut table, o)?;
-    }
-    for key in removed {
-        remove(&mut table, key);
-    }
-    Ok(table.try_into().map_err(|e: ::toml::de::Error| {
-        input(format!(
-            "--set {}: {}",
-            overrides.join(" --set "),
-            toml_words::plain(e.message(), None)
-        ))
-    }))
-}
-
 /// 1-based line and column (in characters) of a byte offset.
 fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
     let before = source.get(..offset).unwrap_or(source);
@@ -270,76 +240,6 @@ fn key_at(source: &str, offset: usize) -> Option<String> {
     let (key, _) = line.split_once('=')?;
     let key = key.trim();
     Some(table.map_or(key.to_owned(), |t| format!("{t}.{key}")))
-}
-
-/// Applies `key.path=value` to a table; numbers name elements of arrays.
-fn apply_override(table: &mut ::toml::Table, text: &str) -> Result<()> {
-    let fail = |why: String| input(format!("--set {text}: {why}"));
-    let (path, value) = text
-        .split_once('=')
-        .ok_or_else(|| fail("expected key.path=value".into()))?;
-    // A bare word is a string: --set render.integrator=regular.
-    let value = ::toml::from_str::<::toml::Table>(&format!("v = {value}"))
-        .ok()
-        .and_then(|mut t| t.remove("v"))
-        .unwrap_or_else(|| ::toml::Value::String(value.to_owned()));
-    let keys: Vec<&str> = path.split('.').map(str::trim).collect();
-    let (Some((last, folders)), false) = (keys.split_last(), keys.contains(&"")) else {
-        return Err(fail("expected key.path=value".into()));
-    };
-    let mut whole = ::toml::Value::Table(std::mem::take(table));
-    let mut at = &mut whole;
-    for (i, key) in folders.iter().enumerate() {
-        at = match at {
-            ::toml::Value::Table(t) => t
-                .entry(*key)
-                .or_insert_with(|| ::toml::Value::Table(::toml::Table::new())),
-            other => element(other, &keys, i).map_err(fail)?,
-        };
-    }
-    match at {
-        ::toml::Value::Table(t) => {
-            t.insert((*last).to_owned(), value);
-        }
-        other => *element(other, &keys, folders.len()).map_err(fail)? = value,
-    }
-    if let ::toml::Value::Table(whole) = whole {
-        *table = whole;
-    }
-    Ok(())
-}
-
-/// Removes the value at `key.path`, if there is one.
-fn remove(table: &mut ::toml::Table, path: &str) {
-    let (folders, last) = path.rsplit_once('.').unwrap_or(("", path));
-    let mut folders = folders.split('.').filter(|f| !f.is_empty());
-    let at = folders.try_fold(table, |t, key| t.get_mut(key)?.as_table_mut());
-    if let Some(table) = at {
-        table.remove(last);
-    }
-}
-
-/// The element of a list that `keys[i]` names.
-fn element<'a>(
-    value: &'a mut ::toml::Value,
-    keys: &[&str],
-    i: usize,
-) -> Result<&'a mut ::toml::Value, String> {
-    let (before, rest) = keys.split_at(i);
-    let (before, key) = (before.join("."), rest.first().copied().unwrap_or_default());
-    let ::toml::Value::Array(list) = value else {
-        return Err(format!("`{key}` lies inside a value that is not a table"));
-    };
-    let count = list.len();
-    let Ok(index) = key.parse::<usize>() else {
-        return Err(format!(
-            "`{before}` is a list of {count}; write {before}.0.{}",
-            rest.join(".")
-        ));
-    };
-    list.get_mut(index).ok_or_else(|| {
-        format!("`{key}` is not an element of `{before}`; there are {count}, from 0")
-    })
 }
 
 #[cfg(test)]
@@ -387,6 +287,12 @@ mod tests {
         let words = parse(good, &["inner.list.x=1.0"]).unwrap_err().to_string();
         assert!(
             words.ends_with("`inner.list` is a list of 2; write inner.list.0.x"),
+            "{words}"
+        );
+        let deep = format!("{}=1", vec!["a"; 30_000].join("."));
+        let words = parse(good, &[&deep]).unwrap_err().to_string();
+        assert!(
+            words.ends_with("at most 16 names, found one of 30000"),
             "{words}"
         );
     }

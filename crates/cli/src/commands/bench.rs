@@ -16,8 +16,8 @@ use crate::report::bench::BenchReport;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_scene::auto::table::{self, Row};
-use organza_scene::read;
 use organza_scene::scene_file::SceneFile;
+use organza_scene::{overrides, read};
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -95,7 +95,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         lit: Lit::Front,
     };
     let scene = view.scene("cloth.toml", args.resolution);
-    read::check_overrides::<SceneFile>(&scene, &args.common.set)?;
+    overrides::check_overrides::<SceneFile>(&scene, &args.common.set)?;
     let folder = |name: &str| {
         let path = args.outfile.join(name);
         std::fs::create_dir_all(&path)

@@ -57,8 +57,6 @@ pub struct MitsubaArgs {
 }
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::mitsuba::{self, Tiling};
-use organza_scene::scene_build::{self, BuildOptions};
-use organza_scene::scene_file;
 
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> Result<()> {
@@ -80,18 +78,14 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         output::check_writable(&scene_path)?;
     }
     let (file, scene, read) = watched(args.common.quiet, |loader| {
-        let file = scene_file::load(&args.scene, &args.common.set, loader)?;
-        let build = BuildOptions {
-            scene_path: &args.scene,
-            loader,
-            max_memory_bytes: args.memory.max_memory,
-        };
-        let scene = scene_build::scene(&file, &build)?;
-        Ok((file, scene, loader.inputs()))
+        let loaded = organza_scene::load(&args.scene, &args.common.set, loader)?;
+        loaded.file.camera(&args.scene)?;
+        let scene = loaded.build(args.memory.max_memory, loader)?;
+        Ok((loaded.file, scene, loader.inputs()))
     })?;
     let tiling = Tiling {
         repeats: args.repeats,
-        around_mm: DVec3::from(file.camera.target_mm),
+        around_mm: DVec3::from(file.camera(&args.scene)?.target_mm),
         max_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
     };
     let export = mitsuba::export(&scene, file.render.spp, file.render.max_bounces, &tiling)

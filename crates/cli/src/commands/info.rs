@@ -10,10 +10,10 @@ use organza_basis::{Aabb, Budget};
 use organza_light::LightTable;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
-use organza_scene::scene_build::{self, BuildOptions};
-use organza_scene::scene_file::{self, IntegratorName, ObjectTable, is_scene};
-use organza_scene::volume_object::VolumeObject;
-use organza_scene::{auto, cloth_object, fabric_file, read, volume_file};
+use organza_scene::object::At;
+use organza_scene::scene_build::BuildOptions;
+use organza_scene::scene_file::{IntegratorName, is_scene};
+use organza_scene::{fabric_file, light, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
@@ -160,12 +160,9 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
 /// mistakes in it are reported as by `render`.
 fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let loader = &Loader::new();
-    let mut file = scene_file::load(path, overrides, loader)?;
-    let fail = |why| input(format!("{}: render.{why}", path.display()));
-    file.render.check().map_err(fail)?;
-    scene_build::check(&file, path)?;
-    let chosen = auto::resolve(&mut file, path, loader)?;
-    scene_build::lights(&file, path, loader)?;
+    let loaded = organza_scene::load(path, overrides, loader)?;
+    let (file, chosen) = (&loaded.file, &loaded.chosen);
+    light::lights(file, path, loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let options = BuildOptions {
         scene_path: path,
@@ -174,12 +171,19 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     };
     let objects = file.object.iter().enumerate();
     let objects = objects
-        .map(|(i, table)| object_info(table, i, as_fibres, &options))
+        .map(|(index, table)| {
+            let at = At {
+                index,
+                as_fibres,
+                scene_path: path,
+            };
+            Ok(table.describe(&at, &options)?)
+        })
         .collect::<Result<Vec<Value>>>()?;
     let mut listing = json!({
         "kind": "scene",
-        "camera": file.camera.kind.name(),
-        "resolution": file.camera.resolution,
+        "camera": file.camera.as_ref().map(|c| c.kind.name),
+        "resolution": file.camera.as_ref().map(|c| c.resolution),
         "spp": file.render.spp,
         "seed": file.render.seed,
         "lights": file.light.iter().map(light_info).collect::<Vec<_>>(),
@@ -195,36 +199,6 @@ fn light_info(table: &LightTable) -> Value {
     match table.file() {
         Some(file) => json!({ "kind": table.kind(), "file": file }),
         None => json!({ "kind": table.kind() }),
-    }
-}
-
-fn object_info(
-    table: &ObjectTable,
-    index: usize,
-    as_fibres: bool,
-    options: &BuildOptions<'_>,
-) -> Result<Value> {
-    match table {
-        ObjectTable::Plane(_) => Ok(json!({ "kind": "plane" })),
-        ObjectTable::Grid(t) => {
-            let budget = &mut Budget::new(free_memory_bytes());
-            scene_build::grid(t, options, budget)?;
-            Ok(json!({ "kind": "grid", "extinction": t.extinction, "sggx": t.sggx }))
-        }
-        ObjectTable::Volume(t) => {
-            let mut budget = Budget::new(free_memory_bytes());
-            let model = VolumeObject::new(t, index, options).check(&mut budget)?;
-            Ok(json!({ "kind": "volume", "file": t.file, "model": model }))
-        }
-        ObjectTable::Cloth(t) => {
-            let shown = cloth_object::check(t, index, as_fibres, options)?;
-            let mut listing =
-                json!({ "kind": "cloth", "fabric": t.fabric, "model": shown.to_string() });
-            if let Some(mesh) = &t.mesh {
-                listing["mesh"] = json!(mesh);
-            }
-            Ok(listing)
-        }
     }
 }
 

@@ -25,9 +25,8 @@ use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::{FIBRES, SURFACE, ShownAs};
-use organza_scene::scene_build::{self, BuildOptions};
 use organza_scene::scene_file::{self, IntegratorName, is_scene};
-use organza_scene::{fabric_file, read};
+use organza_scene::{LoadedScene, fabric_file, read};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -246,13 +245,9 @@ fn scene_patch(
             )));
         }
     }
-    let build = BuildOptions {
-        scene_path: &args.file,
-        loader,
-        max_memory_bytes: args.memory.max_memory,
-    };
-    let scene = scene_build::scene(&file, &build)?;
-    let patch = VolumePatch::new(scene, file.render.integrator.into())
+    let loaded = LoadedScene::new(file, &args.file, loader)?;
+    let scene = loaded.build(args.memory.max_memory, loader)?;
+    let patch = VolumePatch::new(scene, loaded.file.render.integrator.into())
         .map_err(|e| input(format!("{}: {e}", args.file.display())))?;
     let bounds = patch.bounds_mm();
     let grid = TexelGrid {

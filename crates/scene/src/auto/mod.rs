@@ -10,9 +10,10 @@ use crate::error::{Result, input};
 use crate::fabric_file;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
+use crate::object::{ClothTable, Lod, LodName, ObjectTable};
 use crate::representation::{Build, FIBRES, ModelKey, Representation, Tracker};
 use crate::scene_build::{self, BuildOptions};
-use crate::scene_file::{ClothTable, IntegratorName, Lod, LodName, ObjectTable, SceneFile};
+use crate::scene_file::{IntegratorName, SceneFile};
 use crate::{drape, read};
 use lit::Lit;
 use organza_basis::SegmentSource;
@@ -25,6 +26,10 @@ use table::{Recommendation, Traits, candidates, nearest, recommend};
 /// Error of a pixel, of model and noise together, that is tolerated unless a
 /// cloth says otherwise: a share of the picture's mean.
 const TOLERANCE: f64 = 0.1;
+
+/// The greatest error that can be tolerated: at ten times the picture's brightness
+/// every choice is within.
+const MAX_TOLERANCE: f64 = 10.0;
 
 /// What was chosen for a cloth, and why.
 #[derive(Clone, Debug, Serialize)]
@@ -107,7 +112,7 @@ fn check(table: &ClothTable) -> Result<(), String> {
         return Err(format!(".{key}: model = \"auto\" decides it; leave it out"));
     }
     match table.tolerance {
-        Some(t) if !(t > 0.0 && t.is_finite()) => Err(format!(
+        Some(t) if !(t > 0.0 && t <= MAX_TOLERANCE) => Err(format!(
             ".tolerance: expected a positive share of the picture's brightness such as 0.1, found {t}"
         )),
         _ => Ok(()),
@@ -127,8 +132,13 @@ fn choose(
         loader,
         max_memory_bytes: None,
     };
-    let camera =
-        scene_build::camera(&file.camera).map_err(|why| fail(&format!("camera: {why}")))?;
+    let Some(seen) = &file.camera else {
+        return Err(fail(&format!(
+            "object[{index}].model: \"auto\" chooses by the camera's pixels; name a \
+             representation, or add a [camera]"
+        )));
+    };
+    let camera = scene_build::camera(file, scene_path)?;
     let path = read::beside(scene_path, &table.fabric);
     let mut fabric = fabric_file::load(&path, &[], loader)?;
     fabric
@@ -147,7 +157,7 @@ fn choose(
         Lit::ALL.to_vec()
     } else {
         let middle = f64::from(place.bounds_mm.centre().z);
-        lit_sides(&file.light, file.camera.origin_mm[2], middle)
+        lit_sides(&file.light, seen.origin_mm[2], middle)
     };
     let rows = table::measured();
     let traits = Traits::of(&fabric);

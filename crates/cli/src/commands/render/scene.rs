@@ -8,11 +8,12 @@ use crate::output;
 use crate::output::note;
 use anyhow::Result;
 use glam::UVec2;
-use organza_scene::auto::{self, Chosen};
+use organza_scene::LoadedScene;
+use organza_scene::auto::Chosen;
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
-use organza_scene::scene_build::{self, BuildOptions};
+use organza_scene::scene_build;
 use organza_scene::scene_file::{self, SceneFile};
 use organza_transport::{Crop, Film, Integrator, RenderSettings, Scene};
 use std::ops::Range;
@@ -52,18 +53,14 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
     }
     check(args, &file, loader)?;
     let most_bytes = memory_beside_film(args, &file)?;
-    let chosen = auto::resolve(&mut file, &args.scene, loader)?;
+    let loaded = LoadedScene::new(file, &args.scene, loader)?;
     if !args.common.quiet {
-        for chosen in &chosen {
+        for chosen in &loaded.chosen {
             note!("{}: {chosen}", args.scene.display());
         }
     }
-    let build = BuildOptions {
-        scene_path: &args.scene,
-        loader,
-        max_memory_bytes: Some(most_bytes),
-    };
-    let scene = scene_build::scene(&file, &build)?;
+    let scene = loaded.build(Some(most_bytes), loader)?;
+    let LoadedScene { file, chosen, .. } = loaded;
     let read = loader.inputs();
     for path in [Some(&args.outfile), args.checkpoint.as_ref()] {
         if let Some(path) = path {
@@ -90,7 +87,7 @@ fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()>
     let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
     file.render.check().map_err(fail)?;
     scene_build::check(file, &args.scene)?;
-    let size = UVec2::from(file.camera.resolution);
+    let size = UVec2::from(file.camera(&args.scene)?.resolution);
     let crop = args.crop.unwrap_or(Crop {
         min: UVec2::ZERO,
         max: size,
@@ -135,7 +132,7 @@ fn samples(args: &RenderArgs, file: &SceneFile) -> Range<u64> {
 /// Memory that the film leaves to the scene. The film is held twice when it is
 /// written or resumed.
 fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
-    let whole = UVec2::from(file.camera.resolution);
+    let whole = UVec2::from(file.camera(&args.scene)?.resolution);
     let size = args
         .crop
         .map_or(whole, |c| c.max.min(whole).saturating_sub(c.min));

@@ -1,19 +1,117 @@
-//! `[[object]]` of `kind = "cloth"`: a fabric, laid where a scene says.
+//! `kind = "cloth"`: a fabric, laid where a scene says.
 
+use super::{At, Lod, LodName, ObjectKind};
 use crate::cloth_levels::{FarSheet, Levels, Place};
 use crate::drape;
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
 use crate::memory::free_memory_bytes;
+use crate::optics::OpticsFile;
 use crate::read;
-use crate::representation::{Build, FIBRES, Settings, ShownAs, VoxelBuild, VoxelSource, owners};
+use crate::representation::{
+    Build, FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
+};
+use crate::scattering::{EventName, ScatteringTable};
 use crate::scene_build::BuildOptions;
-use crate::scene_file::{ClothTable, Lod, LodName};
-use organza_basis::SegmentSource;
+use organza_basis::{Budget, SegmentSource};
+use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
 use organza_volume::{Octree, Plan};
+use serde::Deserialize;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
+
+/// A cloth: a fabric, laid where the scene says.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClothTable {
+    /// A fabric file.
+    pub fabric: String,
+    /// How it is shown; as the fabric's `[scattering]` states if none.
+    pub model: Option<ModelKey>,
+    /// Micro-flakes: their family.
+    pub flake: Option<FlakeFamily>,
+    /// Old key of `model = "virtual-scattering"`.
+    pub event: Option<EventName>,
+    /// Virtual scattering: direct light of the first event sees what stands in
+    /// its way within two voxels as tables counted from the fibres tell.
+    #[serde(default)]
+    pub local_visibility: bool,
+    /// How fibres scatter, before what the fabric says of it.
+    #[serde(default)]
+    pub optics: OpticsFile,
+    /// Level of detail.
+    #[serde(default)]
+    pub lod: Lod,
+    /// With model = "auto": error of a pixel, a share of the picture's mean, that
+    /// is tolerated.
+    pub tolerance: Option<f64>,
+    /// A mesh with texture coordinates to lay the cloth over.
+    pub mesh: Option<String>,
+    /// With `mesh`: length of its units; 1000 for glTF and else 1, if none.
+    pub mm_per_unit: Option<f32>,
+    /// With `mesh`: cloth to a unit of texture coordinate.
+    pub mm_per_uv: Option<f32>,
+    /// Overrides the fabric's own voxel size.
+    pub voxel_um: Option<f32>,
+    /// Overrides the fabric's own seed.
+    pub seed: Option<u64>,
+    /// Where the cloth is: x and y of two corners; without end if none.
+    pub extent_mm: Option<[f32; 4]>,
+}
+
+impl ClothTable {
+    /// Its keys of a [`ScatteringTable`].
+    pub fn scattering(&self) -> ScatteringTable {
+        ScatteringTable {
+            model: self.model,
+            flake: self.flake,
+            event: self.event,
+        }
+    }
+}
+
+impl ObjectKind for ClothTable {
+    fn check(&self, at: &At<'_>) -> Result<()> {
+        let fabric = read::beside(at.scene_path, &self.fabric);
+        if let Some(why) = read::unreachable(&fabric) {
+            return Err(at.fail(format!(".fabric: {why}")));
+        }
+        if self.extent_mm.is_some() && self.mesh.is_some() {
+            return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
+        }
+        if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
+            return Err(at.fail(format!(
+                ".voxel_um: expected a positive number of micrometres, found {found}"
+            )));
+        }
+        Ok(())
+    }
+
+    fn extent_mm(&self) -> Option<[f32; 4]> {
+        self.extent_mm
+    }
+
+    fn describe(&self, at: &At<'_>, options: &BuildOptions<'_>) -> Result<Value> {
+        let shown = check(self, at.index, at.as_fibres, options)?;
+        let mut about = json!({ "fabric": self.fabric, "model": shown.to_string() });
+        if let Some(mesh) = &self.mesh {
+            about["mesh"] = json!(mesh);
+        }
+        Ok(about)
+    }
+
+    fn medium(
+        &self,
+        at: &At<'_>,
+        camera: &Camera,
+        options: &BuildOptions<'_>,
+        _: &mut Budget,
+    ) -> Result<AnyMedium> {
+        medium(self, at.index, at.as_fibres, camera, options)
+    }
+}
 
 /// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
 /// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
@@ -110,7 +208,7 @@ fn plan<'a>(
 ///
 /// # Errors
 /// Those of [`medium`].
-pub fn check(
+fn check(
     table: &ClothTable,
     index: usize,
     as_fibres: bool,
@@ -132,7 +230,7 @@ pub fn check(
 ///
 /// # Errors
 /// Names the file and the key at fault.
-pub fn medium(
+fn medium(
     table: &ClothTable,
     index: usize,
     as_fibres: bool,

@@ -1,7 +1,9 @@
-//! `[[object]]` of `kind = "volume"`: a volume file, laid where a scene says.
+//! `kind = "volume"`: a volume file, laid where a scene says.
 
+use super::cloth::{ClothTable, Laying};
+use super::grid::channels;
+use super::{At, Lod, LodName, ObjectKind};
 use crate::cloth_levels::{Levels, Place};
-use crate::cloth_object::Laying;
 use crate::drape;
 use crate::error::{Result, input};
 use crate::fabric_file::{self, Fabric};
@@ -10,8 +12,7 @@ use crate::optics::{self, EVERY_YARN, OpticsFile};
 use crate::read;
 use crate::representation::{MICROFLAKE, ModelKey, ShownAs, VoxelBuild};
 use crate::scattering::EventName;
-use crate::scene_build::{BuildOptions, channels};
-use crate::scene_file::{ClothTable, Lod, LodName};
+use crate::scene_build::BuildOptions;
 use crate::volume_file;
 use glam::Vec3;
 use organza_basis::{Aabb, Budget, FibreComponent, Mixture, Rgb};
@@ -21,6 +22,7 @@ use organza_volume::format::{self, FORMATS, Format, Volume};
 use organza_volume::ovox::Stored;
 use organza_volume::{Footprint, GridSet, Octree, VolGrid};
 use serde::Deserialize;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -82,11 +84,11 @@ impl VolumeTable {
         }
     }
 
-    /// Refuses what can be told without opening the file.
+    /// Refuses what can be refused without opening the file.
     ///
     /// # Errors
     /// `.key: why`.
-    pub fn check(&self, as_fibres: bool, scene_path: &Path) -> Result<(), String> {
+    fn check_keys(&self, as_fibres: bool, scene_path: &Path) -> Result<(), String> {
         if as_fibres {
             return Err(": a volume has no fibres for render.integrator = \"fibres\"".into());
         }
@@ -123,6 +125,34 @@ impl VolumeTable {
     }
 }
 
+impl ObjectKind for VolumeTable {
+    fn check(&self, at: &At<'_>) -> Result<()> {
+        self.check_keys(at.as_fibres, at.scene_path)
+            .map_err(|why| at.fail(why))
+    }
+
+    fn extent_mm(&self) -> Option<[f32; 4]> {
+        self.extent_mm
+    }
+
+    fn describe(&self, at: &At<'_>, options: &BuildOptions<'_>) -> Result<Value> {
+        let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
+        let object = VolumeObject::new(self, at.index, options);
+        let model = object.check(&mut Budget::new(allowed))?;
+        Ok(json!({ "file": self.file, "model": model }))
+    }
+
+    fn medium(
+        &self,
+        at: &At<'_>,
+        camera: &Camera,
+        options: &BuildOptions<'_>,
+        budget: &mut Budget,
+    ) -> Result<AnyMedium> {
+        VolumeObject::new(self, at.index, options).medium(camera, budget)
+    }
+}
+
 fn format_of(path: &Path) -> Result<&'static Format, String> {
     format::by_name(&path.to_string_lossy()).ok_or_else(|| {
         let endings: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.ending)).collect();
@@ -135,7 +165,7 @@ fn format_of(path: &Path) -> Result<&'static Format, String> {
 }
 
 /// A volume that is a scene's object, opened.
-pub struct VolumeObject<'a> {
+struct VolumeObject<'a> {
     table: &'a VolumeTable,
     index: usize,
     path: PathBuf,

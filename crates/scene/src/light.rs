@@ -1,0 +1,34 @@
+//! The lights of a scene, with the pictures that they name.
+
+use crate::error::{Result, input};
+use crate::loader::Loader;
+use crate::scene_file::SceneFile;
+use crate::{environment_file, read};
+use organza_light::{Light, LightTable, LoadedPicture};
+use std::path::Path;
+
+/// The lights of a scene file, with the pictures that they name.
+///
+/// # Errors
+/// Names the file and key at fault.
+pub fn lights(file: &SceneFile, scene_path: &Path, loader: &Loader<'_>) -> Result<Vec<Light>> {
+    let tables = file.light.iter().enumerate();
+    let built = tables.map(|(i, table)| {
+        light(table, scene_path, loader)
+            .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
+    });
+    built.collect()
+}
+
+fn light(t: &LightTable, scene_path: &Path, loader: &Loader<'_>) -> Result<Light, String> {
+    let load = |name: &str| {
+        let path = read::beside(scene_path, name);
+        let (size, pixels) = environment_file::decode(&path, loader)?;
+        Ok(LoadedPicture {
+            name: path.display().to_string(),
+            size,
+            pixels,
+        })
+    };
+    t.build(&load).map_err(|e| e.to_string())
+}

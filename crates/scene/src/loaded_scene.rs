@@ -1,0 +1,126 @@
+//! A scene that was read, checked and made definite, ready to be built.
+
+use crate::auto::{self, Chosen};
+use crate::error::{Result, input};
+use crate::file_kind::Wanted;
+use crate::loader::Loader;
+use crate::read;
+use crate::scene_build::{self, BuildOptions};
+use crate::scene_file::{self, SceneFile};
+use organza_transport::Scene;
+use std::path::{Path, PathBuf};
+
+/// A scene file whose every `model = "auto"` was replaced by what suits it.
+#[derive(Debug)]
+pub struct LoadedScene {
+    /// The file, after all overrides and choices.
+    pub file: SceneFile,
+    /// Where it is: paths inside are relative to its folder.
+    pub path: PathBuf,
+    /// What was chosen for cloths of `model = "auto"`, and why.
+    pub chosen: Vec<Chosen>,
+}
+
+/// Reads and checks a scene file with `key.path=value` overrides, and resolves
+/// `model = "auto"`. Nothing is voxelized yet.
+///
+/// ```no_run
+/// use organza_scene::loader::Loader;
+/// use std::path::Path;
+///
+/// # fn main() -> organza_scene::Result<()> {
+/// let loader = Loader::new();
+/// let overrides = ["render.spp=16".to_owned()];
+/// let loaded = organza_scene::load(Path::new("scene.toml"), &overrides, &loader)?;
+/// let scene = loaded.build(None, &loader)?;
+/// assert_eq!(scene.media.len(), loaded.file.object.len());
+/// for warning in loader.warnings() {
+///     eprintln!("{warning}");
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// Names the file, the place and the key at fault.
+pub fn load(path: &Path, overrides: &[String], loader: &Loader<'_>) -> Result<LoadedScene> {
+    LoadedScene::new(scene_file::load(path, overrides, loader)?, path, loader)
+}
+
+/// The same for the text of a scene. Paths in it are relative to the folder of
+/// `path`, which need not exist and stands in messages.
+///
+/// ```
+/// use organza_scene::loader::Loader;
+/// use std::path::Path;
+///
+/// # fn main() -> organza_scene::Result<()> {
+/// let text = r#"
+///     [camera]
+///     origin_mm = [0.0, 0.0, 5.0]
+///     target_mm = [0.0, 0.0, 0.0]
+///     width_mm = 1.0
+///
+///     [[light]]
+///     kind = "environment"
+///     radiance = [1.0, 1.0, 1.0]
+///
+///     [[object]]
+///     kind = "plane"
+///     position_mm = [0.0, 0.0, 0.0]
+///     reflectance = [0.5, 0.5, 0.5]
+/// "#;
+/// let loader = Loader::new();
+/// let path = Path::new("in_memory.toml");
+/// let scene = organza_scene::from_str(text, path, &[], &loader)?.build(None, &loader)?;
+/// assert_eq!((scene.lights.len(), scene.media.len()), (1, 1));
+/// let wrong = organza_scene::from_str("[render]\nsp = 1", path, &[], &loader);
+/// assert!(wrong.unwrap_err().to_string().ends_with("did you mean `spp`?"));
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// As [`load`].
+pub fn from_str(
+    text: &str,
+    path: &Path,
+    overrides: &[String],
+    loader: &Loader<'_>,
+) -> Result<LoadedScene> {
+    let file = read::toml_changed(path, text, &[], overrides, Wanted::Scene)?;
+    LoadedScene::new(file, path, loader)
+}
+
+impl LoadedScene {
+    /// Checks a file and resolves `model = "auto"`.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn new(mut file: SceneFile, path: &Path, loader: &Loader<'_>) -> Result<LoadedScene> {
+        file.render
+            .check()
+            .map_err(|why| input(format!("{}: render.{why}", path.display())))?;
+        scene_build::check(&file, path)?;
+        let chosen = auto::resolve(&mut file, path, loader)?;
+        Ok(LoadedScene {
+            file,
+            path: path.to_owned(),
+            chosen,
+        })
+    }
+
+    /// Builds everything that the file describes, within `max_memory_bytes`, or what
+    /// is free if none. A scene without a camera gets that of a goniometer.
+    ///
+    /// # Errors
+    /// Names the file and key at fault.
+    pub fn build(&self, max_memory_bytes: Option<u64>, loader: &Loader<'_>) -> Result<Scene> {
+        let options = BuildOptions {
+            scene_path: &self.path,
+            loader,
+            max_memory_bytes,
+        };
+        scene_build::scene(&self.file, &options)
+    }
+}
