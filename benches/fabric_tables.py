@@ -1,0 +1,178 @@
+"""Measures all fabrics with organza and prints the tables of docs/trust.md as Markdown.
+
+    python3 benches/fabric_tables.py reports DIR [--spp N] [--texels N] [FABRIC ...]
+    python3 benches/fabric_tables.py voxels DIR [--spp N]
+
+`reports` fits the surface of every fabric to its volume (with eight times the paths, as
+the noise of the volume adds to the error of the fit) and compares all models of it:
+DIR/FABRIC.toml and DIR/FABRIC/report.html. `voxels` measures reflection and transmission
+of volumes by voxel size against explicit fibres. Files that are there already are not made
+again. ORGANZA names the program, THREADS the number of threads.
+"""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import subprocess
+
+FABRICS = """denim cotton_twill wool_gabardine polyester_lining charmeuse silk_shantung
+    organza linen jersey wool_tweed""".split()
+FIBRE_MODELS = ["fibres", "packed", "plain", "volume"]
+# Edges of voxels in micrometres.
+VOXELS = {
+    "organza": [3, 6, 12, 24],
+    "linen": [10, 20, 40, 80],
+    "denim": [10, 20, 40, 80],
+    "wool_tweed": [10, 20, 40, 80],
+}
+
+
+def organza(made, *arguments):
+    """Runs the program unless the file it makes is there."""
+    if made.exists():
+        return
+    program = os.environ.get("ORGANZA", "target/release/organza")
+    threads = os.environ.get("THREADS")
+    more = ["--threads", threads] if threads else []
+    subprocess.run([program, *map(str, arguments), "--quiet", *more], check=True)
+
+
+def print_table(first, columns, rows):
+    """A table in Markdown: a name and a cell for every column in each row."""
+    print("| " + " | ".join([first, *columns]) + " |")
+    print("|---" * (1 + len(columns)) + "|")
+    for name, cells in rows:
+        print("| " + " | ".join([name, *cells]) + " |")
+    print()
+
+
+def percent(figure):
+    return f"{100 * figure['value']:.1f} %"
+
+
+def green(report, model):
+    """R, T, direct transmission of green light at 60 degrees along the weft."""
+    measured = next(m for m in report["measured"] if m["model"] == model)
+    at = [a for a in measured["albedo"] if round(a["incident"]["theta_deg"]) == 60]
+    return [at[0][part]["mean"][1] for part in ("reflected", "transmitted", "direct")]
+
+
+def within(report, model, limits):
+    """Channels of all directions within limits, and how many have any."""
+    by_model = {m["model"]: m["albedo"] for m in report["measured"]}
+    good = total = 0
+    for a, truth in zip(by_model[model], by_model["fibres"]):
+        for c in range(3):
+            limit = limits(truth, c)
+            if limit is None:
+                continue
+            part, allowed = limit
+            noise = 2 * (a[part]["se"][c] ** 2 + truth[part]["se"][c] ** 2) ** 0.5
+            total += 1
+            good += abs(a[part]["mean"][c] - truth[part]["mean"][c]) <= allowed + noise
+    return f"{good} of {total}" if total else "-"
+
+
+def reflection(truth, c):
+    return "reflected", max(0.005, 0.05 * truth["reflected"]["mean"][c])
+
+
+def transmission(truth, c):
+    value = truth["transmitted"]["mean"][c]
+    return ("transmitted", 0.05 * value) if value > 0.1 else None
+
+
+def surface_errors(report):
+    """Median error, 80th percentile, bias and noise of the fitted surface."""
+    d = next(d for d in report["differences"] if d["model"] == "surface")["layout"]
+    figures = [percent(d[key]) for key in ("median", "percentile_80", "bias")]
+    return [*figures, f"{100 * d['noise_median']:.1f} %"]
+
+
+def make_reports(folder, fabrics, spp, texels):
+    for name in fabrics:
+        fitted, report = folder / f"{name}.toml", folder / name / "report.json"
+        journal = ["--journal", folder / f"{name}.journal"]
+        fabric = f"scenes/fabrics/{name}.toml"
+        organza(fitted, "fit", fabric, "-o", fitted, "--spp", 8 * spp, *journal)
+        models = ["--models", "volume,surface,fibres,packed,plain"]
+        pictures = ["--texels", texels, "--texel-spp", 32]
+        organza(report, "compare", fitted, "-o", report.parent, "--spp", spp, *models, *pictures)
+    reports = [json.loads((folder / n / "report.json").read_text()) for n in fabrics]
+    print_table(
+        "surface fitted to the volume",
+        ["median error", "80th percentile", "bias", "noise alone"],
+        [(r["name"], surface_errors(r)) for r in reports],
+    )
+    values = {m: (lambda r, m=m: ", ".join(f"{v:.3f}" for v in green(r, m))) for m in FIBRE_MODELS}
+    print_table(
+        "R, T, direct (green, 60 degrees)",
+        FIBRE_MODELS,
+        [(r["name"], [values[m](r) for m in FIBRE_MODELS]) for r in reports],
+    )
+    print_table(
+        "within the limits",
+        [f"{m}: R, T" for m in FIBRE_MODELS[1:]],
+        [
+            (
+                r["name"],
+                [
+                    ", ".join(within(r, m, limits) for limits in (reflection, transmission))
+                    for m in FIBRE_MODELS[1:]
+                ],
+            )
+            for r in reports
+        ],
+    )
+
+
+def mean_green(path):
+    """Mean over the directions of R and scattered T, green."""
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    keys = ("reflected_g", "transmitted_g")
+    return ", ".join(f"{sum(float(r[k]) for r in rows) / len(rows):.3f}" for k in keys)
+
+
+def make_voxels(folder, spp):
+    incident = folder / "incident.csv"
+    incident.write_text("theta_i,phi_i\n0,0\n60,0\n60,90\n")
+
+    def measured(name, model, um=None):
+        path = folder / ".".join([name, model, *([str(um)] if um else []), "csv"])
+        voxels = ["--voxel-um", um] if um else []
+        organza(
+            path, "measure", f"scenes/fabrics/{name}.toml", "--albedo", "--pairs", incident,
+            "--spp", spp, "--model", model, "-o", path, *voxels,
+        )  # fmt: skip
+        return mean_green(path)
+
+    models, rows = FIBRE_MODELS[1:], []
+    for name, sizes in VOXELS.items():
+        truth = measured(name, "fibres")
+        for um in sizes:
+            rows.append((f"{name}, {um} um", [truth, *(measured(name, m, um) for m in models)]))
+    print_table("fabric, voxel", FIBRE_MODELS, rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=["reports", "voxels"])
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("fabrics", nargs="*", default=FABRICS)
+    parser.add_argument("--spp", type=int, help="paths a pair or direction")
+    parser.add_argument("--texels", type=int, default=96)
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    if given.what == "reports":
+        make_reports(given.folder, given.fabrics, given.spp or 1024, given.texels)
+    else:
+        make_voxels(given.folder, given.spp or 65536)
+
+
+if __name__ == "__main__":
+    main()
