@@ -1,26 +1,14 @@
 //! `organza bench` and `model = "auto"`, tiny.
 
+use crate::fabrics::cotton;
 use crate::program::{complaint, folder, succeed};
 use std::path::Path;
 
-const FABRIC: &str = r#"
-name = "plain"
-[draft]
-weave = "plain"
-[warp]
-yarn = "cotton"
-per_cm = 20.0
-[weft]
-yarn = "cotton"
-per_cm = 18.0
-[yarn.cotton]
-preset = "cotton"
-tex = 30.0
-fibres_per_ply = 20
-fibre_radius_um = 12.0
-[voxel]
-size_um = 40.0
-"#;
+/// Few thick fibres in large voxels: little to trace.
+fn fabric() -> String {
+    let yarn = "tex = 30.0\nfibres_per_ply = 20\nfibre_radius_um = 12.0";
+    cotton("plain", yarn, 40.0)
+}
 
 fn json(folder: &Path, name: &str) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(folder.join(name)).unwrap()).unwrap()
@@ -29,7 +17,7 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
 #[test]
 fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     let folder = folder("bench");
-    std::fs::write(folder.join("plain.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
     let bench = [
         "bench",
         "plain.toml",
@@ -118,7 +106,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
 #[test]
 fn auto_takes_what_it_says() {
     let folder = folder("auto");
-    std::fs::write(folder.join("plain.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
     let scene = r#"
 [camera]
 origin_mm = [0.0, 0.0, 5.0]

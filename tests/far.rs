@@ -1,27 +1,13 @@
 //! The far field: surface models in scenes, cloth over meshes, and what each
 //! level of detail costs in truth.
 
+use crate::fabrics::cotton;
 use crate::program::{complaint, folder, succeed};
 use organza_measure::parse_pairs;
+use organza_testing::csv_numbers;
 use std::path::Path;
 
-const FABRIC: &str = r#"
-[draft]
-weave = "plain"
-[warp]
-yarn = "cotton"
-per_cm = 20.0
-[weft]
-yarn = "cotton"
-per_cm = 18.0
-[yarn.cotton]
-preset = "cotton"
-tex = 30.0
-fibres_per_ply = 40
-fibre_radius_um = 8.0
-[voxel]
-size_um = 40.0
-[surface]
+const SURFACE: &str = r#"[surface]
 preset = "polyester-lining"
 [surface.warp] # without the preset's noise, whose mean one repeat does not reach
 u_max_noise_own_deg = 0.0
@@ -36,6 +22,11 @@ diffuse = [0.1, 0.08, 0.05]
 forward = [0.1, 0.1, 0.1]
 concentration = 8.0
 "#;
+
+fn fabric() -> String {
+    let yarn = "tex = 30.0\nfibres_per_ply = 40\nfibre_radius_um = 8.0";
+    cotton("plain", yarn, 40.0) + SURFACE
+}
 
 fn scene(object: &str) -> String {
     format!(
@@ -61,15 +52,8 @@ fabric = "cloth.toml"
 }
 
 fn write(folder: &Path, object: &str) {
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), fabric()).unwrap();
     std::fs::write(folder.join("scene.toml"), scene(object)).unwrap();
-}
-
-fn numbers(text: &str) -> Vec<Vec<f64>> {
-    let lines = text.lines();
-    lines
-        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
-        .collect()
 }
 
 /// Paths through a scene's sheet, lit by shadow rays at points all over it,
@@ -85,7 +69,7 @@ fn a_sheet_in_a_scene_is_the_surface_model() {
         let mut arguments = vec!["measure", file, "--pairs", "pairs.csv", "-o", out];
         arguments.extend(more);
         succeed(&folder, &arguments);
-        numbers(&std::fs::read_to_string(folder.join(out)).unwrap())
+        csv_numbers(&std::fs::read_to_string(folder.join(out)).unwrap())
     };
     let traced = run(
         "scene.toml",
@@ -238,7 +222,7 @@ fn levels_against_the_finest() {
         succeed(&folder, &arguments);
         let seconds = started.elapsed().as_secs_f64();
         let table = std::fs::read_to_string(folder.join("out.csv")).unwrap();
-        (numbers(&table), seconds)
+        (csv_numbers(&table), seconds)
     };
     let (finest, seconds) = run(&["--level", "0", "--seed", "0"]);
     println!("level 0: {seconds:.1} s");

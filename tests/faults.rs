@@ -530,6 +530,26 @@ fn too_little_memory_is_told_before_it_is_taken() {
     }
 }
 
+/// The limit of the address space is respected before it is met: a film that needs more
+/// is refused, where allocating it would abort.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_limit_of_the_address_space_is_a_limit_of_memory() {
+    let folder = folder("address-space");
+    write_grid_scene(&folder);
+    let program = env!("CARGO_BIN_EXE_organza");
+    let large = "camera.resolution=[4096,4096]";
+    let render = format!("exec {program} render scene.toml -o x.exr --quiet --set {large}");
+    let out = Command::new("sh")
+        .current_dir(&folder)
+        .args(["-c", &format!("ulimit -v 600000; {render}")])
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{words}");
+    assert!(words.contains(" are allowed"), "{words}");
+}
+
 /// A scene names what is read, the command line alone what is written.
 #[cfg(unix)]
 #[test]

@@ -490,18 +490,8 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     let tree = octree(&source, Footprint::Covered);
     let family = FlakeFamily::named("sin-power").unwrap();
     let medium = FlakeMedium::new(tree, 0, optics, family).unwrap();
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
-    let scene = Scene {
-        media: vec![AnyMedium::Flakes(medium)],
-        lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
-    };
-    let patch = VolumePatch::new(scene, Integrator::Woodcock).unwrap();
+    let media = vec![AnyMedium::Flakes(medium)];
+    let patch = VolumePatch::of_media(media, Integrator::Woodcock).unwrap();
     let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
     let ways: Vec<Pair> = [
         [angles(20.0, 10.0), angles(65.0, 200.0)],

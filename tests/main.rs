@@ -6,6 +6,7 @@ mod bench; // speed against error, and what it chooses
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod documents; // commands and links of README and pages
+mod fabrics; // cloths that several of them weave
 mod far; // surface models, meshes and levels of detail in scenes
 mod faults; // kills, full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp

@@ -1,19 +1,14 @@
 //! `organza measure`: the slab against another renderer, through the program;
 //! a fabric as volume and as surface; wrong pairs files.
 
+use crate::fabrics::cotton;
 use crate::program::{complaint, folder, succeed};
 use crate::slab::write_slab;
 use organza_measure::parse_pairs;
 use organza_scatter::{Footprint, Surface};
 use organza_surface::SurfaceSpec;
+use organza_testing::csv_numbers;
 use std::path::Path;
-
-/// Numbers of a table, row by row; lines that hold none are left out.
-fn rows(text: &str) -> Vec<Vec<f64>> {
-    text.lines()
-        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
-        .collect()
-}
 
 fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()
@@ -30,7 +25,7 @@ fn the_slab_agrees_with_an_independent_renderer_at_every_pair() {
     succeed(&folder, &arguments);
     let got = read(&folder, "out.csv");
     assert!(got.starts_with("theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b\n"));
-    let (got, expected) = (rows(&got), rows(table));
+    let (got, expected) = (csv_numbers(&got), csv_numbers(table));
     assert_eq!((got.len(), expected.len()), (16, 16));
     for (g, e) in got.iter().zip(&expected) {
         assert_eq!(g[..4], e[..4]);
@@ -49,31 +44,17 @@ fn the_slab_agrees_with_an_independent_renderer_at_every_pair() {
     assert_eq!(bytes("1", "one.csv"), bytes("2", "two.csv"));
 }
 
-const FABRIC: &str = r#"
-name = "test cloth"
-[draft]
-weave = "twill-2-1-s"
-[warp]
-yarn = "cotton"
-per_cm = 20.0
-[weft]
-yarn = "cotton"
-per_cm = 18.0
-[yarn.cotton]
-preset = "cotton"
-tex = 20.0
-fibres_per_ply = 40
-fibre_radius_um = 8.0
-[voxel]
-size_um = 25.0
-"#;
+fn fabric() -> String {
+    let yarn = "tex = 20.0\nfibres_per_ply = 40\nfibre_radius_um = 8.0";
+    cotton("twill-2-1-s", yarn, 25.0)
+}
 
 #[test]
 fn a_fabric_is_measured_as_volume_and_as_surface() {
     let folder = folder("measure-fabric");
     let surface = "[surface]\npreset = \"cotton-twill\"\n";
-    std::fs::write(folder.join("cloth.toml"), FABRIC.to_owned() + surface).unwrap();
-    std::fs::write(folder.join("bare.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), fabric() + surface).unwrap();
+    std::fs::write(folder.join("bare.toml"), fabric()).unwrap();
     let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,40,170\n10,80,0,0\n20,0,150,0\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
     let mut arguments = vec!["measure", "cloth.toml", "--pairs", "pairs.csv"];
@@ -91,7 +72,7 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
     let width = printed["figures"]["weft"]["width_mm"].as_f64().unwrap();
     (weave.warp_width_mm, weave.weft_width_mm) = (None, Some(width));
     let model = spec.build().unwrap();
-    for (row, pair) in rows(&read(&folder, "out.csv"))
+    for (row, pair) in csv_numbers(&read(&folder, "out.csv"))
         .iter()
         .zip(parse_pairs(pairs).unwrap())
     {
@@ -108,7 +89,7 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
     arguments.extend(["--albedo", "--spp", "4000", "-o", "albedo.csv", "--json"]);
     let printed = succeed(&folder, &arguments);
     assert!(printed.contains("\"cover_factor\""), "{printed}");
-    let table = rows(&read(&folder, "albedo.csv"));
+    let table = csv_numbers(&read(&folder, "albedo.csv"));
     assert_eq!(table.len(), 3);
     for row in &table {
         for c in 0..3 {
@@ -133,7 +114,7 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
 fn pairs_without_light_are_no_exact_zeros() {
     let folder = folder("measure-dark");
     let optics = "[optics.cotton]\nalbedo = [0.0, 0.0, 0.0]\n";
-    std::fs::write(folder.join("black.toml"), FABRIC.to_owned() + optics).unwrap();
+    std::fs::write(folder.join("black.toml"), fabric() + optics).unwrap();
     let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,40,170\n10,80,0,0\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
     let mut arguments = vec!["measure", "black.toml", "--pairs", "pairs.csv"];

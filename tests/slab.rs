@@ -90,10 +90,7 @@ fn bsdf(folder: &Path, pair: &[f64], seed: usize, more: &[&str]) -> [(f64, f64);
 
 /// Rows of 16 pairs: four angles, three values, three standard errors.
 fn table(text: &str) -> Vec<Vec<f64>> {
-    let rows: Vec<Vec<f64>> = text
-        .lines()
-        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
-        .collect();
+    let rows = organza_testing::csv_numbers(text);
     assert_eq!(rows.len(), 16);
     rows
 }

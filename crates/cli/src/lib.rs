@@ -9,7 +9,6 @@
 //! assert_eq!(code, std::process::ExitCode::SUCCESS);
 //! ```
 
-mod bench;
 mod btf_file;
 mod building;
 mod checkpoint;
@@ -23,7 +22,6 @@ mod output;
 mod picture;
 mod process_usage;
 mod progress;
-mod report;
 mod sample_ranges;
 mod schedule;
 

@@ -99,7 +99,7 @@ const LEAST_COSINE: f64 = 1e-4;
 /// Reads a CSV file with a header that names the columns `theta_i`, `phi_i`,
 /// `theta_o` and `phi_o`, in degrees, in any order. Further columns are left
 /// alone, so that a table of results lists its own pairs; lines that are blank
-/// or begin with `#` too. theta runs from 0 to 180: light and eye may be on
+/// or begin with `#` too. Fields may be in quotes. theta runs from 0 to 180: light and eye may be on
 /// either side.
 ///
 /// # Errors
@@ -161,94 +161,145 @@ fn parse<const N: usize, T>(
     names: [&'static str; N],
     make: impl Fn([f64; N]) -> T,
 ) -> Result<Vec<T>, PairsError> {
-    let mut lines = text
-        .trim_start_matches('\u{feff}')
-        .lines()
-        .enumerate()
-        .filter(|(_, l)| !(l.trim().is_empty() || l.trim_start().starts_with('#')));
-    let place = |line: usize, column: usize, kind| PairsError {
-        line: line + 1,
-        column,
-        kind,
+    let mut table = Table::new(text);
+    let Some(header) = table.next() else {
+        return Err(PairsError {
+            line: 1,
+            column: 1,
+            kind: PairsErrorKind::Empty,
+        });
     };
-    let Some((header_line, header)) = lines.next() else {
-        return Err(place(0, 1, PairsErrorKind::Empty));
-    };
-    let columns: Vec<&str> = fields(header).map(|(_, f)| f).collect();
+    let columns: Vec<&str> = header.fields().map(|(_, f)| f).collect();
     let mut at = [0; N];
     for (index, name) in at.iter_mut().zip(names) {
         let mut found = (0..columns.len()).filter(|&i| columns.get(i) == Some(&name));
         *index = found.next().ok_or_else(|| {
             let unknown = columns.iter().copied().filter(|c| !names.contains(c));
             let nearest = nearest_name(name, unknown).map(str::to_owned);
-            let column = column_of(header, nearest.as_deref());
+            let place = columns.iter().position(|c| Some(*c) == nearest.as_deref());
             let kind = PairsErrorKind::MissingColumn {
                 column: name,
                 expected: names.join(","),
                 nearest,
             };
-            place(header_line, column, kind)
+            header.error(place.unwrap_or(0), kind)
         })?;
         if let Some(again) = found.next() {
-            let column = fields(header).nth(again).map_or(1, |(c, _)| c);
-            return Err(place(
-                header_line,
-                column,
-                PairsErrorKind::RepeatedColumn(name),
-            ));
+            return Err(header.error(again, PairsErrorKind::RepeatedColumn(name)));
         }
     }
     let mut list = Vec::new();
-    for (number, line) in lines {
-        let row: Vec<(usize, &str)> = fields(line).collect();
-        if row.len() != columns.len() {
-            let kind = PairsErrorKind::Fields {
-                found: row.len(),
-                expected: columns.len(),
-            };
-            return Err(place(number, line.chars().count() + 1, kind));
+    for row in table {
+        let found = row.record.len();
+        if found != columns.len() {
+            let expected = columns.len();
+            return Err(row.error(found, PairsErrorKind::Fields { found, expected }));
         }
         let mut values = [0.0; N];
         for ((value, &index), name) in values.iter_mut().zip(&at).zip(names) {
-            let (column, field) = row.get(index).copied().unwrap_or((1, ""));
-            let angle = if name.starts_with("theta") {
+            let field = row.record.get(index).map_or("", str::trim);
+            let number = if name.starts_with("theta") {
                 polar_angle(field)
             } else if name.starts_with("phi") {
                 azimuth(field)
             } else {
                 quantity(field)
             };
-            *value = angle.map_err(|expected| {
+            *value = number.map_err(|expected| {
                 let kind = PairsErrorKind::Number {
                     column: name,
                     expected,
                     found: field.to_owned(),
                 };
-                place(number, column, kind)
+                row.error(index, kind)
             })?;
         }
         list.push(make(values));
     }
     if list.is_empty() {
-        return Err(place(header_line, 1, PairsErrorKind::Empty));
+        return Err(PairsError {
+            line: header.line,
+            column: 1,
+            kind: PairsErrorKind::Empty,
+        });
     }
     Ok(list)
 }
 
-/// Fields of a line with the columns, from 1, where they begin.
-fn fields(line: &str) -> impl Iterator<Item = (usize, &str)> {
-    let mut column = 1;
-    line.split(',').map(move |field| {
-        let start = column + field.chars().take_while(|c| c.is_whitespace()).count();
-        column += field.chars().count() + 1;
-        (start, field.trim())
-    })
+/// The records of a CSV file, with their lines in it.
+struct Table {
+    records: csv::StringRecordsIntoIter<std::io::Cursor<String>>,
+    /// The lines, from 1, that hold something: neither blank nor a comment.
+    lines: Vec<usize>,
 }
 
-fn column_of(header: &str, name: Option<&str>) -> usize {
-    fields(header)
-        .find(|&(_, f)| Some(f) == name)
-        .map_or(1, |(column, _)| column)
+/// A record and where it stands.
+struct Row {
+    record: csv::StringRecord,
+    /// From 1.
+    line: usize,
+}
+
+impl Table {
+    fn new(text: &str) -> Table {
+        let (mut kept, mut lines) = (String::new(), Vec::new());
+        let text = text.trim_start_matches('\u{feff}');
+        for (number, line) in text.lines().enumerate() {
+            if !(line.trim().is_empty() || line.trim_start().starts_with('#')) {
+                kept += line;
+                kept.push('\n');
+                lines.push(number + 1);
+            }
+        }
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .terminator(csv::Terminator::Any(b'\n'))
+            .from_reader(std::io::Cursor::new(kept));
+        Table {
+            records: reader.into_records(),
+            lines,
+        }
+    }
+}
+
+impl Iterator for Table {
+    type Item = Row;
+
+    fn next(&mut self) -> Option<Row> {
+        // Neither reading from memory nor text that is valid already can fail.
+        let record = self.records.next()?.ok()?;
+        let kept = record.position().map_or(1, csv::Position::line) as usize;
+        let line = self
+            .lines
+            .get(kept.saturating_sub(1))
+            .copied()
+            .unwrap_or(kept);
+        Some(Row { record, line })
+    }
+}
+
+impl Row {
+    /// The fields, and the columns, from 1, where they begin; of a field in quotes the
+    /// column where it would begin without them.
+    fn fields(&self) -> impl Iterator<Item = (usize, &str)> {
+        let mut column = 1;
+        self.record.iter().map(move |field| {
+            let start = column + field.chars().take_while(|c| c.is_whitespace()).count();
+            column += field.chars().count() + 1;
+            (start, field.trim())
+        })
+    }
+
+    /// A mistake in a field, or at the end of the line behind the last one.
+    fn error(&self, field: usize, kind: PairsErrorKind) -> PairsError {
+        let letters: usize = self.record.iter().map(|f| f.chars().count() + 1).sum();
+        PairsError {
+            line: self.line,
+            column: self.fields().nth(field).map_or(letters, |(start, _)| start),
+            kind,
+        }
+    }
 }
 
 fn polar_angle(field: &str) -> Result<f64, &'static str> {
@@ -289,6 +340,8 @@ mod tests {
             exitant: angles(120.0, -45.0),
         };
         assert_eq!(pairs, [expected]);
+        let quoted = text.replace("120", "\"120\"").replace('\n', "\r\n");
+        assert_eq!(parse_pairs(&quoted).unwrap(), [expected]);
         let w = expected.exitant.direction();
         assert!(w.z < 0.0 && (w.length() - 1.0).abs() < 1e-6);
         let twice = "theta_i,phi_i\n30,0\n150,0\n30,0\n";
@@ -297,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_their_place() {
+    fn mistakes_are_reported_with_their_place() {
         let head = "theta_i,phi_i,theta_o,phi_o\n";
         for (text, words) in [
             (String::new(), "1:1: the file lists no directions"),
@@ -331,6 +384,10 @@ mod tests {
             (
                 format!("{head}1, inf,3,4\n"),
                 "2:4: phi_i: expected an angle in degrees, found `inf`",
+            ),
+            (
+                format!("{head}\n# a comment\n1,2,3,4\n  \n\"1\",2,x,4\n"),
+                "6:5: theta_o: expected an angle from 0 to 180 degrees, found `x`",
             ),
             (
                 format!("{head}1,2,3\n"),

@@ -1,6 +1,6 @@
 //! Results as CSV.
 
-use crate::{Albedo, Angles, LampAxis, Measured, Pair, PairValue, SweepValue};
+use crate::{Albedo, Angles, LampAxis, Measured, PairValue, SweepValue};
 use std::io::{Result, Write};
 
 /// Writes pairs with value and standard error per channel, 1/sr.
@@ -8,20 +8,15 @@ use std::io::{Result, Write};
 /// # Errors
 /// Those of the writer.
 pub fn write_pairs(list: &[PairValue], out: &mut (impl Write + ?Sized)) -> Result<()> {
-    writeln!(out, "theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b")?;
-    for PairValue {
-        pair: Pair { incident, exitant },
-        bsdf,
-        ..
-    } in list
-    {
-        write_angles(incident, out)?;
-        write!(out, ",")?;
-        write_angles(exitant, out)?;
-        write_measured(bsdf, out)?;
-        writeln!(out)?;
+    let mut table = csv::Writer::from_writer(out);
+    table.write_record([
+        "theta_i", "phi_i", "theta_o", "phi_o", "r", "g", "b", "se_r", "se_g", "se_b",
+    ])?;
+    for PairValue { pair, bsdf, .. } in list {
+        let directions = angles(&pair.incident).chain(angles(&pair.exitant));
+        table.write_record(directions.chain(numbers(bsdf)))?;
     }
-    Ok(())
+    table.flush()
 }
 
 /// Writes incident directions with reflectance, scattered transmittance, direct
@@ -30,23 +25,20 @@ pub fn write_pairs(list: &[PairValue], out: &mut (impl Write + ?Sized)) -> Resul
 /// # Errors
 /// Those of the writer.
 pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result<()> {
-    write!(out, "theta_i,phi_i")?;
+    let mut table = csv::Writer::from_writer(out);
+    let mut header = vec!["theta_i".to_owned(), "phi_i".to_owned()];
     for part in ["reflected", "transmitted", "direct", "absorbed"] {
         for prefix in ["", "se_"] {
-            for channel in ["r", "g", "b"] {
-                write!(out, ",{prefix}{part}_{channel}")?;
-            }
+            header.extend(["r", "g", "b"].map(|channel| format!("{prefix}{part}_{channel}")));
         }
     }
-    writeln!(out)?;
+    table.write_record(header)?;
     for a in list {
-        write_angles(&a.incident, out)?;
-        for part in [&a.reflected, &a.transmitted, &a.direct, &a.absorbed] {
-            write_measured(part, out)?;
-        }
-        writeln!(out)?;
+        let parts = [&a.reflected, &a.transmitted, &a.direct, &a.absorbed];
+        let values = parts.into_iter().flat_map(numbers);
+        table.write_record(angles(&a.incident).chain(values))?;
     }
-    Ok(())
+    table.flush()
 }
 
 /// Writes mean intensities under a swung linear light.
@@ -54,26 +46,23 @@ pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result
 /// # Errors
 /// Those of the writer.
 pub fn write_sweep(list: &[SweepValue], out: &mut (impl Write + ?Sized)) -> Result<()> {
-    writeln!(out, "axis,angle,r,g,b,se_r,se_g,se_b")?;
+    let mut table = csv::Writer::from_writer(out);
+    table.write_record(["axis", "angle", "r", "g", "b", "se_r", "se_g", "se_b"])?;
     for SweepValue { lamp, intensity } in list {
         let axis = match lamp.axis {
             LampAxis::Weft => "weft",
             LampAxis::Warp => "warp",
         };
-        write!(out, "{axis},{}", lamp.angle_deg)?;
-        write_measured(intensity, out)?;
-        writeln!(out)?;
+        let place = [axis.to_owned(), lamp.angle_deg.to_string()];
+        table.write_record(place.into_iter().chain(numbers(intensity)))?;
     }
-    Ok(())
+    table.flush()
 }
 
-fn write_angles(a: &Angles, out: &mut (impl Write + ?Sized)) -> Result<()> {
-    write!(out, "{},{}", a.theta_deg, a.phi_deg)
+fn angles(a: &Angles) -> impl Iterator<Item = String> {
+    [a.theta_deg, a.phi_deg].map(|x| x.to_string()).into_iter()
 }
 
-fn write_measured(m: &Measured, out: &mut (impl Write + ?Sized)) -> Result<()> {
-    for x in m.mean.iter().chain(&m.se) {
-        write!(out, ",{x}")?;
-    }
-    Ok(())
+fn numbers(m: &Measured) -> impl Iterator<Item = String> {
+    m.mean.iter().chain(&m.se).map(f64::to_string)
 }

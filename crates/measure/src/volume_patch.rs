@@ -1,10 +1,11 @@
 //! Media as a patch: paths that start all over it.
 
 use crate::{Exit, PatchResponse};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
 use organza_transport::{
-    CellGrid, DirectionalLight, Integrator, Light, PathSample, Scene, Stats, trace_from,
+    AnyMedium, Camera, CameraError, CameraPose, CellGrid, DirectionalLight, Integrator, Light,
+    PathSample, PixelFilter, Projection, Scene, Stats, trace_from,
 };
 
 /// Why media make no patch.
@@ -27,6 +28,9 @@ pub enum PatchError {
         "the \"regular\" integrator steps through constant voxels, which a medium does not have"
     )]
     NotPiecewiseConstant,
+    /// No camera for a scene of media alone; none is expected.
+    #[error("{0}")]
+    Camera(#[from] CameraError),
 }
 
 /// The media of a scene over their footprint: one period of an endless cloth,
@@ -83,6 +87,29 @@ impl VolumePatch {
             integrator,
             bounds_mm,
         })
+    }
+
+    /// A patch of media that belong to no scene. Where they have several levels of
+    /// detail, they show those that suit pixels of 1 mm.
+    ///
+    /// # Errors
+    /// As [`VolumePatch::new`].
+    pub fn of_media(
+        media: Vec<AnyMedium>,
+        integrator: Integrator,
+    ) -> Result<VolumePatch, PatchError> {
+        let pose = CameraPose {
+            origin_mm: DVec3::Z,
+            target_mm: DVec3::ZERO,
+            up: DVec3::Y,
+        };
+        let projection = Projection::Orthographic { width_mm: 1.0 };
+        let scene = Scene {
+            media,
+            lights: Vec::new(),
+            camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box)?,
+        };
+        VolumePatch::new(scene, integrator)
     }
 
     /// The box over which paths start.

@@ -3,16 +3,13 @@
 
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
-use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
+use glam::{UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_measure::{
     Angles, Effort, Exit, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
     measure_albedos, measure_openness, measure_pairs, parse_pairs, write_pairs,
 };
-use organza_transport::{
-    AnyMedium, Camera, CameraPose, Grid, GridMedium, Integrator, Interpolation, PixelFilter,
-    Projection, Scene, Stats,
-};
+use organza_transport::{AnyMedium, Grid, GridMedium, Integrator, Interpolation, Stats};
 
 const SIGMA_PER_MM: f32 = 20.0;
 const THICKNESS_MM: f32 = 0.3;
@@ -33,23 +30,8 @@ fn grid(albedo: [f32; 3], size_mm: f32, repeats: bool) -> AnyMedium {
     AnyMedium::Grid(medium.unwrap())
 }
 
-fn patch_of(media: Vec<AnyMedium>, integrator: Integrator) -> Result<VolumePatch, PatchError> {
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
-    let scene = Scene {
-        media,
-        lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
-    };
-    VolumePatch::new(scene, integrator)
-}
-
 fn slab(integrator: Integrator) -> VolumePatch {
-    patch_of(vec![grid(ALBEDO, 0.4, true)], integrator).unwrap()
+    VolumePatch::of_media(vec![grid(ALBEDO, 0.4, true)], integrator).unwrap()
 }
 
 fn effort(paths: u64, seed: u64) -> Effort {
@@ -104,10 +86,7 @@ impl PatchResponse for ForgottenCosine {
 fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
     let table = include_str!("../../../tests/data/slab_mitsuba.csv");
     let pairs = parse_pairs(table).unwrap();
-    let rows: Vec<Vec<f64>> = table
-        .lines()
-        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
-        .collect();
+    let rows = organza_testing::csv_numbers(table);
     assert_eq!((pairs.len(), rows.len()), (16, 16));
     let results = measure_pairs(patch, &pairs, &effort(paths, seed), &|_| ()).unwrap();
     results
@@ -289,7 +268,8 @@ fn a_target_error_is_met_where_paths_allow() {
 #[test]
 fn an_end_of_the_box_is_no_end_of_energy() {
     // A box that ends loses light through its sides, but none altogether.
-    let ends = patch_of(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
+    let ends =
+        VolumePatch::of_media(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
     let incident = [angles(30.0, 0.0)];
     let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
     let a = &results.list[0];
@@ -299,7 +279,7 @@ fn an_end_of_the_box_is_no_end_of_energy() {
 
 #[test]
 fn what_makes_no_patch_is_refused() {
-    let fail = |media| patch_of(media, Integrator::Woodcock).err();
+    let fail = |media| VolumePatch::of_media(media, Integrator::Woodcock).err();
     assert_eq!(fail(Vec::new()), Some(PatchError::Empty));
     let mixed = vec![grid(ALBEDO, 0.4, true), grid(ALBEDO, 0.4, false)];
     assert_eq!(fail(mixed), Some(PatchError::Mixed));

@@ -134,9 +134,9 @@ mod tests {
         // Brute-force ray optics in three dimensions, made apart from this program:
         // energies averaged over the offset, unpolarised.
         let text = include_str!("../tests/data/fibre_lobe_energy.csv");
-        let mut rows = 0;
-        for line in text.lines().skip(1) {
-            let v: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+        let rows = organza_testing::csv_numbers(text);
+        assert_eq!(rows.len(), 36);
+        for v in rows {
             let cos = (v[2] as f32).to_radians().cos();
             let got = mean_attenuations(v[0] as f32, Rgb::splat(v[1] as f32), cos, 512);
             let expected = [v[3], v[4], v[5], v[6] + v[7] + v[8]];
@@ -151,12 +151,10 @@ mod tests {
                 };
                 assert!(
                     (g - e).abs() < 1e-4 || (g - e).abs() <= later,
-                    "{line}: {g} {e}"
+                    "{v:?}: {g} {e}"
                 );
             }
-            rows += 1;
         }
-        assert_eq!(rows, 36);
     }
 
     #[test]

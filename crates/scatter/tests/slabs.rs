@@ -280,10 +280,7 @@ fn a_slab_of_flakes_matches_a_walk_in_double_precision() {
             albedo: ALBEDO,
         },
     );
-    let rows: Vec<Vec<f64>> = table
-        .lines()
-        .filter_map(|l| l.split(',').map(|x| x.parse().ok()).collect())
-        .collect();
+    let rows = organza_testing::csv_numbers(table);
     assert_eq!(rows.len(), 16);
     for (row, v) in rows.iter().enumerate() {
         let way = |k: usize| direction(v[k] as f32, v[k + 1] as f32);

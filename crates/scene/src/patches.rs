@@ -1,6 +1,5 @@
 //! Patches to measure: the representations of a fabric file's cloth.
 
-use crate::camera::of_a_goniometer;
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
@@ -9,7 +8,7 @@ use crate::scattering::ScatteringTable;
 use glam::{UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
-use organza_transport::{AnyMedium, Integrator, Scene};
+use organza_transport::{AnyMedium, Integrator};
 use organza_volume::Octree;
 use std::path::Path;
 use std::sync::Arc;
@@ -153,13 +152,7 @@ pub fn fabric_patch(
 }
 
 fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
-    let camera = of_a_goniometer().map_err(|e| input(format!("{}: {e}", path.display())))?;
-    let scene = Scene {
-        media: vec![medium],
-        lights: Vec::new(),
-        camera,
-    };
-    let patch = VolumePatch::new(scene, Integrator::Woodcock)
+    let patch = VolumePatch::of_media(vec![medium], Integrator::Woodcock)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
     Ok(Box::new(patch))
 }

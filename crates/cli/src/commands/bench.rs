@@ -1,25 +1,24 @@
 //! `organza bench`
 
 use super::Command;
-use crate::bench::peer::Peer;
-use crate::bench::scaling;
-use crate::bench::stage::{self, Found, Lit, PIXELS_MM, QUICK_PIXELS_MM, Sample, View};
-use crate::bench::trial::Laboratory;
-use crate::bench::try_all::{Plan, ViewResult};
 use crate::error::input;
 use crate::flags::values::{parse_share, whole};
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
 use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
-use crate::report::bench::BenchReport;
 use anyhow::{Context, Result};
 use clap::Args;
-use organza_scene::auto::table::{self, Row};
+use organza_report::bench::{
+    Bench, BenchReport, Found, Laboratory, PIXELS_MM, Peer, Plan, QUICK_PIXELS_MM, Sample, View,
+    WriteError, write_rooms,
+};
+use organza_scene::auto::lit::Lit;
+use organza_scene::auto::table_file;
 use organza_scene::scene_file::SceneFile;
 use organza_scene::{overrides, read};
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// `organza bench`
@@ -75,20 +74,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         None => Vec::new(),
     };
     output::check_report_folder(&args.outfile, ("pairs.csv", "a comparison"))?;
-    let named: Vec<&str> = match args.fabrics.len() {
-        0 => Sample::names().to_vec(),
-        _ => args.fabrics.iter().map(String::as_str).collect(),
-    };
-    let found = named
-        .into_iter()
-        .map(Found::named)
-        .collect::<Result<Vec<Found>>>()?;
-    for (i, one) in found.iter().enumerate() {
-        if found[..i].iter().any(|other| other.name() == one.name()) {
-            let name = one.name();
-            return Err(input(format!("{name}: two fabrics have this name")));
-        }
-    }
+    let found = found(args)?;
     // Checked before anything is written, and only once.
     let view = View {
         pixel_mm: 1.0,
@@ -104,91 +90,91 @@ pub fn run(args: &BenchArgs) -> Result<()> {
             .with_context(|| path.display().to_string())
     };
     let (scenes, runs) = (folder("scenes")?, folder("runs")?);
-    stage::write_rooms(&scenes)?;
+    write_rooms(&write_file, &scenes)?;
     let samples = found
         .into_iter()
-        .map(|f| f.sample(&scenes))
-        .collect::<Result<Vec<Sample>>>()?;
-    let plan = Plan {
-        quick: args.quick,
-        pixels_mm: if args.quick {
-            QUICK_PIXELS_MM.to_vec()
-        } else {
-            PIXELS_MM.to_vec()
-        },
-        resolution: args.resolution,
-        spp: args.spp.unwrap_or(if args.quick { 192 } else { 512 }),
-        truth_spp: args
-            .truth_spp
-            .unwrap_or(if args.quick { 512 } else { 4096 }),
-        set: args.common.set.clone(),
-        scenes,
-    };
-    let laboratory = Laboratory::new(runs, args.common.threads, args.memory.max_memory)?;
-    let has_scaling = args.scaling || !args.quick;
-    let trials: usize = samples
-        .iter()
-        .map(|s| plan.views().len() * (1 + plan.choices(s).len()))
-        .sum::<usize>()
-        + if has_scaling {
-            scaling::most_trials(args.quick)
-        } else {
-            0
-        };
+        .map(|f| f.sample(&write_file, &scenes))
+        .collect::<Result<Vec<Sample>, _>>()?;
+    let plan = plan(args, scenes);
+    let laboratory = Laboratory::new(
+        &write_file,
+        runs,
+        args.common.threads,
+        args.memory.max_memory,
+    )?;
+    let with_scaling = args.scaling || !args.quick;
+    let trials = Bench::most_trials(&plan, &samples, with_scaling);
     let progress = Progress::new("rendering", trials as u64, args.common.quiet);
     let count = Cell::new(0);
     let done = || {
         count.set(count.get() + 1);
         progress.at(count.get());
     };
-    let mut fabrics: Vec<(&Sample, Vec<ViewResult>)> = Vec::new();
-    for sample in &samples {
-        let views = plan
-            .views()
-            .into_iter()
-            .map(|view| plan.try_all(&laboratory, sample, view, &peers, &done))
-            .collect::<Result<_>>()?;
-        fabrics.push((sample, views));
-    }
-    let growth = match samples.first() {
-        Some(sample) if has_scaling => {
-            scaling::measure(&laboratory, sample, &plan.scenes, args.quick, &done)?
-        }
-        _ => Vec::new(),
-    };
+    let bench = Bench::run(&plan, &samples, &peers, with_scaling, &laboratory, &done)?;
     progress.finish();
     let report = BenchReport {
+        bench: &bench,
         command: std::env::args().collect::<Vec<_>>().join(" "),
-        plan: &plan,
-        fabrics: &fabrics,
-        growth: &growth,
         within: &args.within,
         seconds: started.elapsed().as_secs_f64(),
     };
-    let rows: Vec<Row> = fabrics
-        .iter()
-        .flat_map(|(_, views)| {
-            views
-                .iter()
-                .flat_map(|v| v.results.iter().map(|r| r.row.clone()))
-        })
-        .collect();
-    let save = |name: &str, text: &str| {
+    let json = serde_json::to_string_pretty(&report.json())?;
+    let files = [
+        ("choices.csv", table_file::write(&bench.rows())?),
+        ("report.json", json),
+        ("report.md", report.markdown()),
+        ("report.html", report.html()?),
+    ];
+    for (name, text) in files {
         output::write_file(&args.outfile.join(name), |out| {
             out.write_all(text.as_bytes()).context("writing failed")
-        })
-    };
-    save("choices.csv", &table::write(&rows))?;
-    save(
-        "report.json",
-        &serde_json::to_string_pretty(&report.json())?,
-    )?;
-    save("report.md", &report.markdown())?;
-    save("report.html", &report.html()?)?;
+        })?;
+    }
     if !args.common.quiet {
         for line in report.recommendations() {
             note!("{line}");
         }
     }
     Ok(())
+}
+
+/// The fabrics that are named, or those that the program brings.
+fn found(args: &BenchArgs) -> Result<Vec<Found>> {
+    let named: Vec<&str> = match args.fabrics.len() {
+        0 => Sample::names().to_vec(),
+        _ => args.fabrics.iter().map(String::as_str).collect(),
+    };
+    let found = named
+        .into_iter()
+        .map(Found::named)
+        .collect::<Result<Vec<Found>, _>>()?;
+    for (i, one) in found.iter().enumerate() {
+        if found.iter().take(i).any(|other| other.name() == one.name()) {
+            let name = one.name();
+            return Err(input(format!("{name}: two fabrics have this name")));
+        }
+    }
+    Ok(found)
+}
+
+fn plan(args: &BenchArgs, scenes: PathBuf) -> Plan {
+    let (pixels_mm, spp, truth_spp) = if args.quick {
+        (QUICK_PIXELS_MM.to_vec(), 192, 512)
+    } else {
+        (PIXELS_MM.to_vec(), 512, 4096)
+    };
+    Plan {
+        quick: args.quick,
+        pixels_mm,
+        resolution: args.resolution,
+        spp: args.spp.unwrap_or(spp),
+        truth_spp: args.truth_spp.unwrap_or(truth_spp),
+        set: args.common.set.clone(),
+        scenes,
+    }
+}
+
+/// Writes a file of the bench.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    Ok(output::write_file(path, |out| Ok(out.write_all(bytes)?))?)
 }

@@ -4,6 +4,7 @@
 pub mod choice;
 pub mod lit;
 pub mod table;
+pub mod table_file;
 
 use crate::cloth_levels::Place;
 use crate::error::{Result, input};
@@ -159,7 +160,7 @@ fn choose(
         let middle = f64::from(place.bounds_mm.centre().z);
         lit_sides(&file.light, seen.origin_mm[2], middle)
     };
-    let rows = table::measured();
+    let rows = table_file::measured();
     let traits = Traits::of(&fabric);
     let like = nearest(&rows, &traits, pixel_mm)
         .ok_or_else(|| fail("model = \"auto\": this build contains no measurements"))?;

@@ -1,21 +1,14 @@
 //! What every choice costs and how far off it is, fabric by fabric and view by
-//! view: measured by `organza bench`, kept as a table, asked by `model =
+//! view: measured by `organza bench`, kept as a table, used by `model =
 //! "auto"`.
 
 use super::choice::Choice;
 use super::lit::Lit;
 use crate::fabric_file::Fabric;
-use crate::representation::{FIBRES, Representation, Tracker};
+use crate::representation::FIBRES;
 use organza_basis::Rgb;
 use organza_measure::{Cost, Figure};
 use serde::Serialize;
-use std::fmt::Write;
-
-/// The table that the program carries along.
-const MEASURED: &str = include_str!("../../data/choices.csv");
-
-const HEADER: &str = "fabric,spacing_mm,openness,albedo,fibre_um,pixel_mm,lit,model,voxel_scale,\
-level,tracker,rmse,rmse_low,rmse_high,bias,bias_low,bias_high,setup_s,noise_s,memory_bytes";
 
 /// The properties by which fabrics are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -97,90 +90,6 @@ pub struct Row {
     pub bias: Figure,
     /// Time and memory.
     pub cost: Cost,
-}
-
-/// The table as CSV.
-pub fn write(rows: &[Row]) -> String {
-    let mut text = format!("{HEADER}\n");
-    for r in rows {
-        let (t, c) = (&r.traits, &r.choice);
-        let _ = writeln!(
-            text,
-            "{},{:.4},{:.4},{:.4},{:.3},{},{},{},{},{},{},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{:.4},{:.6},{}",
-            r.fabric.replace(',', " "),
-            t.spacing_mm,
-            t.openness,
-            t.albedo,
-            t.fibre_um,
-            r.pixel_mm,
-            r.lit.name(),
-            c.model.name,
-            c.voxel_scale,
-            c.level,
-            c.tracker.name(),
-            r.rmse.value,
-            r.rmse.low,
-            r.rmse.high,
-            r.bias.value,
-            r.bias.low,
-            r.bias.high,
-            r.cost.setup_s,
-            r.cost.noise_s,
-            r.cost.memory_bytes,
-        );
-    }
-    text
-}
-
-/// The table that the program carries along.
-pub fn measured() -> Vec<Row> {
-    MEASURED.lines().skip(1).filter_map(row).collect()
-}
-
-fn row(line: &str) -> Option<Row> {
-    let mut words = line.split(',');
-    let mut word = || words.next();
-    let fabric = word()?.to_owned();
-    let mut number = || word()?.parse::<f64>().ok();
-    let traits = Traits {
-        spacing_mm: number()?,
-        openness: number()?,
-        albedo: number()?,
-        fibre_um: number()?,
-    };
-    let pixel_mm = number()?;
-    let (lit, model) = (word()?, word()?);
-    let voxel_scale = word()?.parse().ok()?;
-    let level = word()?.parse().ok()?;
-    let tracker = word()?;
-    let mut number = || word()?.parse::<f64>().ok();
-    let mut figure = || {
-        Some(Figure {
-            value: number()?,
-            low: number()?,
-            high: number()?,
-        })
-    };
-    let (rmse, bias) = (figure()?, figure()?);
-    Some(Row {
-        fabric,
-        traits,
-        pixel_mm,
-        lit: Lit::ALL.into_iter().find(|l| l.name() == lit)?,
-        choice: Choice {
-            model: Representation::named(model)?,
-            voxel_scale,
-            level,
-            tracker: Tracker::ALL.into_iter().find(|t| t.name() == tracker)?,
-        },
-        rmse,
-        bias,
-        cost: Cost {
-            setup_s: number()?,
-            noise_s: number()?,
-            memory_bytes: number()? as u64,
-        },
-    })
 }
 
 /// What is known of a choice for everything that a view asks for.
@@ -300,7 +209,7 @@ pub fn nearest<'a>(rows: &'a [Row], traits: &Traits, pixel_mm: f64) -> Option<&'
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::representation::{MICROFLAKE, PACKED};
+    use crate::representation::{MICROFLAKE, PACKED, Representation, Tracker};
 
     fn figure(value: f64) -> Figure {
         Figure {
@@ -353,19 +262,6 @@ mod tests {
             }
         }
         list
-    }
-
-    #[test]
-    fn tables_are_read_as_they_were_written_and_the_programs_own_is_whole() {
-        let rows = rows();
-        let text = write(&rows);
-        assert_eq!(
-            text.lines().skip(1).filter_map(row).collect::<Vec<_>>(),
-            rows
-        );
-        assert_eq!(row("denim,1,2"), None);
-        assert_eq!(MEASURED.lines().next(), Some(HEADER));
-        assert_eq!(measured().len(), MEASURED.lines().count() - 1);
     }
 
     #[test]

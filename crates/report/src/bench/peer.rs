@@ -1,7 +1,6 @@
 //! Pictures that other programs made of the bench's scenes.
 
-use crate::error::input;
-use anyhow::Result;
+use crate::ReportError;
 use organza_measure::{Cost, NoisyPicture};
 use organza_scene::read;
 use serde::Deserialize;
@@ -38,8 +37,8 @@ impl Peer {
     ///
     /// # Errors
     /// Names the file and the picture.
-    pub fn read(path: &Path, pixels: usize) -> Result<Vec<Peer>> {
-        let fail = |why: String| input(format!("{}: {why}", path.display()));
+    pub fn read(path: &Path, pixels: usize) -> Result<Vec<Peer>, ReportError> {
+        let fail = |why: String| ReportError::input(format!("{}: {why}", path.display()));
         let file: PeerFile =
             serde_json::from_str(&read::text(path)?).map_err(|e| fail(e.to_string()))?;
         for peer in &file.pictures {
@@ -65,7 +64,7 @@ impl Peer {
     }
 
     /// Its picture.
-    pub fn picture(&self) -> NoisyPicture {
+    pub(super) fn picture(&self) -> NoisyPicture {
         NoisyPicture {
             mean: self.mean.clone(),
             variance: self.variance.clone(),
@@ -73,7 +72,7 @@ impl Peer {
     }
 
     /// What it cost at that relative noise.
-    pub fn cost(&self, noise: f64) -> Cost {
+    pub(super) fn cost(&self, noise: f64) -> Cost {
         Cost {
             setup_s: self.setup_s,
             noise_s: self.render_s * noise * noise,

@@ -1,13 +1,14 @@
 //! Where cloths are looked at: one sample, three distances, two lights.
 
-use crate::error::input;
-use crate::{output, picture};
-use anyhow::{Context, Result};
+use super::trial::WriteFile;
+use crate::ReportError;
 use glam::UVec2;
 use organza_basis::{Rgb, nearest_name};
-pub use organza_scene::auto::lit::Lit;
+use organza_picture::{Picture, exr};
+use organza_scene::auto::lit::Lit;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// Fabrics that the program carries along, the same as in `scenes/fabrics`.
@@ -32,6 +33,7 @@ pub struct Sample {
     pub name: String,
     /// The fabric file, absolute.
     pub path: PathBuf,
+    /// What the file describes.
     pub fabric: Fabric,
 }
 
@@ -41,11 +43,11 @@ impl Sample {
         NAMED.map(|(name, _)| name)
     }
 
-    fn read(name: &str, path: &Path) -> Result<Sample> {
+    fn read(name: &str, path: &Path) -> Result<Sample, ReportError> {
         let fabric = fabric_file::load(path, &[], &Loader::new())?;
         let path = path
             .canonicalize()
-            .with_context(|| path.display().to_string())?;
+            .map_err(|e| ReportError::Run(format!("{}: {e}", path.display())))?;
         let name = name.to_owned();
         Ok(Sample { name, path, fabric })
     }
@@ -64,14 +66,14 @@ impl Found {
     ///
     /// # Errors
     /// No such fabric, or one that is wrong.
-    pub fn named(named: &str) -> Result<Found> {
+    pub fn named(named: &str) -> Result<Found, ReportError> {
         if let Some((name, text)) = NAMED.iter().find(|(name, _)| *name == named) {
             return Ok(Found::Carried(name, text));
         }
         if !named.ends_with(".toml") {
             let near = nearest_name(named, Sample::names())
                 .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-            return Err(input(format!(
+            return Err(ReportError::input(format!(
                 "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
                 Sample::names().join(", ")
             )));
@@ -93,11 +95,11 @@ impl Found {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn sample(self, folder: &Path) -> Result<Sample> {
+    pub fn sample(self, write_file: WriteFile<'_>, folder: &Path) -> Result<Sample, ReportError> {
         match self {
             Found::Carried(name, text) => {
                 let path = folder.join(format!("{name}.toml"));
-                output::write_file(&path, |out| Ok(out.write_all(text.as_bytes())?))?;
+                write_file(&path, text.as_bytes()).map_err(ReportError::Write)?;
                 Sample::read(name, &path)
             }
             Found::File(sample) => Ok(*sample),
@@ -105,39 +107,47 @@ impl Found {
     }
 }
 
-/// The file of the room that lights from a side.
-fn room(lit: Lit) -> String {
+/// The file of the room that lights cloth from a side.
+fn room_file(lit: Lit) -> String {
     format!("room-{}.exr", lit.name())
 }
 
-/// Radiance of the room all around, rows from the zenith down: a window of
-/// radiance 1, 26 to 60 degrees off the cloth's normal, in walls of 0.2.
-fn radiance(lit: Lit) -> (UVec2, Vec<Rgb>) {
-    let size = UVec2::new(64, 32);
+/// Width and height of the pictures of rooms.
+const ROOM: UVec2 = UVec2::new(64, 32);
+
+/// Radiance of a room all around, rows from the zenith down: a window of radiance 1,
+/// 26 to 60 degrees off the cloth's normal, in walls of 0.2.
+fn radiance(lit: Lit) -> Vec<Rgb> {
     let pixel = |i: u32| {
-        let (column, row) = (i % size.x, i / size.x);
+        let (column, row) = (i % ROOM.x, i / ROOM.x);
         let off_normal = match lit {
             Lit::Front => row,
-            Lit::Back => size.y - 1 - row,
+            Lit::Back => ROOM.y - 1 - row,
         };
         let is_window = (42..54).contains(&column) && (5..11).contains(&off_normal);
-        match off_normal < size.y / 2 {
+        match off_normal < ROOM.y / 2 {
             true if is_window => Rgb::WHITE,
             true => Rgb::splat(0.2),
             false => Rgb::BLACK,
         }
     };
-    (size, (0..size.element_product()).map(pixel).collect())
+    (0..ROOM.element_product()).map(pixel).collect()
 }
 
 /// Writes the rooms that scenes in a folder show.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_rooms(folder: &Path) -> Result<()> {
+pub fn write_rooms(write_file: WriteFile<'_>, folder: &Path) -> Result<(), ReportError> {
     for lit in Lit::ALL {
-        let (size, pixels) = radiance(lit);
-        picture::write_plain(&folder.join(room(lit)), size, &pixels)?;
+        let picture = Picture {
+            size: ROOM,
+            pixels: radiance(lit),
+        };
+        let mut bytes = Cursor::new(Vec::new());
+        exr::write_colours(&picture, &mut bytes)?;
+        let path = folder.join(room_file(lit));
+        write_file(&path, bytes.get_ref()).map_err(ReportError::Write)?;
     }
     Ok(())
 }
@@ -156,7 +166,9 @@ pub fn distance_m(pixel_mm: f64) -> f64 {
 /// A cloth seen from one distance under one light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
+    /// Width of a pixel where the cloth is.
     pub pixel_mm: f64,
+    /// Where light comes from.
     pub lit: Lit,
 }
 
@@ -196,13 +208,13 @@ impl View {
              [[light]]\nkind = \"environment\"\nfile = {:?}\n\n\
              [[object]]\nkind = \"cloth\"\nfabric = {fabric:?}\n",
             self.words(),
-            room(self.lit),
+            room_file(self.lit),
         )
     }
 }
 
 /// "34 cm" or "3.4 m".
-pub fn distance_words(pixel_mm: f64) -> String {
+pub(super) fn distance_words(pixel_mm: f64) -> String {
     let metres = distance_m(pixel_mm);
     if metres < 1.0 {
         format!("{:.0} cm", 100.0 * metres)
@@ -233,17 +245,16 @@ mod tests {
     #[test]
     fn the_window_is_on_one_side() {
         for lit in Lit::ALL {
-            let (size, pixels) = radiance(lit);
-            let half = (size.element_product() / 2) as usize;
-            let bright = |p: &[Rgb]| p.iter().filter(|c| **c == Rgb::WHITE).count();
-            let (front, back) = pixels.split_at(half);
+            let pixels = radiance(lit);
+            let bright = |p: &[Rgb]| p.iter().filter(|v| **v == Rgb::WHITE).count();
+            let (front, back) = pixels.split_at(pixels.len() / 2);
             let expected = if lit == Lit::Front { (72, 0) } else { (0, 72) };
             assert_eq!((bright(front), bright(back)), expected);
         }
     }
 
     #[test]
-    fn a_name_that_is_none_is_told_with_the_nearest() {
+    fn the_error_of_an_unknown_name_gives_the_nearest() {
         let error = Found::named("denin").err().unwrap().to_string();
         assert!(error.ends_with("did you mean \"denim\"?"), "{error}");
     }

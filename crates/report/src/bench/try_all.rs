@@ -1,23 +1,27 @@
 //! All choices in all views of a fabric.
 
 use super::peer::Peer;
-use super::stage::{Lit, Sample, View};
+use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
-use crate::output;
-use anyhow::{Result, anyhow};
+use crate::ReportError;
 use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
 use organza_scene::auto::choice::Choice;
+use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table::{Row, Traits};
 use organza_scene::representation::Tracker;
 use std::path::PathBuf;
 
 /// How much of everything.
 pub struct Plan {
+    /// Fewer choices.
     pub quick: bool,
+    /// Widths of a pixel where the cloth is.
     pub pixels_mm: Vec<f64>,
     /// Pixels along an edge.
     pub resolution: u32,
+    /// Samples per pixel of every choice.
     pub spp: u64,
+    /// Samples per pixel of explicit fibres.
     pub truth_spp: u64,
     /// Values of `--set` for every render.
     pub set: Vec<String>,
@@ -31,32 +35,45 @@ const SEED: u64 = 2;
 
 /// What came of one choice, or of another program, in a view.
 pub struct Tried {
+    /// What it cost and how far off it is.
     pub row: Row,
     /// Noise of the picture, which is taken off the error.
     pub noise: f64,
+    /// What rendered it.
     pub backend: String,
+    /// Its picture.
     pub picture: NoisyPicture,
 }
 
 /// A choice that gave no picture.
 pub struct Refusal {
+    /// Which one.
     pub choice: Choice,
+    /// Why not.
     pub why: String,
 }
 
 /// Another program's picture of a view.
 pub struct PeerResult {
+    /// Name and version of the program.
     pub program: String,
+    /// How far it is from the truth.
     pub error: PictureError,
+    /// What it cost.
     pub cost: Cost,
+    /// Its picture.
     pub picture: NoisyPicture,
 }
 
 /// Everything about a view of a fabric; the truth is the first result.
 pub struct ViewResult {
+    /// Which view.
     pub view: View,
+    /// Choices that gave a picture.
     pub results: Vec<Tried>,
+    /// Choices that gave none.
     pub refusals: Vec<Refusal>,
+    /// Pictures of other programs.
     pub peers: Vec<PeerResult>,
 }
 
@@ -77,18 +94,18 @@ impl Plan {
     /// # Errors
     /// Files that cannot be written, a truth that cannot be rendered, or an
     /// interruption.
-    pub fn try_all(
+    pub(super) fn try_all(
         &self,
-        laboratory: &Laboratory,
+        laboratory: &Laboratory<'_>,
         sample: &Sample,
         view: View,
         peers: &[Peer],
         done: &dyn Fn(),
-    ) -> Result<ViewResult> {
+    ) -> Result<ViewResult, ReportError> {
         let slug = view.slug(&sample.name);
         let scene = self.scenes.join(format!("{slug}.toml"));
         let text = view.scene(&sample.path.display().to_string(), self.resolution);
-        output::write_file(&scene, |out| Ok(out.write_all(text.as_bytes())?))?;
+        laboratory.write(&scene, text.as_bytes())?;
         let own_um = sample.fabric.file.voxel.size_um;
         let run = |choice: &Choice, spp: u64, seed: u64| {
             // A choice is what it is called, whatever else is set.
@@ -129,12 +146,17 @@ impl Plan {
             };
         let (truth, figures) = match run(&Choice::FIBRES, self.truth_spp, TRUTH_SEED)? {
             Outcome::Picture(picture, figures) => (*picture, figures),
-            Outcome::Refused(why) => return Err(anyhow!("{slug}, explicit fibres: {why}")),
+            Outcome::Refused(why) => {
+                return Err(ReportError::Run(format!("{slug}, explicit fibres: {why}")));
+            }
         };
-        let black =
-            || anyhow!("{slug}: explicit fibres are black; there is nothing to compare with");
+        let black = || {
+            ReportError::Run(format!(
+                "{slug}: explicit fibres are black; there is nothing to compare with"
+            ))
+        };
         let mut first = judge(Choice::FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
-        // Against itself it has no error, and knows it.
+        // Against itself it has no error, and its noise makes none.
         for figure in [&mut first.row.rmse, &mut first.row.bias] {
             (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);
         }

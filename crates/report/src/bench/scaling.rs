@@ -1,11 +1,11 @@
 //! How cost grows with size.
 
-use super::stage::{Lit, Sample, View};
+use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
-use crate::output;
-use anyhow::{Result, anyhow};
+use crate::ReportError;
 use organza_measure::{Growth, growth};
 use organza_scene::auto::choice::Choice;
+use organza_scene::auto::lit::Lit;
 use organza_scene::representation::{MICROFLAKE, PACKED, Tracker};
 use serde::Serialize;
 use std::path::Path;
@@ -72,23 +72,30 @@ impl Size {
 /// One measurement.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
+    /// The size.
     pub size: f64,
     /// Processor seconds before the first path.
     pub setup_s: f64,
     /// Processor seconds of tracing; of threads, seconds as they passed.
     pub trace_s: f64,
+    /// The most that it ever had.
     pub memory_bytes: u64,
 }
 
 /// One choice along one size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
+    /// What grows.
     pub grows: Size,
     /// The choice in words.
     pub what: String,
+    /// Measurements in order of size.
     pub points: Vec<Point>,
+    /// How the setup grows.
     pub setup: Option<Growth>,
+    /// How tracing grows.
     pub trace: Option<Growth>,
+    /// How memory grows.
     pub memory: Option<Growth>,
 }
 
@@ -99,7 +106,7 @@ const MODELS: [Choice; 2] = [
 ];
 
 /// Renders that [`measure`] makes at most.
-pub fn most_trials(quick: bool) -> usize {
+pub(super) fn most_trials(quick: bool) -> usize {
     let steps: usize = Size::ALL.iter().map(|s| s.steps(quick).len()).sum();
     MODELS.len() * steps
 }
@@ -108,25 +115,27 @@ pub fn most_trials(quick: bool) -> usize {
 ///
 /// # Errors
 /// Files that cannot be written, or renders that fail.
-pub fn measure(
-    laboratory: &Laboratory,
+pub(super) fn measure(
+    laboratory: &Laboratory<'_>,
     sample: &Sample,
     folder: &Path,
     quick: bool,
     done: &dyn Fn(),
-) -> Result<Vec<Series>> {
+) -> Result<Vec<Series>, ReportError> {
     let mut list = Vec::new();
     for grows in Size::ALL {
         for choice in MODELS {
             let mut points = Vec::new();
             for step in grows.steps(quick) {
-                let (trial, size) = trial(sample, folder, grows, choice, step)?;
+                let (trial, size) = trial(laboratory, sample, folder, grows, choice, step)?;
                 let threads = if grows == Size::Threads { step } else { 1 };
                 let outcome = laboratory.run(&trial, u16::try_from(threads).ok())?;
                 done();
                 let figures = match outcome {
                     Outcome::Picture(_, figures) => figures,
-                    Outcome::Refused(why) => return Err(anyhow!("{}: {why}", trial.name)),
+                    Outcome::Refused(why) => {
+                        return Err(ReportError::Run(format!("{}: {why}", trial.name)));
+                    }
                 };
                 points.push(point(grows, size, &figures));
             }
@@ -165,12 +174,13 @@ const PIXEL_MM: f64 = 0.1;
 
 /// A render at one step, and the size there.
 fn trial(
+    laboratory: &Laboratory<'_>,
     sample: &Sample,
     folder: &Path,
     grows: Size,
     choice: Choice,
     step: u32,
-) -> Result<(Trial, f64)> {
+) -> Result<(Trial, f64), ReportError> {
     let own_um = sample.fabric.file.voxel.size_um;
     let name = format!(
         "scaling-{}-{}-{step}",
@@ -187,7 +197,7 @@ fn trial(
     let size = match grows {
         Size::Tile => {
             fabric = folder.join(format!("{name}.fabric.toml"));
-            write_repeats(sample, &fabric, step)?;
+            laboratory.write(&fabric, with_repeats(sample, step)?.as_bytes())?;
             f64::from(step * step)
         }
         Size::Resolution => {
@@ -215,7 +225,7 @@ fn trial(
     let text = view.scene(&fabric.display().to_string(), resolution);
     let scene = folder.join(format!("{name}.toml"));
     let text = with_parallel_lights(&text, lights);
-    output::write_file(&scene, |out| Ok(out.write_all(text.as_bytes())?))?;
+    laboratory.write(&scene, text.as_bytes())?;
     // About a second of each.
     let by_kernel = choice.tracker == Tracker::Kernel;
     let spp = if by_kernel { 1024 } else { 24 };
@@ -250,16 +260,16 @@ fn with_parallel_lights(scene: &str, count: u32) -> String {
     text + "[[object]]" + after
 }
 
-/// The fabric with a tile of more repeats.
-fn write_repeats(sample: &Sample, path: &Path, repeats: u32) -> Result<()> {
+/// The text of a fabric with a tile of more repeats.
+fn with_repeats(sample: &Sample, repeats: u32) -> Result<String, ReportError> {
     let text = organza_scene::read::text(&sample.path)?;
-    let mut table: toml::Table = toml::from_str(&text)?;
+    let fail = |why: String| ReportError::input(format!("{}: {why}", sample.path.display()));
+    let mut table: toml::Table = toml::from_str(&text).map_err(|e| fail(e.to_string()))?;
     let mut tile = toml::Table::new();
     let both = [i64::from(repeats); 2].map(toml::Value::Integer);
     tile.insert("repeats".into(), toml::Value::Array(both.to_vec()));
     table.insert("tile".into(), toml::Value::Table(tile));
-    let text = toml::to_string(&table)?;
-    output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))
+    toml::to_string(&table).map_err(|e| fail(e.to_string()))
 }
 
 #[cfg(test)]

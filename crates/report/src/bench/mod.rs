@@ -1,0 +1,125 @@
+//! Speed against error: every choice there is for a cloth, seen from some distances under
+//! some lights, against explicit fibres.
+//!
+//! Every picture is rendered by a process of its own, as a user would run it, so that time
+//! and memory are what a user has.
+
+mod page;
+mod peer;
+mod quantity;
+mod record;
+mod scaling;
+mod stage;
+mod trial;
+mod try_all;
+
+pub use peer::Peer;
+pub use scaling::{Point, Series, Size};
+pub use stage::{Found, PIXELS_MM, QUICK_PIXELS_MM, Sample, View, distance_m, write_rooms};
+pub use trial::{Laboratory, WriteError, WriteFile};
+pub use try_all::{PeerResult, Plan, Refusal, Tried, ViewResult};
+
+use crate::ReportError;
+use organza_scene::auto::table::{Candidate, Recommendation, Row, candidates, recommend};
+
+/// A fabric with all its views.
+pub struct FabricResult<'a> {
+    /// The fabric.
+    pub sample: &'a Sample,
+    /// What came of every view of it.
+    pub views: Vec<ViewResult>,
+}
+
+/// Everything that a bench found.
+pub struct Bench<'a> {
+    /// How much of everything was tried.
+    pub plan: &'a Plan,
+    /// Fabric by fabric.
+    pub fabrics: Vec<FabricResult<'a>>,
+    /// How cost grows with size, on the first fabric.
+    pub growth: Vec<Series>,
+}
+
+impl<'a> Bench<'a> {
+    /// The number of renders that [`Bench::run`] makes at most.
+    pub fn most_trials(plan: &Plan, samples: &[Sample], with_scaling: bool) -> usize {
+        let choices = |s: &Sample| plan.views().len() * (1 + plan.choices(s).len());
+        let scaling = if with_scaling {
+            scaling::most_trials(plan.quick)
+        } else {
+            0
+        };
+        samples.iter().map(choices).sum::<usize>() + scaling
+    }
+
+    /// Tries every choice in every view of some fabrics, and how cost grows with size if
+    /// asked. `done` is called after every render.
+    ///
+    /// # Errors
+    /// Files that cannot be read or written, a truth that cannot be rendered, or an
+    /// interruption.
+    pub fn run(
+        plan: &'a Plan,
+        samples: &'a [Sample],
+        peers: &[Peer],
+        with_scaling: bool,
+        laboratory: &Laboratory<'_>,
+        done: &dyn Fn(),
+    ) -> Result<Bench<'a>, ReportError> {
+        let mut fabrics = Vec::new();
+        for sample in samples {
+            let views = plan
+                .views()
+                .into_iter()
+                .map(|view| plan.try_all(laboratory, sample, view, peers, done))
+                .collect::<Result<_, _>>()?;
+            fabrics.push(FabricResult { sample, views });
+        }
+        let growth = match samples.first() {
+            Some(sample) if with_scaling => {
+                scaling::measure(laboratory, sample, &plan.scenes, plan.quick, done)?
+            }
+            _ => Vec::new(),
+        };
+        Ok(Bench {
+            plan,
+            fabrics,
+            growth,
+        })
+    }
+
+    /// The rows of the table that `model = "auto"` reads.
+    pub fn rows(&self) -> Vec<Row> {
+        self.views()
+            .flat_map(|(_, v)| v.results.iter().map(|t| t.row.clone()))
+            .collect()
+    }
+
+    /// Every view with its fabric.
+    fn views(&self) -> impl Iterator<Item = (&Sample, &ViewResult)> {
+        self.fabrics
+            .iter()
+            .flat_map(|f| f.views.iter().map(|v| (f.sample, v)))
+    }
+}
+
+/// A bench with what its reports add.
+pub struct BenchReport<'a> {
+    /// What was found.
+    pub bench: &'a Bench<'a>,
+    /// The command that made it.
+    pub command: String,
+    /// Errors, as shares of a picture's brightness, within which choices are recommended.
+    pub within: &'a [f64],
+    /// How long it all took.
+    pub seconds: f64,
+}
+
+impl ViewResult {
+    /// What to take in this view for an error of at most `tolerance`.
+    fn recommendation(&self, tolerance: f64) -> Option<Recommendation> {
+        let rows = self.results.iter().map(|t| &t.row);
+        let list: Vec<Candidate> = candidates(rows, &[self.view.lit]);
+        recommend(&list, tolerance)
+    }
+}

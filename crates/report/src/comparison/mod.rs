@@ -1,0 +1,70 @@
+//! Models of one cloth against each other: measured alike, judged against the first.
+
+mod judge;
+mod measure;
+mod page;
+mod record;
+
+pub use judge::{Judged, judge};
+pub use measure::{Measurement, Plan};
+
+use organza_measure::Angles;
+
+/// Everything about a comparison.
+pub struct Comparison {
+    /// The cloth's name.
+    pub name: String,
+    /// The command that made it.
+    pub command: String,
+    /// All that was measured, the reference first.
+    pub measured: Vec<Measurement>,
+    /// The others against it.
+    pub judged: Vec<Judged>,
+    /// Median relative error below which models agree.
+    pub limit: f64,
+}
+
+impl Comparison {
+    /// What the models are compared with.
+    pub fn reference(&self) -> &str {
+        self.measured.first().map_or("", |m| m.model.as_str())
+    }
+
+    /// A line for each model that was judged.
+    pub fn summary(&self) -> Vec<String> {
+        let line = |j: &Judged| {
+            let m = &j.layout.median;
+            format!(
+                "{} against {}: median error {:.1} % ({:.1} to {:.1}), noise alone {:.1} %, 80th percentile {:.1} %",
+                j.model,
+                self.reference(),
+                100.0 * m.value,
+                100.0 * m.low,
+                100.0 * m.high,
+                100.0 * j.layout.noise_median,
+                100.0 * j.layout.percentile_80.value,
+            )
+        };
+        self.judged.iter().map(line).collect()
+    }
+}
+
+/// A light of the pictures, which are seen along the normal.
+struct Light {
+    name: &'static str,
+    direction: Angles,
+}
+
+const fn light(name: &'static str, theta_deg: f64, phi_deg: f64) -> Light {
+    Light {
+        name,
+        direction: Angles { theta_deg, phi_deg },
+    }
+}
+
+/// The lights of the pictures.
+const LIGHTS: [Light; 3] = [
+    light("Lit from the front, along the warp", 45.0, 90.0),
+    light("Lit from the front, along the weft", 45.0, 0.0),
+    light("Lit from behind", 160.0, 60.0),
+];

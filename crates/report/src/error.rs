@@ -1,0 +1,46 @@
+//! Why a report could not be made.
+
+/// Why a measurement, a bench, a page or a table could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// A file or a value of the command line is wrong.
+    #[error("{0}")]
+    Input(#[from] organza_scene::InputError),
+    /// A file that cannot be written.
+    #[error("{0}")]
+    Write(#[source] crate::bench::WriteError),
+    /// A process that failed.
+    #[error("{0}")]
+    Run(String),
+    /// A measurement without a result.
+    #[error("{0}")]
+    Measure(#[from] organza_measure::MeasureError),
+    /// A picture that cannot be encoded.
+    #[error("{0}")]
+    Picture(#[from] organza_picture::PictureError),
+    /// A plot that cannot be drawn.
+    #[error("cannot draw a plot: {0}")]
+    Plot(String),
+    /// A page that cannot be put together.
+    #[error("cannot put a page together: {0}")]
+    Page(#[from] askama::Error),
+    /// Figures that cannot be written as JSON.
+    #[error("cannot write figures as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A table that cannot be written.
+    #[error("cannot write a table: {0}")]
+    Table(#[from] csv::Error),
+}
+
+impl ReportError {
+    pub(crate) fn input(message: impl Into<String>) -> ReportError {
+        ReportError::Input(organza_scene::InputError(message.into()))
+    }
+}
+
+impl From<crate::plot::DrawError> for ReportError {
+    fn from(e: crate::plot::DrawError) -> ReportError {
+        ReportError::Plot(e.to_string())
+    }
+}

@@ -1,0 +1,65 @@
+//! Where light goes, as bars.
+
+use super::{DrawError, INK, Plot, draw_words, fine, paint};
+use plotters::element::Rectangle;
+use plotters::style::text_anchor::HPos;
+use plotters::style::{Color, RGBColor, WHITE};
+
+/// What becomes of light, in the order of a bar, with its colour (8-bit sRGB).
+pub(crate) const SHARES: [(&str, [u8; 3]); 4] = [
+    ("reflected", [0xe0, 0xa0, 0x3a]),
+    ("transmitted", [0x4f, 0x9f, 0xbf]),
+    ("straight through", [0xb9, 0xd7, 0xe4]),
+    ("absorbed", [0x57, 0x50, 0x4a]),
+];
+
+/// A bar: its name and its shares in the order of [`SHARES`].
+pub(crate) struct Shares {
+    pub label: String,
+    pub shares: [f64; 4],
+}
+
+/// Pixels: a row, the bar in it, where bars begin and how long a whole one is.
+const ROW: f64 = 19.0;
+const BAR: f64 = 15.0;
+const LEFT: f64 = 202.0;
+const WHOLE: f64 = 350.0;
+const WIDTH: f64 = 560.0;
+/// Between a label and its bar.
+const GAP: f64 = 6.0;
+
+/// The narrowest piece that has room for its number.
+const NUMBER: f64 = 26.0;
+
+/// Numbers on light pieces; those of a dark one are white.
+const DARK: RGBColor = RGBColor(0x11, 0x11, 0x11);
+
+/// One bar below the other.
+pub(crate) fn shares(bars: &[Shares]) -> Result<Plot, DrawError> {
+    let size = [WIDTH, ROW * bars.len() as f64 + 4.0];
+    Plot::new(size, "Where the light goes", |canvas| {
+        for (row, bar) in bars.iter().enumerate() {
+            let top = ROW * row as f64 + 2.0;
+            let middle = fine(top + 0.5 * BAR);
+            let end = (fine(LEFT - GAP), middle);
+            draw_words(canvas, &bar.label, end, HPos::Right, INK)?;
+            let mut from = LEFT;
+            for (share, (_, colour)) in bar.shares.iter().zip(SHARES) {
+                let wide = share.clamp(0.0, 1.0) * WHOLE;
+                let corners = [
+                    (fine(from), fine(top)),
+                    (fine(from + wide), fine(top + BAR)),
+                ];
+                canvas.draw(&Rectangle::new(corners, paint(colour).filled()))?;
+                if wide > NUMBER {
+                    let at = (fine(from + 0.5 * wide), middle);
+                    let is_dark = colour.iter().all(|&c| c < 0x80);
+                    let ink = if is_dark { WHITE } else { DARK };
+                    draw_words(canvas, &format!("{share:.2}"), at, HPos::Center, ink)?;
+                }
+                from += wide;
+            }
+        }
+        Ok(Vec::new())
+    })
+}
