@@ -280,7 +280,7 @@ fn parts_of_another_engine_are_refused_for_that_reason() {
     assert_eq!(
         resume(&[&by_kernel[..], &["--set", "render.clamp=100.0"]].concat()),
         "organza: scalar.state: is a checkpoint of the kernel; this render is of the general \
-         walk, for samples are to be clamped, which the general walk does"
+         walk, for clamping needs the general walk"
     );
 }
 

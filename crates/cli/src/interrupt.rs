@@ -1,4 +1,5 @@
-//! Ctrl-C: the first stops the run in order, the second ends it at once.
+//! Ctrl-C, SIGTERM and SIGHUP: the first stops the run in order, the second ends
+//! it at once.
 
 use anyhow::{Context, Result};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,5 +1,8 @@
 //! `organza measure`
 
+mod summary;
+mod wanted;
+
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
@@ -8,28 +11,26 @@ use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
 };
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs, set_help};
-use crate::output::note;
 use crate::progress::Progress;
 use crate::{btf_file, output};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
 use organza_measure::{
-    Angles, Effort, KlemsBasis, LampPosition, MeasureError, Pair, PairValue, TexelGrid,
-    VolumePatch, front_and_back, grid_directions, grid_layout, irawan_incident, irawan_layout,
-    lamp_positions, measure_albedos, measure_klems, measure_openness, measure_pairs, measure_sweep,
-    measure_texture, parse_incident, parse_pairs, write_albedos, write_klems, write_pairs,
-    write_sweep,
+    Effort, MeasureError, TexelGrid, VolumePatch, front_and_back, measure_albedos, measure_klems,
+    measure_openness, measure_pairs, measure_sweep, measure_texture, write_albedos, write_klems,
+    write_pairs, write_sweep,
 };
 use organza_scene::loader::Loader;
-use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::{FIBRES, SURFACE, ShownAs};
+use organza_scene::representation::{FIBRES, ShownAs};
 use organza_scene::scene_file::{self, IntegratorName, is_scene};
-use organza_scene::{LoadedScene, fabric_file, read};
+use organza_scene::{LoadedScene, fabric_file};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
+use summary::{Summary, dark_pairs, median_error, report, write};
+use wanted::{KlemsBasisName, LayoutName, Wanted, check_texture_memory, wanted};
 
 /// `organza measure`
 #[derive(Debug, Args)]
@@ -95,44 +96,6 @@ impl Command for MeasureArgs {
     }
 }
 
-/// Layouts of directions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum LayoutName {
-    /// 225 incident directions out to 75 degrees times 7 exitant ones
-    Irawan,
-    /// A regular grid of directions, see --grid
-    Grid,
-    /// The four matrices of the Klems basis, one path for all exitant directions
-    Klems,
-    /// A linear light swung over face and back, seen along the normal
-    Sweep,
-}
-
-/// Klems bases.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum KlemsBasisName {
-    /// 145 patches a side
-    Full,
-    /// 73
-    Half,
-    /// 41
-    Quarter,
-}
-
-impl From<KlemsBasisName> for KlemsBasis {
-    fn from(name: KlemsBasisName) -> KlemsBasis {
-        match name {
-            KlemsBasisName::Full => KlemsBasis::Full,
-            KlemsBasisName::Half => KlemsBasis::Half,
-            KlemsBasisName::Quarter => KlemsBasis::Quarter,
-        }
-    }
-}
-
-/// What a value takes while it is measured, and as JSON; upper bounds, measured.
-const BYTES_OF_VALUE: u64 = 512;
-const BYTES_OF_JSON: u64 = 5120;
-
 /// Runs the command.
 pub fn run(args: &MeasureArgs) -> Result<()> {
     if let Some(path) = &args.outfile {
@@ -171,15 +134,6 @@ fn check_outfile(args: &MeasureArgs, loader: &Loader<'_>) -> Result<()> {
     }
 }
 
-/// What to measure.
-enum Wanted {
-    Pairs(Vec<Pair>),
-    Incident(Vec<Angles>),
-    Textures(Vec<Pair>),
-    Klems(KlemsBasis),
-    Sweep(Vec<LampPosition>),
-}
-
 /// Whether the table to write ends in `.ending`.
 fn ends_in(args: &MeasureArgs, ending: &str) -> bool {
     let path = args.outfile.as_ref();
@@ -187,45 +141,6 @@ fn ends_in(args: &MeasureArgs, ending: &str) -> bool {
         p.extension()
             .is_some_and(|e| e.eq_ignore_ascii_case(ending))
     })
-}
-
-fn wanted(args: &MeasureArgs) -> Result<Wanted> {
-    let layout = args.layout.unwrap_or(LayoutName::Irawan);
-    let is_klems = args.pairs.is_none() && layout == LayoutName::Klems;
-    if ends_in(args, "xml") && !is_klems {
-        return Err(input("a table that ends in .xml needs --layout klems"));
-    }
-    if let Some(path) = &args.pairs {
-        let text = read::text(path)?;
-        let parsed = if args.albedo {
-            parse_incident(&text).map(Wanted::Incident)
-        } else {
-            parse_pairs(&text).map(Wanted::Pairs)
-        };
-        let wanted = parsed.map_err(|e| input(format!("{}:{e}", path.display())))?;
-        return Ok(as_textures(args, wanted));
-    }
-    let [polar, azimuths] = args.grid;
-    check_count(args, layout)?;
-    let wanted = match (layout, args.albedo) {
-        (LayoutName::Irawan, false) => Wanted::Pairs(irawan_layout()),
-        (LayoutName::Irawan, true) => Wanted::Incident(irawan_incident()),
-        (LayoutName::Grid, false) => Wanted::Pairs(grid_layout(polar, azimuths)),
-        (LayoutName::Grid, true) => Wanted::Incident(grid_directions(polar, azimuths, true)),
-        (LayoutName::Klems, false) => Wanted::Klems(args.klems_basis.into()),
-        (LayoutName::Sweep, false) => Wanted::Sweep(lamp_positions(args.step)),
-        (LayoutName::Klems | LayoutName::Sweep, true) => {
-            return Err(input("--albedo goes with pairs, not with this layout"));
-        }
-    };
-    Ok(as_textures(args, wanted))
-}
-
-fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
-    match wanted {
-        Wanted::Pairs(pairs) if ends_in(args, "exr") => Wanted::Textures(pairs),
-        other => other,
-    }
 }
 
 /// The objects of a scene file.
@@ -378,152 +293,4 @@ fn listed(args: &MeasureArgs, list: &(impl serde::Serialize + ?Sized)) -> Value 
     } else {
         Value::Null
     }
-}
-
-/// Refuses layouts of more directions than fit into memory.
-fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
-    let directions = u64::from(args.grid[0]) * u64::from(args.grid[1]);
-    let (flag, count) = match layout {
-        LayoutName::Grid if args.albedo => ("--grid", 2 * directions),
-        LayoutName::Grid => ("--grid", (2 * directions).saturating_mul(directions)),
-        LayoutName::Sweep => ("--step", (4.0 * (2.0 * 75.0 / args.step + 1.0)) as u64),
-        LayoutName::Irawan | LayoutName::Klems => return Ok(()),
-    };
-    let each = if args.json || ends_in(args, "json") {
-        BYTES_OF_JSON
-    } else {
-        BYTES_OF_VALUE
-    };
-    let needed = count.saturating_mul(each);
-    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
-    if needed > most {
-        return Err(input(format!(
-            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed: take fewer"
-        )));
-    }
-    Ok(())
-}
-
-/// Refuses pictures that do not fit into memory: six numbers a texel, held
-/// twice when they are written.
-fn check_texture_memory(args: &MeasureArgs, pairs: u64, grid: &TexelGrid) -> Result<()> {
-    let texels = grid.texels.as_u64vec2().element_product();
-    let needed = texels.saturating_mul(2 * 6 * 4).saturating_mul(pairs);
-    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
-    if needed > most {
-        return Err(input(format!(
-            "--texels {}: {pairs} pictures of {} x {} texels need {needed} bytes of memory, {most} \
-             are allowed: take fewer texels or fewer pairs",
-            args.texels, grid.texels.x, grid.texels.y
-        )));
-    }
-    Ok(())
-}
-
-/// Median of the standard errors as shares of their values.
-fn median_error(list: &[PairValue]) -> Option<String> {
-    let channels = list
-        .iter()
-        .flat_map(|v| v.bsdf.mean.into_iter().zip(v.bsdf.se));
-    let mut shares: Vec<f64> = channels.filter(|v| v.0 > 0.0).map(|(m, s)| s / m).collect();
-    shares.sort_by(f64::total_cmp);
-    let median = shares.get(shares.len() / 2)?;
-    Some(format!(
-        "median standard error {:.2} % of the value",
-        100.0 * median
-    ))
-}
-
-/// How many pairs of how many met no light in any path: their standard error is zero as their
-/// value is, and has no information. The surface model is exact.
-fn dark_pairs(shown: Option<ShownAs>, list: &[PairValue]) -> [usize; 2] {
-    let is_dark = |v: &&PairValue| [v.bsdf.mean, v.bsdf.se] == [[0.0; 3]; 2];
-    match shown {
-        Some(s) if s.representation == &SURFACE => [0, list.len()],
-        _ => [list.iter().filter(is_dark).count(), list.len()],
-    }
-}
-
-/// What to say in the end.
-struct Summary {
-    what: &'static str,
-    list: Value,
-    extra: Vec<(&'static str, Value)>,
-    words: Option<String>,
-    /// Pairs without light in any path, of how many.
-    dark: [usize; 2],
-    count: usize,
-    paths: u64,
-}
-
-fn write(
-    args: &MeasureArgs,
-    table: impl FnOnce(&mut dyn output::SeekWrite) -> std::io::Result<()>,
-) -> Result<()> {
-    match &args.outfile {
-        Some(path) if !ends_in(args, "json") => {
-            output::write_file(path, |out| table(out).context("writing the table failed"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// What was measured: a representation, or what a scene names.
-fn model_name(args: &MeasureArgs, shown: Option<ShownAs>) -> &'static str {
-    match (shown, args.model) {
-        (Some(shown), _) => shown.representation.name,
-        (None, PatchModel::Is(representation)) => representation.name,
-        (None, PatchModel::Own) => OWN,
-    }
-}
-
-fn report(
-    args: &MeasureArgs,
-    shown: Option<ShownAs>,
-    summary: Summary,
-    seconds: f64,
-) -> Result<()> {
-    let mut map = serde_json::Map::new();
-    let mut put = |key: &str, value: Value| map.insert(key.into(), value);
-    put("file", json!(args.file));
-    put("model", json!(model_name(args, shown)));
-    put("seed", json!(args.seed));
-    put("paths", json!(summary.paths));
-    put("seconds", json!(seconds));
-    put(summary.what, summary.list);
-    for (key, value) in summary.extra {
-        put(key, value);
-    }
-    let text = serde_json::to_string_pretty(&Value::Object(map))?;
-    if let Some(path) = args.outfile.as_ref().filter(|_| ends_in(args, "json")) {
-        output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))?;
-    }
-    if args.json {
-        output::print(&(text + "\n"))?;
-    }
-    if !args.common.quiet {
-        note!(
-            "{}: {} {}, {} paths in {seconds:.1} s ({:.2} M paths/s)",
-            args.file.display(),
-            summary.count,
-            if summary.what == "pairs" {
-                "pairs"
-            } else {
-                "directions"
-            },
-            summary.paths,
-            summary.paths as f64 / seconds.max(1e-9) * 1e-6,
-        );
-        if let Some(words) = summary.words {
-            note!("{words}");
-        }
-        let [dark, pairs] = summary.dark;
-        if dark > 0 {
-            note!(
-                "{dark} of {pairs} pairs met no light in any path: their value 0 +- 0 is not \
-                 exact, its error is not known; more --spp helps"
-            );
-        }
-    }
-    Ok(())
 }

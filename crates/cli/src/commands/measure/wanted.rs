@@ -1,0 +1,146 @@
+//! What `organza measure` measures: the directions that its flags name.
+
+use super::{MeasureArgs, ends_in};
+use crate::error::input;
+use anyhow::Result;
+use organza_measure::{
+    Angles, KlemsBasis, LampPosition, Pair, TexelGrid, grid_directions, grid_layout,
+    irawan_incident, irawan_layout, lamp_positions, parse_incident, parse_pairs,
+};
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::read;
+
+/// Layouts of directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LayoutName {
+    /// 225 incident directions out to 75 degrees times 7 exitant ones
+    Irawan,
+    /// A regular grid of directions, see --grid
+    Grid,
+    /// The four matrices of the Klems basis, one path for all exitant directions
+    Klems,
+    /// A linear light swung over face and back, seen along the normal
+    Sweep,
+}
+
+/// Klems bases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum KlemsBasisName {
+    /// 145 patches a side
+    Full,
+    /// 73
+    Half,
+    /// 41
+    Quarter,
+}
+
+impl From<KlemsBasisName> for KlemsBasis {
+    fn from(name: KlemsBasisName) -> KlemsBasis {
+        match name {
+            KlemsBasisName::Full => KlemsBasis::Full,
+            KlemsBasisName::Half => KlemsBasis::Half,
+            KlemsBasisName::Quarter => KlemsBasis::Quarter,
+        }
+    }
+}
+
+/// What a value takes while it is measured, and as JSON; upper bounds, measured.
+const BYTES_OF_VALUE: u64 = 512;
+const BYTES_OF_JSON: u64 = 5120;
+
+/// What to measure.
+pub enum Wanted {
+    /// The BSDF of pairs of directions.
+    Pairs(Vec<Pair>),
+    /// Where the light of these directions goes.
+    Incident(Vec<Angles>),
+    /// A picture of the tile for each pair.
+    Textures(Vec<Pair>),
+    /// The matrices of a basis.
+    Klems(KlemsBasis),
+    /// A lamp swung over face and back.
+    Sweep(Vec<LampPosition>),
+}
+
+/// What the flags ask for.
+///
+/// # Errors
+/// Flags that contradict each other, or a wrong file of pairs.
+pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
+    let layout = args.layout.unwrap_or(LayoutName::Irawan);
+    let is_klems = args.pairs.is_none() && layout == LayoutName::Klems;
+    if ends_in(args, "xml") && !is_klems {
+        return Err(input("a table that ends in .xml needs --layout klems"));
+    }
+    if let Some(path) = &args.pairs {
+        let text = read::text(path)?;
+        let parsed = if args.albedo {
+            parse_incident(&text).map(Wanted::Incident)
+        } else {
+            parse_pairs(&text).map(Wanted::Pairs)
+        };
+        let wanted = parsed.map_err(|e| input(format!("{}:{e}", path.display())))?;
+        return Ok(as_textures(args, wanted));
+    }
+    let [polar, azimuths] = args.grid;
+    check_count(args, layout)?;
+    let wanted = match (layout, args.albedo) {
+        (LayoutName::Irawan, false) => Wanted::Pairs(irawan_layout()),
+        (LayoutName::Irawan, true) => Wanted::Incident(irawan_incident()),
+        (LayoutName::Grid, false) => Wanted::Pairs(grid_layout(polar, azimuths)),
+        (LayoutName::Grid, true) => Wanted::Incident(grid_directions(polar, azimuths, true)),
+        (LayoutName::Klems, false) => Wanted::Klems(args.klems_basis.into()),
+        (LayoutName::Sweep, false) => Wanted::Sweep(lamp_positions(args.step)),
+        (LayoutName::Klems | LayoutName::Sweep, true) => {
+            return Err(input("--albedo goes with pairs, not with this layout"));
+        }
+    };
+    Ok(as_textures(args, wanted))
+}
+
+fn as_textures(args: &MeasureArgs, wanted: Wanted) -> Wanted {
+    match wanted {
+        Wanted::Pairs(pairs) if ends_in(args, "exr") => Wanted::Textures(pairs),
+        other => other,
+    }
+}
+
+/// Refuses layouts of more directions than fit into memory.
+fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
+    let directions = u64::from(args.grid[0]) * u64::from(args.grid[1]);
+    let (flag, count) = match layout {
+        LayoutName::Grid if args.albedo => ("--grid", 2 * directions),
+        LayoutName::Grid => ("--grid", (2 * directions).saturating_mul(directions)),
+        LayoutName::Sweep => ("--step", (4.0 * (2.0 * 75.0 / args.step + 1.0)) as u64),
+        LayoutName::Irawan | LayoutName::Klems => return Ok(()),
+    };
+    let each = if args.json || ends_in(args, "json") {
+        BYTES_OF_JSON
+    } else {
+        BYTES_OF_VALUE
+    };
+    let needed = count.saturating_mul(each);
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed: take fewer"
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses pictures that do not fit into memory: six numbers a texel, held
+/// twice when they are written.
+pub fn check_texture_memory(args: &MeasureArgs, pairs: u64, grid: &TexelGrid) -> Result<()> {
+    let texels = grid.texels.as_u64vec2().element_product();
+    let needed = texels.saturating_mul(2 * 6 * 4).saturating_mul(pairs);
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "--texels {}: {pairs} pictures of {} x {} texels need {needed} bytes of memory, {most} \
+             are allowed: take fewer texels or fewer pairs",
+            args.texels, grid.texels.x, grid.texels.y
+        )));
+    }
+    Ok(())
+}
