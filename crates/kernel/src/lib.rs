@@ -12,12 +12,15 @@
 //!
 //! # Rooms
 //! - [`cpu`]: lanes of processors, and the code for their instructions.
+//! - [`fibres`]: explicit fibres in cells.
 //! - [`voxels`]: micro-flakes and virtual fibres in voxels.
 //! - [`proofs`]: kernels that are wrong on purpose, for tests.
 
 mod block;
 #[allow(missing_docs)]
 mod cpu;
+mod engine;
+pub mod fibres;
 mod matter;
 pub mod proofs;
 mod refusal;
@@ -25,6 +28,7 @@ mod voxels;
 
 pub use block::Block;
 pub use cpu::Backend;
+pub use engine::Engine;
 pub use matter::{Matter, NO_YARN, Population, Substance};
 pub use refusal::{Refusal, Unsuited};
 pub use voxels::fibre_tables::end_on_ratio;

@@ -1,6 +1,7 @@
 //! Why the kernel leaves a scene to the general walk.
 
 use crate::Backend;
+use crate::fibres::Unfit;
 use crate::voxels::layout::MAX_DIM;
 
 /// Why the kernel leaves a view to another walk.
@@ -30,6 +31,9 @@ pub enum Refusal {
     /// More words in a table than lanes can address.
     #[error("one of its tables would have {0} words, more than 2^31")]
     Words(u64),
+    /// More pieces of fibre than can be numbered.
+    #[error("there are more pieces of fibre than cells can hold")]
+    TooManyPieces,
     /// The processor lacks it.
     #[error("this processor does not have {0:?}")]
     Backend(Backend),
@@ -56,4 +60,14 @@ pub enum Unsuited {
     /// More populations than can be addressed.
     #[error("a medium has more than 2^29 populations of fibres")]
     TooManyPopulations,
+}
+
+impl Refusal {
+    /// Of fibres for which `most_bytes` were allowed.
+    pub fn of_fibres(unfit: Unfit, most_bytes: u64) -> Refusal {
+        match unfit {
+            Unfit::TooMany => Refusal::TooManyPieces,
+            Unfit::Memory(bytes) => Refusal::Memory(bytes, most_bytes),
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Means with standard errors: the goniometer itself.
 
-use crate::{Angles, Energy, Pair, PatchResponse};
-use organza_basis::{Moments, PathRng, Rgb};
+use crate::{Angles, Pair, PatchResponse, PathNames};
+use organza_basis::{Moments, Rgb};
 use organza_transport::Stats;
 use rayon::prelude::*;
 
@@ -148,7 +148,9 @@ pub fn measure_pairs(
         |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
     gather(pairs, 0, &effort, &enough, watch, &|pair: &Pair| {
         let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
-        move |rng: &mut PathRng, stats: &mut Stats| [patch.estimate_bsdf(w_in, w_out, rng, stats)]
+        move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
+            patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
+        }
     })
     .map(|(list, stats)| Results {
         list: pairs
@@ -192,9 +194,11 @@ pub fn measure_albedos(
         watch,
         &|from: &Angles| {
             let w = from.direction();
-            move |rng: &mut PathRng, stats: &mut Stats| {
-                let e: Energy = patch.estimate_energy(w, rng, stats);
-                [e.reflected, e.transmitted, e.direct, e.absorbed, e.sum()]
+            move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 5])| {
+                patch.each_exit(&|_| w, names, stats, &mut |exit| {
+                    let e = exit.energy(w);
+                    found([e.reflected, e.transmitted, e.direct, e.absorbed, e.sum()]);
+                });
             }
         },
     )
@@ -245,6 +249,8 @@ pub fn measure_openness(
 /// `N` colours at a time for every item: means and deviations, in order.
 pub(crate) type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
 
+/// Measures every item. An estimate gives the values of all paths that are named,
+/// in order.
 pub(crate) fn gather<T: Sync, const N: usize, E>(
     items: &[T],
     first_stream: u64,
@@ -254,7 +260,7 @@ pub(crate) fn gather<T: Sync, const N: usize, E>(
     estimate: &(impl Fn(&T) -> E + Sync),
 ) -> Result<Gathered<N>, MeasureError>
 where
-    E: Fn(&mut PathRng, &mut Stats) -> [Rgb; N] + Sync,
+    E: Fn(&PathNames, &mut Stats, &mut dyn FnMut([Rgb; N])) + Sync,
 {
     let one = |(stream, item): (usize, &T)| {
         let estimate = estimate(item);
@@ -274,7 +280,12 @@ where
                 .map(|c| {
                     let paths = c * CHUNK..((c + 1) * CHUNK).min(end);
                     watch(paths.end - paths.start);
-                    chunk(&estimate, effort.seed, stream, paths)
+                    let names = PathNames {
+                        seed: effort.seed,
+                        stream,
+                        paths,
+                    };
+                    chunk(&estimate, &names)
                 })
                 .collect();
             for (part, counts) in &chunks {
@@ -304,25 +315,22 @@ where
 }
 
 fn chunk<const N: usize>(
-    estimate: &impl Fn(&mut PathRng, &mut Stats) -> [Rgb; N],
-    seed: u64,
-    stream: u64,
-    paths: std::ops::Range<u64>,
+    estimate: &impl Fn(&PathNames, &mut Stats, &mut dyn FnMut([Rgb; N])),
+    names: &PathNames,
 ) -> ([[Moments; 3]; N], Stats) {
     let mut moments = [[Moments::default(); 3]; N];
-    let mut stats = Stats::default();
-    for path in paths {
-        let mut rng = PathRng::new(seed, stream, path);
-        let values = estimate(&mut rng, &mut stats);
+    let (mut stats, mut rejected) = (Stats::default(), 0);
+    estimate(names, &mut stats, &mut |values| {
         if !values.iter().all(|v| v.0.is_finite()) {
-            stats.rejected += 1;
-            continue;
+            rejected += 1;
+            return;
         }
         for (sums, value) in moments.iter_mut().zip(values) {
             for (sum, x) in sums.iter_mut().zip(value.0.to_array()) {
                 sum.add(f64::from(x));
             }
         }
-    }
+    });
+    stats.rejected += rejected;
     (moments, stats)
 }

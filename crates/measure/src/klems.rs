@@ -5,7 +5,7 @@
 //! straight on or mirrored, have the same number. Front is the face of the
 //! cloth.
 
-use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse};
+use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames};
 use glam::Vec3;
 use organza_basis::PathRng;
 use organza_transport::Stats;
@@ -284,18 +284,25 @@ pub fn measure_klems(
         // Sums and sums of squares: reflection, then transmission.
         let mut sums = vec![[[0.0f64; 2]; 3]; 2 * n];
         let mut stats = Stats::default();
-        for path in 0..paths {
-            let mut rng = PathRng::new(seed, KLEMS_STREAMS + k as u64, path);
+        let names = PathNames {
+            seed,
+            stream: KLEMS_STREAMS + k as u64,
+            paths: 0..paths,
+        };
+        let way = |rng: &mut PathRng| {
             let u = rng.unit2().as_dvec2();
             let sin = (low + u.x * (high - low)).sqrt();
             let phi = source.phi_deg + (u.y - 0.5) * source.width_deg;
-            let w = direction(sin, phi, front, Role::From);
-            let Some((to, weight)) = patch.estimate_exit(w, &mut rng, &mut stats).escape else {
-                continue;
+            direction(sin, phi, front, Role::From)
+        };
+        let mut rejected = 0;
+        patch.each_exit(&way, &names, &mut stats, &mut |exit| {
+            let Some((to, weight)) = exit.escape else {
+                return;
             };
             if !weight.0.is_finite() {
-                stats.rejected += 1;
-                continue;
+                rejected += 1;
+                return;
             }
             let crosses = (to.z > 0.0) != front;
             let slot = basis.index(to) + if crosses { n } else { 0 };
@@ -305,7 +312,8 @@ pub fn measure_klems(
                     s[1] += f64::from(v).powi(2);
                 }
             }
-        }
+        });
+        stats.rejected += rejected;
         watch(paths);
         (sums, stats)
     };

@@ -75,7 +75,7 @@ pub use pairs::{
     Angles, Pair, PairsError, PairsErrorKind, distinct_incident, parse_incident, parse_pairs,
     parse_values,
 };
-pub use patch::{Energy, Exit, PatchResponse};
+pub use patch::{Energy, Exit, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use surface_patch::SurfacePatch;

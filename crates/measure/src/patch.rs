@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_transport::Stats;
+use std::ops::Range;
 
 /// Where a unit of light from one direction went: one random estimate, per
 /// channel. The mean of the sum of all four is one.
@@ -37,6 +38,45 @@ pub struct Exit {
     pub absorbed: Rgb,
 }
 
+impl Exit {
+    /// Where a unit of light from `w` went.
+    pub fn energy(&self, w: Vec3) -> Energy {
+        let mut energy = Energy {
+            absorbed: self.absorbed,
+            ..Energy::default()
+        };
+        if let Some((direction, weight)) = self.escape {
+            let share = if self.is_straight {
+                &mut energy.direct
+            } else if (direction.z > 0.0) == (w.z > 0.0) {
+                &mut energy.reflected
+            } else {
+                &mut energy.transmitted
+            };
+            *share = weight;
+        }
+        energy
+    }
+}
+
+/// Names of the random numbers of some paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PathNames {
+    /// Of all random numbers.
+    pub seed: u64,
+    /// Of what the paths have in common.
+    pub stream: u64,
+    /// The paths.
+    pub paths: Range<u64>,
+}
+
+impl PathNames {
+    /// The random numbers of a path.
+    pub fn rng(&self, path: u64) -> PathRng {
+        PathRng::new(self.seed, self.stream, path)
+    }
+}
+
 /// A patch of cloth, as volume or as surface.
 ///
 /// Directions are unit vectors away from the cloth that do not lie in its
@@ -62,24 +102,33 @@ pub trait PatchResponse: Sync {
     /// under a furnace that fills the sphere.
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit;
 
-    /// One unbiased estimate of where light from `w` goes.
-    fn estimate_energy(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Energy {
-        let exit = self.estimate_exit(w, rng, stats);
-        let mut energy = Energy {
-            absorbed: exit.absorbed,
-            ..Energy::default()
-        };
-        if let Some((direction, weight)) = exit.escape {
-            let share = if exit.is_straight {
-                &mut energy.direct
-            } else if (direction.z > 0.0) == (w.z > 0.0) {
-                &mut energy.reflected
-            } else {
-                &mut energy.transmitted
-            };
-            *share = weight;
+    /// [`PatchResponse::estimate_bsdf`] of every path, in order.
+    fn each_bsdf(
+        &self,
+        (w_in, w_out): (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        for path in names.paths.clone() {
+            found(self.estimate_bsdf(w_in, w_out, &mut names.rng(path), stats));
         }
-        energy
+    }
+
+    /// [`PatchResponse::estimate_exit`] of every path, in order, from the
+    /// direction that `way` draws for it.
+    fn each_exit(
+        &self,
+        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        for path in names.paths.clone() {
+            let mut rng = names.rng(path);
+            let w = way(&mut rng);
+            found(self.estimate_exit(w, &mut rng, stats));
+        }
     }
 
     /// True when [`estimate_bsdf`](Self::estimate_bsdf) uses no random numbers:
@@ -108,6 +157,26 @@ where
 
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         (**self).estimate_exit(w, rng, stats)
+    }
+
+    fn each_bsdf(
+        &self,
+        ways: (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        (**self).each_bsdf(ways, names, stats, found);
+    }
+
+    fn each_exit(
+        &self,
+        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        (**self).each_exit(way, names, stats, found);
     }
 
     fn is_exact(&self) -> bool {

@@ -2,9 +2,9 @@
 //! [Montazeri2020] (section 6).
 
 use crate::goniometer::{Gathered, gather};
-use crate::{Effort, MeasureError, Measured, PatchResponse};
+use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
 use glam::Vec3;
-use organza_basis::PathRng;
+use organza_basis::{PathRng, Rgb};
 use organza_transport::Stats;
 
 /// Direction of the lamp's axis.
@@ -77,7 +77,7 @@ pub fn measure_sweep(
         &|_| (),
         &|lamp: &LampPosition| {
             let lamp = *lamp;
-            move |rng: &mut PathRng, stats: &mut Stats| {
+            let one = move |rng: &mut PathRng, stats: &mut Stats| {
                 let along = HALF_LENGTH * (2.0 * f64::from(rng.unit()) - 1.0);
                 let (sin, cos) = lamp.angle_deg.to_radians().sin_cos();
                 let from = match lamp.axis {
@@ -89,7 +89,12 @@ pub fn measure_sweep(
                 // Square of the distance, and a cosine at the lamp.
                 let irradiance = w_in.z.abs() * distance.powi(-3) as f32;
                 let value = patch.estimate_bsdf(w_in, Vec3::Z, rng, stats);
-                [value * (irradiance * std::f32::consts::PI)]
+                value * (irradiance * std::f32::consts::PI)
+            };
+            move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
+                for path in names.paths.clone() {
+                    found([one(&mut names.rng(path), stats)]);
+                }
             }
         },
     )?;

@@ -1,11 +1,11 @@
 //! Media as a patch: paths that start all over it.
 
-use crate::{Exit, PatchResponse};
+use crate::{Exit, PatchResponse, PathNames};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
 use organza_transport::{
-    AnyMedium, Camera, CameraError, CameraPose, CellGrid, DirectionalLight, Integrator, Light,
-    PathSample, PixelFilter, Projection, Scene, Stats, trace_from,
+    AnyMedium, Camera, CameraError, CameraPose, CellGrid, DirectionalLight, FibreProbe, Integrator,
+    Light, PathSample, PixelFilter, ProbePaths, Projection, Scene, Stats, fibre_probe, trace_from,
 };
 
 /// Why media make no patch.
@@ -39,6 +39,8 @@ pub enum PatchError {
 /// no part.
 pub struct VolumePatch {
     scene: Scene,
+    /// Explicit fibres alone, in cells.
+    fibres: Option<FibreProbe>,
     integrator: Integrator,
     bounds_mm: Aabb,
 }
@@ -83,6 +85,7 @@ impl VolumePatch {
             return Err(PatchError::NotPiecewiseConstant);
         }
         Ok(VolumePatch {
+            fibres: fibre_probe(&scene),
             scene,
             integrator,
             bounds_mm,
@@ -184,14 +187,83 @@ impl PatchResponse for VolumePatch {
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         let from = self.start_mm(w, rng);
         let path = self.trace(from, w, &[], rng, stats);
-        Exit {
-            escape: path.escape.map(|e| (e.direction, e.throughput)),
-            is_straight: path.first.is_none(),
-            absorbed: path.absorbed,
+        exit_of(&path)
+    }
+
+    fn each_bsdf(
+        &self,
+        (w_in, w_out): (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        let Some(probe) = &self.fibres else {
+            for path in names.paths.clone() {
+                found(self.estimate_bsdf(w_in, w_out, &mut names.rng(path), stats));
+            }
+            return;
+        };
+        let start = |path: u64| {
+            let from = self.start_mm(w_out, &mut names.rng(path));
+            (from.as_dvec3(), -w_out.as_dvec3())
+        };
+        let paths = ProbePaths {
+            lights: &[beam(w_in)],
+            seed: names.seed,
+            stream: names.stream,
+            paths: names.paths.clone(),
+            start: &start,
+        };
+        let (samples, counts) = probe.trace(&paths);
+        stats.merge(&counts);
+        for sample in samples {
+            found(sample.radiance / w_in.z.abs());
+        }
+    }
+
+    fn each_exit(
+        &self,
+        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        let Some(probe) = &self.fibres else {
+            for path in names.paths.clone() {
+                let mut rng = names.rng(path);
+                let w = way(&mut rng);
+                found(self.estimate_exit(w, &mut rng, stats));
+            }
+            return;
+        };
+        let start = |path: u64| {
+            let mut rng = names.rng(path);
+            let w = way(&mut rng);
+            (self.start_mm(w, &mut rng).as_dvec3(), -w.as_dvec3())
+        };
+        let paths = ProbePaths {
+            lights: &[],
+            seed: names.seed,
+            stream: names.stream,
+            paths: names.paths.clone(),
+            start: &start,
+        };
+        let (samples, counts) = probe.trace(&paths);
+        stats.merge(&counts);
+        for sample in samples {
+            found(exit_of(&sample));
         }
     }
 
     fn is_exact(&self) -> bool {
         false
+    }
+}
+
+fn exit_of(path: &PathSample) -> Exit {
+    Exit {
+        escape: path.escape.map(|e| (e.direction, e.throughput)),
+        is_straight: path.first.is_none(),
+        absorbed: path.absorbed,
     }
 }

@@ -214,6 +214,11 @@ impl DielectricFibre {
         })
     }
 
+    /// Deviation of the azimuth.
+    pub(crate) fn azimuth_blur_rad(&self) -> f32 {
+        self.azimuth_blur
+    }
+
     /// Longitudinal blur of each lobe.
     pub(crate) fn blurs(&self) -> &[Blur; LOBES] {
         &self.blurs

@@ -113,6 +113,7 @@ pub mod fitted;
 pub mod flake;
 pub mod lobe;
 pub mod longitudinal;
+mod near_parts;
 pub mod packed_fibre;
 pub mod population;
 pub mod proofs;
@@ -134,6 +135,7 @@ pub use flake::{
     SpecularFlakes,
 };
 pub use lobe::{Lobe, LobeSample};
+pub use near_parts::{BalanceNode, NearKind, NearParts};
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};

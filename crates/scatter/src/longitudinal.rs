@@ -303,6 +303,16 @@ impl Balance {
         self.nodes.len()
     }
 
+    /// A node of the table, without what is made of it near the axis.
+    pub(crate) fn node(&self, i: usize) -> &Balanced {
+        &self.nodes[i]
+    }
+
+    /// No less than the mean of c over channels times the squared cosine.
+    pub(crate) fn most(&self) -> f32 {
+        self.most
+    }
+
     /// All of it at an inclination.
     pub fn at(&self, cos_theta: f32) -> Balanced {
         let (i, t) = node(cos_theta, self.nodes.len());

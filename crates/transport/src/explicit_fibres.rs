@@ -18,6 +18,7 @@
 //! how much of their volume that concerns.
 
 mod curves;
+mod hierarchy;
 mod piece;
 #[cfg(test)]
 mod tests;
@@ -25,17 +26,15 @@ mod tests;
 use crate::{SiteInfo, Stats};
 use curves::{Curves, count_joints};
 use glam::{DVec2, DVec3, IVec2, UVec3, Vec3, Vec3A};
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb as BvhBox;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
+use hierarchy::{Hierarchy, Placed};
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::CellGrid;
 use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
+use organza_kernel::fibres::{FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 use piece::Piece;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 /// Why fibres cannot be traced.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -100,17 +99,9 @@ pub struct ExplicitFibres {
     origin_mm: DVec3,
     period_mm: DVec2,
     start_mm: f64,
-    hierarchy: CwBvh,
-    /// Pieces in the order of the hierarchy's leaves.
-    placed: Vec<Placed>,
-}
-
-/// A piece in one of the copies of the tile that reach into it.
-#[derive(Clone, Copy, Debug)]
-struct Placed {
-    piece: u32,
-    /// Periods that the copy is moved by.
-    shift: IVec2,
+    tile: Tile,
+    /// Built when the general walk first asks for it: the kernel has cells.
+    hierarchy: OnceLock<Hierarchy>,
 }
 
 /// Where a ray meets a fibre.
@@ -167,11 +158,6 @@ impl ExplicitFibres {
         let bounds_mm = reach(&curves, &tile);
         let cell_grid =
             CellGrid::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
-        let (pieces, boxes) = place(&curves, &tile);
-        let mut took = Duration::default();
-        let hierarchy = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut took);
-        let leaves = hierarchy.primitive_indices.iter();
-        let placed = leaves.map(|&i| pieces[i as usize]).collect();
         progress(1.0);
         let start_mm = curves.joints.iter().map(|j| f64::from(j.radius_mm));
         let start_mm = START_RADII * start_mm.fold(f64::INFINITY, f64::min);
@@ -182,8 +168,8 @@ impl ExplicitFibres {
             curves,
             fibres,
             cell_grid,
-            hierarchy,
-            placed,
+            tile,
+            hierarchy: OnceLock::new(),
         })
     }
 
@@ -197,6 +183,27 @@ impl ExplicitFibres {
         &mut self.cell_grid
     }
 
+    /// The fibres in cells for waves of rays, which take at most `most_bytes`.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
+    pub fn matter(&self, most_bytes: u64) -> Result<FibreMatter, Unfit> {
+        let origin_mm = self.origin_mm.as_vec3();
+        let strands = self.curves.strands();
+        FibreMatter::new(
+            strands,
+            origin_mm,
+            &self.cell_grid,
+            &self.fibres,
+            most_bytes,
+        )
+    }
+
+    fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy
+            .get_or_init(|| Hierarchy::new(&self.curves, &self.tile))
+    }
+
     /// Pieces of fibre in one tile.
     pub fn piece_count(&self) -> usize {
         self.curves.pieces().count()
@@ -205,13 +212,9 @@ impl ExplicitFibres {
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         let of = |count: usize, size: usize| (count * size) as u64;
-        of(self.curves.joints.len(), size_of::<curves::Joint>())
-            + of(self.curves.curves.len(), size_of::<curves::Curve>())
-            + of(self.placed.len(), size_of::<Placed>() + size_of::<u32>())
-            + of(
-                self.hierarchy.nodes.len(),
-                size_of::<obvhs::cwbvh::node::CwBvhNode>(),
-            )
+        of(self.curves.joints.len(), size_of::<Joint>())
+            + of(self.curves.curves.len(), size_of::<Strand>())
+            + self.hierarchy.get().map_or(0, Hierarchy::memory_bytes)
     }
 
     /// The first fibre that the ray enters before `limit` mm, and how far.
@@ -291,11 +294,12 @@ impl ExplicitFibres {
             0.0,
             (most + lead) as f32 * (1.0 + 1e-6),
         );
+        let hierarchy = self.hierarchy();
         let mut nearest: Option<Found> = None;
         let mut most = most;
         let mut test = |_: &BvhRay, leaf: usize| -> f32 {
             *tests += 1;
-            let placed = &self.placed[leaf];
+            let placed = &hierarchy.placed[leaf];
             let shift_mm = placed.shift.as_dvec2() * self.period_mm;
             let piece = self.curves.piece(placed.piece, shift_mm);
             let Some(t) = piece.entry(o, d, least, most) else {
@@ -312,9 +316,10 @@ impl ExplicitFibres {
             ((t + lead) as f32).next_up()
         };
         if any {
-            self.hierarchy.ray_traverse_miss(ray, test);
+            hierarchy.boxes.ray_traverse_miss(ray, test);
         } else {
-            self.hierarchy
+            hierarchy
+                .boxes
                 .ray_traverse(ray, &mut RayHit::none(), &mut test);
         }
         nearest
@@ -393,7 +398,7 @@ impl ExplicitFibres {
             let [a, b] = [joints[index as usize], joints[index as usize + 1]];
             let of_material = usize::from(self.curves.curve_of(index).material) == material;
             let length = a.position.distance(b.position);
-            let taken = a.curve == b.curve && of_material && rng.unit() * longest < length;
+            let taken = a.strand == b.strand && of_material && rng.unit() * longest < length;
             let share = rng.unit();
             taken.then(|| {
                 let at = a.position.lerp(b.position, share) + self.origin_mm.as_vec3();
@@ -428,9 +433,10 @@ impl ExplicitFibres {
         let lead = BVH_LEAD_MM * Vec3A::Z;
         let ray = BvhRay::new(p.as_vec3a() - lead, Vec3A::Z, 0.0, 2.0 * BVH_LEAD_MM);
         let mut found: Vec<(u32, IVec2)> = Vec::new();
-        self.hierarchy.ray_traverse_anyhit(ray, |_, leaf| {
-            let Placed { piece, shift } = self.placed[leaf];
-            let curve = self.curves.joints[piece as usize].curve;
+        let hierarchy = self.hierarchy();
+        hierarchy.boxes.ray_traverse_anyhit(ray, |_, leaf| {
+            let Placed { piece, shift } = hierarchy.placed[leaf];
+            let curve = self.curves.joints[piece as usize].strand;
             let shift_mm = shift.as_dvec2() * self.period_mm;
             let inside = self.curves.piece(piece, shift_mm).contains(p);
             if inside && !found.contains(&(curve, shift)) {
@@ -483,37 +489,4 @@ fn reach(curves: &Curves, tile: &Tile) -> Aabb {
         }
     }
     box_mm
-}
-
-/// Every piece in every copy of the tile in which it reaches into the tile, with
-/// boxes around them.
-fn place(curves: &Curves, tile: &Tile) -> (Vec<Placed>, Vec<BvhBox>) {
-    let period = tile.period_mm();
-    // Boxes are met in single precision.
-    let margin = 2e-6 * tile.bounds_mm.size().max_element();
-    let (mut placed, mut boxes) = (Vec::new(), Vec::new());
-    for piece in curves.pieces() {
-        let [a, b] = [piece, piece + 1].map(|i| &curves.joints[i as usize]);
-        let grown = a.radius_mm.max(b.radius_mm) + margin;
-        let low = a.position.min(b.position) - grown;
-        let high = a.position.max(b.position) + grown;
-        // Copies i with low + i period < period and high + i period > 0.
-        let (from, to) = if tile.repeats {
-            (
-                (-high.truncate() / period).ceil().as_ivec2(),
-                ((period - low.truncate()) / period).floor().as_ivec2(),
-            )
-        } else {
-            (IVec2::ZERO, IVec2::ZERO)
-        };
-        for y in from.y..=to.y {
-            for x in from.x..=to.x {
-                let shift = IVec2::new(x, y);
-                let by = (shift.as_vec2() * period).extend(0.0);
-                placed.push(Placed { piece, shift });
-                boxes.push(BvhBox::new((low + by).into(), (high + by).into()));
-            }
-        }
-    }
-    (placed, boxes)
 }

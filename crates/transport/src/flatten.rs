@@ -9,11 +9,17 @@ use crate::{
 };
 use glam::UVec3;
 use organza_basis::CellGrid;
+use organza_kernel::fibres::{FibreKernel, FibreProbe};
 use organza_kernel::{
-    Backend, Kernel, Matter, NO_YARN, Population, Refusal, Substance, Unsuited, View, end_on_ratio,
+    Backend, Engine, Kernel, Matter, NO_YARN, Population, Refusal, Substance, Unsuited, View,
+    end_on_ratio,
 };
 use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
+use std::sync::Arc;
+
+/// Most bytes of the cells of a patch that is measured.
+const PROBE_BYTES: u64 = 4 << 30;
 
 /// Why a scene is left to the general walk.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -84,6 +90,43 @@ pub fn flatten(
         AnyMedium::Fibres(m) => lay_out(m, scene, settings, backend, most_bytes),
         _ => Err(KernelRefusal::NotFlakes),
     }
+}
+
+/// What walks a scene in lanes: voxels, or explicit fibres in cells; at most
+/// `most_bytes` bytes of matter and tables.
+///
+/// # Errors
+/// Why the general walk must do it.
+pub fn engine(
+    scene: &Scene,
+    settings: &RenderSettings,
+    backend: Backend,
+    most_bytes: u64,
+) -> Result<Box<dyn Engine>, KernelRefusal> {
+    let [AnyMedium::Explicit(fibres)] = &scene.media[..] else {
+        let kernel = flatten(scene, settings, backend, most_bytes)?;
+        return Ok(Box::new(kernel));
+    };
+    if !backend.is_available() {
+        return Err(Refusal::Backend(backend).into());
+    }
+    let matter = fibres
+        .matter(most_bytes)
+        .map_err(|unfit| Refusal::of_fibres(unfit, most_bytes))?;
+    let names = (settings.seed, settings.max_bounces.min(MOST_EVENTS));
+    let (lights, camera) = (&scene.lights, &scene.camera);
+    let kernel = FibreKernel::new(Arc::new(matter), lights, camera, names, backend);
+    Ok(Box::new(kernel))
+}
+
+/// Explicit fibres of a scene in cells, for paths of any origin; `None` when there
+/// is other matter, or cells do not suit it.
+pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
+    let [AnyMedium::Explicit(fibres)] = &scene.media[..] else {
+        return None;
+    };
+    let matter = fibres.matter(PROBE_BYTES).ok()?;
+    Some(FibreProbe::new(Arc::new(matter), Backend::widest()))
 }
 
 impl Matter for GridMedium {

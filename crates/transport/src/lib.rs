@@ -99,7 +99,7 @@ pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
 pub use flake_medium::{FlakeMedium, FlakeSite};
-pub use flatten::{KernelRefusal, flatten};
+pub use flatten::{KernelRefusal, engine, fibre_probe, flatten};
 pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
 pub use integrator::{Integrator, MOST_EVENTS, trace_from, trace_path};
 pub use levelled_cloth::LevelledCloth;
@@ -120,7 +120,8 @@ pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
-pub use organza_kernel::{Backend, Kernel};
+pub use organza_kernel::fibres::{FibreProbe, ProbePaths};
+pub use organza_kernel::{Backend, Engine, Kernel};
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
     ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,

@@ -1,9 +1,9 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::{Film, Integrator, Kernel, Pixel, Scene, Stats, trace_path};
+use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
-use organza_kernel::Block;
+use organza_kernel::{Block, Engine};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -82,7 +82,7 @@ pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 /// [`Rendering::take`], the film comes out the same, bit for bit.
 pub struct Rendering<'a> {
     scene: &'a Scene,
-    kernel: Option<Kernel>,
+    kernel: Option<Box<dyn Engine>>,
     clamp: Option<f32>,
     settings: RenderSettings,
     crop: Crop,
@@ -122,8 +122,8 @@ impl<'a> Rendering<'a> {
 
     /// Has the paths walked by a kernel, made from the same scene and settings,
     /// instead of by the general walk. Samples are other ones then.
-    pub fn with_kernel(mut self, kernel: Kernel) -> Self {
-        self.kernel = Some(kernel);
+    pub fn with_kernel(mut self, kernel: impl Engine + 'static) -> Self {
+        self.kernel = Some(Box::new(kernel));
         self
     }
 
@@ -137,8 +137,8 @@ impl<'a> Rendering<'a> {
     }
 
     /// What walks the paths; `None` is the general walk.
-    pub fn kernel(&self) -> Option<&Kernel> {
-        self.kernel.as_ref()
+    pub fn kernel(&self) -> Option<&dyn Engine> {
+        self.kernel.as_deref()
     }
 
     /// Resumes from what an earlier rendering of the same scene, seed and crop
@@ -172,7 +172,7 @@ impl<'a> Rendering<'a> {
         let stopped = AtomicBool::new(false);
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
         let clamp = self.clamp.unwrap_or(f32::INFINITY);
-        let kernel = self.kernel.as_ref();
+        let kernel = self.kernel.as_deref();
         // The lanes of a kernel run dry at the end of a block.
         let rows = match kernel {
             Some(_) => size

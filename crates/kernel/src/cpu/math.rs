@@ -268,6 +268,12 @@ pub fn pixel_key(seed: u64, pixel: u64) -> (u32, u32) {
     (key as u32, (key >> 32) as u32)
 }
 
+/// [`LaneRng::words`] of sample `index` of a pixel.
+pub fn lane_name(key: (u32, u32), index: u32) -> [u32; 3] {
+    let step = |x: u32| x.wrapping_mul(FACTOR).wrapping_add(SUMMAND);
+    [step(key.0), step(key.1.wrapping_add(index)), SUMMAND]
+}
+
 impl<U: Ints> LaneRng<U> {
     /// The numbers of sample `index` of the pixels with these
     /// [keys](pixel_key).
@@ -279,6 +285,22 @@ impl<U: Ints> LaneRng<U> {
             sample: (key.1 + index) * a + b,
             count: b,
         }
+    }
+
+    /// From [`LaneRng::words`].
+    #[inline(always)]
+    pub fn from_words([pixel, sample, count]: [U; 3]) -> LaneRng<U> {
+        LaneRng {
+            pixel,
+            sample,
+            count,
+        }
+    }
+
+    /// All that it knows.
+    #[inline(always)]
+    pub fn words(&self) -> [U; 3] {
+        [self.pixel, self.sample, self.count]
     }
 
     #[inline(always)]
@@ -294,6 +316,13 @@ impl<U: Ints> LaneRng<U> {
     /// outside the mask get numbers too, but do not count them as taken.
     #[inline(always)]
     pub fn units(&mut self, mask: U::Mask) -> [U::Floats; 3] {
+        let [x, y, z] = self.bits(mask);
+        [unit(x), unit(y), unit(z)]
+    }
+
+    /// The same as whole numbers.
+    #[inline(always)]
+    pub fn bits(&mut self, mask: U::Mask) -> [U; 3] {
         let (mut x, mut y, mut z) = (self.pixel, self.sample, self.count);
         self.count = (self.count + U::splat(FACTOR)).or_where_not(mask, self.count);
         for round in 0..2 {
@@ -306,7 +335,7 @@ impl<U: Ints> LaneRng<U> {
                 z = z ^ z.shr::<16>();
             }
         }
-        [unit(x), unit(y), unit(z)]
+        [x, y, z]
     }
 }
 

@@ -10,4 +10,10 @@ mod math_tests;
 pub mod vector;
 
 pub use backend::Backend;
-pub use dispatch::dispatch;
+pub use dispatch::{Job, dispatch, dispatch_sixteen};
+#[cfg(target_arch = "x86_64")]
+pub use vector::prefetch;
+
+/// Processors without a vector back end fetch when they need to.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn prefetch<T>(_: &[T], _: usize) {}

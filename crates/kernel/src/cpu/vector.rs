@@ -7,6 +7,23 @@
 //! slices and check their length; gathers clamp every index to the table.
 #![allow(unsafe_code)]
 
+/// Asks for the memory of an item that will be needed soon; nothing happens when
+/// there is none.
+#[inline(always)]
+pub fn prefetch<T>(items: &[T], index: usize) {
+    if let Some(item) = items.get(index) {
+        let first = std::ptr::from_ref(item).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // Within the item, and a hint only.
+            unsafe {
+                std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(
+                    first.wrapping_add(64 * line),
+                );
+            }
+        }
+    }
+}
+
 macro_rules! vector_back_end {
     (
         $module:ident, $doc:literal, $lanes:literal, $f:ident, $u:ident,

@@ -3,35 +3,15 @@
 use super::piece::Piece;
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Segment, SegmentSource, Tile};
+use organza_kernel::fibres::{Joint, Strand, Strands};
 use rayon::prelude::*;
-
-/// Where two pieces of a curve meet, or where it ends.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Joint {
-    /// Relative to the least corner of the tile, mm.
-    pub position: Vec3,
-    pub radius_mm: f32,
-    /// Unit tangent; where both pieces have one radius, half-way between them.
-    pub tangent: Vec3,
-    pub curve: u32,
-    /// Whether the pieces are cut here, or round.
-    pub cut: bool,
-}
-
-/// What all pieces of a curve share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Curve {
-    pub yarn: u32,
-    pub fibre: u32,
-    pub material: u16,
-}
 
 /// All curves of a tile, one after the other. Piece `k` lies between joints `k`
 /// and `k + 1` when both are of one curve.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Curves {
     pub joints: Vec<Joint>,
-    pub curves: Vec<Curve>,
+    pub curves: Vec<Strand>,
 }
 
 /// Longer pieces, in radii, are divided: the boxes of long oblique ones would
@@ -89,7 +69,7 @@ impl Curves {
         let mut all = Curves::default();
         for mut one in gathered {
             let before = all.curves.len() as u32;
-            one.joints.iter_mut().for_each(|j| j.curve += before);
+            one.joints.iter_mut().for_each(|j| j.strand += before);
             all.joints.append(&mut one.joints);
             all.curves.append(&mut one.curves);
         }
@@ -109,12 +89,12 @@ impl Curves {
                 position: s.start_mm.lerp(s.end_mm, share) - origin,
                 radius_mm: s.start_radius_mm + share * (s.end_radius_mm - s.start_radius_mm),
                 tangent,
-                curve: curve as u32,
+                strand: curve as u32,
                 cut: false,
             };
             if last != Some((s.yarn, s.fibre, s.start_mm)) {
                 curves.close(tile);
-                curves.curves.push(Curve {
+                curves.curves.push(Strand {
                     yarn: s.yarn,
                     fibre: s.fibre,
                     material: s.material,
@@ -138,7 +118,7 @@ impl Curves {
         let Some(curve) = self.curves.len().checked_sub(1) else {
             return;
         };
-        let start = self.joints.partition_point(|j| (j.curve as usize) < curve);
+        let start = self.joints.partition_point(|j| (j.strand as usize) < curve);
         let joints = &mut self.joints[start..];
         for i in 1..joints.len().saturating_sub(1) {
             let [before, here, after] = [joints[i - 1], joints[i], joints[i + 1]];
@@ -170,12 +150,17 @@ impl Curves {
         }
     }
 
+    /// As the kernel takes them.
+    pub fn strands(&self) -> Strands<'_> {
+        Strands {
+            joints: &self.joints,
+            strands: &self.curves,
+        }
+    }
+
     /// Indices of all pieces.
     pub fn pieces(&self) -> impl Iterator<Item = u32> + '_ {
-        let pairs = self.joints.windows(2).enumerate();
-        pairs
-            .filter(|(_, w)| w[0].curve == w[1].curve)
-            .map(|(k, _)| k as u32)
+        self.strands().pieces()
     }
 
     /// A piece in the copy of the tile that lies `shift_mm` on.
@@ -206,7 +191,7 @@ impl Curves {
     }
 
     /// The curve of a piece.
-    pub fn curve_of(&self, index: u32) -> &Curve {
-        &self.curves[self.joints[index as usize].curve as usize]
+    pub fn curve_of(&self, index: u32) -> &Strand {
+        &self.curves[self.joints[index as usize].strand as usize]
     }
 }

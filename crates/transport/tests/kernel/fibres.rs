@@ -55,7 +55,7 @@ fn cloth(fibres: Vec<Fibre>, event: FibreEvent) -> FibreMedium {
     FibreMedium::new(octree, 0, fibres, event).unwrap()
 }
 
-fn silk_and_cotton() -> Vec<Fibre> {
+pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
     vec![dielectric([0.02, 0.1, 0.5], 5.0, 10.0), fitted("gabardine")]
 }
 

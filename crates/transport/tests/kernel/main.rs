@@ -1,6 +1,7 @@
 //! The kernel against the general walk, its oracle.
 
 mod energy;
+mod explicit;
 mod fibres;
 mod pictures;
 

@@ -7,7 +7,7 @@ use crate::output::note;
 use anyhow::Result;
 use organza_kernel::Refusal;
 use organza_scene::scene_file::SceneFile;
-use organza_transport::{Backend, Kernel, KernelRefusal, RenderSettings, Scene, flatten};
+use organza_transport::{Backend, KernelRefusal, RenderSettings, Scene, engine};
 
 /// The engine that traces the paths, as `--backend` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -27,7 +27,7 @@ pub enum BackendName {
 /// The engine of a render.
 pub struct Chosen {
     /// The kernel, laid out; without one the general walk takes the paths.
-    pub kernel: Option<Kernel>,
+    pub kernel: Option<Box<dyn organza_transport::Engine>>,
     /// Why the general walk takes them, if the user did not ask for it.
     pub why_walk: Option<KernelRefusal>,
 }
@@ -83,7 +83,7 @@ pub fn choose(
     };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
-        None => flatten(scene, settings, backend, most_bytes),
+        None => engine(scene, settings, backend, most_bytes),
     };
     match made {
         Err(why) if args.backend != BackendName::Auto => Err(input(format!(

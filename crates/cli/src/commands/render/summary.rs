@@ -11,7 +11,7 @@ use anyhow::Result;
 use organza_picture::Attributes;
 use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
-use organza_transport::{Film, Kernel, KernelRefusal, Pixel, Rendering};
+use organza_transport::{Film, KernelRefusal, Pixel, Rendering};
 use serde_json::json;
 
 /// Where the time went: of the whole process and of all its threads together
@@ -229,7 +229,7 @@ pub fn print(
     let film_mib = mib(Film::memory_bytes(film.size()));
     match peak_memory_bytes() {
         Some(peak) => {
-            let tables = rendering.kernel().map_or(0, Kernel::memory_bytes);
+            let tables = rendering.kernel().map_or(0, |k| k.memory_bytes());
             note!(
                 "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
                 mib(peak),

@@ -1,0 +1,374 @@
+//! A ray on its way from cell to cell.
+
+use super::block::{BLOCK, Block, PieceCode, RayLanes, entries, nearest};
+use super::cells::{Cells, Head};
+use super::grid::{Grid, GridPoint};
+use super::hull::{HullBlock, hull_entries};
+use super::joint_table::JointTable;
+use crate::cpu::lanes::Floats;
+use crate::cpu::math::V3;
+use glam::{IVec2, IVec3, Vec3};
+
+/// Copies of the tile, in each direction, that a ray may pass without meeting a
+/// fibre: one exactly in the plane of the cloth, beside all fibres, would go on
+/// without end.
+const MOST_TILES: u32 = 4096;
+
+/// Directions have no smaller component than this, so that dividing by it gives
+/// a number.
+const LEAST_COMPONENT: f32 = 1e-12;
+
+/// Where a ray is, and where it goes.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct CellRay {
+    /// From the centre of its cell, mm.
+    at: [f32; 3],
+    direction: [f32; 3],
+    per_direction: [f32; 3],
+    /// Way since its start, mm.
+    gone_mm: f32,
+    /// Where it ends, mm from its start.
+    end_mm: f32,
+    /// It meets nothing up to this distance from its start.
+    least_mm: f32,
+    cell: [i32; 3],
+    period: [i32; 2],
+    cells_left: u32,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CellHit {
+    pub piece: u32,
+    /// From the ray's start, mm.
+    pub distance_mm: f32,
+    /// The point of the axis nearest to where it is met, from the centre of the
+    /// cell, and from there to the surface.
+    pub axis_at_mm: Vec3,
+    pub out_mm: Vec3,
+    /// From the mitre before the piece's first joint to there, along the axis.
+    pub along_mm: f32,
+    pub cell: IVec3,
+    pub period: IVec2,
+}
+
+/// What a cell had for a ray.
+pub enum Visit {
+    Met(CellHit),
+    /// The ray is in the next cell.
+    Onward,
+    /// It has left the grid, or has come to its end.
+    Left,
+}
+
+impl CellRay {
+    /// Nowhere.
+    pub fn none() -> CellRay {
+        CellRay {
+            at: [0.0; 3],
+            direction: [0.0, 0.0, 1.0],
+            per_direction: [1.0; 3],
+            gone_mm: 0.0,
+            end_mm: 0.0,
+            least_mm: 0.0,
+            cell: [0; 3],
+            period: [0; 2],
+            cells_left: 0,
+        }
+    }
+
+    /// From a point along a unit direction: hits lie beyond `least_mm` and not
+    /// beyond `end_mm`. `None` when it begins beyond a face of the grid and goes
+    /// on away from it.
+    #[inline]
+    pub fn new(
+        grid: &Grid,
+        from: &GridPoint,
+        direction: Vec3,
+        least_mm: f32,
+        end_mm: f32,
+    ) -> Option<CellRay> {
+        let mut cell = from.cell;
+        let mut period = from.period;
+        let mut at = from.at_mm;
+        let size = grid.cell_mm().as_vec3();
+        let half = 0.5 * size;
+        for axis in 0..3 {
+            if at[axis].abs() <= half[axis] {
+                continue;
+            }
+            let cells = ((at[axis] + half[axis]) / size[axis]).floor();
+            let mut next = cell[axis] + cells as i32;
+            at[axis] -= cells * size[axis];
+            if !(0..grid.dims[axis]).contains(&next) {
+                if grid.repeats && axis < 2 {
+                    period[axis] += next.div_euclid(grid.dims[axis]);
+                    next = next.rem_euclid(grid.dims[axis]);
+                } else {
+                    // A hair beyond the last cell: as if in it.
+                    let kept = next.clamp(0, grid.dims[axis] - 1);
+                    at[axis] += (next - kept) as f32 * size[axis];
+                    if (next > kept) == (direction[axis] >= 0.0) {
+                        return None;
+                    }
+                    next = kept;
+                }
+            }
+            cell[axis] = next;
+        }
+        let per = |d: f32| {
+            if d.abs() > LEAST_COMPONENT {
+                1.0 / d
+            } else {
+                (1.0 / LEAST_COMPONENT).copysign(d)
+            }
+        };
+        let sum = grid.dims.element_sum() as u32;
+        Some(CellRay {
+            at: at.to_array(),
+            direction: direction.to_array(),
+            per_direction: direction.to_array().map(per),
+            gone_mm: 0.0,
+            end_mm,
+            least_mm,
+            cell: cell.to_array(),
+            period: period.to_array(),
+            cells_left: sum.saturating_mul(MOST_TILES),
+        })
+    }
+
+    /// The direction.
+    pub fn direction(&self) -> Vec3 {
+        Vec3::from_array(self.direction)
+    }
+
+    /// Looks into the ray's cell, and goes on to the next unless something is met
+    /// there; `any` stops at whatever is found first. `tests` counts pieces.
+    #[inline(always)]
+    pub fn visit<F: Floats>(
+        &mut self,
+        cells: &Cells,
+        joints: &JointTable,
+        any: bool,
+        tests: &mut u64,
+    ) -> Visit {
+        let grid = &cells.grid;
+        let [hx, hy, hz] = cells.half_mm;
+        let [dx, dy, dz] = self.direction;
+        let [px, py, pz] = self.per_direction;
+        let faces = [hx.copysign(dx), hy.copysign(dy), hz.copysign(dz)];
+        let x = (faces[0] - self.at[0]) * px;
+        let y = (faces[1] - self.at[1]) * py;
+        let z = (faces[2] - self.at[2]) * pz;
+        let span = x.min(y).min(z).max(0.0);
+        let index = grid.index(IVec3::from_array(self.cell));
+        let head = cells.heads[index];
+        if head.block_count | head.hull_count != 0 {
+            let ray = RayLanes {
+                at: V3::splat(Vec3::from_array(self.at)),
+                direction: V3::splat(Vec3::from_array(self.direction)),
+                least: F::splat((self.least_mm - self.gone_mm).max(-cells.lead_mm)),
+                most: F::splat(span.min(self.end_mm - self.gone_mm)),
+            };
+            let count = u64::from(head.block_count) + u64::from(head.hull_count);
+            *tests += count * BLOCK as u64;
+            if let Some(hit) = self.search(cells, joints, head, ray, any) {
+                return Visit::Met(hit);
+            }
+        }
+        self.gone_mm += span;
+        self.cells_left -= 1;
+        if self.gone_mm >= self.end_mm || self.cells_left == 0 {
+            return Visit::Left;
+        }
+        self.at[0] += span * dx;
+        self.at[1] += span * dy;
+        self.at[2] += span * dz;
+        let axis = if x <= y && x <= z {
+            0
+        } else if y <= z {
+            1
+        } else {
+            2
+        };
+        self.at[axis] = -faces[axis];
+        let forth = if faces[axis] > 0.0 { 1 } else { -1 };
+        let next = self.cell[axis] + forth;
+        let count = grid.dims[axis];
+        if (next as u32) < count as u32 {
+            self.cell[axis] = next;
+        } else if grid.repeats && axis < 2 {
+            self.cell[axis] = if forth > 0 { 0 } else { count - 1 };
+            self.period[axis] += forth;
+        } else {
+            return Visit::Left;
+        }
+        cells.prefetch_head(grid.index(IVec3::from_array(self.cell)));
+        Visit::Onward
+    }
+
+    /// Asks for the memory of its cell.
+    #[inline(always)]
+    pub fn prepare(&self, cells: &Cells) {
+        let index = cells.grid.index(IVec3::from_array(self.cell));
+        cells.prefetch(index);
+    }
+
+    /// The nearest entry, or any, among the pieces of a cell.
+    #[inline(always)]
+    fn search<F: Floats>(
+        &self,
+        cells: &Cells,
+        joints: &JointTable,
+        head: Head,
+        mut ray: RayLanes<F>,
+        any: bool,
+    ) -> Option<CellHit> {
+        let mut best = None;
+        let first = head.blocks as usize;
+        for block in &cells.blocks[first..first + usize::from(head.block_count)] {
+            for part in (0..BLOCK).step_by(F::LANES) {
+                let found = entries(block, part, &ray);
+                let kept = nearest::<F>(found.met, found.distance, |lane, t| {
+                    let i = part + lane;
+                    PieceCode(block.piece[i]).margin() == 0.0
+                        || self.is_kept(cells, joints, &Place::of_block(block, i), t)
+                });
+                if let Some((lane, t)) = kept {
+                    let place = Place::of_block(block, part + lane);
+                    ray.most = F::splat(t);
+                    best = Some((place, t));
+                    if any {
+                        return Some(self.hit(joints, &place, t));
+                    }
+                }
+            }
+        }
+        let first = head.hulls as usize;
+        for hull in &cells.hulls[first..first + usize::from(head.hull_count)] {
+            for part in (0..BLOCK).step_by(F::LANES) {
+                let found = hull_entries(hull, part, &ray);
+                let kept = nearest::<F>(found.met, found.distance, |lane, t| {
+                    let i = part + lane;
+                    self.is_kept(cells, joints, &Place::of_hull(hull, i), t)
+                });
+                if let Some((lane, t)) = kept {
+                    let place = Place::of_hull(hull, part + lane);
+                    ray.most = F::splat(t);
+                    best = Some((place, t));
+                    if any {
+                        break;
+                    }
+                }
+            }
+        }
+        best.map(|(place, t)| self.hit(joints, &place, t))
+    }
+
+    /// Whether a hit lies between the planes that cut a piece.
+    #[inline]
+    fn is_kept(&self, cells: &Cells, joints: &JointTable, place: &Place, t: f32) -> bool {
+        let margin = place.code.margin();
+        if margin == 0.0 {
+            return true;
+        }
+        let (out, along) = self.relative(place, t);
+        let margin = margin * cells.least_edge_mm;
+        if along - place.low > margin && place.high - along > margin {
+            return true;
+        }
+        let (first, last) = joints.planes(place.code.piece());
+        let from_start = out + (along - place.start_of(joints)) * place.axis;
+        let from_end = out + (along - place.end_of(joints)) * place.axis;
+        let slack = cells.slack_mm;
+        first.is_none_or(|n| from_start.dot(n) >= -slack)
+            && last.is_none_or(|n| from_end.dot(n) <= slack)
+    }
+
+    /// From the axis to a place of the ray, and how far along the axis.
+    #[inline(always)]
+    fn relative(&self, place: &Place, t: f32) -> (Vec3, f32) {
+        let at = Vec3::from_array(self.at) + t * self.direction();
+        let from = at - place.foot;
+        let along = from.dot(place.axis);
+        (from - along * place.axis, along)
+    }
+
+    #[inline]
+    fn hit(&self, joints: &JointTable, place: &Place, t: f32) -> CellHit {
+        let (out, along) = self.relative(place, t);
+        // Where the side of the piece would begin; no look-up for most.
+        let (nearest, low) = match place.ends {
+            Some((start, end)) => {
+                let mitre = joints.mitres_mm(place.code.piece())[0];
+                (along.clamp(start, end), start - mitre)
+            }
+            None => (along, place.low),
+        };
+        CellHit {
+            piece: place.code.piece(),
+            distance_mm: self.gone_mm + t,
+            axis_at_mm: place.foot + nearest * place.axis,
+            out_mm: out + (along - nearest) * place.axis,
+            along_mm: nearest - low,
+            cell: IVec3::from_array(self.cell),
+            period: IVec2::from_array(self.period),
+        }
+    }
+}
+
+/// One piece of a block.
+#[derive(Clone, Copy)]
+struct Place {
+    foot: Vec3,
+    axis: Vec3,
+    low: f32,
+    high: f32,
+    /// Where the axis begins and ends, of a piece with round ends.
+    ends: Option<(f32, f32)>,
+    code: PieceCode,
+}
+
+impl Place {
+    #[inline(always)]
+    fn of_block(block: &Block, i: usize) -> Place {
+        Place {
+            foot: Vec3::from_array([0, 1, 2].map(|k| block.foot[k][i])),
+            axis: Vec3::from_array([0, 1, 2].map(|k| block.axis[k][i])),
+            low: block.low[i],
+            high: block.high[i],
+            ends: None,
+            code: PieceCode(block.piece[i]),
+        }
+    }
+
+    #[inline(always)]
+    fn of_hull(hull: &HullBlock, i: usize) -> Place {
+        Place {
+            foot: Vec3::from_array([0, 1, 2].map(|k| hull.foot[k][i])),
+            axis: Vec3::from_array([0, 1, 2].map(|k| hull.axis[k][i])),
+            low: hull.low[i],
+            high: hull.high[i],
+            ends: Some((hull.start[i], hull.end[i])),
+            code: PieceCode(hull.piece[i]),
+        }
+    }
+
+    /// Where the first joint lies along the axis.
+    #[inline(always)]
+    fn start_of(&self, joints: &JointTable) -> f32 {
+        match self.ends {
+            Some((start, _)) => start,
+            None => self.low + joints.mitres_mm(self.code.piece())[0],
+        }
+    }
+
+    #[inline(always)]
+    fn end_of(&self, joints: &JointTable) -> f32 {
+        match self.ends {
+            Some((_, end)) => end,
+            None => self.high - joints.mitres_mm(self.code.piece())[1],
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What is asked of a piece of fibre once it is met.
+
+use super::copies::mitre_mm;
+use super::strands::{Strand, Strands};
+use crate::cpu::lanes::{Floats, Ints};
+use crate::cpu::math::V3;
+use glam::Vec3;
+
+/// Words of a joint.
+pub const JOINT: u32 = 8;
+
+/// For every joint eight words: the unit tangent, how far the sides of the piece
+/// that ends there and of the one that begins go on beyond it, one over the
+/// length of the piece that begins, the material, and the curve with a bit that
+/// tells whether pieces are cut.
+pub struct JointTable {
+    words: Vec<u32>,
+    strands: Vec<Strand>,
+}
+
+const CUT: u32 = 1 << 31;
+
+impl JointTable {
+    pub fn new(strands: Strands<'_>) -> JointTable {
+        let joints = &strands.joints;
+        let mut words = Vec::with_capacity(JOINT as usize * joints.len());
+        for (k, joint) in joints.iter().enumerate() {
+            let normal = joint.tangent.as_dvec3();
+            let along = |i: usize, j: usize| {
+                let (a, b) = (joints.get(i)?, joints.get(j)?);
+                (a.strand == b.strand).then(|| (b.position - a.position).as_dvec3())
+            };
+            let (before, after) = (along(k.wrapping_sub(1), k), along(k, k + 1));
+            let mitre = |way: Option<glam::DVec3>| {
+                let axis = way.and_then(glam::DVec3::try_normalize);
+                let axis = axis.filter(|_| joint.cut)?;
+                Some(mitre_mm(normal, axis, f64::from(joint.radius_mm)) as f32)
+            };
+            let length = after.map_or(0.0, |w| w.length());
+            let per_length = if length > 0.0 { 1.0 / length } else { 0.0 };
+            words.extend(joint.tangent.to_array().map(f32::to_bits));
+            words.push(mitre(before).unwrap_or(0.0).to_bits());
+            words.push(mitre(after).unwrap_or(0.0).to_bits());
+            words.push((per_length as f32).to_bits());
+            words.push(u32::from(strands.strands[joint.strand as usize].material));
+            words.push(joint.strand | if joint.cut { CUT } else { 0 });
+        }
+        JointTable {
+            words,
+            strands: strands.strands.to_vec(),
+        }
+    }
+
+    /// Bytes in use.
+    pub fn memory_bytes(&self) -> u64 {
+        (4 * self.words.len() + self.strands.len() * size_of::<Strand>()) as u64
+    }
+
+    /// The yarn of a piece.
+    pub fn yarn(&self, piece: u32) -> u32 {
+        let strand = self.words[(piece * JOINT + 7) as usize] & !CUT;
+        self.strands[strand as usize].yarn
+    }
+
+    #[inline(always)]
+    fn float(&self, joint: u32, word: u32) -> f32 {
+        f32::from_bits(self.words[(joint * JOINT + word) as usize])
+    }
+
+    /// How far the side of a piece goes on beyond its two joints.
+    #[inline(always)]
+    pub fn mitres_mm(&self, piece: u32) -> [f32; 2] {
+        [self.float(piece, 4), self.float(piece + 1, 3)]
+    }
+
+    /// Normals of the planes that cut a piece, along the curve.
+    #[inline]
+    pub fn planes(&self, piece: u32) -> (Option<Vec3>, Option<Vec3>) {
+        let plane = |joint: u32| {
+            let cut = self.words[(joint * JOINT + 7) as usize] & CUT != 0;
+            cut.then(|| Vec3::from_array([0, 1, 2].map(|k| self.float(joint, k))))
+        };
+        (plane(piece), plane(piece + 1))
+    }
+
+    /// The unit tangent of a piece so far from the mitre before its first joint.
+    pub fn tangent(&self, piece: u32, along_mm: f32) -> Vec3 {
+        let one = crate::cpu::lanes::one::F(along_mm);
+        let t = self.tangents(<crate::cpu::lanes::one::U as Ints>::splat(piece), one);
+        Vec3::new(t.x.0, t.y.0, t.z.0)
+    }
+
+    /// Unit tangents of pieces so far from the mitres before their first joints.
+    #[inline(always)]
+    pub fn tangents<F: Floats>(&self, piece: F::Ints, along_mm: F) -> V3<F> {
+        let word = F::Ints::splat;
+        let first = piece * word(JOINT);
+        let words = &self.words[..];
+        let per_length = word_of::<F>(words, first, 5);
+        let mitre = word_of::<F>(words, first, 4);
+        let share = ((along_mm - mitre) * per_length)
+            .max(F::splat(0.0))
+            .min(F::splat(1.0));
+        let start = vector_of::<F>(words, first, 0);
+        let end = vector_of::<F>(words, first, JOINT);
+        let middle = (end - start).scaled_add(share, start);
+        let square = middle.dot(middle);
+        let long = F::splat(1e-12).below(square);
+        let length = square.max(F::splat(1e-12)).sqrt();
+        middle
+            .scaled(F::splat(1.0) / length)
+            .or_where_not(long, start)
+    }
+
+    /// Materials of pieces.
+    #[inline(always)]
+    pub fn materials<F: Floats>(&self, piece: F::Ints) -> F::Ints {
+        (piece * F::Ints::splat(JOINT) + F::Ints::splat(6)).gather(&self.words)
+    }
+}
+
+/// A word behind a place of a table.
+#[inline(always)]
+pub fn word_of<F: Floats>(words: &[u32], first: F::Ints, k: u32) -> F {
+    (first + F::Ints::splat(k)).gather(words).as_floats()
+}
+
+/// Three words behind a place of a table.
+#[inline(always)]
+pub fn vector_of<F: Floats>(words: &[u32], first: F::Ints, k: u32) -> V3<F> {
+    V3 {
+        x: word_of::<F>(words, first, k),
+        y: word_of::<F>(words, first, k + 1),
+        z: word_of::<F>(words, first, k + 2),
+    }
+}

@@ -1,0 +1,42 @@
+//! Explicit fibres: sorted into cells, and walked by waves of paths.
+//!
+//! Every fibre is a chain of cylinders (or cones, where it tapers). A ray leaves
+//! the surface of one and meets the next after a few radii, so that a grid of
+//! cells, each with copies of what reaches into it, is walked faster than a
+//! hierarchy is descended ([`cells`]). Sixteen pieces are held against one ray at
+//! a time ([`block`]), every ray of a wave looks into one cell in turn ([`walk`]),
+//! and the events of a wave are computed lane by lane ([`near_event`]).
+//!
+//! A fibre is met where a ray enters it from outside; what starts inside a fibre
+//! leaves it freely. Pieces of one radius meet in the plane that halves their
+//! bend, up to which their sides go on; other joints and ends are round.
+
+mod block;
+mod cell_ray;
+mod cells;
+mod copies;
+mod crossing;
+mod engine;
+pub mod exhaustive;
+mod grid;
+#[cfg(test)]
+mod hit_tests;
+mod hull;
+mod joint_table;
+mod matter;
+mod near_event;
+mod optics;
+mod paths;
+mod probe;
+mod reached;
+mod shade;
+mod shadows;
+mod strands;
+mod walk;
+mod work;
+
+pub use cells::Unfit;
+pub use engine::FibreKernel;
+pub use matter::{FibreEntry, FibreMatter};
+pub use probe::{FibreProbe, ProbePaths};
+pub use strands::{Joint, Strand, Strands};

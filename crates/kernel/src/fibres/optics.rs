@@ -1,0 +1,229 @@
+//! How fibres scatter, laid out for lanes.
+
+use super::joint_table::word_of;
+use crate::cpu::lanes::{Floats, Ints, Mask};
+use crate::cpu::math::V3;
+use organza_scatter::{Fibre, NearKind};
+use std::f32::consts::PI;
+
+/// Lobes: R, TT, TRT and the rest.
+pub const LOBES: usize = 4;
+
+/// Words of a material before its balance.
+const HEAD: u32 = 32;
+/// Words of a node of the balance: c per channel, its mean, norms of four lobes.
+const NODE: u32 = 8;
+
+/// All materials.
+pub struct Optics {
+    words: Vec<u32>,
+    count: u32,
+}
+
+/// One material in every lane.
+#[derive(Clone, Copy)]
+pub struct Material<F: Floats> {
+    pub is_dielectric: F::Mask,
+    pub ior: F,
+    /// Absorption times radius of a dielectric; of a fitted fibre R at normal
+    /// incidence.
+    pub absorption: V3<F>,
+    /// Of a fitted fibre what TT keeps.
+    pub colour_tt: V3<F>,
+    pub blurs: [F; LOBES],
+    pub inverse_blurs: [F; LOBES],
+    /// Cosine of how near to an end folds matter.
+    pub fold_cosines: [F; LOBES],
+    pub azimuth_blur: F,
+    pub inverse_azimuth_blur: F,
+    /// Square of the blur of R, by which c is kept finite near the axis.
+    near_axis: F,
+    pub most_drawn: F,
+    nodes: F,
+    first_node: F::Ints,
+}
+
+/// The balance at an inclination.
+pub struct Balanced<F: Floats> {
+    pub scale: V3<F>,
+    pub norms: [F; LOBES],
+}
+
+impl Optics {
+    /// Lays fibres out in the order of their numbers.
+    pub fn new(fibres: &[Fibre]) -> Optics {
+        let mut words = vec![0; fibres.len().max(1) * HEAD as usize];
+        for (i, fibre) in fibres.iter().enumerate() {
+            let parts = fibre.near_parts();
+            let first = words.len() as u32;
+            for node in &parts.balance {
+                let [r, g, b] = node.scale;
+                let mean = (r + g + b) * (1.0 / 3.0);
+                words.extend([r, g, b, mean].map(f32::to_bits));
+                words.extend(node.norms.map(f32::to_bits));
+            }
+            let (kind, ior, colours) = match parts.kind {
+                NearKind::Dielectric {
+                    ior,
+                    absorption_radii,
+                } => (1, ior, [absorption_radii, organza_basis::Rgb::BLACK]),
+                NearKind::Fitted {
+                    colour_r,
+                    colour_tt,
+                } => (0, 1.0, [colour_r, colour_tt]),
+            };
+            let mut head = vec![kind, ior.to_bits()];
+            for colour in colours {
+                head.extend(colour.0.to_array().map(f32::to_bits));
+            }
+            head.extend(parts.blurs_rad.map(f32::to_bits));
+            head.extend(parts.blurs_rad.map(|b| (1.0 / b).to_bits()));
+            let fold = |b: f32| (6.0 * b).min(PI).cos();
+            head.extend(parts.blurs_rad.map(|b| fold(b).to_bits()));
+            head.push(parts.azimuthal_rad.to_bits());
+            head.push((1.0 / parts.azimuthal_rad).to_bits());
+            let blur = parts.blurs_rad[0];
+            head.push((blur * blur).to_bits());
+            head.push(parts.most_drawn.to_bits());
+            head.push((parts.balance.len() as f32).to_bits());
+            head.push(first);
+            words[i * HEAD as usize..][..head.len()].copy_from_slice(&head);
+        }
+        Optics {
+            words,
+            count: fibres.len() as u32,
+        }
+    }
+
+    /// Bytes in use.
+    pub fn memory_bytes(&self) -> u64 {
+        4 * self.words.len() as u64
+    }
+
+    /// Materials by their numbers.
+    #[inline(always)]
+    pub fn materials<F: Floats>(&self, number: F::Ints) -> Material<F> {
+        let word = F::Ints::splat;
+        let first = number * word(HEAD);
+        let at = match self.count {
+            1 => Place::Same(&self.words),
+            _ => Place::Each(&self.words, first),
+        };
+        Material {
+            is_dielectric: at.bits(0).equals(word(1)),
+            ior: at.number(1),
+            absorption: at.vector(2),
+            colour_tt: at.vector(5),
+            blurs: at.four(8),
+            inverse_blurs: at.four(12),
+            fold_cosines: at.four(16),
+            azimuth_blur: at.number(20),
+            inverse_azimuth_blur: at.number(21),
+            near_axis: at.number(22),
+            most_drawn: at.number(23),
+            nodes: at.number(24),
+            first_node: at.bits(25),
+        }
+    }
+
+    /// The balance at inclinations of such cosines.
+    #[inline(always)]
+    pub fn balanced<F: Floats>(&self, m: &Material<F>, cos: F) -> Balanced<F> {
+        let (place, share, near_axis) = m.node(cos);
+        let words = &self.words[..];
+        let per = F::splat(1.0) / near_axis;
+        let scale = V3 {
+            x: between::<F>(words, place, 0, share),
+            y: between::<F>(words, place, 1, share),
+            z: between::<F>(words, place, 2, share),
+        };
+        Balanced {
+            scale: scale.scaled(per),
+            norms: [
+                between::<F>(words, place, 4, share) * near_axis,
+                between::<F>(words, place, 5, share) * near_axis,
+                between::<F>(words, place, 6, share) * near_axis,
+                between::<F>(words, place, 7, share) * near_axis,
+            ],
+        }
+    }
+
+    /// The mean of c over channels at inclinations of such cosines.
+    #[inline(always)]
+    pub fn mean_scale<F: Floats>(&self, m: &Material<F>, cos: F) -> F {
+        let (place, share, near_axis) = m.node(cos);
+        between::<F>(&self.words, place, 3, share) / near_axis
+    }
+}
+
+impl<F: Floats> Material<F> {
+    /// Where the node before a cosine begins, how far it is to the next, and
+    /// what c is kept finite by.
+    #[inline(always)]
+    fn node(&self, cos: F) -> (F::Ints, F, F) {
+        let last = self.nodes - F::splat(1.0);
+        let scaled = cos * last;
+        let lower = scaled.floor().max(F::splat(0.0)).min(last - F::splat(1.0));
+        let place = self.first_node + lower.to_ints() * F::Ints::splat(NODE);
+        let near_axis = cos.mul_add(cos, self.near_axis).sqrt();
+        (place, scaled - lower, near_axis)
+    }
+
+    /// Lanes of a mask with a dielectric, and those without.
+    #[inline(always)]
+    pub fn kinds(&self, mask: F::Mask) -> (bool, bool) {
+        (
+            (mask & self.is_dielectric).any(),
+            (mask & !self.is_dielectric).any(),
+        )
+    }
+}
+
+/// A word of a node and of the next, a share of the way between them.
+#[inline(always)]
+fn between<F: Floats>(words: &[u32], place: F::Ints, k: u32, share: F) -> F {
+    let a = word_of::<F>(words, place, k);
+    let b = word_of::<F>(words, place, k + NODE);
+    (b - a).mul_add(share, a)
+}
+
+/// Where the words of materials begin: the same in all lanes, or not.
+#[derive(Clone, Copy)]
+enum Place<'a, U> {
+    Same(&'a [u32]),
+    Each(&'a [u32], U),
+}
+
+impl<U: Ints> Place<'_, U> {
+    #[inline(always)]
+    fn bits(&self, k: u32) -> U {
+        match self {
+            Place::Same(words) => U::splat(words[k as usize]),
+            Place::Each(words, first) => (*first + U::splat(k)).gather(words),
+        }
+    }
+
+    #[inline(always)]
+    fn number(&self, k: u32) -> U::Floats {
+        self.bits(k).as_floats()
+    }
+
+    #[inline(always)]
+    fn vector(&self, k: u32) -> V3<U::Floats> {
+        V3 {
+            x: self.number(k),
+            y: self.number(k + 1),
+            z: self.number(k + 2),
+        }
+    }
+
+    #[inline(always)]
+    fn four(&self, k: u32) -> [U::Floats; LOBES] {
+        [
+            self.number(k),
+            self.number(k + 1),
+            self.number(k + 2),
+            self.number(k + 3),
+        ]
+    }
+}

@@ -1,0 +1,313 @@
+//! Events of a wave: light, a new direction, roulette.
+
+use super::cell_ray::CellRay;
+use super::grid::GridPoint;
+use super::matter::FibreMatter;
+use super::near_event::{Met, NearEvent, Scattered};
+use super::paths::{Column, Paths, State, get, load, put, store};
+use super::shadows::Shadows;
+use super::work::WAVE;
+use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
+use crate::cpu::math::{LaneRng, V3};
+use glam::Vec3;
+use organza_basis::{PathRng, Ray};
+use organza_film::{FirstEvent, SiteInfo, Stats};
+use organza_light::{KernelLight, Light, LightSearch};
+
+/// A shadow ray is traced surely when the light scattered toward the camera is at
+/// least a tenth of the irradiance, per steradian; fainter light is traced in
+/// proportion and weighed up.
+const SHADOW_SCALE: f32 = 10.0;
+
+/// Survival probability of Russian roulette over the mean throughput.
+const ROULETTE_SCALE: f32 = 5.0;
+
+/// What events need to know.
+pub struct Shading<'a> {
+    pub matter: &'a FibreMatter,
+    pub lights: &'a [Light],
+    pub max_bounces: u32,
+    /// Whether some light is found by walks and shadow rays both.
+    pub weighs: bool,
+}
+
+/// The events of the lanes from slot `first` on.
+#[inline(always)]
+pub fn shade<F: Floats>(
+    shading: &Shading<'_>,
+    paths: &mut Paths,
+    first: usize,
+    shadows: &mut Shadows,
+    stats: &mut Stats,
+) {
+    let mut met = 0u32;
+    for lane in 0..F::LANES {
+        let slot = first + lane;
+        if paths.state[slot] != State::Met {
+            continue;
+        }
+        stats.collisions += 1;
+        if paths.bounces[slot] == 0 {
+            paths.first[slot] = Some(first_event(shading.matter, paths, slot));
+        }
+        if paths.bounces[slot] == shading.max_bounces {
+            stats.cut += 1;
+            paths.state[slot] = State::Ended;
+            continue;
+        }
+        paths.bounces[slot] += 1;
+        met |= 1 << lane;
+    }
+    if met == 0 {
+        return;
+    }
+    let mask = F::Mask::from_bits(met);
+    let (joints, optics) = (&shading.matter.joints, &shading.matter.optics);
+    let piece = F::Ints::load(&paths.met.piece[first..]);
+    let along = F::load(&paths.met.along[first..]);
+    let direction = load::<F>(&paths.direction, first);
+    let there = Met {
+        tangent: joints.tangents::<F>(piece, along),
+        out_mm: load(&paths.met.out, first),
+        w_out: direction.scaled(F::splat(-1.0)),
+    };
+    let material = optics.materials::<F>(joints.materials::<F>(piece));
+    let event = NearEvent::new(optics, material, &there, mask);
+    let mut rng = paths.rng::<F>(first);
+    let axis_at = load::<F>(&paths.met.axis_at, first);
+    let throughput = load::<F>(&paths.throughput, first);
+
+    for light in shading.lights {
+        let Some(aim) = aim::<F>(light, shading, paths, first, &mut rng, mask) else {
+            continue;
+        };
+        let scattered = event.toward(optics, aim.toward, mask);
+        let mut light_in = throughput.times(scattered.value).times(aim.irradiance);
+        if aim.is_weighed {
+            let share = F::splat(1.0) / (F::splat(1.0) + scattered.pdf / aim.pdf);
+            light_in = light_in.scaled(share);
+        }
+        let keep = light_in.sum() / aim.irradiance.sum() * F::splat(SHADOW_SCALE);
+        let keep = keep.min(F::splat(1.0));
+        let [u, v, w] = rng.units(mask);
+        let sent = mask & aim.seen & u.below(keep) & F::splat(0.0).below(keep);
+        if !sent.any() {
+            continue;
+        }
+        let light_in = light_in.scaled(F::splat(1.0) / keep);
+        let start = start(&event, &scattered, axis_at, [v, w]);
+        send(
+            shading, light, paths, first, sent, &aim, light_in, start, shadows,
+        );
+    }
+
+    let turn = event.turn(optics, &mut rng, mask);
+    let [u, v, w] = rng.units(mask);
+    let start = start(&event, &turn.scattered, axis_at, [v, w]);
+    let one = F::splat(1.0);
+    let kept = throughput.times(turn.weight);
+    let absorbed = load::<F>(&paths.absorbed, first) + (throughput - kept);
+    let survival = (kept.sum() * F::splat(ROULETTE_SCALE / 3.0)).min(one);
+    let survives = mask & u.below(survival);
+    let kept = kept.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
+    let absorbed = absorbed.or_where_not(mask, load(&paths.absorbed, first));
+    store(&mut paths.absorbed, first, absorbed);
+    store(
+        &mut paths.throughput,
+        first,
+        kept.or_where_not(survives, throughput),
+    );
+    let turned = turn.direction.or_where_not(survives, direction);
+    store(&mut paths.direction, first, turned);
+    let pdf = F::load(&paths.pdf[first..]);
+    let pdf = turn.scattered.pdf.or_where_not(survives, pdf);
+    pdf.store(&mut paths.pdf[first..]);
+    paths.put_rng::<F>(first, &rng);
+    let mut starts = [[0.0; WAVE]; 3];
+    store(&mut starts, 0, start);
+    for lane in SetBits(met) {
+        let slot = first + lane;
+        if survives.bits() & 1 << lane == 0 {
+            paths.state[slot] = State::Ended;
+            continue;
+        }
+        if shading.weighs {
+            paths.drawn_at_mm[slot] = place_mm(shading.matter, paths, slot);
+        }
+        let from = point(paths, slot, get(&starts, lane));
+        let toward = get(&paths.direction, slot);
+        let ray = ray(shading.matter, &from, toward, f32::INFINITY);
+        paths.state[slot] = if ray.is_some() {
+            State::Flying
+        } else {
+            State::Left
+        };
+        paths.rays[slot] = ray.unwrap_or(CellRay::none());
+    }
+}
+
+/// Where light leaves a fibre, from the centre of the cell.
+#[inline(always)]
+fn start<F: Floats>(
+    event: &NearEvent<F>,
+    toward: &Scattered<F>,
+    axis_at: V3<F>,
+    units: [F; 2],
+) -> V3<F> {
+    let normal = event.exit_normal(toward, units);
+    normal.scaled_add(event.radius_mm, axis_at)
+}
+
+fn point(paths: &Paths, slot: usize, at_mm: Vec3) -> GridPoint {
+    GridPoint {
+        cell: paths.met.cell[slot],
+        period: paths.met.period[slot],
+        at_mm,
+    }
+}
+
+/// A ray that starts at a fibre.
+#[inline]
+fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, most_mm: f32) -> Option<CellRay> {
+    let end = matter.way_out_mm(from, toward).min(most_mm);
+    CellRay::new(&matter.cells.grid, from, toward, matter.start_mm, end)
+}
+
+/// Where a path met its fibre, in the world.
+fn place_mm(matter: &FibreMatter, paths: &Paths, slot: usize) -> Vec3 {
+    let at = get(&paths.met.axis_at, slot) + get(&paths.met.out, slot);
+    matter
+        .cells
+        .grid
+        .world_mm(&point(paths, slot, at))
+        .as_vec3()
+}
+
+fn first_event(matter: &FibreMatter, paths: &Paths, slot: usize) -> FirstEvent {
+    let piece = paths.met.piece[slot];
+    FirstEvent {
+        info: SiteInfo {
+            axis: matter.joints.tangent(piece, paths.met.along[slot]),
+            yarn: Some(matter.joints.yarn(piece)),
+        },
+        depth_mm: paths.before_mm[slot] + f64::from(paths.met.distance[slot]),
+    }
+}
+
+/// Light that lanes look for.
+struct Aim<F: Floats> {
+    toward: V3<F>,
+    irradiance: V3<F>,
+    pdf: F,
+    seen: F::Mask,
+    is_weighed: bool,
+}
+
+/// Where a light is; `None` of one that only walks find.
+#[inline(always)]
+fn aim<F: Floats>(
+    light: &Light,
+    shading: &Shading<'_>,
+    paths: &Paths,
+    first: usize,
+    rng: &mut LaneRng<F::Ints>,
+    mask: F::Mask,
+) -> Option<Aim<F>> {
+    if light.search() == LightSearch::Walk {
+        return None;
+    }
+    match light.for_kernel() {
+        KernelLight::Parallel {
+            direction,
+            irradiance,
+        } => Some(Aim {
+            toward: V3::splat(-direction),
+            irradiance: V3::splat(irradiance.0),
+            pdf: F::splat(f32::INFINITY),
+            seen: mask,
+            is_weighed: false,
+        }),
+        _ => Some(draw_each(light, shading, paths, first, rng, mask)),
+    }
+}
+
+/// Whether a light has a place, from which distances are measured.
+pub fn has_place(light: &Light) -> bool {
+    matches!(
+        light.for_kernel(),
+        KernelLight::Panel(_) | KernelLight::Walk(_)
+    )
+}
+
+/// One direction toward a light for each lane.
+fn draw_each<F: Floats>(
+    light: &Light,
+    shading: &Shading<'_>,
+    paths: &Paths,
+    first: usize,
+    rng: &mut LaneRng<F::Ints>,
+    mask: F::Mask,
+) -> Aim<F> {
+    let bits = rng.bits(mask);
+    let mut names = [[0u32; WAVE]; 2];
+    bits[0].store(&mut names[0]);
+    bits[1].store(&mut names[1]);
+    let (mut toward, mut irradiance): ([Column; 3], [Column; 3]) =
+        ([[0.0; WAVE], [0.0; WAVE], [1.0; WAVE]], [[1.0; WAVE]; 3]);
+    let (mut pdf, mut seen): (Column, u32) = ([1.0; WAVE], 0);
+    for lane in SetBits(mask.bits()) {
+        let name = u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32;
+        let mut own = PathRng::from_seed(name);
+        let from = place_mm(shading.matter, paths, first + lane);
+        let Some(drawn) = light.sample_toward(from, &mut own) else {
+            continue;
+        };
+        put(&mut toward, lane, drawn.w_in);
+        put(&mut irradiance, lane, drawn.irradiance.0);
+        pdf[lane] = drawn.pdf;
+        seen |= 1 << lane;
+    }
+    Aim {
+        toward: load(&toward, 0),
+        irradiance: load(&irradiance, 0),
+        pdf: F::load(&pdf),
+        seen: F::Mask::from_bits(seen),
+        is_weighed: light.search() == LightSearch::Both,
+    }
+}
+
+/// Shadow rays of the lanes of a mask.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn send<F: Floats>(
+    shading: &Shading<'_>,
+    light: &Light,
+    paths: &Paths,
+    first: usize,
+    sent: F::Mask,
+    aim: &Aim<F>,
+    light_in: V3<F>,
+    start: V3<F>,
+    shadows: &mut Shadows,
+) {
+    let (mut adds, mut starts, mut ways) = ([[0.0; WAVE]; 3], [[0.0; WAVE]; 3], [[0.0; WAVE]; 3]);
+    store(&mut adds, 0, light_in);
+    store(&mut starts, 0, start);
+    store(&mut ways, 0, aim.toward);
+    let matter = shading.matter;
+    let is_placed = has_place(light);
+    for lane in SetBits(sent.bits()) {
+        let slot = first + lane;
+        let from = point(paths, slot, get(&starts, lane));
+        let toward = get(&ways, lane);
+        let mut most = f32::INFINITY;
+        if is_placed {
+            let origin = matter.cells.grid.world_mm(&from).as_vec3();
+            let Some(distance) = light.distance_along(&Ray::new(origin, toward)) else {
+                continue;
+            };
+            most = distance;
+        }
+        shadows.push(ray(matter, &from, toward, most), slot, get(&adds, lane));
+    }
+}

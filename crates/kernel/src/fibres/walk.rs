@@ -1,0 +1,209 @@
+//! The walk of waves of paths among fibres.
+
+use super::cell_ray::{CellRay, Visit};
+use super::matter::FibreMatter;
+use super::paths::{Paths, State, get, put};
+use super::shade::{Shading, has_place, shade};
+use super::shadows::Shadows;
+use super::work::{End, Start, WAVE, Work};
+use crate::cpu::lanes::Floats;
+use glam::Vec3;
+use organza_basis::Rgb;
+use organza_film::Stats;
+use organza_light::{KernelLight, Light, LightSearch};
+
+/// What is walked through, and what lights it.
+pub struct Walk<'a> {
+    pub matter: &'a FibreMatter,
+    pub lights: &'a [Light],
+    pub max_bounces: u32,
+}
+
+impl Walk<'_> {
+    /// Walks all paths of some work.
+    #[inline(always)]
+    pub fn run<F: Floats>(&self, work: &mut dyn Work) -> Stats {
+        let mut stats = Stats::default();
+        let mut paths = Paths::new();
+        let mut shadows = Shadows::new();
+        let mut active: Vec<u16> = Vec::with_capacity(WAVE);
+        let shading = Shading {
+            matter: self.matter,
+            lights: self.lights,
+            max_bounces: self.max_bounces,
+            weighs: self.lights.iter().any(has_density),
+        };
+        let has_panels = self.lights.iter().any(has_place);
+        for slot in 0..WAVE {
+            self.begin(&mut paths, slot, work, &mut stats);
+        }
+        loop {
+            active.clear();
+            let flying = (0..WAVE).filter(|&slot| paths.state[slot] == State::Flying);
+            active.extend(flying.map(|slot| slot as u16));
+            let idle = paths.state.iter().all(|&s| s == State::Idle);
+            if idle {
+                return stats;
+            }
+            self.fly::<F>(&mut paths, &mut active, &mut stats);
+            for slot in 0..WAVE {
+                if has_panels && matches!(paths.state[slot], State::Met | State::Left) {
+                    self.pass_panels(&mut paths, slot);
+                }
+                if paths.state[slot] == State::Left {
+                    self.escape(&mut paths, slot);
+                    self.end(&mut paths, slot, work, true, &mut stats);
+                }
+            }
+            for first in (0..WAVE).step_by(F::LANES) {
+                shade::<F>(&shading, &mut paths, first, &mut shadows, &mut stats);
+            }
+            let radiance = &mut paths.radiance;
+            shadows.follow::<F>(self.matter, &mut stats, |slot, light| {
+                let sum = get(radiance, slot) + light;
+                put(radiance, slot, sum);
+            });
+            for slot in 0..WAVE {
+                if paths.state[slot] == State::Ended {
+                    self.end(&mut paths, slot, work, false, &mut stats);
+                }
+            }
+        }
+    }
+
+    /// Follows the rays of all slots to what they meet, a cell of each at a time.
+    #[inline(always)]
+    fn fly<F: Floats>(&self, paths: &mut Paths, active: &mut Vec<u16>, stats: &mut Stats) {
+        let matter = self.matter;
+        while !active.is_empty() {
+            for &slot in active.iter() {
+                paths.rays[usize::from(slot)].prepare(&matter.cells);
+            }
+            let mut kept = 0;
+            for i in 0..active.len() {
+                let number = active[i];
+                let slot = usize::from(number);
+                let ray = &mut paths.rays[slot];
+                let tests = &mut stats.tentative;
+                match ray.visit::<F>(&matter.cells, &matter.joints, false, tests) {
+                    Visit::Onward => {
+                        active[kept] = number;
+                        kept += 1;
+                    }
+                    Visit::Met(hit) => {
+                        paths.met.put(slot, &hit);
+                        paths.state[slot] = State::Met;
+                    }
+                    Visit::Left => paths.state[slot] = State::Left,
+                }
+            }
+            active.truncate(kept);
+        }
+    }
+
+    /// The next path of a slot.
+    fn begin(&self, paths: &mut Paths, slot: usize, work: &mut dyn Work, stats: &mut Stats) {
+        paths.state[slot] = State::Idle;
+        let Some(start) = work.begin(slot, stats) else {
+            return;
+        };
+        let Start {
+            origin_mm,
+            direction,
+            key,
+            index,
+        } = start;
+        let way = direction.as_vec3().normalize();
+        paths.begin(slot, key, index, way);
+        paths.drawn_at_mm[slot] = origin_mm.as_vec3();
+        paths.met.distance[slot] = f32::INFINITY;
+        let grid = &self.matter.cells.grid;
+        let entry = self.matter.enter(origin_mm, direction);
+        let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.least_mm, e.end_mm));
+        paths.before_mm[slot] = entry.map_or(0.0, |e| e.distance_mm);
+        paths.rays[slot] = ray.unwrap_or(CellRay::none());
+        paths.state[slot] = if ray.is_some() {
+            State::Flying
+        } else {
+            State::Left
+        };
+    }
+
+    fn end(
+        &self,
+        paths: &mut Paths,
+        slot: usize,
+        work: &mut dyn Work,
+        escaped: bool,
+        stats: &mut Stats,
+    ) {
+        let end = End {
+            radiance: get(&paths.radiance, slot),
+            bounces: paths.bounces[slot],
+            first: paths.first[slot],
+            absorbed: get(&paths.absorbed, slot),
+            escape: escaped.then(|| (get(&paths.direction, slot), get(&paths.throughput, slot))),
+        };
+        work.end(slot, &end, stats);
+        self.begin(paths, slot, work, stats);
+    }
+
+    /// Light from infinity, for a path that has left.
+    fn escape(&self, paths: &mut Paths, slot: usize) {
+        let direction = get(&paths.direction, slot);
+        let mut seen = Rgb::BLACK;
+        for light in self.lights {
+            if !has_place(light) {
+                seen += self.share(light, paths, slot) * light.radiance_toward(direction);
+            }
+        }
+        add(paths, slot, seen);
+    }
+
+    /// What a path sees of panels on its way.
+    fn pass_panels(&self, paths: &mut Paths, slot: usize) {
+        let direction = get(&paths.direction, slot);
+        let reach = match paths.state[slot] {
+            State::Met => {
+                f64::from(paths.met.distance[slot])
+                    + if paths.bounces[slot] == 0 {
+                        paths.before_mm[slot]
+                    } else {
+                        0.0
+                    }
+            }
+            _ => f64::INFINITY,
+        };
+        let mut seen = Rgb::BLACK;
+        for light in self.lights {
+            if has_place(light) {
+                let from = paths.drawn_at_mm[slot].as_dvec3();
+                let met = light.distance_mm(from, direction.as_dvec3());
+                if met.is_some_and(|t| t <= reach) {
+                    seen += self.share(light, paths, slot) * light.radiance_toward(direction);
+                }
+            }
+        }
+        add(paths, slot, seen);
+    }
+
+    /// Share of a light that the walk counts.
+    fn share(&self, light: &Light, paths: &Paths, slot: usize) -> f32 {
+        if paths.bounces[slot] == 0 {
+            return 1.0;
+        }
+        let direction = get(&paths.direction, slot);
+        light.walk_share(paths.drawn_at_mm[slot], direction, paths.pdf[slot])
+    }
+}
+
+fn add(paths: &mut Paths, slot: usize, light: Rgb) {
+    let sum: Vec3 = get(&paths.radiance, slot) + get(&paths.throughput, slot) * light.0;
+    put(&mut paths.radiance, slot, sum);
+}
+
+/// Whether shadow rays and walks share the search for a light.
+fn has_density(light: &Light) -> bool {
+    light.search() != LightSearch::Walk
+        && !matches!(light.for_kernel(), KernelLight::Parallel { .. })
+}

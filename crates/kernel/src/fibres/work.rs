@@ -1,0 +1,125 @@
+//! What waves of paths work for.
+
+use glam::{DVec3, Vec3};
+use organza_basis::{PathRng, Rgb};
+use organza_film::{Brightness, Camera, FirstEvent, Pixel, Sample, Stats, Tally};
+
+use crate::Block;
+use crate::cpu::math::pixel_key;
+
+/// A path to walk.
+#[derive(Clone, Copy, Debug)]
+pub struct Start {
+    pub origin_mm: DVec3,
+    /// Unit.
+    pub direction: DVec3,
+    /// Names its random numbers.
+    pub key: (u32, u32),
+    pub index: u32,
+}
+
+/// A path that has ended.
+#[derive(Clone, Copy, Debug)]
+pub struct End {
+    pub radiance: Vec3,
+    pub bounces: u32,
+    pub first: Option<FirstEvent>,
+    /// Estimate of the share that was absorbed.
+    pub absorbed: Vec3,
+    /// Where it left the matter and what it carried, if it did.
+    pub escape: Option<(Vec3, Vec3)>,
+}
+
+/// Gives out paths and takes what they found. Every slot of a wave has one path
+/// at a time.
+pub trait Work {
+    /// The next path of a slot.
+    fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start>;
+    /// The path of a slot has ended.
+    fn end(&mut self, slot: usize, end: &End, stats: &mut Stats);
+}
+
+/// Slots of a wave.
+pub const WAVE: usize = 64;
+
+/// Samples of the pixels of a block, a pixel in every slot.
+pub struct FilmWork<'a, 'b> {
+    pub block: &'a mut Block<'b>,
+    pub camera: &'a Camera,
+    pub seed: u64,
+    pub brightness: Brightness,
+    posts: [Post; WAVE],
+    next_turn: usize,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Post {
+    /// Number in the block, and column and row in the picture.
+    pixel: Option<(usize, u32, u32)>,
+    sample: u32,
+    tally: Tally,
+}
+
+impl<'a, 'b> FilmWork<'a, 'b> {
+    pub fn new(
+        block: &'a mut Block<'b>,
+        camera: &'a Camera,
+        seed: u64,
+        brightness: Brightness,
+    ) -> FilmWork<'a, 'b> {
+        FilmWork {
+            block,
+            camera,
+            seed,
+            brightness,
+            posts: [Post::default(); WAVE],
+            next_turn: 0,
+        }
+    }
+}
+
+impl Work for FilmWork<'_, '_> {
+    fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start> {
+        let post = &mut self.posts[slot];
+        if post.pixel.is_none() {
+            post.pixel = self.block.pixel(self.next_turn);
+            self.next_turn += 1;
+            post.sample = self.block.samples.start;
+        }
+        let (_, x, y) = post.pixel?;
+        stats.paths += 1;
+        let name = u64::from(y) * u64::from(self.camera.resolution().x) + u64::from(x);
+        let mut rng = PathRng::new(self.seed, name, u64::from(post.sample));
+        let (origin_mm, direction) = self.camera.ray(glam::UVec2::new(x, y), &mut rng);
+        Some(Start {
+            origin_mm,
+            direction,
+            key: pixel_key(self.seed, name),
+            index: post.sample,
+        })
+    }
+
+    fn end(&mut self, slot: usize, end: &End, stats: &mut Stats) {
+        let post = &mut self.posts[slot];
+        let Some((pixel, ..)) = post.pixel else {
+            return;
+        };
+        let sample = Sample {
+            radiance: end.radiance.to_array(),
+            bounces: end.bounces,
+            first: end.first,
+            index: post.sample,
+        };
+        let pixel: &mut Pixel = &mut self.block.pixels[pixel];
+        if post.tally.add(&sample, &self.brightness, pixel) {
+            stats.brightest = stats.brightest.max(Rgb(end.radiance).max_component());
+        } else {
+            stats.rejected += 1;
+        }
+        post.sample += 1;
+        if post.sample >= self.block.samples.end {
+            post.tally.flush(&self.brightness, pixel);
+            post.pixel = None;
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! A near field taken apart, for kernels that evaluate it in their own way.
+
+use crate::cylinder::LOBES;
+use crate::fibre::Fibre;
+use organza_basis::Rgb;
+
+/// The numbers that a [`NearField`](crate::NearField) is computed from.
+///
+/// `f = c(theta_o) c(theta_i) cos(theta_i) sum_p K_p(theta_i, theta_o) A_p N_p(azimuth)`
+/// with the scale c of [`Balance`](crate::longitudinal::Balance), the folded
+/// Gaussians K of the inclinations, and per kind of fibre the attenuations A and
+/// the densities N of the azimuth.
+#[derive(Clone, Debug)]
+pub struct NearParts {
+    /// Deviations of the Gaussians K, radians, of R, TT, TRT and the rest. The
+    /// last two of a fitted fibre are unused.
+    pub blurs_rad: [f32; LOBES],
+    /// Deviation of the azimuth of the lobes that have one of their own, radians.
+    pub azimuthal_rad: f32,
+    /// What scatters.
+    pub kind: NearKind,
+    /// Of even steps of the cosine of the inclination, from 0 to 1: c per
+    /// channel and the norms of the four lobes, c times and norms over
+    /// `sqrt(cos^2 + b^2)` with the blur b of R.
+    pub balance: Vec<BalanceNode>,
+    /// No less than the mean of c over channels times `cos^2` anywhere.
+    pub most_drawn: f32,
+}
+
+/// A node of [`NearParts::balance`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BalanceNode {
+    /// c, per channel.
+    pub scale: [f32; 3],
+    /// Norms per lobe.
+    pub norms: [f32; LOBES],
+}
+
+/// The kinds of fibres that have a near field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NearKind {
+    /// R, TT, TRT and the rest, from ray optics at the offset.
+    Dielectric {
+        /// Index of refraction.
+        ior: f32,
+        /// Absorption coefficient times radius.
+        absorption_radii: Rgb,
+    },
+    /// An even R and a TT about the way straight on.
+    Fitted {
+        /// Reflectance of R at normal incidence.
+        colour_r: Rgb,
+        /// Part of the rest that TT keeps.
+        colour_tt: Rgb,
+    },
+}
+
+impl Fibre {
+    /// The numbers behind its near field.
+    pub fn near_parts(&self) -> NearParts {
+        let blurs = self.blurs();
+        let of = |p: usize| blurs.get(p).unwrap_or(&blurs[0]).deviation_rad;
+        let (azimuthal_rad, kind) = match self {
+            Fibre::Dielectric(f) => {
+                let p = f.parameters();
+                let kind = NearKind::Dielectric {
+                    ior: p.ior,
+                    absorption_radii: p.absorption_radii,
+                };
+                (f.azimuth_blur_rad(), kind)
+            }
+            Fibre::Fitted(f) => {
+                let p = f.parameters();
+                let kind = NearKind::Fitted {
+                    colour_r: p.colour_r,
+                    colour_tt: p.colour_tt,
+                };
+                (f.azimuth_blur_rad(), kind)
+            }
+        };
+        let balance = self.balance();
+        let node = |i: usize| {
+            let bare = balance.node(i);
+            BalanceNode {
+                scale: bare.scale.to_array(),
+                norms: bare.norms.to_array(),
+            }
+        };
+        NearParts {
+            blurs_rad: [0, 1, 2, 3].map(of),
+            azimuthal_rad,
+            kind,
+            balance: (0..balance.nodes()).map(node).collect(),
+            most_drawn: balance.most(),
+        }
+    }
+}

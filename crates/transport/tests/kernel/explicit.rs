@@ -1,0 +1,185 @@
+//! Explicit fibres in cells against the general walk and its hierarchy.
+
+use crate::fibres::silk_and_cotton;
+use crate::pictures::picture;
+use crate::{agree, film, lens, panels, parallel, samples, scene, settings, sky};
+use glam::{UVec2, Vec2, Vec3};
+use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::{Aabb, Rgb};
+use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_transport::*;
+use std::f32::consts::TAU;
+use std::ops::ControlFlow;
+
+/// Twisted fibres of two materials along both axes, and hairs that taper and
+/// leave the tile sideways.
+fn segments(repeats: bool) -> SegmentList {
+    let (period, steps) = (0.3f32, 16);
+    let mut segments = Vec::new();
+    for fibre in 0..48u32 {
+        let (r, phase) = (0.006 * (fibre as f32 / 2.0).sqrt(), 2.4 * fibre as f32);
+        let (across, warp) = (0.05 + 0.1 * (fibre % 3) as f32, fibre % 2 == 1);
+        let place = |i: i32| {
+            let along = period * i as f32 / steps as f32;
+            let (sin, cos) = (phase + TAU * along / period).sin_cos();
+            let z = if warp { 0.06 } else { 0.14 };
+            let p = Vec3::new(along, across + r * cos, z + r * sin);
+            if warp { Vec3::new(p.y, p.x, p.z) } else { p }
+        };
+        for i in 0..steps {
+            let tangent = |i: i32| (place(i + 1) - place(i - 1)).normalize();
+            segments.push(Segment {
+                start_tangent: tangent(i),
+                end_tangent: tangent(i + 1),
+                fibre,
+                yarn: fibre % 6,
+                material: (fibre % 2) as u16,
+                ..Segment::straight(place(i), place(i + 1), 0.005)
+            });
+        }
+    }
+    for hair in 0..8u32 {
+        let from = Vec3::new(0.03 * hair as f32, 0.15, 0.1);
+        let to = from + Vec3::new(0.2, 0.05 * hair as f32, 0.1);
+        segments.push(Segment {
+            fibre: 100 + hair,
+            yarn: 7,
+            end_radius_mm: 0.002,
+            ..Segment::straight(from, to, 0.005)
+        });
+    }
+    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(period, period, 0.2));
+    SegmentList {
+        tile: Tile { bounds_mm, repeats },
+        segments,
+    }
+}
+
+fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
+    let source = segments(repeats);
+    let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
+    AnyMedium::Explicit(made)
+}
+
+fn cut() -> AnyMedium {
+    let mut cloth = fibres_of(true, silk_and_cotton());
+    cloth
+        .cut_to(Vec2::new(-0.05, -0.11), Vec2::new(0.45, 0.23))
+        .unwrap();
+    cloth
+}
+
+fn by_cells(scene: &Scene, settings: &RenderSettings, backend: Backend) -> (Film, Stats) {
+    let walks = engine(scene, settings, backend, u64::MAX).unwrap();
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    let all = settings.samples.end;
+    let rendering = rendering.with_kernel(walks);
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    rendering.into_parts()
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
+    vec![
+        ("finite", scene(cloth(false), parallel(), pinhole)),
+        ("endless", scene(cloth(true), parallel(), flat)),
+        ("sky", scene(cloth(true), sky(), lens())),
+        ("cut", scene(cut(), parallel(), lens())),
+        ("panels", scene(cloth(true), panels(), pinhole)),
+        ("picture", scene(cloth(false), vec![picture()], pinhole)),
+    ]
+}
+
+#[test]
+fn cells_agree_with_the_general_walk() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..samples(), u32::MAX);
+        let (oracle, _) = film(&scene, &settings, None);
+        let (own, stats) = by_cells(&scene, &settings, Backend::widest());
+        assert_eq!(stats.rejected, 0, "{name}");
+        let (spread, mean) = agree(&own, &oracle);
+        let p = spread.p_value.min(mean.p_value);
+        assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
+        let depth = |film: &Film| {
+            let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
+            depths.iter().sum::<f64>() / depths.len().max(1) as f64
+        };
+        assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+    }
+    // The known-bad twin: another cloth.
+    let lit = |materials| {
+        let flat = Projection::Orthographic { width_mm: 0.4 };
+        scene(fibres_of(true, materials), parallel(), flat)
+    };
+    let settings = settings(0..samples(), u32::MAX);
+    let (oracle, _) = film(&lit(silk_and_cotton()), &settings, None);
+    let mut swapped = silk_and_cotton();
+    swapped.reverse();
+    let (own, _) = by_cells(&lit(swapped), &settings, Backend::widest());
+    let (spread, mean) = agree(&own, &oracle);
+    assert!(spread.p_value.min(mean.p_value) < 1e-9, "seed 9");
+}
+
+#[test]
+fn back_ends_walk_fibres_alike() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..24, 40);
+        let (first, _) = by_cells(&scene, &settings, Backend::Scalar);
+        for backend in Backend::ALL.into_iter().filter(|b| b.is_available()) {
+            let (film, _) = by_cells(&scene, &settings, backend);
+            assert!(film == first, "{name}: {backend:?}");
+        }
+        // Samples in other portions, by another number of threads.
+        let walks = engine(&scene, &settings, Backend::widest(), u64::MAX).unwrap();
+        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let film = pool.unwrap().install(|| {
+            let mut rendering = rendering.with_kernel(walks);
+            while rendering.left() > 0 {
+                rendering = rendering.take(7, &|_| ControlFlow::Continue(())).unwrap();
+            }
+            rendering.into_parts().0
+        });
+        assert!(film == first, "{name}: portions");
+    }
+}
+
+/// Fibres that keep all light are not seen under an even sky.
+#[test]
+fn clear_fibres_vanish_in_a_furnace() {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::BLACK,
+        longitudinal_rad: 0.1,
+        azimuthal_rad: 0.17,
+    };
+    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let even = Light::from(EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    });
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = fibres_of(true, vec![clear(), clear()]);
+    let scene = scene(cloth, vec![even], flat);
+    let settings = settings(0..samples(), u32::MAX);
+    let (film, stats) = by_cells(&scene, &settings, Backend::widest());
+    assert!(stats.collisions > stats.paths, "{stats:?}");
+    // The balance of the lobes keeps energy to 1e-3 an event.
+    for (mean, error) in film.mean() {
+        assert!((mean - 1.0).abs() < 3e-3 + 4.0 * error, "{mean} +- {error}");
+    }
+}
+
+/// Memory is counted before it is taken.
+#[test]
+fn cells_that_do_not_fit_are_refused() {
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let scene = scene(fibres_of(true, silk_and_cotton()), parallel(), flat);
+    let settings = settings(0..1, 1);
+    let refused = engine(&scene, &settings, Backend::widest(), 1000).err();
+    let refused = refused.map(|e| e.to_string()).unwrap_or_default();
+    assert!(refused.contains("more than 1000"), "{refused}");
+    assert_eq!(scene.camera.resolution(), UVec2::new(7, 5));
+}
