@@ -214,6 +214,42 @@ fn a_volume_is_the_picture_of_its_fabric() {
     );
 }
 
+/// Through `.vdb`, which merges the populations of a voxel, the mean of a picture
+/// stays what it is; a tenth more density does not.
+#[test]
+fn a_merged_volume_keeps_the_mean_of_the_picture() {
+    let folder = folder("volume_merged");
+    write_fabric(&folder);
+    succeed(
+        &folder,
+        &["voxelize", "cloth.toml", "-o", "tile.vdb", "--quiet"],
+    );
+    let values = |object: &str| {
+        write_scene(&folder, "scene.toml", object);
+        let render = ["render", "scene.toml", "-o", "a.exr", "--quiet"];
+        succeed(&folder, &[&render[..], &["--spp", "256"]].concat());
+        exr_channels(&folder.join("a.exr")).remove("G").unwrap()
+    };
+    let cloth = values("kind = \"cloth\"\nfabric = \"cloth.toml\"\nlod = 0\n");
+    let vdb = "kind = \"volume\"\nfile = \"tile.vdb\"\nrepeat_xy = true\n";
+    let mean = cloth.iter().map(|v| f64::from(*v)).sum::<f64>() / cloth.len() as f64;
+    // Pixels are independent, and so is their difference.
+    let off = |values: &[f32]| {
+        let mut moments = organza_basis::Moments::default();
+        for (a, b) in values.iter().zip(&cloth) {
+            moments.add(f64::from(a - b) / mean);
+        }
+        (moments.mean, moments.standard_error())
+    };
+    let (loss, error) = off(&values(vdb));
+    assert!(error < 0.01, "seed 3: {error}");
+    // 0.5 % for what merging costs.
+    let limit = 0.005 + 4.0 * error;
+    assert!(loss.abs() < limit, "seed 3: {loss} +- {error}");
+    let (twin, _) = off(&values(&format!("{vdb}density_scale = 0.7\n")));
+    assert!(twin.abs() > limit, "seed 3: {twin} +- {error}");
+}
+
 /// What a volume object cannot be is refused with its key.
 #[test]
 fn mistakes_in_volume_objects_are_reported_with_their_key() {

@@ -7,7 +7,7 @@
 //! four values density and orientation. Samples stand for cells, and a file without
 //! a space has cells of its spacings, or of 1 mm, from zero on.
 
-use super::{Format, Part, Source, Volume, Voxels, WriteOption, box_of};
+use super::{Format, Part, Volume, Voxels, WriteOption, box_of};
 use crate::{Error, GridSet, VolGrid};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
