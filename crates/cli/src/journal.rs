@@ -8,7 +8,7 @@
 //! without its line break was being written when the run ended; it is dropped.
 
 use crate::error::input;
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use organza_scene::read;
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -124,12 +124,13 @@ impl FileJournal {
                 return Ok(list.clone());
             }
             let name = self.file.as_ref().map(|f| f.path.display().to_string());
-            return Err(anyhow!(JournalError).context(input(format!(
+            let error = input(format!(
                 "{}: holds {} numbers for a place where {count} are expected; remove it to start \
                  again",
                 name.unwrap_or_default(),
                 list.len()
-            ))));
+            ));
+            return Err(error.context(JournalError));
         }
         let list = find()?;
         if let Some(file) = &mut self.file {
@@ -285,7 +286,9 @@ mod tests {
         let path = folder.path().join("journal");
         let mut journal = FileJournal::open(Some(&path), "a").unwrap();
         journal.once(&[1.0], 2, || Ok(vec![0.1, 7.0])).unwrap();
-        let short = journal.once(&[1.0], 3, never).unwrap_err().to_string();
+        let short = journal.once(&[1.0], 3, never).unwrap_err();
+        assert!(short.is::<JournalError>());
+        let short = format!("{short:#}");
         assert!(short.contains("2 numbers for a place where 3"), "{short}");
         drop(journal);
         let good = std::fs::read_to_string(&path).unwrap();

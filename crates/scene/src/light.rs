@@ -10,20 +10,30 @@ use std::path::Path;
 /// The lights of a scene file, with the pictures that they name.
 ///
 /// # Errors
-/// Names the file and key at fault.
-pub fn lights(file: &SceneFile, scene_path: &Path, loader: &Loader<'_>) -> Result<Vec<Light>> {
+/// Names the file and key at fault; a picture that takes more memory than allowed.
+pub fn lights(
+    file: &SceneFile,
+    scene_path: &Path,
+    max_memory_bytes: Option<u64>,
+    loader: &Loader<'_>,
+) -> Result<Vec<Light>> {
     let tables = file.light.iter().enumerate();
     let built = tables.map(|(i, table)| {
-        light(table, scene_path, loader)
+        light(table, scene_path, max_memory_bytes, loader)
             .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
     });
     built.collect()
 }
 
-fn light(t: &LightTable, scene_path: &Path, loader: &Loader<'_>) -> Result<Light, String> {
+fn light(
+    t: &LightTable,
+    scene_path: &Path,
+    max_memory_bytes: Option<u64>,
+    loader: &Loader<'_>,
+) -> Result<Light, String> {
     let load = |name: &str| {
         let path = read::beside(scene_path, name);
-        let (size, pixels) = environment_file::decode(&path, loader)?;
+        let (size, pixels) = environment_file::decode(&path, max_memory_bytes, loader)?;
         Ok(LoadedPicture {
             name: path.display().to_string(),
             size,

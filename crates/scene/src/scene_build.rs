@@ -77,7 +77,12 @@ pub fn warn_of_emptiness(file: &SceneFile, scene_path: &Path, loader: &Loader<'_
 pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     check(file, options.scene_path)?;
     let camera = camera(file, options.scene_path)?;
-    let lights = light::lights(file, options.scene_path, options.loader)?;
+    let lights = light::lights(
+        file,
+        options.scene_path,
+        options.max_memory_bytes,
+        options.loader,
+    )?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let mut media = Vec::new();
     let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);

@@ -162,7 +162,7 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let loader = &Loader::new();
     let loaded = organza_scene::load(path, overrides, loader)?;
     let (file, chosen) = (&loaded.file, &loaded.chosen);
-    light::lights(file, path, loader)?;
+    light::lights(file, path, None, loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let options = BuildOptions {
         scene_path: path,

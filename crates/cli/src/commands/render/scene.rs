@@ -71,7 +71,7 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
         .iter()
         .map(|c| format!("object {}: {}", c.object, c.what))
         .collect();
-    decided.push(format!("clamp {:?}", file.render.clamp));
+    decided.extend(file.render.clamp.map(|limit| format!("clamp {limit}")));
     Ok(Built {
         digest: identity::scene_digest(&table, &decided),
         inputs: identity::named_inputs(&args.scene, &read),
