@@ -1,151 +1,22 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
 use crate::error::{Result, input};
+pub use crate::fabric_table::{FabricFile, VoxelTable};
 use crate::fibre_optics;
 use crate::file_kind::Wanted;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
 use crate::read;
-use crate::scattering::ScatteringTable;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
 use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
-use organza_weave::{
-    Cloth, FabricGeometry, Material,
-    spec::{CurveKind, DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec},
-};
-use serde::Deserialize;
+use organza_weave::{Cloth, FabricGeometry, Material};
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::path::Path;
-
-/// A whole fabric file.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FabricFile {
-    /// Name, for people.
-    pub name: Option<String>,
-    /// The weave, knit or curves.
-    pub draft: DraftSpec,
-    /// The warp.
-    #[serde(default)]
-    pub warp: ThreadSetSpec,
-    /// The weft.
-    #[serde(default)]
-    pub weft: ThreadSetSpec,
-    /// Yarns by name.
-    #[serde(default)]
-    pub yarn: BTreeMap<String, YarnSpec>,
-    /// How yarns find their places.
-    #[serde(default)]
-    pub relaxation: RelaxationSpec,
-    /// How much of the cloth is made.
-    #[serde(default)]
-    pub tile: TileSpec,
-    /// How the fibres of a yarn scatter light, by the yarn's name.
-    #[serde(default)]
-    pub optics: OpticsFile,
-    /// Which model scatters light, unless a scene says otherwise.
-    #[serde(default)]
-    pub scattering: ScatteringTable,
-    /// How fine it is voxelized.
-    #[serde(default)]
-    pub voxel: VoxelTable,
-    /// The cloth as a surface, where there is one to compare with.
-    pub surface: Option<SurfaceTable>,
-    /// Seed of everything random in the geometry.
-    #[serde(default)]
-    pub seed: u64,
-}
-
-impl FabricFile {
-    /// Refuses what would have no effect.
-    ///
-    /// # Errors
-    /// `key: what was expected`.
-    fn check(&self) -> Result<(), String> {
-        if self.relaxation.max_iterations == 0 {
-            return Err("relaxation.max_iterations: expected at least 1, found 0".into());
-        }
-        let draft = &self.draft;
-        let is_woven = draft.weave.is_some() || draft.wif.is_some() || draft.drawdown.is_some();
-        let (is_knit, is_curves) = (draft.knit.is_some(), draft.curves.is_some());
-        let woven = "a weave (draft.weave, draft.wif or draft.drawdown)";
-        let spaced = "a weave or draft.knit";
-        let (warp, weft) = (&self.warp, &self.weft);
-        for (key, is_given, has_use, belongs_to) in [
-            (
-                "draft.wales_per_cm",
-                draft.wales_per_cm.is_some(),
-                is_knit,
-                "draft.knit",
-            ),
-            (
-                "draft.curve_unit_mm",
-                draft.curve_unit_mm.is_some(),
-                is_curves,
-                "draft.curves",
-            ),
-            (
-                "draft.curves_are",
-                draft.curves_are != CurveKind::default(),
-                is_curves,
-                "draft.curves",
-            ),
-            ("warp.yarn", !warp.yarn.is_empty(), is_woven, woven),
-            ("warp.colours", !warp.colours.is_empty(), is_woven, woven),
-            ("warp.per_cm", warp.per_cm.is_some(), is_woven, woven),
-            (
-                "warp.spacing_mm",
-                warp.spacing_mm.is_some(),
-                is_woven,
-                woven,
-            ),
-            ("weft.per_cm", weft.per_cm.is_some(), !is_curves, spaced),
-            (
-                "weft.spacing_mm",
-                weft.spacing_mm.is_some(),
-                !is_curves,
-                spaced,
-            ),
-            (
-                "tile.repeats",
-                self.tile.repeats != [1, 1],
-                !is_curves,
-                spaced,
-            ),
-        ] {
-            // The builder reports a draft of no kind, or of two.
-            let is_one_kind = [is_woven, is_knit, is_curves]
-                .iter()
-                .filter(|k| **k)
-                .count()
-                == 1;
-            if is_given && !has_use && is_one_kind {
-                return Err(format!("{key}: belongs to {belongs_to}"));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// `[voxel]`
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct VoxelTable {
-    /// Edge of the finest voxels.
-    pub size_um: f32,
-}
-
-impl Default for VoxelTable {
-    fn default() -> VoxelTable {
-        VoxelTable { size_um: 10.0 }
-    }
-}
 
 /// A fabric file with the cloth it describes.
 pub struct Fabric {

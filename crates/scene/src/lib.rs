@@ -11,6 +11,7 @@ mod drape;
 pub mod environment_file;
 mod error;
 pub mod fabric_file;
+mod fabric_table;
 mod fibre_optics;
 pub mod file_kind;
 pub mod light;

@@ -35,7 +35,10 @@ impl SurfaceSpec {
     /// the straight visible segments that the model knows. They are not
     /// approximated; a preset's weave would be another cloth.
     pub fn for_cloth(mut self, cloth: &Cloth) -> Result<SurfaceSpec, Error> {
-        if self.weave.is_none() {
+        let given = self.weave.take();
+        if let Some(whole) = given.as_ref().filter(|w| !w.draft.is_empty()) {
+            self.weave = Some(whole.clone());
+        } else {
             let draft = cloth.draft().ok_or_else(|| {
                 Error::Draft(
                     "knits and imported curves have none, and the surface model knows woven cloth \
@@ -55,7 +58,13 @@ impl SurfaceSpec {
                     weave.warp_width_mm = Some(warp.width_mm.min(weave.warp_pitch_mm));
                 }
             }
-            self.weave = Some(weave);
+            self.weave = Some(match given {
+                Some(spacing) => Weave {
+                    draft: weave.draft,
+                    ..spacing
+                },
+                None => weave,
+            });
         }
         Ok(self)
     }
@@ -103,6 +112,13 @@ mod tests {
         assert_eq!(weave.draft.len(), 4);
         assert!((weave.warp_pitch_mm - 0.4).abs() < 1e-6);
         assert!((weave.weft_pitch_mm - 10.0 / 17.0).abs() < 1e-6);
+        // Spacing alone takes the cloth's draft.
+        let spaced = SurfaceSpec {
+            weave: toml::from_str("warp_pitch_mm = 0.5\nweft_pitch_mm = 0.7").ok(),
+            ..spec.clone()
+        };
+        let spaced = spaced.for_cloth(&cloth(&twill)).unwrap().weave.unwrap();
+        assert_eq!((&spaced.draft, spaced.warp_pitch_mm), (&weave.draft, 0.5));
         // A weave that is given stays.
         let given = spec.clone().for_cloth(&cloth(&twill)).unwrap();
         assert_eq!(given, spec);

@@ -20,7 +20,8 @@ pub enum Yarn {
 pub struct Weave {
     /// One text per weft yarn, the top of the picture first; one character per
     /// warp yarn, `1` (or `X`) where the warp is on top and `0` (or `.`) where
-    /// the weft is.
+    /// the weft is. None at all stands for the draft of the cloth.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub draft: Vec<String>,
     /// Distance between the middles of neighbouring warp yarns, mm.
     pub warp_pitch_mm: f64,

@@ -9,8 +9,10 @@ use std::f64::consts::{PI, TAU};
 
 /// Densest packing of equal circles in the plane, pi / sqrt(12).
 pub const MAX_FIBRE_VOLUME_FRACTION: f64 = 0.9069;
-/// The most fibres that the cross-section of a ply may have.
-pub const MAX_FIBRES_PER_PLY: u32 = 1 << 20;
+/// The most fibres that the cross-section of a ply may have: above the 50,000
+/// filaments of the heaviest tows, and few enough for a tile to be voxelized in
+/// seconds.
+pub const MAX_FIBRES_PER_PLY: u32 = 1 << 16;
 
 /// A yarn at rest, before a fabric presses on it.
 #[derive(Clone, Debug)]
