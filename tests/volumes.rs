@@ -205,12 +205,12 @@ fn a_volume_is_the_picture_of_its_fabric() {
     write_scene(&folder, "volume_scene.toml", volume);
     let (_, printed) = picture(&folder, "volume_scene.toml");
     assert!(printed.contains("--footprint covered"), "{printed}");
-    let told = succeed(&folder, &["info", "volume_scene.toml"]);
-    assert!(told.contains("packed"), "{told}");
-    let told = succeed(&folder, &["info", "axis.ovox"]);
+    let printed = succeed(&folder, &["info", "volume_scene.toml"]);
+    assert!(printed.contains("packed"), "{printed}");
+    let printed = succeed(&folder, &["info", "axis.ovox"]);
     assert!(
-        told.contains("footprint: axis") && told.contains("cloth.toml"),
-        "{told}"
+        printed.contains("footprint: axis") && printed.contains("cloth.toml"),
+        "{printed}"
     );
 }
 

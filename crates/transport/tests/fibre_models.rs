@@ -214,7 +214,7 @@ struct Case {
     /// Packed voxels in radii; the plain event takes the first.
     voxels: &'static [f32],
     /// Root mean square errors of packed events in the first voxels, of reflection and of
-    /// transmission, as recorded in `benches/runs/2026-11-21-fibres.md`, per cent.
+    /// transmission, as recorded in `benches/runs/fibres.md`, per cent.
     recorded: [f64; 2],
 }
 
