@@ -8,7 +8,7 @@
 //! squared cosine falls to one half.
 
 use crate::quadrature::{gauss_legendre, integrate_rule};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
 
 /// The greatest spread that differs from "no preferred polar angle":
@@ -18,8 +18,10 @@ pub const MAX_SPREAD_RAD: f32 = 8.0;
 /// Smooth integrands over at most eight deviations: 40 nodes reach 1e-14.
 static RULE: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss_legendre(40));
 
-/// Mean of `f(theta)` over the distribution.
-fn mean_over_angle(spread_rad: f32, f: impl Fn(f64) -> f64) -> f64 {
+/// Mean of `f(theta)` over the distribution of the polar angle, for a smooth f.
+///
+/// Spreads outside `[0, MAX_SPREAD_RAD]` are clamped.
+pub fn mean_over_angle(spread_rad: f32, f: impl Fn(f64) -> f64) -> f64 {
     let s = f64::from(spread_rad.clamp(0.0, MAX_SPREAD_RAD));
     if s < 1e-9 {
         return f(0.0);
@@ -69,29 +71,6 @@ pub fn spread_from_mean_sin_sq(mean_sin_sq: f32) -> f32 {
     0.5 * (low + high)
 }
 
-/// Eigenvalues of the SGGX matrix of the population across and along its
-/// axis: the squared means of |sin| of the angle between a tangent and that
-/// eigenvector `[Heitz2015]`. Zero spread gives (1, 0).
-pub fn sggx_across_along(spread_rad: f32) -> (f32, f32) {
-    let along = mean_over_angle(spread_rad, f64::sin);
-    // A tangent at polar angle theta and azimuth phi makes an angle with the
-    // x axis whose sine is sqrt(1 - sin^2 theta cos^2 phi). The function of phi
-    // has period pi, so equal steps converge geometrically except at
-    // theta = 90 degrees, where it has a corner of small weight.
-    const STEPS: usize = 256;
-    let across = mean_over_angle(spread_rad, |theta| {
-        let sin_sq = theta.sin().powi(2);
-        let sum: f64 = (0..STEPS)
-            .map(|k| {
-                let phi = (k as f64 + 0.5) * PI / STEPS as f64;
-                (1.0 - sin_sq * phi.cos().powi(2)).max(0.0).sqrt()
-            })
-            .sum();
-        sum / STEPS as f64
-    });
-    ((across * across) as f32, (along * along) as f32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,20 +95,6 @@ mod tests {
             let s64 = f64::from(s);
             let c = adaptive(s64, |t| t.cos().powi(2));
             assert!((f64::from(mean_cos_sq(s)) - c).abs() < 1e-7, "{s}");
-            let along = adaptive(s64, f64::sin).powi(2);
-            let elliptic = |t: f64| {
-                integrate(0.0, FRAC_PI_2, 1e-10, |p| {
-                    (1.0 - (t.sin() * p.cos()).powi(2)).max(0.0).sqrt()
-                }) / FRAC_PI_2
-            };
-            let weight = |t: f64| (-0.5 * (t / s64).powi(2)).exp();
-            let rule = gauss_legendre(200);
-            let end = FRAC_PI_2.min(9.0 * s64);
-            let across = integrate_rule(&rule, 0.0, end, |t| weight(t) * elliptic(t))
-                / integrate_rule(&rule, 0.0, end, weight);
-            let got = sggx_across_along(s);
-            assert!((f64::from(got.0) - across * across).abs() < 3e-6, "{s}");
-            assert!((f64::from(got.1) - along).abs() < 1e-6, "{s}");
         }
     }
 
@@ -155,7 +120,6 @@ mod tests {
     #[test]
     fn limits_are_parallel_and_uniform_angle() {
         assert_eq!(mean_cos_sq(0.0), 1.0);
-        assert_eq!(sggx_across_along(0.0), (1.0, 0.0));
         assert!((mean_cos_sq(MAX_SPREAD_RAD) - 0.5).abs() < 2e-3);
         let small = 0.01f32;
         assert!((1.0 - mean_cos_sq(small) - small * small).abs() < 1e-7);

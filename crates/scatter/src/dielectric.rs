@@ -85,7 +85,7 @@ impl DielectricFibre {
         in_range(
             "longitudinal_rad",
             p.longitudinal_rad,
-            [0.0, 0.6],
+            [0.0, MAX_BLUR_RAD],
             "0 to 0.6 (34 degrees)",
         )?;
         in_range(

@@ -438,38 +438,40 @@ fn walks_among_clear_rough_fibres_keep_their_light() {
 
 /// The balance is that of all offsets: where a ray passes the fibre light is kept
 /// in the mean over offsets and, unless blurs are wide and the view runs along the
-/// fibre, nearly so at each. The table of docs/hard_cases.md is this test's.
+/// fibre, nearly so at each. The table of docs/hard_cases.md is this test's; its
+/// bounds over all offsets stand there and in the crate's documentation.
 #[test]
 fn near_fields_keep_light_in_the_mean_over_offsets() {
     const OFFSETS: usize = 20;
     // Blur and angle between view and fibre; the least and most of an offset.
     for (blur_deg, view_deg, [least, most]) in [
-        (6.0f32, 90.0f32, [0.99, 1.005]),
-        (6.0, 25.0, [0.99, 1.015]),
-        (6.0, 10.0, [0.96, 1.08]),
-        (20.0, 90.0, [0.96, 1.01]),
-        (20.0, 25.0, [0.98, 1.08]),
-        (20.0, 10.0, [0.90, 1.38]),
-        (34.0, 90.0, [0.94, 1.01]),
-        (34.0, 25.0, [0.98, 1.12]),
-        (34.0, 10.0, [0.91, 1.40]),
+        (6.0f32, 90.0f32, [0.98, 1.02]),
+        (6.0, 25.0, [0.98, 1.02]),
+        (6.0, 10.0, [0.96, 1.09]),
+        (20.0, 90.0, [0.94, 1.02]),
+        (20.0, 25.0, [0.97, 1.09]),
+        (20.0, 10.0, [0.90, 1.40]),
+        (34.0, 90.0, [0.92, 1.02]),
+        (34.0, 25.0, [0.97, 1.14]),
+        (34.0, 10.0, [0.90, 1.43]),
     ] {
         let fibre = dielectric(1.55, 0.0, blur_deg, (2.0 * blur_deg).min(60.0));
         let (sin, cos) = view_deg.to_radians().sin_cos();
         let w_out = TANGENT * cos + TANGENT.any_orthonormal_vector() * sin;
         let frame = FibreFrame::new(TANGENT, w_out);
         let mut rng = PathRng::from_seed(67);
+        let mut energy = |h: f32| -> Moments {
+            let near = fibre.near_field(frame, h);
+            let draw = |rng: &mut PathRng| {
+                let drawn = near.choose_lobe(rng).sample(w_out, rng);
+                drawn.map_or(0.0, |s| f64::from(s.weight.0.x))
+            };
+            (0..draws(4000)).map(|_| draw(&mut rng)).collect()
+        };
         let energies: Vec<Moments> = (0..OFFSETS)
-            .map(|i| {
-                let h = (2.0 * i as f32 + 1.0) / OFFSETS as f32 - 1.0;
-                let near = fibre.near_field(frame, h);
-                let draw = |rng: &mut PathRng| {
-                    let drawn = near.choose_lobe(rng).sample(w_out, rng);
-                    drawn.map_or(0.0, |s| f64::from(s.weight.0.x))
-                };
-                (0..draws(4000)).map(|_| draw(&mut rng)).collect()
-            })
+            .map(|i| energy((2.0 * i as f32 + 1.0) / OFFSETS as f32 - 1.0))
             .collect();
+        let edges = [-0.99, 0.99].map(&mut energy);
         let report = || {
             let of = |m: &Moments| format!("{:.3} +- {:.3}", m.mean, m.standard_error());
             let all: Vec<String> = energies.iter().map(of).collect();
@@ -478,10 +480,14 @@ fn near_fields_keep_light_in_the_mean_over_offsets() {
                 all.join(", ")
             )
         };
-        for m in &energies {
+        for m in energies.iter().chain(&edges) {
             let noise = 5.0 * m.standard_error();
             let kept = least - noise..=most + noise;
-            assert!(kept.contains(&m.mean), "{}", report());
+            assert!(kept.contains(&m.mean), "{m:?} of {}", report());
+        }
+        if (blur_deg, view_deg) == (34.0, 10.0) {
+            // The bound is no wider than it must be.
+            assert!(edges.iter().any(|m| m.mean > most - 0.08), "{edges:?}");
         }
         let mean = |list: &[Moments]| {
             let n = list.len() as f64;

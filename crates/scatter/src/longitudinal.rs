@@ -22,6 +22,8 @@ pub const MIN_BLUR_RAD: f32 = 0.0087;
 /// Greatest deviation of a longitudinal blur, so that one fold at each end is
 /// all that single precision sees.
 pub const MAX_BLUR_RAD: f32 = 0.6;
+/// The same in the whole degrees that files take.
+pub const MAX_BLUR_DEG: f32 = 34.0;
 
 /// The deviation of a longitudinal blur, with what its density needs of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,8 +3,9 @@
 
 use crate::AxialFlake;
 use crate::sggx::MIN_RATIO;
-use organza_basis::spread::sggx_across_along;
+use organza_basis::spread::mean_over_angle;
 use organza_basis::{FibreComponent, MergedFlakes, Mixture, Rgb, Sym3};
+use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// How the fibres of one material scatter as micro-flakes.
@@ -35,6 +36,29 @@ fn shape((across, along): (f32, f32), end_on_ratio: f32) -> (f32, f32) {
     let with = |squared: f32| squared + rough * (1.0 - squared);
     let broadside = with(across).sqrt();
     (broadside, with(along).sqrt() / broadside)
+}
+
+/// Eigenvalues of the SGGX matrix of the population across and along its
+/// axis: the squared means of |sin| of the angle between a tangent and that
+/// eigenvector `[Heitz2015]`. Zero spread gives (1, 0).
+pub fn sggx_across_along(spread_rad: f32) -> (f32, f32) {
+    let along = mean_over_angle(spread_rad, f64::sin);
+    // A tangent at polar angle theta and azimuth phi makes an angle with the
+    // x axis whose sine is sqrt(1 - sin^2 theta cos^2 phi). The function of phi
+    // has period pi, so equal steps converge geometrically except at
+    // theta = 90 degrees, where it has a corner of small weight.
+    const STEPS: usize = 256;
+    let across = mean_over_angle(spread_rad, |theta| {
+        let sin_sq = theta.sin().powi(2);
+        let sum: f64 = (0..STEPS)
+            .map(|k| {
+                let phi = (k as f64 + 0.5) * PI / STEPS as f64;
+                (1.0 - sin_sq * phi.cos().powi(2)).max(0.0).sqrt()
+            })
+            .sum();
+        sum / STEPS as f64
+    });
+    ((across * across) as f32, (along * along) as f32)
 }
 
 /// [`population_shape`] against spread for one material, tabulated: the
@@ -181,7 +205,33 @@ mod tests {
     use super::*;
     use crate::MicroFlake;
     use glam::Vec3;
+    use organza_basis::quadrature::{gauss_legendre, integrate, integrate_rule};
     use organza_basis::{PathRng, warp};
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn spread_alone_gives_the_sggx_matrix_of_its_tangents() {
+        assert_eq!(sggx_across_along(0.0), (1.0, 0.0));
+        for s in [1e-3, 0.01, 0.1, 0.3, 0.7, 1.0, 2.0, 8.0f32] {
+            let s64 = f64::from(s);
+            let weight = |t: f64| (-0.5 * (t / s64).powi(2)).exp();
+            let rule = gauss_legendre(200);
+            let end = FRAC_PI_2.min(9.0 * s64);
+            let mean = |f: &dyn Fn(f64) -> f64| {
+                integrate_rule(&rule, 0.0, end, |t| weight(t) * f(t))
+                    / integrate_rule(&rule, 0.0, end, weight)
+            };
+            let elliptic = |t: f64| {
+                integrate(0.0, FRAC_PI_2, 1e-10, |p| {
+                    (1.0 - (t.sin() * p.cos()).powi(2)).max(0.0).sqrt()
+                }) / FRAC_PI_2
+            };
+            let (across, along) = (mean(&elliptic), mean(&f64::sin));
+            let got = sggx_across_along(s);
+            assert!((f64::from(got.0) - across * across).abs() < 3e-6, "{s}");
+            assert!((f64::from(got.1) - along * along).abs() < 1e-6, "{s}");
+        }
+    }
 
     #[test]
     fn the_table_is_the_quadrature() {

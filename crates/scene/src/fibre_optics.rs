@@ -3,6 +3,7 @@
 use crate::optics::{FittedValue, OpticsTable, UNDYED};
 use organza_basis::Rgb;
 use organza_scatter::fitted::PRESETS;
+use organza_scatter::longitudinal::MAX_BLUR_DEG;
 use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
     absorption_for_colour,
@@ -38,7 +39,7 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
         return Err(".colour: does not go with `absorption_per_mm`".into());
     }
     for (key, value, most) in [
-        ("longitudinal_deg", t.longitudinal_deg, 34.0),
+        ("longitudinal_deg", t.longitudinal_deg, MAX_BLUR_DEG),
         ("azimuthal_deg", t.azimuthal_deg, 90.0),
     ] {
         if let Some(v) = value.filter(|v| !(0.0..=most).contains(v)) {

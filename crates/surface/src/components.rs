@@ -3,9 +3,10 @@
 
 use crate::error::Error;
 use crate::face::Face;
+use crate::parameters::WovenParameters;
 use crate::transmission::Transmission;
 use crate::weave::{Tiling, Yarn};
-use crate::woven_surface::{WovenParameters, behind};
+use crate::woven_surface::behind;
 use glam::Vec3;
 use organza_basis::Rgb;
 use std::f32::consts::FRAC_1_PI;

@@ -1,11 +1,12 @@
 //! The `[surface]` section of a fabric file.
 
 use crate::error::Error;
+use crate::parameters::{WovenParameters, YarnParameters};
 use crate::segment::{Fit, SegmentParameters};
 use crate::shadowing::Shadowing;
 use crate::transmission::Transmission;
 use crate::weave::Weave;
-use crate::woven_surface::{WovenParameters, WovenSurface, YarnParameters};
+use crate::woven_surface::WovenSurface;
 use organza_basis::{Rgb, nearest_name};
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,50 @@
+//! What a woven surface is made from.
+
+use crate::segment::SegmentParameters;
+use crate::shadowing::Shadowing;
+use crate::transmission::Transmission;
+use crate::weave::Weave;
+use organza_basis::Rgb;
+
+/// One system of yarn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct YarnParameters {
+    /// Shape and scattering; width and length come from the weave.
+    pub segment: SegmentParameters,
+    /// Diffuse albedo of the flat sheet of the thesis.
+    pub diffuse: Rgb,
+    /// Diffuse albedo of the surface of yarns that are round.
+    pub round: Rgb,
+    /// Specular albedo: the bihemispherical albedo that the highlights of the
+    /// front would have if both yarns had this colour. Warp and weft keep the
+    /// proportion of their scattering functions.
+    pub specular: Rgb,
+    /// Amplitude of the noise of u_max along this yarn, radians.
+    pub u_noise_own_rad: f32,
+    /// Amplitude of the noise of u_max along the yarns that cross it, radians.
+    pub u_noise_cross_rad: f32,
+}
+
+/// Everything about a cloth.
+#[derive(Clone, Debug)]
+pub struct WovenParameters {
+    /// Draft and dimensions.
+    pub weave: Weave,
+    /// The warp.
+    pub warp: YarnParameters,
+    /// The weft.
+    pub weft: YarnParameters,
+    /// Names this cloth's noise.
+    pub seed: u64,
+    /// Side of the rectangles of equal brightness within a segment, mm; zero
+    /// for even yarn.
+    pub grain_mm: f32,
+    /// Distance over which yarn tension changes, mm; positive.
+    pub noise_period_mm: f32,
+    /// Height difference of warp and weft, if shadowing is wanted.
+    pub shadowing: Option<Shadowing>,
+    /// Gaps and transmitted light, if the cloth is not opaque.
+    pub transmission: Option<Transmission>,
+    /// Relative error aimed at in the integral over staple yarn.
+    pub accuracy: f64,
+}
