@@ -47,6 +47,7 @@ pub mod error;
 mod face;
 mod filament;
 mod half_vector;
+mod local;
 mod noise;
 pub mod parameters;
 pub mod phase;

@@ -3,8 +3,9 @@
 use crate::cone::Fibres;
 use crate::energy::EnergyBound;
 use crate::error::Error;
-use crate::face::{Face, Local};
+use crate::face::Face;
 use crate::half_vector::HalfVectorTable;
+use crate::local::Local;
 use crate::parameters::WovenParameters;
 use crate::sequence::sequence;
 use crate::transmission::Transmission;
