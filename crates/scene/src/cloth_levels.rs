@@ -12,6 +12,10 @@ use organza_volume::Octree;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+/// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
+/// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
+const VOXELS_ACROSS_THREAD: f32 = 12.0;
+
 /// A sheet and the longer side of its repeat.
 pub struct FarSheet {
     /// The surface.
@@ -48,19 +52,19 @@ impl Levels {
     /// gives way to the next while a pixel grows from two of its voxels to two
     /// of the next one's. The sheet takes over while a pixel grows from half a
     /// repeat to a whole one; levels that would still be on their way to a
-    /// coarser one there are left out, and so are levels with voxels over
-    /// `most_mm`.
+    /// coarser one there are left out, and so are levels with fewer than
+    /// [`VOXELS_ACROSS_THREAD`] voxels to `thread_spacing_mm`.
     pub fn for_footprints(
         octree: &Octree,
         finest: u8,
-        most_mm: f32,
+        thread_spacing_mm: f32,
         repeat_mm: Option<f32>,
         (nearest, farthest): (f32, f32),
     ) -> Levels {
         let enough_mm = |level: u8| 2.0 * octree.voxel_mm(level).max_element();
         let last_mm = repeat_mm
             .map_or(f32::INFINITY, |r| 0.5 * r)
-            .min(2.0 * most_mm);
+            .min(2.0 * (thread_spacing_mm / VOXELS_ACROSS_THREAD));
         let most = (finest + 1..octree.level_count())
             .take_while(|&l| enough_mm(l) <= last_mm)
             .last()

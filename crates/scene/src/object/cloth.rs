@@ -113,10 +113,6 @@ impl ObjectKind for ClothTable {
     }
 }
 
-/// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
-/// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
-const VOXELS_ACROSS_THREAD: f32 = 12.0;
-
 /// The fabric of the cloth that is a scene's object of this index, with the
 /// object's optics, and how it is shown; `as_fibres` whatever its model.
 ///
@@ -350,8 +346,8 @@ impl Laying<'_> {
             Lod::Name(LodName::Auto) => {
                 let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
                 let widths = place.footprints_mm(self.camera);
-                let most_mm = scale * fabric.thread_spacing_mm() / VOXELS_ACROSS_THREAD;
-                let levels = Levels::for_footprints(&octree, finest, most_mm, repeat_mm, widths);
+                let spacing_mm = scale * fabric.thread_spacing_mm();
+                let levels = Levels::for_footprints(&octree, finest, spacing_mm, repeat_mm, widths);
                 ("auto".into(), levels)
             }
             Lod::Name(_) => ("volume".into(), Levels::only(0)),
