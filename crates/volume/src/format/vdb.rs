@@ -7,6 +7,7 @@
 //! memory as a file asks for it, and panic on some.
 
 mod blosc;
+mod cursor;
 mod from_octree;
 mod grids;
 mod read;

@@ -1,5 +1,6 @@
 //! Reading .vdb files, versions 222 to 224 of the format.
 
+use super::cursor::Cursor;
 use super::write::EXTENT;
 use super::{Cells, Cube, Data, EDGES, ENDING, Grid, Leaf, Value, blosc};
 use crate::Error;
@@ -423,73 +424,7 @@ fn read_metadata(cur: &mut Cursor) -> Result<Option<(IVec3, IVec3)>, Problem> {
     Ok(extent[0].zip(extent[1]))
 }
 
-fn wrong(problem: impl Into<String>) -> Problem {
+/// Damage.
+pub(super) fn wrong(problem: impl Into<String>) -> Problem {
     Problem::Damage(problem.into())
-}
-
-/// A place in the file that never runs over its end.
-struct Cursor<'a> {
-    bytes: &'a [u8],
-    at: usize,
-}
-
-impl<'a> Cursor<'a> {
-    fn take(&mut self, length: usize) -> Result<&'a [u8], Problem> {
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let taken = rest.get(..length);
-        self.at = self.at.saturating_add(length);
-        taken.ok_or_else(|| wrong(format!("it is cut off ({length} bytes missing at its end)")))
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
-        let mut a = [0; N];
-        a.copy_from_slice(self.take(N)?);
-        Ok(a)
-    }
-
-    fn u32(&mut self) -> Result<u32, Problem> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    fn u64(&mut self) -> Result<u64, Problem> {
-        Ok(u64::from_le_bytes(self.array()?))
-    }
-
-    fn f64(&mut self) -> Result<f64, Problem> {
-        Ok(f64::from_le_bytes(self.array()?))
-    }
-
-    fn text(&mut self) -> Result<String, Problem> {
-        let length = self.u32()? as usize;
-        Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
-    }
-
-    fn triple(&mut self) -> Result<DVec3, Problem> {
-        Ok(DVec3::new(self.f64()?, self.f64()?, self.f64()?))
-    }
-
-    /// A place in the file.
-    fn place(&mut self) -> Result<usize, Problem> {
-        let at = usize::try_from(self.u64()?).unwrap_or(usize::MAX);
-        if at > self.bytes.len() {
-            return Err(wrong("it is cut off (it names a place beyond its end)"));
-        }
-        Ok(at)
-    }
-
-    /// The least cell of a node of this edge, far enough from the ends of the
-    /// lattice to count with.
-    fn cell(&mut self, edge: i32) -> Result<IVec3, Problem> {
-        let mut c = [0; 3];
-        for x in &mut c {
-            *x = i32::from_le_bytes(self.array()?);
-        }
-        let cell = IVec3::from_array(c);
-        let near = -(1 << 30)..1 << 30;
-        let within = near.contains(&cell.min_element()) && near.contains(&cell.max_element());
-        if cell & (edge - 1) != IVec3::ZERO || !within {
-            return Err(wrong(format!("a node begins at cell {cell}")));
-        }
-        Ok(cell)
-    }
 }
