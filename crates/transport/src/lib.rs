@@ -69,49 +69,13 @@
 //! # }
 //! ```
 
-mod any_medium;
-mod cloth_medium;
-mod collision;
-mod detail;
-mod draping;
-mod explicit_fibres;
-mod fibre_medium;
-mod flake_medium;
 mod flatten;
-mod grid_medium;
-mod integrator;
-mod levelled_cloth;
-mod local_visibility;
-mod medium;
-mod plane;
-mod render;
-mod scene;
-mod sheet;
-mod tracking;
-mod voxel_bounds;
-mod voxel_fibres;
+mod matter;
+mod walk;
 
-pub use any_medium::AnyMedium;
-pub use cloth_medium::ClothMedium;
-pub use collision::Collision;
-pub use detail::{Detail, LevelSteps, Tracking};
-pub use draping::Draping;
-pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
-pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
-pub use flake_medium::{FlakeMedium, FlakeSite};
 pub use flatten::{KernelRefusal, engine, fibre_probe, flatten};
-pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
-pub use integrator::{Integrator, MOST_EVENTS, trace_from, trace_path};
-pub use levelled_cloth::LevelledCloth;
-pub use local_visibility::LocalVisibility;
-pub use medium::Medium;
-pub use plane::Plane;
-pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
-pub use scene::Scene;
-pub use tracking::{
-    exact_transmittance, sample_collision, sample_collision_exactly, stopped_transmittance,
-    transmittance,
-};
+pub use matter::*;
+pub use walk::*;
 
 pub use organza_scatter::{FlakeFamily, FlakeOptics, population_shape};
 // What a scene and its picture are made of, under one name for those who trace them.

@@ -1,8 +1,8 @@
 //! The kinds of matter in a scene.
 
-use crate::collision::{AnySite, Collision, Located, each_volume};
-use crate::detail::Tracking;
-use crate::draping::{Draping, find, pass_through};
+use crate::matter::collision::{AnySite, Collision, Located, each_volume};
+use crate::matter::detail::Tracking;
+use crate::matter::draping::{Draping, find, pass_through};
 use crate::{
     ClothMedium, ExplicitFibres, FibreMedium, FlakeMedium, GridMedium, Integrator, LevelledCloth,
     Medium, Plane, Stats,

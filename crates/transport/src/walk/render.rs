@@ -71,10 +71,6 @@ pub enum RenderError {
 /// Samples of a pixel between two looks at the clock.
 const SAMPLES_PER_PASS: u64 = 16;
 
-/// Blocks of the film that a thread does one after the other in a pass, so that
-/// threads end at about the same time.
-const BLOCKS_PER_THREAD: u32 = 4;
-
 /// Called between rows, from any thread, with the progress; may break to stop.
 pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 
@@ -173,13 +169,8 @@ impl<'a> Rendering<'a> {
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
         let clamp = self.clamp.unwrap_or(f32::INFINITY);
         let kernel = self.kernel.as_deref();
-        // The lanes of a kernel run dry at the end of a block.
-        let rows = match kernel {
-            Some(_) => size
-                .y
-                .div_ceil(BLOCKS_PER_THREAD * rayon::current_num_threads() as u32),
-            None => 1,
-        };
+        let threads = rayon::current_num_threads() as u32;
+        let rows = kernel.map_or(1, |engine| engine.rows_per_block(size.y, threads));
         let stats = self
             .film
             .pixels_mut()

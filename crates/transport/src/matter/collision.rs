@@ -1,6 +1,6 @@
 //! Collisions of light with any kind of matter.
 
-use crate::sheet::SheetSite;
+use crate::matter::sheet::SheetSite;
 use crate::{
     ClothMedium, ExplicitFibres, FibreHit, FibreMedium, FlakeMedium, GridMedium, Medium, Plane,
     SiteInfo,

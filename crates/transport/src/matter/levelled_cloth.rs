@@ -4,10 +4,10 @@
 use crate::AnyMedium;
 use crate::PixelCone;
 use crate::Stats;
-use crate::collision::{AnySite, Collision};
-use crate::detail::{Detail, LevelSteps, Tracking};
-use crate::draping::Draping;
-use crate::sheet::SheetSite;
+use crate::matter::collision::{AnySite, Collision};
+use crate::matter::detail::{Detail, LevelSteps, Tracking};
+use crate::matter::draping::Draping;
+use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::{Frame, PathRng, Ray};

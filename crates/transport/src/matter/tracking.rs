@@ -4,6 +4,18 @@ use crate::{Medium, Stats};
 use organza_basis::{CellSpan, LocalRay, PathRng};
 use std::ops::ControlFlow;
 
+/// How distances and transmittances are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Integrator {
+    /// Delta tracking for collisions; for shadow rays exact stepping that stops
+    /// early where voxels are constant, ratio tracking elsewhere.
+    #[default]
+    Woodcock,
+    /// Exact stepping through constant voxels, with closed-form transmittance
+    /// (Algorithm 6 of [Schroeder2012], corrected).
+    Regular,
+}
+
 /// Room for rounding when an extinction is held against its bound.
 const MAJORANT_SLACK: f32 = 1.0 + 1e-5;
 

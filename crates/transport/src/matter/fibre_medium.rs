@@ -5,8 +5,8 @@
 //! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
 //! what happens there.
 
-use crate::voxel_bounds::VoxelBounds;
-use crate::voxel_fibres::{VoxelFibres, broadside_per_mm};
+use crate::matter::voxel_bounds::VoxelBounds;
+use crate::matter::voxel_fibres::{VoxelFibres, broadside_per_mm};
 use crate::{LocalVisibility, Medium, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;

@@ -1,20 +1,8 @@
 //! One path: the random walk from the camera against the light.
 
-use crate::{Collision, Escape, FirstEvent, Light, PathSample, Scene, Stats, Tracking};
+use crate::{Collision, Escape, FirstEvent, Integrator, Light, PathSample, Scene, Stats, Tracking};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
-
-/// How distances and transmittances are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Integrator {
-    /// Delta tracking for collisions; for shadow rays exact stepping that stops
-    /// early where voxels are constant, ratio tracking elsewhere.
-    #[default]
-    Woodcock,
-    /// Exact stepping through constant voxels, with closed-form transmittance
-    /// (Algorithm 6 of [Schroeder2012], corrected).
-    Regular,
-}
 
 /// Survival probability of Russian roulette over the mean throughput. A path
 /// lives on surely until it carries a fifth of what it began with, which cost

@@ -1,8 +1,9 @@
 //! Matter over a mesh: sheets on its faces, media in the shell around it.
 
-use crate::collision::{AnySite, Collision};
-use crate::sheet::SheetSite;
-use crate::{Integrator, Medium, Stats, Tracking, tracking};
+use crate::matter::collision::{AnySite, Collision};
+use crate::matter::sheet::SheetSite;
+use crate::matter::tracking;
+use crate::{Integrator, Medium, Stats, Tracking};
 use glam::{Mat3, Vec3};
 use organza_basis::{Aabb, CellGrid, Frame, LocalRay, PathRng, Ray};
 use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};

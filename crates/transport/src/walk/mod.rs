@@ -1,0 +1,9 @@
+//! The general walk: scenes, paths through them, and the pictures that paths make.
+
+mod render;
+mod scene;
+mod trace;
+
+pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
+pub use scene::Scene;
+pub use trace::{MOST_EVENTS, trace_from, trace_path};
