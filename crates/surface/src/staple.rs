@@ -4,6 +4,7 @@
 use crate::quadrature::Rule;
 use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
+use crate::stretches::search;
 
 /// The angle u as sine and cosine, and the components of `s = w_in + w_out`
 /// there: along the spine and out of it.
@@ -72,7 +73,7 @@ impl<T: Real> YarnSegment<T> {
 
     /// Integral of the highlight over u, mm^2.
     ///
-    /// Fibres mirror at all where `|D| <= 1`; with `d = phi - u` and
+    /// Fibres mirror at all where `|D| <= 1`: with `d = phi - u` and
     /// `phi = atan2(s_y, s_z)` that is `|sin d| <= |sin psi| |s| / hypot(s_y, s_z)`.
     /// Integrating over d keeps s along the spine free of cancellation when
     /// psi is small, and in the tangent of d/2 a node costs arithmetic alone.
@@ -85,14 +86,17 @@ impl<T: Real> YarnSegment<T> {
             (phi - reach) / (one + phi * reach),
             (phi + reach) / (one - phi * reach).larger(T::of(1e-6)),
         );
+        // Beyond a right angle the same holds once more; few directions get there.
+        let mut beyond = [(zero, zero); 2];
         let sin_limit = self.sin_psi.abs() * pair.s2.sqrt() / p;
         if sin_limit < one {
             let limit = sin_limit / (one + (one - sin_limit * sin_limit).sqrt());
+            if (low * limit).smaller(-high * limit) < -one {
+                let far = one / limit;
+                beyond = [(low, high.smaller(-far)), (low.larger(far), high)];
+            }
             low = low.larger(-limit);
             high = high.smaller(limit);
-        }
-        if !(low < high) {
-            return zero;
         }
         let (sin_phi, cos_phi) = (pair.s.y / p, pair.s.z / p);
         let inclination = |t: T| {
@@ -110,8 +114,7 @@ impl<T: Real> YarnSegment<T> {
             let m = self.mirror(pair, &inclination(t).0);
             [m.n_i, m.n_r, m.cos_v]
         };
-        let mut total = zero;
-        for &(t0, t1) in rule.support(low, high, facing).as_slice() {
+        let over = |t0: T, t1: T| {
             let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
             // Four at a time and without branches, for the vector unit.
             let mut sums = [zero; 4];
@@ -125,7 +128,20 @@ impl<T: Real> YarnSegment<T> {
                 }
             }
             let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-            total = total + two * span * sum * self.staple_factor;
+            two * span * sum * self.staple_factor
+        };
+        let mut total = zero;
+        if low < high {
+            for &(t0, t1) in rule.support(low, high, facing).as_slice() {
+                total = total + over(t0, t1);
+            }
+        }
+        for (low, high) in beyond {
+            if low < high {
+                for &(t0, t1) in search(low, high, facing).as_slice() {
+                    total = total + over(t0, t1);
+                }
+            }
         }
         total
     }
