@@ -381,12 +381,15 @@ fn the_packed_event_follows_explicit_fibres() {
 
 /// Swapping light and view: the walk of the packed event moves its starting
 /// points by the lobe's geometry, which blur does not follow, so that a slab is
-/// not exactly reciprocal. Here is by how much.
+/// not exactly reciprocal, and neither are explicit fibres. With 400,000 walks the
+/// four pairs differ, in per cent of the value (standard errors 0.8 to 1.2), by -3.6,
+/// 0.5, 3.2 and -1.9 for explicit fibres and by -2.2, -0.4, 1.4 and -0.5 for packed
+/// ones; plain events by at most 0.8 (0.3 to 0.6), which is noise.
 #[test]
 fn packed_slabs_are_nearly_reciprocal() {
     let surface = dielectric(0.035);
     let packing = Packing::new(0.4, &mut PathRng::new(92, 0, 0));
-    let n = if full() { 400_000 } else { 8_000 };
+    let n = if full() { 400_000 } else { 100_000 };
     let bsdf = |how: How, view: Vec3, light: Vec3, stream: u64| -> Moments {
         (0..n)
             .map(|i| {
@@ -406,9 +409,9 @@ fn packed_slabs_are_nearly_reciprocal() {
     let pairs = &pairs[..if full() { 4 } else { 2 }];
     for &(a, b) in pairs {
         for (how, admitted) in [
-            (How::Explicit, 0.03),
+            (How::Explicit, 0.035),
             (How::Plain, 0.0),
-            (How::Packed, 0.06),
+            (How::Packed, 0.022),
         ] {
             let (there, back) = (bsdf(how, a, b, 1), bsdf(how, b, a, 2));
             let error = |m: &Moments| m.variance() / m.count as f64;
@@ -421,9 +424,13 @@ fn packed_slabs_are_nearly_reciprocal() {
                 100.0 * difference / there.mean,
                 100.0 * se / there.mean
             );
+            let bound = admitted * there.mean + 4.0 * se;
+            assert!(difference.abs() < bound, "seed 92, {how:?} {a} {b}");
+            // A fifth more in one direction is found.
+            let twin = 1.2 * there.mean - back.mean;
             assert!(
-                difference.abs() < admitted * there.mean + 4.0 * se,
-                "seed 92, {how:?} {a} {b}"
+                twin.abs() > bound,
+                "seed 92, {how:?} {a} {b}: the twin passed"
             );
         }
     }
