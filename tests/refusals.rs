@@ -213,10 +213,10 @@ fn reports_of_two_kinds_do_not_share_a_folder() {
     let folder = folder("refusals-reports");
     sailcloth(&folder);
     let few = ["--spp", "2", "--texels", "8", "--texel-spp", "2"];
-    // Without a [surface] section: its fibres and its volume.
+    // Without a [surface] section: its fibres and its micro-flakes.
     let compare = [&["compare", "sailcloth.toml", "-o", "report"][..], &few].concat();
     let printed = succeed(&folder, &compare);
-    assert!(printed.contains("volume against fibres"), "{printed}");
+    assert!(printed.contains("microflake against fibres"), "{printed}");
     let before = fs::read(folder.join("report/report.html")).unwrap();
     let printed = complaint(&folder, &["bench", "sailcloth.toml", "-o", "report"]);
     assert!(
