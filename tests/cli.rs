@@ -204,7 +204,7 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
             "0,0,17,8",
         ],
     );
-    complaint(&folder, &["render", "scene.toml", "-o", "out.tiff"]);
+    complaint(&folder, &["render", "scene.toml", "-o", "out.webp"]);
     complaint(&folder, &["render", "scene.toml", "-o", "nowhere/out.exr"]);
     complaint(
         &folder,

@@ -141,6 +141,7 @@ fn a_fit_does_not_resume_from_another_draft() {
         "160",
         "--patience",
         "0,1",
+        "--quiet",
     ];
     wif("200,30,30");
     succeed(&folder, &fit);

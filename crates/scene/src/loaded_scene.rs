@@ -124,3 +124,41 @@ impl LoadedScene {
         scene_build::scene(&self.file, &options)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A scene in the folder of the project's fabrics.
+    fn loaded(text: &str, loader: &Loader<'_>) -> Result<LoadedScene> {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/");
+        from_str(text, &Path::new(folder).join("in_memory.toml"), &[], loader)
+    }
+
+    fn cloth(keys: &str) -> String {
+        format!("[[object]]\nkind = 'cloth'\nfabric = 'organza.toml'\n{keys}")
+    }
+
+    #[test]
+    fn a_scene_without_a_camera_is_shown_at_its_finest() {
+        let loader = Loader::new();
+        let scene = loaded(&cloth("voxel_um = 40.0"), &loader).unwrap();
+        assert!(scene.file.camera(&scene.path).is_err());
+        assert_eq!(scene.build(None, &loader).unwrap().media.len(), 1);
+        let inputs = loader.inputs();
+        assert!(inputs[0].path.ends_with("organza.toml"), "{inputs:?}");
+        let auto = loaded(&cloth("model = 'auto'"), &loader).unwrap_err();
+        assert!(auto.to_string().contains("add a [camera]"), "{auto}");
+    }
+
+    #[test]
+    fn old_names_are_read_with_one_warning() {
+        let loader = Loader::new();
+        let keys = "voxel_um = 40.0\nmodel = 'virtual-scattering'\nevent = 'plain'";
+        let scene = loaded(&cloth(keys), &loader).unwrap();
+        scene.build(None, &loader).unwrap();
+        scene.build(None, &loader).unwrap();
+        let old = |w: &&crate::loader::Warning| w.message.contains("is an old name");
+        assert_eq!(loader.warnings().iter().filter(old).count(), 1);
+    }
+}

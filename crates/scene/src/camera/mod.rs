@@ -10,7 +10,8 @@ mod thin_lens;
 
 use glam::{DVec3, UVec2};
 use organza_transport::{Camera, CameraPose, PixelFilter, Projection};
-use serde::de::Error as _;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
 
@@ -89,6 +90,23 @@ fn kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static CameraKin
         let names = CAMERA_KINDS.map(|k| format!("`{}`", k.name)).join(", ");
         D::Error::custom(format!("unknown variant `{name}`, expected one of {names}"))
     })
+}
+
+/// A camera that is one table: a list of tables is no camera.
+pub(crate) fn one_table<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<CameraTable>, D::Error> {
+    struct OneTable;
+    impl<'de> Visitor<'de> for OneTable {
+        type Value = CameraTable;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("one table in single brackets")
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CameraTable, A::Error> {
+            CameraTable::deserialize(MapAccessDeserializer::new(map))
+        }
+    }
+    deserializer.deserialize_map(OneTable).map(Some)
 }
 
 fn up() -> [f64; 3] {

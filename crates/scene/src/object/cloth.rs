@@ -136,14 +136,14 @@ fn fabric_and_showing(
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!(".optics{why}")))?;
     let named = table.scattering();
+    let mut shown = named
+        .over(fabric.file.scattering)
+        .map_err(|why| fail(&why))?;
     if let Some(why) = named.old_names() {
         options
             .loader
             .warn(scene_path, format!("object[{index}]{why}"));
     }
-    let mut shown = named
-        .over(fabric.file.scattering)
-        .map_err(|why| fail(&why))?;
     shown.settings.local_visibility = table.local_visibility;
     if table.local_visibility && !shown.representation.has_key("local_visibility") {
         let why = format!(

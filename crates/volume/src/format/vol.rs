@@ -199,7 +199,12 @@ impl VolGrid {
             )));
         }
         let bytes = 4 * sizes.iter().map(|&n| n as u128).product::<u128>();
-        budget.take(u64::try_from(bytes).unwrap_or(u64::MAX), "values")?;
+        if bytes > isize::MAX as u128 {
+            return Err(wrong(format!(
+                "it declares {bytes} bytes of values, more than any memory holds"
+            )));
+        }
+        budget.take(bytes as u64, "values")?;
         let float = |i: usize| f32::from_le_bytes(word(i));
         let corner = |i: usize| Vec3::new(float(i), float(i + 4), float(i + 8));
         let bounds_mm = Aabb::new(corner(24), corner(36));
