@@ -1,6 +1,8 @@
 //! A medium from dense grids that other programs made: extinction, SGGX
 //! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
 
+use crate::matter::bounds::NodeBounds;
+use crate::matter::grid::{Grid, GridMediumError, check, check_definite, check_extinction};
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, CellGrid, CellSpan, LocalRay, PathRng, Rgb, Sym3};
@@ -10,14 +12,6 @@ use std::ops::ControlFlow;
 /// Voxels along the edge of a brick with one majorant.
 const BRICK: u32 = 8;
 
-/// The greatest extinction that is taken: light gets a millionth of a millimetre into
-/// it. Single precision finds no free path beyond.
-pub const MAX_EXTINCTION_PER_MM: f32 = 1e9;
-
-/// How far below zero an eigenvalue may lie, relative to the trace: matrices of 16-bit
-/// floats are off by as much.
-const INDEFINITE_SLACK: f32 = 2e-3;
-
 /// How values between samples are found. Samples sit at cell centres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
@@ -26,90 +20,6 @@ pub enum Interpolation {
     Nearest,
     /// Linear between the eight nearest centres, constant beyond the outermost.
     Trilinear,
-}
-
-/// A dense grid of `N` channels over a box, x fastest.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Grid<const N: usize> {
-    dims: UVec3,
-    data: Vec<[f32; N]>,
-}
-
-impl<const N: usize> Grid<N> {
-    /// A grid from its samples; `None` unless there are `dims.x dims.y dims.z`
-    /// of them, at least one.
-    pub fn new(dims: UVec3, data: Vec<[f32; N]>) -> Option<Grid<N>> {
-        let count = u64::from(dims.x)
-            .checked_mul(u64::from(dims.y))?
-            .checked_mul(u64::from(dims.z))?;
-        (count > 0 && data.len() as u64 == count).then_some(Grid { dims, data })
-    }
-
-    /// One value everywhere.
-    pub fn constant(value: [f32; N]) -> Grid<N> {
-        Grid {
-            dims: UVec3::ONE,
-            data: vec![value],
-        }
-    }
-
-    /// Samples along each axis.
-    pub fn dims(&self) -> UVec3 {
-        self.dims
-    }
-
-    /// The samples, x fastest.
-    pub fn data(&self) -> &[[f32; N]] {
-        &self.data
-    }
-
-    fn at(&self, c: UVec3) -> &[f32; N] {
-        let (nx, ny) = (self.dims.x as usize, self.dims.y as usize);
-        &self.data[(c.z as usize * ny + c.y as usize) * nx + c.x as usize]
-    }
-}
-
-/// Grids that make no medium.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GridMediumError {
-    /// The box has no volume or is not finite.
-    #[error("the grid's bounding box {0:?} has no volume")]
-    Box(Aabb),
-    /// A matrix that no flakes have.
-    #[error(
-        "sggx: sample ({x}, {y}, {z}) has the eigenvalue {value}; expected none below zero: \
-         areas are squares", x = .at.x, y = .at.y, z = .at.z
-    )]
-    Indefinite {
-        /// Where.
-        at: UVec3,
-        /// The least eigenvalue.
-        value: f32,
-    },
-    /// An extinction that no medium has.
-    #[error(
-        "sample ({x}, {y}, {z}) blocks up to {value} per mm; the limit is {limit} per mm \
-         (extinction times the root of the matrix's diagonal)", x = .at.x, y = .at.y, z = .at.z,
-        limit = MAX_EXTINCTION_PER_MM
-    )]
-    Extinction {
-        /// Where.
-        at: UVec3,
-        /// What it may block.
-        value: f32,
-    },
-    /// A value that no medium has.
-    #[error("{grid}: sample ({x}, {y}, {z}) is {value}; expected {expected}", x = .at.x, y = .at.y, z = .at.z)]
-    Value {
-        /// Which grid.
-        grid: &'static str,
-        /// Where.
-        at: UVec3,
-        /// What is there.
-        value: f32,
-        /// What may be there.
-        expected: &'static str,
-    },
 }
 
 /// Extinction toward `w` is `sigma_t sqrt(w^T S w)`, scattering that of
@@ -122,7 +32,7 @@ pub struct GridMedium {
     s: Grid<6>,
     flakes: Vec<Sggx>,
     albedo: Grid<3>,
-    majorants: Vec<f32>,
+    bounds: NodeBounds,
 }
 
 /// What one look-up gives.
@@ -176,17 +86,28 @@ impl GridMedium {
             dims: sggx.dims,
             data: flakes.iter().map(|f| f.matrix().to_array()).collect(),
         };
-        let mut medium = GridMedium {
+        // The largest extinction times the largest projected area among the samples
+        // that any point of the brick looks at. Interpolated matrices are convex
+        // combinations, and the largest eigenvalue is convex, so samples bound what
+        // lies between them.
+        let areas = Grid {
+            dims: s.dims,
+            data: flakes.iter().map(|f| [area_bound(f)]).collect(),
+        };
+        let bounds = NodeBounds::new(&cell_grid, BRICK, |brick| {
+            let largest = |grid| largest_in_brick(&cell_grid, interpolation, grid, brick);
+            // Rounding of the interpolation may exceed the samples by a few ulp.
+            largest(&sigma_t_per_mm) * largest(&areas) * (1.0 + 4e-6)
+        });
+        Ok(GridMedium {
             cell_grid,
             interpolation,
             sigma_t_per_mm,
             s,
             flakes,
             albedo,
-            majorants: Vec::new(),
-        };
-        medium.majorants = medium.brick_majorants();
-        Ok(medium)
+            bounds,
+        })
     }
 
     /// Extinction at unit projected area, matrices (eigenvalues floored) and
@@ -202,55 +123,6 @@ impl GridMedium {
 
     pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
         &mut self.cell_grid
-    }
-
-    /// A bound for every brick: the largest extinction times the largest
-    /// projected area among the samples that any point of the brick looks at.
-    /// Interpolated matrices are convex combinations, and the largest
-    /// eigenvalue is convex, so samples bound what lies between them.
-    fn brick_majorants(&self) -> Vec<f32> {
-        let areas = Grid {
-            dims: self.s.dims,
-            data: self.flakes.iter().map(|f| [area_bound(f)]).collect(),
-        };
-        let bricks = self.cell_grid.cell_dims(BRICK);
-        let mut bounds = Vec::new();
-        for z in 0..bricks.z {
-            for y in 0..bricks.y {
-                for x in 0..bricks.x {
-                    let brick = UVec3::new(x, y, z);
-                    let sigma = self.largest_in_brick(&self.sigma_t_per_mm, brick);
-                    // Rounding of the interpolation may exceed the samples by a few ulp.
-                    bounds.push(sigma * self.largest_in_brick(&areas, brick) * (1.0 + 4e-6));
-                }
-            }
-        }
-        bounds
-    }
-
-    fn largest_in_brick(&self, grid: &Grid<1>, brick: UVec3) -> f32 {
-        let dims = self.cell_grid.dims();
-        let scale = grid.dims.as_vec3() / dims.as_vec3();
-        let reach = match self.interpolation {
-            Interpolation::Nearest => 0,
-            Interpolation::Trilinear => 1,
-        };
-        let low = (brick * BRICK).as_vec3() * scale;
-        let high = ((brick + 1) * BRICK).min(dims).as_vec3() * scale;
-        let (low, high) = (
-            low.floor().as_ivec3() - reach,
-            high.ceil().as_ivec3() - 1 + reach,
-        );
-        let mut largest = 0.0f32;
-        for z in low.z..=high.z {
-            for y in low.y..=high.y {
-                for x in low.x..=high.x {
-                    let cell = self.cell_grid.wrap(glam::IVec3::new(x, y, z), grid.dims);
-                    largest = largest.max(grid.at(cell)[0]);
-                }
-            }
-        }
-        largest
     }
 
     /// The grid's value at a local point.
@@ -317,88 +189,43 @@ impl GridMedium {
     }
 }
 
+/// The greatest sample of a grid that any point of a brick looks at.
+fn largest_in_brick(
+    cells: &CellGrid,
+    interpolation: Interpolation,
+    grid: &Grid<1>,
+    brick: UVec3,
+) -> f32 {
+    let dims = cells.dims();
+    let scale = grid.dims.as_vec3() / dims.as_vec3();
+    let reach = match interpolation {
+        Interpolation::Nearest => 0,
+        Interpolation::Trilinear => 1,
+    };
+    let low = (brick * BRICK).as_vec3() * scale;
+    let high = ((brick + 1) * BRICK).min(dims).as_vec3() * scale;
+    let (low, high) = (
+        low.floor().as_ivec3() - reach,
+        high.ceil().as_ivec3() - 1 + reach,
+    );
+    let mut largest = 0.0f32;
+    for z in low.z..=high.z {
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let cell = cells.wrap(glam::IVec3::new(x, y, z), grid.dims);
+                largest = largest.max(grid.at(cell)[0]);
+            }
+        }
+    }
+    largest
+}
+
 /// The largest projected area, or a little more where that is quicker.
 fn area_bound(flakes: &Sggx) -> f32 {
     match AxialFlake::from_matrix(flakes.matrix()) {
         Some((area, _)) => area * (1.0 + 3e-4),
         None => flakes.max_projected_area(),
     }
-}
-
-/// The place of a sample by its index.
-fn place_of(dims: UVec3, index: usize) -> UVec3 {
-    let (nx, ny) = (dims.x as usize, dims.y as usize);
-    UVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as u32))
-}
-
-/// Refuses matrices with an eigenvalue below zero. Their principal minors show the
-/// rest at once to be sound.
-fn check_definite(sggx: &Grid<6>) -> Result<(), GridMediumError> {
-    for (index, &sample) in sggx.data.iter().enumerate() {
-        let s = Sym3::from_array(sample);
-        let (d, o) = (s.diagonal, s.off_diagonal);
-        let trace = s.trace();
-        let slack = 1e-6 * trace;
-        let minors = [
-            d.x * d.y - o.x * o.x,
-            d.x * d.z - o.y * o.y,
-            d.y * d.z - o.z * o.z,
-        ];
-        let sound = minors.iter().all(|m| *m >= -slack * trace)
-            && s.determinant() >= -slack * trace * trace;
-        if sound {
-            continue;
-        }
-        let least = s.eigen()[2].0;
-        if least < -INDEFINITE_SLACK * trace {
-            return Err(GridMediumError::Indefinite {
-                at: place_of(sggx.dims, index),
-                value: least,
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses samples that block more than any walk gets through.
-fn check_extinction(sigma_t: &Grid<1>, sggx: &Grid<6>) -> Result<(), GridMediumError> {
-    let area = |s: &[f32; 6]| s[0].max(s[1]).max(s[2]).sqrt();
-    let refuse = |at, value| Err(GridMediumError::Extinction { at, value });
-    for (index, s) in sggx.data.iter().enumerate() {
-        if area(s) > MAX_EXTINCTION_PER_MM {
-            return refuse(place_of(sggx.dims, index), area(s));
-        }
-    }
-    for (index, &[sigma]) in sigma_t.data.iter().enumerate() {
-        let at = place_of(sigma_t.dims, index);
-        let there = at.as_u64vec3() * sggx.dims.as_u64vec3() / sigma_t.dims.as_u64vec3();
-        let most = sigma * area(sggx.at(there.as_uvec3())).max(1.0);
-        if most > MAX_EXTINCTION_PER_MM {
-            return refuse(at, most);
-        }
-    }
-    Ok(())
-}
-
-fn check<const N: usize>(
-    grid: &Grid<N>,
-    name: &'static str,
-    expected: &'static str,
-    good: impl Fn(usize, f32) -> bool,
-) -> Result<(), GridMediumError> {
-    for (index, sample) in grid.data.iter().enumerate() {
-        for (channel, &value) in sample.iter().enumerate() {
-            if !value.is_finite() || !good(channel, value) {
-                return Err(GridMediumError::Value {
-                    grid: name,
-                    at: place_of(grid.dims, index),
-                    value,
-                    expected,
-                });
-            }
-        }
-    }
-    Ok(())
 }
 
 impl Medium for GridMedium {
@@ -411,18 +238,9 @@ impl Medium for GridMedium {
     fn for_each_span<B>(
         &self,
         ray: &LocalRay,
-        mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
+        visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        let bricks = self.cell_grid.cell_dims(BRICK);
-        for span in self.cell_grid.cells(ray, BRICK) {
-            let brick = span.cell;
-            let index = (brick.z * bricks.y + brick.y) * bricks.x + brick.x;
-            let majorant = self.majorants[index as usize];
-            if majorant > 0.0 {
-                visit(&span, majorant)?;
-            }
-        }
-        ControlFlow::Continue(())
+        self.bounds.for_each_span(&self.cell_grid, ray, visit)
     }
 
     fn for_each_voxel<B>(

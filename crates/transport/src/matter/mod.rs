@@ -1,37 +1,43 @@
 //! Matter: what light can meet, and how a ray finds where it is met.
 
 pub(crate) mod any_medium;
-pub(crate) mod cloth_medium;
+pub(crate) mod bounds;
 pub(crate) mod collision;
 pub(crate) mod detail;
 pub(crate) mod draping;
 pub(crate) mod explicit_fibres;
-pub(crate) mod fibre_medium;
-pub(crate) mod flake_medium;
+pub(crate) mod flake_family;
+pub(crate) mod grid;
 pub(crate) mod grid_medium;
 pub(crate) mod levelled_cloth;
 pub(crate) mod local_visibility;
 pub(crate) mod medium;
+pub(crate) mod octree_medium;
+pub(crate) mod packing;
 pub(crate) mod plane;
+pub(crate) mod sggx_flakes;
 pub(crate) mod sheet;
 pub(crate) mod tracking;
-pub(crate) mod voxel_bounds;
+pub(crate) mod virtual_fibres;
 pub(crate) mod voxel_fibres;
 
 pub use any_medium::AnyMedium;
-pub use cloth_medium::ClothMedium;
+pub use bounds::NodeBounds;
 pub use collision::Collision;
 pub use detail::{Detail, LevelSteps, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
-pub use fibre_medium::{FibreEvent, FibreMedium, FibreSite};
-pub use flake_medium::{FlakeMedium, FlakeSite};
-pub use grid_medium::{Grid, GridMedium, GridMediumError, Interpolation};
+pub use flake_family::{FamilyFlakes, FlakeMedium, FlakeSite};
+pub use grid::{Grid, GridMediumError, MAX_EXTINCTION_PER_MM};
+pub use grid_medium::{GridMedium, Interpolation};
 pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
 pub use medium::Medium;
+pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use plane::Plane;
+pub use sggx_flakes::{ClothMedium, SggxFlakes};
 pub use tracking::{
     Integrator, exact_transmittance, sample_collision, sample_collision_exactly,
     stopped_transmittance, transmittance,
 };
+pub use virtual_fibres::{FibreEvent, FibreMedium, FibreSite, VirtualFibres};

@@ -1,12 +1,12 @@
-//! A medium from an octree of fibres as micro-flakes of any family.
+//! Fibres of an octree as micro-flakes of any family.
 
-use crate::{ClothMedium, Medium, SiteInfo};
-use glam::Vec3;
-use organza_basis::{CellGrid, CellSpan, LocalRay};
+use crate::SiteInfo;
+use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
+use crate::matter::sggx_flakes::{info_of, level_of};
+use glam::{UVec3, Vec3};
 use organza_basis::{Mixture, PathRng, Rgb};
 use organza_scatter::{DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample};
 use organza_volume::Octree;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// What lies at a collision.
@@ -17,21 +17,18 @@ pub struct FlakeSite {
     met: Option<DiffuseFlake>,
 }
 
-impl FlakeSite {
-    fn unsettled(mixture: Mixture) -> FlakeSite {
-        FlakeSite { mixture, met: None }
-    }
-}
-
 /// Fibres of an octree level as flakes of a [`FlakeFamily`]. Mirrors of the SGGX
-/// distribution have a medium of their own, [`ClothMedium`], which the kernel takes.
+/// distribution have a medium of their own, [`crate::ClothMedium`], which the kernel
+/// takes.
 ///
 /// Populations of all families have the same ratio of end-on to broadside
 /// extinction, see [`crate::population_shape`]. Where a family draws a flake per
 /// collision, `eval`, `sample` and `pdf` are those of the flake that
-/// [`Medium::settle`] drew.
-pub struct FlakeMedium {
-    cloth: ClothMedium,
+/// [`crate::Medium::settle`] drew.
+pub type FlakeMedium = OctreeMedium<FamilyFlakes>;
+
+/// Flakes of a family, for a cloth's materials.
+pub struct FamilyFlakes {
     flakes: Box<dyn FlakeScattering>,
 }
 
@@ -46,52 +43,26 @@ impl FlakeMedium {
         optics: Vec<FlakeOptics>,
         family: FlakeFamily,
     ) -> Option<FlakeMedium> {
-        let cloth = ClothMedium::new(octree, level, optics.clone())?;
-        let flakes = family.of_materials(optics);
-        Some(FlakeMedium { cloth, flakes })
-    }
-
-    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        self.cloth.cell_grid_mut()
-    }
-
-    /// The octree.
-    pub fn octree(&self) -> &Octree {
-        self.cloth.octree()
+        let level = level_of(octree, level, optics.len())?;
+        let scatterer = FamilyFlakes {
+            flakes: family.of_materials(optics),
+        };
+        Some(OctreeMedium { level, scatterer })
     }
 }
 
-impl Medium for FlakeMedium {
+impl Scatterer for FamilyFlakes {
     type Site = FlakeSite;
 
-    fn cell_grid(&self) -> &CellGrid {
-        self.cloth.cell_grid()
+    fn site(&self, level: &OctreeLevel, cell: UVec3) -> FlakeSite {
+        FlakeSite {
+            mixture: level.octree.mixture(level.level, cell),
+            met: None,
+        }
     }
 
-    fn for_each_span<B>(
-        &self,
-        ray: &LocalRay,
-        visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
-    ) -> ControlFlow<B> {
-        self.cloth.for_each_span(ray, visit)
-    }
-
-    fn for_each_voxel<B>(
-        &self,
-        ray: &LocalRay,
-        mut visit: impl FnMut(f32, f32, FlakeSite) -> ControlFlow<B>,
-    ) -> ControlFlow<B> {
-        self.cloth.for_each_voxel(ray, |t0, t1, mixture| {
-            visit(t0, t1, FlakeSite::unsettled(mixture))
-        })
-    }
-
-    fn is_piecewise_constant(&self) -> bool {
-        true
-    }
-
-    fn site(&self, p: Vec3) -> FlakeSite {
-        FlakeSite::unsettled(self.cloth.site(p))
+    fn is_empty(&self, site: &FlakeSite) -> bool {
+        site.mixture.is_empty()
     }
 
     fn settle(&self, site: FlakeSite, w_out: Vec3, rng: &mut PathRng) -> FlakeSite {
@@ -122,6 +93,6 @@ impl Medium for FlakeMedium {
     }
 
     fn info(&self, site: &FlakeSite) -> SiteInfo {
-        self.cloth.info(&site.mixture)
+        info_of(&site.mixture)
     }
 }

@@ -1,32 +1,30 @@
-//! A medium from an octree of fibres that scatter as fibres: virtual scattering
+//! Fibres of an octree that scatter as fibres: virtual scattering
 //! [Schroeder2011].
 //!
 //! A collision is with a population in proportion to what it blocks, and with a
 //! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
 //! what happens there.
 
-use crate::matter::voxel_bounds::VoxelBounds;
-use crate::matter::voxel_fibres::{VoxelFibres, broadside_per_mm};
-use crate::{LocalVisibility, Medium, SiteInfo};
+use crate::matter::bounds::{NodeBounds, VoxelBounds};
+use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
+use crate::matter::packing::{greatest_radius_mm, packing_by_material};
+use crate::matter::voxel_fibres::{Around, Densest, VoxelFibres, broadside_per_mm};
+use crate::{LocalVisibility, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;
-use organza_basis::{Aabb, CellGrid, CellSpan, FibreComponent, LocalRay, PathRng, Rgb};
+use organza_basis::{Aabb, CellGrid, FibreComponent, PathRng, Rgb};
 use organza_scatter::{
-    Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre, packing_fraction,
-    sigma_t_per_mm, void_multiplier,
+    Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre, sigma_t_per_mm,
+    void_multiplier,
 };
 use organza_volume::Octree;
 use rayon::prelude::*;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Voxels along the edge of a node with a majorant of its own, unless fibres are
 /// thick: density varies inside yarns.
 const NODE_VOXELS: u32 = 4;
-
-/// Edge in fibre radii of the cells over which packing is averaged: smaller ones
-/// count chance clusters, larger ones the void beside the yarn.
-const PACKING_CELL_RADII: f32 = 4.0;
 
 /// What a collision with a fibre of the medium is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,34 +75,26 @@ struct Met {
     near: Option<NearEvent>,
 }
 
-/// Bound of the extinction in a block of voxels and around it, with the densest
-/// population there.
-#[derive(Clone, Copy, Default)]
-struct Node {
-    majorant_per_mm: f32,
-    axis: Vec3,
-    radius_mm: f32,
-}
+/// Fibres of an octree level, met one by one. The cell grid is the octree's box, and
+/// beside it the reach of fibres with their axes inside.
+pub type FibreMedium = OctreeMedium<VirtualFibres>;
 
-/// Fibres of an octree level, met one by one.
-pub struct FibreMedium {
-    octree: Arc<Octree>,
+/// The fibres in the voxels of an octree level.
+pub struct VirtualFibres {
     fibres: Vec<Fibre>,
     event: FibreEvent,
     packing: Vec<f32>,
     /// Their density over the void where fibres are packed.
     voxels: VoxelFibres,
-    /// The octree's box, and beside it the reach of fibres with their axes inside.
-    cell_grid: CellGrid,
     /// Voxels of the cell grid before the octree's first.
     pad: IVec3,
-    /// Voxels that a fibre reaches beyond its axis.
-    reach: IVec3,
     voxels_per_mm: Vec3,
     node_edge: u32,
-    nodes: Vec<Node>,
+    densest: Vec<Densest>,
+    /// Of blocks of voxels and what is within reach.
+    node_bounds: NodeBounds,
     /// Of single voxels and those within reach.
-    bounds: VoxelBounds,
+    voxel_bounds: VoxelBounds,
     local: Option<LocalVisibility>,
 }
 
@@ -149,44 +139,52 @@ impl FibreMedium {
             FibreEvent::Plain => 1.0,
             FibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
         });
-        let bounds = VoxelBounds::new(cell_grid, reach, |cell| {
+        let voxel_bounds = VoxelBounds::new(cell_grid, reach, |cell| {
             broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
         });
-        let mut medium = FibreMedium {
-            octree,
+        // At least twice the reach: bounds then cost no more than eight look-ups a
+        // voxel.
+        let node_edge = NODE_VOXELS.max(2 * reach.max_element() as u32);
+        let around = |node: UVec3| Around {
+            voxels: &voxels,
+            dims: cell_grid.dims().as_ivec3(),
+            pad,
+            reach,
+            low: (node * node_edge).as_ivec3(),
+            edge: node_edge as i32,
+        };
+        let node_bounds =
+            NodeBounds::new(&cell_grid, node_edge, |node| around(node).majorant_per_mm());
+        let dims = cell_grid.cell_dims(node_edge);
+        let densest = (0..dims.element_product())
+            .into_par_iter()
+            .map(|i| around(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims).densest())
+            .collect();
+        let scatterer = VirtualFibres {
             fibres,
             event,
             packing,
             voxels,
-            cell_grid,
             pad,
-            reach,
             voxels_per_mm: 1.0 / voxel_mm,
-            // At least twice the reach: bounds then cost no more than eight
-            // look-ups a voxel.
-            node_edge: NODE_VOXELS.max(2 * reach.max_element() as u32),
-            nodes: Vec::new(),
-            bounds,
+            node_edge,
+            densest,
+            node_bounds,
+            voxel_bounds,
             local: None,
         };
-        let dims = cell_grid.cell_dims(medium.node_edge);
-        medium.nodes = (0..dims.element_product())
-            .into_par_iter()
-            .map(|i| medium.node(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims))
-            .collect();
-        Some(medium)
-    }
-
-    pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        &mut self.cell_grid
+        let level = OctreeLevel {
+            octree,
+            level,
+            cell_grid,
+        };
+        Some(OctreeMedium { level, scatterer })
     }
 
     /// The same with tables of local visibility, counted for its voxels.
-    pub fn with_local_visibility(self, local: LocalVisibility) -> FibreMedium {
-        FibreMedium {
-            local: Some(local),
-            ..self
-        }
+    pub fn with_local_visibility(mut self, local: LocalVisibility) -> FibreMedium {
+        self.scatterer.local = Some(local);
+        self
     }
 
     /// Where there are tables: visibility, within its cell, of light from `w_in`
@@ -198,10 +196,10 @@ impl FibreMedium {
         w_out: Vec3,
         w_in: Vec3,
     ) -> Option<(f32, f32)> {
-        let (local, met) = (self.local.as_ref()?, site.met.as_ref()?);
-        let bounds_mm = self.octree.bounds_mm();
+        let (local, met) = (self.scatterer.local.as_ref()?, site.met.as_ref()?);
+        let bounds_mm = self.octree().bounds_mm();
         let mut p = at_mm - bounds_mm.min;
-        if self.octree.repeats() {
+        if self.octree().repeats() {
             let period = bounds_mm.size();
             p.x = p.x.rem_euclid(period.x);
             p.y = p.y.rem_euclid(period.y);
@@ -210,37 +208,35 @@ impl FibreMedium {
         Some((visible, local.to_face_mm(p, w_in)))
     }
 
-    /// The octree.
-    pub fn octree(&self) -> &Octree {
-        &self.octree
-    }
-
     /// What a collision is.
     pub fn event(&self) -> FibreEvent {
-        self.event
+        self.scatterer.event
     }
 
     /// Whether there are tables of local visibility.
     pub fn has_local_visibility(&self) -> bool {
-        self.local.is_some()
+        self.scatterer.local.is_some()
     }
 
     /// The fibres, by material.
     pub fn fibres(&self) -> &[Fibre] {
-        &self.fibres
+        &self.scatterer.fibres
     }
 
-    /// The populations of a cell of its [grid](Medium::cell_grid).
+    /// The populations of a cell of its [grid](crate::Medium::cell_grid).
     pub fn populations_of(&self, cell: UVec3) -> &[FibreComponent] {
-        self.voxels.of(cell.as_ivec3() - self.pad)
+        let VirtualFibres { voxels, pad, .. } = &self.scatterer;
+        voxels.of(cell.as_ivec3() - *pad)
     }
 
     /// Part of the volume that fibres fill where each material is; zero for the
     /// plain event, which does not ask.
     pub fn packing(&self) -> &[f32] {
-        &self.packing
+        &self.scatterer.packing
     }
+}
 
+impl VirtualFibres {
     /// Places of the populations at a local point.
     fn places(&self, p: Vec3) -> Range<u32> {
         self.voxels.places(cell_below(p) - self.pad)
@@ -252,40 +248,15 @@ impl FibreMedium {
         self.voxels.at(&(start..end))
     }
 
-    fn node(&self, node: UVec3) -> Node {
-        let low = (node * self.node_edge).as_ivec3();
-        let high = (low + self.node_edge as i32).min(self.cell_grid.dims().as_ivec3());
-        let (low, high) = (low - self.reach, high + self.reach);
-        let (mut found, mut densest) = (Node::default(), 0.0);
-        for z in low.z..high.z {
-            for y in low.y..high.y {
-                for x in low.x..high.x {
-                    let here = self.voxels.of(IVec3::new(x, y, z) - self.pad);
-                    found.majorant_per_mm = found.majorant_per_mm.max(broadside_per_mm(here));
-                    for c in here {
-                        if c.broadside_per_mm() > densest {
-                            densest = c.broadside_per_mm();
-                            found.axis = c.axis;
-                            found.radius_mm = c.radius_mm;
-                        }
-                    }
-                }
-            }
-        }
-        found
-    }
-
-    fn node_at(&self, node: UVec3) -> &Node {
-        let dims = self.cell_grid.cell_dims(self.node_edge);
-        &self.nodes[(node.x + dims.x * (node.y + dims.y * node.z)) as usize]
-    }
-
     /// Axis and radius of the fibre that a ray may meet at `p`.
-    fn expected(&self, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
+    fn expected(&self, grid: &CellGrid, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
         let here = self.voxels.at(&self.places(p));
         let Some((last, before)) = here.split_last() else {
-            let node = self.node_at(self.cell_grid.cell(p) / self.node_edge);
-            return (node.axis, node.radius_mm);
+            let node = grid.cell(p) / self.node_edge;
+            let dims = grid.cell_dims(self.node_edge);
+            let place = node.x + dims.x * (node.y + dims.y * node.z);
+            let densest = &self.densest[place as usize];
+            return (densest.axis, densest.radius_mm);
         };
         let chosen = if before.is_empty() {
             last
@@ -317,98 +288,38 @@ impl FibreMedium {
     }
 }
 
-fn greatest_radius_mm(octree: &Octree, level: u8) -> f32 {
-    let mut most = 0.0f32;
-    octree.for_each_occupied(level, |cell| {
-        for c in octree.mixture(level, cell).as_slice() {
-            most = most.max(c.radius_mm);
-        }
-    });
-    most
-}
-
-/// Packing where each material is: the mean over its length of the volume that
-/// fibres of any material fill in the cell around.
-fn packing_by_material(octree: &Octree, radius_mm: f32, materials: usize) -> Vec<f32> {
-    let off = |l: &u8| {
-        let edge_mm = octree.voxel_mm(*l).element_product().cbrt();
-        (edge_mm / (PACKING_CELL_RADII * radius_mm)).ln().abs()
-    };
-    let level = (0..octree.level_count()).min_by(|a, b| off(a).total_cmp(&off(b)));
-    let level = level.unwrap_or(0);
-    let mut sums = vec![(0.0f64, 0.0f64); materials];
-    octree.for_each_occupied(level, |cell| {
-        let mixture = octree.mixture(level, cell);
-        let populations = mixture.as_slice();
-        let fraction = |c: &FibreComponent| packing_fraction(c.length_density_per_mm2, c.radius_mm);
-        let packing: f32 = populations.iter().map(fraction).sum();
-        for c in populations {
-            if let Some(sum) = sums.get_mut(usize::from(c.material)) {
-                let length = f64::from(c.length_density_per_mm2);
-                sum.0 += length * f64::from(packing);
-                sum.1 += length;
-            }
-        }
-    });
-    let mean = |(sum, weight): (f64, f64)| if weight > 0.0 { sum / weight } else { 0.0 };
-    sums.into_iter().map(|s| mean(s) as f32).collect()
-}
-
-/// `eval`, `sample` and `pdf` are those of the fibre that [`Medium::settle`] drew:
+/// `eval`, `sample` and `pdf` are those of the fibre that [`Scatterer::settle`] drew:
 /// without it there is none to scatter light.
-impl Medium for FibreMedium {
+impl Scatterer for VirtualFibres {
     type Site = FibreSite;
 
-    fn cell_grid(&self) -> &CellGrid {
-        &self.cell_grid
+    fn site(&self, _: &OctreeLevel, cell: UVec3) -> FibreSite {
+        FibreSite::new(self.voxels.places(cell.as_ivec3() - self.pad), 0.0)
     }
 
-    fn for_each_span<B>(
-        &self,
-        ray: &LocalRay,
-        mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
-    ) -> ControlFlow<B> {
-        for span in self.cell_grid.cells(ray, self.node_edge) {
-            let majorant = self.node_at(span.cell).majorant_per_mm;
-            if majorant > 0.0 {
-                visit(&span, majorant)?;
-            }
-        }
-        ControlFlow::Continue(())
+    fn is_empty(&self, site: &FibreSite) -> bool {
+        let [start, end] = site.places;
+        start == end
     }
 
-    fn for_each_voxel<B>(
-        &self,
-        ray: &LocalRay,
-        mut visit: impl FnMut(f32, f32, FibreSite) -> ControlFlow<B>,
-    ) -> ControlFlow<B> {
-        for span in self.cell_grid.cells(ray, 1) {
-            let places = self.voxels.places(span.cell.as_ivec3() - self.pad);
-            if !places.is_empty() {
-                visit(span.t0, span.t1, FibreSite::new(places, 0.0))?;
-            }
-        }
-        ControlFlow::Continue(())
+    fn node_bounds(&self) -> Option<&NodeBounds> {
+        Some(&self.node_bounds)
     }
 
     fn is_piecewise_constant(&self) -> bool {
         self.event == FibreEvent::Plain
     }
 
-    fn site(&self, p: Vec3) -> FibreSite {
-        let cell = self.cell_grid.cell(p).as_ivec3();
-        FibreSite::new(self.voxels.places(cell - self.pad), 0.0)
-    }
-
     fn bound_at(&self, p: Vec3) -> f32 {
-        self.bounds.at(p)
+        self.voxel_bounds.at(p)
     }
 
-    fn meet(&self, p: Vec3, w: Vec3, rng: &mut PathRng) -> FibreSite {
+    fn meet(&self, level: &OctreeLevel, p: Vec3, w: Vec3, rng: &mut PathRng) -> FibreSite {
+        let grid = &level.cell_grid;
         if self.event == FibreEvent::Plain {
-            return self.site(p);
+            return self.site(level, grid.cell(p));
         }
-        let (axis, radius_mm) = self.expected(p, rng);
+        let (axis, radius_mm) = self.expected(grid, p, rng);
         let event = PackedEvent::draw(Vec3::ZERO, -w, axis, radius_mm, rng);
         let at_axis = p + event.axis_mm() * self.voxels_per_mm;
         FibreSite::new(self.places(at_axis), event.offset)
