@@ -53,7 +53,7 @@ impl Levels {
     /// of the next one's. The sheet takes over while a pixel grows from half a
     /// repeat to a whole one; levels that would still be on their way to a
     /// coarser one there are left out, and so are levels with fewer than
-    /// [`VOXELS_ACROSS_THREAD`] voxels to `thread_spacing_mm`.
+    /// `VOXELS_ACROSS_THREAD` voxels to `thread_spacing_mm`.
     pub fn for_footprints(
         octree: &Octree,
         finest: u8,
