@@ -237,7 +237,8 @@ impl CellRay {
                 });
                 if let Some((lane, t)) = kept {
                     let place = Place::of_block(block, part + lane);
-                    ray.most = F::splat(t);
+                    // Of equals the first one found counts, whatever the lanes.
+                    ray.most = F::splat(t.next_down());
                     best = Some((place, t));
                     if any {
                         return Some(self.hit(joints, &place, t));
@@ -255,7 +256,8 @@ impl CellRay {
                 });
                 if let Some((lane, t)) = kept {
                     let place = Place::of_hull(hull, part + lane);
-                    ray.most = F::splat(t);
+                    // Of equals the first one found counts, whatever the lanes.
+                    ray.most = F::splat(t.next_down());
                     best = Some((place, t));
                     if any {
                         break;
