@@ -144,6 +144,8 @@ pub(crate) fn search<T: Real>(low: T, high: T, facing: impl Fn(T) -> Facing<T>) 
             count += 1;
         }
     };
+    // One index picks a function both in the scan and anew.
+    #[allow(clippy::needless_range_loop)]
     for k in 0..3 {
         let f = |t: T| facing(t)[k];
         let is_positive = |i: usize| values[i][k] > T::zero();

@@ -29,7 +29,7 @@ impl FlakeFamily {
 
     /// All families.
     pub fn all() -> impl Iterator<Item = FlakeFamily> {
-        FAMILIES.iter().map(|record| FlakeFamily(record))
+        FAMILIES.iter().map(FlakeFamily)
     }
 
     /// The family of a name in files.

@@ -1,5 +1,7 @@
 //! The kernel against the general walk, its oracle.
 
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+
 mod energy;
 mod explicit;
 mod fibres;

@@ -572,9 +572,10 @@ fn drafts_of_every_dialect_become_cloth() {
 
 #[test]
 fn a_yarn_with_too_many_fibres_to_push_apart_is_warned_of() {
-    let warnings = |fibres: u32| {
+    let warnings = |plies: u32, fibres: u32| {
         let mut fabric = fabric("plain");
         let tow = YarnSpec {
+            plies: Some(plies),
             fibres_per_ply: Some(fibres),
             ..YarnSpec::default()
         };
@@ -585,10 +586,10 @@ fn a_yarn_with_too_many_fibres_to_push_apart_is_warned_of() {
         }
         build(&fabric).warnings
     };
-    let warns = |fibres| {
-        let mut list = warnings(fibres).into_iter();
+    let warns = |plies, fibres| {
+        let mut list = warnings(plies, fibres).into_iter();
         list.any(|w| w.starts_with("yarn.cotton: too many fibres"))
     };
-    assert!(warns(400_000));
-    assert!(!warns(4_000));
+    assert!(warns(8, 50_000));
+    assert!(!warns(1, 4_000));
 }

@@ -138,10 +138,9 @@ fn check_outputs(args: &FitArgs, read: &[Input]) -> Result<()> {
             .chain([args.fabric.as_path()])
             .chain(args.data.as_deref())
     };
-    for path in [Some(&args.outfile), args.journal.as_ref()] {
-        if let Some(path) = path {
-            output::check_not_an_input(path, read())?;
-        }
+    let written = [Some(&args.outfile), args.journal.as_ref()];
+    for path in written.into_iter().flatten() {
+        output::check_not_an_input(path, read())?;
     }
     Ok(())
 }

@@ -62,10 +62,9 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
     let scene = loaded.build(Some(most_bytes), loader)?;
     let LoadedScene { file, chosen, .. } = loaded;
     let read = loader.inputs();
-    for path in [Some(&args.outfile), args.checkpoint.as_ref()] {
-        if let Some(path) = path {
-            output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
-        }
+    let written = [Some(&args.outfile), args.checkpoint.as_ref()];
+    for path in written.into_iter().flatten() {
+        output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
     }
     let mut decided: Vec<String> = chosen
         .iter()
