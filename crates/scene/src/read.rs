@@ -68,7 +68,7 @@ fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a file, at most [`MAX_TEXT_BYTES`] long.
+/// The text of a file, at most `MAX_TEXT_BYTES` long.
 ///
 /// # Errors
 /// Names the file.
