@@ -208,8 +208,9 @@ fn every_visible_stretch_is_integrated() {
         }
     }
     // Ends of short stretches are found to the rule's accuracy of the interval, not of
-    // the stretch, so few cases of a coarse rule are worse.
-    let limits = [[1e-3, 2e-2, 0.2], [1e-6, 1e-3, 0.2]];
+    // the stretch, so few cases of a coarse rule are worse. Limits of the last two ranks
+    // are twice what was seen; a lost stretch is up to 0.15.
+    let limits = [[1e-3, 2.6e-3, 1.3e-2], [1e-6, 2.7e-6, 1.1e-5]];
     for (errors, rule) in errors.iter_mut().zip([1e-3, 1e-9]) {
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
         let worst: Vec<_> = errors[9990..].iter().rev().collect();
