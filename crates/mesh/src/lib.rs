@@ -8,7 +8,7 @@
 //!
 //! ```
 //! use glam::Vec3;
-//! use organza_basis::Ray;
+//! use organza_basis::{Budget, Ray};
 //! use organza_mesh::{DrapedMesh, Placement, read_obj};
 //!
 //! # fn main() -> Result<(), organza_mesh::Error> {
@@ -19,7 +19,9 @@
 //!     mm_per_unit: 10.0,
 //!     mm_per_uv: 10.0,
 //! };
-//! let draped = DrapedMesh::new(read_obj(square, placement)?);
+//! // Readers take no more memory than they are allowed.
+//! let mut budget = Budget::new(1 << 20);
+//! let draped = DrapedMesh::new(read_obj(square, placement, &mut budget)?);
 //! let down = Ray::new(Vec3::new(2.0, 7.0, 5.0), Vec3::NEG_Z);
 //! let hit = draped.hit(&down, 0.0, f32::INFINITY).unwrap();
 //! assert!((hit.distance_mm - 5.0).abs() < 1e-5);
