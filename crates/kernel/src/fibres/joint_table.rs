@@ -12,7 +12,7 @@ pub const JOINT: u32 = 8;
 /// For every joint eight words: the unit tangent, how far the sides of the piece
 /// that ends there and of the one that begins go on beyond it, one over the
 /// length of the piece that begins, the material, and the curve with a bit that
-/// tells whether pieces are cut.
+/// is set where pieces are cut.
 pub struct JointTable {
     words: Vec<u32>,
     strands: Vec<Strand>,
