@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{Mat3, Vec3};
-use organza_basis::{FibreComponent, Frame, Mixture, PathRng, Rgb, Sym3, warp};
+use organza_basis::{FibrePopulation, Frame, Mixture, PathRng, Rgb, Sym3, warp};
 use organza_scatter::longitudinal::{Blur, Inclinations};
 use organza_scatter::virtual_fibres::tangent_sample;
 use organza_scatter::{
@@ -243,7 +243,7 @@ fn virtual_scattering(c: &mut Criterion) {
     });
     let mut mixture = Mixture::EMPTY;
     for (axis, density, spread_rad) in [(Vec3::X, 900.0, 0.1), (Vec3::Y, 300.0, 0.3)] {
-        mixture.push(FibreComponent {
+        mixture.push(FibrePopulation {
             length_density_per_mm2: density,
             axis,
             spread_rad,

@@ -34,7 +34,7 @@ pub use budget::{Budget, OverBudget};
 pub use cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use curve::{Segment, SegmentSource, Tile};
 pub use frame::Frame;
-pub use mixture::{FibreComponent, MAX_COMPONENTS, MergedFlakes, Mixture};
+pub use mixture::{FibrePopulation, MAX_POPULATIONS, MergedFlakes, Mixture};
 pub use moments::Moments;
 pub use nearest_name::nearest_name;
 pub use ray::Ray;

@@ -10,7 +10,7 @@ use glam::Vec3;
 /// half-normal with deviation `spread_rad`, cut at 90 degrees, with uniform
 /// azimuth [Schroeder2011]. An axis has no sign.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FibreComponent {
+pub struct FibrePopulation {
     /// Fibre length per volume, mm per mm^3.
     pub length_density_per_mm2: f32,
     /// Unit mean axis.
@@ -25,7 +25,7 @@ pub struct FibreComponent {
     pub yarn: u32,
 }
 
-impl FibreComponent {
+impl FibrePopulation {
     /// Extinction of light that meets parallel fibres broadside, `2 r rho`:
     /// an upper bound of the extinction toward any direction, for any spread.
     pub fn broadside_per_mm(&self) -> f32 {
@@ -34,19 +34,19 @@ impl FibreComponent {
 }
 
 /// The maximum number of populations in one voxel.
-pub const MAX_COMPONENTS: usize = 4;
+pub const MAX_POPULATIONS: usize = 4;
 
-/// The populations at a point, at most [`MAX_COMPONENTS`], without allocation.
+/// The populations at a point, at most [`MAX_POPULATIONS`], without allocation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mixture {
     len: u8,
-    components: [FibreComponent; MAX_COMPONENTS],
+    populations: [FibrePopulation; MAX_POPULATIONS],
 }
 
 impl std::ops::Deref for Mixture {
-    type Target = [FibreComponent];
+    type Target = [FibrePopulation];
 
-    fn deref(&self) -> &[FibreComponent] {
+    fn deref(&self) -> &[FibrePopulation] {
         self.as_slice()
     }
 }
@@ -55,30 +55,30 @@ impl Mixture {
     /// Nothing there.
     pub const EMPTY: Mixture = Mixture {
         len: 0,
-        components: [FibreComponent {
+        populations: [FibrePopulation {
             length_density_per_mm2: 0.0,
             axis: Vec3::Z,
             spread_rad: 0.0,
             radius_mm: 0.0,
             material: 0,
             yarn: 0,
-        }; MAX_COMPONENTS],
+        }; MAX_POPULATIONS],
     };
 
     /// Adds a population; `false` (and no change) when there is no room.
-    pub fn push(&mut self, c: FibreComponent) -> bool {
+    pub fn push(&mut self, c: FibrePopulation) -> bool {
         let i = usize::from(self.len);
-        if i == MAX_COMPONENTS {
+        if i == MAX_POPULATIONS {
             return false;
         }
-        self.components[i] = c;
+        self.populations[i] = c;
         self.len += 1;
         true
     }
 
     /// The populations.
-    pub fn as_slice(&self) -> &[FibreComponent] {
-        &self.components[..usize::from(self.len)]
+    pub fn as_slice(&self) -> &[FibrePopulation] {
+        &self.populations[..usize::from(self.len)]
     }
 
     /// True when there is no fibre.
@@ -90,7 +90,7 @@ impl Mixture {
     pub fn broadside_per_mm(&self) -> f32 {
         self.as_slice()
             .iter()
-            .map(FibreComponent::broadside_per_mm)
+            .map(FibrePopulation::broadside_per_mm)
             .sum()
     }
 }

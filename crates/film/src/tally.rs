@@ -9,9 +9,9 @@ const BITS: i32 = 40;
 /// A sample below `2^ROOM` times the brightness goes into the one-word sums.
 const ROOM: i32 = 7;
 /// Samples that fit for sure: squares have `BITS + 2 ROOM` bits.
-const MOST_SAMPLES: u32 = 1 << (63 - BITS - 2 * ROOM);
+const MAX_SAMPLES: u32 = 1 << (63 - BITS - 2 * ROOM);
 /// Below this brightness a unit would be less than the film's.
-const LEAST_EXPONENT: i32 = -24;
+const MIN_EXPONENT: i32 = -24;
 
 /// Sums over samples of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,7 +49,7 @@ impl Brightness {
     /// Of a scene whose brightest light is this.
     pub fn of(light: f32) -> Brightness {
         let exponent = light.max(f32::MIN_POSITIVE).log2().ceil() as i32;
-        let exponent = exponent.max(LEAST_EXPONENT);
+        let exponent = exponent.max(MIN_EXPONENT);
         Brightness {
             exponent,
             scale: 2f32.powi(BITS - exponent),
@@ -124,7 +124,7 @@ impl Tally {
                 self.yarn = first.info.yarn.map(|y| (y, s.index));
             }
         }
-        if self.count == MOST_SAMPLES {
+        if self.count == MAX_SAMPLES {
             self.flush(brightness, pixel);
         }
         true

@@ -54,8 +54,8 @@ use voxels::panel::Panel;
 /// Beyond, walks of tens of events hide what they carry in rare bright paths: a
 /// thick heap of fibres of 34 degrees blur sent back 0.96 of what it got in nine
 /// million paths, though no event loses any.
-const MOST_BLUR_RAD: f32 = 0.35;
-const MOST_WIDE: f32 = 0.2;
+const MAX_KERNEL_BLUR_RAD: f32 = 0.35;
+const MAX_WIDE: f32 = 0.2;
 
 /// A scene laid out for lanes.
 pub struct Kernel {
@@ -85,7 +85,7 @@ pub struct Kernel {
 }
 
 /// Lanes look words up by signed numbers.
-const MOST_WORDS: u64 = 1 << 31;
+const MAX_WORDS: u64 = 1 << 31;
 
 /// What a picture is made of: matter, what lights it, and the camera that looks at it.
 pub struct View<'a, M> {
@@ -100,7 +100,7 @@ pub struct View<'a, M> {
 impl Kernel {
     /// Lays matter, lights and camera rays out for a back end. `seed` names all
     /// random numbers, paths have at most `max_bounces` events, and all tables
-    /// together at most `most_bytes`.
+    /// together at most `max_bytes`.
     ///
     /// # Errors
     /// Why another walk must do it.
@@ -109,7 +109,7 @@ impl Kernel {
         seed: u64,
         max_bounces: u32,
         backend: Backend,
-        most_bytes: u64,
+        max_bytes: u64,
     ) -> Result<Kernel, Refusal> {
         if !backend.is_available() {
             return Err(Refusal::Backend(backend));
@@ -148,11 +148,11 @@ impl Kernel {
             }
         }
         let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&cell_grid)).sum();
-        let bytes = FlatMedium::least_bytes(&cell_grid)
-            + LightTable::most_bytes(&cell_grid, (parallel.len() + panels.len()) as u64)
+        let bytes = FlatMedium::min_bytes(&cell_grid)
+            + LightTable::max_bytes(&cell_grid, (parallel.len() + panels.len()) as u64)
             + of_pictures;
-        if bytes > most_bytes {
-            return Err(Refusal::Memory(bytes, most_bytes));
+        if bytes > max_bytes {
+            return Err(Refusal::Memory(bytes, max_bytes));
         }
         let mut medium = FlatMedium::new(view.matter)?;
         let fibres = match view.matter.fibres() {
@@ -160,8 +160,8 @@ impl Kernel {
             Some(all) => {
                 medium.is_of_fibres = true;
                 let fibres = || medium.fibres().filter_map(|i| all.get(i));
-                let is_rough = |f: &Fibre| f.far_parts().blurs_rad()[0] > MOST_BLUR_RAD;
-                if fibres().any(is_rough) || medium.wide_share() > MOST_WIDE {
+                let is_rough = |f: &Fibre| f.far_parts().blurs_rad()[0] > MAX_KERNEL_BLUR_RAD;
+                if fibres().any(is_rough) || medium.wide_share() > MAX_WIDE {
                     return Err(Refusal::Skewed);
                 }
                 let tables = FibreTables::new(fibres());
@@ -195,7 +195,7 @@ impl Kernel {
         let texels = pictures.iter().map(|(_, parts)| parts.words()).max();
         let words = (nodes.words() * lamps.len().max(1) as u64).max(texels.unwrap_or(0));
         let words = words.max(fibres.words.len() as u64);
-        if words >= MOST_WORDS {
+        if words >= MAX_WORDS {
             return Err(Refusal::Words(words));
         }
         let skies: Vec<Sky> = pictures

@@ -63,11 +63,11 @@ pub enum Unsuited {
 }
 
 impl Refusal {
-    /// Of fibres for which `most_bytes` were allowed.
-    pub fn of_fibres(unfit: Unfit, most_bytes: u64) -> Refusal {
+    /// Of fibres for which `max_bytes` were allowed.
+    pub fn of_fibres(unfit: Unfit, max_bytes: u64) -> Refusal {
         match unfit {
             Unfit::TooMany => Refusal::TooManyPieces,
-            Unfit::Memory(bytes) => Refusal::Memory(bytes, most_bytes),
+            Unfit::Memory(bytes) => Refusal::Memory(bytes, max_bytes),
         }
     }
 }

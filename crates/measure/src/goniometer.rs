@@ -116,7 +116,7 @@ impl MeasureError {
 const CHUNK: u64 = 1024;
 
 /// Paths of one item between two sums over its chunks: bounds their memory.
-const MOST_AT_ONCE: u64 = 1 << 22;
+const MAX_AT_ONCE: u64 = 1 << 22;
 
 /// Streams of random numbers that belong to directions, not to pairs.
 const DIRECTION_STREAMS: u64 = 1 << 63;
@@ -270,8 +270,8 @@ where
         let mut done = 0;
         while done < effort.paths {
             let round = match effort.target_error {
-                Some(_) => done.clamp(CHUNK, MOST_AT_ONCE),
-                None => MOST_AT_ONCE,
+                Some(_) => done.clamp(CHUNK, MAX_AT_ONCE),
+                None => MAX_AT_ONCE,
             };
             let end = (done + round).min(effort.paths);
             let chunks: Vec<([[Moments; 3]; N], Stats)> = (done.div_ceil(CHUNK)

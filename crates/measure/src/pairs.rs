@@ -94,7 +94,7 @@ fn hint(nearest: &Option<String>) -> String {
 
 /// Directions nearer to the cloth's plane than this, as a cosine, are refused:
 /// there the BSDF's own cosine divides by nothing.
-const LEAST_COSINE: f64 = 1e-4;
+const MIN_COSINE: f64 = 1e-4;
 
 /// Reads a CSV file with a header that names the columns `theta_i`, `phi_i`,
 /// `theta_o` and `phi_o`, in degrees, in any order. Further columns are left
@@ -307,7 +307,7 @@ fn polar_angle(field: &str) -> Result<f64, &'static str> {
     if !(0.0..=180.0).contains(&theta) {
         return Err("an angle from 0 to 180 degrees");
     }
-    if theta.to_radians().cos().abs() < LEAST_COSINE {
+    if theta.to_radians().cos().abs() < MIN_COSINE {
         return Err("a direction out of the cloth's plane, 0.006 degrees off 90 or more");
     }
     Ok(theta)

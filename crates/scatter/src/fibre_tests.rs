@@ -7,7 +7,7 @@ use crate::{
 };
 use glam::{DVec3, Vec3};
 use organza_basis::hypothesis::{SphereGrid, t_test};
-use organza_basis::{FibreComponent, Mixture, Moments, PathRng, Rgb, warp};
+use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb, warp};
 
 pub fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
     let parameters = DielectricParameters {
@@ -592,7 +592,7 @@ fn presets_and_bounds() {
 #[test]
 fn colours_come_out_of_a_tangle() {
     let mut mixture = Mixture::EMPTY;
-    mixture.push(FibreComponent {
+    mixture.push(FibrePopulation {
         length_density_per_mm2: 1.0,
         axis: Vec3::Z,
         spread_rad: 0.0,

@@ -23,7 +23,7 @@
 //!
 //! ```
 //! use glam::Vec3;
-//! use organza_basis::{FibreComponent, Mixture, PathRng, Rgb};
+//! use organza_basis::{FibrePopulation, Mixture, PathRng, Rgb};
 //! use organza_scatter::*;
 //!
 //! # fn main() -> Result<(), Error> {
@@ -37,7 +37,7 @@
 //!
 //! // Per collision: the populations there, and the walk's way back.
 //! let mut mixture = Mixture::EMPTY;
-//! mixture.push(FibreComponent {
+//! mixture.push(FibrePopulation {
 //!     length_density_per_mm2: 1000.0,
 //!     axis: Vec3::X,
 //!     spread_rad: 0.1,
@@ -48,7 +48,7 @@
 //! let mut rng = PathRng::from_seed(1);
 //! assert!(sigma_t_per_mm(&mixture, w_out) <= mixture.broadside_per_mm());
 //! if let Some(met) = meet_fibre(&mixture, w_out, &mut rng) {
-//!     let radius_mm = mixture.as_slice()[met.component].radius_mm;
+//!     let radius_mm = mixture.as_slice()[met.population].radius_mm;
 //!     let event = PackedEvent::draw(point_mm, w_out, met.tangent, radius_mm, &mut rng);
 //!     // Here the tracker accepts by the density at event.axis_mm().
 //!     let lobe = fibre.near_field(event.frame, event.offset);

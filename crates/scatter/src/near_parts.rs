@@ -24,7 +24,7 @@ pub struct NearParts {
     /// `sqrt(cos^2 + b^2)` with the blur b of R.
     pub balance: Vec<BalanceNode>,
     /// No less than the mean of c over channels times `cos^2` anywhere.
-    pub most_drawn: f32,
+    pub max_drawn: f32,
 }
 
 /// A node of [`NearParts::balance`].
@@ -91,7 +91,7 @@ impl Fibre {
             azimuthal_rad,
             kind,
             balance: (0..balance.nodes()).map(node).collect(),
-            most_drawn: balance.most(),
+            max_drawn: balance.most(),
         }
     }
 }

@@ -4,7 +4,7 @@
 use crate::AxialFlake;
 use crate::sggx::MIN_RATIO;
 use organza_basis::spread::mean_over_angle;
-use organza_basis::{FibreComponent, MergedFlakes, Mixture, Rgb, Sym3};
+use organza_basis::{FibrePopulation, MergedFlakes, Mixture, Rgb, Sym3};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
@@ -142,19 +142,19 @@ impl FlakeMaterials {
     /// flakes of a population, whose material must be below
     /// [`FlakeMaterials::count`]: [`population_shape`], tabulated.
     #[inline]
-    pub fn shape(&self, c: &FibreComponent) -> (f32, f32) {
+    pub fn shape(&self, c: &FibrePopulation) -> (f32, f32) {
         self.shapes[usize::from(c.material)].look_up(c.spread_rad)
     }
 
     /// Albedo of a population.
     #[inline]
-    pub fn albedo(&self, c: &FibreComponent) -> Rgb {
+    pub fn albedo(&self, c: &FibrePopulation) -> Rgb {
         self.optics[usize::from(c.material)].albedo
     }
 
     /// The flakes of a population, at any scale.
     #[inline]
-    pub fn flake(&self, c: &FibreComponent) -> AxialFlake {
+    pub fn flake(&self, c: &FibrePopulation) -> AxialFlake {
         AxialFlake::new(c.axis, self.shape(c).1)
     }
 
@@ -247,8 +247,8 @@ mod tests {
         }
     }
 
-    fn population(rng: &mut PathRng) -> FibreComponent {
-        FibreComponent {
+    fn population(rng: &mut PathRng) -> FibrePopulation {
+        FibrePopulation {
             length_density_per_mm2: 1.0 + 50.0 * rng.unit(),
             axis: warp::uniform_sphere(rng.unit2()),
             spread_rad: 2.0 * rng.unit(),

@@ -15,7 +15,7 @@
 use crate::cone_table::ConeTable;
 use glam::Vec3;
 use organza_basis::quadrature::{gauss_legendre, integrate_rule};
-use organza_basis::{FibreComponent, Frame, PathRng};
+use organza_basis::{FibrePopulation, Frame, PathRng};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::LazyLock;
 
@@ -82,17 +82,17 @@ fn mean_sine(sine: f64, spread_rad: f64) -> f64 {
 }
 
 /// Extinction of one population toward the unit direction `w`, per millimetre.
-pub fn component_sigma_t_per_mm(component: &FibreComponent, w: Vec3) -> f32 {
-    let sine = component.axis.cross(w).length().min(1.0);
-    component.broadside_per_mm() * effective_cross_section(sine, component.spread_rad)
+pub fn population_sigma_t_per_mm(population: &FibrePopulation, w: Vec3) -> f32 {
+    let sine = population.axis.cross(w).length().min(1.0);
+    population.broadside_per_mm() * effective_cross_section(sine, population.spread_rad)
 }
 
 /// Extinction of all populations toward the unit direction `w`, per millimetre;
 /// never more than [`organza_basis::Mixture::broadside_per_mm`].
-pub fn sigma_t_per_mm(populations: &[FibreComponent], w: Vec3) -> f32 {
+pub fn sigma_t_per_mm(populations: &[FibrePopulation], w: Vec3) -> f32 {
     populations
         .iter()
-        .map(|c| component_sigma_t_per_mm(c, w))
+        .map(|c| population_sigma_t_per_mm(c, w))
         .sum()
 }
 
@@ -100,7 +100,7 @@ pub fn sigma_t_per_mm(populations: &[FibreComponent], w: Vec3) -> f32 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetFibre {
     /// Index of its population.
-    pub component: usize,
+    pub population: usize,
     /// Unit tangent.
     pub tangent: Vec3,
 }
@@ -108,11 +108,11 @@ pub struct MetFibre {
 /// Draws the fibre that a walk along `w` (of either sign) meets, given that
 /// there is a collision with one of the populations; `None` when nothing there
 /// blocks.
-pub fn meet_fibre(populations: &[FibreComponent], w: Vec3, rng: &mut PathRng) -> Option<MetFibre> {
+pub fn meet_fibre(populations: &[FibrePopulation], w: Vec3, rng: &mut PathRng) -> Option<MetFibre> {
     let mut left = rng.unit() * sigma_t_per_mm(populations, w);
     let mut chosen = None;
     for (i, c) in populations.iter().enumerate() {
-        let sigma = component_sigma_t_per_mm(c, w);
+        let sigma = population_sigma_t_per_mm(c, w);
         if sigma > 0.0 {
             chosen = Some(i);
             left -= sigma;
@@ -121,10 +121,10 @@ pub fn meet_fibre(populations: &[FibreComponent], w: Vec3, rng: &mut PathRng) ->
             }
         }
     }
-    let component = chosen?;
-    let c = &populations[component];
+    let population = chosen?;
+    let c = &populations[population];
     Some(MetFibre {
-        component,
+        population,
         tangent: visible_tangent_sample(c.axis, c.spread_rad, w, rng),
     })
 }
@@ -311,7 +311,7 @@ mod tests {
 
     fn two_populations() -> Mixture {
         let mut mixture = Mixture::EMPTY;
-        let population = |axis: Vec3, density, spread_rad| FibreComponent {
+        let population = |axis: Vec3, density, spread_rad| FibrePopulation {
             length_density_per_mm2: density,
             axis: axis.normalize(),
             spread_rad,
@@ -335,11 +335,11 @@ mod tests {
             let n = draws(20_000);
             let mut counts = [0u64; 3];
             for _ in 0..n {
-                counts[meet_fibre(&mixture, w, &mut rng).unwrap().component] += 1;
+                counts[meet_fibre(&mixture, w, &mut rng).unwrap().population] += 1;
             }
             let expected = [0, 1, 2].map(|i| {
                 let c = &mixture.as_slice()[i];
-                f64::from(n) * f64::from(component_sigma_t_per_mm(c, w) / total)
+                f64::from(n) * f64::from(population_sigma_t_per_mm(c, w) / total)
             });
             let v = count_test(&counts, &expected);
             assert!(!fails(v, 6), "seed 43, {w}: {counts:?} {expected:?}");
@@ -356,7 +356,7 @@ mod tests {
     fn parallel_fibres_block_as_smooth_micro_flakes_do() {
         use crate::{AxialFlake, MicroFlake};
         let mut mixture = Mixture::EMPTY;
-        mixture.push(FibreComponent {
+        mixture.push(FibrePopulation {
             length_density_per_mm2: 50.0,
             axis: Vec3::new(0.6, 0.0, 0.8),
             spread_rad: 0.0,
@@ -369,7 +369,7 @@ mod tests {
             let (a, b) = (sigma_t_per_mm(&mixture, w), flake.projected_area(w));
             assert!((a - b).abs() < 2e-3, "{w}: {a} {b}");
             let mut rng = PathRng::from_seed(1);
-            assert!(meet_fibre(&mixture, w, &mut rng).is_none_or(|f| f.component == 0));
+            assert!(meet_fibre(&mixture, w, &mut rng).is_none_or(|f| f.population == 0));
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 use organza_basis::hypothesis::{sidak, welch_test, z_test};
-use organza_basis::{FibreComponent, Mixture, Moments, PathRng, Rgb};
+use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb};
 use organza_scatter::virtual_fibres::tangent_sample;
 use organza_scatter::{
     AxialFlake, BandFlakes, DielectricFibre, DielectricParameters, DiffuseFlake, Fibre,
@@ -148,7 +148,7 @@ const ALBEDO: Rgb = Rgb::new(0.95, 0.8, 0.5);
 fn two_populations(as_published: bool) -> VirtualFibres {
     let mut mixture = Mixture::EMPTY;
     for (axis, density, spread_rad) in [(Vec3::X, 600.0, 0.15), (AXIS, 300.0, 0.4)] {
-        mixture.push(FibreComponent {
+        mixture.push(FibrePopulation {
             length_density_per_mm2: density,
             axis,
             spread_rad,

@@ -95,7 +95,7 @@ impl<T: Real> Rule<T> {
         let (mid, span) = ((low + high) * half, (high - low) * half);
         // All places at once, and both ends together: what waits for one
         // value works on another.
-        let mut values = [[zero; MOST_SCANNED]; 3];
+        let mut values = [[zero; MAX_SCANNED]; 3];
         let mut positive = [0u32; 3];
         for (i, xs) in self.scan.iter().enumerate() {
             for lane in 0..4 {
@@ -128,7 +128,7 @@ impl<T: Real> Rule<T> {
         &self,
         low: T,
         high: T,
-        values: &[[T; MOST_SCANNED]; 3],
+        values: &[[T; MAX_SCANNED]; 3],
         positive: [u32; 3],
         facing: impl Fn(T) -> Facing<T>,
     ) -> Stretches<T> {
@@ -182,4 +182,4 @@ fn scan<T: Real>(count: usize) -> Vec<[T; 4]> {
 }
 
 /// The most places that a scan looks at.
-const MOST_SCANNED: usize = 28;
+const MAX_SCANNED: usize = 28;

@@ -14,19 +14,19 @@ use crate::real::Real;
 pub(crate) type Facing<T> = [T; 3];
 
 /// The most separate stretches that are kept; four is the most ever met.
-const MOST_STRETCHES: usize = 8;
+const MAX_STRETCHES: usize = 8;
 
 /// Separate stretches of an interval, in ascending order.
 #[derive(Clone, Copy)]
 pub(crate) struct Stretches<T> {
-    ends: [(T, T); MOST_STRETCHES],
+    ends: [(T, T); MAX_STRETCHES],
     count: usize,
 }
 
 impl<T: Real> Stretches<T> {
     pub fn none() -> Self {
         Stretches {
-            ends: [(T::zero(), T::zero()); MOST_STRETCHES],
+            ends: [(T::zero(), T::zero()); MAX_STRETCHES],
             count: 0,
         }
     }
@@ -47,7 +47,7 @@ impl<T: Real> Stretches<T> {
             && last.1 >= low
         {
             last.1 = high;
-        } else if self.count < MOST_STRETCHES {
+        } else if self.count < MAX_STRETCHES {
             self.ends[self.count] = (low, high);
             self.count += 1;
         }
@@ -120,7 +120,7 @@ const FINE: usize = 64;
 
 /// The most zeros that are kept; twenty-four is the most there can be, for
 /// squared each function is a trigonometric polynomial of degree four.
-const MOST_ZEROS: usize = 24;
+const MAX_ZEROS: usize = 24;
 
 /// Every stretch of `[low, high]` on which all three functions are positive: their
 /// zeros are bracketed between places of a fine scan and between these and the
@@ -136,10 +136,10 @@ pub(crate) fn search<T: Real>(low: T, high: T, facing: impl Fn(T) -> Facing<T>) 
         *place = mid - span * T::of(angle.cos());
         *value = facing(*place);
     }
-    let mut zeros = [T::zero(); MOST_ZEROS];
+    let mut zeros = [T::zero(); MAX_ZEROS];
     let mut count = 0;
     let mut add = |t: T| {
-        if count < MOST_ZEROS {
+        if count < MAX_ZEROS {
             zeros[count] = t;
             count += 1;
         }

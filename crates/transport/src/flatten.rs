@@ -4,7 +4,7 @@
 //! here and nowhere else.
 
 use crate::{
-    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, MOST_EVENTS, Medium,
+    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, MAX_EVENTS, Medium,
     RenderSettings, Scene,
 };
 use glam::UVec3;
@@ -14,7 +14,7 @@ use organza_kernel::{
     Backend, Engine, Kernel, Matter, NO_YARN, Population, Refusal, Substance, Unsuited, View,
     end_on_ratio,
 };
-use organza_scatter::virtual_fibres::component_sigma_t_per_mm;
+use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ pub enum KernelRefusal {
     Kernel(#[from] Refusal),
 }
 
-/// Lays a scene out for the kernel, with tables of at most `most_bytes` bytes.
+/// Lays a scene out for the kernel, with tables of at most `max_bytes` bytes.
 ///
 /// # Errors
 /// Why the general walk must do it.
@@ -58,7 +58,7 @@ pub fn flatten(
     scene: &Scene,
     settings: &RenderSettings,
     backend: Backend,
-    most_bytes: u64,
+    max_bytes: u64,
 ) -> Result<Kernel, KernelRefusal> {
     if settings.integrator != Integrator::Woodcock {
         return Err(KernelRefusal::Integrator);
@@ -71,29 +71,29 @@ pub fn flatten(
         scene: &Scene,
         settings: &RenderSettings,
         backend: Backend,
-        most_bytes: u64,
+        max_bytes: u64,
     ) -> Result<Kernel, KernelRefusal> {
         let view = View {
             matter,
             lights: &scene.lights,
             camera: &scene.camera,
         };
-        let (seed, max_bounces) = (settings.seed, settings.max_bounces.min(MOST_EVENTS));
-        Ok(Kernel::new(&view, seed, max_bounces, backend, most_bytes)?)
+        let (seed, max_bounces) = (settings.seed, settings.max_bounces.min(MAX_EVENTS));
+        Ok(Kernel::new(&view, seed, max_bounces, backend, max_bytes)?)
     }
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
-        AnyMedium::Grid(m) => lay_out(m, scene, settings, backend, most_bytes),
-        AnyMedium::Cloth(m) => lay_out(m, scene, settings, backend, most_bytes),
+        AnyMedium::Grid(m) => lay_out(m, scene, settings, backend, max_bytes),
+        AnyMedium::Cloth(m) => lay_out(m, scene, settings, backend, max_bytes),
         AnyMedium::Fibres(m) if m.event() == FibreEvent::Packed => Err(KernelRefusal::Packed),
         AnyMedium::Fibres(m) if m.has_local_visibility() => Err(KernelRefusal::LocalVisibility),
-        AnyMedium::Fibres(m) => lay_out(m, scene, settings, backend, most_bytes),
+        AnyMedium::Fibres(m) => lay_out(m, scene, settings, backend, max_bytes),
         _ => Err(KernelRefusal::NotFlakes),
     }
 }
 
 /// What walks a scene in lanes: voxels, or explicit fibres in cells; at most
-/// `most_bytes` bytes of matter and tables.
+/// `max_bytes` bytes of matter and tables.
 ///
 /// # Errors
 /// Why the general walk must do it.
@@ -101,19 +101,19 @@ pub fn engine(
     scene: &Scene,
     settings: &RenderSettings,
     backend: Backend,
-    most_bytes: u64,
+    max_bytes: u64,
 ) -> Result<Box<dyn Engine>, KernelRefusal> {
     let [AnyMedium::Explicit(fibres)] = &scene.media[..] else {
-        let kernel = flatten(scene, settings, backend, most_bytes)?;
+        let kernel = flatten(scene, settings, backend, max_bytes)?;
         return Ok(Box::new(kernel));
     };
     if !backend.is_available() {
         return Err(Refusal::Backend(backend).into());
     }
     let matter = fibres
-        .matter(most_bytes)
-        .map_err(|unfit| Refusal::of_fibres(unfit, most_bytes))?;
-    let names = (settings.seed, settings.max_bounces.min(MOST_EVENTS));
+        .matter(max_bytes)
+        .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
+    let names = (settings.seed, settings.max_bounces.min(MAX_EVENTS));
     let (lights, camera) = (&scene.lights, &scene.camera);
     let kernel = FibreKernel::new(Arc::new(matter), lights, camera, names, backend);
     Ok(Box::new(kernel))
@@ -193,7 +193,7 @@ impl Matter for FibreMedium {
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
         let populations = self.populations_of(cell);
         out.extend(populations.iter().map(|c| Population {
-            broadside_per_mm: component_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
+            broadside_per_mm: population_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
             flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
             substance: Substance::Fibres(c.material),
             yarn: c.yarn,

@@ -6,7 +6,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::SphereGrid;
-use organza_basis::{Aabb, FibreComponent, Mixture, Moments, PathRng, Ray, Rgb, warp};
+use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, warp};
 use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe,
     PackedEvent, meet_fibre, sigma_t_per_mm, void_multiplier,
@@ -242,7 +242,7 @@ impl Walk<'_> {
             FibreEvent::Packed => void_multiplier(packing()),
         };
         let mut mixture = Mixture::EMPTY;
-        mixture.push(FibreComponent {
+        mixture.push(FibrePopulation {
             length_density_per_mm2: m * density_per_mm2(),
             axis: Vec3::X,
             radius_mm: RADIUS_MM,

@@ -4,7 +4,7 @@ use crate::cluster::{GatheredPopulation, KeepApart, Merger};
 
 /// Maximum number of populations that a voxel holds while it is filled; beyond it the nearest
 /// are merged, which bounds memory by the number of occupied voxels.
-const MAX_POPULATIONS: usize = 16;
+const MAX_GATHERED: usize = 16;
 /// Their number after such a merger.
 const MERGED_POPULATIONS: usize = 8;
 
@@ -14,7 +14,7 @@ pub fn fold(
     whole: Vec<GatheredPopulation>,
     part: Vec<GatheredPopulation>,
 ) -> Vec<GatheredPopulation> {
-    let crowded = |v: &[GatheredPopulation]| v.len() > MAX_POPULATIONS;
+    let crowded = |v: &[GatheredPopulation]| v.len() > MAX_GATHERED;
     if whole.is_empty() && !part.chunk_by(|a, b| a.voxel() == b.voxel()).any(crowded) {
         return part;
     }
@@ -39,7 +39,7 @@ pub fn fold(
         }
         while j < part.len() && part[j].voxel() == at {
             join(&mut voxel, &part[j]);
-            if voxel.len() > MAX_POPULATIONS {
+            if voxel.len() > MAX_GATHERED {
                 merger.merge_to(&mut voxel, MERGED_POPULATIONS, 0.0, KeepApart::Yarns);
             }
             j += 1;
@@ -113,7 +113,7 @@ mod tests {
             .map(|k| population(0, k, 1.0, Vec3::Z, 0))
             .collect();
         for populations in [one_by_one, fold(Vec::new(), together)] {
-            assert!(populations.len() <= MAX_POPULATIONS);
+            assert!(populations.len() <= MAX_GATHERED);
             let total: f64 = populations.iter().map(|l| l.length_mm).sum();
             assert_eq!(total, 100.0);
         }

@@ -30,7 +30,7 @@ use crate::record::{
 };
 use crate::voxelize::Footprint;
 use glam::{UVec3, Vec3};
-use organza_basis::{Aabb, FibreComponent, Mixture};
+use organza_basis::{Aabb, FibrePopulation, Mixture};
 
 /// Marks a brick without fibre.
 const EMPTY: u32 = u32::MAX;
@@ -201,9 +201,9 @@ impl Octree {
     }
 
     #[inline]
-    fn decode(&self, density_per_quantum: f32, r: &StoredPopulation) -> FibreComponent {
+    fn decode(&self, density_per_quantum: f32, r: &StoredPopulation) -> FibrePopulation {
         let group = self.groups[decode_group(r.population)];
-        FibreComponent {
+        FibrePopulation {
             length_density_per_mm2: r.length as f32 * density_per_quantum,
             axis: decode_axis(r.direction),
             spread_rad: decode_spread(r.direction),

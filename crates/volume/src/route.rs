@@ -34,7 +34,7 @@ pub struct Run {
     pub start: u32,
     pub end: u32,
     /// At least the length inside the block.
-    pub most_length_mm: f64,
+    pub max_length_mm: f64,
 }
 
 /// One batch of the source.
@@ -255,7 +255,7 @@ impl Router<'_> {
                 block: (part[0] >> 32) as u32,
                 start: start as u32,
                 end: end as u32,
-                most_length_mm: ids[start..end].iter().map(length).sum(),
+                max_length_mm: ids[start..end].iter().map(length).sum(),
             });
             start = end;
         }

@@ -201,7 +201,7 @@ struct Block {
     runs: Vec<(u32, u32)>,
     /// What was taken in before.
     kept: Vec<GatheredPopulation>,
-    most_length_mm: f64,
+    max_length_mm: f64,
 }
 
 impl<'a> Tiled<'a> {
@@ -224,7 +224,7 @@ impl<'a> Tiled<'a> {
         for (i, run) in r.runs.iter().enumerate() {
             let block = &mut self.blocks[run.block as usize];
             block.runs.push((batch, i as u32));
-            block.most_length_mm += run.most_length_mm;
+            block.max_length_mm += run.max_length_mm;
         }
         self.waiting += r.pieces.len();
         self.groups.extend(&r.groups);
@@ -283,7 +283,7 @@ impl<'a> Tiled<'a> {
         let mut groups = std::mem::take(&mut self.groups);
         groups.sort_unstable();
         groups.dedup();
-        let lengths = self.blocks.iter().map(|b| b.most_length_mm);
+        let lengths = self.blocks.iter().map(|b| b.max_length_mm);
         Scales::new(self.lattice, lengths, self.radii_mm, groups)
     }
 

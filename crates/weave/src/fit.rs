@@ -67,7 +67,7 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
         .zip(&warp_flat)
         .chain(weft.yarns.iter().zip(&weft_flat));
     let densest = yarns
-        .map(|(y, f)| least_scale(y) / (f.x * f.y).sqrt())
+        .map(|(y, f)| min_scale(y) / (f.x * f.y).sqrt())
         .fold(0.0, f64::max);
     if densest >= 1.0 || overfull(densest) {
         let p = Peirce::new(draft, warp, weft, &shrunk(densest.min(1.0)));
@@ -95,7 +95,7 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
 }
 
 /// The linear factor at which a yarn's plies are packed most densely.
-fn least_scale(yarn: &Yarn) -> f64 {
+fn min_scale(yarn: &Yarn) -> f64 {
     (yarn.fibre_volume_fraction() / MAX_FIBRE_VOLUME_FRACTION)
         .sqrt()
         .min(1.0)
@@ -113,7 +113,7 @@ fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
         }
         let highest = widest / MIN_ASPECT;
         let flat = DVec2::new(widest, (1.0 / widest).min(highest));
-        if (flat.x * flat.y).sqrt() >= least_scale(yarn) {
+        if (flat.x * flat.y).sqrt() >= min_scale(yarn) {
             return Ok(flat);
         }
         Err(Error::Jammed(format!(

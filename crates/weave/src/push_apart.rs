@@ -247,15 +247,15 @@ impl Bundle<'_> {
 /// the other way. Fibres cross the section at a slant, and what counts is their
 /// distance across themselves.
 #[inline]
-fn push(a: &Disc, b: &Disc, least_mm: f32) -> Vec2 {
+fn push(a: &Disc, b: &Disc, min_mm: f32) -> Vec2 {
     let apart = b.at_mm - a.at_mm;
     let along = 0.5 * apart.dot(a.slant + b.slant);
     let across = apart.length_squared() - along * along;
-    if across >= least_mm * least_mm {
+    if across >= min_mm * min_mm {
         return Vec2::ZERO;
     }
     let toward = apart.try_normalize().unwrap_or(Vec2::X);
-    0.5 * (least_mm - across.max(0.0).sqrt()) * toward
+    0.5 * (min_mm - across.max(0.0).sqrt()) * toward
 }
 
 /// Brings the shifts along a fibre, which closes, nearer to their neighbours'.

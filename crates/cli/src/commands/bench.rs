@@ -103,7 +103,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         args.memory.max_memory,
     )?;
     let with_scaling = args.scaling || !args.quick;
-    let trials = Bench::most_trials(&plan, &samples, with_scaling);
+    let trials = Bench::max_trials(&plan, &samples, with_scaling);
     let progress = Progress::new("rendering", trials as u64, args.common.quiet);
     let count = Cell::new(0);
     let done = || {

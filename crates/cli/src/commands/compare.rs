@@ -76,7 +76,7 @@ impl Command for CompareArgs {
 }
 
 /// Pairs of measured data that are compared at most.
-const MOST_DATA: usize = 2000;
+const MAX_DATA: usize = 2000;
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<()> {
@@ -194,7 +194,7 @@ pub fn read_data(path: &Path) -> Result<Vec<PairValue>> {
     } else {
         parse_values(&text).map_err(|e| input(format!("{}:{e}", path.display())))?
     };
-    let step = list.len().div_ceil(MOST_DATA).max(1);
+    let step = list.len().div_ceil(MAX_DATA).max(1);
     // Steps that share no factor with the width of a matrix visit all of it.
     Ok(list.into_iter().step_by(step).collect())
 }

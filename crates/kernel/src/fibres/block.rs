@@ -136,7 +136,7 @@ pub fn nearest<F: Floats>(
 pub struct PieceCode(pub u32);
 
 /// Pieces that can be numbered.
-pub const MOST_PIECES: u64 = 1 << 29;
+pub const MAX_PIECES: u64 = 1 << 29;
 
 impl PieceCode {
     /// `reach` is the larger extension of the piece's ends over the cell's least

@@ -12,11 +12,11 @@ use glam::{IVec2, IVec3, Vec3};
 /// Copies of the tile, in each direction, that a ray may pass without meeting a
 /// fibre: one exactly in the plane of the cloth, beside all fibres, would go on
 /// without end.
-const MOST_TILES: u32 = 4096;
+const MAX_TILES: u32 = 4096;
 
 /// Directions have no smaller component than this, so that dividing by it gives
 /// a number.
-const LEAST_COMPONENT: f32 = 1e-12;
+const MIN_COMPONENT: f32 = 1e-12;
 
 /// Where a ray is, and where it goes.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub struct CellRay {
     /// Where it ends, mm from its start.
     end_mm: f32,
     /// It meets nothing up to this distance from its start.
-    least_mm: f32,
+    min_mm: f32,
     cell: [i32; 3],
     period: [i32; 2],
     cells_left: u32,
@@ -71,14 +71,14 @@ impl CellRay {
             per_direction: [1.0; 3],
             gone_mm: 0.0,
             end_mm: 0.0,
-            least_mm: 0.0,
+            min_mm: 0.0,
             cell: [0; 3],
             period: [0; 2],
             cells_left: 0,
         }
     }
 
-    /// From a point along a unit direction: hits lie beyond `least_mm` and not
+    /// From a point along a unit direction: hits lie beyond `min_mm` and not
     /// beyond `end_mm`. `None` when it begins beyond a face of the grid and goes
     /// on away from it.
     #[inline]
@@ -86,7 +86,7 @@ impl CellRay {
         grid: &Grid,
         from: &GridPoint,
         direction: Vec3,
-        least_mm: f32,
+        min_mm: f32,
         end_mm: f32,
     ) -> Option<CellRay> {
         let mut cell = from.cell;
@@ -118,10 +118,10 @@ impl CellRay {
             cell[axis] = next;
         }
         let per = |d: f32| {
-            if d.abs() > LEAST_COMPONENT {
+            if d.abs() > MIN_COMPONENT {
                 1.0 / d
             } else {
-                (1.0 / LEAST_COMPONENT).copysign(d)
+                (1.0 / MIN_COMPONENT).copysign(d)
             }
         };
         let sum = grid.dims.element_sum() as u32;
@@ -131,10 +131,10 @@ impl CellRay {
             per_direction: direction.to_array().map(per),
             gone_mm: 0.0,
             end_mm,
-            least_mm,
+            min_mm,
             cell: cell.to_array(),
             period: period.to_array(),
-            cells_left: sum.saturating_mul(MOST_TILES),
+            cells_left: sum.saturating_mul(MAX_TILES),
         })
     }
 
@@ -168,7 +168,7 @@ impl CellRay {
             let ray = RayLanes {
                 at: V3::splat(Vec3::from_array(self.at)),
                 direction: V3::splat(Vec3::from_array(self.direction)),
-                least: F::splat((self.least_mm - self.gone_mm).max(-cells.lead_mm)),
+                least: F::splat((self.min_mm - self.gone_mm).max(-cells.lead_mm)),
                 most: F::splat(span.min(self.end_mm - self.gone_mm)),
             };
             let count = u64::from(head.block_count) + u64::from(head.hull_count);
@@ -276,7 +276,7 @@ impl CellRay {
             return true;
         }
         let (out, along) = self.relative(place, t);
-        let margin = margin * cells.least_edge_mm;
+        let margin = margin * cells.min_edge_mm;
         if along - place.low > margin && place.high - along > margin {
             return true;
         }

@@ -6,7 +6,7 @@
 //! places relative to the cell's centre: everything a ray needs lies side by
 //! side, and single precision is enough wherever the cloth is.
 
-use super::block::{BLOCK, Block, MOST_PIECES};
+use super::block::{BLOCK, Block, MAX_PIECES};
 use super::copies::{Copies, Ends};
 use super::grid::Grid;
 use super::hull::HullBlock;
@@ -48,7 +48,7 @@ pub struct Cells {
     pub grid: Grid,
     /// Half the edges of a cell, mm, and the least edge.
     pub half_mm: [f32; 3],
-    pub least_edge_mm: f32,
+    pub min_edge_mm: f32,
     /// How far the intervals of neighbouring cells overlap, mm.
     pub lead_mm: f32,
     /// How far a hit may lie beyond a plane that cuts a piece, mm.
@@ -77,7 +77,7 @@ pub struct Reached {
 
 impl Cells {
     /// Sorts all pieces into the cells of the box `bounds_mm` (in the world, as
-    /// the strands' `origin_mm`). `most_bytes` bounds what the cells take at the peak.
+    /// the strands' `origin_mm`). `max_bytes` bounds what the cells take at the peak.
     ///
     /// # Errors
     /// See [`Unfit`].
@@ -86,10 +86,10 @@ impl Cells {
         origin_mm: DVec3,
         bounds_mm: (DVec3, DVec3),
         repeats: bool,
-        most_bytes: u64,
+        max_bytes: u64,
     ) -> Result<Cells, Unfit> {
         let count = strands.joints.len();
-        if count as u64 > MOST_PIECES {
+        if count as u64 > MAX_PIECES {
             return Err(Unfit::TooMany);
         }
         let pieces: Vec<u32> = strands.pieces().collect();
@@ -113,7 +113,7 @@ impl Cells {
         let least = reached * (size_of::<(u32, Reached)>() + size_of::<Reached>()) as u64
             + (grid.count() * (size_of::<Head>() + 4)) as u64;
         let copied = reached * size_of::<Block>() as u64 / BLOCK as u64;
-        if least + copied > most_bytes {
+        if least + copied > max_bytes {
             return Err(Unfit::Memory(least + copied));
         }
         if reached > u64::from(u32::MAX) {
@@ -128,7 +128,7 @@ impl Cells {
             )
         });
         let bytes = least + (ends.0 * size_of::<Block>() + ends.1 * size_of::<HullBlock>()) as u64;
-        if bytes > most_bytes {
+        if bytes > max_bytes {
             return Err(Unfit::Memory(bytes));
         }
         let mut blocks = vec![Block::empty(); ends.0];
@@ -138,12 +138,12 @@ impl Cells {
             let cells = cell..(cell + CELLS_PER_TASK).min(heads.len());
             fill(&copies, cells, (&first, &sorted), blocks, hulls);
         });
-        let least_edge_mm = grid.cell_mm().min_element() as f32;
+        let min_edge_mm = grid.cell_mm().min_element() as f32;
         Ok(Cells {
             half_mm: (0.5 * grid.cell_mm()).as_vec3().to_array(),
-            least_edge_mm,
-            lead_mm: LEAD * least_edge_mm,
-            slack_mm: SLACK * least_edge_mm,
+            min_edge_mm,
+            lead_mm: LEAD * min_edge_mm,
+            slack_mm: SLACK * min_edge_mm,
             grid,
             heads,
             blocks,

@@ -8,7 +8,7 @@ use super::strands::{Joint, Strands};
 use glam::{DVec3, IVec3};
 
 /// Mitres that reach farther than this share of a piece's radius would be spikes.
-const MOST_MITRE_RADII: f64 = 4.0;
+const MAX_MITRE_RADII: f64 = 4.0;
 
 /// The strands, seen from a grid.
 pub struct Copies<'a> {
@@ -16,7 +16,7 @@ pub struct Copies<'a> {
     grid: &'a Grid,
     /// From the grid's least corner to what the strands are counted from.
     offset_mm: DVec3,
-    least_edge_mm: f64,
+    min_edge_mm: f64,
 }
 
 /// A piece in double precision, in the frame of a cell or of the grid.
@@ -43,7 +43,7 @@ pub struct Ends {
 pub fn mitre_mm(normal: DVec3, axis: DVec3, radius_mm: f64) -> f64 {
     let cosine = normal.dot(axis).abs();
     let sine = normal.cross(axis).length();
-    (radius_mm * sine / cosine.max(1e-9)).min(MOST_MITRE_RADII * radius_mm)
+    (radius_mm * sine / cosine.max(1e-9)).min(MAX_MITRE_RADII * radius_mm)
 }
 
 impl<'a> Copies<'a> {
@@ -52,7 +52,7 @@ impl<'a> Copies<'a> {
             strands,
             grid,
             offset_mm: origin_mm - grid.corner_mm(),
-            least_edge_mm: grid.cell_mm().min_element(),
+            min_edge_mm: grid.cell_mm().min_element(),
         }
     }
 
@@ -95,7 +95,7 @@ impl<'a> Copies<'a> {
             true => mitre_mm(j.tangent.as_dvec3(), axis, f64::from(j.radius_mm)),
             false => 0.0,
         });
-        let reach = mitre[0].max(mitre[1]) / self.least_edge_mm;
+        let reach = mitre[0].max(mitre[1]) / self.min_edge_mm;
         Ends {
             a: pa,
             b: pb,

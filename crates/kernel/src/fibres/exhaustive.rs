@@ -76,18 +76,18 @@ impl<'a> Exhaustive<'a> {
         }
     }
 
-    /// The first entry of a ray beyond `least_mm` and up to `most_mm`.
+    /// The first entry of a ray beyond `min_mm` and up to `max_mm`.
     pub fn first(
         &self,
         origin_mm: DVec3,
         direction: DVec3,
-        (least_mm, most_mm): (f64, f64),
+        (min_mm, max_mm): (f64, f64),
     ) -> Option<TriedEntry> {
         let mut best: Option<TriedEntry> = None;
         for candidate in &self.near {
-            let most = best.map_or(most_mm, |b| b.distance_mm);
+            let most = best.map_or(max_mm, |b| b.distance_mm);
             if let Some(found) = self.entry(candidate, origin_mm, direction)
-                && found.distance_mm > least_mm
+                && found.distance_mm > min_mm
                 && found.distance_mm < most
             {
                 best = Some(found);

@@ -3,11 +3,11 @@
 use glam::{DVec3, IVec2, IVec3, Vec3};
 
 /// Cells are at least so many for every piece of fibre before they are made wider.
-const MOST_CELLS_PER_PIECE: f64 = 4.0;
+const MAX_CELLS_PER_PIECE: f64 = 4.0;
 /// A small set may have so many.
 const FREE_CELLS: f64 = 65_536.0;
 /// No grid has more.
-const MOST_CELLS: f64 = 268_435_456.0;
+const MAX_CELLS: f64 = 268_435_456.0;
 
 /// Equal boxes that fill one period, or all there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +40,7 @@ impl Grid {
         repeats: bool,
     ) -> Grid {
         let size = (max_mm - min_mm).max(DVec3::splat(1e-6));
-        let most = (MOST_CELLS_PER_PIECE * pieces as f64 + FREE_CELLS).min(MOST_CELLS);
+        let most = (MAX_CELLS_PER_PIECE * pieces as f64 + FREE_CELLS).min(MAX_CELLS);
         let count = |edge: f64| (size / edge).ceil().max(DVec3::ONE).element_product();
         let mut edge = edge_mm.max(1e-6);
         while count(edge) > most {

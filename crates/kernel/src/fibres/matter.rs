@@ -35,7 +35,7 @@ pub(super) struct Entry {
     /// From the ray's origin, mm.
     pub distance_mm: f64,
     /// No hit up to here, mm from the entry.
-    pub least_mm: f32,
+    pub min_mm: f32,
     /// The way out, mm from the entry; infinite where the grid's faces decide.
     pub end_mm: f32,
 }
@@ -43,7 +43,7 @@ pub(super) struct Entry {
 impl FibreMatter {
     /// Lays out fibres whose joints are counted from `origin_mm`. `reach` is the
     /// box of the tile and how far its copies go; `fibres` is indexed by the
-    /// strands' materials. Cells take at most `most_bytes`.
+    /// strands' materials. Cells take at most `max_bytes`.
     ///
     /// # Errors
     /// See [`Unfit`].
@@ -52,7 +52,7 @@ impl FibreMatter {
         origin_mm: Vec3,
         reach: &CellGrid,
         fibres: &[Fibre],
-        most_bytes: u64,
+        max_bytes: u64,
     ) -> Result<FibreMatter, Unfit> {
         let bounds = reach.bounds_mm();
         let mut low = bounds.min.as_dvec3();
@@ -69,7 +69,7 @@ impl FibreMatter {
             origin_mm.as_dvec3(),
             (low, high),
             reach.repeats(),
-            most_bytes,
+            max_bytes,
         )?;
         let thinnest = strands.joints.iter().map(|j| j.radius_mm);
         let all = reach.reach_mm();
@@ -111,7 +111,7 @@ impl FibreMatter {
         Some(Entry {
             at,
             distance_mm: start,
-            least_mm: if start > 0.0 { 0.0 } else { self.start_mm },
+            min_mm: if start > 0.0 { 0.0 } else { self.start_mm },
             end_mm: self.end_mm(far - start),
         })
     }
@@ -160,7 +160,7 @@ impl FibreMatter {
         let entry = self.enter(origin_mm, direction)?;
         let d = direction.as_vec3();
         let grid = &self.cells.grid;
-        let mut ray = CellRay::new(grid, &entry.at, d, entry.least_mm, entry.end_mm)?;
+        let mut ray = CellRay::new(grid, &entry.at, d, entry.min_mm, entry.end_mm)?;
         loop {
             match ray.visit::<one::F>(&self.cells, &self.joints, false, &mut 0) {
                 Visit::Met(hit) => return Some(self.entry(&hit, entry.distance_mm)),

@@ -14,7 +14,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
 
 /// Tries to draw an inclination before the last one is taken.
-const MOST_TRIES: u32 = 2048;
+const MAX_TRIES: u32 = 2048;
 
 /// What is met, and by what.
 pub struct Met<F: Floats> {
@@ -306,7 +306,7 @@ impl<F: Floats> NearEvent<F> {
         // makes of it.
         let (mut sin, mut cos) = (F::splat(0.0), one);
         let mut left = mask;
-        for _ in 0..MOST_TRIES {
+        for _ in 0..MAX_TRIES {
             let [u, v, keep] = rng.units(left);
             let turns = normal(u, v) * blur * F::splat(1.0 / TAU);
             let (s, c) = sin_cos_of_turns(turns - turns.floor());
@@ -315,7 +315,7 @@ impl<F: Floats> NearEvent<F> {
             sin = drawn_sin.or_where_not(left, sin);
             cos = drawn_cos.or_where_not(left, cos);
             let drawing = optics.mean_scale(m, drawn_cos) * drawn_cos * drawn_cos;
-            left = left & !(keep * m.most_drawn).below(drawing);
+            left = left & !(keep * m.max_drawn).below(drawing);
             if !left.any() {
                 break;
             }

@@ -38,7 +38,7 @@ pub struct Material<F: Floats> {
     pub inverse_azimuth_blur: F,
     /// Square of the blur of R, by which c is kept finite near the axis.
     near_axis: F,
-    pub most_drawn: F,
+    pub max_drawn: F,
     nodes: F,
     first_node: F::Ints,
 }
@@ -84,7 +84,7 @@ impl Optics {
             head.push((1.0 / parts.azimuthal_rad).to_bits());
             let blur = parts.blurs_rad[0];
             head.push((blur * blur).to_bits());
-            head.push(parts.most_drawn.to_bits());
+            head.push(parts.max_drawn.to_bits());
             head.push((parts.balance.len() as f32).to_bits());
             head.push(first);
             words[i * HEAD as usize..][..head.len()].copy_from_slice(&head);
@@ -120,7 +120,7 @@ impl Optics {
             azimuth_blur: at.number(20),
             inverse_azimuth_blur: at.number(21),
             near_axis: at.number(22),
-            most_drawn: at.number(23),
+            max_drawn: at.number(23),
             nodes: at.number(24),
             first_node: at.bits(25),
         }

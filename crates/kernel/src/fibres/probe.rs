@@ -21,7 +21,7 @@ pub struct FibreProbe {
 
 /// Longest path in events: one that is never absorbed and cannot get out would not
 /// end.
-const MOST_EVENTS: u32 = 1 << 20;
+const MAX_EVENTS: u32 = 1 << 20;
 
 /// Paths to trace.
 pub struct ProbePaths<'a> {
@@ -62,7 +62,7 @@ impl FibreProbe {
         let walk = Walk {
             matter: &self.matter,
             lights: paths.lights,
-            max_bounces: MOST_EVENTS,
+            max_bounces: MAX_EVENTS,
         };
         let stats = run(&walk, self.backend, &mut work);
         (work.samples, stats)

@@ -168,8 +168,8 @@ fn point(paths: &Paths, slot: usize, at_mm: Vec3) -> GridPoint {
 
 /// A ray that starts at a fibre.
 #[inline]
-fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, most_mm: f32) -> Option<CellRay> {
-    let end = matter.way_out_mm(from, toward).min(most_mm);
+fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, max_mm: f32) -> Option<CellRay> {
+    let end = matter.way_out_mm(from, toward).min(max_mm);
     CellRay::new(&matter.cells.grid, from, toward, matter.start_mm, end)
 }
 

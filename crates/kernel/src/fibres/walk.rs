@@ -119,7 +119,7 @@ impl Walk<'_> {
         paths.met.distance[slot] = f32::INFINITY;
         let grid = &self.matter.cells.grid;
         let entry = self.matter.enter(origin_mm, direction);
-        let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.least_mm, e.end_mm));
+        let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.before_mm[slot] = entry.map_or(0.0, |e| e.distance_mm);
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
         paths.state[slot] = if ray.is_some() {

@@ -30,11 +30,11 @@ const SKY_CONTRAST: f64 = 4.0;
 /// which one table serves; and most lamps. What is left over goes to the
 /// nearest: a table that fits badly costs exact rays and nothing else.
 const RIM_COSINE: f32 = 0.94;
-const MOST_LAMPS: usize = 4;
+const MAX_LAMPS: usize = 4;
 
 /// What is brighter than the sky may be is left in it when it is less than this
 /// share of the picture's light.
-const LEAST_SHARE: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 
 /// Rounds in which the bound and the mean of what stays below it settle.
 const ROUNDS: usize = 64;
@@ -295,7 +295,7 @@ impl Parts {
     pub fn bytes(&self, cell_grid: &CellGrid) -> u64 {
         let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();
         4 * (u64::from(2 * TEXEL) * self.sky.len() as u64 + u64::from(PLACE) * places as u64)
-            + LightTable::most_bytes(cell_grid, self.lamps.len() as u64)
+            + LightTable::max_bytes(cell_grid, self.lamps.len() as u64)
     }
 
     /// Takes a picture apart.
@@ -321,7 +321,7 @@ impl Parts {
             most = SKY_CONTRAST * mean_up_to(most);
         }
         let mut bright = Vec::new();
-        if mean - mean_up_to(most) > LEAST_SHARE * mean {
+        if mean - mean_up_to(most) > MIN_SHARE * mean {
             for (row, y) in rows() {
                 for (&p, x) in row.iter().zip(0..) {
                     let luminance = f64::from(p.luminance());
@@ -354,7 +354,7 @@ impl Parts {
 /// Texels in caps around the brightest.
 fn gather_lamps(mut texels: Vec<Texel>) -> Vec<Vec<Texel>> {
     let mut lamps: Vec<(Vec3, Vec<Texel>)> = Vec::new();
-    while lamps.len() < MOST_LAMPS {
+    while lamps.len() < MAX_LAMPS {
         let brightest =
             |a: &&Texel, b: &&Texel| a.radiance.luminance().total_cmp(&b.radiance.luminance());
         let Some(middle) = texels.iter().max_by(brightest).map(|t| t.toward) else {

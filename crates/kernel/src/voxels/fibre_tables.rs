@@ -42,13 +42,13 @@ pub const ROW_HEAD: u32 = 1 + FAR_LOBES as u32;
 /// What chances of lobes are of.
 pub const CHANCES: f32 = 65_535.0;
 /// A lobe is drawn at least so often where it may carry light.
-const LEAST_CHANCE: f64 = 64.0;
+const MIN_CHANCE: f64 = 64.0;
 /// Spreads above this are drawn from by way of an even polar angle.
 pub const WIDE_RAD: f32 = 1.0;
 
 const MANTISSA: f32 = 511.0;
 /// Exponent of the colour code zero: of 2.
-const LEAST_EXPONENT: i32 = -20;
+const MIN_EXPONENT: i32 = -20;
 
 /// The fibres of a medium.
 pub struct FibreTables {
@@ -237,7 +237,7 @@ impl Row {
     fn bounds(&self, bright: [bool; FAR_LOBES]) -> [u32; 2] {
         let all: f64 = self.totals.iter().sum::<f64>().max(1e-30);
         let chance = |p: usize| match bright[p] {
-            true => (self.totals[p] / all * f64::from(CHANCES)).max(LEAST_CHANCE),
+            true => (self.totals[p] / all * f64::from(CHANCES)).max(MIN_CHANCE),
             false => 0.0,
         };
         let sum = chance(0) + chance(1) + chance(2);
@@ -270,8 +270,8 @@ fn alias_code(&(own, other): &(f32, u32)) -> u32 {
 fn colour_code(colour: [f32; 3]) -> u32 {
     let most = colour.into_iter().fold(0.0, f32::max);
     let exponent = (most / MANTISSA).max(f32::MIN_POSITIVE).log2().ceil() as i32;
-    let code = (exponent - LEAST_EXPONENT).clamp(0, 31);
-    let per_step = 2f32.powi(-(code + LEAST_EXPONENT));
+    let code = (exponent - MIN_EXPONENT).clamp(0, 31);
+    let per_step = 2f32.powi(-(code + MIN_EXPONENT));
     let [r, g, b] = colour.map(|c| (c * per_step).round().min(MANTISSA) as u32);
     r | g << 9 | b << 18 | (code as u32) << 27
 }
@@ -280,7 +280,7 @@ fn colour_code(colour: [f32; 3]) -> u32 {
 #[inline(always)]
 pub fn colour<U: Ints>(code: U) -> V3<U::Floats> {
     let mantissa = U::splat(0x1ff);
-    let exponent = code.shr::<27>() + U::splat((127 + LEAST_EXPONENT) as u32);
+    let exponent = code.shr::<27>() + U::splat((127 + MIN_EXPONENT) as u32);
     let scale = exponent.shl::<23>().as_floats();
     V3 {
         x: (code & mantissa).to_floats() * scale,

@@ -4,7 +4,7 @@ use super::event::{Event, Meeting};
 use super::fibre_tables::{FibreTables, area_squared, end_on_ratio};
 use super::fibres::Fibres;
 use super::voxel_words::{VoxelWords, pack};
-use crate::MOST_BLUR_RAD;
+use crate::MAX_KERNEL_BLUR_RAD;
 use crate::cpu::lanes::{Floats, Ints, one};
 use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::Vec3;
@@ -255,7 +255,7 @@ fn lanes_draw_what_they_scatter() {
 }
 
 /// What an event among parallel fibres sends on, and how unevenly: the reason for
-/// [`MOST_BLUR_RAD`].
+/// [`MAX_KERNEL_BLUR_RAD`].
 #[test]
 fn weights_of_fibres_that_are_taken_are_even() {
     let (narrow, axis, _) = population(Vec3::Z, 1e-3);
@@ -285,7 +285,7 @@ fn weights_of_fibres_that_are_taken_are_even() {
             is_taken,
             "seed 65, {blur_deg}: {weights:?}"
         );
-        assert_eq!(blur_deg.to_radians() <= MOST_BLUR_RAD, is_taken);
+        assert_eq!(blur_deg.to_radians() <= MAX_KERNEL_BLUR_RAD, is_taken);
     }
 }
 

@@ -102,7 +102,7 @@ impl FlatMedium {
 
     /// Bytes that a medium with so many voxels takes at the least, all working
     /// space while it is built included.
-    pub fn least_bytes(cell_grid: &CellGrid) -> u64 {
+    pub fn min_bytes(cell_grid: &CellGrid) -> u64 {
         28 * cell_grid.dims().as_u64vec3().element_product()
     }
 

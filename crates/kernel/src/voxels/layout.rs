@@ -194,24 +194,24 @@ impl Filler {
 /// `2^-28 M`, sixteen times less.)
 ///
 /// Places are 24 bits, too: mean free paths are kept to several of their steps.
-fn check_range(cell_grid: &CellGrid, most_per_mm: f32, least_per_mm: f32) -> Result<(), Unsuited> {
+fn check_range(cell_grid: &CellGrid, max_per_mm: f32, min_per_mm: f32) -> Result<(), Unsuited> {
     const STEP: f32 = 1.0 / (1 << 24) as f32;
-    const MOST_ERROR: f32 = 5e-4;
+    const MAX_ERROR: f32 = 5e-4;
     let size_mm = cell_grid.bounds_mm().size();
     let way_mm = if cell_grid.repeats() {
         size_mm.z
     } else {
         size_mm.length()
     };
-    let depth = most_per_mm * way_mm;
-    let is_kept = |error: f32| error <= MOST_ERROR;
-    let is_thin_kept = least_per_mm == f32::INFINITY
-        || is_kept(0.37 * STEP * (most_per_mm / least_per_mm))
+    let depth = max_per_mm * way_mm;
+    let is_kept = |error: f32| error <= MAX_ERROR;
+    let is_thin_kept = min_per_mm == f32::INFINITY
+        || is_kept(0.37 * STEP * (max_per_mm / min_per_mm))
         || is_kept(STEP * depth);
     if !is_thin_kept {
         return Err(Unsuited::Contrast(depth));
     }
-    let voxel_depth = most_per_mm * cell_grid.voxel_mm().max_element();
+    let voxel_depth = max_per_mm * cell_grid.voxel_mm().max_element();
     let places = cell_grid.dims().max_element() as f32;
     if voxel_depth * places * 2.0 * STEP > 0.25 || voxel_depth.is_nan() {
         return Err(Unsuited::Dense(voxel_depth));

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 /// Greatest optical depth in the table: the light left, 4e-5, does not matter
 /// to the difference.
-pub const MOST_DEPTH: f32 = 10.0;
+pub const MAX_DEPTH: f32 = 10.0;
 
 /// What is added to what a table lets through when a ray is chosen: where it is
 /// wrong about darkness, rays must not be too rare.
@@ -31,11 +31,11 @@ pub const RESIDUAL_FLOOR_OF_GUESSES: f32 = 0.05;
 const DEPTH_PER_CELL: f32 = 0.7;
 
 /// Most cells along the edge of a voxel.
-const MOST_PER_VOXEL: u32 = 3;
+const MAX_PER_VOXEL: u32 = 3;
 
 /// Most voxels that the way from a node to the border is followed through. What
 /// nearly horizontal light meets behind them is missing from the table.
-const MOST_STEPS: usize = 4096;
+const MAX_STEPS: usize = 4096;
 
 /// Where the nodes of a table are: in the middles of cells that divide voxels.
 #[derive(Clone, Copy, Debug)]
@@ -119,7 +119,7 @@ pub fn depth<F: Floats>(depths: &[u32], lights: usize, light: usize, corners: &C
     let high = low + F::Ints::splat(lights as u32);
     let low = between_four(low.gather(depths), corners.x, corners.y);
     let high = between_four(high.gather(depths), corners.x, corners.y);
-    (high - low).mul_add(corners.z, low) * F::splat(MOST_DEPTH / 255.0)
+    (high - low).mul_add(corners.z, low) * F::splat(MAX_DEPTH / 255.0)
 }
 
 /// The words of all lights side by side: those of a node are one look-up.
@@ -165,7 +165,7 @@ pub struct LightTable {
     /// Exact rays are traced as if the table let so much more through.
     pub residual_floor: f32,
     pub nodes: Nodes,
-    /// Four optical depths a word, in 255 steps up to [`MOST_DEPTH`]: of the
+    /// Four optical depths a word, in 255 steps up to [`MAX_DEPTH`]: of the
     /// node, of its neighbours in x, in y and in both; z fastest, then x, y: a
     /// look-up takes two that lie one above the other. Empty once the words
     /// of all lights are [side by side](side_by_side).
@@ -207,9 +207,9 @@ impl LightTable {
     }
 
     /// Bytes that tables of so many lights take at the most.
-    pub fn most_bytes(cell_grid: &CellGrid, lights: u64) -> u64 {
+    pub fn max_bytes(cell_grid: &CellGrid, lights: u64) -> u64 {
         let voxels = cell_grid.dims().as_u64vec3().element_product();
-        let nodes = u64::from(MOST_PER_VOXEL).pow(3);
+        let nodes = u64::from(MAX_PER_VOXEL).pow(3);
         // Depths once more while they are packed and put side by side.
         voxels * (lights * 4 * (1 + 2 * nodes) + 4 * nodes)
     }
@@ -220,7 +220,7 @@ impl LightTable {
     }
 
     /// Optical depths from the nodes, the middles of the table's cells, in 255
-    /// steps up to [`MOST_DEPTH`].
+    /// steps up to [`MAX_DEPTH`].
     ///
     /// All nodes at one place in their voxels share one way to the light; what
     /// a row of them meets in a piece of it is a row of voxels.
@@ -242,7 +242,7 @@ impl LightTable {
                     sums.fill(0.0);
                     self.add_way(way, y / per, z / per, sums);
                     for (out, &sum) in out[x..].iter_mut().step_by(per).zip(&*sums) {
-                        *out = (sum.min(MOST_DEPTH) * (255.0 / MOST_DEPTH) + 0.5) as u8;
+                        *out = (sum.min(MAX_DEPTH) * (255.0 / MAX_DEPTH) + 0.5) as u8;
                     }
                 }
             },
@@ -292,7 +292,7 @@ impl LightTable {
         let mut walk = VoxelWalk::new(&self.cell_grid, start, self.to_light);
         let dims = self.cell_grid.dims().as_ivec3();
         let mut way = Vec::new();
-        while way.len() < MOST_STEPS {
+        while way.len() < MAX_STEPS {
             let offset = walk.cell;
             let out = |axis: usize| offset[axis].abs() >= dims[axis];
             if out(2) || !self.cell_grid.repeats() && (out(0) || out(1)) {
@@ -362,7 +362,7 @@ fn nodes_per_voxel(cell_grid: &CellGrid, extinction_per_mm: &[f32]) -> u32 {
     let typical = if sum > 0.0 { of_squares / sum } else { 0.0 };
     let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
     let depth = typical as f32 * voxel_mm;
-    ((depth / DEPTH_PER_CELL).round() as u32).clamp(1, MOST_PER_VOXEL)
+    ((depth / DEPTH_PER_CELL).round() as u32).clamp(1, MAX_PER_VOXEL)
 }
 
 /// Steps from voxel to voxel along a ray.

@@ -241,8 +241,8 @@ fn tables_hold_exact_depths() {
                     let mean = (0..500).map(&mut stopped).sum::<f32>() / 500.0;
                     assert!((mean - (-exact).exp()).abs() < 2e-3, "{mean}, {exact}");
                 }
-                let depth = (word & 0xff) as f32 * (light_table::MOST_DEPTH / 255.0);
-                let least = exact.min(light_table::MOST_DEPTH);
+                let depth = (word & 0xff) as f32 * (light_table::MAX_DEPTH / 255.0);
+                let least = exact.min(light_table::MAX_DEPTH);
                 assert!((depth - least).abs() < 0.025, "{depth}, {exact} at {p}");
             }
         }

@@ -12,7 +12,7 @@ use organza_light::RectangleLight;
 
 /// Greatest area over the squared distance from the matter: nearer light is
 /// better found by the walk, too.
-const MOST_SOLID_ANGLE: f32 = 16.0;
+const MAX_SOLID_ANGLE: f32 = 16.0;
 
 /// A rectangle as the matter sees it.
 pub struct Panel {
@@ -38,7 +38,7 @@ impl Panel {
         let apart_mm = (low - matter.max).max(matter.min - high).max_element();
         let cross = u.cross(v);
         let area_mm2 = cross.length();
-        let far = apart_mm > 0.0 && area_mm2 <= MOST_SOLID_ANGLE * apart_mm * apart_mm;
+        let far = apart_mm > 0.0 && area_mm2 <= MAX_SOLID_ANGLE * apart_mm * apart_mm;
         far.then(|| Panel {
             rectangle: *rectangle,
             corner_mm: corner - cell_grid.bounds_mm().min,
@@ -100,7 +100,7 @@ impl Panel {
 
     /// The greatest irradiance in the matter, or radiance, over the radiance.
     pub fn brightness(&self) -> f32 {
-        self.rectangle.radiance().max_component() * MOST_SOLID_ANGLE
+        self.rectangle.radiance().max_component() * MAX_SOLID_ANGLE
     }
 
     /// Its radiance.

@@ -19,8 +19,8 @@ pub const SHOWN_NODES: u32 = 65;
 
 /// Spreads of a table from which ratios are inverted: between the first and the last,
 /// radians, in even steps of the logarithm. Below the first the ratio is proportional.
-const LEAST_RAD: f64 = 1e-3;
-const MOST_RAD: f64 = 20.0;
+const MIN_RAD: f64 = 1e-3;
+const MAX_RAD: f64 = 20.0;
 const STEPS: usize = 1000;
 
 /// Tables of populations.
@@ -44,13 +44,13 @@ pub fn populations() -> &'static PopulationTables {
 impl PopulationTables {
     fn new() -> PopulationTables {
         let rule = gauss_legendre(16);
-        let step = (MOST_RAD / LEAST_RAD).ln() / STEPS as f64;
+        let step = (MAX_RAD / MIN_RAD).ln() / STEPS as f64;
         // Logarithms of the ratio, of the spread, and of what weights are divided by
         // over the spread: straight enough between steps to be kept to 2e-5.
         let curve: Vec<[f64; 3]> = (0..=STEPS)
             .into_par_iter()
             .map(|i| {
-                let spread = LEAST_RAD * (step * i as f64).exp();
+                let spread = MIN_RAD * (step * i as f64).exp();
                 let across = shown(1.0, spread, &rule);
                 let ratio = shown(0.0, spread, &rule) / across;
                 [ratio, spread, mass(spread, &rule) * across / spread].map(f64::ln)

@@ -4,7 +4,7 @@ use glam::{IVec3, Vec3};
 use organza_basis::CellGrid;
 
 /// A ray along an endless slab without matter in its way has to end some time.
-const MOST_STEPS: u64 = 1 << 20;
+const MAX_STEPS: u64 = 1 << 20;
 
 /// The way of light to a place.
 pub struct ShadowRay<'a> {
@@ -51,7 +51,7 @@ impl ShadowRay<'_> {
             depth += extinction * (next_mm.min(self.reach_mm) - at_mm).max(0.0);
             at_mm = next_mm;
             steps += 1;
-            if depth > stop || steps > MOST_STEPS {
+            if depth > stop || steps > MAX_STEPS {
                 return (0.0, steps);
             }
             // Through an edge both borders are passed at once.

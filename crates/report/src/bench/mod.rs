@@ -42,10 +42,10 @@ pub struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// The number of renders that [`Bench::run`] makes at most.
-    pub fn most_trials(plan: &Plan, samples: &[Sample], with_scaling: bool) -> usize {
+    pub fn max_trials(plan: &Plan, samples: &[Sample], with_scaling: bool) -> usize {
         let choices = |s: &Sample| plan.views().len() * (1 + plan.choices(s).len());
         let scaling = if with_scaling {
-            scaling::most_trials(plan.quick)
+            scaling::max_trials(plan.quick)
         } else {
             0
         };

@@ -106,7 +106,7 @@ const MODELS: [Choice; 2] = [
 ];
 
 /// Renders that [`measure`] makes at most.
-pub(super) fn most_trials(quick: bool) -> usize {
+pub(super) fn max_trials(quick: bool) -> usize {
     let steps: usize = Size::ALL.iter().map(|s| s.steps(quick).len()).sum();
     MODELS.len() * steps
 }

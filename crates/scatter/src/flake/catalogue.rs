@@ -109,12 +109,12 @@ mod tests {
     use super::*;
     use crate::Lobe;
     use glam::Vec3;
-    use organza_basis::{FibreComponent, Mixture, Moments, PathRng, Rgb, warp};
+    use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb, warp};
 
     fn mixture() -> Mixture {
         let mut mixture = Mixture::EMPTY;
         for (axis, material) in [(Vec3::X, 0), (Vec3::new(0.0, 0.6, 0.8), 1)] {
-            mixture.push(FibreComponent {
+            mixture.push(FibrePopulation {
                 length_density_per_mm2: 40.0 + 30.0 * f32::from(material),
                 axis,
                 spread_rad: 0.3,

@@ -5,7 +5,7 @@ use super::{DiffuseFlake, FlakeScattering, MicroFlake};
 use crate::population::{FlakeMaterials, ShapeTable};
 use crate::{AxialFlake, FlakeOptics, Lobe, LobeSample};
 use glam::Vec3;
-use organza_basis::{FibreComponent, Mixture, PathRng, Rgb};
+use organza_basis::{FibrePopulation, Mixture, PathRng, Rgb};
 
 /// The populations of a cloth as flakes of one distribution. Provided methods
 /// scatter as mirrors.
@@ -14,13 +14,13 @@ pub trait PopulationFlakes {
     type Flakes: MicroFlake;
 
     /// Extinction of a population toward `w`, 1/mm: at most its broadside one.
-    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32;
+    fn extinction(&self, c: &FibrePopulation, w: Vec3) -> f32;
 
     /// Its flakes, at any scale.
-    fn flakes(&self, c: &FibreComponent) -> Self::Flakes;
+    fn flakes(&self, c: &FibrePopulation) -> Self::Flakes;
 
     /// Albedo of its material.
-    fn albedo(&self, c: &FibreComponent) -> Rgb;
+    fn albedo(&self, c: &FibrePopulation) -> Rgb;
 
     /// Extinction of all toward `w`, 1/mm.
     fn total(&self, site: &Mixture, w: Vec3) -> f32 {
@@ -33,7 +33,7 @@ pub trait PopulationFlakes {
         site: &'a Mixture,
         w_out: Vec3,
         rng: &mut PathRng,
-    ) -> Option<&'a FibreComponent> {
+    ) -> Option<&'a FibrePopulation> {
         let mut left = rng.unit() * self.total(site, w_out);
         let (last, before) = site.as_slice().split_last()?;
         let found = before.iter().find(|c| {
@@ -152,7 +152,7 @@ impl PopulationFlakes for FlakeMaterials {
 
     /// Without building the flake: `sqrt(e^2 + (1 - e^2) sin^2)` times the
     /// broadside value.
-    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
+    fn extinction(&self, c: &FibrePopulation, w: Vec3) -> f32 {
         let (broadside, end_on) = self.shape(c);
         let along = c.axis.dot(w);
         let sin_sq = (1.0 - along * along).max(0.0);
@@ -160,11 +160,11 @@ impl PopulationFlakes for FlakeMaterials {
         c.broadside_per_mm() * broadside * area
     }
 
-    fn flakes(&self, c: &FibreComponent) -> AxialFlake {
+    fn flakes(&self, c: &FibrePopulation) -> AxialFlake {
         self.flake(c)
     }
 
-    fn albedo(&self, c: &FibreComponent) -> Rgb {
+    fn albedo(&self, c: &FibrePopulation) -> Rgb {
         FlakeMaterials::albedo(self, c)
     }
 }
@@ -200,7 +200,7 @@ impl<P: BandProfile + Copy> Bands<P> {
     /// Rows are taken whole, not mixed, so that sampler and density stay those
     /// of one profile: a spread s is then off by less than (1 + s)^2 / 1000, as
     /// it is by being stored in eight bits.
-    fn band(&self, c: &FibreComponent) -> &Band<P> {
+    fn band(&self, c: &FibrePopulation) -> &Band<P> {
         self.materials[usize::from(c.material)]
             .1
             .nearest(c.spread_rad)
@@ -210,18 +210,18 @@ impl<P: BandProfile + Copy> Bands<P> {
 impl<P: BandProfile + Copy> PopulationFlakes for Bands<P> {
     type Flakes = BandFlakes<P>;
 
-    fn extinction(&self, c: &FibreComponent, w: Vec3) -> f32 {
+    fn extinction(&self, c: &FibrePopulation, w: Vec3) -> f32 {
         let band = self.band(c);
         let sine = c.axis.cross(w).length().min(1.0);
         // The bound holds but for the table's thousandth.
         c.broadside_per_mm() * (band.scale * band.profile.projected_area(sine)).min(1.0)
     }
 
-    fn flakes(&self, c: &FibreComponent) -> BandFlakes<P> {
+    fn flakes(&self, c: &FibrePopulation) -> BandFlakes<P> {
         BandFlakes::new(c.axis, self.band(c).profile)
     }
 
-    fn albedo(&self, c: &FibreComponent) -> Rgb {
+    fn albedo(&self, c: &FibrePopulation) -> Rgb {
         self.materials[usize::from(c.material)].0
     }
 }
@@ -271,7 +271,7 @@ mod tests {
                 Bands::<SineBand>::new(&optics),
             );
             for spread_rad in [0.02f32, 0.1, 0.3, 0.8, 3.0] {
-                let c = FibreComponent {
+                let c = FibrePopulation {
                     length_density_per_mm2: 50.0,
                     axis: Vec3::Z,
                     spread_rad,

@@ -44,8 +44,8 @@ impl Traits {
             per_cm(&figures.weft),
             figures.wales_per_cm,
         ];
-        let least_mm = figures.tile_mm[0].min(figures.tile_mm[1]);
-        let densest = denser.into_iter().flatten().fold(10.0 / least_mm, f64::max);
+        let min_mm = figures.tile_mm[0].min(figures.tile_mm[1]);
+        let densest = denser.into_iter().flatten().fold(10.0 / min_mm, f64::max);
         Traits {
             spacing_mm: 10.0 / densest,
             openness: 1.0 - figures.cover_factor,

@@ -87,7 +87,7 @@ const FACE_SLACK_MM: f64 = 1e-9;
 /// Copies of the tile that a ray may pass without meeting a fibre before it
 /// counts as one that never does: one exactly in the plane of the cloth, beside
 /// all fibres, would go on without end.
-const MOST_TILES: u32 = 65_536;
+const MAX_TILES: u32 = 65_536;
 
 /// Explicit fibres of one tile, alone or repeated without end.
 pub struct ExplicitFibres {
@@ -183,20 +183,14 @@ impl ExplicitFibres {
         &mut self.cell_grid
     }
 
-    /// The fibres in cells for waves of rays, which take at most `most_bytes`.
+    /// The fibres in cells for waves of rays, which take at most `max_bytes`.
     ///
     /// # Errors
     /// See [`Unfit`].
-    pub fn matter(&self, most_bytes: u64) -> Result<FibreMatter, Unfit> {
+    pub fn matter(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
         let origin_mm = self.origin_mm.as_vec3();
         let strands = self.curves.strands();
-        FibreMatter::new(
-            strands,
-            origin_mm,
-            &self.cell_grid,
-            &self.fibres,
-            most_bytes,
-        )
+        FibreMatter::new(strands, origin_mm, &self.cell_grid, &self.fibres, max_bytes)
     }
 
     fn hierarchy(&self) -> &Hierarchy {
@@ -249,7 +243,7 @@ impl ExplicitFibres {
         for axis in 0..2 {
             p[axis] = p[axis].rem_euclid(self.period_mm[axis]);
         }
-        for _ in 0..MOST_TILES {
+        for _ in 0..MAX_TILES {
             let ahead = |axis: usize| match d[axis] {
                 0.0 => f64::INFINITY,
                 along if along > 0.0 => (self.period_mm[axis] - p[axis]) / along,

@@ -1,6 +1,6 @@
 //! How much of the volume fibres fill where they are.
 
-use organza_basis::FibreComponent;
+use organza_basis::FibrePopulation;
 use organza_scatter::packing_fraction;
 use organza_volume::Octree;
 
@@ -32,7 +32,8 @@ pub fn packing_by_material(octree: &Octree, radius_mm: f32, materials: usize) ->
     octree.for_each_occupied(level, |cell| {
         let mixture = octree.mixture(level, cell);
         let populations = mixture.as_slice();
-        let fraction = |c: &FibreComponent| packing_fraction(c.length_density_per_mm2, c.radius_mm);
+        let fraction =
+            |c: &FibrePopulation| packing_fraction(c.length_density_per_mm2, c.radius_mm);
         let packing: f32 = populations.iter().map(fraction).sum();
         for c in populations {
             if let Some(sum) = sums.get_mut(usize::from(c.material)) {

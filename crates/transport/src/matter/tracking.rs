@@ -26,16 +26,16 @@ const SHADOW_ROULETTE: f32 = 0.1;
 /// Optical depth of a span at its majorant above which it is stepped through instead of
 /// tracked: far above what cloth has, and where one thin voxel beside a dense one would
 /// cost as many look-ups as the dense one has mean free paths in the span.
-const MOST_SPAN_DEPTH: f32 = 1024.0;
+const MAX_SPAN_DEPTH: f32 = 1024.0;
 
 /// Steps through such a span where voxels are not constant.
 const STEPS: u32 = 1024;
 
 /// Optical depth behind which `f32` sees nothing.
-const LEAST_SEEN_DEPTH: f32 = 88.0;
+const MIN_SEEN_DEPTH: f32 = 88.0;
 
 fn is_very_dense(span: &CellSpan, majorant: f32) -> bool {
-    (span.t1 - span.t0) * majorant > MOST_SPAN_DEPTH
+    (span.t1 - span.t0) * majorant > MAX_SPAN_DEPTH
 }
 
 /// Visits a span of a ray in order, `[t0, t1]` and what is there: voxel by voxel where
@@ -143,14 +143,14 @@ pub fn transmittance<M: Medium>(
             let _ = step_through(medium, ray, span, rng, |t0, t1, site| {
                 stats.shadow_steps += 1;
                 span_depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
-                if span_depth > LEAST_SEEN_DEPTH {
+                if span_depth > MIN_SEEN_DEPTH {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())
                 }
             });
             transmitted *= (-span_depth).exp();
-            return if span_depth > LEAST_SEEN_DEPTH {
+            return if span_depth > MIN_SEEN_DEPTH {
                 transmitted = 0.0;
                 ControlFlow::Break(())
             } else {
@@ -221,7 +221,7 @@ pub fn sample_collision_exactly<M: Medium>(
 
 /// The transmittance along a ray through constant voxels, in closed form.
 pub fn exact_transmittance<M: Medium>(medium: &M, ray: &LocalRay, stats: &mut Stats) -> f32 {
-    (-optical_depth(medium, ray, LEAST_SEEN_DEPTH, stats)).exp()
+    (-optical_depth(medium, ray, MIN_SEEN_DEPTH, stats)).exp()
 }
 
 /// Estimates the same without bias and with fewer steps: what falls below a

@@ -12,7 +12,7 @@ use crate::matter::voxel_fibres::{Around, Densest, VoxelFibres, broadside_per_mm
 use crate::{LocalVisibility, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;
-use organza_basis::{Aabb, CellGrid, FibreComponent, PathRng, Rgb};
+use organza_basis::{Aabb, CellGrid, FibrePopulation, PathRng, Rgb};
 use organza_scatter::{
     Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre, sigma_t_per_mm,
     void_multiplier,
@@ -69,7 +69,7 @@ impl FibreSite {
 /// The fibre of a real collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Met {
-    component: FibreComponent,
+    population: FibrePopulation,
     tangent: Vec3,
     /// How, of a packed fibre.
     near: Option<NearEvent>,
@@ -204,7 +204,7 @@ impl FibreMedium {
             p.x = p.x.rem_euclid(period.x);
             p.y = p.y.rem_euclid(period.y);
         }
-        let visible = local.at(met.component.material, met.tangent, w_in, w_out);
+        let visible = local.at(met.population.material, met.tangent, w_in, w_out);
         Some((visible, local.to_face_mm(p, w_in)))
     }
 
@@ -224,7 +224,7 @@ impl FibreMedium {
     }
 
     /// The populations of a cell of its [grid](crate::Medium::cell_grid).
-    pub fn populations_of(&self, cell: UVec3) -> &[FibreComponent] {
+    pub fn populations_of(&self, cell: UVec3) -> &[FibrePopulation] {
         let VirtualFibres { voxels, pad, .. } = &self.scatterer;
         voxels.of(cell.as_ivec3() - *pad)
     }
@@ -243,7 +243,7 @@ impl VirtualFibres {
     }
 
     /// Populations of a site.
-    fn populations(&self, site: &FibreSite) -> &[FibreComponent] {
+    fn populations(&self, site: &FibreSite) -> &[FibrePopulation] {
         let [start, end] = site.places;
         self.voxels.at(&(start..end))
     }
@@ -273,7 +273,7 @@ impl VirtualFibres {
 
     /// The fibre of a population.
     fn fibre(&self, met: &Met) -> &Fibre {
-        &self.fibres[usize::from(met.component.material)]
+        &self.fibres[usize::from(met.population.material)]
     }
 
     /// What `with` makes of the lobe of a settled site; `none` of another.
@@ -331,7 +331,7 @@ impl Scatterer for VirtualFibres {
             return site;
         };
         let mut met = Met {
-            component: populations[met.component],
+            population: populations[met.population],
             tangent: met.tangent,
             near: None,
         };
@@ -348,7 +348,7 @@ impl Scatterer for VirtualFibres {
 
     fn exit_mm(&self, site: &FibreSite, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         let Some(Met {
-            component,
+            population,
             near: Some(near),
             ..
         }) = &site.met
@@ -359,9 +359,9 @@ impl Scatterer for VirtualFibres {
             frame: *near.frame(),
             offset: site.offset,
             point_mm: Vec3::ZERO,
-            radius_mm: component.radius_mm,
+            radius_mm: population.radius_mm,
         };
-        let fibre = &self.fibres[usize::from(component.material)];
+        let fibre = &self.fibres[usize::from(population.material)];
         event.exit_mm(&fibre.near_field_of(*near), w_in, rng)
     }
 
@@ -383,8 +383,8 @@ impl Scatterer for VirtualFibres {
 
     fn info(&self, site: &FibreSite) -> SiteInfo {
         site.met.map_or(SiteInfo::default(), |met| SiteInfo {
-            axis: met.component.axis,
-            yarn: Some(met.component.yarn),
+            axis: met.population.axis,
+            yarn: Some(met.population.yarn),
         })
     }
 }

@@ -6,7 +6,7 @@
 //! table.
 
 use glam::{IVec3, UVec3, Vec3};
-use organza_basis::FibreComponent;
+use organza_basis::FibrePopulation;
 use organza_volume::Octree;
 use std::ops::Range;
 
@@ -16,20 +16,20 @@ pub struct VoxelFibres {
     repeats: bool,
     /// First population of every voxel, x fastest, and the number of all.
     starts: Vec<u32>,
-    populations: Vec<FibreComponent>,
+    populations: Vec<FibrePopulation>,
 }
 
 impl VoxelFibres {
     /// Those of a level, each with its length per volume multiplied by `dense`.
-    pub fn new(octree: &Octree, level: u8, dense: impl Fn(&FibreComponent) -> f32) -> VoxelFibres {
+    pub fn new(octree: &Octree, level: u8, dense: impl Fn(&FibrePopulation) -> f32) -> VoxelFibres {
         let dims = octree.dims(level);
         let mut starts = vec![0];
-        let mut populations: Vec<FibreComponent> = Vec::new();
+        let mut populations: Vec<FibrePopulation> = Vec::new();
         for z in 0..dims.z {
             for y in 0..dims.y {
                 for x in 0..dims.x {
                     let stored = octree.mixture(level, UVec3::new(x, y, z));
-                    populations.extend(stored.iter().map(|c| FibreComponent {
+                    populations.extend(stored.iter().map(|c| FibrePopulation {
                         length_density_per_mm2: dense(c) * c.length_density_per_mm2,
                         ..*c
                     }));
@@ -68,22 +68,22 @@ impl VoxelFibres {
 
     /// Populations at some [`VoxelFibres::places`].
     #[inline]
-    pub fn at(&self, places: &Range<u32>) -> &[FibreComponent] {
+    pub fn at(&self, places: &Range<u32>) -> &[FibrePopulation] {
         &self.populations[places.start as usize..places.end as usize]
     }
 
     /// Populations in a voxel, none beyond the box.
     #[inline]
-    pub fn of(&self, cell: IVec3) -> &[FibreComponent] {
+    pub fn of(&self, cell: IVec3) -> &[FibrePopulation] {
         self.at(&self.places(cell))
     }
 }
 
 /// Sum of the broadside extinctions: a bound for every direction.
-pub fn broadside_per_mm(populations: &[FibreComponent]) -> f32 {
+pub fn broadside_per_mm(populations: &[FibrePopulation]) -> f32 {
     populations
         .iter()
-        .map(FibreComponent::broadside_per_mm)
+        .map(FibrePopulation::broadside_per_mm)
         .sum()
 }
 
@@ -113,7 +113,7 @@ pub struct Around<'a> {
 }
 
 impl Around<'_> {
-    fn for_each(&self, mut visit: impl FnMut(&[FibreComponent])) {
+    fn for_each(&self, mut visit: impl FnMut(&[FibrePopulation])) {
         let high = (self.low + self.edge).min(self.dims);
         let (low, high) = (self.low - self.reach, high + self.reach);
         for z in low.z..high.z {

@@ -6,4 +6,4 @@ mod trace;
 
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;
-pub use trace::{MOST_EVENTS, trace_from, trace_path};
+pub use trace::{MAX_EVENTS, trace_from, trace_path};

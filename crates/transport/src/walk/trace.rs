@@ -17,11 +17,11 @@ const SHADOW_SCALE: f32 = 10.0;
 /// No path has more events, whatever is asked for: a path that is never absorbed and
 /// cannot get out would not end. In lossless matter at most a thousandth of the paths
 /// get as far, however thick it is; they count as cut.
-pub const MOST_EVENTS: u32 = 1 << 20;
+pub const MAX_EVENTS: u32 = 1 << 20;
 
 /// Events in a row at one place, to single precision, after which a path ends: matter
 /// there is denser than places are apart. It counts as cut.
-const MOST_EVENTS_IN_PLACE: u32 = 1000;
+const MAX_EVENTS_IN_PLACE: u32 = 1000;
 
 /// Traces path `rng` of a pixel.
 pub fn trace_path(
@@ -54,7 +54,7 @@ pub fn trace_from(
     stats: &mut Stats,
 ) -> PathSample {
     let tracking = tracking.into();
-    let max_bounces = max_bounces.min(MOST_EVENTS);
+    let max_bounces = max_bounces.min(MAX_EVENTS);
     stats.paths += 1;
     // The path goes on in f32 from a point near what it meets first, so that a
     // far camera costs no precision.
@@ -103,7 +103,7 @@ pub fn trace_from(
         let at = ray.at(collision.t);
         let is_in_place = drawn.is_some_and(|(from, _)| from == at);
         events_in_place = if is_in_place { events_in_place + 1 } else { 0 };
-        if sample.bounces == max_bounces || events_in_place == MOST_EVENTS_IN_PLACE {
+        if sample.bounces == max_bounces || events_in_place == MAX_EVENTS_IN_PLACE {
             stats.cut += 1;
             return sample;
         }

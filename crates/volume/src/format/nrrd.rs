@@ -39,7 +39,7 @@ pub static FORMAT: Format = Format {
 
 const ENDING: &str = ".nrrd";
 /// Most bytes of a header.
-const MOST_HEADER: usize = 1 << 16;
+const MAX_HEADER: usize = 1 << 16;
 /// What a cell of our files has.
 const CHANNELS: [&str; 14] = [
     "density",
@@ -210,7 +210,7 @@ impl Header {
         if !bytes.starts_with(FORMAT.magic) {
             return Err(wrong("it does not begin with \"NRRD000\""));
         }
-        let window = &bytes[..bytes.len().min(MOST_HEADER)];
+        let window = &bytes[..bytes.len().min(MAX_HEADER)];
         let ends = |end: &[u8]| {
             let at = window.windows(end.len()).position(|w| w == end)?;
             Some(at + end.len())

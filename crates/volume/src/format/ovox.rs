@@ -45,7 +45,7 @@ const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
 pub const VERSION: u32 = 3;
 const BLOCK: usize = 1 << 20;
 /// Most bytes of a header: names of files are what makes it long.
-const MOST_HEADER: u32 = 1 << 20;
+const MAX_HEADER: u32 = 1 << 20;
 
 /// A file that a cloth was made from, so that a scene can show the volume as it shows
 /// the cloth. The first is the fabric file, with all its overrides; then come those
@@ -73,7 +73,7 @@ pub struct Stored {
 /// When writing fails, or names of files fill more than a MiB.
 pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Result<(), Error> {
     let header = header::encode(octree, files);
-    if header.len() > MOST_HEADER as usize {
+    if header.len() > MAX_HEADER as usize {
         return Err(wrong("the names of its files are too long"));
     }
     out.write_all(&MAGIC)?;
@@ -116,7 +116,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
             "version {version}; this program reads versions 1 to {VERSION}"
         )));
     }
-    let mut header = vec![0u8; word(&start, 12).min(MOST_HEADER) as usize];
+    let mut header = vec![0u8; word(&start, 12).min(MAX_HEADER) as usize];
     read_exactly(input, &mut header, "header")?;
     let mut sum = [0u8; 4];
     read_exactly(input, &mut sum, "header")?;

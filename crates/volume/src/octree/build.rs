@@ -10,7 +10,7 @@ use crate::lattice::{
 };
 use crate::record::{Brick, MAX_GROUPS, RadiusScale, StoredPopulation, encode_direction};
 use glam::UVec3;
-use organza_basis::MAX_COMPONENTS;
+use organza_basis::MAX_POPULATIONS;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -36,7 +36,7 @@ impl Scales {
     /// greatest radius, and all groups in order.
     pub fn new(
         lattice: &Lattice,
-        most_lengths_mm: impl Iterator<Item = f64>,
+        max_lengths_mm: impl Iterator<Item = f64>,
         radii_mm: [f32; 2],
         groups: Vec<u64>,
     ) -> Result<Scales, Error> {
@@ -49,7 +49,7 @@ impl Scales {
         // Sums over the coarsest cells where those are larger than blocks.
         let shift = (u32::from(lattice.levels) - 1).saturating_sub(BLOCK.ilog2());
         let mut sums: HashMap<UVec3, f64> = HashMap::new();
-        for (block, length) in most_lengths_mm.enumerate() {
+        for (block, length) in max_lengths_mm.enumerate() {
             if length > 0.0 {
                 let cell = brick_at(block as u32, lattice.blocks_across()) >> shift;
                 *sums.entry(cell).or_default() += length;
@@ -218,7 +218,7 @@ fn reduce(
             continue;
         }
         voxel.extend_from_slice(part);
-        merger.merge_to(&mut voxel, MAX_COMPONENTS, tolerance, apart);
+        merger.merge_to(&mut voxel, MAX_POPULATIONS, tolerance, apart);
         // Largest first: a reader who wants only one takes the first.
         voxel.sort_by(|a, b| b.radius_length_mm2.total_cmp(&a.radius_length_mm2));
         populations.append(&mut voxel);

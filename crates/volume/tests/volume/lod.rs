@@ -1,7 +1,7 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec3, Vec3};
 use organza_basis::spread::{mean_cos_sq, spread_from_mean_cos_sq};
-use organza_basis::{Budget, FibreComponent, Frame, MAX_COMPONENTS, Sym3, warp};
+use organza_basis::{Budget, FibrePopulation, Frame, MAX_POPULATIONS, Sym3, warp};
 use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -19,7 +19,7 @@ fn directions(count: usize) -> Vec<Vec3> {
 
 /// Equally likely tangents of a population: quantiles of the polar angle,
 /// golden angles of the azimuth.
-fn tangents(c: &FibreComponent) -> Vec<Vec3> {
+fn tangents(c: &FibrePopulation) -> Vec<Vec3> {
     const COUNT: usize = 48;
     if c.spread_rad < 0.01 {
         return vec![c.axis];
@@ -48,9 +48,9 @@ fn tangents(c: &FibreComponent) -> Vec<Vec3> {
 /// Light that fibres send toward each half vector (a mirror cone blurred by
 /// 0.1, the roughness of a textile fibre) and their extinction along it,
 /// length-weighted.
-fn light(components: &[FibreComponent], halves: &[Vec3]) -> Vec<[f32; 2]> {
+fn light(populations: &[FibrePopulation], halves: &[Vec3]) -> Vec<[f32; 2]> {
     let mut out = vec![[0.0; 2]; halves.len()];
-    for c in components {
+    for c in populations {
         let tangents = tangents(c);
         let share = c.broadside_per_mm() / tangents.len() as f32;
         for t in tangents {
@@ -65,25 +65,25 @@ fn light(components: &[FibreComponent], halves: &[Vec3]) -> Vec<[f32; 2]> {
 }
 
 /// The baseline: one lobe with the tensor of all.
-fn averaged(components: &[FibreComponent]) -> FibreComponent {
-    let total: f32 = components
+fn averaged(populations: &[FibrePopulation]) -> FibrePopulation {
+    let total: f32 = populations
         .iter()
-        .map(FibreComponent::broadside_per_mm)
+        .map(FibrePopulation::broadside_per_mm)
         .sum();
-    let tensor = components.iter().fold(Sym3::default(), |s, c| {
+    let tensor = populations.iter().fold(Sym3::default(), |s, c| {
         let along = mean_cos_sq(c.spread_rad);
         s.plus(Sym3::axial(c.axis, 0.5 * (1.0 - along), along).scaled(c.broadside_per_mm() / total))
     });
     let (value, axis) = tensor.eigen()[0];
-    FibreComponent {
-        length_density_per_mm2: total / (2.0 * components[0].radius_mm),
+    FibrePopulation {
+        length_density_per_mm2: total / (2.0 * populations[0].radius_mm),
         axis,
         spread_rad: spread_from_mean_cos_sq(value),
-        ..components[0]
+        ..populations[0]
     }
 }
 
-fn finest_below(tree: &Octree, level: u8, cell: UVec3) -> Vec<FibreComponent> {
+fn finest_below(tree: &Octree, level: u8, cell: UVec3) -> Vec<FibrePopulation> {
     let side = 1u32 << level;
     let share = 1.0 / (side.pow(3) as f32);
     let mut all = Vec::new();
@@ -94,7 +94,7 @@ fn finest_below(tree: &Octree, level: u8, cell: UVec3) -> Vec<FibreComponent> {
             tree.mixture(0, c)
                 .as_slice()
                 .iter()
-                .map(|c| FibreComponent {
+                .map(|c| FibrePopulation {
                     length_density_per_mm2: c.length_density_per_mm2 * share,
                     ..*c
                 }),
@@ -109,11 +109,11 @@ fn finest_below(tree: &Octree, level: u8, cell: UVec3) -> Vec<FibreComponent> {
 struct Lobe {
     weight: f32,
     tensor: Sym3,
-    like: FibreComponent,
+    like: FibrePopulation,
 }
 
 impl Lobe {
-    fn of(c: &FibreComponent) -> Lobe {
+    fn of(c: &FibrePopulation) -> Lobe {
         let along = mean_cos_sq(c.spread_rad);
         Lobe {
             weight: c.broadside_per_mm(),
@@ -137,9 +137,9 @@ impl Lobe {
         }
     }
 
-    fn component(&self) -> FibreComponent {
+    fn population(&self) -> FibrePopulation {
         let (value, axis) = self.tensor.eigen()[0];
-        FibreComponent {
+        FibrePopulation {
             length_density_per_mm2: self.weight / (2.0 * self.like.radius_mm),
             axis,
             spread_rad: spread_from_mean_cos_sq(value),
@@ -169,7 +169,7 @@ fn clustered(tree: &Octree, level: u8, cell: UVec3) -> Vec<Lobe> {
             ..l
         })
         .collect();
-    join_nearest(&mut lobes, MAX_COMPONENTS);
+    join_nearest(&mut lobes, MAX_POPULATIONS);
     lobes
 }
 
@@ -192,26 +192,26 @@ fn join_nearest(lobes: &mut Vec<Lobe>, most: usize) {
 /// Errors of ours, of one averaged lobe, of as many clusters as ours and of up
 /// to four, at one level: of the light and of the extinction. And the mean number
 /// of our lobes.
-fn errors(tree: &Octree, level: u8, most_cells: usize) -> ([[f64; 4]; 2], f64) {
+fn errors(tree: &Octree, level: u8, max_cells: usize) -> ([[f64; 4]; 2], f64) {
     let halves = directions(100);
     let mut sums = [[0.0f64; 5]; 2];
     let mut number = 0;
     let mut cells = Vec::new();
     tree.for_each_occupied(level, |c| cells.push(c));
     // A sample: a coarse cell has 8^level finest voxels to sum over.
-    let step = (cells.len() / most_cells).max(1);
+    let step = (cells.len() / max_cells).max(1);
     for &cell in cells.iter().step_by(step) {
         let below = finest_below(tree, level, cell);
         let truth = light(&below, &halves);
         let ours = tree.mixture(level, cell);
         let mut clusters = clustered(tree, level, cell);
-        let components = |l: &[Lobe]| l.iter().map(Lobe::component).collect::<Vec<_>>();
-        let four = components(&clusters);
+        let populations = |l: &[Lobe]| l.iter().map(Lobe::population).collect::<Vec<_>>();
+        let four = populations(&clusters);
         join_nearest(&mut clusters, ours.as_slice().len());
         let rivals = [
             light(ours.as_slice(), &halves),
             light(&[averaged(&below)], &halves),
-            light(&components(&clusters), &halves),
+            light(&populations(&clusters), &halves),
             light(&four, &halves),
         ];
         for (k, sums) in sums.iter_mut().enumerate() {

@@ -21,7 +21,7 @@ use std::f64::consts::FRAC_1_PI;
 use std::path::Path;
 
 /// Texels of the longer side at most: larger pictures are averaged to it.
-const MOST_TEXELS: u32 = 128;
+const MAX_TEXELS: u32 = 128;
 
 /// Relative error of mean and deviation that is near enough.
 const TOLERANCE: f64 = 0.01;
@@ -166,7 +166,7 @@ fn triple([r, g, b]: [f64; 3]) -> String {
 
 /// Averages over squares of pixels until the longer side is short enough.
 fn shrunk(size: UVec2, pixels: &[Rgb]) -> (UVec2, Vec<Rgb>) {
-    let factor = size.max_element().div_ceil(MOST_TEXELS).max(1);
+    let factor = size.max_element().div_ceil(MAX_TEXELS).max(1);
     let small = size / factor;
     let texel = |x: u32, y: u32| {
         let mut sum = Rgb::BLACK;

@@ -67,7 +67,7 @@ pub fn choose(
     file: &SceneFile,
     scene: &Scene,
     settings: &RenderSettings,
-    most_bytes: u64,
+    max_bytes: u64,
 ) -> Result<Chosen> {
     let backend = match args.backend {
         BackendName::Auto => Backend::widest(),
@@ -83,7 +83,7 @@ pub fn choose(
     };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
-        None => engine(scene, settings, backend, most_bytes),
+        None => engine(scene, settings, backend, max_bytes),
     };
     match made {
         Err(why) if args.backend != BackendName::Auto => Err(input(format!(

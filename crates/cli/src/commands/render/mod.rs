@@ -150,7 +150,7 @@ fn render(args: &RenderArgs) -> Result<()> {
     let built = watched(args.common.quiet, |loader| scene::build(args, loader))?;
     let Built { file, scene, .. } = &built;
     let settings = scene::settings(args, file, scene)?;
-    let engine = engine::choose(args, file, scene, &settings, built.most_bytes)?;
+    let engine = engine::choose(args, file, scene, &settings, built.max_bytes)?;
     engine.warn(args);
     let rendering = Rendering::new(scene, settings).map_err(|e| match e {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),

@@ -27,7 +27,7 @@ pub struct Built {
     /// What was chosen where the file says `auto`.
     pub chosen: Vec<Chosen>,
     /// Memory that the film leaves, bytes.
-    pub most_bytes: u64,
+    pub max_bytes: u64,
     /// The files that the scene names.
     pub inputs: Vec<NamedDigest>,
     /// See [`identity::scene_digest`].
@@ -52,14 +52,14 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
         file.render.clamp = Some(clamp as f32);
     }
     check(args, &file, loader)?;
-    let most_bytes = memory_beside_film(args, &file)?;
+    let max_bytes = memory_beside_film(args, &file)?;
     let loaded = LoadedScene::new(file, &args.scene, loader)?;
     if !args.common.quiet {
         for chosen in &loaded.chosen {
             note!("{}: {chosen}", args.scene.display());
         }
     }
-    let scene = loaded.build(Some(most_bytes), loader)?;
+    let scene = loaded.build(Some(max_bytes), loader)?;
     let LoadedScene { file, chosen, .. } = loaded;
     let read = loader.inputs();
     let written = [Some(&args.outfile), args.checkpoint.as_ref()];
@@ -77,7 +77,7 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
         file,
         scene,
         chosen,
-        most_bytes,
+        max_bytes,
     })
 }
 

@@ -5,7 +5,7 @@ use crate::error::{Result, input};
 use crate::object::grid::channels;
 use crate::object::{Lod, LodName};
 use glam::Vec3;
-use organza_basis::{Aabb, FibreComponent, Mixture, Rgb};
+use organza_basis::{Aabb, FibrePopulation, Mixture, Rgb};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
 use organza_transport::{Grid, GridMedium, Interpolation};
 use organza_volume::{GridSet, VolGrid};
@@ -91,12 +91,12 @@ impl VolumeObject<'_> {
         let samples = axes.data.chunks_exact(4).map(|a| {
             let mut mixture = Mixture::EMPTY;
             if let Some(axis) = Vec3::new(a[0], a[1], a[2]).try_normalize() {
-                mixture.push(FibreComponent {
+                mixture.push(FibrePopulation {
                     length_density_per_mm2: 1.0,
                     radius_mm: 1.0,
                     axis,
                     spread_rad: a[3],
-                    ..FibreComponent::default()
+                    ..FibrePopulation::default()
                 });
             }
             materials.merged(&mixture).sggx.to_array()
