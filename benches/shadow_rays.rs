@@ -13,7 +13,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3;
 use organza_basis::{Budget, Moments, PathRng, Ray, Rgb};
 use organza_transport::{
-    ClothMedium, FlakeOptics, LocalRay, Medium, Stats, exact_transmittance, sample_collision,
+    FlakeOptics, LocalRay, Medium, SggxOctreeMedium, Stats, exact_transmittance, sample_collision,
     stopped_transmittance, transmittance,
 };
 use organza_volume::ovox;
@@ -22,7 +22,7 @@ use std::time::Instant;
 
 const RAYS: usize = 4096;
 
-fn denim() -> ClothMedium {
+fn denim() -> SggxOctreeMedium {
     let bytes = include_bytes!("../volumes/denim.ovox");
     let octree = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30))
         .unwrap()
@@ -32,11 +32,11 @@ fn denim() -> ClothMedium {
         end_on_ratio: 0.1,
     };
     let materials = octree.material_count();
-    ClothMedium::new(octree, 0, vec![optics; materials]).unwrap()
+    SggxOctreeMedium::new(octree, 0, vec![optics; materials]).unwrap()
 }
 
 /// Rays to the light from first collisions of light that falls straight in.
-fn rays(medium: &ClothMedium) -> Vec<LocalRay> {
+fn rays(medium: &SggxOctreeMedium) -> Vec<LocalRay> {
     let bounds = medium.cell_grid().bounds_mm();
     let mut rng = PathRng::from_seed(1);
     let mut stats = Stats::default();
@@ -57,7 +57,7 @@ fn rays(medium: &ClothMedium) -> Vec<LocalRay> {
     rays
 }
 
-type Estimator = fn(&ClothMedium, &LocalRay, &mut PathRng, &mut Stats) -> f32;
+type Estimator = fn(&SggxOctreeMedium, &LocalRay, &mut PathRng, &mut Stats) -> f32;
 
 const ESTIMATORS: [(&str, Estimator); 3] = [
     ("ratio", transmittance),

@@ -11,10 +11,10 @@ use organza_scatter::{
     DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Lobe,
 };
 use organza_transport::{
-    AnyMedium, Backend, Camera, CameraPose, ClothMedium, DirectionalLight, EnvironmentLight,
-    ExplicitFibres, FibreEvent, FibreMedium, FlakeFamily, FlakeMedium, FlakeOptics, Grid,
-    GridMedium, Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection,
-    RenderSettings, Rendering, Scene, flatten,
+    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres,
+    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium, Hemisphere, Integrator,
+    Interpolation, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene,
+    SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium, flatten,
 };
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
@@ -183,11 +183,11 @@ fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
         let make = || covered.clone();
         let white = albedo == 1.0;
         let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
-        let sggx = ClothMedium::new(make(), 0, optics.clone()).map(AnyMedium::Cloth);
+        let sggx = SggxOctreeMedium::new(make(), 0, optics.clone()).map(AnyMedium::SggxOctree);
         put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
         for family in FlakeFamily::all().filter(|f| *f != FlakeFamily::SGGX_SPECULAR) {
-            let medium = FlakeMedium::new(make(), 0, optics.clone(), family);
-            let medium = medium.map(AnyMedium::Flakes).ok_or_else(String::new);
+            let medium = FlakeOctreeMedium::new(make(), 0, optics.clone(), family);
+            let medium = medium.map(AnyMedium::FlakeOctree).ok_or_else(String::new);
             put(words(family.name()), medium, white, 1e-5);
         }
     }
@@ -196,16 +196,18 @@ fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
         ("clear rough", clear(0.6), true),
         ("black", black(), false),
     ] {
-        for event in [FibreEvent::Plain, FibreEvent::Packed] {
+        for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
             let tree = axes.clone();
-            let medium = FibreMedium::new(tree, 0, vec![fibre.clone()], event);
+            let medium = VirtualFibreMedium::new(tree, 0, vec![fibre.clone()], event);
             let words = format!("{name} fibres, {event:?}");
-            let medium = medium.map(AnyMedium::Fibres).ok_or_else(String::new);
+            let medium = medium.map(AnyMedium::VirtualFibres).ok_or_else(String::new);
             put(words, medium, white, 2e-3);
         }
         let explicit = ExplicitFibres::new(source, vec![fibre], None, &|_| ());
         let words = format!("{name} fibres, explicit");
-        let explicit = explicit.map(AnyMedium::Explicit).map_err(|e| e.to_string());
+        let explicit = explicit
+            .map(AnyMedium::ExplicitFibres)
+            .map_err(|e| e.to_string());
         put(words, explicit, white, 5e-3);
     }
     list
@@ -489,8 +491,8 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     }];
     let tree = octree(&source, Footprint::Covered);
     let family = FlakeFamily::named("sin-power").unwrap();
-    let medium = FlakeMedium::new(tree, 0, optics, family).unwrap();
-    let media = vec![AnyMedium::Flakes(medium)];
+    let medium = FlakeOctreeMedium::new(tree, 0, optics, family).unwrap();
+    let media = vec![AnyMedium::FlakeOctree(medium)];
     let patch = VolumePatch::of_media(media, Integrator::Woodcock).unwrap();
     let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
     let ways: Vec<Pair> = [

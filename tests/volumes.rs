@@ -78,7 +78,7 @@ fn a_mixture_is_seen_in_one_way() {
     assert!(merged.sigma_t.data == own[0].data);
     assert!(merged.sggx.unwrap().data == own[1].data);
     assert!(merged.albedo.unwrap().data == own[2].data);
-    let medium = organza_transport::ClothMedium::new(
+    let medium = organza_transport::SggxOctreeMedium::new(
         octree.clone(),
         0,
         vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)],

@@ -113,7 +113,7 @@ pub fn resume<'a>(
         return Err(fail("is damaged: its checksum does not match".into()));
     }
     if let Some(difference) = header.identity.difference(identity) {
-        return Err(fail(difference_words(
+        return Err(fail(describe_difference(
             &difference,
             &header.identity,
             identity,
@@ -142,7 +142,7 @@ pub fn resume<'a>(
 }
 
 /// Why a checkpoint is of another picture.
-fn difference_words(
+fn describe_difference(
     difference: &Difference,
     of_file: &Identity,
     here: &Identity,
@@ -171,8 +171,8 @@ fn difference_words(
             };
             format!(
                 "is a checkpoint of {}; this render is of {}{remedy}",
-                of_file.engine.words(),
-                here.engine.words()
+                of_file.engine.description(),
+                here.engine.description()
             )
         }
         Difference::Input(name) => {
@@ -196,7 +196,7 @@ pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result
         ..header.identity.clone()
     };
     if let Some(difference) = header.identity.difference(&here) {
-        let words = difference_words(&difference, &header.identity, &here, None);
+        let words = describe_difference(&difference, &header.identity, &here, None);
         return Err(input(format!("{}: {words}", path.display())));
     }
     header.check_samples(path, samples)
@@ -211,7 +211,7 @@ fn start(path: &Path, count: u64) -> Result<Vec<u8>> {
             input(format!(
                 "{}: {}",
                 path.display(),
-                organza_scene::read::io_words(&e)
+                organza_scene::read::io_message(&e)
             ))
         })?;
     Ok(bytes)

@@ -25,7 +25,7 @@ pub enum Engine {
 
 impl Engine {
     /// In words, after "of".
-    pub fn words(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Engine::Walk => "the general walk",
             Engine::Kernel => "the kernel",
@@ -186,7 +186,7 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 /// A crop as `--crop` takes it.
-pub fn crop_words(crop: Crop) -> String {
+pub fn describe_crop(crop: Crop) -> String {
     let Crop { min, max } = crop;
     format!("{},{},{},{}", min.x, min.y, max.x, max.y)
 }

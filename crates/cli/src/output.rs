@@ -2,7 +2,7 @@
 
 use crate::error::input;
 use anyhow::{Context, Result};
-use organza_scene::read::io_words;
+use organza_scene::read::io_message;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -298,7 +298,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
             "{}: cannot write in {}: {}",
             path.display(),
             folder.display(),
-            io_words(&without_path(e))
+            io_message(&without_path(e))
         ))),
     }
 }

@@ -65,7 +65,7 @@ impl Targets {
     }
 
     /// In words that follow others.
-    pub fn words(&self) -> String {
+    pub fn description(&self) -> String {
         let text_of = |error: Option<f64>, of| {
             error.map_or(String::new(), |e| format!(", {e:.5} of the {of}"))
         };

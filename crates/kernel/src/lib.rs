@@ -7,7 +7,7 @@
 //! estimate the same picture with other random numbers.
 //!
 //! Light of one direction, or of a rectangle, comes from a table that an occasional
-//! exact shadow ray corrects ([`voxels::light_table`]), environments by escaping, what
+//! exact shadow ray corrects ([`voxels::optical_depth_table`]), environments by escaping, what
 //! is bright in a picture by shadow rays again ([`voxels::environment`]).
 //!
 //! # Rooms
@@ -44,7 +44,9 @@ use voxels::event_weights::{EventWeights, are_even};
 use voxels::fibre_tables::FibreTables;
 use voxels::film_rays::FilmRays;
 use voxels::flat_medium::FlatMedium;
-use voxels::light_table::{self, LightTable, Nodes, RESIDUAL_FLOOR_OF_GUESSES, extinctions};
+use voxels::optical_depth_table::{
+    self, Nodes, OpticalDepthTable, RESIDUAL_FLOOR_OF_GUESSES, extinctions,
+};
 use voxels::panel::Panel;
 
 /// Lanes draw inclinations by the blur, and tangents of widely spread fibres with
@@ -66,7 +68,7 @@ pub struct Kernel {
     /// For lengths in units of one over the medium's scale.
     voxels_per_length: Vec3,
     nodes: Nodes,
-    lights: Vec<LightTable>,
+    lights: Vec<OpticalDepthTable>,
     /// Optical depths toward them.
     depths: Vec<u32>,
     /// Radiance from directions with z below zero, and from others.
@@ -149,7 +151,7 @@ impl Kernel {
         }
         let of_pictures: u64 = pictures.iter().map(|(_, p)| p.bytes(&cell_grid)).sum();
         let bytes = FlatMedium::min_bytes(&cell_grid)
-            + LightTable::max_bytes(&cell_grid, (parallel.len() + panels.len()) as u64)
+            + OpticalDepthTable::max_bytes(&cell_grid, (parallel.len() + panels.len()) as u64)
             + of_pictures;
         if bytes > max_bytes {
             return Err(Refusal::Memory(bytes, max_bytes));
@@ -215,17 +217,18 @@ impl Kernel {
         let tables = lamps.into_iter().zip(extinctions);
         let tables = tables.map(|((direction, irradiance, panel), extinctions)| {
             let is_guess = panel.is_some() || (cell_grid.repeats() && borders.is_some());
-            let mut light = LightTable::new(cell_grid, nodes, direction, irradiance, extinctions);
+            let mut light =
+                OpticalDepthTable::new(cell_grid, nodes, direction, irradiance, extinctions);
             light.panel = panel;
             if is_guess {
                 light.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
             }
             light
         });
-        let mut lights: Vec<LightTable> = tables.collect();
+        let mut lights: Vec<OpticalDepthTable> = tables.collect();
         Ok(Kernel {
             backend,
-            depths: light_table::side_by_side(&mut lights),
+            depths: optical_depth_table::side_by_side(&mut lights),
             lights,
             nodes,
             voxels_per_length: 1.0 / (cell_grid.voxel_mm() * medium.scale_per_mm),
@@ -250,7 +253,11 @@ impl Kernel {
 
     /// Bytes of the matter and tables.
     pub fn memory_bytes(&self) -> u64 {
-        let tables: u64 = self.lights.iter().map(LightTable::memory_bytes).sum();
+        let tables: u64 = self
+            .lights
+            .iter()
+            .map(OpticalDepthTable::memory_bytes)
+            .sum();
         let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
         let matter = self.medium.memory_bytes() + self.fibres.memory_bytes();
         matter + skies + tables + 4 * self.depths.len() as u64

@@ -7,7 +7,7 @@ use organza_scatter::Fibre;
 /// What is wrong with a kernel.
 pub enum Fault<'a> {
     /// Tables of light hold one depth everywhere: exact rays set that right.
-    LightTables,
+    OpticalDepths,
     /// No exact rays are traced.
     NoExactRays,
     /// Walks find the lamps of pictures once more.
@@ -26,7 +26,7 @@ impl Kernel {
         /// Four times the code of half a unit of depth.
         const WRONG: u32 = 0x0e0e_0e0e;
         match fault {
-            Fault::LightTables => {
+            Fault::OpticalDepths => {
                 self.depths.fill(WRONG);
                 let lamps = self.skies.iter_mut().flat_map(|sky| &mut sky.lamps);
                 lamps.for_each(|lamp| lamp.table.depths.fill(WRONG));

@@ -22,7 +22,7 @@ pub fn decode(
     let fail = |why: &str| format!("{}: {why}", path.display());
     let bytes = loader
         .bytes_or_why(path)
-        .map_err(|e| fail(&read::io_words(&e)))?;
+        .map_err(|e| fail(&read::io_message(&e)))?;
     let expected = || {
         let formats = Format::list(|f| f.is_linear && f.reader.is_some());
         fail(&format!("expected an {formats} picture"))

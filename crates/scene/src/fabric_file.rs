@@ -2,7 +2,7 @@
 
 use crate::error::{Result, input};
 pub use crate::fabric_table::{FabricFile, VoxelTable};
-use crate::fibre_optics;
+use crate::fibre_model;
 use crate::file_kind::Wanted;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
@@ -142,7 +142,7 @@ impl Fabric {
     }
 
     /// How each material of the cloth scatters.
-    pub fn optics(&self) -> Vec<FlakeOptics> {
+    pub fn flake_optics(&self) -> Vec<FlakeOptics> {
         self.cloth
             .materials()
             .iter()
@@ -211,9 +211,9 @@ impl Fabric {
     ///
     /// # Errors
     /// Names the yarn at fault.
-    pub fn fibres(&self, path: &Path) -> Result<Vec<Fibre>> {
+    pub fn fibre_models(&self, path: &Path) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
-            fibre_optics::fibre(&optics::of_material(&self.optics, m), m)
+            fibre_model::of_optics(&optics::of_material(&self.optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
         self.cloth.materials().iter().map(fibre).collect()
@@ -224,14 +224,14 @@ impl Fabric {
     /// # Errors
     /// A cloth without fibres, optics that make no sense, or more memory needed
     /// than allowed.
-    pub fn trace_fibres(
+    pub fn explicit_fibres(
         &self,
         path: &Path,
         max_memory_bytes: Option<u64>,
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
         let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-        let fibres = self.fibres(path)?;
+        let fibres = self.fibre_models(path)?;
         let task = Task::GatheringFibres {
             fabric: path.to_owned(),
         };
@@ -316,7 +316,7 @@ mod tests {
             let loader = Loader::new();
             let path = Path::new(folder).join(name).with_extension("toml");
             let fabric = load(&path, &[], &loader).unwrap();
-            let fibres = fabric.trace_fibres(&path, None, &loader).unwrap();
+            let fibres = fabric.explicit_fibres(&path, None, &loader).unwrap();
             let overlap = fibres.measure_overlap(100_000, 1);
             let shared = 1.0 - overlap.union / overlap.sum;
             println!(

@@ -19,7 +19,7 @@ pub enum Wanted {
 
 impl Wanted {
     /// In words, after "expected".
-    pub fn words(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Wanted::Fabric => "a fabric file (TOML with [draft])",
             Wanted::Scene => "a scene file (TOML with [camera])",
@@ -35,7 +35,7 @@ impl Wanted {
     /// Says what the file is.
     pub fn check(self, path: &Path, text: &str) -> Result<()> {
         let refuse = |what: &str, more: &str| {
-            let (path, words) = (path.display(), self.words());
+            let (path, words) = (path.display(), self.description());
             Err(input(format!("{path}: is {what}; expected {words}{more}")))
         };
         if self == Wanted::Text {

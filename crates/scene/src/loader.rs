@@ -146,7 +146,7 @@ impl<'p> Loader<'p> {
     /// Names the file.
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>> {
         self.bytes_or_why(path).map_err(|e| {
-            let why = read::io_words(&e);
+            let why = read::io_message(&e);
             input(format!("{}: {why}", path.display()))
         })
     }

@@ -9,8 +9,8 @@ use organza_basis::{Aabb, Mixture, Rgb, Sym3};
 use organza_light::Light;
 use organza_light::mitsuba::{colour, matrix, numbers};
 use organza_transport::{
-    AnyMedium, Camera, CellGrid, ClothMedium, Grid, GridMedium, Interpolation, Medium, PixelFilter,
-    Plane, Projection, Scene,
+    AnyMedium, Camera, CellGrid, Grid, GridMedium, Interpolation, Medium, PixelFilter, Plane,
+    Projection, Scene, SggxOctreeMedium,
 };
 use organza_volume::grid_set::BYTES_PER_CELL;
 use organza_volume::{GridSet, VolGrid};
@@ -85,7 +85,7 @@ pub fn export(
                 continue;
             }
             AnyMedium::Grid(m) => (Grids::of_grid(m), m.cell_grid()),
-            AnyMedium::Cloth(m) => {
+            AnyMedium::SggxOctree(m) => {
                 let (grids, merged) = Grids::of_cloth(m, tiling.max_bytes).map_err(fail)?;
                 if merged > 0 {
                     out.notes.push(format!(
@@ -177,7 +177,7 @@ impl Grids {
 
     /// The grids of a cloth, and how many of its voxels hold more than one
     /// population.
-    fn of_cloth(medium: &ClothMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
+    fn of_cloth(medium: &SggxOctreeMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
         let dims = medium.cell_grid().dims();
         let cells = dims.as_u64vec3().element_product();
         check_memory(cells.saturating_mul(BYTES_PER_CELL), max_bytes)?;

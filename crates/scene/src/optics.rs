@@ -1,7 +1,7 @@
 //! How fibres scatter light, as written in TOML: `[optics.YARN]` of fabric files
 //! and `[object.optics.YARN]` of scenes, and which of it holds for a material.
 
-use crate::fibre_optics;
+use crate::fibre_model;
 use organza_basis::{Rgb, nearest_name};
 use organza_scatter::flake::band::MIN_GAMMA;
 use organza_scatter::{BandProfile, GaussianBand, SineBand};
@@ -171,7 +171,7 @@ impl OpticsTable {
                 second.0, first.0
             ));
         }
-        fibre_optics::check(self)
+        fibre_model::check(self)
     }
 
     /// As micro-flakes, of threads of `colour`.

@@ -111,9 +111,9 @@ impl Matter {
             (Build::Surface(surface), _) => {
                 return Ok(Box::new(SurfacePatch(surface(fabric, path)?.surface)));
             }
-            (Build::Fibres(trace), _) => {
+            (Build::ExplicitFibres(trace), _) => {
                 let limit = options.max_memory_bytes;
-                Some(AnyMedium::Explicit(trace(
+                Some(AnyMedium::ExplicitFibres(trace(
                     fabric,
                     path,
                     limit,

@@ -24,16 +24,16 @@ const MAX_NAMES: usize = 10_000;
 /// # Errors
 /// Names the file; a file that cannot be read is wrong input.
 pub fn bytes(path: &Path) -> Result<Vec<u8>> {
-    bytes_or_why(path).map_err(|e| input(format!("{}: {}", path.display(), io_words(&e))))
+    bytes_or_why(path).map_err(|e| input(format!("{}: {}", path.display(), io_message(&e))))
 }
 
 /// The bytes of a file, for callers that word the error themselves.
 ///
 /// # Errors
-/// Those of the file system in the words of [`io_words`]; a device or a pipe,
+/// Those of the file system in the words of [`io_message`]; a device or a pipe,
 /// which may have no end; a file larger than the free memory.
 pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
-    unchecked_bytes(path).map_err(|e| std::io::Error::new(e.kind(), io_words(&e)))
+    unchecked_bytes(path).map_err(|e| std::io::Error::new(e.kind(), io_message(&e)))
 }
 
 /// Why a file that is named somewhere cannot be read, if that is known without
@@ -44,7 +44,7 @@ pub fn unreachable(path: &Path) -> Option<String> {
         Ok(_) => return None,
         Err(e) => e,
     };
-    Some(format!("{}: {}", path.display(), io_words(&why)))
+    Some(format!("{}: {}", path.display(), io_message(&why)))
 }
 
 fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
@@ -83,22 +83,25 @@ pub fn text(path: &Path) -> Result<String> {
 /// Says what a file of another kind is.
 pub fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
     let fail = |why: &str| input(format!("{}: {why}", path.display()));
-    let size = about(path).map_err(|e| fail(&io_words(&e)))?.len();
+    let size = about(path).map_err(|e| fail(&io_message(&e)))?.len();
     if size > MAX_TEXT_BYTES {
         return Err(fail(&format!(
             "is {size} bytes long; expected {} of at most {MAX_TEXT_BYTES}",
-            wanted.words()
+            wanted.description()
         )));
     }
     let bytes = bytes(path)?;
     if let Some(what) = file_kind::of_bytes(&bytes) {
-        return Err(fail(&format!("is {what}; expected {}", wanted.words())));
+        return Err(fail(&format!(
+            "is {what}; expected {}",
+            wanted.description()
+        )));
     }
     String::from_utf8(bytes).map_err(|e| {
         fail(&format!(
             "is not UTF-8 text (byte {}); expected {}",
             e.utf8_error().valid_up_to(),
-            wanted.words()
+            wanted.description()
         ))
     })
 }
@@ -152,7 +155,7 @@ fn meant(path: &Path) -> Option<String> {
 }
 
 /// What an I/O error means to the person at the terminal.
-pub fn io_words(e: &std::io::Error) -> String {
+pub fn io_message(e: &std::io::Error) -> String {
     match e.kind() {
         _ if e.get_ref().is_some() => e.to_string(),
         ErrorKind::NotFound => "no such file".into(),

@@ -106,7 +106,7 @@ impl ScatteringTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::representation::FIBRES;
+    use crate::representation::EXPLICIT_FIBRES;
 
     fn table(text: &str) -> ScatteringTable {
         toml::from_str(text).unwrap()
@@ -126,7 +126,7 @@ mod tests {
             FlakeFamily::named("gaussian").unwrap()
         );
         assert_eq!(gaussian.to_string(), "microflake, gaussian");
-        assert_eq!(ShownAs::usual(&FIBRES).to_string(), "fibres");
+        assert_eq!(ShownAs::usual(&EXPLICIT_FIBRES).to_string(), "fibres");
         for wrong in ["flake = 'gaussian'", "model = 'auto'"] {
             assert!(shown(wrong, "model = 'packed'").is_err(), "{wrong}");
         }

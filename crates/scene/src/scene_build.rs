@@ -2,7 +2,7 @@
 
 use crate::camera::{CameraTable, of_a_goniometer};
 use crate::error::{Result, input};
-use crate::light;
+use crate::light_pictures;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::object::{At, ObjectTable};
@@ -77,7 +77,7 @@ pub fn warn_of_emptiness(file: &SceneFile, scene_path: &Path, loader: &Loader<'_
 pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     check(file, options.scene_path)?;
     let camera = camera(file, options.scene_path)?;
-    let lights = light::lights(
+    let lights = light_pictures::lights(
         file,
         options.scene_path,
         options.max_memory_bytes,

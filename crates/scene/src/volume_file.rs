@@ -27,7 +27,9 @@ pub fn read<T>(
                 about.len()
             ));
         }
-        let bytes = loader.bytes_or_why(&path).map_err(|e| read::io_words(&e))?;
+        let bytes = loader
+            .bytes_or_why(&path)
+            .map_err(|e| read::io_message(&e))?;
         Ok(Some(bytes))
     };
     let source = Source {

@@ -4,8 +4,8 @@
 //! here and nowhere else.
 
 use crate::{
-    AnyMedium, ClothMedium, FibreEvent, FibreMedium, GridMedium, Integrator, MAX_EVENTS, Medium,
-    RenderSettings, Scene,
+    AnyMedium, GridMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, SggxOctreeMedium,
+    VirtualFibreEvent, VirtualFibreMedium,
 };
 use glam::UVec3;
 use organza_basis::CellGrid;
@@ -84,10 +84,14 @@ pub fn flatten(
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
         AnyMedium::Grid(m) => lay_out(m, scene, settings, backend, max_bytes),
-        AnyMedium::Cloth(m) => lay_out(m, scene, settings, backend, max_bytes),
-        AnyMedium::Fibres(m) if m.event() == FibreEvent::Packed => Err(KernelRefusal::Packed),
-        AnyMedium::Fibres(m) if m.has_local_visibility() => Err(KernelRefusal::LocalVisibility),
-        AnyMedium::Fibres(m) => lay_out(m, scene, settings, backend, max_bytes),
+        AnyMedium::SggxOctree(m) => lay_out(m, scene, settings, backend, max_bytes),
+        AnyMedium::VirtualFibres(m) if m.event() == VirtualFibreEvent::Packed => {
+            Err(KernelRefusal::Packed)
+        }
+        AnyMedium::VirtualFibres(m) if m.has_local_visibility() => {
+            Err(KernelRefusal::LocalVisibility)
+        }
+        AnyMedium::VirtualFibres(m) => lay_out(m, scene, settings, backend, max_bytes),
         _ => Err(KernelRefusal::NotFlakes),
     }
 }
@@ -103,7 +107,7 @@ pub fn engine(
     backend: Backend,
     max_bytes: u64,
 ) -> Result<Box<dyn Engine>, KernelRefusal> {
-    let [AnyMedium::Explicit(fibres)] = &scene.media[..] else {
+    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
         let kernel = flatten(scene, settings, backend, max_bytes)?;
         return Ok(Box::new(kernel));
     };
@@ -122,7 +126,7 @@ pub fn engine(
 /// Explicit fibres of a scene in cells, for paths of any origin; `None` when there
 /// is other matter, or cells do not suit it.
 pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
-    let [AnyMedium::Explicit(fibres)] = &scene.media[..] else {
+    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
         return None;
     };
     let matter = fibres.matter(PROBE_BYTES).ok()?;
@@ -157,7 +161,7 @@ impl Matter for GridMedium {
     }
 }
 
-impl Matter for ClothMedium {
+impl Matter for SggxOctreeMedium {
     fn cell_grid(&self) -> &CellGrid {
         Medium::cell_grid(self)
     }
@@ -167,7 +171,7 @@ impl Matter for ClothMedium {
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
-        let mixture = ClothMedium::populations(self, cell);
+        let mixture = SggxOctreeMedium::populations(self, cell);
         out.extend(mixture.as_slice().iter().map(|c| {
             let materials = self.materials();
             Population {
@@ -181,13 +185,13 @@ impl Matter for ClothMedium {
     }
 }
 
-impl Matter for FibreMedium {
+impl Matter for VirtualFibreMedium {
     fn cell_grid(&self) -> &CellGrid {
         Medium::cell_grid(self)
     }
 
     fn fibres(&self) -> Option<&[Fibre]> {
-        Some(FibreMedium::fibres(self))
+        Some(VirtualFibreMedium::fibres(self))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {

@@ -4,13 +4,14 @@
 //! [`Medium`] is all that a tracker knows of matter: where it is, a bound on
 //! its extinction along stretches of a ray, and at a point the extinction
 //! toward a direction and the scattering there. [`GridMedium`] answers from
-//! dense grids that other programs made, [`ClothMedium`] from an octree of
-//! fibres taken as micro-flakes, [`FibreMedium`] from the same with fibres that
-//! scatter as fibres. [`Scene`] resolves which medium a ray is in once per ray; the loops
-//! inside are monomorphic. Beside them stand [`ExplicitFibres`], which a ray meets
-//! one by one: the ground truth of the others. A [`LevelledCloth`] holds several of
-//! them, and last a [`Surface`](organza_scatter::Surface), of which every path meets the one that suits its
-//! pixel.
+//! dense grids that other programs made. The media of octrees are one type,
+//! [`OctreeMedium`], over what scatters in a voxel: specular SGGX flakes
+//! ([`SggxOctreeMedium`]), flakes of another family ([`FlakeOctreeMedium`]) or virtual
+//! fibres ([`VirtualFibreMedium`]). [`Scene`] resolves which medium a ray is in once per
+//! ray; the loops inside are monomorphic. [`ExplicitFibres`] are no medium: rays
+//! intersect them one by one, and they are the ground truth of the others. A
+//! [`LevelledCloth`] holds several media and a [`Surface`](organza_scatter::Surface) for
+//! distant views; every path meets the one that suits its pixel.
 //!
 //! # The walk
 //! Paths start at the camera and go against the light. An event weighs the

@@ -8,9 +8,9 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, FibreEvent,
-    FibreMedium, Film, Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings,
-    Scene, Stats, render, trace_from,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, Film,
+    Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats,
+    VirtualFibreEvent, VirtualFibreMedium, render, trace_from,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
@@ -69,7 +69,7 @@ fn strewn(packing: f32, size_mm: Vec3, seed: u64) -> SegmentList {
 }
 
 fn traced(source: &SegmentList, fibre: Fibre) -> AnyMedium {
-    AnyMedium::Explicit(ExplicitFibres::new(source, vec![fibre], None, &|_| ()).unwrap())
+    AnyMedium::ExplicitFibres(ExplicitFibres::new(source, vec![fibre], None, &|_| ()).unwrap())
 }
 
 fn scene(media: Vec<AnyMedium>, lights: Vec<Light>, view: Vec3, size: u32) -> Scene {
@@ -233,7 +233,7 @@ fn thinly_strewn_fibres_are_the_medium() {
     let fibre = rough(0.1);
     let realisations = full(48);
     let paths = 600;
-    let medium = |packing: f32, event: FibreEvent| {
+    let medium = |packing: f32, event: VirtualFibreEvent| {
         // One voxel as high as the slab: nothing of the places is left.
         let source = strewn(packing, size_mm, 2);
         let options = VoxelizeOptions {
@@ -243,7 +243,9 @@ fn thinly_strewn_fibres_are_the_medium() {
             max_memory_bytes: None,
         };
         let octree = voxelize(&source, &options, &|_| ()).unwrap();
-        AnyMedium::Fibres(FibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap())
+        AnyMedium::VirtualFibres(
+            VirtualFibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap(),
+        )
     };
     let mut twin_rejected = false;
     for (k, view) in [direction(10.0, 80.0), direction(50.0, 20.0)]
@@ -278,11 +280,11 @@ fn thinly_strewn_fibres_are_the_medium() {
                 ((a.mean - b.mean) / (4.0 * se + 2.0 * f64::from(packing) * a.mean)).abs()
             })
         };
-        for event in [FibreEvent::Plain, FibreEvent::Packed] {
+        for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
             let off = compare(&|| medium(packing, event));
             assert!(off.iter().all(|&z| z < 1.0), "view {k}, {event:?}: {off:?}");
         }
-        let twin = compare(&|| medium(1.1 * packing, FibreEvent::Plain));
+        let twin = compare(&|| medium(1.1 * packing, VirtualFibreEvent::Plain));
         twin_rejected |= twin.iter().any(|&z| z > 1.0);
     }
     assert!(twin_rejected, "the twin passed");

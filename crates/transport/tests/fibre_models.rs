@@ -10,8 +10,9 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, ExplicitFibres, FibreEvent, FibreMedium,
-    Integrator, Light, LocalVisibility, PixelFilter, Projection, Scene, Stats, trace_from,
+    AnyMedium, Camera, CameraPose, DirectionalLight, ExplicitFibres, Integrator, Light,
+    LocalVisibility, PixelFilter, Projection, Scene, Stats, VirtualFibreEvent, VirtualFibreMedium,
+    trace_from,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use rayon::prelude::*;
@@ -138,18 +139,25 @@ fn explicit(source: &SegmentList, fibre: &Fibre) -> ExplicitFibres {
     ExplicitFibres::new(source, vec![fibre.clone()], None, &|_| ()).unwrap()
 }
 
-fn volume(source: &SegmentList, fibre: &Fibre, event: FibreEvent, voxel_radii: f32) -> AnyMedium {
+fn volume(
+    source: &SegmentList,
+    fibre: &Fibre,
+    event: VirtualFibreEvent,
+    voxel_radii: f32,
+) -> AnyMedium {
     let options = VoxelizeOptions {
         voxel_mm: voxel_radii * RADIUS_MM,
         levels: None,
         footprint: match event {
-            FibreEvent::Packed => Footprint::Axis,
-            FibreEvent::Plain => Footprint::Covered,
+            VirtualFibreEvent::Packed => Footprint::Axis,
+            VirtualFibreEvent::Plain => Footprint::Covered,
         },
         max_memory_bytes: None,
     };
     let octree = voxelize(source, &options, &|_| ()).unwrap();
-    AnyMedium::Fibres(FibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap())
+    AnyMedium::VirtualFibres(
+        VirtualFibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap(),
+    )
 }
 
 /// Reflected, transmitted by scattering (three channels each), straight through.
@@ -248,10 +256,10 @@ impl Errors {
 
 fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
     let fibre = fibre();
-    let mut models: Vec<(String, FibreEvent, f32)> =
-        vec![("plain".into(), FibreEvent::Plain, case.voxels[0])];
+    let mut models: Vec<(String, VirtualFibreEvent, f32)> =
+        vec![("plain".into(), VirtualFibreEvent::Plain, case.voxels[0])];
     for &v in case.voxels {
-        models.push((format!("packed {v} r"), FibreEvent::Packed, v));
+        models.push((format!("packed {v} r"), VirtualFibreEvent::Packed, v));
     }
     let mut errors: Vec<Errors> = models.iter().map(|_| Errors::default()).collect();
     let (mut union, mut sum) = (0.0, 0.0);
@@ -268,7 +276,7 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
                 sum += overlap.sum;
             }
             let seed = 1000 * r + k as u64;
-            let medium = AnyMedium::Explicit(fibres);
+            let medium = AnyMedium::ExplicitFibres(fibres);
             add(&mut truth, &measure(medium, view, paths, seed));
             for (g, (_, event, voxel)) in got.iter_mut().zip(&models) {
                 let medium = volume(&source, &fibre, *event, *voxel);
@@ -507,7 +515,7 @@ fn local_visibility_against_fibres() {
         (angle(20.0, 45.0), angle(150.0, 60.0)),
     ] {
         let truth = lit(
-            AnyMedium::Explicit(explicit(&source, &fibre)),
+            AnyMedium::ExplicitFibres(explicit(&source, &fibre)),
             view,
             light,
             paths,
@@ -518,9 +526,10 @@ fn local_visibility_against_fibres() {
             truth.mean,
             truth.standard_error()
         );
-        for event in [FibreEvent::Plain, FibreEvent::Packed] {
+        for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
             let means = [false, true].map(|with_tables| {
-                let AnyMedium::Fibres(mut medium) = volume(&source, &fibre, event, voxel_radii)
+                let AnyMedium::VirtualFibres(mut medium) =
+                    volume(&source, &fibre, event, voxel_radii)
                 else {
                     panic!("virtual fibres");
                 };
@@ -531,7 +540,7 @@ fn local_visibility_against_fibres() {
                     let local = LocalVisibility::count(&fibres, 1, corner, voxel_mm, 3).unwrap();
                     medium = medium.with_local_visibility(local);
                 }
-                lit(AnyMedium::Fibres(medium), view, light, paths, 1)
+                lit(AnyMedium::VirtualFibres(medium), view, light, paths, 1)
             });
             let off = |m: &Moments| 100.0 * (m.mean / truth.mean - 1.0);
             print!(

@@ -9,8 +9,8 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, warp};
 use organza_transport::{
-    ClothMedium, FlakeFamily, FlakeMedium, FlakeOptics, Medium, Stats, exact_transmittance,
-    sample_collision, transmittance,
+    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, SggxOctreeMedium, Stats,
+    exact_transmittance, sample_collision, transmittance,
 };
 use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
 
@@ -38,12 +38,12 @@ fn cloth() -> Octree {
     voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap()
 }
 
-fn flakes(family: FlakeFamily, albedo: f32) -> FlakeMedium {
+fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
     let optics = FlakeOptics {
         albedo: Rgb::splat(albedo),
         end_on_ratio: 0.2,
     };
-    FlakeMedium::new(cloth(), 0, vec![optics], family).unwrap()
+    FlakeOctreeMedium::new(cloth(), 0, vec![optics], family).unwrap()
 }
 
 fn draws(small: u32) -> u32 {
@@ -74,7 +74,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
         };
         let at = ray.at(local.t_entry + t);
         let w_out = -ray.direction;
-        let site = medium.settle(site, w_out, rng);
+        let site = medium.draw_event(site, w_out, rng);
         let w_light = warp::uniform_sphere(rng.unit2());
         let through = medium
             .cell_grid()
@@ -141,7 +141,7 @@ fn ratio_tracking_is_the_closed_form() {
 /// flakes; the families block alike.
 #[test]
 fn points_are_reciprocal_and_families_block_alike() {
-    let specular = ClothMedium::new(
+    let specular = SggxOctreeMedium::new(
         cloth(),
         0,
         vec![FlakeOptics {
@@ -171,7 +171,7 @@ fn points_are_reciprocal_and_families_block_alike() {
         let mut way = |from: Vec3, to: Vec3| -> Moments {
             let draws = draws(400);
             let mut one = |s: &_| {
-                let met = medium.settle(*s, from, &mut rng);
+                let met = medium.draw_event(*s, from, &mut rng);
                 f64::from(medium.sigma_t(s, from) * medium.eval(&met, from, to).0.x)
             };
             sites

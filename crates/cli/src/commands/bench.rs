@@ -85,7 +85,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let folder = |name: &str| {
         let path = args.outfile.join(name);
         std::fs::create_dir_all(&path)
-            .map_err(|e| input(format!("{}: {}", path.display(), read::io_words(&e))))?;
+            .map_err(|e| input(format!("{}: {}", path.display(), read::io_message(&e))))?;
         path.canonicalize()
             .with_context(|| path.display().to_string())
     };

@@ -14,7 +14,7 @@ use clap::Args;
 use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems};
 use organza_report::comparison::{Comparison, Measurement, Plan, judge};
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::{FIBRES, Representation, SURFACE, ShownAs};
+use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs};
 use organza_scene::{fabric_file, read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -102,7 +102,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         })?;
         let models_are_chosen = !models.is_empty();
         if !models_are_chosen {
-            models = vec![PatchModel::Is(&FIBRES), PatchModel::Own];
+            models = vec![PatchModel::Is(&EXPLICIT_FIBRES), PatchModel::Own];
             let has_surface = fabric.file.surface.is_some();
             models.extend(has_surface.then_some(PatchModel::Is(&SURFACE)));
         }
@@ -172,7 +172,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
 /// Whether a comparison of the usual models continues without one that is refused:
 /// explicit fibres that do not fit into memory. Reported, unless `quiet`.
 fn leaves_out(model: &Representation, why: &anyhow::Error, quiet: bool) -> bool {
-    let leaves_out = model == &FIBRES && why.is::<InputError>();
+    let leaves_out = model == &EXPLICIT_FIBRES && why.is::<InputError>();
     if leaves_out && !quiet {
         note!("fibres are left out: {why}");
     }
@@ -216,8 +216,13 @@ fn measure(
 }
 
 fn write(args: &CompareArgs, comparison: &Comparison) -> Result<()> {
-    std::fs::create_dir_all(&args.outdir)
-        .map_err(|e| input(format!("{}: {}", args.outdir.display(), read::io_words(&e))))?;
+    std::fs::create_dir_all(&args.outdir).map_err(|e| {
+        input(format!(
+            "{}: {}",
+            args.outdir.display(),
+            read::io_message(&e)
+        ))
+    })?;
     let json = serde_json::to_string_pretty(&comparison.json())?;
     let files = [
         ("pairs.csv", comparison.pairs_csv()?),

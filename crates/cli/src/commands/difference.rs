@@ -70,7 +70,7 @@ impl Command for DifferenceArgs {
         let report = Report::new(&reference, &compared);
         match self.json {
             true => output::print(&(serde_json::to_string_pretty(&report)? + "\n")),
-            false => output::print(&report.words()),
+            false => output::print(&report.description()),
         }
     }
 }
@@ -180,7 +180,7 @@ impl Report {
         }
     }
 
-    fn words(&self) -> String {
+    fn description(&self) -> String {
         let [width, height] = self.resolution;
         let mut text = format!("resolution    {width} x {height}\n");
         if self.is_equal {
@@ -371,6 +371,6 @@ mod tests {
         assert_eq!(report.green.largest_at, [5, 3]);
         assert_eq!(report.not_finite, 1);
         assert!(!report.is_equal && report.flip > 0.0 && report.flip.is_finite());
-        assert!(report.words().contains("at 5,3"));
+        assert!(report.description().contains("at 5,3"));
     }
 }

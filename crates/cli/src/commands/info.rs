@@ -13,7 +13,7 @@ use organza_scene::memory::free_memory_bytes;
 use organza_scene::object::At;
 use organza_scene::scene_build::BuildOptions;
 use organza_scene::scene_file::{IntegratorName, is_scene};
-use organza_scene::{fabric_file, light, read, volume_file};
+use organza_scene::{fabric_file, light_pictures, read, volume_file};
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
@@ -132,7 +132,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         .cloth
         .materials()
         .iter()
-        .zip(fabric.optics())
+        .zip(fabric.flake_optics())
         .map(|(m, o)| {
             json!({
                 "yarn": m.yarn,
@@ -162,7 +162,7 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let loader = &Loader::new();
     let loaded = organza_scene::load(path, overrides, loader)?;
     let (file, chosen) = (&loaded.file, &loaded.chosen);
-    light::lights(file, path, None, loader)?;
+    light_pictures::lights(file, path, None, loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let options = BuildOptions {
         scene_path: path,
@@ -252,7 +252,7 @@ fn list(text: &mut String, value: &Value, depth: usize) {
         Value::Object(map) => {
             for (key, v) in map {
                 if is_flat(v) {
-                    *text += &format!("{indent}{key}: {}\n", words(v));
+                    *text += &format!("{indent}{key}: {}\n", value_text(v));
                 } else {
                     *text += &format!("{indent}{key}:\n");
                     list(text, v, depth + 1);
@@ -262,22 +262,22 @@ fn list(text: &mut String, value: &Value, depth: usize) {
         Value::Array(items) => {
             for (i, v) in items.iter().enumerate() {
                 if is_flat(v) {
-                    *text += &format!("{indent}{}\n", words(v));
+                    *text += &format!("{indent}{}\n", value_text(v));
                 } else {
                     *text += &format!("{indent}[{i}]\n");
                     list(text, v, depth + 1);
                 }
             }
         }
-        v => *text += &format!("{indent}{}\n", words(v)),
+        v => *text += &format!("{indent}{}\n", value_text(v)),
     }
 }
 
-fn words(v: &Value) -> String {
+fn value_text(v: &Value) -> String {
     match v {
         Value::String(s) => s.clone(),
         Value::Array(a) if a.is_empty() => "none".into(),
-        Value::Array(a) => a.iter().map(words).collect::<Vec<_>>().join(" "),
+        Value::Array(a) => a.iter().map(value_text).collect::<Vec<_>>().join(" "),
         Value::Null => "-".into(),
         Value::Number(n) => match n.as_f64() {
             Some(x) if n.is_f64() => format!("{}", (x * 1e6).round() / 1e6),

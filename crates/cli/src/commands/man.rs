@@ -33,7 +33,7 @@ impl Command for ManArgs {
             )));
         }
         std::fs::create_dir_all(folder)
-            .map_err(|e| input(format!("{}: {}", folder.display(), read::io_words(&e))))?;
+            .map_err(|e| input(format!("{}: {}", folder.display(), read::io_message(&e))))?;
         output::check_writable(&folder.join("organza.1"))?;
         let mut program = super::definition();
         // Gives the commands the names under which they are called.

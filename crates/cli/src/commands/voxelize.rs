@@ -188,7 +188,7 @@ fn write(
     fabric: &Fabric,
     octree: &Octree,
 ) -> Result<Vec<PathBuf>> {
-    let materials = FlakeMaterials::new(fabric.optics());
+    let materials = FlakeMaterials::new(fabric.flake_optics());
     let voxels = Voxels {
         octree,
         level: args.level,

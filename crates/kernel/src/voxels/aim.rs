@@ -1,6 +1,6 @@
 //! Direct light for lanes: tabulated estimates, corrected by exact rays.
 
-use super::light_table::LightTable;
+use super::optical_depth_table::OpticalDepthTable;
 use super::shadow_ray::ShadowRay;
 use super::walk::{Paths, stored};
 use crate::Kernel;
@@ -35,7 +35,7 @@ impl<F: Floats> Aim<F> {
     pub fn transmittance(
         &self,
         kernel: &Kernel,
-        light: &LightTable,
+        light: &OpticalDepthTable,
         paths: &Paths<F>,
         mean_throughput: F,
         met: F::Mask,
@@ -58,7 +58,7 @@ impl<F: Floats> Aim<F> {
     fn transmittances(
         &self,
         kernel: &Kernel,
-        light: &LightTable,
+        light: &OpticalDepthTable,
         paths: &Paths<F>,
         chance: F,
         traced: F::Mask,

@@ -9,11 +9,11 @@
 //! A lamp is what is bright within a cap. Directions are drawn from it by
 //! luminance: a texel, then a place in the tent that interpolation spreads it
 //! over, so that the light along a drawn direction is nearly the same for all
-//! of them. A [`LightTable`] toward the lamp's middle says how much comes
+//! of them. A [`OpticalDepthTable`] toward the lamp's middle says how much comes
 //! through, and an occasional exact ray along the drawn direction sets it right.
 
 use super::flat_medium::FlatMedium;
-use super::light_table::{LightTable, Nodes, extinctions};
+use super::optical_depth_table::{Nodes, OpticalDepthTable, extinctions};
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{V3, sin_cos_of_turns, turns_of};
 use glam::Vec3;
@@ -64,7 +64,7 @@ pub struct Sky {
 /// A part of a picture that shadow rays find.
 pub struct Lamp {
     /// Depths toward its middle.
-    pub table: LightTable,
+    pub table: OpticalDepthTable,
     /// For every place of an alias table [Walker1977] eight words: the share
     /// of its texel, where that begins which has the rest, column and row;
     /// then red, green and blue times the solid angle of a texel at the equator
@@ -241,7 +241,7 @@ impl Lamp {
             places.extend(words);
         }
         Some(Lamp {
-            table: LightTable::new(
+            table: OpticalDepthTable::new(
                 medium.cell_grid,
                 nodes,
                 -middle(texels),
@@ -295,7 +295,7 @@ impl Parts {
     pub fn bytes(&self, cell_grid: &CellGrid) -> u64 {
         let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();
         4 * (u64::from(2 * TEXEL) * self.sky.len() as u64 + u64::from(PLACE) * places as u64)
-            + LightTable::max_bytes(cell_grid, self.lamps.len() as u64)
+            + OpticalDepthTable::max_bytes(cell_grid, self.lamps.len() as u64)
     }
 
     /// Takes a picture apart.

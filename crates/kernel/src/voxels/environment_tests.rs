@@ -2,8 +2,8 @@
 
 use super::environment::{Parts, Sky};
 use super::flat_medium::FlatMedium;
-use super::light_table::Nodes;
 use super::matter_tests::bundles;
+use super::optical_depth_table::Nodes;
 use crate::cpu::lanes::{self, Mask, one};
 use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::{UVec2, Vec3};

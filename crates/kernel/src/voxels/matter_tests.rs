@@ -2,7 +2,7 @@
 //! exact rays.
 
 use super::flat_medium::FlatMedium;
-use super::light_table::{self, LightTable, Nodes, extinctions};
+use super::optical_depth_table::{self, Nodes, OpticalDepthTable, extinctions};
 use super::{shadow_ray, voxel_words};
 use crate::cpu::lanes::{Ints, one};
 use crate::{Matter, NO_YARN, Population, Substance, Unsuited};
@@ -214,7 +214,7 @@ fn tables_hold_exact_depths() {
             let extinctions = extinctions(&medium, -direction);
             let nodes = Nodes::new(&medium.cell_grid, std::iter::once(&extinctions[..]));
             let table =
-                LightTable::new(medium.cell_grid, nodes, direction, irradiance, extinctions);
+                OpticalDepthTable::new(medium.cell_grid, nodes, direction, irradiance, extinctions);
             let n = table.nodes.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;
@@ -241,8 +241,8 @@ fn tables_hold_exact_depths() {
                     let mean = (0..500).map(&mut stopped).sum::<f32>() / 500.0;
                     assert!((mean - (-exact).exp()).abs() < 2e-3, "{mean}, {exact}");
                 }
-                let depth = (word & 0xff) as f32 * (light_table::MAX_DEPTH / 255.0);
-                let least = exact.min(light_table::MAX_DEPTH);
+                let depth = (word & 0xff) as f32 * (optical_depth_table::MAX_DEPTH / 255.0);
+                let least = exact.min(optical_depth_table::MAX_DEPTH);
                 assert!((depth - least).abs() < 0.025, "{depth}, {exact} at {p}");
             }
         }

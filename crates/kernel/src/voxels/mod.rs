@@ -17,9 +17,9 @@ pub mod flakes;
 pub mod flat_medium;
 pub mod lane_work;
 pub mod layout;
-pub mod light_table;
 #[cfg(test)]
 mod matter_tests;
+pub mod optical_depth_table;
 pub mod panel;
 pub mod population_tables;
 pub mod reach;

@@ -6,7 +6,7 @@ use super::event::{Event, Meeting};
 use super::film_rays::inverse_of_step;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
 use super::lane_work::{LaneWork, regenerate};
-use super::light_table::depth;
+use super::optical_depth_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, minus_ln, positive};

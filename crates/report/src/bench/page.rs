@@ -1,7 +1,7 @@
 //! The page of speed against error.
 
 use super::quantity::{
-    choice_words, ends, exponent, interval, mib, percent, plain, recommended, seconds_to_noise,
+    describe_choice, ends, exponent, interval, mib, percent, plain, recommended, seconds_to_noise,
     short, time,
 };
 use super::record::front;
@@ -138,12 +138,12 @@ impl BenchReport<'_> {
     ) -> Result<ViewPart<'v>, ReportError> {
         let refusals = v.refusals.iter();
         Ok(ViewPart {
-            title: capital(&v.view.words()),
+            title: capital(&v.view.description()),
             thumbnails: self.thumbnails(sample, v)?,
             plots: plots(sample, v)?,
             rows: choice_rows(sample, v),
             refusals: refusals
-                .map(|r| (choice_words(&r.choice, sample), r.why.as_str()))
+                .map(|r| (describe_choice(&r.choice, sample), r.why.as_str()))
                 .collect(),
         })
     }
@@ -169,7 +169,7 @@ impl BenchReport<'_> {
             shown.push(choice.model);
             let (title, bias) = (choice.model.title, percent(t.row.bias.value));
             let caption = match choice.model.build {
-                Build::Fibres(_) => format!("{title}, the truth"),
+                Build::ExplicitFibres(_) => format!("{title}, the truth"),
                 Build::Voxels(_) => {
                     let um = sample.fabric.file.voxel.size_um;
                     format!("{title}, {um} um, bias {bias}")
@@ -211,7 +211,7 @@ impl Shown {
 /// Error over time and over memory, and as time passes.
 fn plots(sample: &Sample, v: &ViewResult) -> Result<Vec<Plot>, ReportError> {
     let choices = v.results.iter().map(|t| Shown {
-        words: choice_words(&t.row.choice, sample),
+        words: describe_choice(&t.row.choice, sample),
         colour: t.row.choice.model.colour,
         rmse: t.row.rmse,
         cost: t.row.cost,
@@ -288,7 +288,7 @@ fn choice_rows(sample: &Sample, v: &ViewResult) -> Vec<ChoiceRow> {
     let choices = v.results.iter().zip(front(&v.results));
     let choices = choices.map(|(t, on_front)| {
         let r = &t.row;
-        let words = choice_words(&r.choice, sample);
+        let words = describe_choice(&r.choice, sample);
         row(words, &r.rmse, &r.bias, &r.cost, on_front)
     });
     let peers = v.peers.iter().map(|p| {
@@ -306,7 +306,7 @@ fn growth_row(s: &Series) -> GrowthRow<'_> {
         memory: format!("{:.0} MiB", mib(p.memory_bytes)),
     });
     GrowthRow {
-        size: s.grows.words(),
+        size: s.grows.description(),
         choice: &s.what,
         ends: ends(s),
         setup: exponent(s.setup),

@@ -1,11 +1,11 @@
 //! How the figures of a bench are written.
 
 use super::scaling::Series;
-use super::stage::{Sample, View, distance_words};
+use super::stage::{Sample, View, describe_distance};
 use organza_measure::{Cost, Figure, Growth};
 use organza_scene::auto::choice::Choice;
 use organza_scene::auto::table::Recommendation;
-use organza_scene::representation::FIBRES;
+use organza_scene::representation::EXPLICIT_FIBRES;
 
 /// Relative noise at which times are compared.
 pub(super) const NOISE: f64 = 0.02;
@@ -63,20 +63,20 @@ pub(super) fn short(sample: &Sample, view: &View) -> String {
         "{}, {} mm ({}), {}",
         sample.name,
         view.pixel_mm,
-        distance_words(view.pixel_mm),
+        describe_distance(view.pixel_mm),
         view.lit.name()
     )
 }
 
-pub(super) fn choice_words(choice: &Choice, sample: &Sample) -> String {
-    choice.words(sample.fabric.file.voxel.size_um)
+pub(super) fn describe_choice(choice: &Choice, sample: &Sample) -> String {
+    choice.description(sample.fabric.file.voxel.size_um)
 }
 
 /// "micro-flakes, 20 um, level 1: 3.1 s (fibres 40 s); error 2.0 %, at most 2.1 %"
 pub(super) fn recommended(r: &Recommendation, sample: &Sample) -> String {
-    let words = choice_words(&r.taken.choice, sample);
+    let words = describe_choice(&r.taken.choice, sample);
     match (r.seconds, r.fibres_s) {
-        (Some(own), _) if r.taken.choice.model == &FIBRES => {
+        (Some(own), _) if r.taken.choice.model == &EXPLICIT_FIBRES => {
             format!("{words}: {}", time(own))
         }
         (Some(own), Some(fibres)) => format!(

@@ -1,7 +1,7 @@
 //! A bench as figures: JSON, and tables of text.
 
 use super::quantity::{
-    NOISE, choice_words, ends, exponent, interval, mib, percent, recommended, seconds_to_noise,
+    NOISE, describe_choice, ends, exponent, interval, mib, percent, recommended, seconds_to_noise,
     short,
 };
 use super::try_all::{Tried, ViewResult};
@@ -34,7 +34,7 @@ impl BenchReport<'_> {
                 list.push(format!(
                     "{}, {}, within {}: {words}",
                     sample.name,
-                    view.view.words(),
+                    view.view.description(),
                     percent(tolerance)
                 ));
             }
@@ -77,7 +77,7 @@ impl BenchReport<'_> {
             .zip(front(&v.results))
             .map(|(t, on_front)| {
                 json!({
-                    "choice": t.row.choice, "words": choice_words(&t.row.choice, sample),
+                    "choice": t.row.choice, "words": describe_choice(&t.row.choice, sample),
                     "backend": t.backend, "rmse": t.row.rmse, "bias": t.row.bias,
                     "noise": t.noise, "setup_s": t.row.cost.setup_s,
                     "seconds_to_noise_1": t.row.cost.noise_s,
@@ -89,7 +89,7 @@ impl BenchReport<'_> {
         let refused: Vec<Value> = v
             .refusals
             .iter()
-            .map(|r| json!({ "choice": choice_words(&r.choice, sample), "why": r.why }))
+            .map(|r| json!({ "choice": describe_choice(&r.choice, sample), "why": r.why }))
             .collect();
         let peers: Vec<Value> = v
             .peers
@@ -141,7 +141,7 @@ impl BenchReport<'_> {
                 );
             };
             for t in &v.results {
-                let what = choice_words(&t.row.choice, sample);
+                let what = describe_choice(&t.row.choice, sample);
                 row(&what, &t.row.rmse, &t.row.bias, &t.row.cost);
             }
             for p in &v.peers {
@@ -157,7 +157,7 @@ impl BenchReport<'_> {
                 let _ = writeln!(
                     text,
                     "| {} | {} | {} | {} | {} | {} |",
-                    s.grows.words(),
+                    s.grows.description(),
                     s.what,
                     ends(s),
                     exponent(s.setup),

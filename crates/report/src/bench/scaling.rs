@@ -40,7 +40,7 @@ impl Size {
     ];
 
     /// In words.
-    pub fn words(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Size::Tile => "tile, repeats of the weave",
             Size::Resolution => "voxels to a millimetre",

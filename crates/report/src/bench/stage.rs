@@ -179,11 +179,11 @@ impl View {
     }
 
     /// In words.
-    pub fn words(&self) -> String {
+    pub fn description(&self) -> String {
         format!(
             "pixels of {} mm ({} away), lit from {}",
             self.pixel_mm,
-            distance_words(self.pixel_mm),
+            describe_distance(self.pixel_mm),
             match self.lit {
                 Lit::Front => "the front",
                 Lit::Back => "behind",
@@ -207,14 +207,14 @@ impl View {
              resolution = [{resolution}, {resolution}]\n\n\
              [[light]]\nkind = \"environment\"\nfile = {:?}\n\n\
              [[object]]\nkind = \"cloth\"\nfabric = {fabric:?}\n",
-            self.words(),
+            self.description(),
             room_file(self.lit),
         )
     }
 }
 
 /// "34 cm" or "3.4 m".
-pub(super) fn distance_words(pixel_mm: f64) -> String {
+pub(super) fn describe_distance(pixel_mm: f64) -> String {
     let metres = distance_m(pixel_mm);
     if metres < 1.0 {
         format!("{:.0} cm", 100.0 * metres)
@@ -238,8 +238,8 @@ mod tests {
             assert_eq!(scene.camera.unwrap().width_mm, Some(3.2));
         }
         assert!((distance_m(0.290_888) - 1.0).abs() < 1e-5);
-        assert_eq!(distance_words(0.1), "34 cm");
-        assert_eq!(distance_words(1.0), "3.4 m");
+        assert_eq!(describe_distance(0.1), "34 cm");
+        assert_eq!(describe_distance(1.0), "3.4 m");
     }
 
     #[test]

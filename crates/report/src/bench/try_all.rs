@@ -144,7 +144,7 @@ impl Plan {
                     picture,
                 })
             };
-        let (truth, figures) = match run(&Choice::FIBRES, self.truth_spp, TRUTH_SEED)? {
+        let (truth, figures) = match run(&Choice::EXPLICIT_FIBRES, self.truth_spp, TRUTH_SEED)? {
             Outcome::Picture(picture, figures) => (*picture, figures),
             Outcome::Refused(why) => {
                 return Err(ReportError::Run(format!("{slug}, explicit fibres: {why}")));
@@ -155,7 +155,8 @@ impl Plan {
                 "{slug}: explicit fibres are black; there is nothing to compare with"
             ))
         };
-        let mut first = judge(Choice::FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
+        let mut first =
+            judge(Choice::EXPLICIT_FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
         // Against itself it has no error, and its noise makes none.
         for figure in [&mut first.row.rmse, &mut first.row.bias] {
             (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);

@@ -1,6 +1,6 @@
 //! The BSDF over all incident directions, one disk for each direction of view.
 
-use super::{DrawError, INK, Plot, draw_words, fine, paint};
+use super::{DrawError, INK, Plot, draw_text, fine, paint};
 use crate::picture::pixel;
 use glam::Vec2;
 use organza_basis::warp;
@@ -50,7 +50,7 @@ pub(crate) fn hemispheres(values: &[PairValue], gain: f32) -> Result<Plot, DrawE
             let below = f64::from(middle.y + RADIUS) + 8.0;
             let words = format!("{:.0}\u{b0}, {:.0}\u{b0}", view.theta_deg, view.phi_deg);
             let at = (fine(f64::from(middle.x)), fine(below));
-            draw_words(canvas, &words, at, HPos::Center, INK)?;
+            draw_text(canvas, &words, at, HPos::Center, INK)?;
         }
         Ok(Vec::new())
     })?;

@@ -1,7 +1,7 @@
 //! Marks with intervals, and lines, over two logarithmic axes.
 
 use super::axis::{LogAxis, LogSpan};
-use super::{DrawError, Hint, INK, Plot, draw_mesh, draw_title, draw_words, fine, line, paint};
+use super::{DrawError, Hint, INK, Plot, draw_mesh, draw_text, draw_title, fine, line, paint};
 use plotters::chart::ChartBuilder;
 use plotters::coord::combinators::{BindKeyPoints, IntoLogRange};
 use plotters::element::{Circle, DashedPathElement, PathElement};
@@ -58,7 +58,7 @@ pub(crate) fn log_log(
     Plot::new(SIZE, title, |canvas| {
         draw_title(canvas, LEFT, title)?;
         let end = (fine(SIZE[0] - RIGHT), fine(SIZE[1] - 0.5 * BELOW));
-        draw_words(canvas, x_axis.title, end, HPos::Right, INK)?;
+        draw_text(canvas, x_axis.title, end, HPos::Right, INK)?;
         let mut chart = ChartBuilder::on(canvas)
             .margin_top(fine(TOP))
             .margin_right(fine(RIGHT))

@@ -134,7 +134,7 @@ fn draw_title(canvas: &Canvas, left: f64, title: &str) -> Result<(), DrawError> 
 }
 
 /// Text beside a point of the canvas: left of it, right of it or centred.
-fn draw_words(
+fn draw_text(
     canvas: &Canvas,
     words: &str,
     at: (i32, i32),

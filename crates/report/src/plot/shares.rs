@@ -1,6 +1,6 @@
 //! Where light goes, as bars.
 
-use super::{DrawError, INK, Plot, draw_words, fine, paint};
+use super::{DrawError, INK, Plot, draw_text, fine, paint};
 use plotters::element::Rectangle;
 use plotters::style::text_anchor::HPos;
 use plotters::style::{Color, RGBColor, WHITE};
@@ -42,7 +42,7 @@ pub(crate) fn shares(bars: &[Shares]) -> Result<Plot, DrawError> {
             let top = ROW * row as f64 + 2.0;
             let middle = fine(top + 0.5 * BAR);
             let end = (fine(LEFT - GAP), middle);
-            draw_words(canvas, &bar.label, end, HPos::Right, INK)?;
+            draw_text(canvas, &bar.label, end, HPos::Right, INK)?;
             let mut from = LEFT;
             for (share, (_, colour)) in bar.shares.iter().zip(SHARES) {
                 let wide = share.clamp(0.0, 1.0) * WHOLE;
@@ -55,7 +55,7 @@ pub(crate) fn shares(bars: &[Shares]) -> Result<Plot, DrawError> {
                     let at = (fine(from + 0.5 * wide), middle);
                     let is_dark = colour.iter().all(|&c| c < 0x80);
                     let ink = if is_dark { WHITE } else { DARK };
-                    draw_words(canvas, &format!("{share:.2}"), at, HPos::Center, ink)?;
+                    draw_text(canvas, &format!("{share:.2}"), at, HPos::Center, ink)?;
                 }
                 from += wide;
             }

@@ -1,7 +1,7 @@
 //! What can be chosen for a cloth: its representation, how fine, and how paths find
 //! their way through it.
 
-use crate::representation::{Build, FIBRES, REPRESENTATIONS, Representation, Tracker};
+use crate::representation::{Build, EXPLICIT_FIBRES, REPRESENTATIONS, Representation, Tracker};
 use serde::{Deserialize, Serialize};
 
 /// One of everything.
@@ -19,7 +19,7 @@ pub struct Choice {
 
 impl Choice {
     /// The truth.
-    pub const FIBRES: Choice = Choice::of(&FIBRES, Tracker::Woodcock);
+    pub const EXPLICIT_FIBRES: Choice = Choice::of(&EXPLICIT_FIBRES, Tracker::Woodcock);
 
     /// A model as the fabric has it.
     pub const fn of(model: &'static Representation, tracker: Tracker) -> Choice {
@@ -65,7 +65,7 @@ impl Choice {
     }
 
     /// In words, for a fabric of that voxel size.
-    pub fn words(&self, own_voxel_um: f32) -> String {
+    pub fn description(&self, own_voxel_um: f32) -> String {
         if self.model.voxels().is_none() {
             return self.model.title.to_owned();
         }
@@ -96,7 +96,7 @@ impl Choice {
     /// Values of `--set` that make the first object of a scene this.
     pub fn overrides(&self, own_voxel_um: f32) -> Vec<String> {
         let integrator = match (&self.model.build, self.tracker) {
-            (Build::Fibres(_), _) => "fibres",
+            (Build::ExplicitFibres(_), _) => "fibres",
             (_, Tracker::Regular) => "regular",
             _ => "woodcock",
         };

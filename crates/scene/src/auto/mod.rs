@@ -12,7 +12,7 @@ use crate::fabric_file;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::object::{ClothTable, Lod, LodName, ObjectTable};
-use crate::representation::{Build, FIBRES, ModelKey, Representation, Tracker};
+use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, Representation, Tracker};
 use crate::scene_build::{self, BuildOptions};
 use crate::scene_file::{IntegratorName, SceneFile};
 use crate::{drape, read};
@@ -80,7 +80,7 @@ pub fn resolve(
         check(table).map_err(|why| fail(&why))?;
         let mut table = table.clone();
         if file.render.integrator == IntegratorName::Fibres {
-            table.model = Some(ModelKey::Is(&FIBRES));
+            table.model = Some(ModelKey::Is(&EXPLICIT_FIBRES));
         } else {
             list.push(choose(file, i, &mut table, scene_path, loader)?);
         }
@@ -168,7 +168,7 @@ fn choose(
     let regular = file.render.integrator == IntegratorName::Regular;
     let possible = |model: &Representation, tracker: Tracker| match &model.build {
         _ if mesh.is_some() && !model.drapes => false,
-        Build::Fibres(_) => !regular,
+        Build::ExplicitFibres(_) => !regular,
         Build::Surface(_) => fabric.file.surface.is_some(),
         Build::Voxels(_) if regular => tracker == Tracker::Regular,
         Build::Voxels(_) if by_kernel && model.trackers.contains(&Tracker::Kernel) => {
@@ -190,7 +190,7 @@ fn choose(
     set(table, &recommendation, own_um);
     Ok(Chosen {
         object: index,
-        what: choice.words(own_um),
+        what: choice.description(own_um),
         why: why(&recommendation, pixel_mm, &lit, tolerance, like, &traits),
         pixel_mm,
         lit,
@@ -221,7 +221,7 @@ fn why(
 ) -> String {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let rmse = &r.taken.rmse;
-    let error = if r.taken.choice.model == &FIBRES {
+    let error = if r.taken.choice.model == &EXPLICIT_FIBRES {
         "no other choice is known to be within".to_owned()
     } else {
         let sides = format!(
@@ -236,7 +236,7 @@ fn why(
         }
     };
     let gain = match (r.seconds, r.fibres_s) {
-        (Some(own), Some(fibres)) if r.taken.choice.model != &FIBRES => {
+        (Some(own), Some(fibres)) if r.taken.choice.model != &EXPLICIT_FIBRES => {
             format!(", {:.1} times as fast as explicit fibres", fibres / own)
         }
         _ => String::new(),

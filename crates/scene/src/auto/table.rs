@@ -5,7 +5,7 @@
 use super::choice::Choice;
 use super::lit::Lit;
 use crate::fabric_file::Fabric;
-use crate::representation::FIBRES;
+use crate::representation::EXPLICIT_FIBRES;
 use organza_basis::Rgb;
 use organza_measure::{Cost, Figure};
 use serde::Serialize;
@@ -31,7 +31,7 @@ impl Traits {
         let count = materials.len().max(1) as f64;
         let luminance = |c: Rgb| f64::from(0.2126 * c.0.x + 0.7152 * c.0.y + 0.0722 * c.0.z);
         let albedo = fabric
-            .optics()
+            .flake_optics()
             .iter()
             .map(|o| luminance(o.albedo))
             .sum::<f64>()
@@ -121,7 +121,9 @@ pub struct Recommendation {
 /// stand for the truth in `fibres_s`.
 pub fn recommend(candidates: &[Candidate], tolerance: f64) -> Option<Recommendation> {
     let seconds = |c: &Candidate| c.cost.seconds_within(tolerance, c.rmse.high);
-    let fibres = candidates.iter().find(|c| c.choice.model == &FIBRES);
+    let fibres = candidates
+        .iter()
+        .find(|c| c.choice.model == &EXPLICIT_FIBRES);
     let reaching = candidates.iter().filter_map(|c| Some((c, seconds(c)?)));
     let fastest = reaching.min_by(|a, b| a.1.total_cmp(&b.1));
     let least = || {
@@ -255,7 +257,7 @@ mod tests {
             for pixel_mm in [0.1, 1.0] {
                 for lit in Lit::ALL {
                     let worse = if lit == Lit::Back { 2.0 } else { 1.0 };
-                    list.push(of(fabric, pixel_mm, lit, &FIBRES, 0.0, 0.1));
+                    list.push(of(fabric, pixel_mm, lit, &EXPLICIT_FIBRES, 0.0, 0.1));
                     list.push(of(fabric, pixel_mm, lit, &PACKED, 0.01 * worse, 0.02));
                     list.push(of(fabric, pixel_mm, lit, &MICROFLAKE, 0.05 * worse, 0.001));
                 }
@@ -280,8 +282,11 @@ mod tests {
         assert!((front.fibres_s.unwrap() - (1.0 + 0.1 / 0.0036)).abs() < 1e-9);
         // Light from behind as well asks for what is right there too.
         assert_eq!(take(&Lit::ALL, 0.06, None).taken.choice.model, &PACKED);
-        assert_eq!(take(&[Lit::Front], 0.005, None).taken.choice.model, &FIBRES);
-        let none = take(&[Lit::Front], 0.005, Some(&FIBRES));
+        assert_eq!(
+            take(&[Lit::Front], 0.005, None).taken.choice.model,
+            &EXPLICIT_FIBRES
+        );
+        let none = take(&[Lit::Front], 0.005, Some(&EXPLICIT_FIBRES));
         assert_eq!((none.taken.choice.model, none.seconds), (&PACKED, None));
         assert_eq!(recommend(&[], 0.1), None);
     }

@@ -9,7 +9,7 @@ use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{
-    Build, FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
+    Build, EXPLICIT_FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
 };
 use crate::scattering::{EventName, ScatteringTable};
 use crate::scene_build::BuildOptions;
@@ -153,7 +153,7 @@ fn fabric_and_showing(
         return Err(fail(&why));
     }
     if as_fibres {
-        shown = ShownAs::usual(&FIBRES);
+        shown = ShownAs::usual(&EXPLICIT_FIBRES);
     }
     let representation = shown.representation;
     if table.mesh.is_some() && !representation.drapes {
@@ -254,9 +254,9 @@ fn medium(
     };
     let lod = table.lod;
     let voxels = match &shown.representation.build {
-        Build::Fibres(trace) => {
+        Build::ExplicitFibres(trace) => {
             let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
-            return Ok(AnyMedium::Explicit(fibres));
+            return Ok(AnyMedium::ExplicitFibres(fibres));
         }
         Build::Surface(surface) => return alone(surface(&fabric, &path)?.into()),
         Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {

@@ -38,7 +38,7 @@ pub static MICROFLAKE: Representation = Representation {
 };
 
 fn medium(source: &VoxelSource<'_>) -> Result<Option<AnyMedium>> {
-    let (octree, optics) = (Arc::clone(&source.octree), source.fabric.optics());
+    let (octree, optics) = (Arc::clone(&source.octree), source.fabric.flake_optics());
     let family = source.settings.flake;
     Ok(AnyMedium::of_flakes(octree, source.level, optics, family))
 }

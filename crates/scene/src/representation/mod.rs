@@ -4,14 +4,14 @@
 //! [`REPRESENTATIONS`]. Scene and fabric files, flags, `auto`, measurements, fits,
 //! benches and reports take the representations from that list.
 
-mod fibres;
+mod explicit_fibres;
 mod microflake;
 mod packed;
 mod plain;
 mod surface;
 mod virtual_fibres;
 
-pub use fibres::FIBRES;
+pub use explicit_fibres::EXPLICIT_FIBRES;
 pub use microflake::MICROFLAKE;
 pub use packed::PACKED;
 pub use plain::PLAIN;
@@ -33,7 +33,7 @@ use std::sync::Arc;
 
 /// Every representation.
 pub static REPRESENTATIONS: [&Representation; 5] =
-    [&FIBRES, &PACKED, &PLAIN, &MICROFLAKE, &SURFACE];
+    [&EXPLICIT_FIBRES, &PACKED, &PLAIN, &MICROFLAKE, &SURFACE];
 
 /// A way to show a cloth.
 pub struct Representation {
@@ -62,7 +62,7 @@ pub struct Representation {
 /// How a representation is built from a fabric.
 pub enum Build {
     /// From its fibres, without voxels.
-    Fibres(fn(&Fabric, &Path, Option<u64>, &Loader<'_>) -> Result<ExplicitFibres>),
+    ExplicitFibres(fn(&Fabric, &Path, Option<u64>, &Loader<'_>) -> Result<ExplicitFibres>),
     /// From an octree of its fibres.
     Voxels(VoxelBuild),
     /// As a surface.
@@ -159,7 +159,7 @@ impl Representation {
     pub fn voxels(&self) -> Option<&VoxelBuild> {
         match &self.build {
             Build::Voxels(voxels) => Some(voxels),
-            Build::Fibres(_) | Build::Surface(_) => None,
+            Build::ExplicitFibres(_) | Build::Surface(_) => None,
         }
     }
 

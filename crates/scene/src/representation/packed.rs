@@ -2,7 +2,7 @@
 //! among others.
 
 use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
-use organza_transport::FibreEvent;
+use organza_transport::VirtualFibreEvent;
 use organza_volume::{Footprint, Octree};
 use organza_weave::Material;
 
@@ -19,13 +19,13 @@ pub static PACKED: Representation = Representation {
     keys: &["local_visibility"],
     trackers: &[Tracker::Woodcock],
     drapes: true,
-    check: |fabric, path| fabric.fibres(path).map(|_| ()),
+    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
         footprint: Footprint::Axis,
         finest_level,
-        medium: |source| virtual_fibres::medium(source, FibreEvent::Packed),
+        medium: |source| virtual_fibres::medium(source, VirtualFibreEvent::Packed),
     }),
-    fitted: Some(&virtual_fibres::FIBRE_OPTICS),
+    fitted: Some(&virtual_fibres::FITTED_FIBRES),
 };
 
 fn finest_level(octree: &Octree, materials: &[Material]) -> u8 {

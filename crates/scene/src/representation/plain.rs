@@ -2,7 +2,7 @@
 //! from a distance.
 
 use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
-use organza_transport::FibreEvent;
+use organza_transport::VirtualFibreEvent;
 use organza_volume::Footprint;
 
 /// Virtual scattering, plain.
@@ -14,11 +14,11 @@ pub static PLAIN: Representation = Representation {
     keys: &["local_visibility"],
     trackers: &[Tracker::Kernel, Tracker::Woodcock, Tracker::Regular],
     drapes: true,
-    check: |fabric, path| fabric.fibres(path).map(|_| ()),
+    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
         footprint: Footprint::Covered,
         finest_level: |_, _| 0,
-        medium: |source| virtual_fibres::medium(source, FibreEvent::Plain),
+        medium: |source| virtual_fibres::medium(source, VirtualFibreEvent::Plain),
     }),
-    fitted: Some(&virtual_fibres::FIBRE_OPTICS),
+    fitted: Some(&virtual_fibres::FITTED_FIBRES),
 };

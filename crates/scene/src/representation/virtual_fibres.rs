@@ -3,11 +3,11 @@
 
 use super::{FittedOptics, VoxelSource};
 use crate::error::{Result, input};
-use organza_transport::{AnyMedium, FibreEvent, FibreMedium, LocalVisibility};
+use organza_transport::{AnyMedium, LocalVisibility, VirtualFibreEvent, VirtualFibreMedium};
 use std::sync::Arc;
 
 /// The optics of fibres that a fit changes.
-pub(super) static FIBRE_OPTICS: FittedOptics = FittedOptics {
+pub(super) static FITTED_FIBRES: FittedOptics = FittedOptics {
     roughness: "longitudinal_deg",
     range: [1.0, 30.0],
     start: 6.0,
@@ -16,7 +16,10 @@ pub(super) static FIBRE_OPTICS: FittedOptics = FittedOptics {
 };
 
 /// Voxels as a medium of virtual fibres.
-pub(super) fn medium(source: &VoxelSource<'_>, event: FibreEvent) -> Result<Option<AnyMedium>> {
+pub(super) fn medium(
+    source: &VoxelSource<'_>,
+    event: VirtualFibreEvent,
+) -> Result<Option<AnyMedium>> {
     let VoxelSource {
         fabric,
         path,
@@ -24,17 +27,19 @@ pub(super) fn medium(source: &VoxelSource<'_>, event: FibreEvent) -> Result<Opti
         level,
         ..
     } = source;
-    let fibres = fabric.fibres(path)?;
-    let Some(medium) = FibreMedium::new(Arc::clone(octree), *level, fibres, event) else {
+    let fibres = fabric.fibre_models(path)?;
+    let Some(medium) = VirtualFibreMedium::new(Arc::clone(octree), *level, fibres, event) else {
         return Ok(None);
     };
     if !source.settings.local_visibility {
-        return Ok(Some(AnyMedium::Fibres(medium)));
+        return Ok(Some(AnyMedium::VirtualFibres(medium)));
     }
     let (corner_mm, voxel_mm) = (octree.bounds_mm().min, octree.voxel_mm(*level));
-    let fibres = fabric.trace_fibres(path, source.max_memory_bytes, source.loader)?;
+    let fibres = fabric.explicit_fibres(path, source.max_memory_bytes, source.loader)?;
     let (materials, seed) = (octree.material_count(), fabric.file.seed);
     let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    Ok(Some(AnyMedium::Fibres(medium.with_local_visibility(local))))
+    Ok(Some(AnyMedium::VirtualFibres(
+        medium.with_local_visibility(local),
+    )))
 }

@@ -4,8 +4,8 @@ use crate::matter::collision::{AnySite, Collision, Located, each_volume};
 use crate::matter::detail::Tracking;
 use crate::matter::draping::{Draping, find, pass_through};
 use crate::{
-    ClothMedium, ExplicitFibres, FibreMedium, FlakeMedium, GridMedium, Integrator, LevelledCloth,
-    Medium, Plane, Stats,
+    ExplicitFibres, FlakeOctreeMedium, GridMedium, Integrator, LevelledCloth, Medium, Plane,
+    SggxOctreeMedium, Stats, VirtualFibreMedium,
 };
 use glam::Vec2;
 use organza_basis::CellGrid;
@@ -18,14 +18,14 @@ use std::sync::Arc;
 pub enum AnyMedium {
     /// Dense grids.
     Grid(GridMedium),
-    /// An octree of fibres, as micro-flakes.
-    Cloth(ClothMedium),
-    /// An octree of fibres, as micro-flakes of another family.
-    Flakes(FlakeMedium),
-    /// An octree of fibres, as virtual fibres.
-    Fibres(FibreMedium),
-    /// Fibres themselves.
-    Explicit(ExplicitFibres),
+    /// An octree of fibres, seen as specular SGGX micro-flakes.
+    SggxOctree(SggxOctreeMedium),
+    /// An octree of fibres, seen as micro-flakes of any other family.
+    FlakeOctree(FlakeOctreeMedium),
+    /// An octree of fibres that scatter as virtual fibres.
+    VirtualFibres(VirtualFibreMedium),
+    /// Every fibre as a curve that rays intersect.
+    ExplicitFibres(ExplicitFibres),
     /// A cloth in several representations, or over a mesh.
     Levelled(Box<LevelledCloth>),
     /// No medium but an opaque plane.
@@ -42,15 +42,15 @@ impl AnyMedium {
         family: FlakeFamily,
     ) -> Option<AnyMedium> {
         if family == FlakeFamily::SGGX_SPECULAR {
-            return ClothMedium::new(octree, level, optics).map(AnyMedium::Cloth);
+            return SggxOctreeMedium::new(octree, level, optics).map(AnyMedium::SggxOctree);
         }
-        FlakeMedium::new(octree, level, optics, family).map(AnyMedium::Flakes)
+        FlakeOctreeMedium::new(octree, level, optics, family).map(AnyMedium::FlakeOctree)
     }
 
     /// Where the medium is; `None` for a plane, which has no box.
     pub fn cell_grid(&self) -> Option<&CellGrid> {
         each_volume!(AnyMedium, self, (m) => Some(m.cell_grid()),
-            AnyMedium::Explicit(m) => Some(m.cell_grid()),
+            AnyMedium::ExplicitFibres(m) => Some(m.cell_grid()),
             AnyMedium::Levelled(m) => Some(m.cell_grid()),
             AnyMedium::Plane(_) => None,
         )
@@ -60,7 +60,7 @@ impl AnyMedium {
     /// `None` when nothing would be left, or it is a plane or over a mesh.
     pub fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
         let cell_grid = each_volume!(AnyMedium, self, (m) => m.cell_grid_mut(),
-            AnyMedium::Explicit(m) => m.cell_grid_mut(),
+            AnyMedium::ExplicitFibres(m) => m.cell_grid_mut(),
             AnyMedium::Levelled(m) => return m.cut_to(min_mm, max_mm),
             AnyMedium::Plane(_) => return None,
         );
@@ -73,7 +73,7 @@ impl AnyMedium {
         each_volume!(AnyMedium, self, (m) => m.is_piecewise_constant(),
             AnyMedium::Levelled(m) => m.is_piecewise_constant(),
             // What is solid takes no stepping.
-            AnyMedium::Explicit(_) | AnyMedium::Plane(_) => true,
+            AnyMedium::ExplicitFibres(_) | AnyMedium::Plane(_) => true,
         )
     }
 
@@ -89,9 +89,9 @@ impl AnyMedium {
         let by = tracking.integrator;
         let (t, site) = each_volume!(AnyMedium, self,
             (m) => collide(m, ray, limit, by, rng, stats).map(|(t, s)| (t, m.located(s))),
-            AnyMedium::Explicit(m) => m
+            AnyMedium::ExplicitFibres(m) => m
                 .first_hit(ray, limit, stats)
-                .map(|(t, s)| (t, AnySite::Explicit(m, s))),
+                .map(|(t, s)| (t, AnySite::ExplicitFibres(m, s))),
             AnyMedium::Levelled(m) => return m.collide(ray, limit, tracking, rng, stats),
             AnyMedium::Plane(p) => p.hit(ray, limit).map(|t| (t, AnySite::Plane(p, ray.at(t)))),
         )?;
@@ -109,7 +109,7 @@ impl AnyMedium {
     ) -> f32 {
         let by = tracking.integrator;
         each_volume!(AnyMedium, self, (m) => pass(m, ray, reach, by, rng, stats),
-            AnyMedium::Explicit(m) => f32::from(!m.blocks(ray, reach, stats)),
+            AnyMedium::ExplicitFibres(m) => f32::from(!m.blocks(ray, reach, stats)),
             AnyMedium::Levelled(m) => m.pass(ray, reach, tracking, rng, stats),
             AnyMedium::Plane(p) => f32::from(p.hit(ray, reach).is_none()),
         )
@@ -119,7 +119,7 @@ impl AnyMedium {
     /// but extinction along straight lines.
     pub(crate) fn can_be_draped(&self) -> bool {
         each_volume!(AnyMedium, self, (m) => m.cell_grid().repeats(),
-            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
+            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
         )
     }
 
@@ -138,7 +138,7 @@ impl AnyMedium {
             (m) => over
                 .collide(m, ray, limit, by, rng, stats)
                 .map(|(t, s, turn)| Collision::turned(t, m.located(s), turn)),
-            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
+            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
         )
     }
 
@@ -154,7 +154,7 @@ impl AnyMedium {
     ) -> f32 {
         let by = tracking.integrator;
         each_volume!(AnyMedium, self, (m) => over.pass(m, ray, reach, by, rng, stats),
-            AnyMedium::Explicit(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
+            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
         )
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::matter::sheet::SheetSite;
 use crate::{
-    ClothMedium, ExplicitFibres, FibreHit, FibreMedium, FlakeMedium, GridMedium, Medium, Plane,
-    SiteInfo,
+    ExplicitFibres, FibreHit, FlakeOctreeMedium, GridMedium, Medium, Plane, SggxOctreeMedium,
+    SiteInfo, VirtualFibreMedium,
 };
 use glam::{Mat3, Vec3};
 use organza_basis::{PathRng, Rgb};
@@ -15,9 +15,9 @@ macro_rules! each_volume {
     ($kind:ident, $of:expr, ($($part:ident),+) => $same:expr, $($others:tt)+) => {
         match $of {
             $kind::Grid($($part),+) => $same,
-            $kind::Cloth($($part),+) => $same,
-            $kind::Flakes($($part),+) => $same,
-            $kind::Fibres($($part),+) => $same,
+            $kind::SggxOctree($($part),+) => $same,
+            $kind::FlakeOctree($($part),+) => $same,
+            $kind::VirtualFibres($($part),+) => $same,
             $($others)+
         }
     };
@@ -35,10 +35,10 @@ pub struct Collision<'a> {
 
 pub(crate) enum AnySite<'a> {
     Grid(&'a GridMedium, <GridMedium as Medium>::Site),
-    Cloth(&'a ClothMedium, <ClothMedium as Medium>::Site),
-    Flakes(&'a FlakeMedium, <FlakeMedium as Medium>::Site),
-    Fibres(&'a FibreMedium, <FibreMedium as Medium>::Site),
-    Explicit(&'a ExplicitFibres, FibreHit),
+    SggxOctree(&'a SggxOctreeMedium, <SggxOctreeMedium as Medium>::Site),
+    FlakeOctree(&'a FlakeOctreeMedium, <FlakeOctreeMedium as Medium>::Site),
+    VirtualFibres(&'a VirtualFibreMedium, <VirtualFibreMedium as Medium>::Site),
+    ExplicitFibres(&'a ExplicitFibres, FibreHit),
     Sheet(SheetSite<'a>),
     /// With where it is hit.
     Plane(&'a Plane, Vec3),
@@ -59,7 +59,7 @@ macro_rules! located {
         }
     )+};
 }
-located!(Grid: GridMedium, Cloth: ClothMedium, Flakes: FlakeMedium, Fibres: FibreMedium);
+located!(Grid: GridMedium, SggxOctree: SggxOctreeMedium, FlakeOctree: FlakeOctreeMedium, VirtualFibres: VirtualFibreMedium);
 
 impl<'a> Collision<'a> {
     pub(crate) fn new(t: f32, site: AnySite<'a>) -> Collision<'a> {
@@ -87,7 +87,7 @@ impl<'a> Collision<'a> {
     pub fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
         let (w_out, w_in) = (self.own(w_out), self.own(w_in));
         each_volume!(AnySite, &self.site, (m, s) => m.eval(s, w_out, w_in),
-            AnySite::Explicit(m, s) => m.eval(s, w_out, w_in),
+            AnySite::ExplicitFibres(m, s) => m.eval(s, w_out, w_in),
             AnySite::Sheet(s) => s.eval(w_out, w_in),
             AnySite::Plane(p, _) => p.eval(w_out, w_in),
         )
@@ -97,7 +97,7 @@ impl<'a> Collision<'a> {
     pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let w_out = self.own(w_out);
         let drawn = each_volume!(AnySite, &self.site, (m, s) => m.sample(s, w_out, rng),
-            AnySite::Explicit(m, s) => m.sample(s, w_out, rng),
+            AnySite::ExplicitFibres(m, s) => m.sample(s, w_out, rng),
             AnySite::Sheet(s) => s.sample(w_out, rng),
             AnySite::Plane(p, _) => p.sample(w_out, rng),
         )?;
@@ -111,7 +111,7 @@ impl<'a> Collision<'a> {
     pub fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
         let (w_out, w_in) = (self.own(w_out), self.own(w_in));
         each_volume!(AnySite, &self.site, (m, s) => m.pdf(s, w_out, w_in),
-            AnySite::Explicit(m, s) => m.pdf(s, w_out, w_in),
+            AnySite::ExplicitFibres(m, s) => m.pdf(s, w_out, w_in),
             AnySite::Sheet(s) => s.pdf(w_out, w_in),
             AnySite::Plane(p, _) => p.pdf(w_out, w_in),
         )
@@ -130,7 +130,7 @@ impl<'a> Collision<'a> {
     pub fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         let (w_out, w_in) = (self.own(w_out), self.own(w_in));
         let exit = each_volume!(AnySite, &self.site, (m, s) => m.exit_mm(s, w_out, w_in, rng),
-            AnySite::Explicit(m, s) => m.exit_mm(s, w_out, w_in, rng),
+            AnySite::ExplicitFibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
             AnySite::Sheet(s) => s.exit_mm(w_in),
             AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
         );
@@ -146,24 +146,23 @@ impl<'a> Collision<'a> {
         w_in: Vec3,
     ) -> Option<(f32, f32)> {
         match &self.site {
-            AnySite::Fibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
+            AnySite::VirtualFibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
             _ => None,
         }
     }
 
-    /// What a medium decides only of a collision that counts; see
-    /// [`Medium::settle`].
-    pub(crate) fn settle(&mut self, w_out: Vec3, rng: &mut PathRng) {
+    /// Draws what the light meets at this collision; see [`Medium::draw_event`].
+    pub(crate) fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
         let w_out = self.own(w_out);
-        each_volume!(AnySite, &mut self.site, (m, s) => *s = m.settle(*s, w_out, rng),
-            AnySite::Explicit(..) | AnySite::Sheet(_) | AnySite::Plane(..) => {}
+        each_volume!(AnySite, &mut self.site, (m, s) => *s = m.draw_event(*s, w_out, rng),
+            AnySite::ExplicitFibres(..) | AnySite::Sheet(_) | AnySite::Plane(..) => {}
         );
     }
 
     /// What to show of the place; `None` of a plane, which is no cloth.
     pub fn info(&self) -> Option<SiteInfo> {
         let info = each_volume!(AnySite, &self.site, (m, s) => Some(m.info(s)),
-            AnySite::Explicit(m, s) => Some(m.info(s)),
+            AnySite::ExplicitFibres(m, s) => Some(m.info(s)),
             AnySite::Sheet(s) => Some(s.info()),
             AnySite::Plane(..) => None,
         )?;

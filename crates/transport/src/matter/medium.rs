@@ -57,9 +57,10 @@ pub trait Medium: Sync {
         self.site(p)
     }
 
-    /// Draws what of the site a real collision is with, once: everything below
-    /// is then conditional on it. Most media leave it open.
-    fn settle(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
+    /// Draws, once for a real collision, which part of the site the light meets, a
+    /// fibre or a flake. The methods below then describe scattering at that part.
+    /// Media that scatter as the whole site return it unchanged.
+    fn draw_event(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
         site
     }
 

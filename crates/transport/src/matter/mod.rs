@@ -6,7 +6,7 @@ pub(crate) mod collision;
 pub(crate) mod detail;
 pub(crate) mod draping;
 pub(crate) mod explicit_fibres;
-pub(crate) mod flake_family;
+pub(crate) mod flake_octree_medium;
 pub(crate) mod grid;
 pub(crate) mod grid_medium;
 pub(crate) mod levelled_cloth;
@@ -15,10 +15,10 @@ pub(crate) mod medium;
 pub(crate) mod octree_medium;
 pub(crate) mod packing;
 pub(crate) mod plane;
-pub(crate) mod sggx_flakes;
+pub(crate) mod sggx_octree_medium;
 pub(crate) mod sheet;
 pub(crate) mod tracking;
-pub(crate) mod virtual_fibres;
+pub(crate) mod virtual_fibre_medium;
 pub(crate) mod voxel_fibres;
 
 pub use any_medium::AnyMedium;
@@ -27,7 +27,7 @@ pub use collision::Collision;
 pub use detail::{Detail, LevelSteps, Tracking};
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
-pub use flake_family::{FamilyFlakes, FlakeMedium, FlakeSite};
+pub use flake_octree_medium::{FamilyFlakes, FlakeOctreeMedium, FlakeSite};
 pub use grid::{Grid, GridMediumError, MAX_EXTINCTION_PER_MM};
 pub use grid_medium::{GridMedium, Interpolation};
 pub use levelled_cloth::LevelledCloth;
@@ -35,9 +35,11 @@ pub use local_visibility::LocalVisibility;
 pub use medium::Medium;
 pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use plane::Plane;
-pub use sggx_flakes::{ClothMedium, SggxFlakes};
+pub use sggx_octree_medium::{SggxFlakes, SggxOctreeMedium};
 pub use tracking::{
     Integrator, exact_transmittance, sample_collision, sample_collision_exactly,
     stopped_transmittance, transmittance,
 };
-pub use virtual_fibres::{FibreEvent, FibreMedium, FibreSite, VirtualFibres};
+pub use virtual_fibre_medium::{
+    VirtualFibreEvent, VirtualFibreMedium, VirtualFibreSite, VirtualFibres,
+};

@@ -51,8 +51,8 @@ pub trait Scatterer: Sync {
         self.site(level, level.cell_grid.cell(p))
     }
 
-    /// See [`Medium::settle`].
-    fn settle(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
+    /// See [`Medium::draw_event`].
+    fn draw_event(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
         site
     }
 
@@ -172,8 +172,8 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
         self.scatterer.meet(&self.level, p, w, rng)
     }
 
-    fn settle(&self, site: P::Site, w_out: Vec3, rng: &mut PathRng) -> P::Site {
-        self.scatterer.settle(site, w_out, rng)
+    fn draw_event(&self, site: P::Site, w_out: Vec3, rng: &mut PathRng) -> P::Site {
+        self.scatterer.draw_event(site, w_out, rng)
     }
 
     fn exit_mm(&self, site: &P::Site, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {

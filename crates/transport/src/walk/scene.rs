@@ -33,7 +33,7 @@ impl Scene {
             nearest = medium.collide(ray, limit, tracking, rng, stats).or(nearest);
         }
         if let Some(collision) = &mut nearest {
-            collision.settle(-ray.direction, rng);
+            collision.draw_event(-ray.direction, rng);
         }
         nearest
     }

@@ -144,7 +144,7 @@ fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
         segments: segments.collect(),
     };
     let octree = voxelize(&segments, &options, &|_| ()).unwrap();
-    let medium = FibreMedium::new(octree, 0, vec![fibre], FibreEvent::Plain).unwrap();
+    let medium = VirtualFibreMedium::new(octree, 0, vec![fibre], VirtualFibreEvent::Plain).unwrap();
     let pose = CameraPose {
         origin_mm: DVec3::new(0.02, 0.01, 5.0),
         target_mm: DVec3::new(0.05, 0.05, 0.0),
@@ -152,7 +152,7 @@ fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
     };
     let projection = Projection::Orthographic { width_mm: 0.1 };
     Scene {
-        media: vec![AnyMedium::Fibres(medium)],
+        media: vec![AnyMedium::VirtualFibres(medium)],
         lights: vec![Light::from(EnvironmentLight {
             radiance: Rgb::WHITE,
             hemisphere: Hemisphere::All,

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 mod energy;
-mod explicit;
-mod fibres;
+mod explicit_fibres;
 mod pictures;
+mod virtual_fibres;
 
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
@@ -60,7 +60,7 @@ fn grid(repeats: bool) -> GridMedium {
 }
 
 /// Fibres that cross in the same voxels: mixtures of two populations.
-fn cloth() -> ClothMedium {
+fn cloth() -> SggxOctreeMedium {
     let mut segments = Vec::new();
     for i in 0..24 {
         let at = (i as f32 + 0.5) / 24.0 * 0.2;
@@ -85,7 +85,7 @@ fn cloth() -> ClothMedium {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,
     };
-    ClothMedium::new(octree, 0, vec![optics]).unwrap()
+    SggxOctreeMedium::new(octree, 0, vec![optics]).unwrap()
 }
 
 fn parallel() -> Vec<Light> {
@@ -250,7 +250,7 @@ fn the_kernel_agrees_with_the_general_walk() {
         ),
         (
             "mixtures",
-            scene(AnyMedium::Cloth(cloth()), parallel(), flat),
+            scene(AnyMedium::SggxOctree(cloth()), parallel(), flat),
         ),
         (
             "panels",
@@ -260,7 +260,7 @@ fn the_kernel_agrees_with_the_general_walk() {
         ("cut, panels", scene(cut_grid(), panels(), wide)),
         (
             "mixtures, sky",
-            scene(AnyMedium::Cloth(cloth()), sky(), flat),
+            scene(AnyMedium::SggxOctree(cloth()), sky(), flat),
         ),
     ] {
         let settings = settings(0..samples(), u32::MAX);
@@ -301,7 +301,7 @@ fn a_table_without_exact_rays_is_rejected() {
     let settings = settings(0..2048, 1);
     let (oracle, _) = film(&scene, &settings, None);
     let wrong_table =
-        || kernel(&scene, &settings, Backend::widest()).with_fault(Fault::LightTables);
+        || kernel(&scene, &settings, Backend::widest()).with_fault(Fault::OpticalDepths);
     let (right, stats) = film(&scene, &settings, Some(wrong_table()));
     let (spread, mean) = agree(&right, &oracle);
     assert!(stats.shadow_rays > 0);
@@ -319,7 +319,7 @@ fn a_table_without_exact_rays_is_rejected() {
 fn back_ends_threads_and_passes_give_the_same_bits() {
     let mut lights = parallel();
     lights.push(pictures::picture());
-    let scene = scene(AnyMedium::Cloth(cloth()), lights, lens());
+    let scene = scene(AnyMedium::SggxOctree(cloth()), lights, lens());
     let settings = settings(0..6, 40);
     let (film_of_one, stats) = film(
         &scene,

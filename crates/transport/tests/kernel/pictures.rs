@@ -36,7 +36,7 @@ fn pictures_light_the_kernel_as_the_walk() {
     for (name, medium, projection) in [
         ("finite", AnyMedium::Grid(grid(false)), pinhole),
         ("endless", AnyMedium::Grid(grid(true)), lens()),
-        ("mixtures", AnyMedium::Cloth(cloth()), pinhole),
+        ("mixtures", AnyMedium::SggxOctree(cloth()), pinhole),
     ] {
         let scene = scene(medium, vec![picture()], projection);
         let settings = settings(0..samples(), u32::MAX);
@@ -52,7 +52,7 @@ fn pictures_light_the_kernel_as_the_walk() {
         assert!(p > 1e-4, "{name}, seed 9: {p}");
         assert!(stats.shadow_rays > 0);
         // Exact rays set a wrong table right.
-        let (p, _) = good(made().with_fault(Fault::LightTables));
+        let (p, _) = good(made().with_fault(Fault::OpticalDepths));
         assert!(p > 1e-4, "{name}, wrong table, seed 9: {p}");
         // Known-bad twins: lamps found twice, lamps not found at all.
         for fault in [Fault::LampsTwice, Fault::NoLamps] {

@@ -23,7 +23,7 @@ use organza_measure::{
 };
 use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::{FIBRES, ShownAs};
+use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
 use organza_scene::scene_file::{self, IntegratorName, is_scene};
 use organza_scene::{LoadedScene, fabric_file};
 use serde_json::{Value, json};
@@ -151,7 +151,9 @@ fn scene_patch(
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
     match args.model {
         PatchModel::Own => {}
-        PatchModel::Is(r) if r == &FIBRES => file.render.integrator = IntegratorName::Fibres,
+        PatchModel::Is(r) if r == &EXPLICIT_FIBRES => {
+            file.render.integrator = IntegratorName::Fibres
+        }
         PatchModel::Is(other) => {
             return Err(input(format!(
                 "{}: is a scene; --model {} measures a fabric file",
@@ -202,7 +204,7 @@ fn measure(
         what: "pairs",
         list: Value::Null,
         extra: Vec::new(),
-        words: None,
+        result_line: None,
         dark: [0, 0],
         count,
         paths: 0,
@@ -213,7 +215,7 @@ fn measure(
             write(args, |out| write_pairs(&result.list, out))?;
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
-            summary.words = median_error(&result.list);
+            summary.result_line = median_error(&result.list);
             summary.dark = dark_pairs(shown, &result.list);
         }
         Wanted::Incident(incident) => {
@@ -229,7 +231,7 @@ fn measure(
                 ("se_openness", json!(se)),
             ];
             let cover = 1.0 - open;
-            summary.words = Some(format!(
+            summary.result_line = Some(format!(
                 "openness {open:.4} +- {se:.4}, cover factor {cover:.4}"
             ));
         }
@@ -266,7 +268,7 @@ fn measure(
                 bsdf.hemispherical(&bsdf.reflection[0], 0),
                 bsdf.hemispherical(&bsdf.transmission[0], 0),
             ];
-            summary.words = Some(format!(
+            summary.result_line = Some(format!(
                 "along the normal R {:.4?}, T {:.4?}",
                 along[0], along[1]
             ));
@@ -279,7 +281,7 @@ fn measure(
             summary.list = listed(args, &sweep);
             summary.paths = args.spp * count as u64;
             summary.extra = vec![("front_lit", json!(front)), ("back_lit", json!(back))];
-            summary.words = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
+            summary.result_line = Some(format!("front-lit {front:.4?}, back-lit {back:.4?}"));
         }
     }
     let seconds = progress.finish();

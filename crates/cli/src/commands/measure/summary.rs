@@ -43,7 +43,7 @@ pub struct Summary {
     /// Further figures for JSON.
     pub extra: Vec<(&'static str, Value)>,
     /// A line for the terminal.
-    pub words: Option<String>,
+    pub result_line: Option<String>,
     /// Pairs without light in any path, of how many.
     pub dark: [usize; 2],
     /// How many directions or pairs.
@@ -118,8 +118,8 @@ pub fn report(
             summary.paths,
             summary.paths as f64 / seconds.max(1e-9) * 1e-6,
         );
-        if let Some(words) = summary.words {
-            note!("{words}");
+        if let Some(line) = summary.result_line {
+            note!("{line}");
         }
         let [dark, pairs] = summary.dark;
         if dark > 0 {

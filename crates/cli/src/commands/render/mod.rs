@@ -190,7 +190,7 @@ fn render(args: &RenderArgs) -> Result<()> {
     if let (Some(path), Stop::Interrupted, Ok(())) = (&args.checkpoint, stop, &saved) {
         return Err(anyhow::anyhow!(
             "interrupted with {}; saved to {}, continue with --resume",
-            summary::taken_words(&rendering),
+            summary::describe_samples_taken(&rendering),
             path.display()
         ));
     }
@@ -235,7 +235,7 @@ fn render(args: &RenderArgs) -> Result<()> {
         format!(
             "the picture {} with {} is written, but not the checkpoint",
             args.outfile.display(),
-            summary::taken_words(&rendering)
+            summary::describe_samples_taken(&rendering)
         )
     })
 }

@@ -3,7 +3,7 @@
 use super::RenderArgs;
 use crate::checkpoint;
 use crate::error::input;
-use crate::identity::{self, NamedDigest, crop_words};
+use crate::identity::{self, NamedDigest, describe_crop};
 use crate::output;
 use crate::output::note;
 use anyhow::Result;
@@ -92,7 +92,7 @@ fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()>
         max: size,
     });
     if let Some(why) = crop_fault(crop, size) {
-        return Err(input(format!("--crop {}: {why}", crop_words(crop))));
+        return Err(input(format!("--crop {}: {why}", describe_crop(crop))));
     }
     if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
         checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;

@@ -111,7 +111,7 @@ pub fn warn_of_rejected_samples(rendering: &Rendering<'_>) {
 }
 
 /// How many samples are taken, of how many.
-pub fn taken_words(rendering: &Rendering<'_>) -> String {
+pub fn describe_samples_taken(rendering: &Rendering<'_>) -> String {
     let taken = rendering.taken().end - rendering.taken().start;
     format!("{taken} of {} samples", taken + rendering.left())
 }
@@ -135,18 +135,18 @@ pub fn print_reason(rendering: &Rendering<'_>, stop: Stop, targets: Targets) {
         Stop::Interrupted => "interrupted",
     };
     let reached = match stop {
-        Stop::TargetError(errors) => format!("target error reached{}", errors.words()),
+        Stop::TargetError(errors) => format!("target error reached{}", errors.description()),
         _ if !targets.are_given() => String::new(),
         _ if !has_errors(rendering) => format!(", error {UNKNOWN}"),
         _ => format!(
             ", target error {}reached{}",
             if targets.are_met(film) { "" } else { "not " },
-            targets.errors(film).words()
+            targets.errors(film).description()
         ),
     };
     note!(
         "stopped       {why}{reached}; {} a pixel",
-        taken_words(rendering)
+        describe_samples_taken(rendering)
     );
 }
 

@@ -17,7 +17,7 @@ use crate::scene_build::BuildOptions;
 use crate::volume_file;
 use organza_basis::{Aabb, Budget, Rgb};
 use organza_scatter::{FlakeFamily, FlakeOptics};
-use organza_transport::{AnyMedium, Camera, ClothMedium};
+use organza_transport::{AnyMedium, Camera, SggxOctreeMedium};
 use organza_volume::format::{self, FORMATS, Format, Volume};
 use organza_volume::ovox::Stored;
 use organza_volume::{Footprint, GridSet, Octree};
@@ -262,8 +262,8 @@ impl<'a> VolumeObject<'a> {
                     Lod::Name(_) => Levels::only(0),
                 };
                 let volume = |level| {
-                    let medium = ClothMedium::new(Arc::clone(&octree), level, optics.clone());
-                    Ok(medium.map(AnyMedium::Cloth))
+                    let medium = SggxOctreeMedium::new(Arc::clone(&octree), level, optics.clone());
+                    Ok(medium.map(AnyMedium::SggxOctree))
                 };
                 levels
                     .medium(&place, None, volume)?

@@ -1,7 +1,7 @@
 //! Explicit fibres in cells against the general walk and its hierarchy.
 
-use crate::fibres::silk_and_cotton;
 use crate::pictures::picture;
+use crate::virtual_fibres::silk_and_cotton;
 use crate::{agree, film, lens, panels, parallel, samples, scene, settings, sky};
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
@@ -58,7 +58,7 @@ fn segments(repeats: bool) -> SegmentList {
 fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
     let source = segments(repeats);
     let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
-    AnyMedium::Explicit(made)
+    AnyMedium::ExplicitFibres(made)
 }
 
 fn cut() -> AnyMedium {

@@ -2,7 +2,7 @@
 
 use crate::SiteInfo;
 use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
-use crate::matter::sggx_flakes::{info_of, level_of};
+use crate::matter::sggx_octree_medium::{info_of, level_of};
 use glam::{UVec3, Vec3};
 use organza_basis::{Mixture, PathRng, Rgb};
 use organza_scatter::{DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample};
@@ -18,21 +18,21 @@ pub struct FlakeSite {
 }
 
 /// Fibres of an octree level as flakes of a [`FlakeFamily`]. Mirrors of the SGGX
-/// distribution have a medium of their own, [`crate::ClothMedium`], which the kernel
+/// distribution have a medium of their own, [`crate::SggxOctreeMedium`], which the kernel
 /// takes.
 ///
 /// Populations of all families have the same ratio of end-on to broadside
 /// extinction, see [`crate::population_shape`]. Where a family draws a flake per
 /// collision, `eval`, `sample` and `pdf` are those of the flake that
-/// [`crate::Medium::settle`] drew.
-pub type FlakeMedium = OctreeMedium<FamilyFlakes>;
+/// [`crate::Medium::draw_event`] drew.
+pub type FlakeOctreeMedium = OctreeMedium<FamilyFlakes>;
 
 /// Flakes of a family, for a cloth's materials.
 pub struct FamilyFlakes {
     flakes: Box<dyn FlakeScattering>,
 }
 
-impl FlakeMedium {
+impl FlakeOctreeMedium {
     /// The cloth at a level of detail (0 the finest). `optics` is indexed by
     /// the octree's materials.
     ///
@@ -42,7 +42,7 @@ impl FlakeMedium {
         level: u8,
         optics: Vec<FlakeOptics>,
         family: FlakeFamily,
-    ) -> Option<FlakeMedium> {
+    ) -> Option<FlakeOctreeMedium> {
         let level = level_of(octree, level, optics.len())?;
         let scatterer = FamilyFlakes {
             flakes: family.of_materials(optics),
@@ -65,7 +65,7 @@ impl Scatterer for FamilyFlakes {
         site.mixture.is_empty()
     }
 
-    fn settle(&self, site: FlakeSite, w_out: Vec3, rng: &mut PathRng) -> FlakeSite {
+    fn draw_event(&self, site: FlakeSite, w_out: Vec3, rng: &mut PathRng) -> FlakeSite {
         if !self.flakes.draws_flakes() {
             return site;
         }

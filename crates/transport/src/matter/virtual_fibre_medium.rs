@@ -2,7 +2,7 @@
 //! [Schroeder2011].
 //!
 //! A collision is with a population in proportion to what it blocks, and with a
-//! fibre of it in proportion to its visible cross-section. See [`FibreEvent`] for
+//! fibre of it in proportion to its visible cross-section. See [`VirtualFibreEvent`] for
 //! what happens there.
 
 use crate::matter::bounds::{NodeBounds, VoxelBounds};
@@ -28,7 +28,7 @@ const NODE_VOXELS: u32 = 4;
 
 /// What a collision with a fibre of the medium is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FibreEvent {
+pub enum VirtualFibreEvent {
     /// The surface of one virtual cylinder: density is looked up at its axis,
     /// extinction is over the void between fibres, light scatters in the near
     /// field and leaves where the cylinder lets it out [`PackedEvent`]. Wants an
@@ -48,7 +48,7 @@ pub enum FibreEvent {
 
 /// What lies where a ray may collide, or did.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FibreSite {
+pub struct VirtualFibreSite {
     /// Places of the populations, from the first to before the last.
     places: [u32; 2],
     /// Where across its width the virtual fibre is met, in `[-1, 1]`.
@@ -56,9 +56,9 @@ pub struct FibreSite {
     met: Option<Met>,
 }
 
-impl FibreSite {
-    fn new(places: Range<u32>, offset: f32) -> FibreSite {
-        FibreSite {
+impl VirtualFibreSite {
+    fn new(places: Range<u32>, offset: f32) -> VirtualFibreSite {
+        VirtualFibreSite {
             places: [places.start, places.end],
             offset,
             met: None,
@@ -77,12 +77,12 @@ struct Met {
 
 /// Fibres of an octree level, met one by one. The cell grid is the octree's box, and
 /// beside it the reach of fibres with their axes inside.
-pub type FibreMedium = OctreeMedium<VirtualFibres>;
+pub type VirtualFibreMedium = OctreeMedium<VirtualFibres>;
 
 /// The fibres in the voxels of an octree level.
 pub struct VirtualFibres {
     fibres: Vec<Fibre>,
-    event: FibreEvent,
+    event: VirtualFibreEvent,
     packing: Vec<f32>,
     /// Their density over the void where fibres are packed.
     voxels: VoxelFibres,
@@ -98,7 +98,7 @@ pub struct VirtualFibres {
     local: Option<LocalVisibility>,
 }
 
-impl FibreMedium {
+impl VirtualFibreMedium {
     /// The cloth at a level of detail (0 the finest). `fibres` is indexed by the
     /// octree's materials. Media of several levels may share one octree.
     ///
@@ -107,16 +107,16 @@ impl FibreMedium {
         octree: impl Into<Arc<Octree>>,
         level: u8,
         fibres: Vec<Fibre>,
-        event: FibreEvent,
-    ) -> Option<FibreMedium> {
+        event: VirtualFibreEvent,
+    ) -> Option<VirtualFibreMedium> {
         let octree = octree.into();
         if level >= octree.level_count() || fibres.len() < octree.material_count() {
             return None;
         }
         let voxel_mm = octree.voxel_mm(level);
         let (packing, reach) = match event {
-            FibreEvent::Plain => (vec![0.0; fibres.len()], IVec3::ZERO),
-            FibreEvent::Packed => {
+            VirtualFibreEvent::Plain => (vec![0.0; fibres.len()], IVec3::ZERO),
+            VirtualFibreEvent::Packed => {
                 let radius_mm = greatest_radius_mm(&octree, level);
                 // A thousandth more than the radius is room for rounding.
                 let reach = (radius_mm / voxel_mm + 1e-3).ceil().as_ivec3();
@@ -136,8 +136,8 @@ impl FibreMedium {
             octree.repeats(),
         )?;
         let voxels = VoxelFibres::new(&octree, level, |c| match event {
-            FibreEvent::Plain => 1.0,
-            FibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
+            VirtualFibreEvent::Plain => 1.0,
+            VirtualFibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
         });
         let voxel_bounds = VoxelBounds::new(cell_grid, reach, |cell| {
             broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
@@ -182,16 +182,16 @@ impl FibreMedium {
     }
 
     /// The same with tables of local visibility, counted for its voxels.
-    pub fn with_local_visibility(mut self, local: LocalVisibility) -> FibreMedium {
+    pub fn with_local_visibility(mut self, local: LocalVisibility) -> VirtualFibreMedium {
         self.scatterer.local = Some(local);
         self
     }
 
     /// Where there are tables: visibility, within its cell, of light from `w_in`
-    /// at a settled collision at `at_mm`, and the distance to the cell's face.
+    /// at the drawn event at `at_mm`, and the distance to the cell's face.
     pub(crate) fn local_visibility(
         &self,
-        site: &FibreSite,
+        site: &VirtualFibreSite,
         at_mm: Vec3,
         w_out: Vec3,
         w_in: Vec3,
@@ -209,7 +209,7 @@ impl FibreMedium {
     }
 
     /// What a collision is.
-    pub fn event(&self) -> FibreEvent {
+    pub fn event(&self) -> VirtualFibreEvent {
         self.scatterer.event
     }
 
@@ -243,7 +243,7 @@ impl VirtualFibres {
     }
 
     /// Populations of a site.
-    fn populations(&self, site: &FibreSite) -> &[FibrePopulation] {
+    fn populations(&self, site: &VirtualFibreSite) -> &[FibrePopulation] {
         let [start, end] = site.places;
         self.voxels.at(&(start..end))
     }
@@ -276,8 +276,13 @@ impl VirtualFibres {
         &self.fibres[usize::from(met.population.material)]
     }
 
-    /// What `with` makes of the lobe of a settled site; `none` of another.
-    fn with_lobe<T>(&self, site: &FibreSite, none: T, with: impl FnOnce(&dyn Lobe) -> T) -> T {
+    /// What `with` makes of the lobe of the fibre that was drawn; `none` where none was.
+    fn with_lobe<T>(
+        &self,
+        site: &VirtualFibreSite,
+        none: T,
+        with: impl FnOnce(&dyn Lobe) -> T,
+    ) -> T {
         let Some(met) = &site.met else {
             return none;
         };
@@ -288,16 +293,16 @@ impl VirtualFibres {
     }
 }
 
-/// `eval`, `sample` and `pdf` are those of the fibre that [`Scatterer::settle`] drew:
+/// `eval`, `sample` and `pdf` are those of the fibre that [`Scatterer::draw_event`] drew:
 /// without it there is none to scatter light.
 impl Scatterer for VirtualFibres {
-    type Site = FibreSite;
+    type Site = VirtualFibreSite;
 
-    fn site(&self, _: &OctreeLevel, cell: UVec3) -> FibreSite {
-        FibreSite::new(self.voxels.places(cell.as_ivec3() - self.pad), 0.0)
+    fn site(&self, _: &OctreeLevel, cell: UVec3) -> VirtualFibreSite {
+        VirtualFibreSite::new(self.voxels.places(cell.as_ivec3() - self.pad), 0.0)
     }
 
-    fn is_empty(&self, site: &FibreSite) -> bool {
+    fn is_empty(&self, site: &VirtualFibreSite) -> bool {
         let [start, end] = site.places;
         start == end
     }
@@ -307,25 +312,30 @@ impl Scatterer for VirtualFibres {
     }
 
     fn is_piecewise_constant(&self) -> bool {
-        self.event == FibreEvent::Plain
+        self.event == VirtualFibreEvent::Plain
     }
 
     fn bound_at(&self, p: Vec3) -> f32 {
         self.voxel_bounds.at(p)
     }
 
-    fn meet(&self, level: &OctreeLevel, p: Vec3, w: Vec3, rng: &mut PathRng) -> FibreSite {
+    fn meet(&self, level: &OctreeLevel, p: Vec3, w: Vec3, rng: &mut PathRng) -> VirtualFibreSite {
         let grid = &level.cell_grid;
-        if self.event == FibreEvent::Plain {
+        if self.event == VirtualFibreEvent::Plain {
             return self.site(level, grid.cell(p));
         }
         let (axis, radius_mm) = self.expected(grid, p, rng);
         let event = PackedEvent::draw(Vec3::ZERO, -w, axis, radius_mm, rng);
         let at_axis = p + event.axis_mm() * self.voxels_per_mm;
-        FibreSite::new(self.places(at_axis), event.offset)
+        VirtualFibreSite::new(self.places(at_axis), event.offset)
     }
 
-    fn settle(&self, site: FibreSite, w_out: Vec3, rng: &mut PathRng) -> FibreSite {
+    fn draw_event(
+        &self,
+        site: VirtualFibreSite,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> VirtualFibreSite {
         let populations = self.populations(&site);
         let Some(met) = meet_fibre(populations, w_out, rng) else {
             return site;
@@ -335,18 +345,24 @@ impl Scatterer for VirtualFibres {
             tangent: met.tangent,
             near: None,
         };
-        if self.event == FibreEvent::Packed {
+        if self.event == VirtualFibreEvent::Packed {
             let frame = FibreFrame::new(met.tangent, w_out);
             let near = self.fibre(&met).near_field(frame, site.offset);
             met.near = Some(*near.event());
         }
-        FibreSite {
+        VirtualFibreSite {
             met: Some(met),
             ..site
         }
     }
 
-    fn exit_mm(&self, site: &FibreSite, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+    fn exit_mm(
+        &self,
+        site: &VirtualFibreSite,
+        _w_out: Vec3,
+        w_in: Vec3,
+        rng: &mut PathRng,
+    ) -> Vec3 {
         let Some(Met {
             population,
             near: Some(near),
@@ -365,23 +381,28 @@ impl Scatterer for VirtualFibres {
         event.exit_mm(&fibre.near_field_of(*near), w_in, rng)
     }
 
-    fn sigma_t(&self, site: &FibreSite, w: Vec3) -> f32 {
+    fn sigma_t(&self, site: &VirtualFibreSite, w: Vec3) -> f32 {
         sigma_t_per_mm(self.populations(site), w)
     }
 
-    fn eval(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> Rgb {
+    fn eval(&self, site: &VirtualFibreSite, w_out: Vec3, w_in: Vec3) -> Rgb {
         self.with_lobe(site, Rgb::BLACK, |lobe| lobe.eval(w_out, w_in))
     }
 
-    fn sample(&self, site: &FibreSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+    fn sample(
+        &self,
+        site: &VirtualFibreSite,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<LobeSample> {
         self.with_lobe(site, None, |lobe| lobe.sample(w_out, rng))
     }
 
-    fn pdf(&self, site: &FibreSite, w_out: Vec3, w_in: Vec3) -> f32 {
+    fn pdf(&self, site: &VirtualFibreSite, w_out: Vec3, w_in: Vec3) -> f32 {
         self.with_lobe(site, 0.0, |lobe| lobe.pdf(w_out, w_in))
     }
 
-    fn info(&self, site: &FibreSite) -> SiteInfo {
+    fn info(&self, site: &VirtualFibreSite) -> SiteInfo {
         site.met.map_or(SiteInfo::default(), |met| SiteInfo {
             axis: met.population.axis,
             yarn: Some(met.population.yarn),

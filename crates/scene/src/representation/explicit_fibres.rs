@@ -1,10 +1,10 @@
 //! Explicit fibres: rays are intersected with every fibre of the cloth.
 
-use super::virtual_fibres::FIBRE_OPTICS;
+use super::virtual_fibres::FITTED_FIBRES;
 use super::{Build, Representation, Tracker};
 
 /// Explicit fibres.
-pub static FIBRES: Representation = Representation {
+pub static EXPLICIT_FIBRES: Representation = Representation {
     name: "fibres",
     title: "explicit fibres",
     about: "Every fibre of the fabric: the ground truth of the others",
@@ -12,9 +12,9 @@ pub static FIBRES: Representation = Representation {
     keys: &[],
     trackers: &[Tracker::Woodcock],
     drapes: false,
-    check: |fabric, path| fabric.fibres(path).map(|_| ()),
-    build: Build::Fibres(|fabric, path, max_memory_bytes, loader| {
-        fabric.trace_fibres(path, max_memory_bytes, loader)
+    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
+    build: Build::ExplicitFibres(|fabric, path, max_memory_bytes, loader| {
+        fabric.explicit_fibres(path, max_memory_bytes, loader)
     }),
-    fitted: Some(&FIBRE_OPTICS),
+    fitted: Some(&FITTED_FIBRES),
 };

@@ -28,7 +28,7 @@ fn fitted(name: &str) -> Fibre {
 }
 
 /// Fibres of two materials that cross in the same voxels.
-fn cloth(fibres: Vec<Fibre>, event: FibreEvent) -> FibreMedium {
+fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let mut segments = Vec::new();
     for i in 0..24 {
         let at = (i as f32 + 0.5) / 24.0 * 0.2;
@@ -52,7 +52,7 @@ fn cloth(fibres: Vec<Fibre>, event: FibreEvent) -> FibreMedium {
         max_memory_bytes: None,
     };
     let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
-    FibreMedium::new(octree, 0, fibres, event).unwrap()
+    VirtualFibreMedium::new(octree, 0, fibres, event).unwrap()
 }
 
 pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
@@ -62,7 +62,7 @@ pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
 /// What the kernel is given of fibres, against the medium's own extinction.
 #[test]
 fn described_fibres_are_the_medium() {
-    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
+    let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Plain);
     let dims = Medium::cell_grid(&medium).dims();
     let mut rng = PathRng::from_seed(64);
     let mut mixed = 0;
@@ -108,8 +108,8 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
         ("panels", panels(), flat),
         ("picture", pictures, flat),
     ] {
-        let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
-        let scene = scene(AnyMedium::Fibres(medium), lights, projection);
+        let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Plain);
+        let scene = scene(AnyMedium::VirtualFibres(medium), lights, projection);
         let settings = settings(0..samples(), u32::MAX);
         let made = kernel(&scene, &settings, Backend::widest());
         let (a, stats) = film(&scene, &settings, Some(made));
@@ -145,14 +145,14 @@ fn white_fibres_vanish_under_even_light() {
     let white = Fibre::Fitted(FittedFibre::new(white).unwrap());
     let medium = cloth(
         vec![dielectric([0.0; 3], 6.0, 10.0), white],
-        FibreEvent::Plain,
+        VirtualFibreEvent::Plain,
     );
     let light = Light::from(EnvironmentLight {
         radiance: Rgb::WHITE,
         hemisphere: Hemisphere::All,
     });
     let flat = Projection::Orthographic { width_mm: 0.3 };
-    let scene = scene(AnyMedium::Fibres(medium), vec![light], flat);
+    let scene = scene(AnyMedium::VirtualFibres(medium), vec![light], flat);
     let settings = settings(0..8 * samples(), u32::MAX);
     let made = kernel(&scene, &settings, Backend::widest());
     let (film, stats) = film(&scene, &settings, Some(made));
@@ -168,8 +168,8 @@ fn white_fibres_vanish_under_even_light() {
 fn back_ends_give_the_same_bits_through_fibres() {
     let mut lights = parallel();
     lights.push(picture());
-    let medium = cloth(silk_and_cotton(), FibreEvent::Plain);
-    let scene = scene(AnyMedium::Fibres(medium), lights, lens());
+    let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Plain);
+    let scene = scene(AnyMedium::VirtualFibres(medium), lights, lens());
     let settings = settings(0..6, 40);
     let of = |backend| film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
     let one = of(Backend::Scalar);
@@ -182,9 +182,9 @@ fn back_ends_give_the_same_bits_through_fibres() {
 
 #[test]
 fn packed_fibres_are_refused() {
-    let medium = cloth(silk_and_cotton(), FibreEvent::Packed);
+    let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Packed);
     let flat = Projection::Orthographic { width_mm: 0.2 };
-    let scene = scene(AnyMedium::Fibres(medium), parallel(), flat);
+    let scene = scene(AnyMedium::VirtualFibres(medium), parallel(), flat);
     let refused = flatten(&scene, &settings(0..1, 1), Backend::Scalar, 1 << 30).err();
     assert_eq!(refused, Some(KernelRefusal::Packed));
 }
@@ -197,7 +197,7 @@ fn rough_fibres_are_left_to_the_walk() {
             dielectric([0.0; 3], 6.0, 10.0),
             dielectric([0.0; 3], blur_deg, 60.0),
         ];
-        let medium = AnyMedium::Fibres(cloth(fibres, FibreEvent::Plain));
+        let medium = AnyMedium::VirtualFibres(cloth(fibres, VirtualFibreEvent::Plain));
         let made = flatten(
             &scene(medium, parallel(), flat),
             &settings(0..4, u32::MAX),

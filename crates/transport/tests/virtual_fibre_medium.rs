@@ -12,9 +12,9 @@ use organza_scatter::{
     PackedEvent, meet_fibre, sigma_t_per_mm, void_multiplier,
 };
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, FibreEvent, FibreMedium,
-    Film, Hemisphere, Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene,
-    Stats, exact_transmittance, render, transmittance,
+    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Film, Hemisphere,
+    Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene, Stats,
+    VirtualFibreEvent, VirtualFibreMedium, exact_transmittance, render, transmittance,
 };
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
@@ -34,7 +34,7 @@ fn packing() -> f32 {
 }
 
 /// A slab of parallel fibres along x, homogeneous in voxels.
-fn slab(fibre: Fibre, event: FibreEvent) -> FibreMedium {
+fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let (across, down) = (4, 5);
     let width = across as f32 * VOXEL_MM;
     let mut segments = Vec::new();
@@ -57,7 +57,7 @@ fn slab(fibre: Fibre, event: FibreEvent) -> FibreMedium {
         max_memory_bytes: None,
     };
     let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
-    FibreMedium::new(octree, 0, vec![fibre], event).unwrap()
+    VirtualFibreMedium::new(octree, 0, vec![fibre], event).unwrap()
 }
 
 fn dielectric(absorption_radii: f32) -> Fibre {
@@ -78,7 +78,13 @@ fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
     warp::direction_from_angles(theta_deg.to_radians(), phi_deg.to_radians())
 }
 
-fn picture(medium: FibreMedium, light: Light, view: Vec3, spp: u64, seed: u64) -> (Film, Stats) {
+fn picture(
+    medium: VirtualFibreMedium,
+    light: Light,
+    view: Vec3,
+    spp: u64,
+    seed: u64,
+) -> (Film, Stats) {
     let middle = DVec3::new(0.05, 0.05, f64::from(0.5 * THICKNESS_MM));
     let pose = CameraPose {
         origin_mm: middle + 3.0 * view.as_dvec3(),
@@ -87,7 +93,7 @@ fn picture(medium: FibreMedium, light: Light, view: Vec3, spp: u64, seed: u64) -
     };
     let projection = Projection::Orthographic { width_mm: 0.1 };
     let scene = Scene {
-        media: vec![AnyMedium::Fibres(medium)],
+        media: vec![AnyMedium::VirtualFibres(medium)],
         lights: vec![light],
         camera: Camera::new(projection, pose, UVec2::splat(24), PixelFilter::Box).unwrap(),
     };
@@ -114,10 +120,10 @@ fn full(small: u64) -> u64 {
 /// the ray and changes nothing of its depth. The twin forgets the void.
 #[test]
 fn transmittance_of_parallel_fibres() {
-    for event in [FibreEvent::Plain, FibreEvent::Packed] {
+    for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
         let m = match event {
-            FibreEvent::Plain => 1.0,
-            FibreEvent::Packed => void_multiplier(packing()),
+            VirtualFibreEvent::Plain => 1.0,
+            VirtualFibreEvent::Packed => void_multiplier(packing()),
         };
         let medium = slab(dielectric(0.0), event);
         let mut twin_rejected = false;
@@ -144,13 +150,13 @@ fn transmittance_of_parallel_fibres() {
                 got.standard_error()
             );
             twin_rejected |= off(m * (1.0 - packing())) > 10.0;
-            if event == FibreEvent::Plain {
+            if event == VirtualFibreEvent::Plain {
                 let exact = exact_transmittance(&medium, &local, &mut stats);
                 assert!((exact / (-depth).exp() - 1.0).abs() < 1e-3);
             }
         }
         assert_eq!(stats.majorant_violations, 0);
-        assert!(twin_rejected || event == FibreEvent::Plain);
+        assert!(twin_rejected || event == VirtualFibreEvent::Plain);
     }
 }
 
@@ -164,7 +170,7 @@ fn white_furnace() {
         hemisphere: Hemisphere::All,
     });
     let view = direction(30.0, 70.0);
-    for event in [FibreEvent::Plain, FibreEvent::Packed] {
+    for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
         let off = |absorption: f32| {
             let medium = slab(dielectric(absorption), event);
             let (film, stats) = picture(medium, light.clone(), view, full(24), 41);
@@ -199,7 +205,7 @@ fn black_fibres_show_no_more_than_their_gloss() {
         Fibre::Fitted(FittedFibre::new(parameters).unwrap())
     };
     let black = fibre(0.0);
-    for event in [FibreEvent::Plain, FibreEvent::Packed] {
+    for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
         for theta_deg in [50.0, 65.0, 80.0] {
             let view = direction(theta_deg, 0.0);
             let lobe = black.far_field(Vec3::X);
@@ -207,8 +213,8 @@ fn black_fibres_show_no_more_than_their_gloss() {
                 SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x));
             assert!(gloss > 1e-4 && gloss < 0.6, "{theta_deg}: {gloss}");
             let m = match event {
-                FibreEvent::Plain => 1.0,
-                FibreEvent::Packed => void_multiplier(packing()),
+                VirtualFibreEvent::Plain => 1.0,
+                VirtualFibreEvent::Packed => void_multiplier(packing()),
             };
             // Seen along the fibres' plane the sine cancels the way's length.
             let depth = m * 2.0 * RADIUS_MM * density_per_mm2() * THICKNESS_MM;
@@ -230,16 +236,16 @@ fn black_fibres_show_no_more_than_their_gloss() {
 /// A walk through the slab that uses nothing of the medium but the scattering
 /// models: light from `light` (unit irradiance across it) scattered to `view`.
 struct Walk<'a> {
-    event: FibreEvent,
+    event: VirtualFibreEvent,
     fibre: &'a Fibre,
     mixture: Mixture,
 }
 
 impl Walk<'_> {
-    fn new(event: FibreEvent, fibre: &Fibre) -> Walk<'_> {
+    fn new(event: VirtualFibreEvent, fibre: &Fibre) -> Walk<'_> {
         let m = match event {
-            FibreEvent::Plain => 1.0,
-            FibreEvent::Packed => void_multiplier(packing()),
+            VirtualFibreEvent::Plain => 1.0,
+            VirtualFibreEvent::Packed => void_multiplier(packing()),
         };
         let mut mixture = Mixture::EMPTY;
         mixture.push(FibrePopulation {
@@ -267,8 +273,8 @@ impl Walk<'_> {
             let at = Vec3::new(0.0, 0.0, z);
             let event = PackedEvent::draw(at, w_out, tangent, RADIUS_MM, rng);
             let counts = match self.event {
-                FibreEvent::Plain => z,
-                FibreEvent::Packed => event.axis_mm().z,
+                VirtualFibreEvent::Plain => z,
+                VirtualFibreEvent::Packed => event.axis_mm().z,
             };
             if (0.0..=THICKNESS_MM).contains(&counts) {
                 return Some(event);
@@ -286,14 +292,14 @@ impl Walk<'_> {
         while let Some(event) = self.fly(z, w_out, rng) {
             let (value, from, next);
             match self.event {
-                FibreEvent::Plain => {
+                VirtualFibreEvent::Plain => {
                     let far = self.fibre.far_field(event.frame.tangent);
                     value = far.eval(w_out, light).0.x;
                     from = event.point_mm.z;
                     next = far.sample(w_out, rng);
                     z = from;
                 }
-                FibreEvent::Packed => {
+                VirtualFibreEvent::Packed => {
                     let frame = FibreFrame::new(event.frame.tangent, w_out);
                     let near = self.fibre.near_field(frame, event.offset).choose_lobe(rng);
                     value = near.eval(w_out, light).0.x;
@@ -331,7 +337,7 @@ fn renders_are_the_slab_walk() {
             (direction(25.0, 60.0), direction(40.0, 250.0)),
             (direction(150.0, 100.0), direction(20.0, 80.0)),
         ] {
-            let walks = [FibreEvent::Plain, FibreEvent::Packed].map(|event| {
+            let walks = [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed].map(|event| {
                 stream += 1;
                 let walk = Walk::new(event, &fibre);
                 let one = |i| {
@@ -340,7 +346,7 @@ fn renders_are_the_slab_walk() {
                 };
                 (0..paths).map(one).collect::<Moments>()
             });
-            for (k, event) in [FibreEvent::Plain, FibreEvent::Packed]
+            for (k, event) in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed]
                 .into_iter()
                 .enumerate()
             {
@@ -374,7 +380,7 @@ fn threads_change_nothing() {
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {
-            let medium = slab(dielectric(0.1), FibreEvent::Packed);
+            let medium = slab(dielectric(0.1), VirtualFibreEvent::Packed);
             let (film, stats) = picture(medium, light.clone(), direction(10.0, 0.0), 2, seed);
             (
                 film.mean().map(|(m, se)| (m.to_bits(), se.to_bits())),
@@ -390,11 +396,11 @@ fn threads_change_nothing() {
 
 #[test]
 fn levels_and_materials_that_do_not_exist_are_refused() {
-    let octree = slab(fitted(), FibreEvent::Plain).octree().clone();
-    let event = FibreEvent::Packed;
-    assert!(FibreMedium::new(octree.clone(), 1, vec![fitted()], event).is_none());
-    assert!(FibreMedium::new(octree.clone(), 0, Vec::new(), event).is_none());
-    let medium = FibreMedium::new(octree, 0, vec![fitted()], event).unwrap();
+    let octree = slab(fitted(), VirtualFibreEvent::Plain).octree().clone();
+    let event = VirtualFibreEvent::Packed;
+    assert!(VirtualFibreMedium::new(octree.clone(), 1, vec![fitted()], event).is_none());
+    assert!(VirtualFibreMedium::new(octree.clone(), 0, Vec::new(), event).is_none());
+    let medium = VirtualFibreMedium::new(octree, 0, vec![fitted()], event).unwrap();
     assert!((medium.packing()[0] - packing()).abs() < 1e-3);
 }
 
@@ -422,7 +428,8 @@ fn a_lone_fibre_is_met_at_its_surface() {
         max_memory_bytes: None,
     };
     let octree = voxelize(&list, &options, &|_| ()).unwrap();
-    let medium = FibreMedium::new(octree, 0, vec![fitted()], FibreEvent::Packed).unwrap();
+    let medium =
+        VirtualFibreMedium::new(octree, 0, vec![fitted()], VirtualFibreEvent::Packed).unwrap();
     let mut stats = Stats::default();
     let mut depth_at = |y: f32| {
         let ray = Ray::new(middle + Vec3::new(0.0, y, 1.0), Vec3::NEG_Z);

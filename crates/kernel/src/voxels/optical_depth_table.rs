@@ -123,7 +123,7 @@ pub fn depth<F: Floats>(depths: &[u32], lights: usize, light: usize, corners: &C
 }
 
 /// The words of all lights side by side: those of a node are one look-up.
-pub fn side_by_side(lights: &mut [LightTable]) -> Vec<u32> {
+pub fn side_by_side(lights: &mut [OpticalDepthTable]) -> Vec<u32> {
     let tables: Vec<Vec<u32>> = lights
         .iter_mut()
         .map(|light| std::mem::take(&mut light.depths))
@@ -155,7 +155,7 @@ fn between_four<F: Floats>(four: F::Ints, fx: F, fy: F) -> F {
 }
 
 /// One parallel light.
-pub struct LightTable {
+pub struct OpticalDepthTable {
     /// Unit direction toward the light.
     pub to_light: Vec3,
     /// Irradiance across it, or the radiance of a panel.
@@ -182,7 +182,7 @@ struct Piece {
     length_mm: f32,
 }
 
-impl LightTable {
+impl OpticalDepthTable {
     /// The table of light that travels along `direction`, toward which voxels have
     /// these [extinctions].
     pub fn new(
@@ -191,8 +191,8 @@ impl LightTable {
         direction: Vec3,
         irradiance: Rgb,
         extinction_per_mm: Vec<f32>,
-    ) -> LightTable {
-        let mut table = LightTable {
+    ) -> OpticalDepthTable {
+        let mut table = OpticalDepthTable {
             to_light: -direction,
             irradiance,
             panel: None,

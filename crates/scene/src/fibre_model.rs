@@ -1,4 +1,4 @@
-//! Fibres that scatter as fibres: from a yarn's optics to the model.
+//! The scattering model of a fibre, from the `[optics.YARN]` of its yarn.
 
 use crate::optics::{FittedValue, OpticsTable, UNDYED};
 use organza_basis::Rgb;
@@ -65,11 +65,11 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
     Ok(())
 }
 
-/// The fibre of a material.
+/// The scattering model of the fibres of a material.
 ///
 /// # Errors
 /// What is wrong with its parameters.
-pub fn fibre(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
+pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
     if let Some(value) = &t.fitted {
         return fitted(value)
             .map(Fibre::Fitted)

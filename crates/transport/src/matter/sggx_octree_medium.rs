@@ -10,7 +10,7 @@ use organza_volume::Octree;
 use std::sync::Arc;
 
 /// Fibres of an octree level as specular SGGX flakes.
-pub type ClothMedium = OctreeMedium<SggxFlakes>;
+pub type SggxOctreeMedium = OctreeMedium<SggxFlakes>;
 
 /// Specular SGGX flakes of a cloth's materials.
 pub struct SggxFlakes {
@@ -48,7 +48,7 @@ pub(crate) fn info_of(mixture: &Mixture) -> SiteInfo {
     })
 }
 
-impl ClothMedium {
+impl SggxOctreeMedium {
     /// The cloth at a level of detail (0 the finest). `optics` is indexed by
     /// the octree's materials. Media of several levels may share one octree.
     ///
@@ -57,7 +57,7 @@ impl ClothMedium {
         octree: impl Into<Arc<Octree>>,
         level: u8,
         optics: Vec<FlakeOptics>,
-    ) -> Option<ClothMedium> {
+    ) -> Option<SggxOctreeMedium> {
         let level = level_of(octree, level, optics.len())?;
         let scatterer = SggxFlakes {
             materials: FlakeMaterials::new(optics),
