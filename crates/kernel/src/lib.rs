@@ -24,6 +24,7 @@ pub mod fibres;
 mod matter;
 pub mod proofs;
 mod refusal;
+mod roulette;
 mod voxels;
 
 pub use block::Block;

@@ -9,6 +9,7 @@ use super::shadows::Shadows;
 use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3};
+use crate::roulette::{FIBRE_SCALE, survivors};
 use glam::Vec3;
 use organza_basis::{PathRng, Ray};
 use organza_film::{FirstEvent, SiteInfo, Stats};
@@ -18,9 +19,6 @@ use organza_light::{KernelLight, Light, LightSearch};
 /// least a tenth of the irradiance, per steradian; fainter light is traced in
 /// proportion and weighed up.
 const SHADOW_SCALE: f32 = 10.0;
-
-/// Survival probability of Russian roulette over the mean throughput.
-const ROULETTE_SCALE: f32 = 5.0;
 
 /// What events need to know.
 pub struct Shading<'a> {
@@ -104,18 +102,15 @@ pub fn shade<F: Floats>(
     let turn = event.turn(optics, &mut rng, mask);
     let [u, v, w] = rng.units(mask);
     let start = start(&event, &turn.scattered, axis_at, [v, w]);
-    let one = F::splat(1.0);
     let kept = throughput.times(turn.weight);
     let absorbed = load::<F>(&paths.absorbed, first) + (throughput - kept);
-    let survival = (kept.sum() * F::splat(ROULETTE_SCALE / 3.0)).min(one);
-    let survives = mask & u.below(survival);
-    let kept = kept.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
+    let (survives, carried) = survivors(kept, FIBRE_SCALE, u, mask);
     let absorbed = absorbed.or_where_not(mask, load(&paths.absorbed, first));
     store(&mut paths.absorbed, first, absorbed);
     store(
         &mut paths.throughput,
         first,
-        kept.or_where_not(survives, throughput),
+        carried.or_where_not(survives, throughput),
     );
     let turned = turn.direction.or_where_not(survives, direction);
     store(&mut paths.direction, first, turned);

@@ -10,6 +10,7 @@ use super::optical_depth_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, minus_ln, positive};
+use crate::roulette::{VOXEL_SCALE, survivors};
 use crate::{Block, Kernel};
 use glam::Vec3;
 use organza_film::Stats;
@@ -20,9 +21,6 @@ const BORDER: f32 = 1.0 / 1024.0;
 
 /// Steps between two looks at which lanes met something or left.
 const STEPS_PER_ROUND: usize = 2;
-
-/// Survival probability of Russian roulette over the mean throughput.
-const ROULETTE_SCALE: f32 = 4.0;
 
 /// Room for rounding when the square of an extinction is held against that of
 /// its bound.
@@ -308,8 +306,7 @@ fn scatter<F: Floats, E: Event<F>>(
     };
     let event = E::new(kernel, &meeting, &mut paths.rng, met);
     let throughput = paths.throughput.times(event.common());
-    let third = F::splat(1.0 / 3.0);
-    let mean = throughput.sum() * third;
+    let mean = throughput.sum() * F::splat(1.0 / 3.0);
 
     // What is scattered of the light that arrives.
     let mut light_in = V3::splat(Vec3::ZERO);
@@ -363,10 +360,8 @@ fn scatter<F: Floats, E: Event<F>>(
 
     let turn = event.turn(kernel, &mut paths.rng, met);
     let throughput = throughput.times(turn.weight);
-    let survival = (throughput.sum() * third * F::splat(ROULETTE_SCALE)).min(one);
-    let survives = met & turn.u.below(survival);
-    let throughput = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
-    paths.throughput = throughput.or_where_not(survives, paths.throughput);
+    let (survives, carried) = survivors(throughput, VOXEL_SCALE, turn.u, met);
+    paths.throughput = carried.or_where_not(survives, paths.throughput);
     paths.turn(kernel, turn.direction, survives);
     paths.flying = paths.flying | survives;
     let ended = paths.met & !survives;

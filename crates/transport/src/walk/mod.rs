@@ -1,6 +1,7 @@
 //! The general walk: scenes, paths through them, and the pictures that paths make.
 
 mod render;
+mod roulette;
 mod scene;
 mod trace;
 

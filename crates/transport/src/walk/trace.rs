@@ -1,13 +1,9 @@
 //! One path: the random walk from the camera against the light.
 
+use super::roulette::survivor;
 use crate::{Collision, Escape, FirstEvent, Integrator, Light, PathSample, Scene, Stats, Tracking};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
-
-/// Survival probability of Russian roulette over the mean throughput. A path
-/// lives on surely until it carries a fifth of what it began with, which cost
-/// against variance left flat between 3 and 8.
-const ROULETTE_SCALE: f32 = 5.0;
 
 /// A shadow ray is traced surely when the light scattered toward the camera is
 /// at least a tenth of the irradiance, per steradian; fainter light is traced
@@ -123,14 +119,10 @@ pub fn trace_from(
             return sample;
         };
         sample.absorbed += throughput * (Rgb::WHITE - scatter.weight);
-        throughput *= scatter.weight;
-        let survival = ROULETTE_SCALE * throughput.mean();
-        if survival < 1.0 {
-            if rng.unit() >= survival {
-                return sample;
-            }
-            throughput *= 1.0 / survival;
-        }
+        let Some(carried) = survivor(throughput * scatter.weight, rng) else {
+            return sample;
+        };
+        throughput = carried;
         drawn = Some((event.at, scatter.pdf));
         ray = Ray::new(event.start(scatter.w_in, rng), scatter.w_in);
     }

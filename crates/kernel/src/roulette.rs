@@ -1,0 +1,28 @@
+//! Russian roulette of the paths in lanes.
+
+use crate::cpu::lanes::Floats;
+use crate::cpu::math::V3;
+
+/// Survival probability over the mean throughput of a path in voxels: it lives on
+/// surely until it carries a quarter of what it began with.
+pub const VOXEL_SCALE: f32 = 4.0;
+
+/// The same of a path among explicit fibres: until it carries a fifth, as in the
+/// general walk.
+pub const FIBRE_SCALE: f32 = 5.0;
+
+/// Plays for the lanes of a mask with random numbers `u` in `[0, 1)`: the lanes that
+/// survive, and what their paths carry on. `throughput` is what they carry now.
+#[inline(always)]
+pub fn survivors<F: Floats>(
+    throughput: V3<F>,
+    scale: f32,
+    u: F,
+    mask: F::Mask,
+) -> (F::Mask, V3<F>) {
+    let one = F::splat(1.0);
+    let survival = (throughput.sum() * F::splat(scale / 3.0)).min(one);
+    let survives = mask & u.below(survival);
+    let carried = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
+    (survives, carried)
+}
