@@ -1,6 +1,6 @@
 //! Commands, exit codes and messages.
 
-use crate::program::{complaint, exr_channels, folder, organza, succeed, write_vol};
+use crate::program::{complaint, exr_channels, folder, succeed, write_vol};
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -93,22 +93,6 @@ fn completions_and_manual_pages_know_every_command() {
         message.contains("organza.1: is a file; expected a folder"),
         "{message}"
     );
-}
-
-#[test]
-fn wrong_command_lines_end_with_two() {
-    let folder = folder("wrong-arguments");
-    for arguments in [
-        &["rendre"][..],
-        &["render"],
-        &["render", "x", "-o", "y", "--sspp", "3"],
-    ] {
-        assert_eq!(
-            organza(&folder, arguments).status.code(),
-            Some(2),
-            "{arguments:?}"
-        );
-    }
 }
 
 #[test]

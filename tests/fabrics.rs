@@ -21,3 +21,23 @@ size_um = {voxel_um:.1}
 "#
     )
 }
+
+/// A cotton satin with a surface model, in voxels of 16 um.
+pub const COTTON_SATIN: &str = r#"
+[draft]
+weave = "satin-5-2"
+[warp]
+yarn = "cotton"
+per_cm = 24.0
+[weft]
+yarn = "cotton"
+per_cm = 22.0
+[yarn.cotton]
+preset = "cotton"
+tex = 20.0
+fibres_per_ply = 60
+[voxel]
+size_um = 16.0
+[surface]
+preset = "cotton-twill"
+"#;

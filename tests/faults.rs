@@ -1,297 +1,13 @@
-//! What befalls a long run: a kill at any moment, a full disk, a folder that
-//! takes no files, too little memory, special files in the place of inputs and
-//! outputs, names in a scene that lead elsewhere.
-//!
-//! `ORGANZA_FULL=1 cargo test --release --test main faults:: -- --nocapture`
-//! kills each command fifty times and more and prints what it saw; without it
-//! each is killed a few times.
-#![allow(clippy::print_stdout)] // prints what befell the runs
+//! Faults of the machine and dangerous paths: a full disk, a folder that takes no files,
+//! too little memory, special files in the place of inputs and outputs, names in a scene
+//! that lead elsewhere.
+#![allow(clippy::print_stdout)] // prints the messages of the runs
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, folder, organza, succeed};
-use organza_basis::PathRng;
+use crate::fabrics::COTTON_SATIN;
+use crate::program::{complaint, file_names, folder, organza, succeed};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
-
-const SEED: u64 = 0xfa17;
-
-/// Kills of each command.
-fn kills() -> u32 {
-    if std::env::var_os("ORGANZA_FULL").is_some() {
-        60
-    } else {
-        2
-    }
-}
-
-const FABRIC: &str = r#"
-[draft]
-weave = "satin-5-2"
-[warp]
-yarn = "cotton"
-per_cm = 24.0
-[weft]
-yarn = "cotton"
-per_cm = 22.0
-[yarn.cotton]
-preset = "cotton"
-tex = 20.0
-fibres_per_ply = 60
-[voxel]
-size_um = 16.0
-[surface]
-preset = "cotton-twill"
-"#;
-
-/// Everything that a run leaves, temporary files aside.
-fn left(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .filter(|name| !name.ends_with(".tmp"))
-        .collect();
-    names.sort();
-    names
-}
-
-/// Equal but for the line with which a fitted fabric records its command.
-fn same(a: &[u8], b: &[u8]) -> bool {
-    let lines = |bytes: &[u8]| -> Vec<Vec<u8>> {
-        bytes
-            .split(|&b| b == b'\n')
-            .filter(|line| !line.starts_with(b"# Fitted by: "))
-            .map(<[u8]>::to_vec)
-            .collect()
-    };
-    lines(a) == lines(b)
-}
-
-/// What a command was killed into.
-#[derive(Debug, Default)]
-struct Tally {
-    killed: u32,
-    /// Runs that came to their end before the kill.
-    ended: u32,
-    /// Kills after which something was there to go on from.
-    resumed: u32,
-    /// Kills that left a temporary file: in the middle of writing.
-    writing: u32,
-}
-
-/// A command that is killed again and again.
-struct Victim<'a> {
-    name: &'a str,
-    arguments: &'a [&'a str],
-    /// What it writes in the end.
-    outputs: &'a [&'a str],
-    /// What it keeps on the way, and the flags for that.
-    state: Option<&'a str>,
-    keep: &'a [&'a str],
-    /// The flag to go on with, where there is one.
-    resume: &'a [&'a str],
-}
-
-impl Victim<'_> {
-    /// Kills it at moments spread evenly over an undisturbed run, half of them
-    /// over its last tenth, where files are written; goes on where it can.
-    fn torment(&self, folder: &Path) {
-        let inputs = left(folder);
-        let started = Instant::now();
-        let plain = [self.arguments, &["--threads", "1"]].concat();
-        succeed(folder, &plain);
-        let whole_s = started.elapsed().as_secs_f64();
-        let whole: Vec<Vec<u8>> = self
-            .outputs
-            .iter()
-            .map(|name| std::fs::read(folder.join(name)).unwrap())
-            .collect();
-        let clear = || {
-            for entry in std::fs::read_dir(folder).unwrap() {
-                let name = entry.unwrap().file_name().into_string().unwrap();
-                if !inputs.contains(&name) {
-                    std::fs::remove_file(folder.join(name)).unwrap();
-                }
-            }
-        };
-        let check = |at: &str| {
-            for (name, bytes) in self.outputs.iter().zip(&whole) {
-                let Ok(found) = std::fs::read(folder.join(name)) else {
-                    continue;
-                };
-                assert!(same(&found, bytes), "{}: {name} differs {at}", self.name);
-            }
-            for name in left(folder) {
-                let known = inputs.contains(&name)
-                    || self.outputs.contains(&name.as_str())
-                    || self.state == Some(name.as_str());
-                assert!(known, "{}: {name} was left {at}", self.name);
-            }
-        };
-        clear();
-        let mut rng = PathRng::from_seed(SEED);
-        let mut tally = Tally::default();
-        while tally.killed < kills() {
-            let place = f64::from(rng.unit());
-            let place = if rng.below(2) == 0 {
-                place
-            } else {
-                0.9 + 0.2 * place
-            };
-            let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
-            tally.resumed += u32::from(goes_on);
-            let threads = if tally.killed % 2 == 0 { "1" } else { "2" };
-            let mut arguments = [self.arguments, self.keep].concat();
-            arguments.extend(["--threads", threads, "--quiet"]);
-            arguments.extend(self.resume.iter().filter(|_| goes_on));
-            let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
-                .current_dir(folder)
-                .args(&arguments)
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .spawn()
-                .unwrap();
-            std::thread::sleep(Duration::from_secs_f64(place * whole_s));
-            child.kill().unwrap(); // SIGKILL
-            let ended = child.wait().unwrap().success();
-            let at = format!(
-                "after kill {} at {place:.3} of {whole_s:.2} s",
-                tally.killed
-            );
-            check(&at);
-            if ended {
-                for name in self.outputs {
-                    assert!(folder.join(name).exists(), "{}: no {name}", self.name);
-                }
-                tally.ended += 1;
-                clear();
-            } else {
-                let names = std::fs::read_dir(folder).unwrap();
-                let cut = names.filter(|e| {
-                    let name = e.as_ref().unwrap().file_name();
-                    name.to_string_lossy().ends_with(".tmp")
-                });
-                tally.writing += u32::from(cut.count() > 0);
-                tally.killed += 1;
-                // Where nothing is kept every run begins anew; where something
-                // is, one in eight runs does.
-                if self.state.is_none() || rng.below(8) == 0 {
-                    clear();
-                }
-            }
-        }
-        // What is there now is brought to its end.
-        let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
-        let mut arguments = [self.arguments, self.keep].concat();
-        arguments.extend(self.resume.iter().filter(|_| goes_on));
-        succeed(folder, &arguments);
-        check("in the end");
-        let present = self.outputs.iter().all(|n| folder.join(n).exists());
-        assert!(present, "{}", self.name);
-        println!(
-            "{:<16} run of {whole_s:.2} s: {} kills, {} of runs resumed, {} in the middle of \
-             writing, {} runs ended before",
-            self.name, tally.killed, tally.resumed, tally.writing, tally.ended
-        );
-    }
-}
-
-#[test]
-fn a_render_killed_at_any_moment_goes_on_to_the_same_bytes() {
-    let folder = folder("kill-render");
-    write_grid_scene(&folder);
-    let resolution = "camera.resolution=[96,64]";
-    Victim {
-        name: "render",
-        arguments: &[
-            "render",
-            "scene.toml",
-            "-o",
-            "out.exr",
-            "--spp",
-            "400",
-            "--set",
-            resolution,
-        ],
-        outputs: &["out.exr"],
-        state: Some("state"),
-        keep: &["--checkpoint", "state", "--checkpoint-every", "0s"],
-        resume: &["--resume"],
-    }
-    .torment(&folder);
-}
-
-#[test]
-fn a_volume_or_a_table_has_its_name_only_when_whole() {
-    let folder = folder("kill-volume");
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
-    let voxelize = |name, outfile, outputs| {
-        Victim {
-            name,
-            arguments: &["voxelize", "cloth.toml", "-o", outfile],
-            outputs,
-            state: None,
-            keep: &[],
-            resume: &[],
-        }
-        .torment(&folder);
-        for name in outputs {
-            std::fs::remove_file(folder.join(name)).unwrap();
-        }
-    };
-    voxelize("voxelize .ovox", "cloth.ovox", &["cloth.ovox"]);
-    voxelize("voxelize .vdb", "cloth.vdb", &["cloth.vdb"]);
-    let three: &[&str] = &["cloth.sigma_t.vol", "cloth.sggx.vol", "cloth.albedo.vol"];
-    voxelize("voxelize .vol", "cloth.vol", three);
-    Victim {
-        name: "measure",
-        arguments: &[
-            "measure",
-            "cloth.toml",
-            "--layout",
-            "grid",
-            "--grid",
-            "2,4",
-            "--spp",
-            "64",
-            "--voxel-um",
-            "40",
-            "-o",
-            "out.csv",
-        ],
-        outputs: &["out.csv"],
-        state: None,
-        keep: &[],
-        resume: &[],
-    }
-    .torment(&folder);
-}
-
-#[test]
-fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
-    let folder = folder("kill-fit");
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
-    Victim {
-        name: "fit",
-        arguments: &[
-            "fit",
-            "cloth.toml",
-            "--spp",
-            "48",
-            "--voxel-um",
-            "40",
-            "--patience",
-            "4,6",
-            "-o",
-            "fitted.toml",
-        ],
-        outputs: &["fitted.toml"],
-        state: Some("journal"),
-        keep: &["--journal", "journal"],
-        resume: &[],
-    }
-    .torment(&folder);
-}
+use std::process::{Command, Output};
 
 /// Runs the program in a shell after `before`, in a name space of its own where
 /// file systems may be mounted (`unshare`; Linux allows that to every user where
@@ -349,7 +65,7 @@ fn a_checkpoint_that_cannot_be_saved_costs_no_picture() {
 fn a_full_disk_is_told_and_leaves_nothing() {
     let folder = folder("full-disk");
     write_grid_scene(&folder);
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     std::fs::create_dir(folder.join("disk")).unwrap();
     let mount = "mount -t tmpfs -o size=16k none disk";
     for arguments in [
@@ -398,7 +114,7 @@ fn a_full_disk_is_told_and_leaves_nothing() {
 fn a_folder_that_takes_no_files_is_told_before_the_work_begins() {
     let folder = folder("read-only");
     write_grid_scene(&folder);
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     std::fs::create_dir(folder.join("disk")).unwrap();
     let mount = "mount -t tmpfs -o ro none disk";
     for arguments in [
@@ -429,7 +145,7 @@ fn a_folder_that_takes_no_files_is_told_before_the_work_begins() {
 fn devices_and_pipes_are_neither_read_nor_replaced() {
     let folder = folder("devices");
     write_grid_scene(&folder);
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     let made = Command::new("mkfifo").arg(folder.join("pipe")).status();
     assert!(made.unwrap().success());
     let special = "is a device or a pipe; expected ";
@@ -467,7 +183,7 @@ fn devices_and_pipes_are_neither_read_nor_replaced() {
 fn too_little_memory_is_told_before_it_is_taken() {
     let folder = folder("memory");
     write_grid_scene(&folder);
-    std::fs::write(folder.join("cloth.toml"), FABRIC).unwrap();
+    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     let scene = "[camera]\norigin_mm=[0,0,3]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[8,8]\n\
                  [[light]]\nkind='environment'\nradiance=[1,1,1]\n\
                  [[object]]\nkind='cloth'\nfabric='cloth.toml'\n";
@@ -603,7 +319,7 @@ fn a_scene_writes_nowhere() {
         "scene.toml",
         "sggx.vol",
     ];
-    for name in [left(&folder), left(&inner)].concat() {
+    for name in [file_names(&folder), file_names(&inner)].concat() {
         assert!(
             names.contains(&name.as_str()) || name == "sigma_t.vol",
             "{name}"

@@ -2,24 +2,23 @@
 //! that is finite, not negative and keeps the light, or a refusal. `docs/hard_cases.md`
 //! lists the outcomes.
 
-use glam::{DVec3, UVec2, UVec3, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::hypothesis::{SphereGrid, sidak, z_test};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3, warp};
+mod geometry;
+mod matter;
+
+use geometry::{fibres, geometries, strewn};
+use glam::{DVec3, UVec2, Vec3};
+use matter::{Matter, gloss, grids, matters, octree};
+use organza_basis::hypothesis::{sidak, z_test};
+use organza_basis::{Rgb, warp};
 use organza_measure::{Angles, Effort, Pair, VolumePatch, measure_pairs};
-use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Lobe,
-};
 use organza_transport::{
-    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres,
-    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium, Hemisphere, Integrator,
-    Interpolation, Light, PixelFilter, Projection, RenderSettings, Rendering, Scene,
-    SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium, flatten,
+    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, FlakeFamily,
+    FlakeOctreeMedium, FlakeOptics, Hemisphere, Integrator, Light, PixelFilter, Projection,
+    RenderSettings, Rendering, Scene, flatten,
 };
-use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use organza_volume::Footprint;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::time::Instant;
 
 const SEED: u64 = 0x4a7d;
@@ -31,220 +30,6 @@ fn full(small: u64) -> u64 {
         Some(_) => 16 * small,
         None => small,
     }
-}
-
-/// Fibres in a box. Where it repeats, level rays have no end but in matter, and
-/// white parallel fibres hold light that runs along them; one geometry does.
-fn fibres(min_mm: Vec3, size_mm: Vec3, repeats: bool, segments: Vec<Segment>) -> SegmentList {
-    let tile = Tile {
-        bounds_mm: Aabb::new(min_mm, min_mm + size_mm),
-        repeats,
-    };
-    SegmentList { tile, segments }
-}
-
-/// `count` fibres of a radius about a mean direction, `strewn` 0 for parallel
-/// ones; all within the heights of the tile.
-fn strewn(min_mm: Vec3, count: u32, strewn: f32, radius_mm: f32) -> Vec<Segment> {
-    let mut rng = PathRng::from_seed(SEED);
-    let margin = Vec3::splat(radius_mm + 0.011);
-    (0..count)
-        .map(|_| {
-            let place = Vec3::new(rng.unit(), rng.unit(), rng.unit());
-            let mut centre = min_mm + margin + place * (SIZE_MM - 2.0 * margin);
-            let way = (Vec3::X + strewn * warp::uniform_sphere(rng.unit2())).normalize_or(Vec3::X);
-            let mut half = 0.011;
-            if strewn == 0.0 {
-                // Through the whole tile.
-                centre.x = min_mm.x + 0.5 * SIZE_MM.x;
-                half = 0.5 * SIZE_MM.x - radius_mm;
-            }
-            Segment::straight(centre - half * way, centre + half * way, radius_mm)
-        })
-        .collect()
-}
-
-/// Every geometry that has its difficulty.
-fn geometries() -> Vec<(&'static str, SegmentList)> {
-    let at = |min_mm: Vec3, segments| fibres(min_mm, SIZE_MM, false, segments);
-    let one_voxel = Vec3::splat(VOXEL_MM);
-    let straight = |radius| {
-        let ends = [Vec3::new(0.0, 0.0, 0.01), Vec3::new(0.02, 0.02, 0.01)];
-        Segment::straight(ends[0], ends[1], radius)
-    };
-    let mut crowded = Vec::new();
-    let mut rng = PathRng::from_seed(SEED);
-    for _ in 0..10_000 {
-        let centre = Vec3::new(0.05, 0.05, 0.05) + 0.004 * warp::uniform_sphere(rng.unit2());
-        let way = 0.004 * warp::uniform_sphere(rng.unit2());
-        crowded.push(Segment::straight(centre - way, centre + way, 2e-4));
-    }
-    let mut without_length = strewn(Vec3::ZERO, 120, 0.4, 0.004);
-    for i in 0..60 {
-        let p = Vec3::new(0.002 * i as f32, 0.02 * (i % 6) as f32, 0.04);
-        without_length.push(Segment::straight(p, p, 0.004));
-    }
-    let far_mm = Vec3::new(1e4, -1e4, 1e4);
-    vec![
-        (
-            "parallel fibres, no spread",
-            at(Vec3::ZERO, strewn(Vec3::ZERO, 60, 0.0, 0.004)),
-        ),
-        (
-            "fibres all ways, large spread",
-            at(Vec3::ZERO, strewn(Vec3::ZERO, 400, 50.0, 0.004)),
-        ),
-        (
-            "a tile of one voxel",
-            fibres(Vec3::ZERO, one_voxel, true, vec![straight(0.003)]),
-        ),
-        ("an empty tile", at(Vec3::ZERO, Vec::new())),
-        ("a voxel of 10,000 segments", at(Vec3::ZERO, crowded)),
-        (
-            "fibres thicker than a voxel",
-            at(Vec3::ZERO, strewn(Vec3::ZERO, 6, 0.0, 0.025)),
-        ),
-        ("segments without length", at(Vec3::ZERO, without_length)),
-        (
-            "ten metres from the origin",
-            at(far_mm, strewn(far_mm, 200, 0.4, 0.004)),
-        ),
-    ]
-}
-
-fn octree(source: &SegmentList, footprint: Footprint) -> Arc<Octree> {
-    let options = VoxelizeOptions {
-        voxel_mm: VOXEL_MM,
-        levels: None,
-        footprint,
-        max_memory_bytes: None,
-    };
-    Arc::new(voxelize(source, &options, &|_| ()).unwrap())
-}
-
-fn clear(longitudinal_rad: f32) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad,
-        azimuthal_rad: 2.0 * longitudinal_rad,
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
-}
-
-fn black() -> Fibre {
-    let parameters = FittedParameters {
-        colour_r: Rgb::BLACK,
-        colour_tt: Rgb::BLACK,
-        ..FittedParameters::preset("silk").unwrap()
-    };
-    Fibre::Fitted(FittedFibre::new(parameters).unwrap())
-}
-
-/// Share of light that black fibres along x reflect toward `view`, by quadrature.
-fn gloss(view: Vec3) -> f64 {
-    let fibre = black();
-    let lobe = fibre.far_field(Vec3::X);
-    SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x))
-}
-
-/// Matter, what a furnace of one shows of it at most and at least, per event.
-struct Matter {
-    name: String,
-    medium: AnyMedium,
-    /// Absorbs nothing; otherwise everything.
-    is_white: bool,
-    /// What an event may gain or lose.
-    slack: f64,
-}
-
-/// A geometry as every kind of matter; refusals are added to `log`.
-fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
-    let mut list = Vec::new();
-    type Made = Result<AnyMedium, String>;
-    let mut put = |name: String, made: Made, is_white, slack| match made {
-        Ok(medium) => list.push(Matter {
-            name,
-            medium,
-            is_white,
-            slack,
-        }),
-        Err(why) => {
-            let _ = writeln!(log, "    {name}: refused: {why}");
-        }
-    };
-    let covered = octree(source, Footprint::Covered);
-    let axes = octree(source, Footprint::Axis);
-    for (albedo, end_on_ratio) in [(1.0, 0.0), (1.0, 1.0), (0.0, 0.3)] {
-        let optics = vec![FlakeOptics {
-            albedo: Rgb::splat(albedo),
-            end_on_ratio,
-        }];
-        let make = || covered.clone();
-        let white = albedo == 1.0;
-        let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
-        let sggx = SggxOctreeMedium::new(make(), 0, optics.clone()).map(AnyMedium::SggxOctree);
-        put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
-        for family in FlakeFamily::all().filter(|f| *f != FlakeFamily::SGGX_SPECULAR) {
-            let medium = FlakeOctreeMedium::new(make(), 0, optics.clone(), family);
-            let medium = medium.map(AnyMedium::FlakeOctree).ok_or_else(String::new);
-            put(words(family.name()), medium, white, 1e-5);
-        }
-    }
-    for (name, fibre, white) in [
-        ("clear smooth", clear(0.0), true),
-        ("clear rough", clear(0.6), true),
-        ("black", black(), false),
-    ] {
-        for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
-            let tree = axes.clone();
-            let medium = VirtualFibreMedium::new(tree, 0, vec![fibre.clone()], event);
-            let words = format!("{name} fibres, {event:?}");
-            let medium = medium.map(AnyMedium::VirtualFibres).ok_or_else(String::new);
-            put(words, medium, white, 2e-3);
-        }
-        let explicit = ExplicitFibres::new(source, vec![fibre], None, &|_| ());
-        let words = format!("{name} fibres, explicit");
-        let explicit = explicit
-            .map(AnyMedium::ExplicitFibres)
-            .map_err(|e| e.to_string());
-        put(words, explicit, white, 5e-3);
-    }
-    list
-}
-
-/// Grids at every extinction, from nothing to more than any cloth has.
-fn grids() -> Vec<Matter> {
-    let mut list = Vec::new();
-    for sigma in [0.0, 1e-6, 10.0, 1e6f32] {
-        // As thick as keeps the number of events of white matter bounded.
-        let thick_mm = (40.0 / sigma.max(1.0)).min(SIZE_MM.z);
-        let dims = UVec3::new(3, 2, 4);
-        let bounds = Aabb::new(Vec3::ZERO, Vec3::new(0.12, 0.12, thick_mm));
-        for (albedo, end_on) in [(1.0, 0.0f32), (1.0, 1.0), (0.0, 0.3)] {
-            for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
-                let cells = vec![[sigma]; dims.element_product() as usize];
-                let s = Sym3::axial(Vec3::X, 1.0, end_on * end_on).to_array();
-                let medium = GridMedium::new(
-                    bounds,
-                    false,
-                    interpolation,
-                    Grid::new(dims, cells).unwrap(),
-                    Grid::constant(s),
-                    Grid::constant([albedo; 3]),
-                );
-                list.push(Matter {
-                    name: format!(
-                        "grid {interpolation:?}, {sigma} per mm, albedo {albedo}, ratio {end_on}"
-                    ),
-                    medium: AnyMedium::Grid(medium.unwrap()),
-                    is_white: albedo == 1.0,
-                    slack: 1e-5,
-                });
-            }
-        }
-    }
-    list
 }
 
 /// Where a camera stands: toward it from the middle, and how far.

@@ -3,20 +3,25 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 mod bench; // speed against error, and what it chooses
+mod checkpoints; // renders that are killed or interrupted, and resumed
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave
 mod far; // surface models, meshes and levels of detail in scenes
-mod faults; // kills, full disks, little memory, special files
+mod faults; // full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp
+mod flags; // wrong flags and command lines
 mod hard_cases; // degenerate geometry, views and lights through every tracker
 mod invalid; // the message for every kind of wrong input
+mod kills; // commands killed at random moments
+mod lenses; // thin lenses in scenes
 mod lights_and_export; // lights of scene files, scenes for another renderer
 mod measure; // the virtual goniometer
+mod merging; // sample ranges, and merging of the parts
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
-mod running; // sample ranges, merging, checkpoints, stopping
 mod slab; // the tracker against an independent renderer's slab
+mod stopping; // time limits and target errors
 mod tidy; // the repository itself
 mod volumes; // volume files: what they keep, and what is refused

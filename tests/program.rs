@@ -59,3 +59,27 @@ pub fn write_vol(path: &Path, dims: [i32; 3], channels: i32, bounds: [f32; 6], d
     }
     std::fs::write(path, bytes).unwrap();
 }
+
+/// The contents of a file of a folder.
+pub fn bytes(folder: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+/// Renders `scene.toml` with further flags and returns the bytes of the picture.
+pub fn picture(folder: &Path, more: &[&str]) -> Vec<u8> {
+    let mut arguments = vec!["render", "scene.toml", "-o", "out.exr"];
+    arguments.extend(more);
+    succeed(folder, &arguments);
+    bytes(folder, "out.exr")
+}
+
+/// The names of the files of a folder, sorted, without temporary files.
+pub fn file_names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .filter(|name| !name.ends_with(".tmp"))
+        .collect();
+    names.sort();
+    names
+}

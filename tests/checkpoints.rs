@@ -1,0 +1,196 @@
+//! Renders that are killed or interrupted and resumed from a checkpoint.
+
+use crate::cli::write_grid_scene;
+use crate::program::{bytes, complaint, folder, picture, succeed};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_organza"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits for a file of the running program.
+fn wait_for(path: &Path, child: &mut Child) {
+    let started = Instant::now();
+    while !path.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended too soon");
+        assert!(started.elapsed() < Duration::from_secs(60), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Enough to be in the middle of it for a while.
+const LONG: &str = "3000";
+
+#[test]
+fn a_killed_render_resumes_to_the_unbroken_picture() {
+    let folder = folder("killed");
+    write_grid_scene(&folder);
+    let whole = picture(&folder, &["--spp", LONG]);
+    let saved = folder.join("state");
+    let keep = ["--checkpoint", "state", "--checkpoint-every", "0s"];
+    let run = ["render", "scene.toml", "-o", "late.exr", "--spp", LONG];
+    let mut child = start(
+        &folder,
+        &[&run[..], &keep[..], &["--threads", "1"]].concat(),
+    );
+    wait_for(&saved, &mut child);
+    child.kill().unwrap(); // SIGKILL
+    assert!(!child.wait().unwrap().success(), "killed in the middle");
+    assert!(!folder.join("late.exr").exists());
+    let resume = [&run[..], &keep[..], &["--resume"]].concat();
+    succeed(&folder, &resume);
+    assert!(bytes(&folder, "late.exr") == whole);
+    // A complete render can be shown again, and continued with more samples.
+    succeed(&folder, &resume);
+    assert!(bytes(&folder, "late.exr") == whole);
+    let more = ["--checkpoint", "state", "--resume", "--spp", "3100"];
+    let more = picture(&folder, &more);
+    assert!(more == picture(&folder, &["--spp", "3100"]));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_saves_and_ends() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        interrupt_with(signal);
+    }
+}
+
+#[cfg(unix)]
+fn interrupt_with(signal: &str) {
+    let folder = folder("interrupted");
+    write_grid_scene(&folder);
+    let whole = picture(&folder, &["--spp", LONG]);
+    let run = ["render", "scene.toml", "-o", "late.exr", "--spp", LONG];
+    // The first checkpoint shows that the render is under way.
+    let keep = ["--checkpoint", "state", "--checkpoint-every", "0s"];
+    let mut child = start(
+        &folder,
+        &[&run[..], &keep[..], &["--threads", "1"]].concat(),
+    );
+    wait_for(&folder.join("state"), &mut child);
+    let sent = Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+    let out = child.wait_with_output().unwrap();
+    let words = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{words}");
+    assert!(
+        words.starts_with("organza: interrupted with ")
+            && words
+                .trim_end()
+                .ends_with(" of 3000 samples; saved to state, continue with --resume"),
+        "{words}"
+    );
+    assert!(!folder.join("late.exr").exists());
+    succeed(&folder, &[&run[..], &keep[..], &["--resume"]].concat());
+    assert!(bytes(&folder, "late.exr") == whole);
+}
+
+#[test]
+fn checkpoints_that_do_not_belong_are_refused() {
+    let folder = folder("foreign-checkpoint");
+    write_grid_scene(&folder);
+    picture(&folder, &["--checkpoint", "state", "--samples", "2..6"]);
+    let good = bytes(&folder, "state");
+    let refuse = |content: &[u8], more: &[&str]| {
+        std::fs::write(folder.join("state"), content).unwrap();
+        let arguments = [
+            "render",
+            "scene.toml",
+            "-o",
+            "no.exr",
+            "--checkpoint",
+            "state",
+        ];
+        let all = [&arguments[..], &["--resume"], more].concat();
+        let words = complaint(&folder, &all);
+        assert_eq!(bytes(&folder, "state"), content, "the file is kept");
+        words
+    };
+    let same = ["--samples", "2..6"];
+    assert_eq!(
+        refuse(&good[..good.len() - 1], &same),
+        format!(
+            "organza: state: is cut short after {} of {} bytes; it cannot be resumed",
+            good.len() - 1,
+            good.len()
+        )
+    );
+    assert_eq!(
+        refuse(&good[..20], &same),
+        "organza: state: is cut short after 20 bytes; it cannot be resumed"
+    );
+    let no_checkpoint = "organza: state: is not a checkpoint of organza";
+    assert_eq!(refuse(b"", &same), no_checkpoint);
+    assert_eq!(refuse(b"something else", &same), no_checkpoint);
+    let damaged = "organza: state: is damaged: its checksum does not match";
+    for at in [good.len() - 1, good.len() / 2, good.len() / 3] {
+        let mut bent = good.clone();
+        bent[at] ^= 1;
+        assert_eq!(refuse(&bent, &same), damaged, "byte {at}");
+    }
+    let longer = [&good[..], b"x"].concat();
+    assert_eq!(refuse(&longer, &same), damaged);
+    let mut newer = good.clone();
+    newer[8] = 4;
+    assert_eq!(
+        refuse(&newer, &same),
+        "organza: state: is a checkpoint of format 4; this program reads 3"
+    );
+    assert_eq!(
+        refuse(&good, &["--samples", "2..6", "--seed", "3"]),
+        "organza: state: is a checkpoint of seed 0; this render has seed 3"
+    );
+    assert_eq!(
+        refuse(&good, &["--samples", "2..6", "--crop", "0,0,8,8"]),
+        "organza: state: is a checkpoint of the pixels 0,0,16,8; this render is of 0,0,8,8"
+    );
+    for range in ["0..6", "2..5"] {
+        assert_eq!(
+            refuse(&good, &["--samples", range]),
+            format!(
+                "organza: state: is a checkpoint of the samples 2..6; this render is of {range}"
+            )
+        );
+    }
+    assert_eq!(
+        refuse(
+            &good,
+            &["--samples", "2..6", "--set", "camera.width_mm=1.5"]
+        ),
+        "organza: state: is a checkpoint of another scene"
+    );
+    let grid = bytes(&folder, "sigma_t.vol");
+    let mut denser = grid.clone();
+    denser[48..52].copy_from_slice(&6.0f32.to_le_bytes());
+    std::fs::write(folder.join("sigma_t.vol"), denser).unwrap();
+    assert_eq!(
+        refuse(&good, &same),
+        "organza: state: is a checkpoint of another content of sigma_t.vol, which the scene names"
+    );
+    std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
+    assert!(!folder.join("no.exr").exists());
+    std::fs::remove_file(folder.join("state")).unwrap();
+    let arguments = [
+        "render",
+        "scene.toml",
+        "-o",
+        "no.exr",
+        "--checkpoint",
+        "state",
+    ];
+    assert_eq!(
+        complaint(&folder, &[&arguments[..], &["--resume"]].concat()),
+        "organza: state: no such file"
+    );
+}

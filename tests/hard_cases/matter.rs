@@ -1,0 +1,152 @@
+//! A geometry as every kind of matter.
+
+use super::{SIZE_MM, VOXEL_MM};
+use glam::{UVec3, Vec3};
+use organza_basis::curve::SegmentList;
+use organza_basis::hypothesis::SphereGrid;
+use organza_basis::{Aabb, Rgb, Sym3};
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Lobe,
+};
+use organza_transport::{
+    AnyMedium, ExplicitFibres, FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium,
+    Interpolation, SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium,
+};
+use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+pub fn octree(source: &SegmentList, footprint: Footprint) -> Arc<Octree> {
+    let options = VoxelizeOptions {
+        voxel_mm: VOXEL_MM,
+        levels: None,
+        footprint,
+        max_memory_bytes: None,
+    };
+    Arc::new(voxelize(source, &options, &|_| ()).unwrap())
+}
+
+fn clear(longitudinal_rad: f32) -> Fibre {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::BLACK,
+        longitudinal_rad,
+        azimuthal_rad: 2.0 * longitudinal_rad,
+    };
+    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+}
+
+fn black() -> Fibre {
+    let parameters = FittedParameters {
+        colour_r: Rgb::BLACK,
+        colour_tt: Rgb::BLACK,
+        ..FittedParameters::preset("silk").unwrap()
+    };
+    Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+}
+
+/// Share of light that black fibres along x reflect toward `view`, by quadrature.
+pub fn gloss(view: Vec3) -> f64 {
+    let fibre = black();
+    let lobe = fibre.far_field(Vec3::X);
+    SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x))
+}
+
+/// Matter, what a furnace of one shows of it at most and at least, per event.
+pub struct Matter {
+    pub name: String,
+    pub medium: AnyMedium,
+    /// Absorbs nothing; otherwise everything.
+    pub is_white: bool,
+    /// What an event may gain or lose.
+    pub slack: f64,
+}
+
+/// A geometry as every kind of matter; refusals are added to `log`.
+pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
+    let mut list = Vec::new();
+    type Made = Result<AnyMedium, String>;
+    let mut put = |name: String, made: Made, is_white, slack| match made {
+        Ok(medium) => list.push(Matter {
+            name,
+            medium,
+            is_white,
+            slack,
+        }),
+        Err(why) => {
+            let _ = writeln!(log, "    {name}: refused: {why}");
+        }
+    };
+    let covered = octree(source, Footprint::Covered);
+    let axes = octree(source, Footprint::Axis);
+    for (albedo, end_on_ratio) in [(1.0, 0.0), (1.0, 1.0), (0.0, 0.3)] {
+        let optics = vec![FlakeOptics {
+            albedo: Rgb::splat(albedo),
+            end_on_ratio,
+        }];
+        let make = || covered.clone();
+        let white = albedo == 1.0;
+        let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
+        let sggx = SggxOctreeMedium::new(make(), 0, optics.clone()).map(AnyMedium::SggxOctree);
+        put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
+        for family in FlakeFamily::all().filter(|f| *f != FlakeFamily::SGGX_SPECULAR) {
+            let medium = FlakeOctreeMedium::new(make(), 0, optics.clone(), family);
+            let medium = medium.map(AnyMedium::FlakeOctree).ok_or_else(String::new);
+            put(words(family.name()), medium, white, 1e-5);
+        }
+    }
+    for (name, fibre, white) in [
+        ("clear smooth", clear(0.0), true),
+        ("clear rough", clear(0.6), true),
+        ("black", black(), false),
+    ] {
+        for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
+            let tree = axes.clone();
+            let medium = VirtualFibreMedium::new(tree, 0, vec![fibre.clone()], event);
+            let words = format!("{name} fibres, {event:?}");
+            let medium = medium.map(AnyMedium::VirtualFibres).ok_or_else(String::new);
+            put(words, medium, white, 2e-3);
+        }
+        let explicit = ExplicitFibres::new(source, vec![fibre], None, &|_| ());
+        let words = format!("{name} fibres, explicit");
+        let explicit = explicit
+            .map(AnyMedium::ExplicitFibres)
+            .map_err(|e| e.to_string());
+        put(words, explicit, white, 5e-3);
+    }
+    list
+}
+
+/// Grids at every extinction, from nothing to more than any cloth has.
+pub fn grids() -> Vec<Matter> {
+    let mut list = Vec::new();
+    for sigma in [0.0, 1e-6, 10.0, 1e6f32] {
+        // As thick as keeps the number of events of white matter bounded.
+        let thick_mm = (40.0 / sigma.max(1.0)).min(SIZE_MM.z);
+        let dims = UVec3::new(3, 2, 4);
+        let bounds = Aabb::new(Vec3::ZERO, Vec3::new(0.12, 0.12, thick_mm));
+        for (albedo, end_on) in [(1.0, 0.0f32), (1.0, 1.0), (0.0, 0.3)] {
+            for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
+                let cells = vec![[sigma]; dims.element_product() as usize];
+                let s = Sym3::axial(Vec3::X, 1.0, end_on * end_on).to_array();
+                let medium = GridMedium::new(
+                    bounds,
+                    false,
+                    interpolation,
+                    Grid::new(dims, cells).unwrap(),
+                    Grid::constant(s),
+                    Grid::constant([albedo; 3]),
+                );
+                list.push(Matter {
+                    name: format!(
+                        "grid {interpolation:?}, {sigma} per mm, albedo {albedo}, ratio {end_on}"
+                    ),
+                    medium: AnyMedium::Grid(medium.unwrap()),
+                    is_white: albedo == 1.0,
+                    slack: 1e-5,
+                });
+            }
+        }
+    }
+    list
+}

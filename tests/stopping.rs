@@ -1,0 +1,119 @@
+//! Renders that end early, at a time limit or a target error, and what they report.
+
+use crate::cli::write_grid_scene;
+use crate::program::{bytes, exr_channels, folder, picture, succeed};
+
+/// The number before " of N samples" in the final line.
+fn taken(words: &str) -> u64 {
+    let line = words.lines().find(|l| l.starts_with("stopped")).unwrap();
+    let (_, printed) = line.rsplit_once("; ").unwrap();
+    printed.split(' ').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn the_time_limit_ends_a_render() {
+    let folder = folder("time-limit");
+    write_grid_scene(&folder);
+    let spp = "4000000";
+    let limited = ["render", "scene.toml", "-o", "out.exr", "--spp", spp];
+    let words = succeed(
+        &folder,
+        &[&limited[..], &["--time-limit", "300ms"]].concat(),
+    );
+    assert!(words.contains("time limit reached; "), "{words}");
+    assert!(words.contains(" of 4000000 samples a pixel"), "{words}");
+    let samples = taken(&words);
+    assert!(samples > 0 && samples < 4_000_000, "{words}");
+    // What there was time for is what as many samples give.
+    let early = bytes(&folder, "out.exr");
+    assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
+}
+
+#[test]
+fn errors_that_were_not_reached_or_are_not_known_are_told() {
+    let folder = folder("target-missed");
+    write_grid_scene(&folder);
+    let run = ["render", "scene.toml", "-o", "out.exr", "--target-error"];
+    let printed = |more: &[&str]| succeed(&folder, &[&run[..], more].concat());
+    let words = printed(&["0.0001", "--spp", "4"]);
+    let missed = "all samples taken, target error not reached, 0.";
+    assert!(words.contains(missed), "{words}");
+    assert!(words.contains(" of the mean; 4 of 4 samples"), "{words}");
+    let words = printed(&["0.99", "--spp", "4"]);
+    assert!(words.contains("taken, target error reached, 0."), "{words}");
+    // The spread of one sample is not zero, it is not known.
+    let words = printed(&["0.99", "--spp", "1", "--stats"]);
+    assert!(
+        words.contains("error         unknown (one sample)"),
+        "{words}"
+    );
+    assert!(
+        !words.contains("+-") && !words.contains("reached"),
+        "{words}"
+    );
+    let figures = printed(&["0.99", "--spp", "1", "--json", "--quiet"]);
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    assert!(figures["relative_error"].is_null() && figures["standard_error"].is_null());
+    let figures = printed(&["0.0001", "--spp", "2", "--json", "--quiet"]);
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    assert!(figures["relative_error"].as_f64() > Some(0.0), "{figures}");
+}
+
+#[test]
+fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
+    let folder = folder("target-error");
+    write_grid_scene(&folder);
+    let run = ["render", "scene.toml", "-o", "out.exr", "--spp", "100000"];
+    let reach = |target: &str, more: &[&str]| {
+        let words = succeed(
+            &folder,
+            &[&run[..], &["--target-error", target], more].concat(),
+        );
+        assert!(words.contains("target error reached, "), "{words}");
+        taken(&words)
+    };
+    let samples = reach("0.004", &["--threads", "1"]);
+    let channels = exr_channels(&folder.join("out.exr"));
+    let sum = |names: [&str; 3]| -> f64 {
+        let values = names.iter().flat_map(|n| channels[*n].iter());
+        values.map(|&x| f64::from(x)).sum()
+    };
+    let values = 3.0 * channels["R"].len() as f64;
+    let variance = sum(["variance.R", "variance.G", "variance.B"]) / values;
+    let error = variance.sqrt() / (sum(["R", "G", "B"]) / values);
+    assert!(
+        error <= 0.004 && error > 0.003,
+        "{error} at {samples} samples"
+    );
+    let early = bytes(&folder, "out.exr");
+    assert_eq!(reach("0.004", &["--threads", "2"]), samples);
+    assert!(bytes(&folder, "out.exr") == early);
+    assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
+    let both = ["--target-median-error", "0.99"];
+    assert_eq!(reach("0.004", &both), samples);
+    let both = ["--target-median-error", "0.002"];
+    assert!(reach("0.9", &both) > 16);
+    // Four times the samples for half the error, within the steps of looks.
+    let finer = reach("0.002", &[]);
+    assert!(
+        finer > 3 * samples && finer < 5 * samples,
+        "{samples}, {finer}"
+    );
+}
+
+#[test]
+fn statistics_tell_fireflies_and_memory() {
+    let folder = folder("statistics");
+    write_grid_scene(&folder);
+    let words = succeed(
+        &folder,
+        &["render", "scene.toml", "-o", "out.exr", "--stats"],
+    );
+    assert!(words.contains("rejected      0 samples"), "{words}");
+    assert!(words.contains("times the mean"), "{words}");
+    assert!(words.contains("memory "), "{words}");
+    assert!(
+        words.contains("all samples taken; 4 of 4 samples"),
+        "{words}"
+    );
+}
