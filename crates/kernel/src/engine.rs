@@ -1,7 +1,6 @@
 //! What fills films with the paths of a scene that was laid out for it.
 
-use crate::fibres::FibreKernel;
-use crate::{Backend, Block, Kernel};
+use crate::{Block, Kernel};
 use organza_film::Stats;
 
 /// Blocks of the film that a thread does one after the other in a pass, so that
@@ -10,8 +9,8 @@ const BLOCKS_PER_THREAD: u32 = 4;
 
 /// Walks the paths of a view: whatever walks, the same seed gives the same bits.
 pub trait Engine: Send + Sync {
-    /// The instructions that its lanes use.
-    fn backend(&self) -> Backend;
+    /// Its name on the command line and in pictures.
+    fn name(&self) -> &'static str;
 
     /// Bytes of the matter and tables.
     fn memory_bytes(&self) -> u64;
@@ -27,8 +26,8 @@ pub trait Engine: Send + Sync {
 }
 
 impl Engine for Kernel {
-    fn backend(&self) -> Backend {
-        Kernel::backend(self)
+    fn name(&self) -> &'static str {
+        self.backend().name()
     }
 
     fn memory_bytes(&self) -> u64 {
@@ -40,23 +39,9 @@ impl Engine for Kernel {
     }
 }
 
-impl Engine for FibreKernel {
-    fn backend(&self) -> Backend {
-        FibreKernel::backend(self)
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        FibreKernel::memory_bytes(self)
-    }
-
-    fn take(&self, block: &mut Block<'_>) -> Stats {
-        FibreKernel::take(self, block)
-    }
-}
-
 impl Engine for Box<dyn Engine> {
-    fn backend(&self) -> Backend {
-        (**self).backend()
+    fn name(&self) -> &'static str {
+        (**self).name()
     }
 
     fn memory_bytes(&self) -> u64 {

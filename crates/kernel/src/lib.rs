@@ -28,7 +28,7 @@ mod roulette;
 mod voxels;
 
 pub use block::Block;
-pub use cpu::Backend;
+pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths};
 pub use engine::Engine;
 pub use matter::{Matter, NO_YARN, Population, Substance};
 pub use refusal::{Refusal, Unsuited};

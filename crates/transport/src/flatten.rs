@@ -9,10 +9,10 @@ use crate::{
 };
 use glam::UVec3;
 use organza_basis::CellGrid;
-use organza_kernel::fibres::{FibreKernel, FibreProbe};
+use organza_kernel::fibres::FibreScene;
 use organza_kernel::{
-    Backend, Engine, Kernel, Matter, NO_YARN, Population, Refusal, Substance, Unsuited, View,
-    end_on_ratio,
+    Backend, Engine, FibreEngine, FibreProbe, Kernel, Matter, NO_YARN, Population, Refusal,
+    Substance, Unsuited, View, end_on_ratio,
 };
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
@@ -117,10 +117,15 @@ pub fn engine(
     let matter = fibres
         .matter(max_bytes)
         .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
-    let names = (settings.seed, settings.max_bounces.min(MAX_EVENTS));
-    let (lights, camera) = (&scene.lights, &scene.camera);
-    let kernel = FibreKernel::new(Arc::new(matter), lights, camera, names, backend);
-    Ok(Box::new(kernel))
+    let fibres = FibreScene::new(
+        Arc::new(matter),
+        &scene.lights,
+        &scene.camera,
+        settings.seed,
+        settings.max_bounces.min(MAX_EVENTS),
+    );
+    let engine = FibreEngine::new(Arc::new(fibres), backend)?;
+    Ok(Box::new(engine))
 }
 
 /// Explicit fibres of a scene in cells, for paths of any origin; `None` when there

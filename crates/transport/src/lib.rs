@@ -85,8 +85,7 @@ pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
-pub use organza_kernel::fibres::{FibreProbe, ProbePaths};
-pub use organza_kernel::{Backend, Engine, Kernel};
+pub use organza_kernel::{Backend, Engine, FibreProbe, Kernel, ProbePaths};
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
     ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,

@@ -2,6 +2,8 @@
 
 mod backend;
 mod dispatch;
+mod fibre_engine;
+mod fibre_probe;
 pub mod lanes;
 pub mod math;
 #[cfg(test)]
@@ -10,7 +12,9 @@ mod math_tests;
 pub mod vector;
 
 pub use backend::Backend;
-pub use dispatch::{Job, dispatch, dispatch_sixteen};
+pub use dispatch::dispatch;
+pub use fibre_engine::FibreEngine;
+pub use fibre_probe::{FibreProbe, ProbePaths};
 #[cfg(target_arch = "x86_64")]
 pub use vector::prefetch;
 

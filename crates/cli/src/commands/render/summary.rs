@@ -70,7 +70,7 @@ pub const CLAMPED: &str = "clamped_radiance_2e-32";
 
 /// What takes the paths, as pictures name it.
 fn backend_name(rendering: &Rendering<'_>) -> &'static str {
-    rendering.kernel().map_or("walk", |k| k.backend().name())
+    rendering.kernel().map_or("walk", |k| k.name())
 }
 
 /// What the picture file records of how it was made.

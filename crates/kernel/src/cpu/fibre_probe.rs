@@ -1,11 +1,11 @@
-//! Paths from anywhere, for measurements.
+//! Paths from anywhere through explicit fibres, for measurements.
 
-use super::engine::run;
-use super::matter::FibreMatter;
-use super::walk::Walk;
-use super::work::{End, Start, WAVE, Work};
-use crate::Backend;
-use crate::cpu::math::pixel_key;
+use super::backend::Backend;
+use super::fibre_engine::run;
+use super::math::pixel_key;
+use crate::fibres::matter::FibreMatter;
+use crate::fibres::walk::Walk;
+use crate::fibres::work::{End, Start, WAVE, Work};
 use glam::DVec3;
 use organza_basis::Rgb;
 use organza_film::{Escape, PathSample, Stats};

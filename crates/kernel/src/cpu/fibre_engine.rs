@@ -1,0 +1,69 @@
+//! Explicit fibres on a processor: waves of paths, for films and for measurements.
+
+use super::backend::Backend;
+use super::dispatch::{Job, dispatch_sixteen};
+use super::lanes::Floats;
+use crate::block::Block;
+use crate::engine::Engine;
+use crate::fibres::fibre_scene::FibreScene;
+use crate::fibres::walk::Walk;
+use crate::fibres::work::{FilmWork, Work};
+use crate::refusal::Refusal;
+use organza_film::Stats;
+use std::sync::Arc;
+
+/// Walks explicit fibres on a processor.
+pub struct FibreEngine {
+    scene: Arc<FibreScene>,
+    backend: Backend,
+}
+
+impl FibreEngine {
+    /// An engine for a scene, with the instructions of a back end.
+    ///
+    /// # Errors
+    /// When the processor lacks them.
+    pub fn new(scene: Arc<FibreScene>, backend: Backend) -> Result<FibreEngine, Refusal> {
+        if !backend.is_available() {
+            return Err(Refusal::Backend(backend));
+        }
+        Ok(FibreEngine { scene, backend })
+    }
+}
+
+impl Engine for FibreEngine {
+    fn name(&self) -> &'static str {
+        self.backend.name()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.scene.memory_bytes()
+    }
+
+    fn take(&self, block: &mut Block<'_>) -> Stats {
+        let scene = &*self.scene;
+        let mut work = FilmWork::new(block, &scene.camera, scene.seed, scene.brightness);
+        let walk = Walk {
+            matter: &scene.matter,
+            lights: &scene.lights,
+            max_bounces: scene.max_bounces,
+        };
+        run(&walk, self.backend, &mut work)
+    }
+}
+
+/// Walks all paths of some work.
+pub fn run(walk: &Walk<'_>, backend: Backend, work: &mut dyn Work) -> Stats {
+    struct Run<'a, 'b> {
+        walk: &'a Walk<'a>,
+        work: &'b mut dyn Work,
+    }
+    impl Job for Run<'_, '_> {
+        type Output = Stats;
+        #[inline(always)]
+        fn run<F: Floats>(self) -> Stats {
+            self.walk.run::<F>(self.work)
+        }
+    }
+    dispatch_sixteen(backend, Run { walk, work })
+}

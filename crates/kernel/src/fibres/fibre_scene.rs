@@ -1,0 +1,76 @@
+//! Explicit fibres, what lights them and the camera, as data for any engine.
+
+use super::matter::FibreMatter;
+use organza_film::{Brightness, Camera};
+use organza_light::{KernelLight, Light};
+use std::sync::Arc;
+
+/// A view of explicit fibres. It knows no back end.
+///
+/// Fibres, joints and materials are plain buffers: see [`FibreMatter`]. Lights and
+/// camera are few, so they stay as they are described: [`Light::for_kernel`] gives the
+/// plain numbers of every light that has them, and [`Camera::parts`] those of the
+/// camera. An engine off the processor uploads these.
+///
+/// # What an engine must do
+/// - A ray walks cell by cell, and a hit counts only before the far side of its cell.
+/// - An event samples every light by a shadow ray, unless only walks find it, and
+///   weighs both where both find it: see [`organza_light::LightSearch`].
+/// - The engine for processors draws directions toward lights with a place lane by
+///   lane, with [`Light::sample_toward`]. A light of the form [`KernelLight::Walk`] has
+///   no plain numbers; an engine that cannot call the light must refuse it.
+pub struct FibreScene {
+    /// The fibres; scenes of one cloth share them.
+    pub(crate) matter: Arc<FibreMatter>,
+    /// Lights; their light adds.
+    pub(crate) lights: Vec<Light>,
+    pub(crate) camera: Camera,
+    /// Names all random numbers.
+    pub(crate) seed: u64,
+    /// Longest path in events.
+    pub(crate) max_bounces: u32,
+    /// Above which samples are counted one by one.
+    pub(crate) brightness: Brightness,
+}
+
+impl FibreScene {
+    /// Matter, lights and a camera. `seed` names all random numbers; paths have at
+    /// most `max_bounces` events.
+    pub fn new(
+        matter: Arc<FibreMatter>,
+        lights: &[Light],
+        camera: &Camera,
+        seed: u64,
+        max_bounces: u32,
+    ) -> FibreScene {
+        let brightest = lights.iter().map(brightness).fold(0.0, f32::max);
+        FibreScene {
+            matter,
+            lights: lights.to_vec(),
+            camera: *camera,
+            seed,
+            max_bounces,
+            brightness: Brightness::of(brightest),
+        }
+    }
+
+    /// Bytes of the cells and tables.
+    pub fn memory_bytes(&self) -> u64 {
+        self.matter.memory_bytes()
+    }
+}
+
+/// The brightest that a light can make a pixel, roughly: samples above a hundred
+/// times of it are counted one by one.
+fn brightness(light: &Light) -> f32 {
+    match light.for_kernel() {
+        KernelLight::Parallel { irradiance, .. } => irradiance.max_component(),
+        KernelLight::Sky { radiance, .. } => radiance.max_component(),
+        KernelLight::Picture(image) => {
+            let pixels = image.pixels().iter().map(|p| p.max_component());
+            pixels.fold(0.0, f32::max)
+        }
+        KernelLight::Panel(rectangle) => rectangle.radiance().max_component(),
+        KernelLight::Walk(_) => 1.0,
+    }
+}
