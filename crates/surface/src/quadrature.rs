@@ -39,7 +39,7 @@ impl<T: Real> Rule<T> {
     /// For a relative error of about `accuracy`, from 0.1 to 1e-10; what lies
     /// outside is brought inside.
     ///
-    /// Measured over random segments and directions (`tests/segment.rs`), 99
+    /// Measured over random segments and directions (`tests/segment`), 99
     /// of 100 errors stay below `accuracy` relative to the larger of the value
     /// and a hundredth of the segment's mean.
     pub fn for_accuracy(accuracy: f64) -> Self {

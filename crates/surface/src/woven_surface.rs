@@ -20,7 +20,7 @@ use std::f32::consts::FRAC_1_PI;
 /// Samples follow the highlights: cones of the fibres at a point, half vectors
 /// of the whole cloth in the mean. How many samples by the cosine have the
 /// variance of one (albedo estimates, mean over views;
-/// `tests/woven_surface.rs`):
+/// `tests/woven_surface`):
 ///
 /// | fabric | mean | texture |
 /// |---|---|---|

@@ -4,7 +4,7 @@
 //! kept as a dense table of bricks of 4 x 4 x 4 cells of which only the
 //! occupied have memory. A point look-up is three dependent loads (table,
 //! brick, population) at any level; nothing descends from a root. Rivals of
-//! this layout stand in `benches/volume.rs`.
+//! this layout stand in `benches/volume`.
 //!
 //! # What is stored, and what rounding costs
 //! A population takes 12 bytes, a brick 40, the table 4 for each brick of the
