@@ -9,7 +9,7 @@ pub enum ReportError {
     Input(#[from] organza_scene::InputError),
     /// A file that cannot be written.
     #[error("{0}")]
-    Write(#[source] crate::bench::WriteError),
+    Write(#[source] crate::write_file::WriteError),
     /// A process that failed.
     #[error("{0}")]
     Run(String),

@@ -11,6 +11,7 @@ pub mod comparison;
 mod error;
 mod picture;
 mod plot;
+mod write_file;
 
 use organza_scene::representation::Representation;
 

@@ -1,11 +1,10 @@
-//! `object.mesh`: the mesh that a cloth is laid over.
+//! `object.mesh`: the mesh that a cloth or a volume is laid over.
 
+use crate::build_options::BuildOptions;
 use crate::error::{Result, input};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
-use crate::object::ClothTable;
 use crate::read;
-use crate::scene_build::BuildOptions;
 use organza_basis::Budget;
 use organza_mesh::{Mesh, Placement, Repairs, read_gltf, read_obj, read_ply};
 use std::path::Path;
@@ -21,21 +20,32 @@ const MAX_MM: f32 = 1e7;
 /// passes that many millimetres of cloth, and takes that many times as long.
 const MAX_STRETCH: f32 = 1e3;
 
-/// The mesh of the cloth that is a scene's object of this index, if it has one.
+/// The keys of an object that name its mesh.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshKeys<'a> {
+    /// `mesh`: the file, relative to the scene.
+    pub mesh: Option<&'a str>,
+    /// `mm_per_unit`: length of the mesh's units.
+    pub mm_per_unit: Option<f32>,
+    /// `mm_per_uv`: length of cloth per unit of texture coordinate.
+    pub mm_per_uv: Option<f32>,
+}
+
+/// The mesh of the scene's object of this index, if it has one.
 ///
 /// # Errors
 /// Names the file and what is wrong with it, or the key that is missing.
-pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
+pub fn mesh(keys: MeshKeys<'_>, index: usize, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
     let fail = |key: &str, why: &str| {
         input(format!(
             "{}: object[{index}].{key}: {why}",
             options.scene_path.display()
         ))
     };
-    let Some(name) = &table.mesh else {
+    let Some(name) = keys.mesh else {
         for (key, given) in [
-            ("mm_per_unit", table.mm_per_unit),
-            ("mm_per_uv", table.mm_per_uv),
+            ("mm_per_unit", keys.mm_per_unit),
+            ("mm_per_uv", keys.mm_per_uv),
         ] {
             if given.is_some() {
                 return Err(fail(key, "belongs to a `mesh`, which is not given"));
@@ -43,7 +53,7 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         }
         return Ok(None);
     };
-    let mm_per_uv = table.mm_per_uv.ok_or_else(|| {
+    let mm_per_uv = keys.mm_per_uv.ok_or_else(|| {
         let why = "is missing: millimetres of cloth per unit of texture coordinate";
         fail("mm_per_uv", why)
     })?;
@@ -54,7 +64,7 @@ pub fn mesh(table: &ClothTable, index: usize, options: &BuildOptions<'_>) -> Res
         .to_string_lossy()
         .to_lowercase();
     let placement = Placement {
-        mm_per_unit: table.mm_per_unit.unwrap_or(match ending.as_str() {
+        mm_per_unit: keys.mm_per_unit.unwrap_or(match ending.as_str() {
             "gltf" | "glb" => GLTF_MM_PER_UNIT,
             _ => 1.0,
         }),

@@ -5,6 +5,7 @@
 //! the warnings and reports progress.
 
 pub mod auto;
+mod build_options;
 pub mod camera;
 pub mod cloth_levels;
 mod drape;
@@ -31,5 +32,6 @@ pub mod scene_file;
 mod toml_words;
 pub mod volume_file;
 
+pub use build_options::BuildOptions;
 pub use error::{InputError, Result};
 pub use loaded_scene::{LoadedScene, from_str, load};

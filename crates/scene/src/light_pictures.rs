@@ -2,23 +2,21 @@
 
 use crate::error::{Result, input};
 use crate::loader::Loader;
-use crate::scene_file::SceneFile;
 use crate::{environment_file, read};
 use organza_light::{Light, LightTable, LoadedPicture};
 use std::path::Path;
 
-/// The lights of a scene file, with the pictures that they name.
+/// The lights that the `[[light]]` tables of a scene file describe, with the pictures that they name.
 ///
 /// # Errors
 /// Names the file and key at fault; a picture that takes more memory than allowed.
 pub fn lights(
-    file: &SceneFile,
+    tables: &[LightTable],
     scene_path: &Path,
     max_memory_bytes: Option<u64>,
     loader: &Loader<'_>,
 ) -> Result<Vec<Light>> {
-    let tables = file.light.iter().enumerate();
-    let built = tables.map(|(i, table)| {
+    let built = tables.iter().enumerate().map(|(i, table)| {
         light(table, scene_path, max_memory_bytes, loader)
             .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
     });

@@ -1,11 +1,12 @@
 //! A scene that was read, checked and made definite, ready to be built.
 
 use crate::auto::{self, Chosen};
+use crate::build_options::BuildOptions;
 use crate::error::{Result, input};
 use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::read;
-use crate::scene_build::{self, BuildOptions};
+use crate::scene_build;
 use crate::scene_file::{self, SceneFile};
 use organza_transport::Scene;
 use std::path::{Path, PathBuf};

@@ -12,7 +12,7 @@ use organza_transport::{
     AnyMedium, Camera, CellGrid, Grid, GridMedium, Interpolation, Medium, PixelFilter, Plane,
     Projection, Scene, SggxOctreeMedium,
 };
-use organza_volume::grid_set::BYTES_PER_CELL;
+use organza_volume::format::grid_set::BYTES_PER_CELL;
 use organza_volume::{GridSet, VolGrid};
 use std::fmt::Write;
 

@@ -1,5 +1,6 @@
 //! From a scene file to media, lights and a camera.
 
+use crate::build_options::BuildOptions;
 use crate::camera::{CameraTable, of_a_goniometer};
 use crate::error::{Result, input};
 use crate::light_pictures;
@@ -11,16 +12,6 @@ use glam::Vec2;
 use organza_basis::Budget;
 use organza_transport::{Camera, Scene};
 use std::path::Path;
-
-/// What building a scene needs besides the file.
-pub struct BuildOptions<'a> {
-    /// Where the scene file is: paths inside are relative to its folder.
-    pub scene_path: &'a Path,
-    /// Opens the files that the scene names.
-    pub loader: &'a Loader<'a>,
-    /// Limit on memory; what is free if none.
-    pub max_memory_bytes: Option<u64>,
-}
 
 /// Refuses what can be checked without reading or voxelizing anything.
 ///
@@ -78,7 +69,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
     check(file, options.scene_path)?;
     let camera = camera(file, options.scene_path)?;
     let lights = light_pictures::lights(
-        file,
+        &file.light,
         options.scene_path,
         options.max_memory_bytes,
         options.loader,

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 use organza_scene::loader::Loader;
-use organza_scene::scene_build::{self, BuildOptions};
 use organza_scene::scene_file;
+use organza_scene::{BuildOptions, scene_build};
 use organza_transport::{Integrator, RenderSettings, render};
 use std::ops::ControlFlow;
 use std::path::PathBuf;

@@ -3,9 +3,9 @@
 //! A block's sums fit the cache, so that a piece costs little wherever it goes.
 //! One yarn and material after another is summed and cleared away.
 
-use crate::Footprint;
 use crate::clip::for_each_clip;
 use crate::cluster::GatheredPopulation;
+use crate::footprint::Footprint;
 use crate::lattice::{BLOCK, Lattice, VOXELS, voxel_in_block};
 use crate::route::Piece;
 use glam::{DVec3, IVec3, UVec3, Vec3};

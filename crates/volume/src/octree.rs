@@ -24,11 +24,11 @@
 pub(crate) mod build;
 mod validate;
 
+use crate::footprint::Footprint;
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
 use crate::record::{
     Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
 };
-use crate::voxelize::Footprint;
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, FibrePopulation, Mixture};
 

@@ -3,8 +3,9 @@
 //! Segments wait, sorted by block, until a block takes all of its own at once:
 //! they are far fewer than the voxels that they fill.
 
+use crate::Error;
+use crate::footprint::Footprint;
 use crate::lattice::{BLOCK, Lattice};
-use crate::{Error, Footprint};
 use glam::{DVec3, IVec3};
 use organza_basis::{Segment, SegmentSource};
 use std::collections::HashMap;

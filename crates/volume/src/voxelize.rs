@@ -7,6 +7,7 @@
 use crate::block::BlockSums;
 use crate::cluster::GatheredPopulation;
 use crate::fold::fold;
+use crate::footprint::Footprint;
 use crate::lattice::{Lattice, brick_at, bricks_across};
 use crate::octree::build::{Assembly, Scales, build_block};
 use crate::route::{Piece, Routed, route};
@@ -14,27 +15,6 @@ use crate::{Error, Octree};
 use organza_basis::SegmentSource;
 use rayon::prelude::*;
 use std::sync::Mutex;
-
-/// Where the length of a fibre goes that is thicker than a voxel (by more than
-/// the tenth that fitting a period takes from it at most, as a rule).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Footprint {
-    /// Over the voxels that the fibre covers: right for extinction looked up
-    /// where the light is.
-    #[default]
-    Covered,
-    /// Into the voxels that its axis passes: for media that look the density
-    /// up at the axis of the fibre they are about to hit.
-    Axis,
-}
-
-impl Footprint {
-    /// True when fibres so thick count as lines.
-    pub(crate) fn is_line(self, radius_mm: f32, lattice: &Lattice) -> bool {
-        let narrowest = lattice.voxel_mm.min_element();
-        self == Footprint::Axis || 2.0 * f64::from(radius_mm) <= 1.1 * narrowest
-    }
-}
 
 /// How to voxelize.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,10 +8,10 @@ use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
 use organza_light::LightTable;
+use organza_scene::BuildOptions;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::object::At;
-use organza_scene::scene_build::BuildOptions;
 use organza_scene::scene_file::{IntegratorName, is_scene};
 use organza_scene::{fabric_file, light_pictures, read, volume_file};
 use organza_volume::format::{self, Format};
@@ -162,7 +162,7 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
     let loader = &Loader::new();
     let loaded = organza_scene::load(path, overrides, loader)?;
     let (file, chosen) = (&loaded.file, &loaded.chosen);
-    light_pictures::lights(file, path, None, loader)?;
+    light_pictures::lights(&file.light, path, None, loader)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     let options = BuildOptions {
         scene_path: path,

@@ -1,7 +1,7 @@
 //! Where cloths are looked at: one sample, three distances, two lights.
 
-use super::trial::WriteFile;
 use crate::ReportError;
+use crate::write_file::WriteFile;
 use glam::UVec2;
 use organza_basis::{Rgb, nearest_name};
 use organza_picture::{Picture, exr};

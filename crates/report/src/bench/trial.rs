@@ -2,6 +2,7 @@
 //! time it took and the most memory it had.
 
 use crate::ReportError;
+use crate::write_file::WriteFile;
 use organza_measure::NoisyPicture;
 use organza_picture::exr;
 use organza_scene::read;
@@ -12,12 +13,6 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-/// Why a file could not be written.
-pub type WriteError = Box<dyn std::error::Error + Send + Sync>;
-
-/// Writes a file that appears under its name only when complete.
-pub type WriteFile<'a> = &'a dyn Fn(&Path, &[u8]) -> Result<(), WriteError>;
 
 /// The part of `render --json` that is needed here.
 #[derive(Clone, Debug, Deserialize)]

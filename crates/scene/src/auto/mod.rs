@@ -6,6 +6,7 @@ pub mod lit;
 pub mod table;
 pub mod table_file;
 
+use crate::build_options::BuildOptions;
 use crate::cloth_levels::Place;
 use crate::error::{Result, input};
 use crate::fabric_file;
@@ -13,7 +14,7 @@ use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::object::{ClothTable, Lod, LodName, ObjectTable};
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, Representation, Tracker};
-use crate::scene_build::{self, BuildOptions};
+use crate::scene_build;
 use crate::scene_file::{IntegratorName, SceneFile};
 use crate::{drape, read};
 use lit::Lit;
@@ -145,7 +146,7 @@ fn choose(
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!("object[{index}].optics{why}")))?;
-    let mesh = drape::mesh(table, index, &options)?;
+    let mesh = drape::mesh(table.mesh_keys(), index, &options)?;
     let place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),

@@ -1,8 +1,9 @@
 //! `kind = "cloth"`: a fabric, laid where a scene says.
 
 use super::{At, Lod, LodName, ObjectKind};
+use crate::build_options::BuildOptions;
 use crate::cloth_levels::{FarSheet, Levels, Place};
-use crate::drape;
+use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
 use crate::memory::free_memory_bytes;
@@ -12,7 +13,6 @@ use crate::representation::{
     Build, EXPLICIT_FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
 };
 use crate::scattering::{EventName, ScatteringTable};
-use crate::scene_build::BuildOptions;
 use organza_basis::{Budget, SegmentSource};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
@@ -62,6 +62,15 @@ pub struct ClothTable {
 }
 
 impl ClothTable {
+    /// The keys that name its mesh.
+    pub fn mesh_keys(&self) -> MeshKeys<'_> {
+        MeshKeys {
+            mesh: self.mesh.as_deref(),
+            mm_per_unit: self.mm_per_unit,
+            mm_per_uv: self.mm_per_uv,
+        }
+    }
+
     /// Its keys of a [`ScatteringTable`].
     pub fn scattering(&self) -> ScatteringTable {
         ScatteringTable {
@@ -211,7 +220,7 @@ fn check(
     options: &BuildOptions<'_>,
 ) -> Result<ShownAs> {
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
-    drape::mesh(table, index, options)?;
+    drape::mesh(table.mesh_keys(), index, options)?;
     let path = read::beside(options.scene_path, &table.fabric);
     match shown.representation.voxels() {
         Some(_) if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
@@ -239,7 +248,7 @@ fn medium(
         input(format!("{scene}: object[{index}]{why}"))
     };
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
-    let mesh = drape::mesh(table, index, options)?;
+    let mesh = drape::mesh(table.mesh_keys(), index, options)?;
     let place = Place {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),

@@ -1,9 +1,9 @@
 //! `kind = "grid"`: a medium from Mitsuba `.vol` grids.
 
 use super::{At, ObjectKind};
+use crate::build_options::BuildOptions;
 use crate::error::{Result, input};
 use crate::memory::free_memory_bytes;
-use crate::scene_build::BuildOptions;
 use crate::{read, volume_file};
 use glam::Vec3;
 use organza_basis::Budget;

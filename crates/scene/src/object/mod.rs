@@ -16,8 +16,8 @@ pub use lod::{Lod, LodName};
 pub use plane::PlaneTable;
 pub use volume::VolumeTable;
 
+use crate::build_options::BuildOptions;
 use crate::error::{InputError, Result, input};
-use crate::scene_build::BuildOptions;
 use organza_basis::Budget;
 use organza_transport::{AnyMedium, Camera};
 use serde::Deserialize;

@@ -1,8 +1,8 @@
 //! `kind = "plane"`: an opaque, endless plane.
 
 use super::{At, ObjectKind};
+use crate::build_options::BuildOptions;
 use crate::error::Result;
-use crate::scene_build::BuildOptions;
 use glam::Vec3;
 use organza_basis::{Budget, Rgb};
 use organza_transport::{AnyMedium, Camera, Plane};

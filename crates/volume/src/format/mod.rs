@@ -4,13 +4,14 @@
 //! writes volumes, what shows what is in one, and scenes that render them take the
 //! formats from that list.
 
+pub mod grid_set;
 pub mod nrrd;
 pub mod ovox;
 pub mod vdb;
 pub mod vol;
 
+use self::grid_set::GridSet;
 use self::ovox::{SourceFile, Stored};
-use crate::grid_set::GridSet;
 use crate::{Error, Octree};
 use organza_basis::{Aabb, Budget, MergedFlakes, Mixture};
 use std::io::Write;

@@ -14,9 +14,9 @@ mod header;
 
 use super::{Format, Part, Source, Volume, WriteOption, box_of};
 use crate::Error;
+use crate::footprint::Footprint;
 use crate::lattice::bricks_across;
 use crate::octree::{Group, Level, Octree};
-use crate::voxelize::Footprint;
 use blocks::{crc, read_array, read_exactly, word, write_array, wrong};
 use organza_basis::Budget;
 use serde_json::{Value, json};

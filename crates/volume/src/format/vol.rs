@@ -7,9 +7,9 @@
 //! A volume is three such files, `tile.sigma_t.vol`, `tile.sggx.vol` and
 //! `tile.albedo.vol`, which `tile.vol` or the first stands for.
 
+use super::grid_set::GridSet;
 use super::{Format, Part, Source, Volume, Voxels, WriteOption};
 use crate::Error;
-use crate::grid_set::GridSet;
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, Budget};
 use serde_json::{Value, json};

@@ -4,8 +4,9 @@ mod grids;
 
 use super::cloth::{ClothTable, Laying};
 use super::{At, Lod, LodName, ObjectKind};
+use crate::build_options::BuildOptions;
 use crate::cloth_levels::{Levels, Place};
-use crate::drape;
+use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{self, Fabric};
 use crate::memory::free_memory_bytes;
@@ -13,7 +14,6 @@ use crate::optics::{self, EVERY_YARN, OpticsFile};
 use crate::read;
 use crate::representation::{MICROFLAKE, ModelKey, ShownAs, VoxelBuild};
 use crate::scattering::EventName;
-use crate::scene_build::BuildOptions;
 use crate::volume_file;
 use organza_basis::{Aabb, Budget, Rgb};
 use organza_scatter::{FlakeFamily, FlakeOptics};
@@ -65,6 +65,14 @@ pub struct VolumeTable {
 
 impl VolumeTable {
     /// The keys that a cloth has as well.
+    fn mesh_keys(&self) -> MeshKeys<'_> {
+        MeshKeys {
+            mesh: self.mesh.as_deref(),
+            mm_per_unit: self.mm_per_unit,
+            mm_per_uv: self.mm_per_uv,
+        }
+    }
+
     fn as_cloth(&self) -> ClothTable {
         ClothTable {
             fabric: self.file.clone(),
@@ -207,7 +215,7 @@ impl<'a> VolumeObject<'a> {
     /// # Errors
     /// Those of [`VolumeObject::medium`].
     pub fn check(&self, budget: &mut Budget) -> Result<String> {
-        drape::mesh(&self.table.as_cloth(), self.index, self.options)?;
+        drape::mesh(self.table.mesh_keys(), self.index, self.options)?;
         Ok(match self.open(budget)? {
             Content::Cloth(_, _, shown, _) => shown.to_string(),
             Content::Bare(_) | Content::Grids(_) => ShownAs::usual(&MICROFLAKE).to_string(),
@@ -219,7 +227,7 @@ impl<'a> VolumeObject<'a> {
     /// # Errors
     /// Names the file, or the key at fault.
     pub fn medium(&self, camera: &Camera, budget: &mut Budget) -> Result<AnyMedium> {
-        let mesh = drape::mesh(&self.table.as_cloth(), self.index, self.options)?;
+        let mesh = drape::mesh(self.table.mesh_keys(), self.index, self.options)?;
         let allowed = self.options.max_memory_bytes;
         let place = |bounds_mm| Place {
             bounds_mm,

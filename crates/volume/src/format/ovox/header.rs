@@ -2,10 +2,10 @@
 
 use super::SourceFile;
 use super::blocks::word;
+use crate::footprint::Footprint;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
 use crate::record::{Brick, RadiusScale, StoredPopulation};
-use crate::voxelize::Footprint;
 use glam::{DVec3, UVec3};
 
 /// The contents of the header.

@@ -1,6 +1,6 @@
 //! A volume as dense grids over one box: what files of other programs hold.
 
-use crate::format::vol::VolGrid;
+use super::vol::VolGrid;
 use crate::{Error, Octree};
 use glam::UVec3;
 use organza_basis::{MergedFlakes, Mixture, Rgb, Sym3};
