@@ -4,12 +4,14 @@ mod build;
 mod drawing;
 mod figures;
 mod import;
+mod yarns;
 
 use crate::Draft;
+use crate::closure::Closure;
 use crate::curve_file::PolyCurve;
 use crate::knit::Knit;
 use crate::path::{Hermite, Path};
-use crate::strand::{Closure, Strand};
+use crate::strand::Strand;
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};

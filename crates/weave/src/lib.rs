@@ -33,6 +33,7 @@
 //! # }
 //! ```
 
+mod closure;
 mod cloth;
 pub mod curve_file;
 pub mod draft;

@@ -1,14 +1,7 @@
-//! Plies, fibres, loops and hairs along one period of a yarn [Zhao2016].
-//!
-//! A tile must close: whatever leaves it on one side enters on the other. A
-//! random fibre that is twisted by an arbitrary angle over the period would
-//! not. So a fibre is made longer than the tile: it runs through several
-//! periods (`windings`) before it meets itself, and all its pieces lie in the
-//! one tile, as different fibres of the same cross-section. The twist then
-//! only needs to close over all windings, which costs a few per cent of its
-//! value at most.
+//! Plies, fibres, loops and hairs along one period of a yarn [Zhao2016]. `closure.rs` says
+//! how they close over the period.
 
-use crate::named::gcd;
+use crate::closure::Closure;
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts};
 use crate::yarn::Yarn;
@@ -16,12 +9,6 @@ use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The most periods, per visited ply, that a fibre runs through.
-const MAX_ROUNDS: u32 = 16;
-/// What one more round is worth in error of the outermost fibres' slope and in
-/// relative error of the fibre count: fewer rounds leave more fibres to be
-/// different from each other.
-const ROUND_PRICE: f64 = 0.0025;
 /// Random directions tried per fibre; the one with most room wins.
 const CANDIDATES: u32 = 8;
 /// Deviates are cut here, so that no hair is endless.
@@ -29,86 +16,6 @@ const MAX_DEVIATIONS: f64 = 2.5;
 /// Measured deviations of hairs and of loops are scaled so before use.
 const HAIR_SCALE: f64 = 0.75;
 const LOOP_SCALE: f64 = 0.5;
-
-/// How a yarn's plies and fibres close over a period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Closure {
-    /// Turns of the plies over a period, times the number of plies.
-    pub ply_shift: i64,
-    /// Plies that one fibre visits.
-    pub visited: u32,
-    /// Times that a fibre passes through each ply that it visits.
-    pub rounds: u32,
-    /// Turns of a fibre about its ply over all windings.
-    pub turns: i64,
-    /// Swings of migration over all windings.
-    pub swings: i64,
-    /// Fibres per cycle of plies, each of `windings` pieces.
-    pub fibres: u32,
-}
-
-impl Closure {
-    /// The closure nearest to the yarn's own twist and fibre count.
-    pub fn new(yarn: &Yarn, length_mm: f64) -> Closure {
-        let plies = i64::from(yarn.plies);
-        let shift_exact = plies as f64 * yarn.ply_twist_rad_per_mm * length_mm / TAU;
-        let ply_shift = shift_exact.round() as i64;
-        let shift = ply_shift.rem_euclid(plies) as usize;
-        let visited = (plies as usize / gcd(plies as usize, shift)) as u32;
-        let wanted = f64::from(yarn.fibres_per_ply);
-        let close = |rounds: u32| {
-            let exact = yarn.twist_rad_per_mm * length_mm / TAU * f64::from(rounds * visited);
-            let turns = exact.round() as i64;
-            // Pieces of one fibre must not fall on each other.
-            let distinct = gcd(turns.unsigned_abs() as usize, rounds as usize) == 1;
-            let fibres = (wanted / f64::from(rounds)).round().max(1.0);
-            let swings = yarn
-                .migration
-                .map_or(0.0, |m| m.cycles_per_turn * exact.abs());
-            let slope_error = (turns as f64 - exact).abs() * TAU * yarn.ply_radius_mm
-                / (f64::from(rounds * visited) * length_mm);
-            let count_error = (fibres * f64::from(rounds) / wanted - 1.0).abs();
-            let closure = Closure {
-                ply_shift,
-                visited,
-                rounds,
-                turns,
-                swings: swings.round() as i64,
-                fibres: fibres as u32,
-            };
-            let price = slope_error + count_error + ROUND_PRICE * f64::from(rounds);
-            (distinct, price, closure)
-        };
-        (2..=MAX_ROUNDS.min(yarn.fibres_per_ply))
-            .map(close)
-            .filter(|(distinct, ..)| *distinct)
-            .fold(
-                close(1),
-                |best, next| if next.1 < best.1 { next } else { best },
-            )
-            .2
-    }
-
-    /// Periods that a fibre runs through.
-    pub fn windings(&self) -> u32 {
-        self.rounds * self.visited
-    }
-
-    /// Number of fibres in a cross-section of a ply.
-    pub fn fibres_per_ply(&self) -> u32 {
-        self.fibres * self.rounds
-    }
-
-    /// Twist of the fibres as it comes out, radians per millimetre.
-    pub fn twist_rad_per_mm(&self, length_mm: f64) -> f64 {
-        TAU * self.turns as f64 / (f64::from(self.windings()) * length_mm)
-    }
-
-    /// Twist of the plies as it comes out, radians per millimetre.
-    pub fn ply_twist_rad_per_mm(&self, plies: u32, length_mm: f64) -> f64 {
-        TAU * self.ply_shift as f64 / (f64::from(plies) * length_mm)
-    }
-}
 
 /// One yarn in the tile, ready to emit curves.
 pub(crate) struct Strand<'a> {
@@ -450,55 +357,4 @@ pub(crate) fn reach_mm(yarn: &Yarn) -> f64 {
         reach = reach.max(start + most(yarn.hairs.rise, HAIR_SCALE).max(0.1));
     }
     yarn.ply_centre_mm + yarn.ply_radius_mm * reach
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spec::{TwistDirection, TwistSpec, YarnSpec};
-
-    fn yarn(plies: u32, fibres: u32, turns_per_m: f64) -> Yarn {
-        let twist = |direction| TwistSpec {
-            direction,
-            turns_per_m: Some(turns_per_m),
-            angle_deg: None,
-        };
-        let spec = YarnSpec {
-            plies: Some(plies),
-            fibres_per_ply: Some(fibres),
-            twist: Some(twist(TwistDirection::Z)),
-            ply_twist: Some(twist(TwistDirection::S)),
-            ..YarnSpec::default()
-        };
-        Yarn::new("cotton", &spec).unwrap()
-    }
-
-    #[test]
-    fn closures_stay_near_the_twist_and_the_count_and_never_double_a_fibre() {
-        for fibres in [30, 75, 200] {
-            for turns in 1..40 {
-                let yarn = yarn(1, fibres, 50.0 * f64::from(turns));
-                let c = Closure::new(&yarn, 0.9);
-                let twist = c.twist_rad_per_mm(0.9) - yarn.twist_rad_per_mm;
-                let count = f64::from(c.fibres_per_ply()) / f64::from(fibres);
-                assert!(twist.abs() * yarn.ply_radius_mm < 0.06, "{turns}: {c:?}");
-                assert!((count - 1.0).abs() < 0.08, "{turns}: {c:?}");
-                assert_eq!(gcd(c.turns.unsigned_abs() as usize, c.rounds as usize), 1);
-            }
-        }
-        let straight = Closure::new(&yarn(1, 50, 0.0), 1.0);
-        assert_eq!(
-            (straight.rounds, straight.turns, straight.fibres),
-            (1, 0, 50)
-        );
-    }
-
-    #[test]
-    fn plies_that_shift_over_the_period_are_all_visited() {
-        let c = Closure::new(&yarn(3, 40, 400.0), 0.85);
-        assert_eq!((c.ply_shift, c.visited), (-1, 3));
-        let c = Closure::new(&yarn(4, 40, 500.0), 1.0);
-        assert_eq!((c.ply_shift, c.visited), (-2, 2));
-        assert_eq!(c.windings() % 2, 0);
-    }
 }

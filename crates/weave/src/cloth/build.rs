@@ -1,21 +1,20 @@
 //! From a description to threads at rest.
 
 use super::import::imported;
-use super::{Centreline, Cloth, Material, ThreadAtRest};
+use super::yarns::{Materials, Yarns};
+use super::{Centreline, Cloth, ThreadAtRest};
+use crate::closure::Closure;
 use crate::draft::MAX_THREADS;
-use crate::error::did_you_mean;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
 use crate::named::gcd;
-use crate::preset;
 use crate::relax::{System, relax};
-use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec, YarnSpec};
-use crate::strand::{Closure, reach_mm};
+use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec};
+use crate::strand::reach_mm;
 use crate::yarn::Yarn;
 use crate::{Draft, Error, Level, Thread};
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Tile};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Loads a file that a fabric names.
@@ -338,62 +337,6 @@ fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
     lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
 }
 
-/// The yarns that threads use, each built once.
-pub(super) struct Yarns<'a> {
-    specs: &'a BTreeMap<String, YarnSpec>,
-    pub built: Vec<Yarn>,
-}
-
-impl<'a> Yarns<'a> {
-    pub fn new(specs: &'a BTreeMap<String, YarnSpec>) -> Yarns<'a> {
-        Yarns {
-            specs,
-            built: Vec::new(),
-        }
-    }
-
-    /// Indices of the yarns of a system, in the order of its repeat. Without
-    /// names, the only yarn that there is, or cotton.
-    pub fn of_system(&mut self, system: &str, spec: &ThreadSetSpec) -> Result<Vec<usize>, Error> {
-        let only = match self.specs.keys().next() {
-            Some(name) if self.specs.len() == 1 => name.clone(),
-            _ => "cotton".to_owned(),
-        };
-        let names = if spec.yarn.is_empty() {
-            std::slice::from_ref(&only)
-        } else {
-            &spec.yarn
-        };
-        names.iter().map(|name| self.index(system, name)).collect()
-    }
-
-    fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
-        if let Some(i) = self.built.iter().position(|y| y.name == name) {
-            return Ok(i);
-        }
-        let preset_itself = YarnSpec::default();
-        let spec = match self.specs.get(name) {
-            Some(spec) => spec,
-            None if preset::NAMES.contains(&name) => &preset_itself,
-            None => {
-                let own = self.specs.keys().map(String::as_str);
-                let mut known: Vec<&str> = own.chain(preset::NAMES).collect();
-                let hint = did_you_mean(name, known.iter().copied());
-                known.dedup();
-                return Err(Error::spec(
-                    format!("{system}.yarn"),
-                    format!(
-                        "there is no [yarn.{name}] and no preset of that name{hint}; there are {}",
-                        known.join(", ")
-                    ),
-                ));
-            }
-        };
-        self.built.push(Yarn::new(name, spec)?);
-        Ok(self.built.len() - 1)
-    }
-}
-
 fn colour(threads: &mut [Thread], colours: &[Rgb]) {
     if !colours.is_empty() {
         for (t, c) in threads.iter_mut().zip(colours.iter().cycle()) {
@@ -468,29 +411,5 @@ fn system(threads: &Threads, flatten: &[DVec2]) -> System {
             .collect(),
         stiffness: threads.yarns.iter().map(|y| y.stiffness).collect(),
         period_mm,
-    }
-}
-
-#[derive(Default)]
-pub(super) struct Materials(pub Vec<Material>);
-
-impl Materials {
-    /// The index of the material of a yarn and a colour, new or known.
-    pub fn index(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<u16, Error> {
-        let new = Material {
-            yarn: yarn.name.clone(),
-            colour,
-            fibre_radius_mm: yarn.fibre_radius_mm as f32,
-        };
-        let index = self
-            .0
-            .iter()
-            .position(|m| *m == new)
-            .unwrap_or(self.0.len());
-        if index == self.0.len() {
-            self.0.push(new);
-        }
-        u16::try_from(index)
-            .map_err(|_| Error::spec("warp.colours", "more than 65536 yarns and colours"))
     }
 }

@@ -1,7 +1,7 @@
 //! The figures by which textile engineers describe a cloth.
 
 use super::{Centreline, Cloth, Level};
-use crate::strand::Closure;
+use crate::closure::Closure;
 use std::f64::consts::PI;
 
 /// Figures of one system of threads, means over its threads in the tile.

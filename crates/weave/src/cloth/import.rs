@@ -1,6 +1,6 @@
 //! Curves from files as yarns or fibres.
 
-use super::build::{Materials, Yarns};
+use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::curve_file::CurveSet;
 use crate::spec::{CurveKind, FabricGeometry};

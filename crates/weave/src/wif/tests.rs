@@ -1,5 +1,6 @@
 use super::example_drafts::{EXAMPLES, damask};
 use super::*;
+use organza_basis::Rgb;
 use std::collections::BTreeMap;
 
 /// A four-shaft draft of the project's own, with room for oddities.
