@@ -1,7 +1,7 @@
 //! The error of films.
 
 use crate::Film;
-use crate::film::variance_of_mean;
+use crate::pixel_sums::variance_of_mean;
 use rayon::prelude::*;
 
 /// Relative standard errors of single pixels, over the pixels that met matter

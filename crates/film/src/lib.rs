@@ -6,20 +6,22 @@
 //! pictures may be made in parts, on any machines, and [merged](Pixel::merge).
 
 mod camera;
+mod camera_rays;
 mod film;
 mod film_error;
 mod path_sample;
 mod pixel_cone;
+mod pixel_sums;
 mod stats;
 mod tally;
 mod wide_sum;
 
-pub use camera::{
-    Camera, CameraError, CameraParts, CameraPose, PixelFilter, Projection, aperture_mm,
-};
-pub use film::{Film, Pixel};
+pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
+pub use camera_rays::CameraParts;
+pub use film::Film;
 pub use film_error::PixelErrors;
 pub use path_sample::{Escape, FirstEvent, PathSample, SiteInfo};
 pub use pixel_cone::PixelCone;
+pub use pixel_sums::Pixel;
 pub use stats::Stats;
 pub use tally::{Brightness, Sample, Tally};

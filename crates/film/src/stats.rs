@@ -69,10 +69,31 @@ impl Stats {
         kept
     }
 
-    /// All counts in the order of their declaration, for a file; the brightest
-    /// sample by its bits.
+    /// All counts as the words of a file; the brightest sample by its bits.
     pub fn to_words(&self) -> [u64; Stats::WORDS] {
-        // Taken apart whole, so that a new count cannot be forgotten.
+        let mut words = [0; Stats::WORDS];
+        let mut slots = words.iter_mut();
+        let mut copy = *self;
+        copy.visit_words(|word| {
+            if let Some(slot) = slots.next() {
+                *slot = *word;
+            }
+        });
+        words
+    }
+
+    /// The counts of [`Stats::to_words`].
+    pub fn from_words(words: &[u64; Stats::WORDS]) -> Stats {
+        let mut stats = Stats::default();
+        let mut slots = words.iter();
+        stats.visit_words(|word| *word = slots.next().copied().unwrap_or_default());
+        stats
+    }
+
+    /// Passes every count to `visit` as words, in their order in files, and keeps
+    /// what `visit` makes of them.
+    fn visit_words(&mut self, mut visit: impl FnMut(&mut u64)) {
+        // Destructured in full, so that a new count cannot be forgotten.
         let Stats {
             paths,
             tentative,
@@ -85,52 +106,48 @@ impl Stats {
             brightest,
             clamped,
             clamped_radiance,
-        } = *self;
-        let brightest = u64::from(brightest.to_bits());
-        [
-            paths,
-            tentative,
-            collisions,
-            shadow_rays,
-            shadow_steps,
-            cut,
-            rejected,
-            majorant_violations,
-            brightest,
-            clamped,
-            clamped_radiance as u64,
-            (clamped_radiance >> 64) as u64,
-        ]
+        } = self;
+        visit(paths);
+        visit(tentative);
+        visit(collisions);
+        visit(shadow_rays);
+        visit(shadow_steps);
+        visit(cut);
+        visit(rejected);
+        visit(majorant_violations);
+        let mut bits = u64::from(brightest.to_bits());
+        visit(&mut bits);
+        *brightest = f32::from_bits(bits as u32);
+        visit(clamped);
+        let (mut low, mut high) = (*clamped_radiance as u64, (*clamped_radiance >> 64) as u64);
+        visit(&mut low);
+        visit(&mut high);
+        *clamped_radiance = u128::from(low) | (u128::from(high) << 64);
     }
+}
 
-    /// The counts of [`Stats::to_words`].
-    pub fn from_words(words: &[u64; Stats::WORDS]) -> Stats {
-        let [
-            paths,
-            tentative,
-            collisions,
-            shadow_rays,
-            shadow_steps,
-            cut,
-            rejected,
-            majorant_violations,
-            brightest,
-            clamped,
-            clamped_low,
-            clamped_high,
-        ] = *words;
-        Stats {
-            paths,
-            tentative,
-            collisions,
-            shadow_rays,
-            shadow_steps,
-            cut,
-            rejected,
-            majorant_violations,
-            brightest: f32::from_bits(brightest as u32),
-            clamped,
-            clamped_radiance: u128::from(clamped_low) | (u128::from(clamped_high) << 64),
-        }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_hold_every_count_in_its_place() {
+        let stats = Stats {
+            paths: 1,
+            tentative: 2,
+            collisions: 3,
+            shadow_rays: 4,
+            shadow_steps: 5,
+            cut: 6,
+            rejected: 7,
+            majorant_violations: 8,
+            brightest: 1.5,
+            clamped: 10,
+            clamped_radiance: (12 << 64) | 11,
+        };
+        let bits = u64::from(1.5f32.to_bits());
+        let words = [1, 2, 3, 4, 5, 6, 7, 8, bits, 10, 11, 12];
+        assert_eq!(stats.to_words(), words);
+        assert_eq!(Stats::from_words(&words), stats);
     }
 }
