@@ -7,7 +7,7 @@
 pub mod auto;
 mod build_options;
 pub mod camera;
-pub mod cloth_levels;
+pub mod cloth_place;
 mod drape;
 pub mod environment_file;
 mod error;
@@ -15,6 +15,7 @@ pub mod fabric_file;
 mod fabric_table;
 mod fibre_model;
 pub mod file_kind;
+pub mod level;
 pub mod light_pictures;
 mod loaded_scene;
 pub mod loader;

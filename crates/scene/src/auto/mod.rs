@@ -7,12 +7,13 @@ pub mod table;
 pub mod table_file;
 
 use crate::build_options::BuildOptions;
-use crate::cloth_levels::Place;
+use crate::cloth_place::Place;
 use crate::error::{Result, input};
 use crate::fabric_file;
+use crate::level::{Lod, LodName};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
-use crate::object::{ClothTable, Lod, LodName, ObjectTable};
+use crate::object::{ClothTable, ObjectTable};
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, Representation, Tracker};
 use crate::scene_build;
 use crate::scene_file::{IntegratorName, SceneFile};

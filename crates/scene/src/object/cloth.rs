@@ -1,11 +1,12 @@
 //! `kind = "cloth"`: a fabric, laid where a scene says.
 
-use super::{At, Lod, LodName, ObjectKind};
+use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
-use crate::cloth_levels::{FarSheet, Levels, Place};
+use crate::cloth_place::{FarSheet, Place};
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
+use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
 use crate::read;

@@ -6,13 +6,11 @@
 
 mod cloth;
 mod grid;
-mod lod;
 mod plane;
 mod volume;
 
 pub use cloth::ClothTable;
 pub use grid::{AlbedoValue, GridTable, InterpolationName};
-pub use lod::{Lod, LodName};
 pub use plane::PlaneTable;
 pub use volume::VolumeTable;
 

@@ -1,8 +1,8 @@
 //! The kinds of matter in a scene.
 
 use crate::matter::collision::{AnySite, Collision, Located, each_volume};
-use crate::matter::detail::Tracking;
 use crate::matter::draping::{Draping, find, pass_through};
+use crate::matter::level_choice::Tracking;
 use crate::{
     ExplicitFibres, FlakeOctreeMedium, GridMedium, Integrator, LevelledCloth, Medium, Plane,
     SggxOctreeMedium, Stats, VirtualFibreMedium,

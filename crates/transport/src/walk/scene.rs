@@ -1,7 +1,7 @@
 //! A scene: its matter, lights and camera.
 
 use crate::matter::collision::Collision;
-use crate::matter::detail::{Detail, Tracking};
+use crate::matter::level_choice::{Detail, Tracking};
 use crate::{AnyMedium, Camera, Integrator, Light, Stats};
 use glam::DVec3;
 use organza_basis::{PathRng, Ray};

@@ -2,8 +2,8 @@
 
 use super::VolumeObject;
 use crate::error::{Result, input};
+use crate::level::{Lod, LodName};
 use crate::object::grid::channels;
-use crate::object::{Lod, LodName};
 use glam::Vec3;
 use organza_basis::{Aabb, FibrePopulation, Mixture, Rgb};
 use organza_scatter::{FlakeMaterials, FlakeOptics};

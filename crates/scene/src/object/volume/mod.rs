@@ -3,12 +3,13 @@
 mod grids;
 
 use super::cloth::{ClothTable, Laying};
-use super::{At, Lod, LodName, ObjectKind};
+use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
-use crate::cloth_levels::{Levels, Place};
+use crate::cloth_place::Place;
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{self, Fabric};
+use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, EVERY_YARN, OpticsFile};
 use crate::read;

@@ -1,4 +1,4 @@
-//! The level of detail of a path.
+//! Which level of detail a path meets.
 
 use crate::Integrator;
 
