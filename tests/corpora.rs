@@ -12,11 +12,7 @@ const SEED: u64 = 0x5eed;
 
 /// Damaged copies of every file; full size with ORGANZA_FULL=1.
 fn copies() -> u64 {
-    if std::env::var_os("ORGANZA_FULL").is_some() {
-        20_000
-    } else {
-        60
-    }
+    organza_testing::sized(60, 20_000)
 }
 
 /// A place in `0..n`.

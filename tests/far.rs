@@ -202,7 +202,7 @@ impl Difference {
 /// `ORGANZA_FULL=1 cargo test --release --test main levels_against -- --nocapture`.
 #[test]
 fn levels_against_the_finest() {
-    let full = std::env::var_os("ORGANZA_FULL").is_some();
+    let full = organza_testing::is_full();
     let folder = folder("far-levels");
     let pairs = include_str!("data/level_pairs.csv");
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();

@@ -5,7 +5,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{complaint, file_names, folder, organza, succeed};
+use crate::program::{complaint, files_left, folder, organza, succeed};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -319,7 +319,7 @@ fn a_scene_writes_nowhere() {
         "scene.toml",
         "sggx.vol",
     ];
-    for name in [file_names(&folder), file_names(&inner)].concat() {
+    for name in [files_left(&folder), files_left(&inner)].concat() {
         assert!(
             names.contains(&name.as_str()) || name == "sigma_t.vol",
             "{name}"

@@ -21,7 +21,7 @@ fn figure(words: &str, line: &str, place: usize) -> f64 {
 fn no_sample_of_the_standard_scenes_is_a_firefly() {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let folder = folder("fireflies");
-    let full = std::env::var_os("ORGANZA_FULL").is_some();
+    let full = organza_testing::is_full();
     let (edge, spp) = if full { (64, "64") } else { (32, "16") };
     let (window, low_sun) = ("environments/window.exr", "environments/evening.exr");
     const WINDOW_LIMIT: f64 = 3.4;

@@ -26,10 +26,7 @@ const VOXEL_MM: f32 = 0.02;
 const SIZE_MM: Vec3 = Vec3::new(0.12, 0.12, 0.08);
 
 fn full(small: u64) -> u64 {
-    match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => 16 * small,
-        None => small,
-    }
+    organza_testing::sized(small, 16 * small)
 }
 
 /// Where a camera stands: toward it from the middle, and how far.

@@ -7,7 +7,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{file_names, folder, succeed};
+use crate::program::{files_left, folder, succeed};
 use organza_basis::PathRng;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -17,11 +17,7 @@ const SEED: u64 = 0xfa17;
 
 /// Kills of each command.
 fn kills() -> u32 {
-    if std::env::var_os("ORGANZA_FULL").is_some() {
-        60
-    } else {
-        2
-    }
+    organza_testing::sized(2, 60)
 }
 
 /// Equal but for the line with which a fitted fabric records its command.
@@ -65,7 +61,7 @@ impl Victim<'_> {
     /// Kills it at moments spread evenly over an undisturbed run, half of them
     /// over its last tenth, where files are written; goes on where it can.
     fn torment(&self, folder: &Path) {
-        let inputs = file_names(folder);
+        let inputs = files_left(folder);
         let started = Instant::now();
         let plain = [self.arguments, &["--threads", "1"]].concat();
         succeed(folder, &plain);
@@ -90,7 +86,7 @@ impl Victim<'_> {
                 };
                 assert!(same(&found, bytes), "{}: {name} differs {at}", self.name);
             }
-            for name in file_names(folder) {
+            for name in files_left(folder) {
                 let known = inputs.contains(&name)
                     || self.outputs.contains(&name.as_str())
                     || self.state == Some(name.as_str());

@@ -73,13 +73,9 @@ pub fn picture(folder: &Path, more: &[&str]) -> Vec<u8> {
     bytes(folder, "out.exr")
 }
 
-/// The names of the files of a folder, sorted, without temporary files.
-pub fn file_names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .filter(|name| !name.ends_with(".tmp"))
-        .collect();
-    names.sort();
+/// The names of what a run left in a folder, sorted, without temporary files.
+pub fn files_left(folder: &Path) -> Vec<String> {
+    let mut names = organza_testing::file_names(folder);
+    names.retain(|name| !name.ends_with(".tmp"));
     names
 }

@@ -2,6 +2,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::program::{complaint, folder, organza, succeed};
+use organza_testing::file_names;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -24,15 +25,6 @@ size_um = 80.0
 
 fn sailcloth(folder: &Path) {
     fs::write(folder.join("sailcloth.toml"), SAILCLOTH).unwrap();
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> = entries
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    names
 }
 
 /// What a scene or fabric names is also an input as what the command line names.
@@ -226,7 +218,7 @@ fn reports_of_two_kinds_do_not_share_a_folder() {
     );
     assert_eq!(fs::read(folder.join("report/report.html")).unwrap(), before);
     assert_eq!(
-        names(&folder.join("report")),
+        file_names(&folder.join("report")),
         ["pairs.csv", "report.html", "report.json"]
     );
 
@@ -241,7 +233,7 @@ fn nothing_is_left_where_inputs_are_wrong() {
     let folder = folder("refusals-traces");
     sailcloth(&folder);
     fs::write(folder.join("file"), "").unwrap();
-    let before = names(&folder);
+    let before = file_names(&folder);
     for arguments in [
         &["bench", "denm", "-o", "report"][..],
         &["bench", "denim", "none.toml", "-o", "report"],
@@ -267,7 +259,7 @@ fn nothing_is_left_where_inputs_are_wrong() {
         &["info", "sailcloth.vol"],
     ] {
         complaint(&folder, arguments);
-        assert_eq!(names(&folder), before, "{arguments:?}");
+        assert_eq!(file_names(&folder), before, "{arguments:?}");
     }
 }
 
@@ -292,7 +284,7 @@ fn layouts_that_fit_into_no_memory_are_refused_with_the_figure() {
             "{printed}"
         );
     }
-    assert_eq!(names(&folder), ["sailcloth.toml"]);
+    assert_eq!(file_names(&folder), ["sailcloth.toml"]);
 }
 
 /// What a fit finds takes the place of keys that say it otherwise.

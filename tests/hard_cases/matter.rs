@@ -5,9 +5,8 @@ use glam::{UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::hypothesis::SphereGrid;
 use organza_basis::{Aabb, Rgb, Sym3};
-use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Lobe,
-};
+use organza_scatter::{Fibre, FittedFibre, FittedParameters, Lobe};
+use organza_testing::dielectric_fibre;
 use organza_transport::{
     AnyMedium, ExplicitFibres, FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium,
     Interpolation, SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium,
@@ -27,13 +26,7 @@ pub fn octree(source: &SegmentList, footprint: Footprint) -> Arc<Octree> {
 }
 
 fn clear(longitudinal_rad: f32) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad,
-        azimuthal_rad: 2.0 * longitudinal_rad,
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    dielectric_fibre(Rgb::BLACK, longitudinal_rad, 2.0 * longitudinal_rad)
 }
 
 fn black() -> Fibre {

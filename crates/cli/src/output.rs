@@ -315,15 +315,7 @@ fn without_path(e: std::io::Error) -> std::io::Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<String> = std::fs::read_dir(folder)
-            .unwrap()
-            .map(|e| e.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
+    use organza_testing::file_names;
 
     #[test]
     fn a_failed_write_leaves_nothing_and_files_of_a_set_appear_together() {
@@ -339,7 +331,7 @@ mod tests {
         let words = format!("{:#}", failed.unwrap_err());
         assert!(words.ends_with("old: the disk is full"), "{words}");
         assert_eq!(std::fs::read(path("old")).unwrap(), b"kept");
-        assert_eq!(names(folder.path()), ["old"]);
+        assert_eq!(file_names(folder.path()), ["old"]);
         // The second of two fails: the first does not appear either.
         let file = |name: &str, fails: bool| -> (PathBuf, WriteFile<'_>) {
             let write = move |out: &mut dyn SeekWrite| match fails {
@@ -350,10 +342,10 @@ mod tests {
         };
         let failed = write_files(vec![file("old", false), file("b", true)]);
         assert!(failed.is_err());
-        assert_eq!(names(folder.path()), ["old"]);
+        assert_eq!(file_names(folder.path()), ["old"]);
         assert_eq!(std::fs::read(path("old")).unwrap(), b"kept");
         write_files(vec![file("old", false), file("b", false)]).unwrap();
-        assert_eq!(names(folder.path()), ["b", "old"]);
+        assert_eq!(file_names(folder.path()), ["b", "old"]);
         assert_eq!(std::fs::read(path("old")).unwrap(), b"new");
     }
 

@@ -121,7 +121,7 @@ fn planted_shapes_are_recovered_within_their_intervals() {
         yarn.alpha = Some(0.1);
         yarn.kappa = Some(0.5);
     }
-    let full = std::env::var_os("ORGANZA_FULL").is_some();
+    let full = organza_testing::is_full();
     let patience = Patience {
         scan: if full { 200 } else { 30 },
         steps: if full { 400 } else { 200 },

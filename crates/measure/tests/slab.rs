@@ -103,11 +103,7 @@ fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
 
 #[test]
 fn agrees_with_an_independent_renderer_and_the_twin_does_not() {
-    let paths = if std::env::var_os("ORGANZA_FULL").is_some() {
-        400_000
-    } else {
-        40_000
-    };
+    let paths = organza_testing::sized(40_000, 400_000);
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let all = distances(&slab(integrator), paths, 7);
         assert!(

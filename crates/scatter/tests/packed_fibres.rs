@@ -13,14 +13,11 @@ use organza_scatter::{
     AxialFlake, DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre,
     FittedParameters, Lobe, MicroFlake, PackedEvent, void_multiplier,
 };
+use organza_testing::is_full;
 
 const THICKNESS: f32 = 20.0;
 const WIDTH: f32 = 60.0;
 const TANGENT: Vec3 = Vec3::Y;
-
-fn full() -> bool {
-    std::env::var_os("ORGANZA_FULL").is_some()
-}
 
 /// Centres (x, z) of discs of radius one in a period of WIDTH, strewn without
 /// overlap in a taller bulk and cut to `0 <= z <= THICKNESS`.
@@ -269,7 +266,7 @@ fn walk(
 
 fn albedos(how: How, fraction: f32, surface: &Surface, view: Vec3, walks: u64) -> [Moments; 2] {
     let mut sums = [Moments::default(); 2];
-    let realisations = if full() { 12 } else { 6 };
+    let realisations = if is_full() { 12 } else { 6 };
     for i in 0..realisations {
         let packing = Packing::new(fraction, &mut PathRng::new(91, 0, i));
         // One value a realisation: their spread is what counts.
@@ -308,9 +305,9 @@ fn view(across_deg: f32, along_deg: f32) -> Vec3 {
 
 #[test]
 fn the_packed_event_follows_explicit_fibres() {
-    let walks = if full() { 4_000 } else { 1_500 };
-    let fractions: &[f32] = if full() { &[0.2, 0.4] } else { &[0.4] };
-    let views: &[(f32, f32)] = if full() {
+    let walks = if is_full() { 4_000 } else { 1_500 };
+    let fractions: &[f32] = if is_full() { &[0.2, 0.4] } else { &[0.4] };
+    let views: &[(f32, f32)] = if is_full() {
         &[
             (0.0, 0.0),
             (45.0, 0.0),
@@ -332,7 +329,7 @@ fn the_packed_event_follows_explicit_fibres() {
         ),
         ("mirror .98", Surface::Mirror(0.98)),
     ];
-    let surfaces = &surfaces[..if full() { 4 } else { 1 }];
+    let surfaces = &surfaces[..if is_full() { 4 } else { 1 }];
     let mut squares = [[0.0f64; 2]; 2];
     let mut cases = 0.0;
     for (name, surface) in surfaces {
@@ -389,7 +386,7 @@ fn the_packed_event_follows_explicit_fibres() {
 fn packed_slabs_are_nearly_reciprocal() {
     let surface = dielectric(0.035);
     let packing = Packing::new(0.4, &mut PathRng::new(92, 0, 0));
-    let n = if full() { 400_000 } else { 100_000 };
+    let n = if is_full() { 400_000 } else { 100_000 };
     let bsdf = |how: How, view: Vec3, light: Vec3, stream: u64| -> Moments {
         (0..n)
             .map(|i| {
@@ -406,7 +403,7 @@ fn packed_slabs_are_nearly_reciprocal() {
         (view(-70.0, 30.0), view(40.0, -30.0)),
         (view(30.0, 60.0), view(-10.0, -60.0)),
     ];
-    let pairs = &pairs[..if full() { 4 } else { 2 }];
+    let pairs = &pairs[..if is_full() { 4 } else { 2 }];
     for &(a, b) in pairs {
         for (how, admitted) in [
             (How::Explicit, 0.035),

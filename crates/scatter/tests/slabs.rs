@@ -13,12 +13,10 @@ use organza_scatter::{
     FittedFibre, FittedParameters, GaussianBand, Lobe, LobeSample, MicroFlake, Sggx,
     SpecularFlakes, meet_fibre, sigma_t_per_mm,
 };
+use organza_testing::sized;
 
 fn draws(small: u64) -> u64 {
-    match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => small * 40,
-        None => small,
-    }
+    sized(small, 40 * small)
 }
 
 /// A homogeneous medium, as a tracker sees it.

@@ -1,26 +1,22 @@
 //! Helpers that the tests of several crates share. Only `[dev-dependencies]` name this
-//! crate.
+//! crate. It imports the lowest crates, so that it can make fibres, pictures and segments
+//! for the tests of the crates above them.
 //!
 //! ```
 //! let rows = organza_testing::csv_numbers("# a table\na,b\n1,2.5\n3,4\n");
 //! assert_eq!(rows, [[1.0, 2.5], [3.0, 4.0]]);
 //! ```
 
-/// The numbers of a CSV table, row by row; headers, comments and whatever else is no row
-/// of numbers are left out.
-pub fn csv_numbers(text: &str) -> Vec<Vec<f64>> {
-    csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes())
-        .records()
-        .filter_map(|record| {
-            record
-                .ok()?
-                .iter()
-                .map(|field| field.parse().ok())
-                .collect()
-        })
-        .collect()
-}
+mod effort;
+mod fibre;
+mod folder;
+mod picture;
+mod table;
+mod weave;
+
+pub use effort::{is_full, sized};
+pub use fibre::{dielectric_fibre, fitted_fibre};
+pub use folder::file_names;
+pub use picture::environment_with_lamps;
+pub use table::csv_numbers;
+pub use weave::little_weave;

@@ -87,10 +87,9 @@ fn scene(media: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
 }
 
 fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
-    let full = std::env::var_os("ORGANZA_FULL").is_some();
     let settings = RenderSettings {
         integrator,
-        samples: 0..if full { 2048 } else { 256 },
+        samples: 0..organza_testing::sized(256, 2048),
         max_bounces: 40,
         seed,
         crop: None,

@@ -7,6 +7,7 @@ use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_testing::dielectric_fibre;
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, Film,
     Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats,
@@ -19,20 +20,11 @@ use std::ops::ControlFlow;
 const RADIUS_MM: f32 = 0.008;
 
 fn full(small: u64) -> u64 {
-    match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => 20 * small,
-        None => small,
-    }
+    organza_testing::sized(small, 20 * small)
 }
 
 fn dielectric(absorption_radii: f32, blur_rad: [f32; 2]) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::splat(absorption_radii),
-        longitudinal_rad: blur_rad[0],
-        azimuthal_rad: blur_rad[1],
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    dielectric_fibre(Rgb::splat(absorption_radii), blur_rad[0], blur_rad[1])
 }
 
 fn rough(absorption_radii: f32) -> Fibre {

@@ -47,10 +47,7 @@ fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
 }
 
 fn draws(small: u32) -> u32 {
-    match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => small * 20,
-        None => small,
-    }
+    organza_testing::sized(small, 20 * small)
 }
 
 /// One path of a furnace of radiance one, each event gathering a uniform

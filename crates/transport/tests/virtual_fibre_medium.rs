@@ -8,9 +8,10 @@ use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::SphereGrid;
 use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, warp};
 use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe,
-    PackedEvent, meet_fibre, sigma_t_per_mm, void_multiplier,
+    Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, PackedEvent, meet_fibre,
+    sigma_t_per_mm, void_multiplier,
 };
+use organza_testing::{dielectric_fibre, fitted_fibre};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Film, Hemisphere,
     Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene, Stats,
@@ -61,17 +62,11 @@ fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
 }
 
 fn dielectric(absorption_radii: f32) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::splat(absorption_radii),
-        longitudinal_rad: 0.12,
-        azimuthal_rad: 0.25,
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    dielectric_fibre(Rgb::splat(absorption_radii), 0.12, 0.25)
 }
 
 fn fitted() -> Fibre {
-    Fibre::Fitted(FittedFibre::new(FittedParameters::preset("gabardine").unwrap()).unwrap())
+    fitted_fibre("gabardine")
 }
 
 fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
@@ -110,10 +105,7 @@ fn picture(
 }
 
 fn full(small: u64) -> u64 {
-    match std::env::var_os("ORGANZA_FULL") {
-        Some(_) => 30 * small,
-        None => small,
-    }
+    organza_testing::sized(small, 30 * small)
 }
 
 /// exp(-m 2 r rho sin(angle) length): every offset moves the whole slab along

@@ -210,11 +210,7 @@ fn compare(origin_mm: Vec3, repeats: bool, seed: u64, rays: u64) -> (u64, u64) {
 }
 
 fn rays() -> u64 {
-    if std::env::var("ORGANZA_FULL").is_ok() {
-        100_000
-    } else {
-        3_200
-    }
+    organza_testing::sized(3_200, 100_000)
 }
 
 #[test]

@@ -9,25 +9,10 @@ use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::{UVec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
 use organza_light::ImageEnvironment;
-
-/// A dim sky with a low sun of some pixels, a lamp at the pole and one at the
-/// left edge.
-fn image() -> ImageEnvironment {
-    let size = UVec2::new(24, 12);
-    let mut pixels: Vec<Rgb> = (0..size.element_product())
-        .map(|i| Rgb::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * (i as f32).sin()))
-        .collect();
-    let mut shine = |x: usize, y: usize, radiance| pixels[y * 24 + x] = radiance;
-    shine(13, 8, Rgb::new(60.0, 40.0, 20.0));
-    shine(14, 8, Rgb::new(30.0, 20.0, 10.0));
-    shine(13, 9, Rgb::new(20.0, 15.0, 10.0));
-    shine(0, 5, Rgb::new(2.0, 9.0, 30.0));
-    (0..24).for_each(|x| shine(x, 0, Rgb::splat(9.0)));
-    ImageEnvironment::new(size, pixels, Vec3::new(0.2, 0.3, 1.0), Vec3::Y).unwrap()
-}
+use organza_testing::environment_with_lamps;
 
 fn sky() -> (ImageEnvironment, Sky) {
-    let image = image();
+    let image = environment_with_lamps();
     let medium = FlatMedium::new(&bundles(false)).unwrap();
     let parts = Parts::of(&image);
     let nodes = Nodes::new(&medium.cell_grid, std::iter::empty());

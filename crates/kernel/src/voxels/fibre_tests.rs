@@ -11,25 +11,14 @@ use glam::Vec3;
 use organza_basis::hypothesis::welch_test;
 use organza_basis::{Moments, PathRng, Rgb, warp};
 use organza_scatter::virtual_fibres::visible_tangent_sample;
-use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe,
-    effective_cross_section,
-};
+use organza_scatter::{Fibre, FibreFrame, Lobe, effective_cross_section};
+use organza_testing::{dielectric_fibre, fitted_fibre};
 
 type One = one::F;
 
 fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::from(absorption),
-        longitudinal_rad: longitudinal_deg.to_radians(),
-        azimuthal_rad: azimuthal_deg.to_radians(),
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
-}
-
-fn fitted(name: &str) -> Fibre {
-    Fibre::Fitted(FittedFibre::new(FittedParameters::preset(name).unwrap()).unwrap())
+    let [longitudinal_rad, azimuthal_rad] = [longitudinal_deg, azimuthal_deg].map(f32::to_radians);
+    dielectric_fibre(Rgb::from(absorption), longitudinal_rad, azimuthal_rad)
 }
 
 /// Clear, dyed, rough, and two that were fitted.
@@ -38,8 +27,8 @@ fn fibres() -> Vec<Fibre> {
         dielectric([0.0; 3], 6.0, 10.0),
         dielectric([0.02, 0.3, 2.0], 4.0, 15.0),
         dielectric([0.1, 0.1, 0.02], 15.0, 40.0),
-        fitted("gabardine"),
-        fitted("cotton"),
+        fitted_fibre("gabardine"),
+        fitted_fibre("cotton"),
     ]
 }
 

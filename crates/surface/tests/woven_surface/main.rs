@@ -24,11 +24,7 @@ fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
 
 /// Ten times the work when asked for.
 fn full(n: usize) -> usize {
-    if std::env::var_os("ORGANZA_FULL").is_some() {
-        10 * n
-    } else {
-        n
-    }
+    organza_testing::sized(n, 10 * n)
 }
 
 /// What an arriving ray is multiplied by.

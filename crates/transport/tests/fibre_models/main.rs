@@ -13,6 +13,7 @@ use glam::{DVec3, UVec2, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_testing::is_full;
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, ExplicitFibres, Integrator, Light,
     LocalVisibility, PixelFilter, Projection, Scene, Stats, VirtualFibreEvent, VirtualFibreMedium,
@@ -223,7 +224,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
         twist_deg: 25.0,
         ..STRAIGHT
     };
-    if std::env::var_os("ORGANZA_FULL").is_none() {
+    if !is_full() {
         let small = Case {
             views: &ACROSS[..2],
             ..case("twist 25", twisted, [1.2, 8.3])
@@ -355,7 +356,7 @@ fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Mom
 /// the paths where not in full.
 #[test]
 fn local_visibility_against_fibres() {
-    let full = std::env::var_os("ORGANZA_FULL").is_some();
+    let full = is_full();
     let yarn = Yarn {
         twist_deg: 25.0,
         ..STRAIGHT

@@ -8,11 +8,11 @@ mod pictures;
 mod virtual_fibres;
 
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{Verdict, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Unsuited};
+use organza_testing::little_weave;
 use organza_transport::*;
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
@@ -61,26 +61,13 @@ fn grid(repeats: bool) -> GridMedium {
 
 /// Fibres that cross in the same voxels: mixtures of two populations.
 fn cloth() -> SggxOctreeMedium {
-    let mut segments = Vec::new();
-    for i in 0..24 {
-        let at = (i as f32 + 0.5) / 24.0 * 0.2;
-        let z = 0.05 + 0.015 * (i % 3) as f32;
-        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at, z + 0.02)];
-        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at, 0.2, z)];
-        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
-        segments.push(Segment::straight(along_y[0], along_y[1], 0.006));
-    }
-    let tile = Tile {
-        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
-        repeats: true,
-    };
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
         footprint: Footprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    let octree = voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap();
     let optics = FlakeOptics {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,
@@ -222,11 +209,7 @@ fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
 }
 
 fn samples() -> u64 {
-    if std::env::var("ORGANZA_FULL").is_ok() {
-        65_536
-    } else {
-        2048
-    }
+    organza_testing::sized(2048, 65_536)
 }
 
 #[test]

@@ -1,31 +1,14 @@
 //! Pictures around the scene: the kernel against the walk.
 
 use crate::{agree, cloth, film, grid, kernel, lens, samples, scene, settings};
-use glam::{UVec2, Vec3};
-use organza_basis::Rgb;
 use organza_kernel::proofs::Fault;
+use organza_testing::environment_with_lamps;
 use organza_transport::*;
 use std::sync::Arc;
 
-/// A dim sky with a low sun of some pixels, a lamp at the pole and one at the
-/// left edge.
-fn image() -> ImageEnvironment {
-    let size = UVec2::new(24, 12);
-    let mut pixels: Vec<Rgb> = (0..size.element_product())
-        .map(|i| Rgb::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * (i as f32).sin()))
-        .collect();
-    let mut shine = |x: usize, y: usize, radiance| pixels[y * 24 + x] = radiance;
-    shine(13, 8, Rgb::new(60.0, 40.0, 20.0));
-    shine(14, 8, Rgb::new(30.0, 20.0, 10.0));
-    shine(13, 9, Rgb::new(20.0, 15.0, 10.0));
-    shine(0, 5, Rgb::new(2.0, 9.0, 30.0));
-    (0..24).for_each(|x| shine(x, 0, Rgb::splat(9.0)));
-    ImageEnvironment::new(size, pixels, Vec3::new(0.2, 0.3, 1.0), Vec3::Y).unwrap()
-}
-
 pub(crate) fn picture() -> Light {
     Light::from(ImageLight {
-        image: Arc::new(image()),
+        image: Arc::new(environment_with_lamps()),
         search: LightSearch::Both,
     })
 }

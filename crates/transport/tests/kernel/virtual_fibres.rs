@@ -2,61 +2,38 @@
 
 use crate::pictures::picture;
 use crate::{agree, film, kernel, lens, panels, parallel, samples, scene, settings, sky};
-use glam::{UVec3, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, PathRng, Rgb, warp};
+use glam::UVec3;
+use organza_basis::{PathRng, Rgb, warp};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Matter, Refusal};
-use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
-};
+use organza_scatter::{Fibre, FittedFibre, FittedParameters};
+use organza_testing::little_weave;
+use organza_testing::{dielectric_fibre, fitted_fibre};
 use organza_transport::*;
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 
 fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::from(absorption),
-        longitudinal_rad: longitudinal_deg.to_radians(),
-        azimuthal_rad: azimuthal_deg.to_radians(),
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
-}
-
-fn fitted(name: &str) -> Fibre {
-    Fibre::Fitted(FittedFibre::new(FittedParameters::preset(name).unwrap()).unwrap())
+    let [longitudinal_rad, azimuthal_rad] = [longitudinal_deg, azimuthal_deg].map(f32::to_radians);
+    dielectric_fibre(Rgb::from(absorption), longitudinal_rad, azimuthal_rad)
 }
 
 /// Fibres of two materials that cross in the same voxels.
 fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
-    let mut segments = Vec::new();
-    for i in 0..24 {
-        let at = (i as f32 + 0.5) / 24.0 * 0.2;
-        let z = 0.05 + 0.015 * (i % 3) as f32;
-        let bend = 0.015 * ((i * 7 % 5) as f32 - 2.0);
-        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at + bend, z + 0.02)];
-        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at - bend, 0.2, z)];
-        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
-        let mut other = Segment::straight(along_y[0], along_y[1], 0.006);
-        other.material = 1;
-        segments.push(other);
-    }
-    let tile = Tile {
-        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
-        repeats: true,
-    };
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
         footprint: Footprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    let octree = voxelize(&little_weave(0.015, 1), &options, &|_| ()).unwrap();
     VirtualFibreMedium::new(octree, 0, fibres, event).unwrap()
 }
 
 pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
-    vec![dielectric([0.02, 0.1, 0.5], 5.0, 10.0), fitted("gabardine")]
+    vec![
+        dielectric([0.02, 0.1, 0.5], 5.0, 10.0),
+        fitted_fibre("gabardine"),
+    ]
 }
 
 /// What the kernel is given of fibres, against the medium's own extinction.

@@ -64,11 +64,7 @@ fn looking_down(media: Vec<AnyMedium>, lights: Vec<Light>, width_mm: f64) -> Sce
 
 /// Samples of a pixel, eight times as many where time allows.
 fn full(spp: u64) -> u64 {
-    spp * if std::env::var_os("ORGANZA_FULL").is_some() {
-        8
-    } else {
-        1
-    }
+    organza_testing::sized(spp, 8 * spp)
 }
 
 /// Mean of the first channel and its standard error.

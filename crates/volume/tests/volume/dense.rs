@@ -127,11 +127,7 @@ fn segments() -> impl Strategy<Value = Vec<Segment>> {
 /// The same cases at every run; thirty times as many with ORGANZA_FULL set.
 fn cases() -> ProptestConfig {
     ProptestConfig {
-        cases: if std::env::var_os("ORGANZA_FULL").is_some() {
-            1500
-        } else {
-            48
-        },
+        cases: organza_testing::sized(48, 1500),
         rng_seed: RngSeed::Fixed(4),
         failure_persistence: None,
         ..ProptestConfig::default()

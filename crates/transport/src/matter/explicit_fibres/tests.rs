@@ -2,14 +2,12 @@ use super::*;
 use glam::Vec3Swizzles;
 use organza_basis::curve::SegmentList;
 use organza_basis::{Segment, warp};
-use organza_scatter::{FittedFibre, FittedParameters};
 use std::f32::consts::TAU;
 
 const RADIUS_MM: f32 = 0.008;
 
 fn fitted() -> Vec<Fibre> {
-    let parameters = FittedParameters::preset("gabardine").unwrap();
-    vec![Fibre::Fitted(FittedFibre::new(parameters).unwrap())]
+    vec![organza_testing::fitted_fibre("gabardine")]
 }
 
 /// Twisted fibres along x through a tile whose faces they cross; hairs that

@@ -80,8 +80,7 @@ fn a_fabric_reads_from_toml_and_wrong_keys_are_named() {
 /// threads a side, with `ORGANZA_FULL=1` 641.
 #[test]
 fn drafts_of_every_dialect_become_cloth() {
-    let full = std::env::var("ORGANZA_FULL").is_ok_and(|v| v == "1");
-    let large = damask(if full { 641 } else { 96 });
+    let large = damask(organza_testing::sized(96, 641));
     let drafts = EXAMPLES.into_iter();
     for (name, bytes) in drafts.chain([("damask", large.as_bytes())]) {
         let draft = Draft::from_wif(bytes).unwrap();

@@ -1,0 +1,29 @@
+//! Segments of tests.
+
+use glam::Vec3;
+use organza_basis::Aabb;
+use organza_basis::curve::{Segment, SegmentList, Tile};
+
+/// A repeating tile of 0.2 x 0.2 mm with 24 straight fibres each way, in three layers. The
+/// far ends are moved aside by up to `2 * bend_mm`; the fibres along y are of `material_y`,
+/// those along x of material 0.
+pub fn little_weave(bend_mm: f32, material_y: u16) -> SegmentList {
+    let mut segments = Vec::new();
+    for i in 0..24 {
+        let at = (i as f32 + 0.5) / 24.0 * 0.2;
+        let z = 0.05 + 0.015 * (i % 3) as f32;
+        let bend = bend_mm * ((i * 7 % 5) as f32 - 2.0);
+        let along_x = [Vec3::new(0.0, at, z), Vec3::new(0.2, at + bend, z + 0.02)];
+        let along_y = [Vec3::new(at, 0.0, z + 0.01), Vec3::new(at - bend, 0.2, z)];
+        segments.push(Segment::straight(along_x[0], along_x[1], 0.004));
+        segments.push(Segment {
+            material: material_y,
+            ..Segment::straight(along_y[0], along_y[1], 0.006)
+        });
+    }
+    let tile = Tile {
+        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
+        repeats: true,
+    };
+    SegmentList { tile, segments }
+}
