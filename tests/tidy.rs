@@ -277,6 +277,43 @@ fn every_source_file_says_what_it_is() {
     }
 }
 
+/// The most lines of a source file whose head gives no reason for more.
+const MAX_LINES: usize = 450;
+
+/// Whether a source file has at most [`MAX_LINES`] lines, or its head has a line
+/// `//! More than 450 lines: REASON`.
+fn is_short_or_says_why(text: &str) -> bool {
+    let mut head = text.lines().take_while(|line| line.starts_with("//!"));
+    let marker = format!("//! More than {MAX_LINES} lines: ");
+    text.lines().count() <= MAX_LINES
+        || head.any(|line| line.strip_prefix(&marker).is_some_and(|why| why.len() > 10))
+}
+
+#[test]
+fn long_source_files_say_why() {
+    let long: Vec<String> = files(&root(), &[".rs"])
+        .iter()
+        .filter(|path| !is_short_or_says_why(&std::fs::read_to_string(path).unwrap()))
+        .map(|path| path.display().to_string())
+        .collect();
+    assert!(
+        long.is_empty(),
+        "more than {MAX_LINES} lines without a reason in the head: {long:?}"
+    );
+    // Known bad: a line too many, an empty reason, a reason below the head.
+    let code = "fn f() {}\n".repeat(MAX_LINES);
+    let reason = "//! More than 450 lines: one table that is read as a whole.\n";
+    assert!(is_short_or_says_why(&code));
+    assert!(is_short_or_says_why(&format!("{reason}{code}")));
+    assert!(!is_short_or_says_why(&format!("{code}fn g() {{}}\n")));
+    assert!(!is_short_or_says_why(&format!(
+        "//! More than 450 lines: \n{code}"
+    )));
+    assert!(!is_short_or_says_why(&format!(
+        "//! A table.\n\n{reason}{code}"
+    )));
+}
+
 /// Unit tests that outgrew their file.
 fn is_test_module(path: &Path) -> bool {
     path.file_stem()

@@ -12,7 +12,6 @@ use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
 const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
-
 /// Tries to draw an inclination before the last one is taken.
 const MAX_TRIES: u32 = 2048;
 
