@@ -52,6 +52,8 @@ pub struct ShellSpan {
     /// Rotation that comes nearest to the map: the factor of its polar
     /// decomposition. A reflection where the texture is mirrored.
     pub world_from_cloth: Mat3,
+    /// The map itself, for differences of places: mm of the world per mm of cloth.
+    pub stretch: Mat3,
 }
 
 #[derive(Clone, Copy)]
@@ -63,6 +65,7 @@ struct Tetrahedron {
     cloth_from_world: Mat3,
     cloth_corner_mm: Vec3,
     world_from_cloth: Mat3,
+    stretch: Mat3,
 }
 
 /// A point of the world and of the cloth.
@@ -89,6 +92,7 @@ impl Tetrahedron {
             cloth_from_world: (cloth * weights).as_mat3(),
             cloth_corner_mm: a.1.as_vec3(),
             world_from_cloth: rotation_of(map)?.as_mat3(),
+            stretch: map.as_mat3(),
         };
         Some((tetrahedron, map.determinant()))
     }
@@ -99,6 +103,7 @@ impl Tetrahedron {
         cloth_from_world: Mat3::ZERO,
         cloth_corner_mm: Vec3::ZERO,
         world_from_cloth: Mat3::IDENTITY,
+        stretch: Mat3::IDENTITY,
     };
 
     /// The part of a ray between 0 and `limit` inside.
@@ -134,6 +139,7 @@ impl Tetrahedron {
                 cloth_mm: self.cloth_corner_mm + self.cloth_from_world * from + t0 * step,
                 step,
                 world_from_cloth: self.world_from_cloth,
+                stretch: self.stretch,
             }
         })
     }

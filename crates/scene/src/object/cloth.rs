@@ -266,7 +266,14 @@ fn medium(
     let voxels = match &shown.representation.build {
         Build::ExplicitFibres(trace) => {
             let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
-            return Ok(AnyMedium::ExplicitFibres(fibres));
+            let mut place = place;
+            place.bounds_mm = fibres.cell_grid().bounds_mm();
+            if place.mesh.is_some() && !fibres.cell_grid().repeats() {
+                return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
+            }
+            let mut once = Some(AnyMedium::ExplicitFibres(fibres));
+            let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
+            return laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"));
         }
         Build::Surface(surface) => return alone(surface(&fabric, &path)?.into()),
         Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {

@@ -11,7 +11,7 @@ pub static EXPLICIT_FIBRES: Representation = Representation {
     colour: [0xc2, 0x3b, 0x6b],
     keys: &[],
     trackers: &[Tracker::Woodcock],
-    drapes: false,
+    drapes: true,
     check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::ExplicitFibres(|fabric, path, max_memory_bytes, loader| {
         fabric.explicit_fibres(path, max_memory_bytes, loader)

@@ -116,10 +116,11 @@ impl AnyMedium {
     }
 
     /// Whether the medium can fill a shell: it repeats, and asks for nothing
-    /// but extinction along straight lines.
+    /// but what straight lines meet.
     pub(crate) fn can_be_draped(&self) -> bool {
         each_volume!(AnyMedium, self, (m) => m.cell_grid().repeats(),
-            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
+            AnyMedium::ExplicitFibres(m) => m.cell_grid().repeats(),
+            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
         )
     }
 
@@ -138,7 +139,11 @@ impl AnyMedium {
             (m) => over
                 .collide(m, ray, limit, by, rng, stats)
                 .map(|(t, s, turn)| Collision::turned(t, m.located(s), turn)),
-            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
+            AnyMedium::ExplicitFibres(m) => m.first_draped_hit(over, ray, limit, stats).map(|h| {
+                let site = AnySite::ExplicitFibres(m, h.hit);
+                Collision::stretched(h.distance_mm, site, h.world_from_cloth, h.stretch)
+            }),
+            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
         )
     }
 
@@ -154,7 +159,8 @@ impl AnyMedium {
     ) -> f32 {
         let by = tracking.integrator;
         each_volume!(AnyMedium, self, (m) => over.pass(m, ray, reach, by, rng, stats),
-            AnyMedium::ExplicitFibres(_) | AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
+            AnyMedium::ExplicitFibres(m) => f32::from(!m.blocks_draped(over, ray, reach, stats)),
+            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
         )
     }
 }

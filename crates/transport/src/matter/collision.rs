@@ -31,6 +31,9 @@ pub struct Collision<'a> {
     site: AnySite<'a>,
     /// From the matter's own directions to the world's, where they differ.
     turn: Option<Mat3>,
+    /// From differences of the matter's own places to the world's, where the turn does
+    /// not serve.
+    stretch: Option<Mat3>,
 }
 
 pub(crate) enum AnySite<'a> {
@@ -63,14 +66,28 @@ located!(Grid: GridMedium, SggxOctree: SggxOctreeMedium, FlakeOctree: FlakeOctre
 
 impl<'a> Collision<'a> {
     pub(crate) fn new(t: f32, site: AnySite<'a>) -> Collision<'a> {
-        let turn = None;
-        Collision { t, site, turn }
+        Collision {
+            t,
+            site,
+            turn: None,
+            stretch: None,
+        }
     }
 
     /// In matter whose directions differ from the world's.
     pub(crate) fn turned(t: f32, site: AnySite<'a>, turn: Mat3) -> Collision<'a> {
-        let turn = Some(turn);
-        Collision { t, site, turn }
+        Collision {
+            turn: Some(turn),
+            ..Collision::new(t, site)
+        }
+    }
+
+    /// In matter whose directions and lengths differ from the world's.
+    pub(crate) fn stretched(t: f32, site: AnySite<'a>, turn: Mat3, stretch: Mat3) -> Self {
+        Collision {
+            stretch: Some(stretch),
+            ..Collision::turned(t, site, turn)
+        }
     }
 
     /// A direction of the world in the matter's own frame.
@@ -134,7 +151,10 @@ impl<'a> Collision<'a> {
             AnySite::Sheet(s) => s.exit_mm(w_in),
             AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
         );
-        self.world(exit)
+        match self.stretch {
+            Some(stretch) => stretch * exit,
+            None => self.world(exit),
+        }
     }
 
     /// Visibility within the cell around the collision at `at_mm`, and the

@@ -39,6 +39,11 @@ impl Draping {
         self.shell.is_some()
     }
 
+    /// The shell for media, if there is one.
+    pub(crate) fn shell(&self) -> Option<&Shell> {
+        self.shell.as_ref()
+    }
+
     /// Distance along a ray to mesh or shell.
     pub(crate) fn distance_mm(&self, ray: &Ray) -> Option<f32> {
         match &self.shell {

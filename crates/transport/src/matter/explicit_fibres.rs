@@ -18,6 +18,7 @@
 //! how much of their volume that concerns.
 
 mod curves;
+mod draped;
 mod hierarchy;
 mod overlap;
 mod piece;
@@ -219,7 +220,7 @@ impl ExplicitFibres {
         stats.collisions += 1;
         Some((
             found.distance_mm as f32,
-            self.describe(&found, ray.direction),
+            self.describe(&found, ray.direction, ray.direction),
         ))
     }
 
@@ -229,19 +230,34 @@ impl ExplicitFibres {
         self.walk(ray, reach, true, tests).is_some()
     }
 
-    /// From copy to copy of the tile, each in its own coordinates.
+    /// The nearest entry along a ray, or any.
     fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
         let clip = self.cell_grid.clip(ray, limit)?;
         let d = ray.direction.as_dvec3();
         let t_entry = f64::from(clip.t_entry);
-        let mut p = ray.origin.as_dvec3() + t_entry * d - self.origin_mm;
-        let (mut gone, length) = (0.0, f64::from(clip.length));
+        let p = ray.origin.as_dvec3() + t_entry * d - self.origin_mm;
+        let length = f64::from(clip.length);
         // A ray that starts among fibres has left its own.
-        let mut least = if t_entry > 0.0 { 0.0 } else { self.start_mm };
-        if !self.cell_grid.repeats() {
-            let found = self.in_tile(p, d, (least, length), any, tests)?;
-            return Some(found.later(t_entry));
-        }
+        let least = if t_entry > 0.0 { 0.0 } else { self.start_mm };
+        let found = if self.cell_grid.repeats() {
+            self.walk_copies(p, d, (least, length), any, tests)
+        } else {
+            self.in_tile(p, d, (least, length), any, tests)
+        };
+        found.map(|f| f.later(t_entry))
+    }
+
+    /// From copy to copy of the tile, each in its own coordinates: the nearest entry, or
+    /// any, between `least` and `length` mm from `p` along the unit direction `d`.
+    fn walk_copies(
+        &self,
+        mut p: DVec3,
+        d: DVec3,
+        (mut least, length): (f64, f64),
+        any: bool,
+        tests: &mut u64,
+    ) -> Option<Found> {
+        let mut gone = 0.0;
         for axis in 0..2 {
             p[axis] = p[axis].rem_euclid(self.period_mm[axis]);
         }
@@ -256,7 +272,7 @@ impl ExplicitFibres {
             let span = x.min(y).max(0.0);
             let most = (span + FACE_SLACK_MM).min(length - gone);
             if let Some(found) = self.in_tile(p, d, (least, most), any, tests) {
-                return Some(found.later(t_entry + gone));
+                return Some(found.later(gone));
             }
             gone += span;
             if gone >= length || !gone.is_finite() {
@@ -321,7 +337,9 @@ impl ExplicitFibres {
         nearest
     }
 
-    fn describe(&self, found: &Found, direction: Vec3) -> FibreHit {
+    /// A hit of a ray along `direction`. Light arrives along `light_direction`, which
+    /// differs where a map of places turns rays otherwise than directions.
+    fn describe(&self, found: &Found, direction: Vec3, light_direction: Vec3) -> FibreHit {
         let share = found.piece.nearest(found.point);
         let to_axis = found.piece.axis_point(share) - found.point;
         let tangent = self.curves.tangent(found.index, share as f32);
@@ -331,13 +349,15 @@ impl ExplicitFibres {
         let across = out - tangent * tangent.dot(out);
         let normal = across.try_normalize().unwrap_or(-frame.forward);
         let offset = frame.offset(normal);
+        let light_frame = FibreFrame::new(tangent, -light_direction);
+        let fibre = self.fibre(found.index);
         FibreHit {
             piece: found.index,
             tangent,
             offset,
             to_axis_mm: to_axis.as_vec3(),
             radius_mm: out.length(),
-            near: *self.fibre(found.index).near_field(frame, offset).event(),
+            near: *fibre.near_field(light_frame, offset).event(),
         }
     }
 

@@ -1,0 +1,115 @@
+//! Explicit fibres in the shell around a mesh.
+//!
+//! A ray is a straight line in every tetrahedron of the shell, in the world and in the
+//! cloth, so fibres are met in the cloth's own places, where they are round. Light arrives
+//! along the direction that the nearest rotation gives, as in draped media, so that every
+//! event keeps its energy; the exit point takes the map itself to the world, because only
+//! there it lies on the surface of the fibre. Where the map stretches, a fibre covers the
+//! part of the cloth that it covers in flat cloth.
+
+use super::{ExplicitFibres, FibreHit, Found};
+use crate::Stats;
+use crate::matter::draping::Draping;
+use glam::Mat3;
+use organza_basis::Ray;
+use organza_mesh::ShellSpan;
+
+/// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
+/// of the places there: what is met at a face belongs to one of its sides at least.
+const FACE_ROUNDINGS: f32 = 16.0;
+
+/// A hit in a shell, and the maps of its tetrahedron.
+pub(crate) struct DrapedHit {
+    /// Along the ray, mm of the world.
+    pub distance_mm: f32,
+    /// The hit, in the directions and places of the cloth.
+    pub hit: FibreHit,
+    /// Turns directions of the cloth to the world.
+    pub world_from_cloth: Mat3,
+    /// Takes differences of places of the cloth to the world.
+    pub stretch: Mat3,
+}
+
+impl ExplicitFibres {
+    /// The first fibre that a ray enters in a shell before `limit` mm.
+    pub(crate) fn first_draped_hit(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        limit: f32,
+        stats: &mut Stats,
+    ) -> Option<DrapedHit> {
+        let mut nearest = None;
+        let mut reach = limit;
+        over.shell()?.visit_spans(ray, limit, |span| {
+            if let Some((t, found)) = self.in_span(span, ray, false, &mut stats.tentative)
+                && t < reach
+            {
+                reach = t;
+                nearest = Some((found, *span));
+            }
+            reach
+        });
+        let (found, span) = nearest?;
+        stats.collisions += 1;
+        let light_direction = span.world_from_cloth.transpose() * ray.direction;
+        let direction = span.step.normalize();
+        Some(DrapedHit {
+            distance_mm: reach,
+            hit: self.describe(&found, direction, light_direction.normalize()),
+            world_from_cloth: span.world_from_cloth,
+            stretch: span.stretch,
+        })
+    }
+
+    /// True when a fibre in a shell stands in the ray's way before `reach` mm.
+    pub(crate) fn blocks_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        reach: f32,
+        stats: &mut Stats,
+    ) -> bool {
+        let Some(shell) = over.shell() else {
+            return false;
+        };
+        let mut is_blocked = false;
+        shell.visit_spans(ray, reach, |span| {
+            let found = self.in_span(span, ray, true, &mut stats.shadow_steps);
+            is_blocked |= found.is_some_and(|(t, _)| t < reach);
+            if is_blocked { 0.0 } else { reach }
+        });
+        is_blocked
+    }
+
+    /// The nearest entry in a tetrahedron, or any, and its distance along the ray.
+    fn in_span(
+        &self,
+        span: &ShellSpan,
+        ray: &Ray,
+        any: bool,
+        tests: &mut u64,
+    ) -> Option<(f32, Found)> {
+        let cloth_per_world = f64::from(span.step.length());
+        let d = span.step.as_dvec3() / cloth_per_world;
+        if !d.is_finite() {
+            return None;
+        }
+        let place_mm = span.cloth_mm.abs().max_element();
+        let world_mm = ray.at(span.t1).abs().max(ray.origin.abs()).max_element();
+        let rounding_mm = f64::from(f32::EPSILON * (place_mm + world_mm));
+        let slack_mm = f64::from(FACE_ROUNDINGS) * rounding_mm;
+        // A ray that starts among fibres has left its own.
+        let from_mm = if span.t0 > 0.0 {
+            -slack_mm
+        } else {
+            self.start_mm.max(slack_mm)
+        };
+        let length_mm = f64::from(span.t1 - span.t0) * cloth_per_world;
+        let p = span.cloth_mm.as_dvec3() - self.origin_mm;
+        let ends = (from_mm, length_mm + slack_mm);
+        let found = self.walk_copies(p, d, ends, any, tests)?;
+        let t = f64::from(span.t0) + found.distance_mm / cloth_per_world;
+        Some(((t as f32).max(0.0), found))
+    }
+}
