@@ -15,7 +15,7 @@ use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
     Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection, RenderSettings,
-    Rendering, Scene, flatten,
+    Rendering, Scene, engine, engine_named,
 };
 use std::f32::consts::TAU;
 use std::ops::ControlFlow;
@@ -121,8 +121,9 @@ fn render<'a>(scene: &'a Scene, backend: Option<Backend>) -> Rendering<'a> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(backend) = backend {
-        let kernel = flatten(scene, &settings, backend, u64::MAX).unwrap();
-        rendering = rendering.with_kernel(kernel);
+        let record = engine_named(backend.name()).unwrap();
+        let engine = engine(scene, &settings, record, u64::MAX).unwrap();
+        rendering = rendering.with_engine(engine);
     }
     rendering
 }

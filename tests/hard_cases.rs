@@ -14,11 +14,12 @@ use organza_measure::{Angles, Effort, Pair, VolumePatch, measure_pairs};
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, FlakeFamily,
     FlakeOctreeMedium, FlakeOptics, Hemisphere, Integrator, Light, PixelFilter, Projection,
-    RenderSettings, Rendering, Scene, flatten,
+    RenderSettings, Rendering, Scene, VoxelEngine, flatten,
 };
 use organza_volume::Footprint;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 const SEED: u64 = 0x4a7d;
@@ -88,8 +89,9 @@ fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Outcome> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if tracker == Tracker::Kernel {
-        let kernel = flatten(scene, &settings, Backend::Scalar, u64::MAX).ok()?;
-        rendering = rendering.with_kernel(kernel);
+        let flat = flatten(scene, &settings, u64::MAX).ok()?;
+        let engine = VoxelEngine::new(Arc::new(flat), Backend::Scalar).unwrap();
+        rendering = rendering.with_engine(engine);
     }
     let rendering = rendering.take(spp, &|_| ControlFlow::Continue(()));
     Some(rendering.map_or_else(

@@ -5,7 +5,7 @@
 //! and last the SHA-256 of all before.
 
 use crate::error::input;
-use crate::identity::{Difference, Engine, Identity, VERSION, crop_edges};
+use crate::identity::{Difference, EngineKind, Identity, VERSION, crop_edges};
 use crate::output;
 use anyhow::{Context, Result};
 use organza_transport::{Crop, Film, Pixel, Rendering, Stats};
@@ -165,9 +165,9 @@ fn describe_difference(
         ),
         Difference::Engine => {
             let remedy = match (here.engine, why_walk) {
-                (Engine::Walk, Some(why)) => format!(", for {why}"),
-                (Engine::Walk, None) => "; leave out --backend walk".to_owned(),
-                (Engine::Kernel, _) => "; continue with --backend walk".to_owned(),
+                (EngineKind::Walk, Some(why)) => format!(", for {why}"),
+                (EngineKind::Walk, None) => "; leave out --backend walk".to_owned(),
+                (EngineKind::Kernel, _) => "; continue with --backend walk".to_owned(),
             };
             format!(
                 "is a checkpoint of {}; this render is of {}{remedy}",

@@ -16,28 +16,28 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// numbers; all back ends of the kernel give the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Engine {
+pub enum EngineKind {
     /// The general walk.
     Walk,
     /// The kernel.
     Kernel,
 }
 
-impl Engine {
+impl EngineKind {
     /// In words, after "of".
     pub fn description(self) -> &'static str {
         match self {
-            Engine::Walk => "the general walk",
-            Engine::Kernel => "the kernel",
+            EngineKind::Walk => "the general walk",
+            EngineKind::Kernel => "the kernel",
         }
     }
 
     /// The engine of a back end, as pictures name it; parts of several are
     /// joined by `+`.
-    pub fn of_backend(name: &str) -> Engine {
+    pub fn of_backend(name: &str) -> EngineKind {
         match name {
-            "walk" => Engine::Walk,
-            _ => Engine::Kernel,
+            "walk" => EngineKind::Walk,
+            _ => EngineKind::Kernel,
         }
     }
 }
@@ -55,7 +55,7 @@ pub struct Identity {
     /// Pixels of the whole picture: left, top, right, bottom.
     pub crop: [u32; 4],
     /// What took the paths.
-    pub engine: Engine,
+    pub engine: EngineKind,
     /// The files that the scene names, in the order in which it names them.
     pub inputs: Vec<NamedDigest>,
     /// Digest of the scene, see [`scene_digest`].
@@ -236,7 +236,7 @@ mod tests {
             version: VERSION.into(),
             seed: 0,
             crop: [0, 0, 4, 4],
-            engine: Engine::Kernel,
+            engine: EngineKind::Kernel,
             inputs: named_inputs(scene, read),
             scene: "0".into(),
         };
@@ -249,7 +249,7 @@ mod tests {
         let z = Difference::Input("z.toml".into());
         assert_eq!(a.difference(&longer), Some(z));
         let mut walked = a.clone();
-        walked.engine = Engine::Walk;
+        walked.engine = EngineKind::Walk;
         walked.scene = "1".into();
         assert_eq!(a.difference(&walked), Some(Difference::Engine));
         assert_eq!(a.difference(&a.clone()), None);

@@ -1,13 +1,28 @@
 //! What fills films with the paths of a scene that was laid out for it.
 
-use crate::{Block, Kernel};
+use crate::block::Block;
+use crate::fibres::fibre_scene::FibreScene;
+use crate::refusal::Refusal;
+use crate::voxels::flat_scene::FlatScene;
 use organza_film::Stats;
+use std::sync::Arc;
 
 /// Blocks of the film that a thread does one after the other in a pass, so that
 /// threads end at about the same time.
 const BLOCKS_PER_THREAD: u32 = 4;
 
-/// Walks the paths of a view: whatever walks, the same seed gives the same bits.
+/// Walks the paths of a scene.
+///
+/// # Contract
+/// - One engine gives the same bits for the same seed, however the film is divided into
+///   blocks and the samples into passes. Engines for processors agree bit for bit;
+///   others agree with them within the noise.
+/// - Threads call [`take`](Engine::take) at the same time, with blocks that share no
+///   pixel. An engine that takes the whole film at once says so by
+///   [`rows_per_block`](Engine::rows_per_block): a pass then has one block, and makes
+///   one call.
+/// - A render can be interrupted between blocks, so a block should take no longer than a
+///   second.
 pub trait Engine: Send + Sync {
     /// Its name on the command line and in pictures.
     fn name(&self) -> &'static str;
@@ -16,27 +31,14 @@ pub trait Engine: Send + Sync {
     fn memory_bytes(&self) -> u64;
 
     /// Rows of pixels that a block should have, in a film of `rows` that so many threads
-    /// share. Lanes of a processor run dry at the end of a block: few and large ones.
+    /// share; at least one. Lanes of a processor run dry at the end of a block: few and
+    /// large ones.
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
         rows.div_ceil(BLOCKS_PER_THREAD * threads.max(1)).max(1)
     }
 
     /// Takes the samples of a block.
     fn take(&self, block: &mut Block<'_>) -> Stats;
-}
-
-impl Engine for Kernel {
-    fn name(&self) -> &'static str {
-        self.backend().name()
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        Kernel::memory_bytes(self)
-    }
-
-    fn take(&self, block: &mut Block<'_>) -> Stats {
-        Kernel::take(self, block)
-    }
 }
 
 impl Engine for Box<dyn Engine> {
@@ -54,5 +56,35 @@ impl Engine for Box<dyn Engine> {
 
     fn take(&self, block: &mut Block<'_>) -> Stats {
         (**self).take(block)
+    }
+}
+
+/// An engine as it is registered in [`ENGINES`](crate::ENGINES): what it is called, and
+/// how it is made.
+#[derive(Clone, Copy, Debug)]
+pub struct EngineRecord {
+    /// Its name on the command line and in pictures.
+    pub name: &'static str,
+    /// One line for help texts, without a full stop.
+    pub summary: &'static str,
+    /// Whether this computer has it.
+    pub is_available: fn() -> bool,
+    /// The engine for a scene of voxels. It refuses a scene that it cannot hold.
+    pub for_voxels: fn(Arc<FlatScene>) -> Result<Box<dyn Engine>, Refusal>,
+    /// The engine for a scene of explicit fibres.
+    pub for_fibres: fn(Arc<FibreScene>) -> Result<Box<dyn Engine>, Refusal>,
+}
+
+impl EngineRecord {
+    /// Refuses an engine that this computer does not have, before anything is laid out
+    /// for it.
+    ///
+    /// # Errors
+    /// [`Refusal::Unavailable`].
+    pub fn check(&self) -> Result<(), Refusal> {
+        if (self.is_available)() {
+            return Ok(());
+        }
+        Err(Refusal::Unavailable(self.name))
     }
 }

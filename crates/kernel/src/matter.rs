@@ -1,6 +1,5 @@
 //! The interface through which matter is described to the kernel.
 
-use crate::Unsuited;
 use glam::UVec3;
 use organza_basis::{CellGrid, Rgb};
 use organza_scatter::{AxialFlake, Fibre};
@@ -46,3 +45,30 @@ pub enum Substance {
 
 /// No yarn.
 pub const NO_YARN: u32 = u32::MAX;
+
+/// Most voxels along an axis: `f32` coordinates then keep voxels apart by the margin
+/// that a walk needs.
+pub const MAX_DIM: u32 = 4096;
+
+/// Why matter cannot be laid out for lanes.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Unsuited {
+    /// Flakes that are not those of a fibre.
+    #[error("a grid has flakes that are not symmetric about their thinnest direction")]
+    NotAxial,
+    /// More voxels along an axis than [`MAX_DIM`].
+    #[error("a medium has more than {MAX_DIM} voxels along an axis")]
+    TooWide,
+    /// More albedos than there are numbers for.
+    #[error("a medium has more than 65536 different albedos")]
+    TooManyAlbedos,
+    /// Thin matter beside matter so dense that the chance of meeting it is lost.
+    #[error("thin matter beside dense matter (an optical depth of {0} across all of it)")]
+    Contrast(f32),
+    /// Matter so dense that places are too far apart.
+    #[error("matter so dense that a voxel has an optical depth of {0}")]
+    Dense(f32),
+    /// More populations than can be addressed.
+    #[error("a medium has more than 2^29 populations of fibres")]
+    TooManyPopulations,
+}

@@ -1,10 +1,10 @@
-//! Kernels that are wrong on purpose: known-bad twins, which tests must reject.
+//! Scenes that are wrong on purpose: known-bad twins, which tests must reject.
 
-use crate::Kernel;
 use crate::voxels::fibre_tables::FibreTables;
+use crate::voxels::flat_scene::FlatScene;
 use organza_scatter::Fibre;
 
-/// What is wrong with a kernel.
+/// What is wrong with a scene.
 pub enum Fault<'a> {
     /// Tables of light hold one depth everywhere: exact rays set that right.
     OpticalDepths,
@@ -20,9 +20,9 @@ pub enum Fault<'a> {
     RoundedScale,
 }
 
-impl Kernel {
-    /// The same kernel with a fault.
-    pub fn with_fault(mut self, fault: Fault<'_>) -> Kernel {
+impl FlatScene {
+    /// The same scene with a fault.
+    pub fn with_fault(mut self, fault: Fault<'_>) -> FlatScene {
         /// Four times the code of half a unit of depth.
         const WRONG: u32 = 0x0e0e_0e0e;
         match fault {

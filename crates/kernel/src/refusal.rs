@@ -1,8 +1,7 @@
 //! Why the kernel leaves a scene to the general walk.
 
-use crate::Backend;
-use crate::fibres::Unfit;
-use crate::voxels::layout::MAX_DIM;
+use crate::fibres::cells::Unfit;
+use crate::matter::Unsuited;
 
 /// Why the kernel leaves a view to another walk.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -34,32 +33,9 @@ pub enum Refusal {
     /// More pieces of fibre than can be numbered.
     #[error("there are more pieces of fibre than cells can hold")]
     TooManyPieces,
-    /// The processor lacks it.
-    #[error("this processor does not have {0:?}")]
-    Backend(Backend),
-}
-
-/// Why matter cannot be laid out for lanes.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Unsuited {
-    /// Flakes that are not those of a fibre.
-    #[error("a grid has flakes that are not symmetric about their thinnest direction")]
-    NotAxial,
-    /// More voxels along an axis than [`MAX_DIM`].
-    #[error("a medium has more than {MAX_DIM} voxels along an axis")]
-    TooWide,
-    /// More albedos than there are numbers for.
-    #[error("a medium has more than 65536 different albedos")]
-    TooManyAlbedos,
-    /// Thin matter beside matter so dense that the chance of meeting it is lost.
-    #[error("thin matter beside dense matter (an optical depth of {0} across all of it)")]
-    Contrast(f32),
-    /// Matter so dense that places are too far apart.
-    #[error("matter so dense that a voxel has an optical depth of {0}")]
-    Dense(f32),
-    /// More populations than can be addressed.
-    #[error("a medium has more than 2^29 populations of fibres")]
-    TooManyPopulations,
+    /// The computer lacks what an engine needs.
+    #[error("this computer does not have what the engine {0} needs")]
+    Unavailable(&'static str),
 }
 
 impl Refusal {

@@ -70,11 +70,12 @@
 //! # }
 //! ```
 
-mod flatten;
+mod engine;
+mod kernel_matter;
 mod matter;
 mod walk;
 
-pub use flatten::{KernelRefusal, engine, fibre_probe, flatten};
+pub use engine::{KernelRefusal, engine, fibre_probe, flatten};
 pub use matter::*;
 pub use walk::*;
 
@@ -85,7 +86,10 @@ pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
-pub use organza_kernel::{Backend, Engine, FibreProbe, Kernel, ProbePaths};
+pub use organza_kernel::{
+    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, ProbePaths, VoxelEngine,
+    default_engine, engine_named,
+};
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
     ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,

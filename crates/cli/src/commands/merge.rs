@@ -4,7 +4,7 @@ use super::Command;
 use super::render::CLAMPED;
 use crate::error::input;
 use crate::flags::MemoryArgs;
-use crate::identity::{Difference, Engine, Identity};
+use crate::identity::{Difference, EngineKind, Identity};
 use crate::output;
 use crate::output::note;
 use crate::picture;
@@ -183,7 +183,7 @@ fn identity(part: &Part<'_>) -> Result<Identity> {
         version: value("version")?.to_owned(),
         seed: value("seed")?.parse().map_err(|_| missing("seed"))?,
         crop: crop.try_into().map_err(|_| missing("crop"))?,
-        engine: Engine::of_backend(value("backend")?),
+        engine: EngineKind::of_backend(value("backend")?),
         inputs: serde_json::from_str(value("inputs")?).map_err(|_| missing("inputs"))?,
         scene: value("identity")?.to_owned(),
     })

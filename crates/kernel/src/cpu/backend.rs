@@ -54,7 +54,7 @@ impl Backend {
     }
 
     /// Its name on the command line and in pictures.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Backend::Scalar => "scalar",
             Backend::Avx2 => "avx2",

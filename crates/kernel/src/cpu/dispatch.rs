@@ -1,27 +1,22 @@
-//! Entering the code of a back end.
+//! Entering the code of a back end: the one place where code for instructions that a
+//! processor may lack is entered.
 
-use super::Backend;
+use super::backend::Backend;
 use super::lanes::{Floats, one};
-use crate::voxels::fibres::Fibres;
-use crate::voxels::flakes::Mirrors;
-use crate::voxels::walk;
-use crate::{Block, Kernel};
-use organza_film::Stats;
 
-/// Walks through what there is.
-#[inline(always)]
-fn by_matter<F: Floats>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-    if kernel.medium.is_of_fibres {
-        walk::walk::<F, Fibres<F>>(kernel, block)
-    } else {
-        walk::walk::<F, Mirrors<F>>(kernel, block)
-    }
+/// Something to do with the lanes of a back end.
+pub trait Job {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn run<F: Floats>(self) -> Self::Output;
 }
 
-/// Walks with the kernel's back end: the one place where code for instructions
-/// that a processor may lack is entered, after [`Kernel::new`] has asked it.
+/// Does a job with two vectors of the back end, or one lane: the most paths at once.
+/// The processor must have been asked for the back end.
 #[allow(unsafe_code)]
-pub fn dispatch(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+pub fn dispatch_widest<J: Job>(backend: Backend, job: J) -> J::Output {
+    assert!(backend.is_available(), "{backend:?} is not available");
     #[cfg(target_arch = "x86_64")]
     {
         use super::lanes::Two;
@@ -30,39 +25,22 @@ pub fn dispatch(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
         #[target_feature(
             enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
         )]
-        fn avx512(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            by_matter::<Two<vector::avx512::F>>(kernel, block)
+        fn avx512<J: Job>(job: J) -> J::Output {
+            job.run::<Two<vector::avx512::F>>()
         }
 
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-        fn avx2(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            by_matter::<Two<vector::avx2::F>>(kernel, block)
+        fn avx2<J: Job>(job: J) -> J::Output {
+            job.run::<Two<vector::avx2::F>>()
         }
 
-        /// One lane, where fused products need no function call.
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-        fn fused(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
-            by_matter::<one::F>(kernel, block)
-        }
-
-        match kernel.backend {
-            Backend::Avx512 => return unsafe { avx512(kernel, block) },
-            Backend::Avx2 => return unsafe { avx2(kernel, block) },
-            Backend::Scalar if Backend::Avx2.is_available() => {
-                return unsafe { fused(kernel, block) };
-            }
+        match backend {
+            Backend::Avx512 => return unsafe { avx512(job) },
+            Backend::Avx2 => return unsafe { avx2(job) },
             Backend::Scalar => {}
         }
     }
-    by_matter::<one::F>(kernel, block)
-}
-
-/// Something to do with the lanes of a back end.
-pub trait Job {
-    /// What comes of it.
-    type Output;
-    /// Does it.
-    fn run<F: Floats>(self) -> Self::Output;
+    dispatch_one(job)
 }
 
 /// Does a job with one vector of sixteen lanes, or two of eight, or one lane. The
@@ -87,18 +65,28 @@ pub fn dispatch_sixteen<J: Job>(backend: Backend, job: J) -> J::Output {
             job.run::<Two<vector::avx2::F>>()
         }
 
+        match backend {
+            Backend::Avx512 => return unsafe { avx512(job) },
+            Backend::Avx2 => return unsafe { avx2(job) },
+            Backend::Scalar => {}
+        }
+    }
+    dispatch_one(job)
+}
+
+/// Does a job with one lane.
+#[allow(unsafe_code)]
+fn dispatch_one<J: Job>(job: J) -> J::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        /// One lane, where fused products need no function call.
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
         fn fused<J: Job>(job: J) -> J::Output {
             job.run::<one::F>()
         }
 
-        match backend {
-            Backend::Avx512 => return unsafe { avx512(job) },
-            Backend::Avx2 => return unsafe { avx2(job) },
-            Backend::Scalar if Backend::Avx2.is_available() => {
-                return unsafe { fused(job) };
-            }
-            Backend::Scalar => {}
+        if Backend::Avx2.is_available() {
+            return unsafe { fused(job) };
         }
     }
     job.run::<one::F>()

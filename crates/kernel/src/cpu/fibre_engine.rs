@@ -25,7 +25,7 @@ impl FibreEngine {
     /// When the processor lacks them.
     pub fn new(scene: Arc<FibreScene>, backend: Backend) -> Result<FibreEngine, Refusal> {
         if !backend.is_available() {
-            return Err(Refusal::Backend(backend));
+            return Err(Refusal::Unavailable(backend.name()));
         }
         Ok(FibreEngine { scene, backend })
     }

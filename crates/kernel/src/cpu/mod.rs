@@ -1,4 +1,5 @@
-//! Lanes of processors: one path in each, and the numbers they compute with.
+//! Engines for processors: one path in each lane of a vector, and the numbers that lanes
+//! compute with.
 
 mod backend;
 mod dispatch;
@@ -8,16 +9,15 @@ pub mod lanes;
 pub mod math;
 #[cfg(test)]
 mod math_tests;
+mod prefetch;
+mod records;
 #[cfg(target_arch = "x86_64")]
 pub mod vector;
+mod voxel_engine;
 
 pub use backend::Backend;
-pub use dispatch::dispatch;
 pub use fibre_engine::FibreEngine;
 pub use fibre_probe::{FibreProbe, ProbePaths};
-#[cfg(target_arch = "x86_64")]
-pub use vector::prefetch;
-
-/// Processors without a vector back end fetch when they need to.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn prefetch<T>(_: &[T], _: usize) {}
+pub use prefetch::prefetch;
+pub use records::{AVX2, AVX512, SCALAR};
+pub use voxel_engine::VoxelEngine;

@@ -13,7 +13,7 @@
 
 mod block;
 mod cell_ray;
-mod cells;
+pub(crate) mod cells;
 mod copies;
 mod crossing;
 pub mod exhaustive;

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_film::{Brightness, Camera, FirstEvent, Pixel, Sample, Stats, Tally};
 
-use crate::Block;
+use crate::block::Block;
 use crate::cpu::math::pixel_key;
 
 /// A path to walk.

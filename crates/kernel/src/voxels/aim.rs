@@ -1,9 +1,9 @@
 //! Direct light for lanes: tabulated estimates, corrected by exact rays.
 
+use super::flat_scene::FlatScene;
 use super::optical_depth_table::OpticalDepthTable;
 use super::shadow_ray::ShadowRay;
 use super::walk::{Paths, stored};
-use crate::Kernel;
 use crate::cpu::lanes::{Floats, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{V3, exp2};
 use glam::Vec3;
@@ -34,7 +34,7 @@ impl<F: Floats> Aim<F> {
     #[inline(always)]
     pub fn transmittance(
         &self,
-        kernel: &Kernel,
+        scene: &FlatScene,
         light: &OpticalDepthTable,
         paths: &Paths<F>,
         mean_throughput: F,
@@ -42,13 +42,13 @@ impl<F: Floats> Aim<F> {
         stats: &mut Stats,
     ) -> F {
         let through = exp2(self.table_depth * F::splat(-LOG2_E));
-        let share = mean_throughput * self.grey * F::splat(kernel.residual_scale);
+        let share = mean_throughput * self.grey * F::splat(scene.residual_scale);
         let keep = (share * (through + F::splat(light.residual_floor))).min(F::splat(1.0));
         let traced = met & self.u.below(keep);
         if !traced.any() {
             return through;
         }
-        let exact = self.transmittances(kernel, light, paths, self.u / keep, traced, stats);
+        let exact = self.transmittances(scene, light, paths, self.u / keep, traced, stats);
         let set_right = (exact - through) / keep + through;
         set_right.or_where_not(traced, through)
     }
@@ -57,7 +57,7 @@ impl<F: Floats> Aim<F> {
     #[inline(always)]
     fn transmittances(
         &self,
-        kernel: &Kernel,
+        scene: &FlatScene,
         light: &OpticalDepthTable,
         paths: &Paths<F>,
         chance: F,
@@ -79,18 +79,18 @@ impl<F: Floats> Aim<F> {
         for lane in SetBits(traced.bits()) {
             let [at, toward, beyond, numbers] =
                 [&at, &toward, &beyond, &numbers].map(|v| Vec3::from_array(v.map(|x| x[lane])));
-            let border_mm = kernel.borders.map_or(f32::INFINITY, |borders| {
-                borders.way_out_mm(&kernel.medium.cell_grid, at + beyond, toward)
+            let border_mm = scene.borders.map_or(f32::INFINITY, |borders| {
+                borders.way_out_mm(&scene.medium.cell_grid, at + beyond, toward)
             });
             let ray = ShadowRay {
-                cell_grid: &kernel.medium.cell_grid,
+                cell_grid: &scene.medium.cell_grid,
                 at,
                 toward,
                 reach_mm: numbers.x.min(border_mm),
                 sure_depth: numbers.y + SURE_DEPTH,
                 chance: numbers.z,
             };
-            let (t, steps) = light.transmittance(&kernel.medium, &ray);
+            let (t, steps) = light.transmittance(&scene.medium, &ray);
             through[lane] = t;
             stats.shadow_rays += 1;
             stats.shadow_steps += steps;

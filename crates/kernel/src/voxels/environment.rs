@@ -45,16 +45,17 @@ const PLACE: u32 = 8;
 
 /// A picture around the scene.
 pub struct Sky {
-    size: [f32; 2],
+    /// Columns and rows.
+    pub size: [f32; 2],
     /// Toward the picture's middle, left and up.
-    centre: Vec3,
-    left: Vec3,
-    up: Vec3,
+    pub centre: Vec3,
+    pub left: Vec3,
+    pub up: Vec3,
     /// Red, green and blue of the sky's texels as bits of `f32`, then the same
     /// of the whole picture, unless that is all there is.
-    texels: Vec<u32>,
+    pub texels: Vec<u32>,
     /// Where the whole picture begins.
-    whole: u32,
+    pub whole: u32,
     /// What is brighter.
     pub lamps: Vec<Lamp>,
     /// The greatest texel.
@@ -69,9 +70,9 @@ pub struct Lamp {
     /// of its texel, where that begins which has the rest, column and row;
     /// then red, green and blue times the solid angle of a texel at the equator
     /// over the texel's probability, and two that are unused.
-    places: Vec<u32>,
-    /// A power of two, so that all are drawn alike.
-    count: u32,
+    pub places: Vec<u32>,
+    /// Slots, a power of two, so that all are drawn alike.
+    pub count: u32,
 }
 
 /// Directions drawn toward a lamp.

@@ -1,8 +1,8 @@
 //! What happens where a lane meets matter: one interface for micro-flakes and
 //! fibres.
 
+use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use crate::Kernel;
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{LaneRng, V3};
 
@@ -34,7 +34,7 @@ pub trait Event<F: Floats>: Sized {
 
     /// The event of the lanes of a mask.
     fn new(
-        kernel: &Kernel,
+        scene: &FlatScene,
         met: &Meeting<F>,
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
@@ -45,12 +45,12 @@ pub trait Event<F: Floats>: Sized {
 
     /// Light from a direction that is scattered back along the way, over its
     /// radiance and [`Event::common`], per steradian: grey, and per channel.
-    fn toward(&self, kernel: &Kernel, w_in: V3<F>) -> (F, V3<F>);
+    fn toward(&self, scene: &FlatScene, w_in: V3<F>) -> (F, V3<F>);
 
     /// Draws where light comes from.
     fn turn(
         &self,
-        kernel: &Kernel,
+        scene: &FlatScene,
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Turn<F>;

@@ -1,8 +1,8 @@
 //! Micro-flakes about the fibres of a voxel, one population in every lane.
 
 use super::event::{Event, Meeting, Turn};
+use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use crate::Kernel;
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3, sin_cos_of_turns};
 use glam::Vec3;
@@ -31,7 +31,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
 
     #[inline(always)]
     fn new(
-        kernel: &Kernel,
+        scene: &FlatScene,
         met: &Meeting<F>,
         _rng: &mut LaneRng<F::Ints>,
         _mask: <F::Ints as Ints>::Mask,
@@ -41,7 +41,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
             flakes,
             w_out: met.w_out,
             per_area: F::splat(1.0) / flakes.area(met.w_out),
-            albedo: albedo(kernel, met.place),
+            albedo: albedo(scene, met.place),
         }
     }
 
@@ -51,7 +51,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
     }
 
     #[inline(always)]
-    fn toward(&self, _kernel: &Kernel, w_in: V3<F>) -> (F, V3<F>) {
+    fn toward(&self, _scene: &FlatScene, w_in: V3<F>) -> (F, V3<F>) {
         let phase = self.flakes.phase(self.w_out, self.per_area, w_in);
         let (x, y, z) = (phase, phase, phase);
         (phase, V3 { x, y, z })
@@ -60,7 +60,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
     #[inline(always)]
     fn turn(
         &self,
-        _kernel: &Kernel,
+        _scene: &FlatScene,
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Turn<F> {
@@ -77,8 +77,8 @@ impl<F: Floats> Event<F> for Mirrors<F> {
 
 /// Albedos of the populations at these places.
 #[inline(always)]
-fn albedo<F: Floats>(kernel: &Kernel, place: F::Ints) -> V3<F> {
-    let (medium, word) = (&kernel.medium, F::Ints::splat);
+fn albedo<F: Floats>(scene: &FlatScene, place: F::Ints) -> V3<F> {
+    let (medium, word) = (&scene.medium, F::Ints::splat);
     if medium.materials.is_empty() {
         return V3::splat(medium.only_albedo());
     }

@@ -19,8 +19,8 @@
 use super::fibre_tables::{WIDE_RAD, area_squared, end_on_ratio};
 use super::population_tables::populations;
 use super::voxel_words::{VoxelWords, WORDS};
-use crate::NO_YARN;
 use crate::cpu::lanes::{Floats, Ints, one};
+use crate::matter::NO_YARN;
 use glam::Vec3;
 use organza_basis::CellGrid;
 use organza_film::{FirstEvent, SiteInfo};
@@ -45,10 +45,10 @@ pub struct FlatMedium {
     /// material; one word of four unused.
     pub substances: Vec<u32>,
     /// Of every population; empty where no yarns are known.
-    pub(super) yarns: Vec<u32>,
+    pub yarns: Vec<u32>,
     /// Of every population, the densest in its voxel, which stands for all in
     /// pictures; empty where each has its own place.
-    pub(super) densest: Vec<u32>,
+    pub densest: Vec<u32>,
     /// What shares are of, 1/mm: [`MOST`] of it is the majorant.
     pub scale_per_mm: f32,
     /// Virtual fibres, not micro-flakes.

@@ -1,11 +1,12 @@
 //! Which sample of which pixel every lane walks, and the next one when a path has ended.
 
 use super::flat_medium::NO_POPULATION;
+use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
 use super::walk::{Paths, add_panels_in_sight};
+use crate::block::Block;
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, pixel_key};
-use crate::{Block, Kernel};
 use glam::Vec3;
 use organza_film::Stats;
 use organza_film::{Sample, Tally};
@@ -50,7 +51,7 @@ struct PixelPlace {
 /// there are samples left.
 #[inline(always)]
 pub fn regenerate<F: Floats>(
-    kernel: &Kernel,
+    scene: &FlatScene,
     block: &mut Block<'_>,
     paths: &mut Paths<F>,
     work: &mut LaneWork,
@@ -67,7 +68,7 @@ pub fn regenerate<F: Floats>(
     let mut first_depth = [0.0; MAX_LANES];
     paths.first_depth.store(&mut first_depth);
 
-    let length_mm = 1.0 / kernel.medium.scale_per_mm;
+    let length_mm = 1.0 / scene.medium.scale_per_mm;
     let mut key = [[0u32; MAX_LANES]; 2];
     let mut index = [0u32; MAX_LANES];
     let mut film = [[0.0f32; MAX_LANES]; 2];
@@ -79,13 +80,13 @@ pub fn regenerate<F: Floats>(
             let path = Sample {
                 radiance,
                 bounces: bounces[lane],
-                first: kernel
+                first: scene
                     .medium
                     .first_event(first[lane], first_depth[lane] * length_mm),
                 index: assignment.sample,
             };
             let pixel = &mut block.pixels[place.pixel];
-            if assignment.tally.add(&path, &kernel.brightness, pixel) {
+            if assignment.tally.add(&path, &scene.brightness, pixel) {
                 for x in radiance {
                     stats.brightest = stats.brightest.max(x);
                 }
@@ -94,17 +95,17 @@ pub fn regenerate<F: Floats>(
             }
             assignment.sample += 1;
             if assignment.sample >= block.samples.end {
-                assignment.tally.flush(&kernel.brightness, pixel);
+                assignment.tally.flush(&scene.brightness, pixel);
                 assignment.place = None;
             }
         }
         if assignment.place.is_none() {
             assignment.place = block.pixel(work.next_turn).map(|(pixel, x, y)| {
-                let name = u64::from(y) * u64::from(kernel.film_width) + u64::from(x);
+                let name = u64::from(y) * u64::from(scene.film_width) + u64::from(x);
                 PixelPlace {
                     pixel,
                     film: [x as f32, y as f32],
-                    key: pixel_key(kernel.seed, name),
+                    key: pixel_key(scene.seed, name),
                 }
             });
             work.next_turn += 1;
@@ -125,7 +126,13 @@ pub fn regenerate<F: Floats>(
     let keys = (F::Ints::load(&key[0]), F::Ints::load(&key[1]));
     let mut rng = LaneRng::new(keys, F::Ints::load(&index));
     let place = (F::load(&film[0]), F::load(&film[1]));
-    let rays = kernel.rays.rays::<F>(kernel, place, &mut rng, begun);
+    let rays = scene.camera_rays.rays::<F>(
+        &scene.medium.cell_grid,
+        scene.borders,
+        place,
+        &mut rng,
+        begun,
+    );
     let zeros = V3::splat(Vec3::ZERO);
     paths.rng = rng.or_where_not(begun, paths.rng);
     paths.at = rays.at.or_where_not(begun, paths.at);
@@ -135,16 +142,16 @@ pub fn regenerate<F: Floats>(
         nowhere.or_where_not(begun, x),
         nowhere.or_where_not(begun, y),
     ];
-    paths.turn(kernel, rays.direction, begun);
-    let depth = rays.depth_mm * F::splat(kernel.medium.scale_per_mm);
+    paths.turn(scene, rays.direction, begun);
+    let depth = rays.depth_mm * F::splat(scene.medium.scale_per_mm);
     paths.depth = depth.or_where_not(begun, paths.depth);
     paths.throughput = V3::splat(Vec3::ONE).or_where_not(begun, paths.throughput);
     paths.radiance = zeros.or_where_not(begun, paths.radiance);
     paths.bounces = F::Ints::splat(0).or_where_not(begun, paths.bounces);
     paths.first_place = F::Ints::splat(NO_POPULATION).or_where_not(begun, paths.first_place);
     paths.voxel = VoxelWords::unknown().or_where_not(begun, paths.voxel);
-    if kernel.has_panels() {
-        add_panels_in_sight(kernel, paths, begun, false);
+    if scene.has_panels() {
+        add_panels_in_sight(scene, paths, begun, false);
     }
     paths.gone = begun & rays.missing;
     paths.flying = paths.flying | (begun & !rays.missing);

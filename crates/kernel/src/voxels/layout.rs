@@ -3,15 +3,11 @@
 use super::flat_medium::{FlatMedium, PLACE_BITS};
 use super::reach::{Surroundings, surroundings};
 use super::voxel_words::{MOST, WORDS, pack, with_surroundings};
-use crate::{Matter, NO_YARN, Population, Substance, Unsuited};
+use crate::matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
 use glam::{UVec3, Vec3};
 use organza_basis::CellGrid;
 use rayon::prelude::*;
 use std::collections::HashMap;
-
-/// Most voxels along an axis: `f32` coordinates then keep voxels apart by the
-/// margin that the walk needs.
-pub const MAX_DIM: u32 = 4096;
 
 /// Room for what rounding does to a stored extinction: its greatest is below
 /// the bound times this.

@@ -3,20 +3,20 @@
 
 pub mod aim;
 pub mod borders;
+pub mod camera_rays;
 pub mod environment;
 #[cfg(test)]
 mod environment_tests;
+pub mod even_fibres;
 pub mod event;
 pub mod event_weights;
 pub mod fibre_tables;
-#[cfg(test)]
-mod fibre_tests;
-pub mod fibres;
-pub mod film_rays;
 pub mod flakes;
 pub mod flat_medium;
+pub mod flat_scene;
 pub mod lane_work;
 pub mod layout;
+pub mod light_groups;
 #[cfg(test)]
 mod matter_tests;
 pub mod optical_depth_table;
@@ -24,5 +24,8 @@ pub mod panel;
 pub mod population_tables;
 pub mod reach;
 pub mod shadow_ray;
+#[cfg(test)]
+mod virtual_fibre_tests;
+pub mod virtual_fibres;
 pub mod voxel_words;
 pub mod walk;

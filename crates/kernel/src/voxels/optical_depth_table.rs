@@ -171,7 +171,7 @@ pub struct OpticalDepthTable {
     /// of all lights are [side by side](side_by_side).
     pub depths: Vec<u32>,
     /// Extinction toward the light in every voxel, 1/mm.
-    extinction_per_mm: Vec<f32>,
+    pub extinction_per_mm: Vec<f32>,
     cell_grid: CellGrid,
 }
 

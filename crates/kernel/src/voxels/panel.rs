@@ -7,24 +7,28 @@ use crate::cpu::lanes::Floats;
 use crate::cpu::math::V3;
 use glam::{DVec3, Vec3};
 use organza_basis::CellGrid;
-use organza_basis::Rgb;
 use organza_light::RectangleLight;
 
 /// Greatest area over the squared distance from the matter: nearer light is
 /// better found by the walk, too.
 const MAX_SOLID_ANGLE: f32 = 16.0;
 
-/// A rectangle as the matter sees it.
+/// A rectangle as the matter sees it, in plain numbers.
 pub struct Panel {
-    rectangle: RectangleLight,
     /// From the corner of the first period, mm.
-    corner_mm: Vec3,
-    edges_mm: [Vec3; 2],
-    /// Of the side that shines.
-    normal: Vec3,
-    area_mm2: f32,
-    voxel_mm: Vec3,
-    min_mm: Vec3,
+    pub corner_mm: Vec3,
+    pub edges_mm: [Vec3; 2],
+    /// Unit normal of the side that shines.
+    pub normal: Vec3,
+    pub area_mm2: f32,
+    /// Radiance of a side that shines, the same toward everywhere.
+    pub radiance: Vec3,
+    pub is_two_sided: bool,
+    /// Edges of a voxel, mm, and the corner of the first period in the world, mm.
+    pub voxel_mm: Vec3,
+    pub min_mm: Vec3,
+    /// The light itself, for rays from far cameras.
+    rectangle: RectangleLight,
 }
 
 impl Panel {
@@ -40,13 +44,15 @@ impl Panel {
         let area_mm2 = cross.length();
         let far = apart_mm > 0.0 && area_mm2 <= MAX_SOLID_ANGLE * apart_mm * apart_mm;
         far.then(|| Panel {
-            rectangle: *rectangle,
             corner_mm: corner - cell_grid.bounds_mm().min,
             edges_mm: [u, v],
             normal: cross / area_mm2,
             area_mm2,
+            radiance: rectangle.radiance().0,
+            is_two_sided: rectangle.is_two_sided(),
             voxel_mm: cell_grid.voxel_mm(),
             min_mm: cell_grid.bounds_mm().min,
+            rectangle: *rectangle,
         })
     }
 
@@ -72,7 +78,7 @@ impl Panel {
         let distance_mm = square.sqrt();
         let toward = to.scaled(F::splat(1.0) / distance_mm);
         let mut facing = -toward.dot(V3::splat(self.normal));
-        if self.rectangle.is_two_sided() {
+        if self.is_two_sided {
             facing = facing.abs();
         }
         let strength = F::splat(self.area_mm2) * facing.max(F::splat(0.0)) / square;
@@ -100,11 +106,6 @@ impl Panel {
 
     /// The greatest irradiance in the matter, or radiance, over the radiance.
     pub fn brightness(&self) -> f32 {
-        self.rectangle.radiance().max_component() * MAX_SOLID_ANGLE
-    }
-
-    /// Its radiance.
-    pub fn radiance(&self) -> Rgb {
-        self.rectangle.radiance()
+        self.radiance.max_element() * MAX_SOLID_ANGLE
     }
 }

@@ -2,16 +2,17 @@
 
 use super::aim::Aim;
 use super::borders::Borders;
+use super::camera_rays::inverse_of_step;
 use super::event::{Event, Meeting};
-use super::film_rays::inverse_of_step;
 use super::flat_medium::{NO_POPULATION, PLACE_BITS};
+use super::flat_scene::FlatScene;
 use super::lane_work::{LaneWork, regenerate};
 use super::optical_depth_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
+use crate::block::Block;
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, minus_ln, positive};
 use crate::roulette::{VOXEL_SCALE, survivors};
-use crate::{Block, Kernel};
 use glam::Vec3;
 use organza_film::Stats;
 
@@ -84,8 +85,8 @@ impl<F: Floats> Paths<F> {
 
     /// Turns the lanes of a mask.
     #[inline(always)]
-    pub fn turn(&mut self, kernel: &Kernel, direction: V3<F>, mask: F::Mask) {
-        let step = direction.times(V3::splat(kernel.voxels_per_length));
+    pub fn turn(&mut self, scene: &FlatScene, direction: V3<F>, mask: F::Mask) {
+        let step = direction.times(V3::splat(scene.voxels_per_length));
         self.direction = direction.or_where_not(mask, self.direction);
         self.step = step.or_where_not(mask, self.step);
         self.per_step = inverse_of_step(step).or_where_not(mask, self.per_step);
@@ -94,7 +95,7 @@ impl<F: Floats> Paths<F> {
 
 /// Walks all paths of a block.
 #[inline(always)]
-pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> Stats {
+pub fn walk<F: Floats, E: Event<F>>(scene: &FlatScene, block: &mut Block<'_>) -> Stats {
     let mut stats = Stats::default();
     let mut paths = Paths::<F>::none();
     let mut work = LaneWork::new();
@@ -102,20 +103,20 @@ pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> S
     let mut ended = F::Mask::from_bits(all);
     loop {
         if ended.any() {
-            regenerate(kernel, block, &mut paths, &mut work, ended, &mut stats);
+            regenerate(scene, block, &mut paths, &mut work, ended, &mut stats);
         }
         if !(paths.flying | paths.gone).any() {
             return stats;
         }
         for _ in 0..STEPS_PER_ROUND {
-            fly::<F, E>(kernel, &mut paths, &mut stats);
+            fly::<F, E>(scene, &mut paths, &mut stats);
         }
         ended = paths.gone;
         if paths.gone.any() {
-            escape(kernel, &mut paths);
+            escape(scene, &mut paths);
         }
         if paths.met.any() {
-            ended = ended | scatter::<F, E>(kernel, &mut paths, &mut stats);
+            ended = ended | scatter::<F, E>(scene, &mut paths, &mut stats);
         }
     }
 }
@@ -123,8 +124,8 @@ pub fn walk<F: Floats, E: Event<F>>(kernel: &Kernel, block: &mut Block<'_>) -> S
 /// One flight to a tentative collision and the look-up there, for the lanes in
 /// flight.
 #[inline(always)]
-fn fly<F: Floats, E: Event<F>>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mut Stats) {
-    let medium = &kernel.medium;
+fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &mut Stats) {
+    let medium = &scene.medium;
     let word = F::Ints::splat;
     let [u_flight, u_real, u_which] = paths.rng.units(paths.flying);
 
@@ -155,7 +156,7 @@ fn fly<F: Floats, E: Event<F>>(kernel: &Kernel, paths: &mut Paths<F>, stats: &mu
         (at.y, beyond[1]) = in_first_period(at.y, beyond[1], size.y);
         paths.beyond = beyond;
     }
-    if let Some(Borders { low, high }) = kernel.borders {
+    if let Some(Borders { low, high }) = scene.borders {
         outside = outside
             | is_outside(at.x + beyond[0], low.x, high.x)
             | is_outside(at.y + beyond[1], low.y, high.y);
@@ -228,19 +229,19 @@ fn in_first_period<F: Floats>(at: F, beyond: F, size: f32) -> (F, F) {
 
 /// The environment, for the lanes that have left.
 #[inline(always)]
-fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
-    let [behind, before] = kernel.environment;
+fn escape<F: Floats>(scene: &FlatScene, paths: &mut Paths<F>) {
+    let [behind, before] = scene.environment;
     let back = paths.direction.z.below(F::splat(0.0));
     let mut sky = V3::splat(behind).or_where_not(back, V3::splat(before));
     let unscattered = paths.bounces.equals(F::Ints::splat(0));
-    for picture in &kernel.skies {
+    for picture in &scene.skies {
         sky = sky + picture.radiance_toward(paths.direction, unscattered);
     }
     let lit = paths.radiance + paths.throughput.times(sky);
     paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
     let unscattered = paths.gone & paths.first_place.equals(F::Ints::splat(NO_POPULATION));
-    if kernel.has_panels() && unscattered.any() {
-        add_panels_in_sight(kernel, paths, unscattered, true);
+    if scene.has_panels() && unscattered.any() {
+        add_panels_in_sight(scene, paths, unscattered, true);
     }
     paths.gone = F::Mask::from_bits(0);
 }
@@ -248,7 +249,7 @@ fn escape<F: Floats>(kernel: &Kernel, paths: &mut Paths<F>) {
 /// What camera rays see of panels before or behind the matter.
 #[inline(always)]
 pub fn add_panels_in_sight<F: Floats>(
-    kernel: &Kernel,
+    scene: &FlatScene,
     paths: &mut Paths<F>,
     mask: F::Mask,
     behind: bool,
@@ -264,7 +265,7 @@ pub fn add_panels_in_sight<F: Floats>(
         let [at, direction, depths] =
             [&at, &direction, &depths].map(|v| Vec3::from_array(v.map(|x| x[lane])));
         let at = at + depths.with_z(0.0);
-        let seen = kernel.panels_in_sight(at, direction, depths.z, behind);
+        let seen = scene.panels_in_sight(at, direction, depths.z, behind);
         for (channel, seen) in radiance.iter_mut().zip(seen.to_array()) {
             channel[lane] += seen;
         }
@@ -281,7 +282,7 @@ pub fn add_panels_in_sight<F: Floats>(
 /// roulette. Gives the lanes whose paths end.
 #[inline(always)]
 fn scatter<F: Floats, E: Event<F>>(
-    kernel: &Kernel,
+    scene: &FlatScene,
     paths: &mut Paths<F>,
     stats: &mut Stats,
 ) -> F::Mask {
@@ -290,7 +291,7 @@ fn scatter<F: Floats, E: Event<F>>(
     let first = paths.met & paths.first_place.equals(word(NO_POPULATION));
     paths.first_place = paths.place.or_where_not(first, paths.first_place);
     paths.first_depth = paths.depth.or_where_not(first, paths.first_depth);
-    let cut = paths.met & paths.bounces.equals(word(kernel.max_bounces));
+    let cut = paths.met & paths.bounces.equals(word(scene.max_bounces));
     stats.cut += u64::from(cut.bits().count_ones());
     let met = paths.met & !cut;
     paths.bounces = (paths.bounces + word(1)).or_where_not(met, paths.bounces);
@@ -304,16 +305,16 @@ fn scatter<F: Floats, E: Event<F>>(
             z: -paths.direction.z,
         },
     };
-    let event = E::new(kernel, &meeting, &mut paths.rng, met);
+    let event = E::new(scene, &meeting, &mut paths.rng, met);
     let throughput = paths.throughput.times(event.common());
     let mean = throughput.sum() * F::splat(1.0 / 3.0);
 
     // What is scattered of the light that arrives.
     let mut light_in = V3::splat(Vec3::ZERO);
-    let corners = kernel.nodes.around(paths.at);
-    let count = kernel.lights.len();
+    let corners = scene.nodes.around(paths.at);
+    let count = scene.lights.len();
     let mut units = [F::splat(0.0); 3];
-    for (i, light) in kernel.lights.iter().enumerate() {
+    for (i, light) in scene.lights.iter().enumerate() {
         if i % 3 == 0 {
             units = paths.rng.units(met);
         }
@@ -325,24 +326,24 @@ fn scatter<F: Floats, E: Event<F>>(
                 panel.toward(paths.at, paths.beyond, u, v)
             }
         };
-        let (grey, scattered) = event.toward(kernel, toward);
+        let (grey, scattered) = event.toward(scene, toward);
         let aim = Aim {
             grey,
             toward,
             distance_mm,
-            table_depth: depth(&kernel.depths, count, i, &corners),
+            table_depth: depth(&scene.depths, count, i, &corners),
             u,
         };
-        let through = aim.transmittance(kernel, light, paths, mean, met, stats);
+        let through = aim.transmittance(scene, light, paths, mean, met, stats);
         let arriving = scattered.scaled(through).scaled(strength);
         light_in = V3::splat(light.irradiance.0).times_add(arriving, light_in);
     }
-    for sky in &kernel.skies {
+    for sky in &scene.skies {
         for lamp in &sky.lamps {
             let [place, own, u] = paths.rng.units(met);
             let [across, down, _] = paths.rng.units(met);
             let drawn = sky.sample(lamp, [place, own, across, down]);
-            let (grey, scattered) = event.toward(kernel, drawn.to_light);
+            let (grey, scattered) = event.toward(scene, drawn.to_light);
             let aim = Aim {
                 grey,
                 toward: drawn.to_light,
@@ -350,7 +351,7 @@ fn scatter<F: Floats, E: Event<F>>(
                 table_depth: depth(&lamp.table.depths, 1, 0, &corners),
                 u,
             };
-            let through = aim.transmittance(kernel, &lamp.table, paths, mean, met, stats);
+            let through = aim.transmittance(scene, &lamp.table, paths, mean, met, stats);
             let arriving = scattered.scaled(through);
             light_in = drawn.irradiance.times_add(arriving, light_in);
         }
@@ -358,11 +359,11 @@ fn scatter<F: Floats, E: Event<F>>(
     let lit = throughput.times_add(light_in, paths.radiance);
     paths.radiance = lit.or_where_not(met, paths.radiance);
 
-    let turn = event.turn(kernel, &mut paths.rng, met);
+    let turn = event.turn(scene, &mut paths.rng, met);
     let throughput = throughput.times(turn.weight);
     let (survives, carried) = survivors(throughput, VOXEL_SCALE, turn.u, met);
     paths.throughput = carried.or_where_not(survives, paths.throughput);
-    paths.turn(kernel, turn.direction, survives);
+    paths.turn(scene, turn.direction, survives);
     paths.flying = paths.flying | survives;
     let ended = paths.met & !survives;
     paths.met = F::Mask::from_bits(0);

@@ -78,7 +78,7 @@ pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 /// [`Rendering::take`], the film comes out the same, bit for bit.
 pub struct Rendering<'a> {
     scene: &'a Scene,
-    kernel: Option<Box<dyn Engine>>,
+    engine: Option<Box<dyn Engine>>,
     clamp: Option<f32>,
     settings: RenderSettings,
     crop: Crop,
@@ -106,7 +106,7 @@ impl<'a> Rendering<'a> {
         }
         Ok(Rendering {
             scene,
-            kernel: None,
+            engine: None,
             clamp: None,
             crop,
             film: Film::new(crop.max - crop.min),
@@ -116,10 +116,10 @@ impl<'a> Rendering<'a> {
         })
     }
 
-    /// Has the paths walked by a kernel, made from the same scene and settings,
-    /// instead of by the general walk. Samples are other ones then.
-    pub fn with_kernel(mut self, kernel: impl Engine + 'static) -> Self {
-        self.kernel = Some(Box::new(kernel));
+    /// Has the paths walked by an engine of the kernel, made from the same scene and
+    /// settings, instead of by the general walk. Samples are other ones then.
+    pub fn with_engine(mut self, engine: impl Engine + 'static) -> Self {
+        self.engine = Some(Box::new(engine));
         self
     }
 
@@ -128,13 +128,13 @@ impl<'a> Rendering<'a> {
     /// general walk does so, never the kernel.
     pub fn with_clamp(mut self, limit: f32) -> Self {
         self.clamp = Some(limit);
-        self.kernel = None;
+        self.engine = None;
         self
     }
 
     /// What walks the paths; `None` is the general walk.
-    pub fn kernel(&self) -> Option<&dyn Engine> {
-        self.kernel.as_deref()
+    pub fn engine(&self) -> Option<&dyn Engine> {
+        self.engine.as_deref()
     }
 
     /// Resumes from what an earlier rendering of the same scene, seed and crop
@@ -168,9 +168,9 @@ impl<'a> Rendering<'a> {
         let stopped = AtomicBool::new(false);
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
         let clamp = self.clamp.unwrap_or(f32::INFINITY);
-        let kernel = self.kernel.as_deref();
+        let engine = self.engine.as_deref();
         let threads = rayon::current_num_threads() as u32;
-        let rows = kernel.map_or(1, |engine| engine.rows_per_block(size.y, threads));
+        let rows = engine.map_or(1, |engine| engine.rows_per_block(size.y, threads));
         let stats = self
             .film
             .pixels_mut()
@@ -183,14 +183,14 @@ impl<'a> Rendering<'a> {
                 }
                 let paths = (indices.end - indices.start) * pixels.len() as u64;
                 let min = crop.min + UVec2::new(0, block as u32 * rows);
-                if let Some(kernel) = kernel {
+                if let Some(engine) = engine {
                     let mut block = Block {
                         pixels,
                         width: size.x,
                         min,
                         samples: indices.start as u32..indices.end as u32,
                     };
-                    stats = kernel.take(&mut block);
+                    stats = engine.take(&mut block);
                 } else {
                     for (column, out) in pixels.iter_mut().enumerate() {
                         let pixel = min + UVec2::new(column as u32, 0);

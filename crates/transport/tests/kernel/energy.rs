@@ -1,7 +1,7 @@
 //! Light that is neither gained nor lost, whatever the matter: the kernel and the walk
 //! against closed forms.
 
-use crate::{film, settings};
+use crate::{film, flat_scene, settings, walker};
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
@@ -58,8 +58,9 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
         assert!(is_near(mean, exact), "seed 9, {dense}, walk: {mean:?}");
         let looked_up = stats.tentative as f64 / stats.paths as f64;
         assert!(looked_up < 3000.0, "{dense}: {looked_up} look-ups a path");
-        match flatten(&scene, &settings, Backend::widest(), u64::MAX) {
-            Ok(kernel) => {
+        match flatten(&scene, &settings, u64::MAX) {
+            Ok(flat) => {
+                let kernel = walker(flat, Backend::widest());
                 let (made, _) = film(&scene, &settings, Some(kernel));
                 let mean = made.mean()[0];
                 assert!(is_near(mean, exact), "seed 9, {dense}, kernel: {mean:?}");
@@ -176,17 +177,14 @@ fn white_fibres_keep_all_light_through_tens_of_events() {
     ] {
         let name = format!("seed 9, {longitudinal_deg} degrees, {fibres} fibres");
         let scene = white_slab(longitudinal_deg, fibres, bend_mm);
-        let made = || flatten(&scene, &settings, Backend::widest(), u64::MAX).unwrap();
-        let (own, stats) = film(&scene, &settings, Some(made()));
+        let walked = |flat| film(&scene, &settings, Some(walker(flat, Backend::widest())));
+        let made = || flat_scene(&scene, &settings);
+        let (own, stats) = walked(made());
         assert!(stats.collisions > 5 * stats.paths, "{name}");
         let mean = own.mean()[1];
         assert!(is_near(mean, 1.0), "{name}: {mean:?}");
         assert!(mean.1 < 1e-3, "{name}: {mean:?}");
-        let (twin, _) = film(
-            &scene,
-            &settings,
-            Some(made().with_fault(Fault::RoundedScale)),
-        );
+        let (twin, _) = walked(made().with_fault(Fault::RoundedScale));
         rejected += u32::from(!is_near(twin.mean()[1], 1.0));
     }
     assert!(rejected >= 2, "{rejected} of 4 twins rejected");

@@ -16,6 +16,7 @@ use organza_testing::little_weave;
 use organza_transport::*;
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
 
 /// Voxels of the test tile: no multiple of anything, not cubic.
 const DIMS: UVec3 = UVec3::new(13, 11, 9);
@@ -174,18 +175,30 @@ fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
     }
 }
 
-fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<Kernel>) -> (Film, Stats) {
+fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<VoxelEngine>) -> (Film, Stats) {
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(kernel) = kernel {
-        rendering = rendering.with_kernel(kernel);
+        rendering = rendering.with_engine(kernel);
     }
     let all = settings.samples.end;
     let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
     rendering.into_parts()
 }
 
-fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> Kernel {
-    flatten(scene, settings, backend, u64::MAX).unwrap()
+fn flat_scene(scene: &Scene, settings: &RenderSettings) -> FlatScene {
+    flatten(scene, settings, u64::MAX).unwrap()
+}
+
+fn walker(flat: FlatScene, backend: Backend) -> VoxelEngine {
+    VoxelEngine::new(Arc::new(flat), backend).unwrap()
+}
+
+fn kernel(scene: &Scene, settings: &RenderSettings, backend: Backend) -> VoxelEngine {
+    walker(flat_scene(scene, settings), backend)
+}
+
+fn record(backend: Backend) -> &'static EngineRecord {
+    engine_named(backend.name()).unwrap()
 }
 
 /// Whether two films are of one picture: all pixels and channels together, and
@@ -283,9 +296,9 @@ fn a_table_without_exact_rays_is_rejected() {
     let scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
     let settings = settings(0..2048, 1);
     let (oracle, _) = film(&scene, &settings, None);
-    let wrong_table =
-        || kernel(&scene, &settings, Backend::widest()).with_fault(Fault::OpticalDepths);
-    let (right, stats) = film(&scene, &settings, Some(wrong_table()));
+    let wrong_table = || flat_scene(&scene, &settings).with_fault(Fault::OpticalDepths);
+    let right = walker(wrong_table(), Backend::widest());
+    let (right, stats) = film(&scene, &settings, Some(right));
     let (spread, mean) = agree(&right, &oracle);
     assert!(stats.shadow_rays > 0);
     assert!(
@@ -293,6 +306,7 @@ fn a_table_without_exact_rays_is_rejected() {
         "seed 9: {spread:?} {mean:?}"
     );
     let twin = wrong_table().with_fault(Fault::NoExactRays);
+    let twin = walker(twin, Backend::widest());
     let (wrong, stats) = film(&scene, &settings, Some(twin));
     assert_eq!(stats.shadow_rays, 0);
     assert!(agree(&wrong, &oracle).0.p_value < 1e-9, "seed 9");
@@ -324,7 +338,7 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
         }
         let mut parts = Rendering::new(&scene, settings.clone())
             .unwrap()
-            .with_kernel(kernel(&scene, &settings, backend));
+            .with_engine(kernel(&scene, &settings, backend));
         for samples in [1, 3, 2] {
             parts = parts.take(samples, &|_| ControlFlow::Continue(())).unwrap();
         }
@@ -335,9 +349,8 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
 #[test]
 fn what_the_kernel_cannot_do_it_refuses() {
     let flat = Projection::Orthographic { width_mm: 0.2 };
-    let refusal = |scene: &Scene, settings: &RenderSettings| {
-        flatten(scene, settings, Backend::Scalar, 1 << 30).err()
-    };
+    let refusal =
+        |scene: &Scene, settings: &RenderSettings| flatten(scene, settings, 1 << 30).err();
     let mut scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
     let mut exact = settings(0..1, 1);
     assert_eq!(refusal(&scene, &exact), None);

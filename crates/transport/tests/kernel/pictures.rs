@@ -1,6 +1,6 @@
 //! Pictures around the scene: the kernel against the walk.
 
-use crate::{agree, cloth, film, grid, kernel, lens, samples, scene, settings};
+use crate::{agree, cloth, film, flat_scene, grid, lens, samples, scene, settings, walker};
 use organza_kernel::proofs::Fault;
 use organza_testing::environment_with_lamps;
 use organza_transport::*;
@@ -24,13 +24,14 @@ fn pictures_light_the_kernel_as_the_walk() {
         let scene = scene(medium, vec![picture()], projection);
         let settings = settings(0..samples(), u32::MAX);
         let (oracle, _) = film(&scene, &settings, None);
-        let good = |twin: Kernel| {
-            let (film, stats) = film(&scene, &settings, Some(twin));
+        let good = |flat: FlatScene| {
+            let engine = walker(flat, Backend::widest());
+            let (film, stats) = film(&scene, &settings, Some(engine));
             assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
             let (spread, mean) = agree(&film, &oracle);
             (spread.p_value.min(mean.p_value), stats)
         };
-        let made = || kernel(&scene, &settings, Backend::widest());
+        let made = || flat_scene(&scene, &settings);
         let (p, stats) = good(made());
         assert!(p > 1e-4, "{name}, seed 9: {p}");
         assert!(stats.shadow_rays > 0);

@@ -1,7 +1,9 @@
 //! Virtual fibres with plain events: the kernel against the walk.
 
 use crate::pictures::picture;
-use crate::{agree, film, kernel, lens, panels, parallel, samples, scene, settings, sky};
+use crate::{
+    agree, film, flat_scene, kernel, lens, panels, parallel, samples, scene, settings, sky, walker,
+};
 use glam::UVec3;
 use organza_basis::{PathRng, Rgb, warp};
 use organza_kernel::proofs::Fault;
@@ -103,8 +105,8 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
             dielectric([0.0; 3], 6.0, 10.0),
             dielectric([0.02, 0.3, 2.0], 4.0, 15.0),
         ];
-        let twin = kernel(&scene, &settings, Backend::widest());
-        let twin = twin.with_fault(Fault::Fibres(&others));
+        let twin = flat_scene(&scene, &settings).with_fault(Fault::Fibres(&others));
+        let twin = walker(twin, Backend::widest());
         let (c, _) = film(&scene, &settings, Some(twin));
         let (spread, mean) = agree(&c, &b);
         let least = spread.p_value.min(mean.p_value);
@@ -162,7 +164,7 @@ fn packed_fibres_are_refused() {
     let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Packed);
     let flat = Projection::Orthographic { width_mm: 0.2 };
     let scene = scene(AnyMedium::VirtualFibres(medium), parallel(), flat);
-    let refused = flatten(&scene, &settings(0..1, 1), Backend::Scalar, 1 << 30).err();
+    let refused = flatten(&scene, &settings(0..1, 1), 1 << 30).err();
     assert_eq!(refused, Some(KernelRefusal::Packed));
 }
 
@@ -178,7 +180,6 @@ fn rough_fibres_are_left_to_the_walk() {
         let made = flatten(
             &scene(medium, parallel(), flat),
             &settings(0..4, u32::MAX),
-            Backend::Scalar,
             u64::MAX,
         );
         matches!(made, Err(KernelRefusal::Kernel(Refusal::Skewed)))

@@ -2,42 +2,66 @@
 
 use super::RenderArgs;
 use crate::error::input;
-use crate::identity::Engine;
+use crate::identity::EngineKind;
 use crate::output::note;
 use anyhow::Result;
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use organza_kernel::Refusal;
 use organza_scene::scene_file::SceneFile;
-use organza_transport::{Backend, KernelRefusal, RenderSettings, Scene, engine};
+use organza_transport::{
+    ENGINES, Engine, EngineRecord, KernelRefusal, RenderSettings, Scene, default_engine, engine,
+};
+use std::sync::LazyLock;
 
-/// The engine that traces the paths, as `--backend` names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+/// What traces the paths, as `--backend` names it.
+#[derive(Clone, Copy, Debug)]
 pub enum BackendName {
-    /// The widest kernel that processor and scene allow, otherwise the walk
+    /// The fastest engine that computer and scene allow, otherwise the general walk.
     Auto,
-    /// The general walk, which supports every scene
+    /// The general walk.
     Walk,
-    /// The kernel, one path at a time
-    Scalar,
-    /// The kernel, 16 paths at a time
-    Avx2,
-    /// The kernel, 32 paths at a time
-    Avx512,
+    /// An engine of the kernel.
+    Kernel(&'static EngineRecord),
+}
+
+impl ValueEnum for BackendName {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: LazyLock<Vec<BackendName>> = LazyLock::new(|| {
+            let engines = ENGINES.iter().map(BackendName::Kernel);
+            let others = [BackendName::Auto, BackendName::Walk];
+            others.into_iter().chain(engines).collect()
+        });
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let (name, help) = match self {
+            BackendName::Auto => (
+                "auto",
+                "The widest kernel that processor and scene allow, otherwise the walk",
+            ),
+            BackendName::Walk => ("walk", "The general walk, which supports every scene"),
+            BackendName::Kernel(engine) => (engine.name, engine.summary),
+        };
+        Some(PossibleValue::new(name).help(help))
+    }
 }
 
 /// The engine of a render.
 pub struct Chosen {
-    /// The kernel, laid out; without one the general walk takes the paths.
-    pub kernel: Option<Box<dyn organza_transport::Engine>>,
+    /// The engine with the scene laid out; without one the general walk takes the paths.
+    pub engine: Option<Box<dyn Engine>>,
     /// Why the general walk takes them, if the user did not ask for it.
     pub why_walk: Option<KernelRefusal>,
 }
 
 impl Chosen {
-    /// Which engine it is.
-    pub fn kind(&self) -> Engine {
-        match self.kernel {
-            Some(_) => Engine::Kernel,
-            None => Engine::Walk,
+    /// Which kind of engine it is.
+    pub fn kind(&self) -> EngineKind {
+        match self.engine {
+            Some(_) => EngineKind::Kernel,
+            None => EngineKind::Walk,
         }
     }
 
@@ -69,33 +93,31 @@ pub fn choose(
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<Chosen> {
-    let backend = match args.backend {
-        BackendName::Auto => Backend::widest(),
+    let (record, is_asked_for) = match args.backend {
+        BackendName::Auto => (default_engine(), false),
+        BackendName::Kernel(record) => (record, true),
         BackendName::Walk => {
             return Ok(Chosen {
-                kernel: None,
+                engine: None,
                 why_walk: None,
             });
         }
-        BackendName::Scalar => Backend::Scalar,
-        BackendName::Avx2 => Backend::Avx2,
-        BackendName::Avx512 => Backend::Avx512,
     };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
-        None => engine(scene, settings, backend, max_bytes),
+        None => engine(scene, settings, record, max_bytes),
     };
     match made {
-        Err(why) if args.backend != BackendName::Auto => Err(input(format!(
+        Err(why) if is_asked_for => Err(input(format!(
             "--backend {}: {why}; --backend auto would use the general walk",
-            backend.name()
+            record.name
         ))),
         Err(why) => Ok(Chosen {
-            kernel: None,
+            engine: None,
             why_walk: Some(why),
         }),
-        Ok(kernel) => Ok(Chosen {
-            kernel: Some(kernel),
+        Ok(engine) => Ok(Chosen {
+            engine: Some(engine),
             why_walk: None,
         }),
     }

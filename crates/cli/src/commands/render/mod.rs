@@ -164,9 +164,9 @@ fn render(args: &RenderArgs) -> Result<()> {
         inputs: built.inputs.clone(),
         scene: built.digest.clone(),
     };
-    let Chosen { kernel, why_walk } = engine;
-    let rendering = match kernel {
-        Some(kernel) => rendering.with_kernel(kernel),
+    let Chosen { engine, why_walk } = engine;
+    let rendering = match engine {
+        Some(engine) => rendering.with_engine(engine),
         None => rendering,
     };
     let rendering = match file.render.clamp {

@@ -70,7 +70,7 @@ pub const CLAMPED: &str = "clamped_radiance_2e-32";
 
 /// What takes the paths, as pictures name it.
 fn backend_name(rendering: &Rendering<'_>) -> &'static str {
-    rendering.kernel().map_or("walk", |k| k.name())
+    rendering.engine().map_or("walk", |engine| engine.name())
 }
 
 /// What the picture file records of how it was made.
@@ -229,7 +229,7 @@ pub fn print(
     let film_mib = mib(Film::memory_bytes(film.size()));
     match peak_memory_bytes() {
         Some(peak) => {
-            let tables = rendering.kernel().map_or(0, |k| k.memory_bytes());
+            let tables = rendering.engine().map_or(0, |engine| engine.memory_bytes());
             note!(
                 "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
                 mib(peak),

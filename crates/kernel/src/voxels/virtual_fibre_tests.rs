@@ -1,10 +1,10 @@
 //! Virtual fibres in lanes against the scalar lobes.
 
+use super::even_fibres::MAX_BLUR_RAD;
 use super::event::{Event, Meeting};
 use super::fibre_tables::{FibreTables, area_squared, end_on_ratio};
-use super::fibres::Fibres;
+use super::virtual_fibres::VirtualFibres;
 use super::voxel_words::{VoxelWords, pack};
-use crate::MAX_KERNEL_BLUR_RAD;
 use crate::cpu::lanes::{Floats, Ints, one};
 use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::Vec3;
@@ -62,13 +62,13 @@ fn meet(
     voxel: VoxelWords<one::U>,
     w_out: Vec3,
     rng: &mut LaneRng<one::U>,
-) -> Fibres<One> {
+) -> VirtualFibres<One> {
     let met = Meeting {
         voxel,
         place: one::U::splat(0),
         w_out: lanes(w_out),
     };
-    Fibres::meet(tables, one::U::splat(number), &met, rng, true)
+    VirtualFibres::meet(tables, one::U::splat(number), &met, rng, true)
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn lanes_draw_what_they_scatter() {
 }
 
 /// What an event among parallel fibres sends on, and how unevenly: the reason for
-/// [`MAX_KERNEL_BLUR_RAD`].
+/// [`MAX_BLUR_RAD`].
 #[test]
 fn weights_of_fibres_that_are_taken_are_even() {
     let (narrow, axis, _) = population(Vec3::Z, 1e-3);
@@ -274,7 +274,7 @@ fn weights_of_fibres_that_are_taken_are_even() {
             is_taken,
             "seed 65, {blur_deg}: {weights:?}"
         );
-        assert_eq!(blur_deg.to_radians() <= MAX_KERNEL_BLUR_RAD, is_taken);
+        assert_eq!(blur_deg.to_radians() <= MAX_BLUR_RAD, is_taken);
     }
 }
 

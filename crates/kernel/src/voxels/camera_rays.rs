@@ -1,6 +1,8 @@
-//! Camera rays of many lanes: from film points to where matter begins.
+//! Camera rays in lanes: from film points to where matter begins.
+//!
+//! [`organza_film::Camera`] makes the rays of the general walk.
 
-use crate::Kernel;
+use super::borders::Borders;
 use crate::cpu::lanes::Floats;
 use crate::cpu::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns, with_sign_of};
 use glam::{DVec3, Vec3};
@@ -12,7 +14,7 @@ use organza_film::{Camera, PixelFilter, Projection};
 /// A ray is given by the point where it crosses a plane near the matter (that
 /// in focus, for a lens) and the way there from the camera: both are linear in
 /// the film point and small enough for `f32`, however far the camera is.
-pub struct FilmRays {
+pub struct CameraRays {
     filter: PixelFilter,
     half_size: [f32; 2],
     /// Film units per pixel.
@@ -38,8 +40,8 @@ pub struct NewRays<F: Floats> {
     pub missing: F::Mask,
 }
 
-impl FilmRays {
-    pub fn new(camera: &Camera, cell_grid: &CellGrid) -> FilmRays {
+impl CameraRays {
+    pub fn new(camera: &Camera, cell_grid: &CellGrid) -> CameraRays {
         let parts = camera.parts();
         let (min, per_mm) = (
             cell_grid.bounds_mm().min.as_dvec3(),
@@ -66,7 +68,7 @@ impl FilmRays {
             _ => distance,
         };
         let size = camera.resolution();
-        FilmRays {
+        CameraRays {
             filter: parts.filter,
             half_size: [0.5 * size.x as f32, 0.5 * size.y as f32],
             scale: (parts.film_width / f64::from(size.x)) as f32,
@@ -86,7 +88,8 @@ impl FilmRays {
     #[inline(always)]
     pub fn rays<F: Floats>(
         &self,
-        kernel: &Kernel,
+        cell_grid: &CellGrid,
+        borders: Option<Borders>,
         (x, y): (F, F),
         rng: &mut LaneRng<F::Ints>,
         mask: F::Mask,
@@ -122,13 +125,12 @@ impl FilmRays {
         let length = way.dot(way).sqrt();
         let direction = way.scaled(F::splat(1.0) / length);
         let crossing = linear(self.crossing, film_x, film_y);
-        let cell_grid = &kernel.medium.cell_grid;
         let step = direction.times(V3::splat(1.0 / cell_grid.voxel_mm()));
         let inverse = inverse_of_step(step);
         let dims = cell_grid.dims().as_vec3();
         let (low, high) = between(crossing.z, inverse.z, 0.0, dims.z);
         let (mut near, mut far) = (low.max(-length), high);
-        if let Some(borders) = kernel.borders {
+        if let Some(borders) = borders {
             let (first, last) = (borders.low, borders.high);
             let (low, high) = between(crossing.x, inverse.x, first.x, last.x);
             (near, far) = (near.max(low), far.min(high));

@@ -9,8 +9,8 @@ use super::event::{Event, Meeting, Turn};
 use super::fibre_tables::{
     CHANCES, FibreTables, HEAD, ROW_HEAD, WIDE_RAD, area_squared, colour, scale_of,
 };
+use super::flat_scene::FlatScene;
 use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
-use crate::Kernel;
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use glam::Vec3;
@@ -18,7 +18,7 @@ use organza_scatter::{FAR_LOBES, FAR_ROWS};
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, TAU};
 
 /// A fibre in every lane, and where in its tables to look.
-pub struct Fibres<F: Floats> {
+pub struct VirtualFibres<F: Floats> {
     pub tangent: V3<F>,
     /// How much more of it is seen than it was drawn for.
     pub weight: F,
@@ -36,7 +36,7 @@ pub struct Fibres<F: Floats> {
     pub chances: [F; 3],
 }
 
-impl<F: Floats> Event<F> for Fibres<F> {
+impl<F: Floats> Event<F> for VirtualFibres<F> {
     #[inline(always)]
     fn area_squared(along: F, across: F, end_on: F) -> F {
         area_squared(along, across, end_on)
@@ -44,17 +44,17 @@ impl<F: Floats> Event<F> for Fibres<F> {
 
     #[inline(always)]
     fn new(
-        kernel: &Kernel,
+        scene: &FlatScene,
         met: &Meeting<F>,
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Self {
-        let number = if kernel.medium.materials.is_empty() {
+        let number = if scene.medium.materials.is_empty() {
             F::Ints::splat(0)
         } else {
-            met.place.gather(&kernel.medium.materials)
+            met.place.gather(&scene.medium.materials)
         };
-        Self::meet(&kernel.fibres, number, met, rng, mask)
+        Self::meet(&scene.fibres, number, met, rng, mask)
     }
 
     #[inline(always)]
@@ -63,19 +63,19 @@ impl<F: Floats> Event<F> for Fibres<F> {
     }
 
     #[inline(always)]
-    fn toward(&self, kernel: &Kernel, w_in: V3<F>) -> (F, V3<F>) {
-        let value = self.value(&kernel.fibres, w_in);
+    fn toward(&self, scene: &FlatScene, w_in: V3<F>) -> (F, V3<F>) {
+        let value = self.value(&scene.fibres, w_in);
         (value.sum() * F::splat(1.0 / 3.0), value)
     }
 
     #[inline(always)]
     fn turn(
         &self,
-        kernel: &Kernel,
+        scene: &FlatScene,
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Turn<F> {
-        self.sample(&kernel.fibres, rng, mask)
+        self.sample(&scene.fibres, rng, mask)
     }
 }
 
@@ -150,7 +150,7 @@ impl<F: Floats> Pair<F> {
     }
 }
 
-impl<F: Floats> Fibres<F> {
+impl<F: Floats> VirtualFibres<F> {
     /// Draws the tangents of the fibres with these numbers, as their populations
     /// show them.
     ///
@@ -229,7 +229,7 @@ impl<F: Floats> Fibres<F> {
 
         let side = w.cross(tangent);
         let side = side.scaled(one / side.dot(side).max(F::splat(1e-20)).sqrt());
-        let mut fibres = Fibres {
+        let mut fibres = VirtualFibres {
             tangent,
             forward: side.cross(tangent),
             side,

@@ -1,0 +1,66 @@
+//! Micro-flakes and virtual fibres in voxels on a processor.
+
+use super::backend::Backend;
+use super::dispatch::{Job, dispatch_widest};
+use super::lanes::Floats;
+use crate::block::Block;
+use crate::engine::Engine;
+use crate::refusal::Refusal;
+use crate::voxels::flakes::Mirrors;
+use crate::voxels::flat_scene::FlatScene;
+use crate::voxels::virtual_fibres::VirtualFibres;
+use crate::voxels::walk::walk;
+use organza_film::Stats;
+use std::sync::Arc;
+
+/// Walks voxels on a processor.
+pub struct VoxelEngine {
+    scene: Arc<FlatScene>,
+    backend: Backend,
+}
+
+impl VoxelEngine {
+    /// An engine for a scene, with the instructions of a back end.
+    ///
+    /// # Errors
+    /// When the processor lacks them.
+    pub fn new(scene: Arc<FlatScene>, backend: Backend) -> Result<VoxelEngine, Refusal> {
+        if !backend.is_available() {
+            return Err(Refusal::Unavailable(backend.name()));
+        }
+        Ok(VoxelEngine { scene, backend })
+    }
+}
+
+impl Engine for VoxelEngine {
+    fn name(&self) -> &'static str {
+        self.backend.name()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.scene.memory_bytes()
+    }
+
+    fn take(&self, block: &mut Block<'_>) -> Stats {
+        let scene = &*self.scene;
+        dispatch_widest(self.backend, Walk { scene, block })
+    }
+}
+
+/// A block to walk.
+struct Walk<'a, 'b, 'c> {
+    scene: &'a FlatScene,
+    block: &'b mut Block<'c>,
+}
+
+impl Job for Walk<'_, '_, '_> {
+    type Output = Stats;
+    #[inline(always)]
+    fn run<F: Floats>(self) -> Stats {
+        if self.scene.medium.is_of_fibres {
+            walk::<F, VirtualFibres<F>>(self.scene, self.block)
+        } else {
+            walk::<F, Mirrors<F>>(self.scene, self.block)
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! The choice of engine: a scene laid out for an engine of the kernel, or why only the
+//! general walk can render it.
+
+use crate::{AnyMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent};
+use organza_kernel::fibres::FibreScene;
+use organza_kernel::{Backend, Engine, EngineRecord, FibreProbe, FlatScene, Matter, Refusal, View};
+use std::sync::Arc;
+
+/// Most bytes of the cells of a patch that is measured.
+const PROBE_BYTES: u64 = 4 << 30;
+
+/// Why a scene is left to the general walk.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum KernelRefusal {
+    /// Not one medium but none or several.
+    #[error("the scene has {0} media; the kernel walks through one")]
+    MediumCount(usize),
+    /// A medium of other than micro-flakes or virtual fibres.
+    #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
+    NotFlakes,
+    /// Samples are to be clamped.
+    #[error("clamping needs the general walk")]
+    Clamp,
+    /// Exact stepping was asked for.
+    #[error("exact stepping was asked for; the kernel tracks")]
+    Integrator,
+    /// Interpolated samples, or grids of different resolutions.
+    #[error("a grid is not constant within voxels")]
+    Interpolated,
+    /// Fibres with a surface.
+    #[error("virtual fibres are packed; the kernel walks event = \"plain\" of them")]
+    Packed,
+    /// Tables of local visibility.
+    #[error("virtual fibres have tables of local visibility")]
+    LocalVisibility,
+    /// What the kernel itself refuses.
+    #[error(transparent)]
+    Kernel(#[from] Refusal),
+}
+
+/// The engine of that record for a scene: for voxels, or for explicit fibres in cells.
+/// Matter and tables have at most `max_bytes` bytes.
+///
+/// # Errors
+/// Why the general walk must render the scene.
+pub fn engine(
+    scene: &Scene,
+    settings: &RenderSettings,
+    record: &EngineRecord,
+    max_bytes: u64,
+) -> Result<Box<dyn Engine>, KernelRefusal> {
+    record.check()?;
+    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
+        let flat = flatten(scene, settings, max_bytes)?;
+        return Ok((record.for_voxels)(Arc::new(flat))?);
+    };
+    let matter = fibres
+        .matter(max_bytes)
+        .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
+    let fibres = FibreScene::new(
+        Arc::new(matter),
+        &scene.lights,
+        &scene.camera,
+        settings.seed,
+        settings.max_bounces.min(MAX_EVENTS),
+    );
+    Ok((record.for_fibres)(Arc::new(fibres))?)
+}
+
+/// Lays a scene of one medium out as plain buffers of at most `max_bytes` bytes.
+///
+/// # Errors
+/// Why the general walk must render the scene.
+pub fn flatten(
+    scene: &Scene,
+    settings: &RenderSettings,
+    max_bytes: u64,
+) -> Result<FlatScene, KernelRefusal> {
+    if settings.integrator != Integrator::Woodcock {
+        return Err(KernelRefusal::Integrator);
+    }
+    let [medium] = &scene.media[..] else {
+        return Err(KernelRefusal::MediumCount(scene.media.len()));
+    };
+    match medium {
+        AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
+        AnyMedium::Grid(m) => lay_out(m, scene, settings, max_bytes),
+        AnyMedium::SggxOctree(m) => lay_out(m, scene, settings, max_bytes),
+        AnyMedium::VirtualFibres(m) if m.event() == VirtualFibreEvent::Packed => {
+            Err(KernelRefusal::Packed)
+        }
+        AnyMedium::VirtualFibres(m) if m.has_local_visibility() => {
+            Err(KernelRefusal::LocalVisibility)
+        }
+        AnyMedium::VirtualFibres(m) => lay_out(m, scene, settings, max_bytes),
+        _ => Err(KernelRefusal::NotFlakes),
+    }
+}
+
+fn lay_out(
+    matter: &impl Matter,
+    scene: &Scene,
+    settings: &RenderSettings,
+    max_bytes: u64,
+) -> Result<FlatScene, KernelRefusal> {
+    let view = View {
+        matter,
+        lights: &scene.lights,
+        camera: &scene.camera,
+    };
+    let max_bounces = settings.max_bounces.min(MAX_EVENTS);
+    Ok(FlatScene::new(
+        &view,
+        settings.seed,
+        max_bounces,
+        max_bytes,
+    )?)
+}
+
+/// Explicit fibres of a scene in cells, for paths of any origin; `None` when there
+/// is other matter, or cells do not suit it.
+pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
+    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
+        return None;
+    };
+    let matter = fibres.matter(PROBE_BYTES).ok()?;
+    Some(FibreProbe::new(Arc::new(matter), Backend::widest()))
+}

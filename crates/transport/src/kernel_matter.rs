@@ -1,0 +1,84 @@
+//! Media described as matter of the kernel.
+//!
+//! Media do not know the kernel, and the kernel does not know media: both meet here.
+//! Explicit fibres describe themselves ([`ExplicitFibres::matter`](crate::ExplicitFibres)).
+
+use crate::{GridMedium, Medium, SggxOctreeMedium, VirtualFibreMedium};
+use glam::UVec3;
+use organza_basis::CellGrid;
+use organza_kernel::{Matter, NO_YARN, Population, Substance, Unsuited, end_on_ratio};
+use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
+use organza_scatter::{AxialFlake, Fibre};
+
+impl Matter for GridMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        None
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let (sigma_t_per_mm, matrix, albedo) = self.values_of(cell);
+        if sigma_t_per_mm == 0.0 {
+            return Ok(());
+        }
+        let (across, flake) = AxialFlake::from_matrix(matrix).ok_or(Unsuited::NotAxial)?;
+        let broadside_per_mm = sigma_t_per_mm * across;
+        if broadside_per_mm > 0.0 {
+            out.push(Population {
+                broadside_per_mm,
+                flake,
+                substance: Substance::Flakes(albedo),
+                yarn: NO_YARN,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Matter for SggxOctreeMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        None
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let mixture = SggxOctreeMedium::populations(self, cell);
+        out.extend(mixture.as_slice().iter().map(|c| {
+            let materials = self.materials();
+            Population {
+                broadside_per_mm: c.broadside_per_mm() * materials.shape(c).0,
+                flake: materials.flake(c),
+                substance: Substance::Flakes(materials.albedo(c)),
+                yarn: c.yarn,
+            }
+        }));
+        Ok(())
+    }
+}
+
+impl Matter for VirtualFibreMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn fibres(&self) -> Option<&[Fibre]> {
+        Some(VirtualFibreMedium::fibres(self))
+    }
+
+    fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
+        let populations = self.populations_of(cell);
+        out.extend(populations.iter().map(|c| Population {
+            broadside_per_mm: population_sigma_t_per_mm(c, c.axis.any_orthonormal_vector()),
+            flake: AxialFlake::new(c.axis, end_on_ratio(c.spread_rad)),
+            substance: Substance::Fibres(c.material),
+            yarn: c.yarn,
+        }));
+        Ok(())
+    }
+}
