@@ -113,9 +113,11 @@ pub mod fibre;
 pub mod fibre_frame;
 pub mod fitted;
 pub mod flake;
+mod inclination_pair;
 pub mod lobe;
 pub mod longitudinal;
 mod near_parts;
+mod number;
 pub mod packed_fibre;
 pub mod population;
 pub mod proofs;
@@ -136,8 +138,10 @@ pub use flake::{
     DiffuseFlake, FlakeScattering, GaussianBand, MicroFlake, PopulationFlakes, SineBand,
     SpecularFlakes,
 };
+pub use inclination_pair::InclinationPair;
 pub use lobe::{Lobe, LobeSample};
 pub use near_parts::{BalanceNode, NearKind, NearParts};
+pub use number::Number;
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};

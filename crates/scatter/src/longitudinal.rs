@@ -12,6 +12,7 @@
 
 use crate::cone_table::node;
 use crate::fibre_frame::quick_atan2;
+use crate::inclination_pair::InclinationPair;
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -66,22 +67,14 @@ pub struct Inclinations {
 }
 
 impl Inclinations {
-    /// From sines and cosines.
-    pub fn new([sin_in, cos_in]: [f32; 2], [sin_out, cos_out]: [f32; 2]) -> Inclinations {
-        let (cosines, sines) = (cos_out * cos_in, sin_out * sin_in);
-        let (oi, io) = (sin_out * cos_in, cos_out * sin_in);
-        let cos_difference = cosines + sines;
-        // The half angle's cosine, from whichever form does not cancel.
-        let half = (0.5 + 0.5 * cos_difference.abs()).sqrt();
-        let mean_cos = if cos_difference < 0.0 {
-            0.5 * (oi - io).abs() / half
-        } else {
-            half
-        };
+    /// From sines and cosines of theta_in and of theta_out.
+    pub fn new(inclination_in: [f32; 2], inclination_out: [f32; 2]) -> Inclinations {
+        let pair = InclinationPair::new(inclination_in, inclination_out);
+        let [sin_sum, cos_sum] = pair.sum;
         Inclinations {
-            sum_rad: quick_atan2(oi + io, cosines - sines),
-            folded: [(oi - io).abs(), -cos_difference],
-            mean_cos,
+            sum_rad: quick_atan2(sin_sum, cos_sum),
+            folded: pair.folded,
+            mean_cos: pair.mean_cos,
         }
     }
 

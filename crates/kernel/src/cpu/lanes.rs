@@ -5,6 +5,7 @@
 //! with sums exactly where the source has it), so a lane computes
 //! the same bits whatever vector it is part of.
 
+use organza_scatter::Number;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
 
 /// Most lanes of any back end.
@@ -74,14 +75,7 @@ pub trait Ints:
 }
 
 /// An `f32` in every lane.
-pub trait Floats:
-    Copy
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-{
+pub trait Floats: Number {
     /// Whole numbers of the same lanes.
     type Ints: Ints<Floats = Self, Mask = Self::Mask>;
     /// Truth values of the same lanes.

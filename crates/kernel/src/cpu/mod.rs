@@ -9,6 +9,7 @@ pub mod lanes;
 pub mod math;
 #[cfg(test)]
 mod math_tests;
+mod number;
 mod prefetch;
 mod records;
 #[cfg(target_arch = "x86_64")]

@@ -9,6 +9,7 @@ use super::optics::{Balanced, LOBES, Material, Optics};
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns};
 use glam::Vec3;
+use organza_scatter::InclinationPair;
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
 const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
@@ -47,13 +48,6 @@ struct Angles<F> {
     sin: F,
     cos: F,
     azimuth: F,
-}
-
-/// Two inclinations, as the blur sees them.
-struct Pair<F> {
-    sum: F,
-    folded: [F; 2],
-    mean_cos: F,
 }
 
 /// What an event does with light from a direction.
@@ -200,26 +194,17 @@ impl<F: Floats> NearEvent<F> {
         value * inverse * F::splat(INVERSE_SQRT_TAU)
     }
 
+    /// The inclination of a direction with that of the way.
     #[inline(always)]
-    fn pair(&self, sin: F, cos: F) -> Pair<F> {
-        let half = F::splat(0.5);
-        let (cosines, sines) = (self.cos_out * cos, self.sin_out * sin);
-        let (oi, io) = (self.sin_out * cos, self.cos_out * sin);
-        let cos_difference = cosines + sines;
-        let root = cos_difference.abs().mul_add(half, half).sqrt();
-        let apart = (oi - io).abs();
-        let backward = cos_difference.below(F::splat(0.0));
-        Pair {
-            sum: atan2(oi + io, cosines - sines),
-            folded: [apart, -cos_difference],
-            mean_cos: (half * apart / root).or_where_not(backward, root),
-        }
+    fn pair(&self, sin: F, cos: F) -> InclinationPair<F> {
+        InclinationPair::new([sin, cos], [self.sin_out, self.cos_out])
     }
 
     /// Densities per radian of the inclination, of each lobe.
     #[inline(always)]
-    fn densities(&self, pair: &Pair<F>, mask: F::Mask) -> [F; LOBES] {
+    fn densities(&self, pair: &InclinationPair<F>, mask: F::Mask) -> [F; LOBES] {
         let m = &self.material;
+        let sum = atan2(pair.sum[0], pair.sum[1]);
         let [sin, cos] = pair.folded;
         let widest = m.fold_cosines[0]
             .min(m.fold_cosines[1])
@@ -234,7 +219,7 @@ impl<F: Floats> NearEvent<F> {
         let mut all = [F::splat(0.0); LOBES];
         for p in 0..LOBES - 1 {
             let inverse = m.inverse_blurs[p];
-            let mut value = bell(pair.sum * inverse);
+            let mut value = bell(sum * inverse);
             if some_fold {
                 let own = m.fold_cosines[p].below(cos);
                 value = (value + bell(at_fold * inverse)).or_where_not(own, value);
@@ -266,7 +251,7 @@ impl<F: Floats> NearEvent<F> {
         &self,
         optics: &Optics,
         angles: Angles<F>,
-        pair: &Pair<F>,
+        pair: &InclinationPair<F>,
         crossing: &Crossing<F>,
         mask: F::Mask,
     ) -> Scattered<F> {

@@ -14,7 +14,7 @@ use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use glam::Vec3;
-use organza_scatter::{FAR_LOBES, FAR_ROWS};
+use organza_scatter::{FAR_LOBES, FAR_ROWS, InclinationPair};
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, TAU};
 
 /// A fibre in every lane, and where in its tables to look.
@@ -114,38 +114,6 @@ impl<F: Floats> Head<F> {
             ],
             scale: scale.gather(words),
             scale_steps: nodes - F::splat(1.0),
-        }
-    }
-}
-
-/// Sines and cosines of a pair of inclinations.
-struct Pair<F> {
-    /// Of their sum: zero on the specular cone.
-    sin_sum: F,
-    cos_sum: F,
-    /// The same after a fold at the nearer end.
-    sin_folded: F,
-    cos_folded: F,
-    /// Cosine of the mean inclination.
-    mean_cos: F,
-}
-
-impl<F: Floats> Pair<F> {
-    /// See [`organza_scatter::longitudinal::Inclinations`].
-    #[inline(always)]
-    fn new([sin_in, cos_in]: [F; 2], [sin_out, cos_out]: [F; 2]) -> Pair<F> {
-        let (cosines, sines) = (cos_out * cos_in, sin_out * sin_in);
-        let (oi, io) = (sin_out * cos_in, cos_out * sin_in);
-        let (cos_difference, sin_difference) = (cosines + sines, (oi - io).abs());
-        let half = F::splat(0.5);
-        let root = half.mul_add(cos_difference.abs(), half).sqrt();
-        let behind = cos_difference.below(F::splat(0.0));
-        Pair {
-            sin_sum: oi + io,
-            cos_sum: cosines - sines,
-            sin_folded: sin_difference,
-            cos_folded: -cos_difference,
-            mean_cos: (half * sin_difference / root).or_where_not(behind, root),
         }
     }
 }
@@ -269,7 +237,7 @@ impl<F: Floats> VirtualFibres<F> {
         let word = F::Ints::splat;
         let (x, y) = (w_in.dot(self.forward), w_in.dot(self.side));
         let (sin, cos) = (w_in.dot(self.tangent), x.mul_add(x, y * y).sqrt());
-        let pair = Pair::new([sin, cos], [self.sin_out, self.cos_out]);
+        let pair = InclinationPair::new([sin, cos], [self.sin_out, self.cos_out]);
         let [of_row, of_azimuth, of_scale] = self.chances;
         let steps = self.head.azimuths.to_floats() - F::splat(1.0);
         let half_turns = turns_of(y, x).abs() * F::splat(2.0);
@@ -288,13 +256,15 @@ impl<F: Floats> VirtualFibres<F> {
 
     /// Densities of the inclination in each lobe, 1/rad.
     #[inline(always)]
-    fn kernels(&self, pair: &Pair<F>) -> [F; FAR_LOBES] {
-        let sum = turns_of(pair.sin_sum, pair.cos_sum) * F::splat(TAU);
+    fn kernels(&self, pair: &InclinationPair<F>) -> [F; FAR_LOBES] {
+        let [sin_sum, cos_sum] = pair.sum;
+        let sum = turns_of(sin_sum, cos_sum) * F::splat(TAU);
         let [a, b, c] = self.head.inverse_blurs;
         let near = [gaussian(sum, a), gaussian(sum, b), gaussian(sum, c)];
         // Folds matter where some lobe reaches the end within five deviations.
         let widest = a.min(b).min(c);
-        let folded = turns_of(pair.sin_folded, pair.cos_folded) * F::splat(TAU);
+        let [sin_folded, cos_folded] = pair.folded;
+        let folded = turns_of(sin_folded, cos_folded) * F::splat(TAU);
         let folds = (folded * widest).below(F::splat(5.0));
         if !folds.any() {
             return near;
@@ -344,7 +314,7 @@ impl<F: Floats> VirtualFibres<F> {
         let (sin, cos) = sin_cos_of_turns(normal * F::splat(1.0 / TAU) / inverse);
         let sin_in = sin * self.cos_out - cos * self.sin_out;
         let cos_in = cos.mul_add(self.cos_out, sin * self.sin_out).abs();
-        let pair = Pair::new([sin_in, cos_in], [self.sin_out, self.cos_out]);
+        let pair = InclinationPair::new([sin_in, cos_in], [self.sin_out, self.cos_out]);
 
         // The azimuth: a node, then a place in its tent.
         let row = self.row(pair.mean_cos, of_row);
