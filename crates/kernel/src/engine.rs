@@ -59,6 +59,9 @@ impl Engine for Box<dyn Engine> {
     }
 }
 
+/// An engine for a scene, or why there is none.
+pub type MadeEngine = Result<Box<dyn Engine>, Refusal>;
+
 /// An engine as it is registered in [`ENGINES`](crate::ENGINES): what it is called, and
 /// how it is made.
 #[derive(Clone, Copy, Debug)]
@@ -70,9 +73,9 @@ pub struct EngineRecord {
     /// Whether this computer has it.
     pub is_available: fn() -> bool,
     /// The engine for a scene of voxels. It refuses a scene that it cannot hold.
-    pub for_voxels: fn(Arc<FlatScene>) -> Result<Box<dyn Engine>, Refusal>,
+    pub for_voxels: fn(Arc<FlatScene>) -> MadeEngine,
     /// The engine for a scene of explicit fibres.
-    pub for_fibres: fn(Arc<FibreScene>) -> Result<Box<dyn Engine>, Refusal>,
+    pub for_fibres: fn(Arc<FibreScene>) -> MadeEngine,
 }
 
 impl EngineRecord {

@@ -38,7 +38,7 @@ mod voxels;
 pub use block::Block;
 pub use catalogue::{ENGINES, default_engine, engine_named};
 pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
-pub use engine::{Engine, EngineRecord};
+pub use engine::{Engine, EngineRecord, MadeEngine};
 pub use matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
 pub use refusal::Refusal;
 pub use voxels::fibre_tables::end_on_ratio;

@@ -29,7 +29,7 @@ pub struct FibreScene {
     pub(crate) seed: u64,
     /// Longest path in events.
     pub(crate) max_bounces: u32,
-    /// Above which samples are counted one by one.
+    /// The unit in which samples are summed.
     pub(crate) brightness: Brightness,
 }
 

@@ -1,52 +1,4 @@
 //! A scene of voxels laid out as plain buffers, for any engine.
-//!
-//! # Units and frames
-//! Places are in voxels from the least corner of the first period of the matter.
-//! Directions are unit vectors in the world. Extinctions in words are shares of
-//! [`FlatMedium::scale_per_mm`]; a walk measures its lengths in units of one over that.
-//! Radiances, irradiances and throughputs are linear red, green and blue.
-//!
-//! # Buffers
-//! Elements are `u32`; "bits" means the bits of an `f32`. A voxel has the index
-//! `x + nx (y + ny z)`, a node of a light table the index `(x + mx y) mz + z`.
-//!
-//! | buffer | index | what it holds |
-//! |---|---|---|
-//! | `medium.words` | 2 x place | a population of fibres, and how far around it a bound on the extinction holds: see [`voxel_words`](super::voxel_words) |
-//! | `medium.places` | voxel | place of its first population (29 bits), number of populations less one (the upper 3 bits); empty where every voxel is its own place |
-//! | `medium.materials` | place | index into `medium.substances`; empty where there is one |
-//! | `medium.substances` | 4 x substance | red, green and blue albedo of micro-flakes as bits, or the number of a virtual fibre; the rest unused |
-//! | `medium.yarns`, `medium.densest` | place | what films note of a first event |
-//! | `fibres.words` | see [`fibre_tables`](super::fibre_tables) | far fields of virtual fibres; empty of micro-flakes |
-//! | `fibres.spreads`, `fibres.shown` | code of the end-on ratio | how tangents spread, and what they show |
-//! | `depths` | node x lights + light | four optical depths toward a light, 8 bits each: see [`OpticalDepthTable::depths`] |
-//! | `lights[i].extinction_per_mm` (`f32`) | voxel | extinction toward the light, 1/mm, for exact rays |
-//! | `skies[i].texels` | 3 x texel | radiance of a picture's sky as bits; then that of the whole picture |
-//! | `skies[i].lamps[j].places` | 8 x slot | alias table of a lamp's texels |
-//! | `skies[i].lamps[j].table.depths` | node | as `depths`, of one light |
-//!
-//! Everything else is a few numbers: the [grid](organza_basis::CellGrid) and its
-//! [`Borders`], the [`Nodes`] of light tables, one [`OpticalDepthTable`] and perhaps a
-//! [`Panel`] for each light, the radiance of two hemispheres, [`CameraRays`], and the
-//! limits.
-//!
-//! # What an engine must do
-//! - **Random numbers** depend on seed, pixel and sample alone.
-//! - **Exact shadow rays.** Depths of a table are approximate; for panels and cut matter
-//!   they are guesses. Every event adds `(exact - table) / keep` with probability
-//!   `keep`, and without this term the picture is biased. The engine for processors
-//!   follows these rays lane by lane on the host ([`ShadowRay`]). Another engine follows
-//!   them itself: through `extinction_per_mm` where the ray goes to the table's own
-//!   direction, otherwise (panels, lamps) through `medium.words`; up to the panel, to
-//!   the borders of cut matter, or out of the grid.
-//! - **Panels in sight.** A camera ray sees a panel directly, before or behind the
-//!   matter. The engine for processors intersects these rays lane by lane on the host
-//!   ([`Panel::in_sight`]). Another engine intersects them itself, with the plain
-//!   numbers of [`Panel`], where a path begins and where an unscattered one leaves.
-//! - **Films** take whole samples. A pixel adds them in the order of their indices, so
-//!   that its sums are the same bits however the work is divided.
-//!
-//! [`ShadowRay`]: super::shadow_ray::ShadowRay
 
 use super::borders::Borders;
 use super::camera_rays::CameraRays;
@@ -79,8 +31,55 @@ pub struct View<'a, M> {
     pub camera: &'a Camera,
 }
 
-/// A view of matter in voxels, laid out as plain buffers. It knows no back end; its
-/// module describes the buffers and what an engine must do with them.
+/// A view of matter in voxels, laid out as plain buffers. It knows no back end.
+///
+/// # Units and frames
+/// Places are in voxels from the least corner of the first period of the matter.
+/// Directions are unit vectors in the world. Extinctions in words are shares of
+/// [`FlatMedium::scale_per_mm`]; a walk measures its lengths in units of one over that.
+/// Radiances, irradiances and throughputs are linear red, green and blue.
+///
+/// # Buffers
+/// Elements are `u32`; "bits" means the bits of an `f32`. A voxel has the index
+/// `x + nx (y + ny z)`, a node of an optical depth table the index
+/// `(x + mx y) mz + z`.
+///
+/// | buffer | index | what it holds |
+/// |---|---|---|
+/// | `medium.words` | 2 x place | a population of fibres, and how far around it a bound on the extinction holds: see [`voxel_words`](super::voxel_words) |
+/// | `medium.places` | voxel | place of its first population (29 bits), number of populations less one (the upper 3 bits); empty where every voxel is its own place |
+/// | `medium.materials` | place | index into `medium.substances`; empty where there is one |
+/// | `medium.substances` | 4 x substance | red, green and blue albedo of micro-flakes as bits, or the number of a virtual fibre; the rest unused |
+/// | `medium.yarns`, `medium.densest` | place | what films note of a first event |
+/// | `fibres.words` | see [`fibre_tables`](super::fibre_tables) | far fields of virtual fibres; empty of micro-flakes |
+/// | `fibres.spreads`, `fibres.shown` | code of the end-on ratio | how tangents spread, and what they show |
+/// | `depths` | node x lights + light | four optical depths toward a light, 8 bits each: see [`OpticalDepthTable::depths`] |
+/// | `lights[i].extinction_per_mm` (`f32`) | voxel | extinction toward the light, 1/mm, for exact rays |
+/// | `skies[i].texels` | 3 x texel | radiance of a picture's sky as bits; then that of the whole picture |
+/// | `skies[i].lamps[j].places` | 8 x slot | alias table of a lamp's texels |
+/// | `skies[i].lamps[j].table.depths` | node | as `depths`, of one light |
+///
+/// Everything else is a few numbers: the [grid](organza_basis::CellGrid) and its
+/// [`Borders`], the [`Nodes`] of the tables, one [`OpticalDepthTable`] and perhaps a
+/// [`Panel`] for each light, the radiance of two hemispheres, [`CameraRays`], and the
+/// limits.
+///
+/// # What an engine must do
+/// - **Random numbers** depend on seed, pixel and sample alone.
+/// - **Exact shadow rays.** Depths of a table are approximate; for panels and cut matter
+///   they are guesses. Every event adds `(exact - table) / keep` with probability
+///   `keep`, and without this term the picture is biased. The engine for processors
+///   follows these rays lane by lane on the host
+///   ([`ShadowRay`](super::shadow_ray::ShadowRay)). Another engine follows them itself:
+///   through `extinction_per_mm` where the ray goes in the table's own direction,
+///   otherwise (panels, lamps) through `medium.words`; up to the panel, to the borders of
+///   cut matter, or out of the grid.
+/// - **Panels in sight.** A camera ray sees a panel directly, before or behind the
+///   matter. The engine for processors intersects these rays lane by lane on the host
+///   ([`Panel::in_sight`]). Another engine intersects them itself, with the plain
+///   numbers of [`Panel`], where a path begins and where an unscattered one leaves.
+/// - **Sums** of a pixel are whole numbers ([`organza_film::Tally`]), so they are the same
+///   bits in whatever order its samples end.
 pub struct FlatScene {
     pub(crate) medium: FlatMedium,
     /// Of a medium of micro-flakes empty.
@@ -104,7 +103,7 @@ pub struct FlatScene {
     pub(crate) seed: u64,
     /// Longest path in events.
     pub(crate) max_bounces: u32,
-    /// Above which samples are counted one by one.
+    /// The unit in which samples are summed.
     pub(crate) brightness: Brightness,
     /// An exact shadow ray is traced with a probability of the light scattered
     /// toward the camera, over the irradiance, per steradian, times this,

@@ -11,12 +11,13 @@ use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::hypothesis::{Verdict, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
-use organza_kernel::{Refusal, Unsuited};
+use organza_kernel::{Block, Refusal, Unsuited};
 use organza_testing::little_weave;
 use organza_transport::*;
 use organza_volume::{Footprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Voxels of the test tile: no multiple of anything, not cubic.
 const DIMS: UVec3 = UVec3::new(13, 11, 9);
@@ -344,6 +345,53 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
         }
         assert_eq!(*parts.film(), film_of_one, "{backend:?} in passes");
     }
+}
+
+/// An engine that takes the whole film at once, as one off the processor would.
+struct WholeFilm {
+    engine: VoxelEngine,
+    blocks: Arc<AtomicU32>,
+}
+
+impl Engine for WholeFilm {
+    fn name(&self) -> &'static str {
+        "whole-film"
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.engine.memory_bytes()
+    }
+
+    fn rows_per_block(&self, rows: u32, _threads: u32) -> u32 {
+        rows
+    }
+
+    fn take(&self, block: &mut Block<'_>) -> Stats {
+        self.blocks.fetch_add(1, Ordering::Relaxed);
+        self.engine.take(block)
+    }
+}
+
+#[test]
+fn an_engine_may_take_the_whole_film_at_once() {
+    let scene = scene(AnyMedium::Grid(grid(true)), parallel(), lens());
+    let settings = settings(0..6, 40);
+    let in_blocks = kernel(&scene, &settings, Backend::widest());
+    let (in_blocks, stats) = film(&scene, &settings, Some(in_blocks));
+    let blocks = Arc::new(AtomicU32::new(0));
+    let whole = WholeFilm {
+        engine: kernel(&scene, &settings, Backend::widest()),
+        blocks: Arc::clone(&blocks),
+    };
+    let mut rendering = Rendering::new(&scene, settings).unwrap().with_engine(whole);
+    for samples in [2, 4] {
+        rendering = rendering
+            .take(samples, &|_| ControlFlow::Continue(()))
+            .unwrap();
+    }
+    assert_eq!(blocks.load(Ordering::Relaxed), 2, "one block a pass");
+    assert!(rendering.film() == &in_blocks);
+    assert_eq!(rendering.stats(), &stats);
 }
 
 #[test]
