@@ -1,9 +1,10 @@
-//! Light through media of fibres: trackers, lights, cameras and films.
+//! Light through cloth: what it meets, the general walk of paths, and the choice of an
+//! engine that walks many paths at once.
 //!
 //! # The waist
-//! [`Medium`] is all that a tracker knows of matter: where it is, a bound on
-//! its extinction along stretches of a ray, and at a point the extinction
-//! toward a direction and the scattering there. [`GridMedium`] answers from
+//! [`Medium`] is all that a tracker knows of matter: where it is, bounds on its
+//! extinction along stretches of a ray, and at a point the extinction toward a
+//! direction and the scattering there. [`GridMedium`] answers from
 //! dense grids that other programs made. The media of octrees are one type,
 //! [`OctreeMedium`], over what scatters in a voxel: specular SGGX flakes
 //! ([`SggxOctreeMedium`]), flakes of another family ([`FlakeOctreeMedium`]) or virtual
@@ -13,17 +14,24 @@
 //! [`LevelledCloth`] holds several media and a [`Surface`](organza_scatter::Surface) for
 //! distant views; every path meets the one that suits its pixel.
 //!
-//! # The walk
-//! Paths start at the camera and go against the light. An event weighs the
-//! path by albedo times phase over density; each kind of [`Light`] is found by
-//! shadow rays, by the walk, or by both. Media may overlap:
-//! collisions of their sum are the nearest of the collisions of each.
+//! # The general walk
+//! Paths start at the camera and go against the light, one at a time, through every
+//! [`Scene`]. An event multiplies what a path carries by scattered light over the density
+//! of the drawn direction; each kind of [`Light`] is found by shadow rays, by the walk, or
+//! by both. Media may overlap: the first collision with their sum is the nearest of the
+//! first collisions with each.
+//!
+//! # Engines
+//! The crate `organza_kernel` walks many paths at once through scenes of one flat medium
+//! or of explicit fibres. [`engine()`] lays a scene out for one of its [`ENGINES`] or says
+//! why only the general walk can render it; [`Rendering::with_engine`] takes the result.
+//! The general walk is the oracle of the engines.
 //!
 //! # Determinism
-//! The random numbers of a path are named by seed, pixel and sample index, and
-//! a pixel's sums are whole numbers, which add to the same bits in any order:
-//! pictures may be made in parts, on any machines, and [merged](Pixel::merge).
-//! Threads share nothing but the scene.
+//! Seed, pixel and sample index determine the random numbers of a path, and a pixel's
+//! sums are whole numbers, which add to the same bits in any order. Pictures may
+//! therefore be rendered in parts, on any machines, and [merged](Pixel::merge). Threads
+//! share nothing but the scene.
 //!
 //! ```
 //! use glam::{DVec3, UVec2, UVec3, Vec3};

@@ -7,10 +7,21 @@ use std::sync::Arc;
 
 /// A view of explicit fibres. It knows no back end.
 ///
-/// Fibres, joints and materials are plain buffers: see [`FibreMatter`]. Lights and
-/// camera are few, so they stay as they are described: [`Light::for_kernel`] gives the
-/// plain numbers of every light that has them, and [`Camera::parts`] those of the
-/// camera. An engine off the processor uploads these.
+/// # Buffers
+/// | buffer | index | what it holds |
+/// |---|---|---|
+/// | `matter.cells.heads` | cell | the first block of each kind and their numbers: [`Head`](super::cells::Head) |
+/// | `matter.cells.blocks` | block | sixteen cylinders in the frame of their cell: [`Block`](super::block::Block) |
+/// | `matter.cells.hulls` | hull block | sixteen other pieces: [`HullBlock`](super::hull::HullBlock) |
+/// | `matter.joints.words` | 8 x joint | what is asked of a piece once it is met: [`JointTable`](super::joint_table::JointTable) |
+/// | `matter.optics.words` | 32 x material | how fibres scatter: [`Optics`](super::optics::Optics) |
+///
+/// Lengths are in mm. Places in a cell are counted from its centre, so that `f32` suffices
+/// anywhere; the [grid](super::grid::Grid) holds the cells' edges and numbers.
+///
+/// Lights and camera are few, so they stay as they are described: [`Light::for_kernel`]
+/// gives the plain numbers of every light that has them, and [`Camera::parts`] those of
+/// the camera.
 ///
 /// # What an engine must do
 /// - A ray walks cell by cell, and a hit counts only before the far side of its cell.

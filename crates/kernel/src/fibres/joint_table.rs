@@ -14,7 +14,7 @@ pub const JOINT: u32 = 8;
 /// length of the piece that begins, the material, and the curve with a bit that
 /// is set where pieces are cut.
 pub struct JointTable {
-    words: Vec<u32>,
+    pub words: Vec<u32>,
     strands: Vec<Strand>,
 }
 

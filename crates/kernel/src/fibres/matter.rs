@@ -17,15 +17,16 @@ const START_RADII: f32 = 1e-3;
 
 /// Fibres of one tile, alone or repeated, with what they scatter.
 pub struct FibreMatter {
-    pub(super) cells: Cells,
-    pub(super) joints: JointTable,
-    pub(super) optics: Optics,
+    pub(crate) cells: Cells,
+    pub(crate) joints: JointTable,
+    pub(crate) optics: Optics,
     /// All the matter; infinite in x and y where it has no end.
-    low_mm: DVec3,
-    high_mm: DVec3,
+    pub(crate) low_mm: DVec3,
+    pub(crate) high_mm: DVec3,
     /// Whether the matter is cut within the grid.
-    is_cut: bool,
-    pub(super) start_mm: f32,
+    pub(crate) is_cut: bool,
+    /// A ray that starts among fibres meets none before this distance, mm.
+    pub(crate) start_mm: f32,
 }
 
 /// Where a ray goes through the matter.

@@ -15,9 +15,31 @@ const HEAD: u32 = 32;
 const NODE: u32 = 8;
 
 /// All materials.
+///
+/// A material has 32 words, as bits of `f32` where nothing else is said:
+///
+/// ```text
+/// 0        1 of a dielectric, 0 of a fitted fibre (a whole number)
+/// 1        refractive index
+/// 2..5     absorption times radius of a dielectric; R at normal incidence of a fitted fibre
+/// 5..8     what TT of a fitted fibre keeps
+/// 8..12    longitudinal blurs of R, TT, TRT and the rest, radians
+/// 12..16   one over them
+/// 16..20   cosines of how near to an end folds of them matter
+/// 20, 21   azimuthal blur, radians, and one over it
+/// 22       square of the blur of R
+/// 23       greatest value that drawing an inclination is accepted by
+/// 24       nodes of the balance
+/// 25       word of the first node (a whole number)
+/// ```
+///
+/// Behind all materials stand the nodes of their balances, over even steps of the cosine
+/// of the inclination from 0 to 1; eight words each: the scale c of red, green and blue,
+/// their mean, and the norms of the four lobes.
 pub struct Optics {
-    words: Vec<u32>,
-    count: u32,
+    pub words: Vec<u32>,
+    /// Materials.
+    pub count: u32,
 }
 
 /// One material in every lane.
