@@ -16,7 +16,7 @@ use organza_transport::{
     FlakeOctreeMedium, FlakeOptics, Hemisphere, Integrator, Light, PixelFilter, Projection,
     RenderSettings, Rendering, Scene, VoxelEngine, flatten,
 };
-use organza_volume::Footprint;
+use organza_volume::FibreFootprint;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -273,7 +273,7 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
         albedo: Rgb::new(0.9, 0.6, 0.98),
         end_on_ratio: 0.3,
     }];
-    let tree = octree(&source, Footprint::Covered);
+    let tree = octree(&source, FibreFootprint::Covered);
     let family = FlakeFamily::named("sin-power").unwrap();
     let medium = FlakeOctreeMedium::new(tree, 0, optics, family).unwrap();
     let media = vec![AnyMedium::FlakeOctree(medium)];

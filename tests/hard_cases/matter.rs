@@ -11,11 +11,11 @@ use organza_transport::{
     AnyMedium, ExplicitFibres, FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium,
     Interpolation, SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium,
 };
-use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-pub fn octree(source: &SegmentList, footprint: Footprint) -> Arc<Octree> {
+pub fn octree(source: &SegmentList, footprint: FibreFootprint) -> Arc<Octree> {
     let options = VoxelizeOptions {
         voxel_mm: VOXEL_MM,
         levels: None,
@@ -70,8 +70,8 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
             let _ = writeln!(log, "    {name}: refused: {why}");
         }
     };
-    let covered = octree(source, Footprint::Covered);
-    let axes = octree(source, Footprint::Axis);
+    let covered = octree(source, FibreFootprint::Covered);
+    let axes = octree(source, FibreFootprint::Axis);
     for (albedo, end_on_ratio) in [(1.0, 0.0), (1.0, 1.0), (0.0, 0.3)] {
         let optics = vec![FlakeOptics {
             albedo: Rgb::splat(albedo),

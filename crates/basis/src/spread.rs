@@ -40,15 +40,10 @@ pub fn mean_cos_sq(spread_rad: f32) -> f32 {
     mean_over_angle(spread_rad, |t| t.cos().powi(2)) as f32
 }
 
-/// The spread whose tangents have this mean squared cosine: the inverse of
-/// [`mean_cos_sq`], zero for one and above, [`MAX_SPREAD_RAD`] for a value
-/// that only a wider distribution could have.
-pub fn spread_from_mean_cos_sq(mean_cos_sq: f32) -> f32 {
-    spread_from_mean_sin_sq(1.0 - mean_cos_sq)
-}
-
-/// As [`spread_from_mean_cos_sq`], from one minus it: keeps its precision for
-/// narrow populations, where the squared cosine is one to rounding.
+/// The spread whose tangents have this mean squared sine to the axis, which is one minus
+/// [`mean_cos_sq`]: zero for zero and below, [`MAX_SPREAD_RAD`] for a value that only a wider
+/// distribution could have. The sine keeps its precision for narrow populations, where the
+/// squared cosine is one to rounding.
 pub fn spread_from_mean_sin_sq(mean_sin_sq: f32) -> f32 {
     let goal = f64::from(mean_sin_sq);
     let sin_sq = |s: f32| mean_over_angle(s, |t| t.sin().powi(2));
@@ -112,8 +107,8 @@ mod tests {
             let tolerance = 1e-5 * s * s.powi(2).max(1.0);
             assert!((back - s).abs() < tolerance, "{s} -> {back}");
         }
-        assert_eq!(spread_from_mean_cos_sq(1.0), 0.0);
-        assert_eq!(spread_from_mean_cos_sq(1.0 / 3.0), MAX_SPREAD_RAD);
+        assert_eq!(spread_from_mean_sin_sq(0.0), 0.0);
+        assert_eq!(spread_from_mean_sin_sq(2.0 / 3.0), MAX_SPREAD_RAD);
         assert_eq!(spread_from_mean_sin_sq(f32::NAN), 0.0);
     }
 

@@ -2,7 +2,7 @@
 //! beside its density (per unit area or solid angle).
 
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, TAU};
 
 /// Uniform direction on the sphere.
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
@@ -52,14 +52,6 @@ pub fn direction_from_angles(theta_rad: f32, phi_rad: f32) -> Vec3 {
     Vec3::new(st * cp, st * sp, ct)
 }
 
-/// Polar angle in `[0, pi]` and azimuth in `(-pi, pi]` of a unit direction,
-/// accurate near the poles where the arc cosine is not.
-pub fn angles_from_direction(d: Vec3) -> (f32, f32) {
-    let theta = d.truncate().length().atan2(d.z);
-    let phi = d.y.atan2(d.x);
-    (theta, if phi == -PI { PI } else { phi })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,7 +87,8 @@ mod tests {
         for i in 1..180 {
             for j in -17..18 {
                 let (theta, phi) = ((i as f32).to_radians(), (j as f32 * 10.0).to_radians());
-                let (a, b) = angles_from_direction(direction_from_angles(theta, phi));
+                let d = direction_from_angles(theta, phi);
+                let (a, b) = (d.truncate().length().atan2(d.z), d.y.atan2(d.x));
                 assert!((a - theta).abs() < 1e-5 && (b - phi).abs() < 2e-4);
             }
         }

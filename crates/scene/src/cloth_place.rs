@@ -28,7 +28,7 @@ impl From<ClothSurface> for FarSheet {
 }
 
 /// Where a cloth lies.
-pub struct Place<'a> {
+pub struct ClothPlace<'a> {
     /// The box of one period.
     pub bounds_mm: Aabb,
     /// What it is laid over, if it is not flat.
@@ -41,7 +41,7 @@ pub struct Place<'a> {
     pub scene_path: &'a Path,
 }
 
-impl Place<'_> {
+impl ClothPlace<'_> {
     /// Least and greatest width of a pixel on the cloth, mm.
     pub fn footprints_mm(&self, camera: &Camera) -> (f32, f32) {
         if let Some(mesh) = self.mesh {

@@ -13,7 +13,7 @@ use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
-use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions};
+use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{Cloth, FabricGeometry, Material};
 use std::cell::RefCell;
 use std::path::Path;
@@ -250,7 +250,7 @@ impl Fabric {
     pub fn voxelize(
         &self,
         path: &Path,
-        footprint: Footprint,
+        footprint: FibreFootprint,
         voxel_um: Option<f32>,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
@@ -267,7 +267,7 @@ impl Fabric {
     pub fn plan(
         &self,
         path: &Path,
-        footprint: Footprint,
+        footprint: FibreFootprint,
         voxel_um: Option<f32>,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
@@ -320,8 +320,7 @@ mod tests {
             let overlap = fibres.measure_overlap(100_000, 1);
             let shared = 1.0 - overlap.union / overlap.sum;
             println!(
-                "{name}: {} pieces, {} bytes, {overlap:?}, {shared:.3} of it shared",
-                fibres.piece_count(),
+                "{name}: {} bytes, {overlap:?}, {shared:.3} of it shared",
                 fibres.memory_bytes()
             );
             assert!(shared < most, "seed 1, {name}: {overlap:?}");

@@ -76,10 +76,9 @@ impl WovenSurface {
     /// sampling; takes some tens of milliseconds.
     ///
     /// # Errors
-    /// Names the parameter that is out of range, and refuses cloth that would
-    /// return more light than it gets on the whole. What returns too much from
-    /// some directions only is bounded: see
-    /// [`largest_unbounded_albedo`](Self::largest_unbounded_albedo).
+    /// Names the parameter that is out of range, and refuses cloth that would return more
+    /// light in total than it receives. Where the yarns return too much from some directions
+    /// only, the energy bound scales them down.
     pub fn new(p: &WovenParameters) -> Result<WovenSurface, Error> {
         Error::check("noise.grain_mm", p.grain_mm.into(), 0.0, 1e6)?;
         Error::check("noise.period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
@@ -133,13 +132,6 @@ impl WovenSurface {
             gain,
             far_slope: 2.0 / repeat_mm,
         })
-    }
-
-    /// The largest share of light that a direction would get back from the
-    /// yarns without the energy bound; one when it is not needed.
-    pub fn largest_unbounded_albedo(&self) -> f32 {
-        let [front, back] = &self.sides;
-        front.bound.largest().max(back.bound.largest())
     }
 
     /// Factor from the scattering function of the segments, in mm^2 per mm^2

@@ -13,7 +13,7 @@ use organza_transport::{
     Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats,
     VirtualFibreEvent, VirtualFibreMedium, render, trace_from,
 };
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
 use std::ops::ControlFlow;
 
@@ -231,7 +231,7 @@ fn thinly_strewn_fibres_are_the_medium() {
         let options = VoxelizeOptions {
             voxel_mm: size_mm.z,
             levels: Some(1),
-            footprint: Footprint::Axis,
+            footprint: FibreFootprint::Axis,
             max_memory_bytes: None,
         };
         let octree = voxelize(&source, &options, &|_| ()).unwrap();

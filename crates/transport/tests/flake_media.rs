@@ -12,7 +12,7 @@ use organza_transport::{
     FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, SggxOctreeMedium, Stats,
     exact_transmittance, sample_collision, transmittance,
 };
-use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 
 /// Two layers of fibres that cross, each strewn by a few tenths about its mean.
 fn cloth() -> Octree {
@@ -32,7 +32,7 @@ fn cloth() -> Octree {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
-        footprint: Footprint::Covered,
+        footprint: FibreFootprint::Covered,
         max_memory_bytes: None,
     };
     voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap()

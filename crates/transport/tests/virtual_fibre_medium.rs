@@ -17,7 +17,7 @@ use organza_transport::{
     Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene, Stats,
     VirtualFibreEvent, VirtualFibreMedium, exact_transmittance, render, transmittance,
 };
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
 use std::ops::ControlFlow;
 
@@ -54,7 +54,7 @@ fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let options = VoxelizeOptions {
         voxel_mm: VOXEL_MM,
         levels: Some(1),
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
@@ -416,7 +416,7 @@ fn a_lone_fibre_is_met_at_its_surface() {
     let options = VoxelizeOptions {
         voxel_mm: 0.002,
         levels: Some(1),
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let octree = voxelize(&list, &options, &|_| ()).unwrap();

@@ -5,9 +5,9 @@
 
 use crate::clip::for_each_clip;
 use crate::cluster::GatheredPopulation;
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::{BLOCK, Lattice, VOXELS, voxel_in_block};
-use crate::route::Piece;
+use crate::route::RoutePiece;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 use organza_basis::{Frame, Sym3};
 use std::f32::consts::TAU;
@@ -57,9 +57,9 @@ impl BlockSums {
     pub fn fill(
         &mut self,
         lattice: &Lattice,
-        footprint: Footprint,
+        footprint: FibreFootprint,
         block: UVec3,
-        pieces: &mut [(u64, &Piece)],
+        pieces: &mut [(u64, &RoutePiece)],
     ) -> Vec<GatheredPopulation> {
         if !pieces.is_sorted_by_key(|p| p.0) {
             pieces.sort_by_key(|p| p.0);
@@ -94,7 +94,7 @@ impl BlockSums {
         populations
     }
 
-    fn add(&mut self, to: &Target, p: &Piece) {
+    fn add(&mut self, to: &Target, p: &RoutePiece) {
         let along_mm = (p.end - p.start) * to.lattice.voxel_mm;
         let length_mm = along_mm.length();
         if length_mm == 0.0 {
@@ -109,7 +109,7 @@ impl BlockSums {
         }
     }
 
-    fn add_line(&mut self, to: &Target, p: &Piece, length_mm: f64, tensor: Sym3) {
+    fn add_line(&mut self, to: &Target, p: &RoutePiece, length_mm: f64, tensor: Sym3) {
         let r0 = f64::from(p.start_radius_mm);
         let dr = 0.5 * (f64::from(p.end_radius_mm) - r0);
         for_each_clip(p.start - to.min, p.end - to.min, |cell, t0, t1| {
@@ -127,7 +127,7 @@ impl BlockSums {
     /// Lines spread over the cross-section, half a voxel apart or less, share
     /// the length. Between two faces across the fibre each is looked at once,
     /// each at another place.
-    fn add_thick(&mut self, to: &Target, p: &Piece, length_mm: f64, tangent: Vec3) {
+    fn add_thick(&mut self, to: &Target, p: &RoutePiece, length_mm: f64, tangent: Vec3) {
         let radius = f64::from(p.start_radius_mm.max(p.end_radius_mm));
         let narrowest = to.lattice.voxel_mm.min_element();
         let lines = 4.0 * PI * (radius / narrowest).powi(2);
@@ -283,7 +283,7 @@ fn floor(x: f32) -> i32 {
 /// A block in the tile.
 struct Target<'a> {
     lattice: &'a Lattice,
-    footprint: Footprint,
+    footprint: FibreFootprint,
     /// Its least corner, voxels.
     min: DVec3,
     /// Its voxels that lie in the tile.

@@ -5,7 +5,7 @@ use crate::lattice::Lattice;
 /// Where the length of a fibre goes that is thicker than a voxel (by more than
 /// the tenth that fitting a period takes from it at most, as a rule).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Footprint {
+pub enum FibreFootprint {
     /// Over the voxels that the fibre covers: right for extinction looked up
     /// where the light is.
     #[default]
@@ -15,10 +15,10 @@ pub enum Footprint {
     Axis,
 }
 
-impl Footprint {
+impl FibreFootprint {
     /// True when fibres so thick count as lines.
     pub(crate) fn is_line(self, radius_mm: f32, lattice: &Lattice) -> bool {
         let narrowest = lattice.voxel_mm.min_element();
-        self == Footprint::Axis || 2.0 * f64::from(radius_mm) <= 1.1 * narrowest
+        self == FibreFootprint::Axis || 2.0 * f64::from(radius_mm) <= 1.1 * narrowest
     }
 }

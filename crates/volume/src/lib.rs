@@ -14,7 +14,7 @@
 //! use glam::Vec3;
 //! use organza_basis::{Aabb, Budget};
 //! use organza_basis::curve::{Segment, SegmentList, Tile};
-//! use organza_volume::{Footprint, VoxelizeOptions, ovox, voxelize};
+//! use organza_volume::{FibreFootprint, VoxelizeOptions, ovox, voxelize};
 //!
 //! # fn main() -> Result<(), organza_volume::Error> {
 //! // One fibre of 10 um across a tile of 0.1 mm.
@@ -29,7 +29,7 @@
 //! let options = VoxelizeOptions {
 //!     voxel_mm: 0.02,
 //!     levels: None,
-//!     footprint: Footprint::Axis,
+//!     footprint: FibreFootprint::Axis,
 //!     max_memory_bytes: Some(1 << 30),
 //! };
 //! let octree = voxelize(&source, &options, &|_share_done| ())?;
@@ -59,7 +59,7 @@ mod route;
 pub mod voxelize;
 
 pub use error::Error;
-pub use footprint::Footprint;
+pub use footprint::FibreFootprint;
 pub use format::grid_set::GridSet;
 pub use format::vol::VolGrid;
 pub use format::{ovox, vdb, vol};

@@ -24,7 +24,7 @@
 pub(crate) mod build;
 mod validate;
 
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
 use crate::record::{
     Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
@@ -44,7 +44,7 @@ pub(crate) struct Group {
 
 /// One level of detail.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Level {
+pub(crate) struct OctreeLevel {
     /// Bricks along each axis.
     pub grid: UVec3,
     /// Index of each brick (x fastest, then y, z) or [`EMPTY`].
@@ -63,19 +63,19 @@ pub struct Octree {
     pub(crate) lattice: Lattice,
     bounds_mm: Aabb,
     finest_per_mm: Vec3,
-    pub(crate) levels: Vec<Level>,
+    pub(crate) levels: Vec<OctreeLevel>,
     pub(crate) groups: Vec<Group>,
     pub(crate) radii: RadiusScale,
     /// One unit of stored length; a power of two.
     pub(crate) quantum_mm: f64,
     pub(crate) material_count: u32,
-    pub(crate) footprint: Footprint,
+    pub(crate) footprint: FibreFootprint,
 }
 
 impl Octree {
     pub(crate) fn assemble(
         lattice: Lattice,
-        levels: Vec<Level>,
+        levels: Vec<OctreeLevel>,
         groups: Vec<Group>,
         radii: RadiusScale,
         quantum_mm: f64,
@@ -90,7 +90,7 @@ impl Octree {
             radii,
             quantum_mm,
             material_count,
-            footprint: Footprint::Covered,
+            footprint: FibreFootprint::Covered,
         }
     }
 
@@ -106,7 +106,7 @@ impl Octree {
     }
 
     /// Where the length of fibres lies that are thicker than a voxel.
-    pub fn footprint(&self) -> Footprint {
+    pub fn footprint(&self) -> FibreFootprint {
         self.footprint
     }
 
@@ -183,7 +183,7 @@ impl Octree {
     }
 
     #[inline]
-    fn brick(&self, level: u8, brick: UVec3) -> Option<(&Level, &Brick)> {
+    fn brick(&self, level: u8, brick: UVec3) -> Option<(&OctreeLevel, &Brick)> {
         let l = &self.levels[usize::from(level)];
         let at = l.brick_of[brick_index(brick, l.grid) as usize];
         (at != EMPTY).then(|| (l, &l.bricks[at as usize]))

@@ -4,7 +4,7 @@
 //! they are far fewer than the voxels that they fill.
 
 use crate::Error;
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::{BLOCK, Lattice};
 use glam::{DVec3, IVec3};
 use organza_basis::{Segment, SegmentSource};
@@ -19,7 +19,7 @@ const LONGEST_PIECE: f64 = 16.0;
 /// A segment or a part of one, in one period of the tile. Ends are in voxels
 /// from the least corner.
 #[derive(Clone, Copy)]
-pub struct Piece {
+pub struct RoutePiece {
     pub start: DVec3,
     pub end: DVec3,
     pub start_radius_mm: f32,
@@ -40,7 +40,7 @@ pub struct Run {
 
 /// One batch of the source.
 pub struct Routed {
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<RoutePiece>,
     /// Indices of pieces, block by block.
     pub ids: Vec<u32>,
     /// Rising in their blocks.
@@ -54,7 +54,7 @@ pub struct Routed {
 impl Routed {
     /// Bytes that it holds on to.
     pub fn bytes(&self) -> u64 {
-        (self.pieces.capacity() * size_of::<Piece>()
+        (self.pieces.capacity() * size_of::<RoutePiece>()
             + self.ids.capacity() * 4
             + self.runs.capacity() * size_of::<Run>()) as u64
     }
@@ -65,7 +65,7 @@ pub fn route(
     source: &dyn SegmentSource,
     batch: usize,
     lattice: &Lattice,
-    footprint: Footprint,
+    footprint: FibreFootprint,
 ) -> Result<Routed, Error> {
     let mut router = Router {
         lattice,
@@ -84,8 +84,8 @@ pub fn route(
 
 struct Router<'a> {
     lattice: &'a Lattice,
-    footprint: Footprint,
-    pieces: Vec<Piece>,
+    footprint: FibreFootprint,
+    pieces: Vec<RoutePiece>,
     /// Block (high half) and piece (low half).
     targets: Vec<u64>,
     groups: Vec<u64>,
@@ -157,7 +157,7 @@ impl Router<'_> {
                 (a + t * (b - a), r0 + t as f32 * (r1 - r0))
             };
             self.place(
-                &Piece {
+                &RoutePiece {
                     start: from.0,
                     end: to.0,
                     start_radius_mm: from.1,
@@ -184,7 +184,7 @@ impl Router<'_> {
     }
 
     /// Once for each period that it touches, to each block there.
-    fn place(&mut self, p: &Piece, reach: DVec3) {
+    fn place(&mut self, p: &RoutePiece, reach: DVec3) {
         let dims = self.lattice.dims.as_ivec3();
         let low = (p.start.min(p.end) - reach).floor().as_ivec3();
         let high = (p.start.max(p.end) + reach).floor().as_ivec3();
@@ -197,7 +197,7 @@ impl Router<'_> {
             for x in first.x..=last.x {
                 let shift = IVec3::new(x, y, 0) * dims;
                 let id = self.pieces.len() as u64;
-                self.pieces.push(Piece {
+                self.pieces.push(RoutePiece {
                     start: p.start - shift.as_dvec3(),
                     end: p.end - shift.as_dvec3(),
                     ..*p

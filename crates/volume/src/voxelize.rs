@@ -7,10 +7,10 @@
 use crate::block::BlockSums;
 use crate::cluster::GatheredPopulation;
 use crate::fold::fold;
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, brick_at, bricks_across};
 use crate::octree::build::{Assembly, Scales, build_block};
-use crate::route::{Piece, Routed, route};
+use crate::route::{RoutePiece, Routed, route};
 use crate::{Error, Octree};
 use organza_basis::SegmentSource;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ pub struct VoxelizeOptions {
     /// Number of levels, 1 to 8; without it as many as fit, at most six.
     pub levels: Option<u8>,
     /// Treatment of thick fibres.
-    pub footprint: Footprint,
+    pub footprint: FibreFootprint,
     /// Refuse to use more memory than this. Without it there is no limit.
     pub max_memory_bytes: Option<u64>,
 }
@@ -36,7 +36,7 @@ impl Default for VoxelizeOptions {
         VoxelizeOptions {
             voxel_mm: 0.01,
             levels: None,
-            footprint: Footprint::default(),
+            footprint: FibreFootprint::default(),
             max_memory_bytes: None,
         }
     }
@@ -165,7 +165,7 @@ fn run(
 /// All blocks of a tile.
 struct Tiled<'a> {
     lattice: &'a Lattice,
-    footprint: Footprint,
+    footprint: FibreFootprint,
     blocks: Vec<Block>,
     routed: Vec<Routed>,
     /// Pieces in `routed`.
@@ -185,7 +185,7 @@ struct Block {
 }
 
 impl<'a> Tiled<'a> {
-    fn new(lattice: &'a Lattice, footprint: Footprint) -> Tiled<'a> {
+    fn new(lattice: &'a Lattice, footprint: FibreFootprint) -> Tiled<'a> {
         let count = lattice.blocks_across().element_product();
         Tiled {
             lattice,
@@ -221,7 +221,7 @@ impl<'a> Tiled<'a> {
 
     /// What waits for a block and what it kept, together.
     fn filled(&self, index: u32, block: &mut Block) -> Vec<GatheredPopulation> {
-        let mut pieces: Vec<(u64, &Piece)> = Vec::new();
+        let mut pieces: Vec<(u64, &RoutePiece)> = Vec::new();
         for &(batch, run) in &block.runs {
             let r = &self.routed[batch as usize];
             let run = &r.runs[run as usize];

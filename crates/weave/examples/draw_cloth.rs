@@ -4,7 +4,7 @@
 //! writes `OUT.yarn.png`, `OUT.ply.png` and `OUT.fibre.png`.
 //! Files named in the fabric are looked for beside it.
 
-use organza_weave::{Cloth, FabricGeometry, Level, Picture};
+use organza_weave::{Cloth, CurveLevel, FabricGeometry, Picture};
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,9 +17,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let load = |name: &str| std::fs::read(folder.join(name));
     let cloth = Cloth::build(&geometry, &load, 1)?;
     for (level, name) in [
-        (Level::Yarn, "yarn"),
-        (Level::Ply, "ply"),
-        (Level::Fibre, "fibre"),
+        (CurveLevel::Yarn, "yarn"),
+        (CurveLevel::Ply, "ply"),
+        (CurveLevel::Fibre, "fibre"),
     ] {
         let drawn = cloth.picture(level, cloth.default_picture_mm());
         save(drawn, &format!("{out}.{name}.png"))?;

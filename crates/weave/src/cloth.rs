@@ -33,7 +33,7 @@ pub struct Material {
 
 /// How far a cloth is taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+pub enum CurveLevel {
     /// One curve per yarn.
     Yarn,
     /// One curve per ply.
@@ -107,18 +107,18 @@ impl Cloth {
 
     /// The curves of one level; one batch per thread, warp before weft,
     /// courses from the bottom up.
-    pub fn curves(&self, level: Level) -> Curves<'_> {
+    pub fn curves(&self, level: CurveLevel) -> Curves<'_> {
         Curves { cloth: self, level }
     }
 
     /// A thread's centreline in steps short enough for a level.
-    fn path(&self, thread: &ThreadAtRest, level: Level) -> Path {
+    fn path(&self, thread: &ThreadAtRest, level: CurveLevel) -> Path {
         let yarn = &self.yarns[thread.yarn];
         let plies = yarn.ply_twist_rad_per_mm.powi(2) * yarn.ply_centre_mm;
         let twist = match level {
-            Level::Yarn => 0.0,
-            Level::Ply => plies,
-            Level::Fibre => plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm,
+            CurveLevel::Yarn => 0.0,
+            CurveLevel::Ply => plies,
+            CurveLevel::Fibre => plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm,
         };
         let step = |bend: f64| (8.0 * CHORD_ERROR * yarn.fibre_radius_mm / (bend + twist)).sqrt();
         match &thread.line {
@@ -169,7 +169,7 @@ impl Cloth {
 #[derive(Clone, Copy, Debug)]
 pub struct Curves<'a> {
     cloth: &'a Cloth,
-    level: Level,
+    level: CurveLevel,
 }
 
 /// Chords stay this near to the fibre, as a share of its radius.
@@ -203,9 +203,9 @@ impl SegmentSource for Curves<'_> {
         let path = self.cloth.path(&self.cloth.threads[batch], self.level);
         let strand = self.cloth.strand(batch, &path);
         match self.level {
-            Level::Yarn => strand.emit_yarn(emit),
-            Level::Ply => strand.emit_plies(emit),
-            Level::Fibre => strand.emit_fibres(emit),
+            CurveLevel::Yarn => strand.emit_yarn(emit),
+            CurveLevel::Ply => strand.emit_plies(emit),
+            CurveLevel::Fibre => strand.emit_fibres(emit),
         }
     }
 
@@ -225,7 +225,8 @@ impl SegmentSource for Cloth {
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
-        self.curves(Level::Fibre).for_each_in_batch(batch, emit);
+        self.curves(CurveLevel::Fibre)
+            .for_each_in_batch(batch, emit);
     }
 
     fn material_count(&self) -> usize {

@@ -244,7 +244,7 @@ fn wrong(place: impl Into<String>, message: impl Into<String>) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Cloth, FabricGeometry, Level};
+    use crate::{Cloth, CurveLevel, FabricGeometry};
     use organza_basis::SegmentSource;
 
     fn cloth() -> Cloth {
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn round_trips_are_exact_at_every_level() {
         let cloth = cloth();
-        for level in [Level::Yarn, Level::Ply, Level::Fibre] {
+        for level in [CurveLevel::Yarn, CurveLevel::Ply, CurveLevel::Fibre] {
             let source = cloth.curves(level);
             let mut text = Vec::new();
             write_text(&source, &mut text).unwrap();

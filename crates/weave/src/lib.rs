@@ -53,7 +53,7 @@ mod strand;
 mod wif;
 mod yarn;
 
-pub use cloth::{Cloth, Curves, Figures, Level, Loader, Material, SystemFigures};
+pub use cloth::{Cloth, CurveLevel, Curves, Figures, Loader, Material, SystemFigures};
 pub use draft::{Draft, Thread};
 pub use error::Error;
 pub use picture::Picture;

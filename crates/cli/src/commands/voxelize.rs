@@ -14,7 +14,7 @@ use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
 use organza_scene::scattering::ScatteringTable;
 use organza_volume::format::{self, FORMATS, Format, Voxels, WriteOption};
-use organza_volume::{Footprint, Octree};
+use organza_volume::{FibreFootprint, Octree};
 use std::path::PathBuf;
 
 /// `organza voxelize`
@@ -169,16 +169,16 @@ fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(
 
 /// What was asked for; else what the fabric's own model wants, where the format keeps
 /// populations to show it by.
-fn footprint(args: &VoxelizeArgs, format: &Format, fabric: &Fabric) -> Footprint {
+fn footprint(args: &VoxelizeArgs, format: &Format, fabric: &Fabric) -> FibreFootprint {
     match args.footprint {
-        Some(FootprintName::Covered) => Footprint::Covered,
-        Some(FootprintName::Axis) => Footprint::Axis,
+        Some(FootprintName::Covered) => FibreFootprint::Covered,
+        Some(FootprintName::Axis) => FibreFootprint::Axis,
         None if format.options.contains(&WriteOption::Footprint) => {
             let own = ScatteringTable::default().over(fabric.file.scattering);
             let voxels = own.ok().and_then(|shown| shown.representation.voxels());
-            voxels.map_or(Footprint::Covered, |v| v.footprint)
+            voxels.map_or(FibreFootprint::Covered, |v| v.footprint)
         }
-        None => Footprint::Covered,
+        None => FibreFootprint::Covered,
     }
 }
 

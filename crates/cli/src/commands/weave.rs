@@ -11,7 +11,7 @@ use clap::Args;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
 use organza_scene::{file_kind, read};
-use organza_weave::{Draft, Level, Picture, curve_file};
+use organza_weave::{CurveLevel, Draft, Picture, curve_file};
 use std::path::{Path, PathBuf};
 
 /// `organza weave`
@@ -28,7 +28,7 @@ pub struct WeaveArgs {
     pub outfile: Option<PathBuf>,
     /// Which curves of a fabric to write or draw
     #[arg(long, value_enum, requires = "outfile")]
-    pub level: Option<CurveLevel>,
+    pub level: Option<CurveLevelName>,
     /// Pixels per crossing of a drawdown, 1 to 1024; fewer where the picture would be wider than 8192
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
     pub cell_px: u32,
@@ -49,7 +49,7 @@ impl Command for WeaveArgs {
 
 /// How far a fabric is taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum CurveLevel {
+pub enum CurveLevelName {
     /// One curve per yarn
     Yarn,
     /// One curve per ply
@@ -149,9 +149,9 @@ fn write(args: &WeaveArgs, subject: &Subject, path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_ascii_lowercase());
     let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
     let level = match args.level {
-        None | Some(CurveLevel::Yarn) => Level::Yarn,
-        Some(CurveLevel::Ply) => Level::Ply,
-        Some(CurveLevel::Fibre) => Level::Fibre,
+        None | Some(CurveLevelName::Yarn) => CurveLevel::Yarn,
+        Some(CurveLevelName::Ply) => CurveLevel::Ply,
+        Some(CurveLevelName::Fibre) => CurveLevel::Fibre,
     };
     match (ending, subject) {
         (_, Subject::Draft(_)) if args.level.is_some() => Err(input(format!(

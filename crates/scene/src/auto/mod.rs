@@ -7,7 +7,7 @@ pub mod table;
 pub mod table_file;
 
 use crate::build_options::BuildOptions;
-use crate::cloth_place::Place;
+use crate::cloth_place::ClothPlace;
 use crate::error::{Result, input};
 use crate::fabric_file;
 use crate::level::{Lod, LodName};
@@ -148,7 +148,7 @@ fn choose(
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!("object[{index}].optics{why}")))?;
     let mesh = drape::mesh(table.mesh_keys(), index, &options)?;
-    let place = Place {
+    let place = ClothPlace {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
         max_memory_bytes: free_memory_bytes(),

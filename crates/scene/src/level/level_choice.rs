@@ -1,7 +1,7 @@
 //! Which representations of a cloth a scene needs, and at which pixel widths each
 //! gives way to the next.
 
-use crate::cloth_place::{FarSheet, Place};
+use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::error::Result;
 use organza_transport::{AnyMedium, LevelSteps};
 use organza_volume::Octree;
@@ -78,7 +78,7 @@ impl Levels {
     /// Those of `volume`, and of a shell that cannot be made.
     pub fn medium(
         self,
-        place: &Place<'_>,
+        place: &ClothPlace<'_>,
         sheet: Option<FarSheet>,
         mut volume: impl FnMut(u8) -> Result<Option<AnyMedium>>,
     ) -> Result<Option<AnyMedium>> {

@@ -2,7 +2,7 @@
 
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
-use crate::cloth_place::{FarSheet, Place};
+use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load, voxelize_planned};
@@ -250,7 +250,7 @@ fn medium(
     };
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     let mesh = drape::mesh(table.mesh_keys(), index, options)?;
-    let place = Place {
+    let place = ClothPlace {
         bounds_mm: fabric.cloth.tile().bounds_mm,
         mesh: mesh.as_ref(),
         max_memory_bytes: options.max_memory_bytes.unwrap_or_else(free_memory_bytes),
@@ -325,7 +325,7 @@ impl Laying<'_> {
     ///
     /// # Errors
     /// Names the file and the key at fault.
-    pub fn medium(&self, mut place: Place<'_>, octree: Octree) -> Result<AnyMedium> {
+    pub fn medium(&self, mut place: ClothPlace<'_>, octree: Octree) -> Result<AnyMedium> {
         let Laying {
             fabric,
             path,

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::optics::albedo_for_colour;
 use organza_basis::Rgb;
 use organza_transport::AnyMedium;
-use organza_volume::Footprint;
+use organza_volume::FibreFootprint;
 use std::sync::Arc;
 
 /// Micro-flakes.
@@ -20,7 +20,7 @@ pub static MICROFLAKE: Representation = Representation {
     drapes: true,
     check: |_, _| Ok(()),
     build: Build::Voxels(VoxelBuild {
-        footprint: Footprint::Covered,
+        footprint: FibreFootprint::Covered,
         finest_level: |_, _| 0,
         medium,
     }),

@@ -23,7 +23,7 @@ use crate::loader::Loader;
 use organza_scatter::FlakeFamily;
 use organza_surface::ClothSurface;
 use organza_transport::{AnyMedium, ExplicitFibres};
-use organza_volume::{Footprint, Octree};
+use organza_volume::{FibreFootprint, Octree};
 use organza_weave::Material;
 use serde::de::{Error as _, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -72,7 +72,7 @@ pub enum Build {
 /// How a representation is built from an octree.
 pub struct VoxelBuild {
     /// Where the octree holds the length of thick fibres.
-    pub footprint: Footprint,
+    pub footprint: FibreFootprint,
     /// The finest level that suits it.
     pub finest_level: fn(&Octree, &[Material]) -> u8,
     /// One level as a medium; `None` when there is no such level.

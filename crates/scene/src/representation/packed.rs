@@ -3,7 +3,7 @@
 
 use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
 use organza_transport::VirtualFibreEvent;
-use organza_volume::{Footprint, Octree};
+use organza_volume::{FibreFootprint, Octree};
 use organza_weave::Material;
 
 /// Edge of the voxels, in fibre radii, that suits packed fibres best: finer ones
@@ -21,7 +21,7 @@ pub static PACKED: Representation = Representation {
     drapes: true,
     check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         finest_level,
         medium: |source| virtual_fibres::medium(source, VirtualFibreEvent::Packed),
     }),

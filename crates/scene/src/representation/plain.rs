@@ -3,7 +3,7 @@
 
 use super::{Build, Representation, Tracker, VoxelBuild, virtual_fibres};
 use organza_transport::VirtualFibreEvent;
-use organza_volume::Footprint;
+use organza_volume::FibreFootprint;
 
 /// Virtual scattering, plain.
 pub static PLAIN: Representation = Representation {
@@ -16,7 +16,7 @@ pub static PLAIN: Representation = Representation {
     drapes: true,
     check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
-        footprint: Footprint::Covered,
+        footprint: FibreFootprint::Covered,
         finest_level: |_, _| 0,
         medium: |source| virtual_fibres::medium(source, VirtualFibreEvent::Plain),
     }),

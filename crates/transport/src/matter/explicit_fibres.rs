@@ -35,7 +35,7 @@ use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
 use organza_kernel::fibres::{FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 pub use overlap::Overlap;
-use piece::Piece;
+use piece::FibrePiece;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -199,11 +199,6 @@ impl ExplicitFibres {
     fn hierarchy(&self) -> &Hierarchy {
         self.hierarchy
             .get_or_init(|| Hierarchy::new(&self.curves, &self.tile))
-    }
-
-    /// Pieces of fibre in one tile.
-    pub fn piece_count(&self) -> usize {
-        self.curves.pieces().count()
     }
 
     /// Bytes in use.
@@ -430,7 +425,7 @@ impl ExplicitFibres {
 struct Found {
     distance_mm: f64,
     point: DVec3,
-    piece: Piece,
+    piece: FibrePiece,
     index: u32,
 }
 

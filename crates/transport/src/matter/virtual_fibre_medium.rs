@@ -33,7 +33,7 @@ pub enum VirtualFibreEvent {
     /// extinction is over the void between fibres, light scatters in the near
     /// field and leaves where the cylinder lets it out [`PackedEvent`]. Wants an
     /// octree with the length of a fibre at its axis
-    /// ([`organza_volume::Footprint::Axis`]).
+    /// ([`organza_volume::FibreFootprint::Axis`]).
     ///
     /// The tangent that takes the ray to the axis is the mean one of what lies
     /// where the ray is, or, beside all matter, of the densest voxel around;

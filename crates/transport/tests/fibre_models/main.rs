@@ -19,7 +19,7 @@ use organza_transport::{
     LocalVisibility, PixelFilter, Projection, Scene, Stats, VirtualFibreEvent, VirtualFibreMedium,
     trace_from,
 };
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use rayon::prelude::*;
 use yarn::{RADIUS_MM, STRAIGHT, Yarn};
 
@@ -48,8 +48,8 @@ fn volume(
         voxel_mm: voxel_radii * RADIUS_MM,
         levels: None,
         footprint: match event {
-            VirtualFibreEvent::Packed => Footprint::Axis,
-            VirtualFibreEvent::Plain => Footprint::Covered,
+            VirtualFibreEvent::Packed => FibreFootprint::Axis,
+            VirtualFibreEvent::Plain => FibreFootprint::Covered,
         },
         max_memory_bytes: None,
     };

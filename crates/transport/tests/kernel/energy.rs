@@ -9,7 +9,7 @@ use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Unsuited};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_transport::*;
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 
 /// Two cells of 1 mm side by side, the first thin and the second dense, absorbing,
 /// seen through the first.
@@ -137,7 +137,7 @@ fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let segments = SegmentList {

@@ -14,7 +14,7 @@ use organza_kernel::proofs::Fault;
 use organza_kernel::{Block, Refusal, Unsuited};
 use organza_testing::little_weave;
 use organza_transport::*;
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -66,7 +66,7 @@ fn cloth() -> SggxOctreeMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let octree = voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap();

@@ -12,7 +12,7 @@ use organza_scatter::{Fibre, FittedFibre, FittedParameters};
 use organza_testing::little_weave;
 use organza_testing::{dielectric_fibre, fitted_fibre};
 use organza_transport::*;
-use organza_volume::{Footprint, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 
 fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
     let [longitudinal_rad, azimuthal_rad] = [longitudinal_deg, azimuthal_deg].map(f32::to_radians);
@@ -24,7 +24,7 @@ fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let octree = voxelize(&little_weave(0.015, 1), &options, &|_| ()).unwrap();

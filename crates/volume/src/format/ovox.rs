@@ -14,9 +14,9 @@ mod header;
 
 use super::{Format, Part, Source, Volume, WriteOption, box_of};
 use crate::Error;
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::bricks_across;
-use crate::octree::{Group, Level, Octree};
+use crate::octree::{Group, Octree, OctreeLevel};
 use blocks::{crc, read_array, read_exactly, word, write_array, wrong};
 use organza_basis::Budget;
 use serde_json::{Value, json};
@@ -136,7 +136,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
     for level in 0..h.lattice.levels {
         let grid = bricks_across(h.lattice.dims_at(level));
         let (bricks, records) = h.counts[usize::from(level)];
-        levels.push(Level {
+        levels.push(OctreeLevel {
             grid,
             brick_of: read_array(input, version, grid.as_u64vec3().element_product())?,
             bricks: read_array(input, version, bricks)?,
@@ -195,8 +195,8 @@ fn describe(stored: &Stored) -> Value {
         "repeats": octree.repeats(),
         "materials": octree.material_count(),
         "footprint": match octree.footprint() {
-            Footprint::Covered => "covered",
-            Footprint::Axis => "axis",
+            FibreFootprint::Covered => "covered",
+            FibreFootprint::Axis => "axis",
         },
         "files": stored.files.iter().map(|f| &f.name).collect::<Vec<_>>(),
         "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },

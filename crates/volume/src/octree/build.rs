@@ -1,6 +1,6 @@
 //! From gathered populations to all levels of the octree.
 
-use super::{EMPTY, Group, Level, Octree, broadside};
+use super::{EMPTY, Group, Octree, OctreeLevel, broadside};
 use crate::Error;
 use crate::block::sort_by_voxel;
 use crate::cluster::{GatheredPopulation, KeepApart, Merger};
@@ -249,7 +249,7 @@ fn finest_majorant(
 pub(crate) struct Assembly<'a> {
     lattice: &'a Lattice,
     scales: &'a Scales,
-    levels: Vec<Level>,
+    levels: Vec<OctreeLevel>,
     /// Populations of the last level that blocks build.
     tops: Vec<BuildBrick>,
 }
@@ -258,7 +258,7 @@ impl<'a> Assembly<'a> {
     pub fn new(lattice: &'a Lattice, scales: &'a Scales) -> Assembly<'a> {
         let level = |level| {
             let grid = bricks_across(lattice.dims_at(level));
-            Level {
+            OctreeLevel {
                 grid,
                 brick_of: vec![EMPTY; grid.element_product() as usize],
                 bricks: Vec::new(),
@@ -320,7 +320,7 @@ impl<'a> Assembly<'a> {
     }
 }
 
-fn append(level: &mut Level, mut part: Part) -> Result<(), Error> {
+fn append(level: &mut OctreeLevel, mut part: Part) -> Result<(), Error> {
     let first = level.records.len();
     if u32::try_from(first + part.records.len()).is_err() {
         return Err(Error::Options(
@@ -337,7 +337,7 @@ fn append(level: &mut Level, mut part: Part) -> Result<(), Error> {
 }
 
 /// Indices of the eight bricks below a brick, x fastest.
-fn children(brick: UVec3, finer: &Level) -> [Option<u32>; 8] {
+fn children(brick: UVec3, finer: &OctreeLevel) -> [Option<u32>; 8] {
     std::array::from_fn(|i| {
         let c = (brick << 1u32) + octant(i as u32);
         if c.cmpge(finer.grid).any() {
@@ -350,7 +350,7 @@ fn children(brick: UVec3, finer: &Level) -> [Option<u32>; 8] {
 
 /// The next coarser level: eight voxels' populations brought together and
 /// merged from their full tensors, not from what was stored of them.
-fn coarsen(bricks: &[BuildBrick], finer: &Level, grid: UVec3) -> Vec<BuildBrick> {
+fn coarsen(bricks: &[BuildBrick], finer: &OctreeLevel, grid: UVec3) -> Vec<BuildBrick> {
     let mut parents: Vec<u32> = bricks
         .iter()
         .map(|(brick, _)| brick_index(brick_at(*brick, finer.grid) >> 1u32, grid))

@@ -1,6 +1,6 @@
 //! Every invariant of the octree, checked.
 
-use super::{EMPTY, Level, Octree, broadside};
+use super::{EMPTY, Octree, OctreeLevel, broadside};
 use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
 use crate::record::Brick;
 use crate::record::{decode_group, is_valid_direction};
@@ -41,7 +41,7 @@ impl Octree {
         Ok(())
     }
 
-    fn check_level(&self, level: u8, l: &Level) -> Result<(), String> {
+    fn check_level(&self, level: u8, l: &OctreeLevel) -> Result<(), String> {
         let dims = self.lattice.dims_at(level);
         if l.grid != bricks_across(dims)
             || l.brick_of.len() as u64 != l.grid.as_u64vec3().element_product()
@@ -86,7 +86,13 @@ impl Octree {
     }
 
     /// Checks a brick whose populations are there.
-    fn check_brick(&self, l: &Level, dims: UVec3, at: u32, brick: &Brick) -> Result<(), String> {
+    fn check_brick(
+        &self,
+        l: &OctreeLevel,
+        dims: UVec3,
+        at: u32,
+        brick: &Brick,
+    ) -> Result<(), String> {
         let low = brick_at(at, l.grid) << 2u32;
         let [a, b, c, d] = brick.masks;
         if a == 0 || b & !a != 0 || c & !b != 0 || d & !c != 0 {
@@ -123,7 +129,7 @@ impl Octree {
 }
 
 /// Lengths in the cells of a brick, quanta.
-fn quanta(l: &Level, brick: &Brick) -> [u64; 64] {
+fn quanta(l: &OctreeLevel, brick: &Brick) -> [u64; 64] {
     let mut sums = [0u64; 64];
     let mut left = brick.masks[0];
     while left != 0 {
@@ -135,7 +141,7 @@ fn quanta(l: &Level, brick: &Brick) -> [u64; 64] {
     sums
 }
 
-fn check_pair(finer: &Level, coarser: &Level) -> Result<(), String> {
+fn check_pair(finer: &OctreeLevel, coarser: &OctreeLevel) -> Result<(), String> {
     let checked: Vec<Result<usize, String>> = coarser
         .brick_of
         .par_iter()
@@ -154,7 +160,12 @@ fn check_pair(finer: &Level, coarser: &Level) -> Result<(), String> {
 }
 
 /// Checks a brick against the eight below it; returns how many there are.
-fn check_parent(finer: &Level, coarser: &Level, at: u32, index: u32) -> Result<usize, String> {
+fn check_parent(
+    finer: &OctreeLevel,
+    coarser: &OctreeLevel,
+    at: u32,
+    index: u32,
+) -> Result<usize, String> {
     let place = brick_at(at, coarser.grid);
     let brick = &coarser.bricks[index as usize];
     let mut sums = [0u64; 64];

@@ -2,7 +2,7 @@ use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Segment, SegmentSource};
-use organza_volume::{Footprint, Octree, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -95,7 +95,7 @@ fn options(voxel_mm: f32, levels: Option<u8>) -> VoxelizeOptions {
     VoxelizeOptions {
         voxel_mm,
         levels,
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     }
 }

@@ -1,6 +1,6 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec3, Vec3};
-use organza_basis::spread::{mean_cos_sq, spread_from_mean_cos_sq};
+use organza_basis::spread::{mean_cos_sq, spread_from_mean_sin_sq};
 use organza_basis::{Budget, FibrePopulation, Frame, MAX_POPULATIONS, Sym3, warp};
 use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -78,7 +78,7 @@ fn averaged(populations: &[FibrePopulation]) -> FibrePopulation {
     FibrePopulation {
         length_density_per_mm2: total / (2.0 * populations[0].radius_mm),
         axis,
-        spread_rad: spread_from_mean_cos_sq(value),
+        spread_rad: spread_from_mean_sin_sq(1.0 - value),
         ..populations[0]
     }
 }
@@ -142,7 +142,7 @@ impl Lobe {
         FibrePopulation {
             length_density_per_mm2: self.weight / (2.0 * self.like.radius_mm),
             axis,
-            spread_rad: spread_from_mean_cos_sq(value),
+            spread_rad: spread_from_mean_sin_sq(1.0 - value),
             ..self.like
         }
     }

@@ -1,7 +1,7 @@
 use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{UVec3, Vec3};
 use organza_basis::{Segment, SegmentSource};
-use organza_volume::{Footprint, Octree, Plan, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions, voxelize};
 
 fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
     let options = VoxelizeOptions {
@@ -166,7 +166,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
     }
     let axis_only = VoxelizeOptions {
         voxel_mm: 0.1,
-        footprint: Footprint::Axis,
+        footprint: FibreFootprint::Axis,
         ..VoxelizeOptions::default()
     };
     let tree = voxelize(&source, &axis_only, &|_| {}).unwrap();

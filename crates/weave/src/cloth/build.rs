@@ -12,7 +12,7 @@ use crate::relax::{System, relax};
 use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec};
 use crate::strand::reach_mm;
 use crate::yarn::Yarn;
-use crate::{Draft, Error, Level, Thread};
+use crate::{CurveLevel, Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Tile};
 use std::sync::Arc;
@@ -71,7 +71,7 @@ impl Cloth {
                 continue;
             }
             let yarn = &self.yarns[thread.yarn];
-            let path = self.path(thread, Level::Yarn);
+            let path = self.path(thread, CurveLevel::Yarn);
             let length = path.length_mm();
             let closure = Closure::new(yarn, length);
             if self.strand(batch, &path).is_too_large_to_push_apart() {

@@ -1,7 +1,7 @@
 //! Drawings of curves: a quick look at yarns, plies and fibres without light
 //! transport.
 
-use super::{Cloth, Level};
+use super::{Cloth, CurveLevel};
 use crate::Picture;
 use glam::{Vec2, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource};
@@ -80,7 +80,7 @@ impl Cloth {
 
     /// The face of the cloth seen from above, every curve a lit tube in the
     /// colour of its thread.
-    pub fn picture(&self, level: Level, shown_mm: Vec2) -> Picture {
+    pub fn picture(&self, level: CurveLevel, shown_mm: Vec2) -> Picture {
         let scale = WIDTH as f32 / shown_mm.x;
         let mut canvas = Canvas::new(WIDTH, (shown_mm.y * scale) as usize);
         self.for_each_copy(level, shown_mm, |s| {
@@ -103,7 +103,7 @@ impl Cloth {
 
     /// Every segment in every copy of the tile that may be seen in
     /// `[0, shown_mm)^2`.
-    fn for_each_copy(&self, level: Level, shown_mm: Vec2, mut draw: impl FnMut(&Segment)) {
+    fn for_each_copy(&self, level: CurveLevel, shown_mm: Vec2, mut draw: impl FnMut(&Segment)) {
         let source = self.curves(level);
         let tile = source.tile();
         let period = tile.period_mm();

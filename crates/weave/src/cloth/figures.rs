@@ -1,6 +1,6 @@
 //! The figures by which textile engineers describe a cloth.
 
-use super::{Centreline, Cloth, Level};
+use super::{Centreline, Cloth, CurveLevel};
 use crate::closure::Closure;
 use std::f64::consts::PI;
 
@@ -112,7 +112,7 @@ impl Cloth {
                 }
                 continue;
             }
-            let path = self.path(thread, Level::Ply);
+            let path = self.path(thread, CurveLevel::Ply);
             let length = path.length_mm();
             let closure = Closure::new(yarn, length);
             let per_length = yarn.fibre_per_length_at(

@@ -39,7 +39,7 @@ fn build(fabric: &FabricGeometry) -> Cloth {
 fn heights(cloth: &Cloth, e: usize, p: usize) -> (f32, f32) {
     let at = |batch: usize, axis: usize, place: f32| {
         let mut best = (f32::INFINITY, 0.0);
-        let source = cloth.curves(Level::Yarn);
+        let source = cloth.curves(CurveLevel::Yarn);
         let period = source.tile().period_mm()[axis];
         source.for_each_in_batch(batch, &mut |s| {
             let away = (s.start_mm[axis] - place).rem_euclid(period);
@@ -54,7 +54,7 @@ fn heights(cloth: &Cloth, e: usize, p: usize) -> (f32, f32) {
     let across = |batch, axis| {
         let mut place = 0.0;
         cloth
-            .curves(Level::Yarn)
+            .curves(CurveLevel::Yarn)
             .for_each_in_batch(batch, &mut |s| place = s.start_mm[axis]);
         place
     };
@@ -85,14 +85,14 @@ fn a_planted_draft_is_read_back_from_the_heights_of_the_curves() {
 }
 
 /// Every curve's end must be another's (or its own) start, one period on.
-fn assert_closed(cloth: &Cloth, level: Level) {
+fn assert_closed(cloth: &Cloth, level: CurveLevel) {
     let source = cloth.curves(level);
     for batch in 0..source.batch_count() {
         let mut ends: Vec<(Segment, Segment)> = Vec::new();
         let path = cloth.path(&cloth.threads[batch], level);
         let strand = cloth.strand(batch, &path);
         let pieces = match level {
-            Level::Fibre => strand.closure.fibres_per_ply() * strand.yarn.plies,
+            CurveLevel::Fibre => strand.closure.fibres_per_ply() * strand.yarn.plies,
             _ => u32::MAX,
         };
         source.for_each_in_batch(batch, &mut |s| match ends.last_mut() {
@@ -138,7 +138,7 @@ fn every_curve_continues_across_the_border_of_the_tile() {
     f.yarn.insert("two".to_owned(), two);
     f.tile = TileSpec { repeats: [1, 2] };
     let cloth = build(&f);
-    for level in [Level::Yarn, Level::Ply, Level::Fibre] {
+    for level in [CurveLevel::Yarn, CurveLevel::Ply, CurveLevel::Fibre] {
         assert_closed(&cloth, level);
     }
 }
@@ -160,7 +160,7 @@ fn the_tile_holds_every_height() {
 fn poured(cloth: &Cloth) -> (usize, f64) {
     let (mut count, mut length) = (0, 0.0);
     for batch in 0..cloth.batch_count() {
-        let path = cloth.path(&cloth.threads[batch], Level::Fibre);
+        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
         let strand = cloth.strand(batch, &path);
         let pieces = strand.closure.fibres_per_ply() * strand.yarn.plies;
         cloth.for_each_in_batch(batch, &mut |s| {
@@ -290,7 +290,7 @@ fn knits_are_closed_and_weigh_what_their_loops_do() {
         let f = knit(name);
         let cloth = build(&f);
         assert!(cloth.draft().is_none());
-        for level in [Level::Yarn, Level::Fibre] {
+        for level in [CurveLevel::Yarn, CurveLevel::Fibre] {
             assert_closed(&cloth, level);
         }
         let figures = cloth.figures();
@@ -336,7 +336,7 @@ fn hairs_are_as_many_as_asked_for_and_stand_out() {
     for seed in 0..40 {
         let cloth = Cloth::build(&f, &no_files, seed).unwrap();
         for batch in 0..cloth.batch_count() {
-            let path = cloth.path(&cloth.threads[batch], Level::Fibre);
+            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
             let mut last = None;
             let mut ends = 0.0;
             cloth.strand(batch, &path).emit_hairs(0, &mut |s| {
@@ -375,7 +375,7 @@ fn crossing_yarns_stay_apart_between_crossings_too() {
         let ends = cloth.draft().unwrap().ends();
         let period = cloth.tile().period_mm();
         let points = |batch: usize| {
-            let path = cloth.path(&cloth.threads[batch], Level::Ply);
+            let path = cloth.path(&cloth.threads[batch], CurveLevel::Ply);
             path.points.iter().map(|p| p.as_vec3()).collect::<Vec<_>>()
         };
         let mut nearest = f32::INFINITY;

@@ -5,7 +5,7 @@ mod grids;
 use super::cloth::{ClothTable, Laying};
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
-use crate::cloth_place::Place;
+use crate::cloth_place::ClothPlace;
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{self, Fabric};
@@ -21,7 +21,7 @@ use organza_scatter::{FlakeFamily, FlakeOptics};
 use organza_transport::{AnyMedium, Camera, SggxOctreeMedium};
 use organza_volume::format::{self, FORMATS, Format, Volume};
 use organza_volume::ovox::Stored;
-use organza_volume::{Footprint, GridSet, Octree};
+use organza_volume::{FibreFootprint, GridSet, Octree};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -230,7 +230,7 @@ impl<'a> VolumeObject<'a> {
     pub fn medium(&self, camera: &Camera, budget: &mut Budget) -> Result<AnyMedium> {
         let mesh = drape::mesh(self.table.mesh_keys(), self.index, self.options)?;
         let allowed = self.options.max_memory_bytes;
-        let place = |bounds_mm| Place {
+        let place = |bounds_mm| ClothPlace {
             bounds_mm,
             mesh: mesh.as_ref(),
             max_memory_bytes: allowed.unwrap_or_else(free_memory_bytes),
@@ -372,8 +372,8 @@ impl<'a> VolumeObject<'a> {
         };
         if voxels.footprint != octree.footprint() {
             let name = |f| match f {
-                Footprint::Covered => "covered",
-                Footprint::Axis => "axis",
+                FibreFootprint::Covered => "covered",
+                FibreFootprint::Axis => "axis",
             };
             self.options.loader.warn(
                 &self.path,

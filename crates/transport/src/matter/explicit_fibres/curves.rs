@@ -1,6 +1,6 @@
 //! The fibres of one tile as chains of joints.
 
-use super::piece::Piece;
+use super::piece::FibrePiece;
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Segment, SegmentSource, Tile};
 use organza_kernel::fibres::{Joint, Strand, Strands};
@@ -164,7 +164,7 @@ impl Curves {
     }
 
     /// A piece in the copy of the tile that lies `shift_mm` on.
-    pub fn piece(&self, index: u32, shift_mm: DVec2) -> Piece {
+    pub fn piece(&self, index: u32, shift_mm: DVec2) -> FibrePiece {
         let [a, b] = [self.joints[index as usize], self.joints[index as usize + 1]];
         let cut = |j: &Joint| {
             if j.cut {
@@ -173,7 +173,7 @@ impl Curves {
                 DVec3::ZERO
             }
         };
-        Piece {
+        FibrePiece {
             a: a.position.as_dvec3() + shift_mm.extend(0.0),
             b: b.position.as_dvec3() + shift_mm.extend(0.0),
             radius_a: f64::from(a.radius_mm),

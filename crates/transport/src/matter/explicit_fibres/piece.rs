@@ -8,7 +8,7 @@ use glam::DVec3;
 /// bisects the bend; where they turn, the sphere at the joint closes the outer
 /// side. A curve of them has no gap for a ray from outside and no wall inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Piece {
+pub(crate) struct FibrePiece {
     /// First end, mm.
     pub a: DVec3,
     /// Second end, mm.
@@ -27,7 +27,7 @@ pub(crate) struct Piece {
 /// How far a point may lie beyond a cut, mm: both pieces own the plane.
 const CUT_SLACK_MM: f64 = 1e-9;
 
-impl Piece {
+impl FibrePiece {
     /// Distance in units of `d`, which need not be of unit length, at which the
     /// ray enters the piece from outside, between `t_min` and `t_max`.
     ///

@@ -73,7 +73,7 @@ fn rays(seed: u64, count: u64, box_mm: Aabb) -> impl Iterator<Item = Ray> {
 
 /// The distance to a hull of two spheres, by the nearest of spheres along it:
 /// knows of no cone.
-fn outside_mm(piece: &Piece, p: DVec3) -> f64 {
+fn outside_mm(piece: &FibrePiece, p: DVec3) -> f64 {
     let sphere = |t: f64| {
         let radius = piece.radius_a + t * (piece.radius_b - piece.radius_a);
         p.distance(piece.axis_point(t)) - radius
@@ -101,7 +101,7 @@ fn entries_are_where_the_surface_is() {
         let length = [0.0, 0.001, 0.02, 1.0][(i % 4) as usize];
         let way = warp::uniform_sphere(rng.unit2()).as_dvec3();
         let radius_a = 0.002 + 0.01 * f64::from(rng.unit());
-        let piece = Piece {
+        let piece = FibrePiece {
             a: DVec3::new(1.0, 2.0, 0.5),
             b: DVec3::new(1.0, 2.0, 0.5) + length * way,
             radius_a,
@@ -153,7 +153,7 @@ fn entries_are_where_the_surface_is() {
 }
 
 /// The textbook test of an endless cylinder, in `f32` from where the ray starts.
-fn single_precision_hit(piece: &Piece, o: DVec3, d: DVec3) -> bool {
+fn single_precision_hit(piece: &FibrePiece, o: DVec3, d: DVec3) -> bool {
     let (o, d) = (o.as_vec3(), d.as_vec3());
     let (oa, axis) = (o - piece.a.as_vec3(), (piece.b - piece.a).as_vec3());
     let square = axis.length_squared();
@@ -236,7 +236,7 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
     }
 }
 
-fn hit_again(all: &[Piece], ray: &Ray) -> bool {
+fn hit_again(all: &[FibrePiece], ray: &Ray) -> bool {
     let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     all.iter()
         .any(|p| p.entry(o, d, 8e-6, f64::INFINITY).is_some())

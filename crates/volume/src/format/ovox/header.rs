@@ -2,7 +2,7 @@
 
 use super::SourceFile;
 use super::blocks::word;
-use crate::footprint::Footprint;
+use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
 use crate::record::{Brick, RadiusScale, StoredPopulation};
@@ -15,7 +15,7 @@ pub struct Header {
     pub radii: RadiusScale,
     pub materials: u32,
     /// Where the length of thick fibres is; since version 3.
-    pub footprint: Footprint,
+    pub footprint: FibreFootprint,
     pub group_count: u64,
     /// Bricks and populations of each level.
     pub counts: Vec<(u64, u64)>,
@@ -56,8 +56,8 @@ pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
     h.extend(o.radii.step_mm.to_le_bytes());
     h.extend(o.material_count.to_le_bytes());
     let footprint = match o.footprint {
-        Footprint::Covered => 0,
-        Footprint::Axis => 1,
+        FibreFootprint::Covered => 0,
+        FibreFootprint::Axis => 1,
     };
     h.extend([l.levels, u8::from(l.repeats), footprint, 0]);
     h.extend((o.groups.len() as u64).to_le_bytes());
@@ -102,8 +102,8 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
         step_mm: float(72),
     };
     let footprint = match h[82] {
-        0 => Footprint::Covered,
-        1 if version >= 3 => Footprint::Axis,
+        0 => FibreFootprint::Covered,
+        1 if version >= 3 => FibreFootprint::Axis,
         _ => return None,
     };
     let rest = h.get(FIXED + 16 * levels..)?;

@@ -99,7 +99,7 @@ fn drafts_of_every_dialect_become_cloth() {
             let (warp, weft) = heights(&cloth, e, p);
             assert_eq!(warp > weft, draft.warp_up(e, p), "{name} {e} {p}");
         }
-        assert_closed(&cloth, Level::Yarn);
+        assert_closed(&cloth, CurveLevel::Yarn);
     }
 }
 
