@@ -121,7 +121,7 @@ fn render<'a>(scene: &'a Scene, backend: Option<Backend>) -> Rendering<'a> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(backend) = backend {
-        let record = engine_named(backend.name()).unwrap();
+        let record = engine_named(backend.name());
         let engine = engine(scene, &settings, record, u64::MAX).unwrap();
         rendering = rendering.with_engine(engine);
     }

@@ -3,7 +3,9 @@
 
 use crate::{AnyMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent};
 use organza_kernel::fibres::FibreScene;
-use organza_kernel::{Backend, Engine, EngineRecord, FibreProbe, FlatScene, Matter, Refusal, View};
+use organza_kernel::{
+    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter, Refusal, View,
+};
 use std::sync::Arc;
 
 /// Most bytes of the cells of a patch that is measured.
@@ -38,21 +40,38 @@ pub enum KernelRefusal {
     Kernel(#[from] Refusal),
 }
 
-/// The engine of that record for a scene: for voxels, or for explicit fibres in cells.
-/// Matter and tables have at most `max_bytes` bytes.
+/// The engine of a record for a scene or, without a record, the fastest one that this
+/// computer has and that takes the scene. Matter and tables have at most `max_bytes`
+/// bytes.
 ///
 /// # Errors
 /// Why the general walk must render the scene.
 pub fn engine(
     scene: &Scene,
     settings: &RenderSettings,
-    record: &EngineRecord,
+    record: Option<&EngineRecord>,
     max_bytes: u64,
 ) -> Result<Box<dyn Engine>, KernelRefusal> {
-    record.check()?;
+    if let Some(record) = record {
+        // Before anything is laid out in vain.
+        record.check()?;
+    }
+    let laid_out = lay_out(scene, settings, max_bytes)?;
+    Ok(match record {
+        Some(record) => laid_out.engine(record)?,
+        None => laid_out.fastest_engine(ENGINES)?,
+    })
+}
+
+/// Lays a scene out for any engine: explicit fibres in cells, other matter in voxels.
+fn lay_out(
+    scene: &Scene,
+    settings: &RenderSettings,
+    max_bytes: u64,
+) -> Result<LaidOut, KernelRefusal> {
     let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
         let flat = flatten(scene, settings, max_bytes)?;
-        return Ok((record.for_voxels)(Arc::new(flat))?);
+        return Ok(LaidOut::Voxels(Arc::new(flat)));
     };
     let matter = fibres
         .matter(max_bytes)
@@ -64,10 +83,10 @@ pub fn engine(
         settings.seed,
         settings.max_bounces.min(MAX_EVENTS),
     );
-    Ok((record.for_fibres)(Arc::new(fibres))?)
+    Ok(LaidOut::Fibres(Arc::new(fibres)))
 }
 
-/// Lays a scene of one medium out as plain buffers of at most `max_bytes` bytes.
+/// Lays a scene of one medium in voxels out as plain buffers of at most `max_bytes` bytes.
 ///
 /// # Errors
 /// Why the general walk must render the scene.
@@ -84,20 +103,20 @@ pub fn flatten(
     };
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
-        AnyMedium::Grid(m) => lay_out(m, scene, settings, max_bytes),
-        AnyMedium::SggxOctree(m) => lay_out(m, scene, settings, max_bytes),
+        AnyMedium::Grid(m) => flat_scene(m, scene, settings, max_bytes),
+        AnyMedium::SggxOctree(m) => flat_scene(m, scene, settings, max_bytes),
         AnyMedium::VirtualFibres(m) if m.event() == VirtualFibreEvent::Packed => {
             Err(KernelRefusal::Packed)
         }
         AnyMedium::VirtualFibres(m) if m.has_local_visibility() => {
             Err(KernelRefusal::LocalVisibility)
         }
-        AnyMedium::VirtualFibres(m) => lay_out(m, scene, settings, max_bytes),
+        AnyMedium::VirtualFibres(m) => flat_scene(m, scene, settings, max_bytes),
         _ => Err(KernelRefusal::NotFlakes),
     }
 }
 
-fn lay_out(
+fn flat_scene(
     matter: &impl Matter,
     scene: &Scene,
     settings: &RenderSettings,

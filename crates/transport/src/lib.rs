@@ -95,8 +95,8 @@ pub use organza_film::{
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
 pub use organza_kernel::{
-    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, ProbePaths, VoxelEngine,
-    default_engine, engine_named,
+    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, ProbePaths,
+    VoxelEngine, engine_named,
 };
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,

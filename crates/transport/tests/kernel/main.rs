@@ -394,6 +394,30 @@ fn an_engine_may_take_the_whole_film_at_once() {
     assert_eq!(rendering.stats(), &stats);
 }
 
+/// The fastest engine that takes a scene renders it, and the next one where it refuses.
+#[test]
+fn an_engine_that_refuses_a_scene_leaves_it_to_the_next() {
+    let scene = scene(AnyMedium::Grid(grid(false)), parallel(), lens());
+    let flat = flat_scene(&scene, &settings(0..1, 1));
+    let laid_out = LaidOut::Voxels(Arc::new(flat));
+    let scalar = *record(Backend::Scalar);
+    let full = EngineRecord {
+        name: "full",
+        for_voxels: |_| Err(Refusal::Memory(2, 1)),
+        ..scalar
+    };
+    let absent = EngineRecord {
+        name: "absent",
+        is_available: || false,
+        ..scalar
+    };
+    let name = |engines: &[EngineRecord]| laid_out.fastest_engine(engines).map(|e| e.name());
+    assert_eq!(name(&[scalar, full, absent]), Ok("scalar"));
+    assert_eq!(name(&[full, absent]), Err(Refusal::Memory(2, 1)));
+    let named = laid_out.engine(&absent).map(|e| e.name());
+    assert_eq!(named, Err(Refusal::Unavailable("absent")));
+}
+
 #[test]
 fn what_the_kernel_cannot_do_it_refuses() {
     let flat = Projection::Orthographic { width_mm: 0.2 };

@@ -10,7 +10,7 @@ use clap::builder::PossibleValue;
 use organza_kernel::Refusal;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{
-    ENGINES, Engine, EngineRecord, KernelRefusal, RenderSettings, Scene, default_engine, engine,
+    ENGINES, Engine, EngineRecord, KernelRefusal, RenderSettings, Scene, engine,
 };
 use std::sync::LazyLock;
 
@@ -93,9 +93,9 @@ pub fn choose(
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<Chosen> {
-    let (record, is_asked_for) = match args.backend {
-        BackendName::Auto => (default_engine(), false),
-        BackendName::Kernel(record) => (record, true),
+    let record = match args.backend {
+        BackendName::Auto => None,
+        BackendName::Kernel(record) => Some(record),
         BackendName::Walk => {
             return Ok(Chosen {
                 engine: None,
@@ -107,16 +107,16 @@ pub fn choose(
         Some(_) => Err(KernelRefusal::Clamp),
         None => engine(scene, settings, record, max_bytes),
     };
-    match made {
-        Err(why) if is_asked_for => Err(input(format!(
+    match (made, record) {
+        (Err(why), Some(record)) => Err(input(format!(
             "--backend {}: {why}; --backend auto would use the general walk",
             record.name
         ))),
-        Err(why) => Ok(Chosen {
+        (Err(why), None) => Ok(Chosen {
             engine: None,
             why_walk: Some(why),
         }),
-        Ok(engine) => Ok(Chosen {
+        (Ok(engine), _) => Ok(Chosen {
             engine: Some(engine),
             why_walk: None,
         }),
