@@ -11,12 +11,11 @@ use crate::named::gcd;
 use crate::yarn::Yarn;
 use std::f64::consts::TAU;
 
-/// The most periods, per visited ply, that a fibre runs through.
+/// The largest number of periods, per visited ply, that a fibre runs through.
 const MAX_ROUNDS: u32 = 16;
 
-/// What one more round is worth in error of the outermost fibres' slope and in
-/// relative error of the fibre count: fewer rounds leave more fibres to be
-/// different from each other.
+/// The cost of one more round, in units of the slope error of the outermost fibres and of the
+/// relative error of the fibre count. With fewer rounds, more fibres differ from each other.
 const ROUND_PRICE: f64 = 0.0025;
 
 /// How a yarn's plies and fibres close over a period.
@@ -37,7 +36,7 @@ pub(crate) struct Closure {
 }
 
 impl Closure {
-    /// The closure nearest to the yarn's own twist and fibre count.
+    /// The closure that is nearest to the twist and fibre count of the yarn.
     pub fn new(yarn: &Yarn, length_mm: f64) -> Closure {
         let plies = i64::from(yarn.plies);
         let shift_exact = plies as f64 * yarn.ply_twist_rad_per_mm * length_mm / TAU;
@@ -48,7 +47,7 @@ impl Closure {
         let close = |rounds: u32| {
             let exact = yarn.twist_rad_per_mm * length_mm / TAU * f64::from(rounds * visited);
             let turns = exact.round() as i64;
-            // Pieces of one fibre must not fall on each other.
+            // Pieces of one fibre must not coincide.
             let distinct = gcd(turns.unsigned_abs() as usize, rounds as usize) == 1;
             let fibres = (wanted / f64::from(rounds)).round().max(1.0);
             let swings = yarn
@@ -88,12 +87,12 @@ impl Closure {
         self.fibres * self.rounds
     }
 
-    /// Twist of the fibres as it comes out, radians per millimetre.
+    /// The twist of the fibres that results, radians per millimetre.
     pub fn twist_rad_per_mm(&self, length_mm: f64) -> f64 {
         TAU * self.turns as f64 / (f64::from(self.windings()) * length_mm)
     }
 
-    /// Twist of the plies as it comes out, radians per millimetre.
+    /// The twist of the plies that results, radians per millimetre.
     pub fn ply_twist_rad_per_mm(&self, plies: u32, length_mm: f64) -> f64 {
         TAU * self.ply_shift as f64 / (f64::from(plies) * length_mm)
     }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub use build::Loader;
 pub use figures::{Figures, SystemFigures};
 
-/// What the optics of a segment depend on.
+/// The properties that determine the optics of a segment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name of the yarn, as in `[yarn.NAME]`.
@@ -31,7 +31,7 @@ pub struct Material {
     pub fibre_radius_mm: f32,
 }
 
-/// How far a cloth is taken apart.
+/// The detail of the curves of a cloth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurveLevel {
     /// One curve per yarn.
@@ -42,7 +42,7 @@ pub enum CurveLevel {
     Fibre,
 }
 
-/// Which way a yarn goes.
+/// The course of a yarn.
 #[derive(Clone, Debug)]
 enum Centreline {
     /// Up and down over a straight line.
@@ -55,7 +55,7 @@ enum Centreline {
     Knitted { knit: Arc<Knit>, course: usize },
     /// Through given points, not periodic.
     Imported { points: Vec<DVec3>, closed: bool },
-    /// Not a yarn but a fibre, as it is.
+    /// A single fibre, unchanged.
     Bare(PolyCurve),
 }
 
@@ -100,7 +100,7 @@ impl Cloth {
         &self.yarns
     }
 
-    /// What was odd but could be done.
+    /// Warnings about the description, which was used nevertheless.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -172,11 +172,11 @@ pub struct Curves<'a> {
     level: CurveLevel,
 }
 
-/// Chords stay this near to the fibre, as a share of its radius.
+/// The largest distance between a chord and the fibre, as a share of the fibre's radius.
 const CHORD_ERROR: f64 = 0.1;
-/// Where a yarn bends more sharply than its own thickness allows, its
-/// cross-sections lean less than it does, so that inner fibres never fold:
-/// the curvature that they follow stays below this over the half-thickness.
+/// Where a yarn bends more sharply than its thickness allows, its cross-sections lean less than
+/// the yarn does, so that inner fibres never fold: the curvature that they follow stays below
+/// this value over the half-thickness.
 const MAX_BEND: f64 = 0.8;
 
 impl SegmentSource for Curves<'_> {

@@ -29,7 +29,7 @@ pub struct CurveSet {
 
 /// Size of a `.bcc` header, bytes.
 const BCC_HEADER: usize = 64;
-/// Points laid on each span of a Catmull-Rom curve.
+/// Number of points on each span of a Catmull-Rom curve.
 const SPAN_POINTS: usize = 8;
 
 impl CurveSet {
@@ -69,14 +69,12 @@ impl CurveSet {
         set.some()
     }
 
-    /// Reads a binary curve collection `[Yuksel2012]`: polylines (`PL`) as they
-    /// are, uniform Catmull-Rom curves (`C0`) with eight points a span. The
-    /// format knows neither unit nor radius: `unit_mm` and `radius_mm` say
-    /// them.
+    /// Reads a binary curve collection `[Yuksel2012]`: polylines (`PL`) as they are, uniform
+    /// Catmull-Rom curves (`C0`) with eight points a span. The format stores neither unit nor
+    /// radius: `unit_mm` and `radius_mm` give them.
     ///
-    /// # Errors
-    /// [`Error::Curves`] with the byte where the file is not what its header
-    /// promises, or is of another kind.
+    /// # Errors [`Error::Curves`] with the byte at which the file contradicts its header or is
+    /// of another kind.
     pub fn read_bcc(bytes: &[u8], unit_mm: f32, radius_mm: f32) -> Result<CurveSet, Error> {
         let at = |offset: usize| format!("byte {offset}");
         let header = bytes
@@ -154,8 +152,7 @@ impl CurveSet {
         })
     }
 
-    /// The curves as segments, each its own yarn, in a tile that does not
-    /// repeat.
+    /// The curves as segments in a tile that does not repeat. Each curve is a yarn.
     pub fn segments(&self) -> SegmentList {
         let mut segments = Vec::new();
         for (i, curve) in self.curves.iter().enumerate() {

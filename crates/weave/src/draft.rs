@@ -15,7 +15,7 @@ pub struct Thread {
     pub colour: Option<Rgb>,
     /// Distance that the thread takes up in the fabric, millimetres.
     pub spacing_mm: Option<f32>,
-    /// Diameter as drawn, millimetres; a cloth takes its yarns' own.
+    /// Diameter as drawn, millimetres. A cloth uses the diameters of its yarns instead.
     pub thickness_mm: Option<f32>,
 }
 
@@ -29,7 +29,7 @@ pub struct Draft {
     pub warp: Vec<Thread>,
     /// Weft threads in order of growing y.
     pub weft: Vec<Thread>,
-    /// What was odd in the file that it came from.
+    /// Warnings about the file that the draft was read from.
     pub warnings: Vec<String>,
     /// Pick-major: `warp_up[p * ends + e]`.
     warp_up: Vec<bool>,
@@ -113,8 +113,8 @@ impl Draft {
         self.warp_up[(pick % self.picks()) * self.ends() + end % self.ends()]
     }
 
-    /// The interlacing as text, one line per pick, the last pick first: what
-    /// [`Draft::from_drawdown`] reads.
+    /// The interlacing as text that [`Draft::from_drawdown`] reads: one line per pick, the last
+    /// pick first.
     pub fn drawdown(&self) -> String {
         let mut text = String::with_capacity((self.ends() + 1) * self.picks());
         for p in (0..self.picks()).rev() {
@@ -162,7 +162,7 @@ impl Draft {
         }
     }
 
-    /// Everything about the draft that a listing shows.
+    /// The properties of the draft that a listing shows.
     pub fn summary(&self) -> DraftSummary {
         let repeat = self.repeat();
         DraftSummary {
@@ -177,7 +177,7 @@ impl Draft {
         }
     }
 
-    /// Cover by the threads' own spacings and thicknesses.
+    /// Cover, from the spacings and thicknesses of the threads.
     fn cover(&self) -> Option<f64> {
         let bare = |threads: &[Thread]| {
             let sum = |f: fn(&Thread) -> Option<f32>| {
@@ -231,7 +231,7 @@ pub struct DraftSummary {
     /// Share of the surface that any thread covers, when the draft gives a
     /// spacing and a thickness of every thread.
     pub cover: Option<f64>,
-    /// What was odd in the file.
+    /// Warnings about the file.
     pub warnings: Vec<String>,
 }
 
@@ -271,7 +271,7 @@ fn check_size(ends: usize, picks: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// The smallest divisor `d` of `n` for which items `d` apart are equal.
+/// The smallest divisor `d` of `n` such that items `d` apart are equal.
 fn period(n: usize, equal: impl Fn(usize, usize) -> bool) -> usize {
     (1..n)
         .filter(|d| n.is_multiple_of(*d))
@@ -289,7 +289,7 @@ fn longest_run(cells: &[bool], value: bool) -> usize {
     longest.min(cells.len())
 }
 
-/// How often a thread changes its side around a cyclic list.
+/// How often a thread changes sides around a cyclic list.
 pub(crate) fn interlacings(cells: &[bool]) -> usize {
     (0..cells.len())
         .filter(|&i| cells[i] != cells[(i + 1) % cells.len()])

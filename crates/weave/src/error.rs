@@ -4,7 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A key of a fabric description holds something that cannot be used.
+    /// A key of a fabric description has a value that cannot be used.
     #[error("{key}: {message}")]
     Spec {
         /// The key, dotted as in the file (`warp.per_cm`).
@@ -33,7 +33,7 @@ pub enum Error {
         /// What is wrong and what was expected.
         message: String,
     },
-    /// The relaxation did not come to rest.
+    /// The relaxation did not converge.
     #[error("yarn relaxation failed: {0}")]
     Relaxation(String),
     /// A draft named in the description cannot be used.
@@ -53,7 +53,7 @@ pub enum Error {
         key: String,
         /// The name as written.
         name: String,
-        /// What the loader said.
+        /// The error of the loader.
         source: std::io::Error,
     },
     /// Writing failed.

@@ -1,5 +1,5 @@
-//! Cross-sections that fit: yarns beside each other press each other narrow,
-//! and crossing yarns need room between them.
+//! Cross-sections that fit: neighbouring yarns press each other narrow, and crossing yarns need
+//! room between them.
 
 use crate::yarn::{MAX_FIBRE_VOLUME_FRACTION, Yarn};
 use crate::{Draft, Error};
@@ -13,9 +13,9 @@ const MIN_ASPECT: f64 = 0.5;
 pub(crate) struct Threads<'a> {
     /// `warp` or `weft`.
     pub name: &'static str,
-    /// Room along the system that each thread takes, millimetres.
+    /// The space that each thread takes up along the system, millimetres.
     pub spacing_mm: Vec<f64>,
-    /// What each thread is.
+    /// The yarn of each thread.
     pub yarns: Vec<&'a Yarn>,
 }
 
@@ -34,19 +34,17 @@ pub(crate) struct Fit {
     pub compaction: f64,
 }
 
-/// Presses threads into the room that they have.
+/// Presses threads into the space that they have.
 ///
-/// A thread wider than its spacing becomes as narrow, and as much higher.
-/// Where threads interlace, Peirce's limit holds [Peirce1937]: with `p` the
-/// spacing of interlacing threads in units of the two thicknesses, a cloth
-/// exists while the sum of `sqrt(1 - p^2)` over warp and weft is at most 1.
-/// Flat threads leave room as circles of their height would, their straight
-/// part taken off the spacing [Kemp1958]; floats lie side by side [Love1954].
-/// Threads that miss the limit shrink until it is met or their fibres are
-/// packed as densely as circles can be.
+/// A thread that is wider than its spacing becomes as narrow as the spacing and correspondingly
+/// higher. Where threads interlace, Peirce's limit holds [Peirce1937]: with `p` the spacing of
+/// interlacing threads in units of the two thicknesses, a cloth exists while the sum of `sqrt(1
+/// - p^2)` over warp and weft is at most 1. Flat threads leave as much room as circles of their
+///   height would, after their straight part is subtracted from the spacing [Kemp1958]; floats
+///   lie side by side [Love1954]. Threads that miss the limit shrink until it is met or their
+///   fibres are packed as densely as circles can be.
 ///
-/// # Errors
-/// [`Error::Jammed`] when even that is not enough, saying which threads.
+/// # Errors [`Error::Jammed`], which names the threads, when even that is not enough.
 pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, Error> {
     let (warp_flat, weft_flat) = (side_by_side(warp)?, side_by_side(weft)?);
     let shrunk = |k: f64| {
@@ -101,7 +99,7 @@ fn min_scale(yarn: &Yarn) -> f64 {
         .min(1.0)
 }
 
-/// Each thread within its own spacing.
+/// Presses each thread into its own spacing.
 fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
     let each = threads.yarns.iter().zip(&threads.spacing_mm).enumerate();
     each.map(|(i, (yarn, &spacing))| {
@@ -150,16 +148,15 @@ impl Peirce {
         }
     }
 
-    /// Above zero when the threads cannot interlace.
+    /// Greater than zero when the threads cannot interlace.
     fn excess(&self) -> f64 {
         let height = |p: f64| (1.0 - p.clamp(0.0, 1.0).powi(2)).sqrt();
         height(self.warp) + height(self.weft) - 1.0
     }
 }
 
-/// Mean room per interlacing between threads of a system, with the width of
-/// floating neighbours and the straight part of flat threads taken off;
-/// infinite when nothing interlaces.
+/// Mean space per interlacing between threads of a system, less the width of floating
+/// neighbours and the straight part of flat threads; infinite when nothing interlaces.
 fn room(
     threads: &Threads,
     fit: &[DVec2],

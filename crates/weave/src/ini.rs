@@ -1,5 +1,5 @@
-//! The outer shape of a WIF file: sections of `key=value` lines, as programs
-//! really write them.
+//! The outer structure of a WIF file: sections of `key=value` lines, with the deviations that
+//! programs produce.
 
 use std::collections::BTreeMap;
 
@@ -16,10 +16,10 @@ pub(crate) struct Section {
 }
 
 impl Ini {
-    /// Reads what can be read: a byte order mark, any line ends, UTF-8 or
-    /// else Latin-1, comment lines (`;`, `#`), lines before the first section
-    /// and lines without `=` do not disturb. A repeated section continues the
-    /// first, a repeated key replaces the earlier one.
+    /// Reads tolerantly: a byte order mark, any line endings, UTF-8 or otherwise Latin-1,
+    /// comment lines (`;`, `#`), lines before the first section and lines without `=` are
+    /// accepted. A repeated section continues the first; a repeated key replaces the earlier
+    /// one.
     pub fn parse(bytes: &[u8]) -> Ini {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let text = match std::str::from_utf8(bytes) {
@@ -56,7 +56,7 @@ impl Ini {
 }
 
 impl Section {
-    /// The value under a key; an empty value counts as none.
+    /// The value of a key; an empty value counts as absent.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.values
             .get(key)
@@ -64,7 +64,7 @@ impl Section {
             .filter(|v| !v.is_empty())
     }
 
-    /// All keys and values, empty ones left out.
+    /// All keys and values except empty ones.
     pub fn entries(&self) -> impl Iterator<Item = (&str, &str)> {
         self.values
             .iter()

@@ -1,11 +1,10 @@
 //! Weft knits from a closed-form loop.
 //!
-//! A course runs along x; with `t` going round once per loop,
-//! `x = W t / 2 pi + a sin 2t`, `y = -b cos t`, `z = -s c cos 2t`: feet behind,
-//! legs in front, head behind for a face stitch (`s = 1`), the other way for a
-//! back stitch. The sign belongs to whichever stitch made the bend: the foot
-//! to the loop itself, the head to the loop drawn through it from the next
-//! course. The depth `c` is the least at which neighbouring courses touch.
+//! A course runs along x. With `t` increasing by 2 pi per loop, `x = W t / 2 pi + a sin 2t`, `y
+//! = -b cos t`, `z = -s c cos 2t`: feet behind, legs in front and head behind for a face stitch
+//! (`s = 1`), the opposite for a back stitch. The sign is that of the stitch that made the
+//! bend: the foot belongs to the loop itself, the head to the loop that the next course draws
+//! through it. The depth `c` is the smallest at which neighbouring courses touch.
 
 use crate::path::Path;
 use crate::{Error, error::did_you_mean};
@@ -20,14 +19,13 @@ pub const NAMES: [&str; 4] = ["stockinette", "garter", "rib-1-1", "rib-2-2"];
 /// (estimated).
 const SWING: f64 = 0.235;
 const HEIGHT: f64 = 1.75;
-/// Share of the loop over which the sign of a rib's foot turns over, each
-/// side.
+/// Share of the loop over which the sign of a rib's foot changes, on each side.
 const TURN_OVER: f64 = 0.08;
 
 /// A repeat of stitches.
 #[derive(Clone, Debug)]
 pub(crate) struct Knit {
-    /// Loops of a repeat across and up.
+    /// Loops of a repeat across the knit and upward.
     pub wales: usize,
     pub courses: usize,
     /// Distance of loops and of courses, millimetres.
@@ -41,8 +39,7 @@ pub(crate) struct Knit {
 impl Knit {
     /// The named knit at a yarn radius.
     ///
-    /// # Errors
-    /// When the name is unknown or no depth keeps the courses apart.
+    /// # Errors When the name is unknown, or no depth keeps the courses apart.
     pub fn named(name: &str, wale_mm: f64, course_mm: f64, radius_mm: f64) -> Result<Knit, Error> {
         let (wales, courses, sides): (_, _, &[f64]) = match name.trim().to_lowercase().as_str() {
             "stockinette" => (1, 1, &[1.0]),
@@ -70,7 +67,7 @@ impl Knit {
         Ok(knit)
     }
 
-    /// The repeat repeated.
+    /// Several copies of the repeat.
     pub fn tiled(&self, across: usize, up: usize) -> Knit {
         let (wales, courses) = (self.wales * across, self.courses * up);
         let sides = (0..courses)
@@ -96,7 +93,7 @@ impl Knit {
     pub fn point(&self, course: i64, u: f64) -> DVec3 {
         let t = TAU * u;
         let wale = u.floor();
-        // Around a foot between unlike stitches the sign turns over.
+        // Around a foot between different stitches the sign changes.
         let own = |course: i64| {
             let near = u - u.round();
             let blend = (0.5 + 0.5 * near / TURN_OVER).clamp(0.0, 1.0);
@@ -143,8 +140,7 @@ impl Knit {
         Path::new(points, lateral, vertical, period)
     }
 
-    /// Least distance of points of two neighbouring courses, whichever they
-    /// are.
+    /// Smallest distance between points of any two neighbouring courses.
     fn clearance_mm(&self) -> f64 {
         const STEPS: usize = 48;
         let mut least = f64::INFINITY;
@@ -195,7 +191,7 @@ impl Knit {
         self.depth_mm
     }
 
-    /// The sharpest bend of a course, per millimetre.
+    /// Largest curvature of a course, per millimetre.
     pub fn bend_per_mm(&self, course: usize) -> f64 {
         const STEPS: usize = 128;
         let h = 1.0 / STEPS as f64;

@@ -111,8 +111,8 @@ fn twill_line(runs: &[usize]) -> Vec<bool> {
         .collect()
 }
 
-/// Binding points `step` picks apart from end to end; without a step, the one
-/// nearest to the golden section of the repeat, which scatters them best.
+/// Binding points that lie `step` picks apart from one end to the next. The default is the step
+/// nearest to the golden section of the repeat, which scatters the points best.
 fn satin(name: &str, n: usize, step: Option<usize>, warp_faced: bool) -> Result<Draft, Error> {
     let good = |m: usize| m > 1 && m + 1 < n && gcd(m, n) == 1;
     let golden = 0.381_966 * n as f64;

@@ -1,5 +1,4 @@
-//! One period of a yarn's centreline with the frame in which its
-//! cross-section lies.
+//! One period of the centreline of a yarn, with the frames of its cross-sections.
 
 use crate::spline::catmull_rom;
 use glam::{DQuat, DVec2, DVec3};
@@ -21,8 +20,8 @@ impl Hermite {
         self.knots_mm[self.height_mm.len()] - self.knots_mm[0]
     }
 
-    /// Lowest and highest height. A cubic's own extremes may lie between
-    /// knots, so its Bezier hull is taken, which it never leaves.
+    /// Lowest and highest height. The extremes of a cubic may lie between knots, so these are
+    /// the extremes of its Bezier hull, which the cubic never leaves.
     pub fn range_mm(&self) -> (f64, f64) {
         let hull = |k: usize| {
             let (d, [h0, a0, h1, a1]) = self.interval(k);
@@ -86,7 +85,7 @@ pub(crate) struct Path {
     /// Length from the first point, millimetres.
     pub arc_mm: Vec<f64>,
     pub period: DVec3,
-    /// True when nothing follows the last point.
+    /// True when the line ends at the last point.
     open: bool,
 }
 
@@ -120,7 +119,7 @@ impl Path {
         )
     }
 
-    /// From samples of one period, its end included.
+    /// From samples of one period, including its end.
     pub fn new(
         points: Vec<DVec3>,
         lateral: Vec<DVec3>,
@@ -143,9 +142,9 @@ impl Path {
         }
     }
 
-    /// A smooth line through given points (uniform Catmull-Rom), each span in
-    /// steps of `longest_mm` at most. Frames are carried along without
-    /// turning; around a closed line what is left over is spread evenly.
+    /// A smooth line through given points (uniform Catmull-Rom), each span in steps of
+    /// `longest_mm` at most. Frames are transported along the line without rotation; around a
+    /// closed line the remaining angle is distributed evenly.
     pub fn through(given: &[DVec3], closed: bool, longest_mm: f64) -> Path {
         let n = given.len() as isize;
         let at = |i: isize| match i {
@@ -218,7 +217,7 @@ impl Path {
         self.arc_mm[self.steps()]
     }
 
-    /// Mean distance of neighbouring points, millimetres.
+    /// Mean distance between neighbouring points, millimetres.
     pub fn mean_step_mm(&self) -> f64 {
         self.length_mm() / self.steps() as f64
     }
@@ -244,8 +243,8 @@ impl Path {
             + offset.y * self.vertical[k]
     }
 
-    /// The same at a length from the first point, which may lie outside one
-    /// period, between samples by interpolation.
+    /// As [`Path::offset`], at a length from the first point, which may lie outside one period;
+    /// interpolated between samples.
     pub fn at_arc(&self, arc_mm: f64, offset: DVec2) -> DVec3 {
         if self.open && !(0.0..self.length_mm()).contains(&arc_mm) {
             let end = if arc_mm < 0.0 {

@@ -8,12 +8,12 @@
 
 use crate::spec::{CrossSectionSpec, MigrationSpec, TwistDirection, TwistSpec, YarnKind, YarnSpec};
 
-/// A yarn that can be had by name.
+/// A yarn that a name selects.
 #[derive(Clone, Debug)]
 pub struct Preset {
     /// Its name.
     pub name: &'static str,
-    /// Where its numbers come from.
+    /// The source of its numbers.
     pub source: &'static str,
     /// All its values.
     pub spec: YarnSpec,

@@ -27,8 +27,7 @@ const MIN_STATIONS: usize = 4;
 /// Maximum number of discs, of 48 bytes each; larger bundles are not pushed apart.
 const MAX_DISCS: usize = 1 << 20;
 
-/// What is pushed apart: the fibres of all plies, each wound through the period
-/// several times.
+/// The fibres to push apart: those of all plies, each wound through the period several times.
 pub(crate) struct Bundle<'a> {
     pub fibres: usize,
     /// Periods that a fibre runs through.
@@ -39,26 +38,26 @@ pub(crate) struct Bundle<'a> {
     pub fibre_radius_mm: f64,
     /// Factors on the round cross-section's width and height.
     pub flatten: DVec2,
-    /// No centre gets further from its ply's centre, unless it starts there.
+    /// The largest distance of a fibre's centre from the centre of its ply, unless it starts
+    /// farther out.
     pub reach_mm: f64,
-    /// Of a fibre in a winding, at a share of the period.
+    /// The place of a fibre in a winding, at a share of the period.
     pub place: &'a dyn Fn(usize, u32, f64) -> FibrePlace,
 }
 
-/// Where a fibre would be if it had the yarn to itself, in the round
-/// cross-section.
+/// Where a fibre would lie in the round cross-section if the yarn held no other fibre.
 #[derive(Clone, Copy)]
 pub(crate) struct FibrePlace {
     /// The centre of its ply.
     pub ply_mm: DVec2,
-    /// From there: unit length.
+    /// Unit direction from there to the fibre.
     pub direction: DVec2,
     pub distance_mm: f64,
 }
 
 impl FibrePlace {
-    /// The fibre's centre when it is shifted, away from the ply's centre and
-    /// about it.
+    /// The centre of the fibre after a shift, whose components are radial and tangential to the
+    /// centre of the ply.
     pub fn shifted(&self, shift_mm: DVec2) -> DVec2 {
         let from_ply = DVec2::new(self.distance_mm, 0.0) + shift_mm;
         self.ply_mm + self.direction.rotate(from_ply)
@@ -74,8 +73,8 @@ pub(crate) struct FibreShifts {
 }
 
 impl FibreShifts {
-    /// The shift of a fibre at the share `run` of all its windings, which may lie
-    /// a little outside; away from the ply's centre and about it, mm.
+    /// The shift of a fibre at the share `run` of all its windings, which may lie slightly
+    /// outside 0 to 1: radial and tangential to the centre of the ply, mm.
     pub fn at(&self, fibre: usize, run: f64) -> DVec2 {
         let n = self.around;
         let place = (run - run.floor()) * n as f64;
@@ -90,7 +89,8 @@ impl FibreShifts {
     }
 }
 
-/// One disc of a cross-section, in the flattened one but for its reach and shift.
+/// One disc of a cross-section. All but its reach and shift refer to the flattened
+/// cross-section.
 #[derive(Clone, Copy)]
 struct Disc {
     base_mm: Vec2,
@@ -101,7 +101,7 @@ struct Disc {
     slant: Vec2,
     reach_mm: f32,
     at_mm: Vec2,
-    /// Which one of the section it is.
+    /// Index in the section.
     piece: u32,
 }
 
@@ -111,14 +111,13 @@ impl Bundle<'_> {
         ((self.angle_rad / STATION_RAD).ceil() as usize).max(MIN_STATIONS)
     }
 
-    /// Whether it takes too much memory to push these fibres apart.
+    /// Whether pushing these fibres apart takes too much memory.
     pub fn is_too_large(&self) -> bool {
         let pieces = self.fibres.saturating_mul(self.windings);
         pieces.saturating_mul(self.stations()) > MAX_DISCS
     }
 
-    /// Pushes the fibres apart; `None` where there is but one, or they are [too
-    /// many](Bundle::is_too_large).
+    /// Pushes the fibres apart; `None` for a single fibre or [too many](Bundle::is_too_large).
     pub fn push_apart(&self) -> Option<FibreShifts> {
         let (windings, pieces) = (self.windings, self.fibres * self.windings);
         if pieces < 2 || self.is_too_large() {
@@ -175,7 +174,7 @@ impl Bundle<'_> {
                 });
             }
         }
-        // Where a winding ends, the next of the same fibre begins.
+        // The next winding of the same fibre begins where this one ends.
         let before = |station: usize, fibre: usize, winding: usize| match station {
             0 => (stations - 1, fibre, (winding + windings - 1) % windings),
             i => (i - 1, fibre, winding),
@@ -201,7 +200,7 @@ impl Bundle<'_> {
         discs
     }
 
-    /// Moves the discs of one section; they are left in the order of their x.
+    /// Moves the discs of one section and leaves them sorted by x.
     fn push_section(&self, section: &mut [Disc], pairs: &mut Vec<(u32, u32)>) {
         section.sort_by(|a, b| {
             let by_place = a.at_mm.x.total_cmp(&b.at_mm.x);
@@ -243,9 +242,9 @@ impl Bundle<'_> {
     }
 }
 
-/// What takes the second of two discs out of the first if the latter goes as far
-/// the other way. Fibres cross the section at a slant, and what counts is their
-/// distance across themselves.
+/// The shift that separates the second of two discs from the first if the first moves by its
+/// negative. Fibres cross the section at a slant, so the distance that counts is perpendicular
+/// to the fibres.
 #[inline]
 fn push(a: &Disc, b: &Disc, min_mm: f32) -> Vec2 {
     let apart = b.at_mm - a.at_mm;
@@ -258,7 +257,7 @@ fn push(a: &Disc, b: &Disc, min_mm: f32) -> Vec2 {
     0.5 * (min_mm - across.max(0.0).sqrt()) * toward
 }
 
-/// Brings the shifts along a fibre, which closes, nearer to their neighbours'.
+/// Smooths the shifts along a fibre, which is closed.
 fn smooth(shifts: &mut [Vec2]) {
     let n = shifts.len();
     let (first, mut before) = (shifts[0], shifts[n - 1]);

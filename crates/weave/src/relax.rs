@@ -1,13 +1,12 @@
 //! Centrelines of woven yarns: the heights that cost the least strain and
 //! collision energy [Montazeri2020, section 3.1].
 //!
-//! Every yarn is a periodic C1 cubic with a knot at each crossing and one
-//! between neighbouring crossings; its strain energy is `k/2` times the
-//! integral of the squared slope. Given the heights at crossings, the best
-//! slopes and the best knots between have a closed form (see [`Strain`]), so
-//! that only the heights at crossings are left to find. Crossing yarns repel
-//! each other as soft spheres do, which makes the whole energy convex: there
-//! is one answer, and L-BFGS finds it.
+//! Every yarn is a periodic C1 cubic with a knot at each crossing and one knot between
+//! neighbouring crossings; its strain energy is `k/2` times the integral of the squared slope.
+//! Given the heights at crossings, the best slopes and the best knots between have a closed
+//! form (see [`Strain`]), so that only the heights at crossings are left to find. Crossing
+//! yarns repel each other as soft spheres do, which makes the total energy convex: there is one
+//! minimum, and L-BFGS finds it.
 
 mod heights;
 
@@ -38,7 +37,7 @@ pub(crate) struct System {
 pub(crate) struct Relaxed {
     pub warp: Vec<Hermite>,
     pub weft: Vec<Hermite>,
-    /// Largest share by which two threads are nearer than their radii allow.
+    /// Largest overlap of two threads, as a share of the sum of their radii.
     pub compression: f64,
 }
 
@@ -46,9 +45,9 @@ pub(crate) struct Relaxed {
 /// soft spheres, spacing): stiffer contacts deviate less from touching where forces
 /// differ, and take more iterations.
 const CONTACT: f64 = 10.0;
-/// Forces in a plain weave press soft spheres to `(2 C / (2 C + 9/4))^(1/4)`
-/// of their size, whatever its scale: from `9/4 q = 2 C (q^-3 - q)`. Spheres
-/// are larger than the yarns by as much, so that yarns rest touching.
+/// Forces in a plain weave press soft spheres to `(2 C / (2 C + 9/4))^(1/4)` of their size,
+/// whatever its scale: from `9/4 q = 2 C (q^-3 - q)`. Spheres are larger than the yarns by this
+/// factor, so that yarns at rest touch.
 const REST: f64 = 0.973_699;
 /// Where crossing threads are nearer than this share of their radii, the
 /// minimiser has failed.
@@ -57,11 +56,11 @@ const MIN_GAP: f64 = 0.9;
 /// per `S`; forces at crossings are of order one.
 const TOLERANCE: f64 = 1e-3;
 
-/// Crossings that are worth a task of their own.
+/// Number of crossings per parallel task.
 const MIN_CROSSINGS_PER_TASK: usize = 8192;
 
-/// Finds the heights at rest. Threads that do not interlace at all are held
-/// by nothing on one side and stay where they touch.
+/// Finds the heights at rest. On one side of threads that do not interlace nothing holds them;
+/// they stay where they touch.
 pub(crate) fn relax(
     draft: &Draft,
     warp: &System,
@@ -182,10 +181,10 @@ impl Strain {
     }
 }
 
-/// Soft spheres: `1/q^2 + q^2 - 2` of the gap `q` in units of the radii, zero
-/// from 1 on [Kaldor2008]; and its derivative. Below one half the potential
-/// goes on as its own second-order expansion, so that the energy stays finite
-/// and convex whatever a line search tries; no answer may lie there.
+/// Soft spheres: `1/q^2 + q^2 - 2` of the gap `q` in units of the radii, zero from 1 on
+/// [Kaldor2008]; and its derivative. Below one half the potential continues as its second-order
+/// expansion, so that the energy stays finite and convex whatever a line search tries; a
+/// solution must not lie there.
 fn contact(q: f64) -> (f64, f64) {
     const EDGE: f64 = 0.5;
     if q >= 1.0 {
@@ -261,15 +260,15 @@ impl<'a> Weave<'a> {
         }
     }
 
-    /// Yarns touch at every crossing, each going half of the way.
+    /// Yarns touch at every crossing, and each yarn makes half of the displacement.
     fn start(&self) -> Vec<f64> {
         let gaps = self.warp.per_gap.iter().chain(&self.weft.per_gap);
         gaps.map(|g| 0.5 * REST / g).collect()
     }
 
-    /// The energy of thread `i` of `side` with heights `own`, and its gradient
-    /// with respect to them. The threads that it crosses have the heights
-    /// `others`, thread by thread; half of a contact's energy is this one's.
+    /// The energy of thread `i` of `side` with heights `own`, and its gradient with respect to
+    /// them. The threads that it crosses have the heights `others`, thread by thread; half the
+    /// energy of a contact is counted for each of its two threads.
     fn thread(
         &self,
         side: &Side,
@@ -295,8 +294,8 @@ impl<'a> Weave<'a> {
         energy
     }
 
-    /// Threads are independent of each other, and their energies are added in
-    /// their own order, whichever comes first.
+    /// Threads are evaluated in parallel, and their energies are added in the order of the
+    /// threads.
     fn energy(&self, h: &[f64], gradient: &mut [f64]) -> f64 {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
         let (warp, weft) = h.split_at(ends * picks);

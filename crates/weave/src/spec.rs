@@ -1,10 +1,10 @@
-//! The geometry part of a fabric file, as it is written there.
+//! The geometry tables of a fabric file.
 
 use organza_basis::Rgb;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
-/// Everything that makes the geometry of a fabric.
+/// The geometry of a fabric.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FabricGeometry {
@@ -16,8 +16,7 @@ pub struct FabricGeometry {
     /// The weft; of a knit, its courses.
     #[serde(default)]
     pub weft: ThreadSetSpec,
-    /// Yarns by name. A name that is missing here but is a preset's means
-    /// the preset.
+    /// Yarns by name. A name that is missing here but names a preset stands for the preset.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
     /// How the threads come to rest.
@@ -62,8 +61,8 @@ pub enum CurveKind {
     /// Centrelines of yarns.
     #[default]
     Yarns,
-    /// Fibres, with their own radii; for `.bcc`, which has none, the yarn's fibre
-    /// radius holds.
+    /// Fibres, with their own radii. A `.bcc` file has no radii; its fibres have the fibre
+    /// radius of the yarn.
     Fibres,
 }
 
@@ -108,8 +107,8 @@ pub enum YarnKind {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct YarnSpec {
-    /// Where unnamed values come from; without it the yarn's own name when
-    /// that is a preset's, else `cotton`.
+    /// The preset of the values that are not given. The default is the name of the yarn if a
+    /// preset has that name, otherwise `cotton`.
     pub preset: Option<String>,
     /// Kind of yarn.
     pub kind: Option<YarnKind>,
@@ -132,8 +131,8 @@ pub struct YarnSpec {
     pub twist: Option<TwistSpec>,
     /// Twist of the plies around each other.
     pub ply_twist: Option<TwistSpec>,
-    /// Width over height of the yarn in the cloth before its neighbours press
-    /// on it.
+    /// Width over height of the cross-section in the cloth, before neighbours press on the
+    /// yarn.
     pub aspect: Option<f64>,
     /// Resistance to crimp relative to other yarns.
     pub stiffness: Option<f64>,
@@ -196,9 +195,9 @@ pub struct MigrationSpec {
     pub cycles_per_turn: f64,
 }
 
-/// Hairs `[Zhao2016]`: each starts at a place and radius of its own and runs
-/// along, outwards and around the ply by amounts of its own. Pairs are mean
-/// and deviation; lengths are in ply radii. Missing keys are the preset's.
+/// Hairs `[Zhao2016]`: each has its own start and radius, and its own extents along the ply,
+/// outwards and around it. Pairs are mean and standard deviation; lengths are in ply radii. The
+/// preset supplies missing keys.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct HairSpec {
@@ -214,9 +213,9 @@ pub struct HairSpec {
     pub turn_rad: Option<[f64; 2]>,
 }
 
-/// Loops `[Zhao2016]`: at some outer turning points of its migration a fibre
-/// swings out to a radius beyond its own. The pair is mean and deviation, in
-/// ply radii. Missing keys are the preset's.
+/// Loops `[Zhao2016]`: at some outer turning points of its migration a fibre swings out beyond
+/// its own radius. The pair is mean and standard deviation, in ply radii. The preset supplies
+/// missing keys.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct LoopSpec {
@@ -230,7 +229,7 @@ pub struct LoopSpec {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RelaxationSpec {
-    /// Most iterations of the minimiser.
+    /// Maximum number of iterations of the minimiser.
     pub max_iterations: u64,
 }
 
@@ -246,8 +245,7 @@ impl Default for RelaxationSpec {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TileSpec {
-    /// Repeats of the smallest repeat along x and y: more repeats, more
-    /// variety among fibres.
+    /// Copies of the smallest repeat along x and y: more copies give more variety among fibres.
     pub repeats: [u32; 2],
 }
 
@@ -291,7 +289,7 @@ fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>
     deserializer.deserialize_any(Names)
 }
 
-/// An empty list would mean the same as none, and be no colour at all.
+/// An empty list is an error: it would silently mean the same as a missing key.
 fn one_at_least<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Rgb>, D::Error> {
     let colours = Vec::<Rgb>::deserialize(deserializer)?;
     if colours.is_empty() {

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
-/// Between the two middle of four points, at the share `t` of the way, by the
+/// The point at the share `t` of the way between the two middle ones of four points, on the
 /// uniform Catmull-Rom spline: tangents are continuous.
 #[inline]
 pub(crate) fn catmull_rom<S, V>([a, b, c, d]: [V; 4], t: S) -> V

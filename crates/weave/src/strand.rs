@@ -9,11 +9,11 @@ use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Random directions tried per fibre; the one with most room wins.
+/// Random directions tried per fibre; the one with the most room is taken.
 const CANDIDATES: u32 = 8;
-/// Deviates are cut here, so that no hair is endless.
+/// Normal deviates are clamped to this magnitude, so that no hair is endless.
 const MAX_DEVIATIONS: f64 = 2.5;
-/// Measured deviations of hairs and of loops are scaled so before use.
+/// Factor on the measured deviations of hairs; [`LOOP_SCALE`] is that of loops.
 const HAIR_SCALE: f64 = 0.75;
 const LOOP_SCALE: f64 = 0.5;
 
@@ -24,9 +24,9 @@ pub(crate) struct Strand<'a> {
     pub closure: Closure,
     /// Factors on the cross-section's width and height.
     pub flatten: DVec2,
-    /// Names the yarn's random numbers.
+    /// Seed of the random numbers of the yarn.
     pub seed: (u64, u64),
-    /// What all segments share.
+    /// The properties that all segments share.
     pub template: Segment,
 }
 
@@ -104,8 +104,8 @@ impl Strand<'_> {
 
     fn bundle<'b>(&self, place: &'b dyn Fn(usize, u32, f64) -> FibrePlace) -> Bundle<'b> {
         let c = self.closure;
-        // A round section turns as one; the flatter it is, the more its fibres move
-        // among each other.
+        // A round section turns as a whole; the flatter it is, the more its fibres move
+        // relative to each other.
         let flatness = 1.0 - self.flatten.min_element() / self.flatten.max_element();
         let over_period = |turns: i64| turns.unsigned_abs() as f64 / f64::from(c.windings());
         let turns = (2.0 * flatness).min(1.0) * over_period(c.turns)
@@ -123,14 +123,14 @@ impl Strand<'_> {
         }
     }
 
-    /// The share of all its windings that a fibre has behind it at the share `s`
-    /// of one of them.
+    /// The share of all its windings that a fibre has completed at the share `s` of winding
+    /// `winding`.
     fn run(&self, winding: u32, s: f64) -> f64 {
         (f64::from(winding) + s) / f64::from(self.closure.windings())
     }
 
-    /// Where a fibre would be at the share `s` of one of its windings if it had
-    /// the yarn to itself.
+    /// Where a fibre would lie at the share `s` of one of its windings if the yarn held no
+    /// other fibre.
     fn place(&self, fibre: &Fibre, winding: u32, ply_phase: f64, s: f64) -> FibrePlace {
         let ply = (i64::from(fibre.orbit) + i64::from(winding) * self.closure.ply_shift)
             .rem_euclid(i64::from(self.yarn.plies)) as u32;
@@ -150,7 +150,7 @@ impl Strand<'_> {
         let mut id = first;
         for ply in 0..self.yarn.plies {
             let mut rng = self.rng(HAIR + u64::from(ply));
-            // The expected number on average, also where that is below one.
+            // The mean is the expected number, even where that is below one.
             let count = expected.floor() as u32 + u32::from(unit(&mut rng) < expected.fract());
             for _ in 0..count {
                 self.emit_hair(id, ply, ply_phase, &mut rng, emit);
@@ -159,8 +159,8 @@ impl Strand<'_> {
         }
     }
 
-    /// One hair. It comes from inside the ply: its line is followed back
-    /// towards the axis, at most twice as far as it stands out.
+    /// One hair. It begins inside the ply: its line is extended towards the axis, by at most
+    /// twice the length that stands out.
     fn emit_hair(
         &self,
         id: u32,
@@ -189,9 +189,9 @@ impl Strand<'_> {
         self.emit_curve(id, self.yarn.fibre_radius_mm, steps as isize, at_step, emit);
     }
 
-    /// The fibres of one cycle of plies. Radii are stratified over their
-    /// distribution; of some random directions each fibre takes the one that
-    /// is farthest from all fibres before it.
+    /// The fibres of one cycle of plies. Radii are stratified over their distribution. Each
+    /// fibre takes, among several random directions, the one that is farthest from all fibres
+    /// before it.
     fn fibres(&self, orbit: u32) -> Vec<Fibre> {
         let count = self.closure.fibres;
         let mut placing = self.rng(PLACING + u64::from(orbit));
@@ -206,7 +206,7 @@ impl Strand<'_> {
                         let turn = (phase - p + 0.5 * sector).rem_euclid(sector) - 0.5 * sector;
                         radius_mm * radius_mm + r * r - 2.0 * radius_mm * r * turn.cos()
                     };
-                    // Fibres much further inside are not neighbours.
+                    // Fibres much farther inside are not neighbours.
                     let near = placed.iter().rev().take(64).map(gap);
                     near.fold(f64::INFINITY, f64::min)
                 };
@@ -285,8 +285,8 @@ impl Strand<'_> {
         self.yarn.ply_centre_mm * DVec2::from_angle(phase + TAU * turns)
     }
 
-    /// One curve through the period: `offset` gives its place in the round
-    /// cross-section at a fraction of the period, also just outside 0 to 1.
+    /// One curve through the period: `offset` gives its place in the round cross-section at a
+    /// fraction of the period, which may lie slightly outside 0 to 1.
     fn emit_period(
         &self,
         fibre: u32,
@@ -302,9 +302,9 @@ impl Strand<'_> {
         self.emit_curve(fibre, radius_mm, self.path.steps() as isize, point, emit);
     }
 
-    /// A curve through the points 0 to `steps`; the points just outside give
-    /// the tangents at its ends. Tangents are those of the chord over two
-    /// steps: they need no derivative of the frame and agree across borders.
+    /// A curve through the points 0 to `steps`; the points before and after give the tangents
+    /// at its ends. A tangent is the direction of the chord over two steps, which needs no
+    /// derivative of the frame and is continuous across the border of the tile.
     fn emit_curve(
         &self,
         fibre: u32,
@@ -338,14 +338,14 @@ fn unit(rng: &mut PathRng) -> f64 {
     f64::from(rng.unit())
 }
 
-/// A normal deviate with its deviation scaled and its tails cut.
+/// A normal deviate with scaled deviation and clamped tails.
 fn normal(rng: &mut PathRng, [mean, deviation]: [f64; 2], scale: f64) -> f64 {
     let deviate = f64::from(rng.normal2().x).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
     mean + scale * deviation * deviate
 }
 
-/// No fibre's centre, loops and hairs included, gets further than this from
-/// the yarn's centre in the round cross-section.
+/// Upper bound of the distance of a fibre's centre, loops and hairs included, from the centre
+/// of the yarn in the round cross-section.
 pub(crate) fn reach_mm(yarn: &Yarn) -> f64 {
     let most = |[mean, deviation]: [f64; 2], scale: f64| mean + MAX_DEVIATIONS * scale * deviation;
     let mut reach = 1.0f64;

@@ -1,6 +1,6 @@
-//! Weaving Information Files, versions 1.0 to 1.2, read tolerantly
-//! `[WIF1997]`: what is missing gets its default, what is odd gets a warning,
-//! and only what would leave the weave undecided is refused.
+//! Weaving Information Files, versions 1.0 to 1.2, read tolerantly `[WIF1997]`: missing values
+//! get defaults, deviations from the format are warned of, and a file is refused only if it
+//! does not determine the weave.
 
 #[cfg(test)]
 pub(crate) mod example_drafts;
@@ -42,16 +42,15 @@ const MORE_SECTIONS: [&str; 3] = ["WEFT COLORS", "WARP SYMBOLS", "WEFT SYMBOLS"]
 impl Draft {
     /// Reads a WIF file.
     ///
-    /// End 1 of the file is the first end of the draft (x grows with the
-    /// number), pick 1 the first pick. The weave comes from `LIFTPLAN` where
-    /// there is one that `CONTENTS` does not disown, else from `TIEUP` and
-    /// `TREADLING`; a sinking shed gives the complement. Threads without
-    /// shaft or treadle stay down. Palette colours are taken as sRGB.
+    /// End 1 of the file is the first end of the draft (x grows with the number), pick 1 the
+    /// first pick. The weave comes from `LIFTPLAN` if there is one and `CONTENTS` does not
+    /// declare it absent, otherwise from `TIEUP` and `TREADLING`; a sinking shed gives the
+    /// complement. Threads without shaft or treadle stay down. Palette colours are taken as
+    /// sRGB.
     ///
-    /// # Errors
-    /// [`Error::Wif`] with section and key where the weave or a colour cannot
-    /// be known: a missing section, a number that is none, a treadle or colour
-    /// beyond the declared count, absurd sizes.
+    /// # Errors [`Error::Wif`] with section and key where the weave or a colour cannot be
+    /// determined: a missing section, a malformed number, a treadle or colour beyond the
+    /// declared count, absurd sizes.
     pub fn from_wif(bytes: &[u8]) -> Result<Draft, Error> {
         Reader {
             ini: Ini::parse(bytes),
@@ -173,7 +172,7 @@ impl Reader {
             .transpose()
     }
 
-    /// The section when it is there and `CONTENTS` does not say otherwise.
+    /// The section, unless it is missing or `CONTENTS` declares it absent.
     fn used(&self, name: &str) -> Option<&Section> {
         let disowned = matches!(self.flag("CONTENTS", name), Ok(Some(false)));
         self.ini.section(name).filter(|_| !disowned)
@@ -203,7 +202,7 @@ impl Reader {
         Ok(count)
     }
 
-    /// The lines of a section that hold lists of numbers, zeros dropped.
+    /// The lines of a section that hold lists of numbers, without zeros.
     fn lists(&mut self, name: &str, lines: usize, highest: Option<usize>) -> Result<Lists, Error> {
         let mut lists = vec![Vec::new(); lines];
         let mut extra = 0;
@@ -254,7 +253,7 @@ impl Reader {
         Ok(threading)
     }
 
-    /// Programs of small looms write drafts of large ones without counting.
+    /// Programs for small looms write drafts for large ones with the wrong number of shafts.
     fn warn_of_hidden_shafts(&mut self, section: &str, lists: &Lists, declared: Option<usize>) {
         let highest = lists.iter().flatten().copied().max().unwrap_or(0);
         if let Some(declared) = declared.filter(|&d| d < highest) {
@@ -340,7 +339,7 @@ fn expected_number(found: &str) -> String {
     format!("expected a number, found \"{found}\"")
 }
 
-/// The number before any comment that follows it on the line.
+/// The number, without a comment that follows it on the line.
 fn number_part(text: &str) -> &str {
     text.split([';', '#']).next().unwrap_or(text).trim()
 }
@@ -349,8 +348,7 @@ fn whole(text: &str) -> Option<usize> {
     number_part(text).parse().ok()
 }
 
-/// A finite number; programs of some countries write a decimal comma only
-/// where no list is meant, so a comma is not accepted.
+/// A finite number. A comma separates list items, so decimal commas are not accepted.
 fn real(text: &str) -> Option<f64> {
     number_part(text)
         .parse()

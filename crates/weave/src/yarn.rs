@@ -1,4 +1,4 @@
-//! A yarn with every value known and checked.
+//! A yarn whose values are all known and checked.
 
 mod complete_spec;
 
@@ -9,9 +9,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Densest packing of equal circles in the plane, pi / sqrt(12).
 pub const MAX_FIBRE_VOLUME_FRACTION: f64 = 0.9069;
-/// The most fibres that the cross-section of a ply may have: above the 50,000
-/// filaments of the heaviest tows, and few enough for a tile to be voxelized in
-/// seconds.
+/// The largest number of fibres in the cross-section of a ply: more than the 50,000 filaments
+/// of the heaviest tows, and few enough that a tile is voxelized in seconds.
 pub const MAX_FIBRES_PER_PLY: u32 = 1 << 16;
 
 /// A yarn at rest, before a fabric presses on it.
@@ -87,12 +86,12 @@ impl Yarn {
     pub fn new(name: &str, spec: &YarnSpec) -> Result<Yarn, Error> {
         let complete = CompleteSpec::new(name, spec)?;
         let straight = complete.yarn(1.0)?;
-        // Twisted fibres are longer than their yarn, so fewer make its tex.
+        // Twisted fibres are longer than their yarn, so fewer fibres give its tex.
         complete.yarn(straight.fibre_per_yarn_length())
     }
 
-    /// Distance of a fibre from the ply's centre below which the share `u` of
-    /// all fibres lie, millimetres, migration left out.
+    /// Distance from the centre of the ply within which the share `u` of all fibres lies,
+    /// millimetres, without migration.
     pub(crate) fn radius_at(&self, u: f64) -> f64 {
         let reach = (self.ply_radius_mm - self.fibre_radius_mm).max(0.0);
         let place = u.clamp(0.0, 1.0) * (self.radial_quantiles.len() - 1) as f64;

@@ -1,4 +1,4 @@
-//! From a description to threads at rest.
+//! Builds threads at rest from a description.
 
 use super::import::imported;
 use super::yarns::{Materials, Yarns};
@@ -20,11 +20,11 @@ use std::sync::Arc;
 /// Loads a file that a fabric names.
 pub type Loader<'a> = &'a dyn Fn(&str) -> std::io::Result<Vec<u8>>;
 
-/// The most crossings or loops in a tile: its relaxation takes about 300 bytes
-/// for each.
+/// The largest number of crossings or loops in a tile: the relaxation takes about 300 bytes for
+/// each.
 const MAX_IN_TILE: usize = 1 << 22;
-/// Realised twist further than this from the wanted one is worth a warning:
-/// slope of the outermost fibres or plies.
+/// Largest difference between realised and requested twist without a warning, as the slope of
+/// the outermost fibres or plies.
 const TWIST_WARNING: f64 = 0.06;
 
 impl Cloth {
@@ -117,7 +117,7 @@ fn check_colours(system: &str, spec: &ThreadSetSpec) -> Result<(), Error> {
         if channels.iter().all(|c| (0.0..=1.0).contains(c)) {
             continue;
         }
-        // Only values of a swatch, 0 to 255, can be converted to what was meant.
+        // Only values from 0 to 255 can be converted: they were probably meant as sRGB.
         let hint = if channels.iter().all(|c| (0.0..=255.0).contains(c)) {
             let [r, g, b] = channels.map(|c| Rgb::linear_from_srgb(c / 255.0));
             format!("; as sRGB from 0 to 255 this would be [{r:.3}, {g:.3}, {b:.3}]")
@@ -331,7 +331,7 @@ fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
     Ok(fabric.tile.repeats.map(|r| r as usize))
 }
 
-/// Threads of a system after which draft, yarns and colours all repeat.
+/// Number of threads of a system after which draft, yarns and colours all repeat.
 fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
     let lcm = |a: usize, b: usize| (a / gcd(a, b)).saturating_mul(b);
     lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
@@ -345,7 +345,7 @@ fn colour(threads: &mut [Thread], colours: &[Rgb]) {
     }
 }
 
-/// Room for thread `index`: from the fabric, else from the draft.
+/// The spacing of thread `index`: from the fabric, otherwise from the draft.
 fn spacing_mm(
     name: &str,
     spec: &ThreadSetSpec,
@@ -394,7 +394,7 @@ fn beside<'a>(
     })
 }
 
-/// Threads with their cross-sections, in place.
+/// The threads of a system with their cross-sections, at their positions.
 fn system(threads: &Threads, flatten: &[DVec2]) -> System {
     let mut period_mm = 0.0;
     let position_mm = threads.spacing_mm.iter().map(|s| {

@@ -9,7 +9,7 @@ use organza_basis::{Rgb, Segment, SegmentSource};
 /// Width of a drawing, pixels.
 const WIDTH: usize = 900;
 
-/// A picture that keeps the nearest thing per pixel.
+/// A picture with the nearest surface in each pixel.
 struct Canvas {
     size: (usize, usize),
     depth: Vec<f32>,
@@ -72,8 +72,7 @@ impl Canvas {
 }
 
 impl Cloth {
-    /// How much cloth a drawing shows when nothing else is asked for: a tile,
-    /// but at least 2 and at most 6 mm.
+    /// How much cloth a drawing shows by default: a tile, but at least 2 and at most 6 mm.
     pub fn default_picture_mm(&self) -> Vec2 {
         Vec2::splat(self.tile().period_mm().min_element().clamp(2.0, 6.0))
     }
@@ -101,8 +100,7 @@ impl Cloth {
         material.colour.unwrap_or(plain).0
     }
 
-    /// Every segment in every copy of the tile that may be seen in
-    /// `[0, shown_mm)^2`.
+    /// Every segment of every copy of the tile that may be visible in `[0, shown_mm)^2`.
     fn for_each_copy(&self, level: CurveLevel, shown_mm: Vec2, mut draw: impl FnMut(&Segment)) {
         let source = self.curves(level);
         let tile = source.tile();

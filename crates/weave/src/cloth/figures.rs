@@ -11,7 +11,7 @@ pub struct SystemFigures {
     pub threads_per_cm: f64,
     /// Linear density of the yarn, grams per kilometre.
     pub tex: f64,
-    /// Length of yarn above that of the cloth it runs through, per cent.
+    /// Crimp: by how much the yarn is longer than the cloth that it runs through, per cent.
     pub crimp_percent: f64,
     /// Share of the cloth's surface that the threads cover.
     pub cover_factor: f64,
@@ -34,9 +34,8 @@ pub struct Figures {
     pub wales_per_cm: Option<f64>,
     /// See `wales_per_cm`.
     pub loop_length_mm: Option<f64>,
-    /// Share of the surface that is covered by any thread; where threads do
-    /// not run straight, what the length and width of yarn would cover without
-    /// lying on each other, at most 1.
+    /// Share of the surface that any thread covers. Where threads do not run straight, the
+    /// share that the length and width of the yarn would cover without overlap, at most 1.
     pub cover_factor: f64,
     /// From the lowest to the highest yarn surface, millimetres.
     pub thickness_mm: f64,
@@ -52,7 +51,7 @@ pub struct Figures {
     pub fibre_length_mm: f64,
     /// Linear factor by which yarns were pressed to fit.
     pub compaction: f64,
-    /// Largest share by which crossing threads press into each other.
+    /// Largest overlap of crossing threads, as a share of the sum of their radii.
     pub compression: f64,
 }
 
@@ -85,7 +84,7 @@ impl Cloth {
     /// at rest; no fibre is generated.
     pub fn figures(&self) -> Figures {
         let size = self.tile.bounds_mm.size().as_dvec3();
-        // Imported curves have neither courses nor crimp; they stay apart.
+        // Imported curves have neither courses nor crimp, so they are left out.
         let [mut warp, mut weft, mut other] = [(); 3].map(|()| Sum::default());
         let (mut fibre_length, mut fibre_volume, mut mass_mg) = (0.0, 0.0, 0.0);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);

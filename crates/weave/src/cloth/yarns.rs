@@ -23,8 +23,8 @@ impl<'a> Yarns<'a> {
         }
     }
 
-    /// Indices of the yarns of a system, in the order of its repeat. Without
-    /// names, the only yarn that there is, or cotton.
+    /// Indices of the yarns of a system, in the order of its repeat. Without names, the only
+    /// yarn of the fabric, otherwise cotton.
     pub fn of_system(&mut self, system: &str, spec: &ThreadSetSpec) -> Result<Vec<usize>, Error> {
         let only = match self.specs.keys().next() {
             Some(name) if self.specs.len() == 1 => name.clone(),

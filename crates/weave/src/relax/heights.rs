@@ -1,4 +1,4 @@
-//! Long vectors for the minimiser, worked on by all threads.
+//! Long vectors for the minimiser, processed by all threads.
 
 use argmin_math::{
     ArgminAdd, ArgminDot, ArgminL1Norm, ArgminL2Norm, ArgminMinMax, ArgminMul, ArgminSignum,
@@ -71,7 +71,7 @@ impl ArgminMul<Heights, Heights> for f64 {
     }
 }
 
-// The rest is asked for by the minimiser's variant with an L1 penalty.
+// The minimiser's variant with an L1 penalty requires the rest.
 
 impl ArgminAdd<f64, Heights> for Heights {
     fn add(&self, term: &f64) -> Heights {
