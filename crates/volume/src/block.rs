@@ -1,7 +1,7 @@
 //! Filling the voxels of one block from the pieces of curve that reach it.
 //!
-//! A block's sums fit the cache, so that a piece costs little wherever it goes.
-//! One yarn and material after another is summed and cleared away.
+//! The sums of a block fit into the cache, so that a piece costs little wherever it lies. The
+//! groups of one yarn and material are summed and cleared one after another.
 
 use crate::clip::for_each_clip;
 use crate::cluster::GatheredPopulation;
@@ -17,13 +17,13 @@ use std::f64::consts::PI;
 /// a voxel apart up to a radius of 64 voxels.
 const MAX_LINES: f64 = 65_536.0;
 
-/// Sums in the voxels of a block: of the first population of a group in each,
-/// and of a second that is unlike the first.
+/// Sums in the voxels of a block: of the first population of a group in each voxel, and of a
+/// second population of another direction.
 pub struct BlockSums {
     lobes: [Vec<GatheredPopulation>; 2],
     occupied: [Vec<u64>; 2],
     lines: Vec<Line>,
-    /// Where the lines are at the moment.
+    /// The present positions of the lines.
     cells: Vec<[i32; 3]>,
 }
 
@@ -33,7 +33,7 @@ struct Line {
     /// Place in the cross-section.
     x: f32,
     y: f32,
-    /// Where between two faces it is looked at.
+    /// The place between two faces at which it is sampled.
     phase: f32,
 }
 
@@ -49,7 +49,7 @@ impl BlockSums {
         }
     }
 
-    /// Bytes of one.
+    /// Bytes of one voxel.
     pub const BYTES: u64 = 2 * (VOXELS * size_of::<GatheredPopulation>() + VOXELS / 8) as u64;
 
     /// The populations that `pieces`, each with its group, leave in a block,
@@ -71,7 +71,7 @@ impl BlockSums {
             footprint,
             min: min.as_dvec3(),
             size: (lattice.dims - min).min(UVec3::splat(BLOCK)),
-            // Outside the box there is nothing, where it does not repeat.
+            // A box that does not repeat has nothing outside.
             low: IVec3::MIN,
             high: IVec3::MAX,
         };
@@ -124,9 +124,8 @@ impl BlockSums {
         });
     }
 
-    /// Lines spread over the cross-section, half a voxel apart or less, share
-    /// the length. Between two faces across the fibre each is looked at once,
-    /// each at another place.
+    /// Lines spread over the cross-section, half a voxel apart or less, share the length.
+    /// Between two faces across the fibre each line is sampled once, at a place of its own.
     fn add_thick(&mut self, to: &Target, p: &RoutePiece, length_mm: f64, tangent: Vec3) {
         let radius = f64::from(p.start_radius_mm.max(p.end_radius_mm));
         let narrowest = to.lattice.voxel_mm.min_element();
@@ -135,8 +134,7 @@ impl BlockSums {
         let per_mm = (1.0 / to.lattice.voxel_mm).as_vec3();
         let frame = Frame::from_normal(tangent);
         let (s, t) = (frame.s * per_mm, frame.t * per_mm);
-        // Counted from the piece's own first cell, so that neighbouring blocks
-        // round alike.
+        // Counted from the first cell of the piece, so that neighbouring blocks round alike.
         let base = p.start.floor();
         let a = (p.start - base).as_vec3();
         let base = (base - to.min).as_ivec3();
@@ -204,7 +202,7 @@ impl BlockSums {
         self.cells = vec![[0; 3]; count];
     }
 
-    /// Moves the sums of one group to the end of `populations` and leaves none.
+    /// Moves the sums of one group to the end of `populations` and clears them.
     fn take(&mut self, group: u64, populations: &mut Vec<GatheredPopulation>) {
         for word in 0..VOXELS / 64 {
             let mut left = std::mem::take(&mut self.occupied[0][word]);
@@ -226,8 +224,8 @@ impl BlockSums {
     }
 }
 
-/// Adds a piece to its voxel: to the lobe of its yarn that it is like, or to a
-/// second one.
+/// Adds a piece to its voxel: to the lobe of its yarn with a similar direction, or to a second
+/// lobe.
 #[inline]
 fn put(
     lobes: &mut [Vec<GatheredPopulation>; 2],
@@ -247,7 +245,7 @@ fn put(
     }
 }
 
-/// Adds a piece that is unlike the first population of its voxel.
+/// Adds a piece whose direction differs from that of the first population of its voxel.
 #[cold]
 fn put_aside(
     lobes: &mut [Vec<GatheredPopulation>; 2],
@@ -272,8 +270,8 @@ fn put_aside(
     lobes[usize::from(second)][voxel].add(piece);
 }
 
-/// The floor of a number of voxels; without a call where the processor at hand
-/// is not known to round.
+/// The floor of a number of voxels, without a function call on processors whose instruction set
+/// may lack rounding.
 #[inline]
 fn floor(x: f32) -> i32 {
     let towards_zero = x as i32;
@@ -294,7 +292,7 @@ struct Target<'a> {
 }
 
 impl Target<'_> {
-    /// Number of a cell counted from the least corner, if it is the block's.
+    /// Number of a cell counted from the least corner, if the cell belongs to the block.
     #[inline]
     fn voxel(&self, cell: IVec3) -> Option<usize> {
         let c = cell.clamp(self.low, self.high).as_uvec3();
@@ -309,7 +307,7 @@ impl Target<'_> {
     }
 }
 
-/// Sorts by voxel; what is in one voxel keeps its order.
+/// Sorts by voxel; the order within a voxel is kept.
 pub fn sort_by_voxel(populations: &mut Vec<GatheredPopulation>) {
     let most = populations
         .iter()

@@ -6,9 +6,8 @@ use glam::{DVec3, IVec3};
 /// from `a` to `b` passes, in order, with the interval of `t` in `[0, 1]`
 /// inside it. The intervals join without gap, so their lengths sum to one.
 ///
-/// Walks from the cell of `a` to the cell of `b` in a number of steps known
-/// beforehand: it ends whatever rounding does. Coordinates must be finite and
-/// fit an `i32`.
+/// It steps from the cell of `a` to the cell of `b` in a number of steps known beforehand, so
+/// that it ends whatever rounding does. Coordinates must be finite and fit an `i32`.
 pub fn for_each_clip(a: DVec3, b: DVec3, mut visit: impl FnMut(IVec3, f64, f64)) {
     let mut cell = a.floor().as_ivec3();
     let end = b.floor().as_ivec3();

@@ -5,15 +5,15 @@ use organza_basis::Sym3;
 
 /// Fibre gathered in one voxel: sums over clipped pieces of curve.
 ///
-/// Everything adds, so populations merge without loss except that only one
-/// tensor is left of two.
+/// All sums are additive, so merging populations loses nothing but the separation of their two
+/// tensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GatheredPopulation {
-    /// From the top: voxel in its block (15 bits), yarn (32), material (16),
-    /// lobe (1). Sorting by it goes voxel by voxel.
+    /// From the top: voxel in its block (15 bits), yarn (32), material (16), lobe (1). Sorting
+    /// by this key sorts by voxel first.
     pub key: u64,
-    /// Sum of lengths, mm. Double, since ten thousand equal pieces round the
-    /// same way; once rounded to whole quanta (a power of two), sums are exact.
+    /// Sum of lengths, mm. In double precision, because ten thousand equal pieces round in the
+    /// same direction. Once rounded to whole quanta (a power of two), sums are exact.
     pub length_mm: f64,
     /// Sum of length times radius, mm^2.
     pub radius_length_mm2: f32,
@@ -29,7 +29,7 @@ impl GatheredPopulation {
         GatheredPopulation { key, ..piece }
     }
 
-    /// A straight piece, `tensor` being `t t^T` of its unit tangent; not named yet.
+    /// A straight piece, with `tensor` equal to `t t^T` of its unit tangent; it has no key yet.
     #[inline]
     pub fn of_line(length_mm: f64, radius_mm: f32, tensor: Sym3) -> GatheredPopulation {
         GatheredPopulation {
@@ -59,7 +59,7 @@ impl GatheredPopulation {
         self.voxel() & 63
     }
 
-    /// The same in another voxel of the block.
+    /// The same population in another voxel of the block.
     #[inline]
     pub fn moved_to(&self, voxel: u32) -> GatheredPopulation {
         GatheredPopulation {
@@ -74,7 +74,7 @@ impl GatheredPopulation {
         self.key << 15 >> 16
     }
 
-    /// Adds the sums of another; the key stays.
+    /// Adds the sums of another population and keeps the key.
     pub fn add(&mut self, o: &GatheredPopulation) {
         self.length_mm += o.length_mm;
         self.radius_length_mm2 += o.radius_length_mm2;
@@ -97,13 +97,12 @@ impl GatheredPopulation {
         (f64::from(self.radius_length_mm2) / self.length_mm) as f32
     }
 
-    /// Mean axis and the mean squared sine of the angle to it: the greatest
-    /// eigenvector of the tensor, and what its eigenvalue leaves of the trace.
+    /// Mean axis and the mean squared sine of the angle to it: the eigenvector of the tensor's
+    /// greatest eigenvalue, and the trace less that eigenvalue.
     ///
-    /// Squares the tensor until one eigenvector is left, which takes few steps
-    /// for bundles; where it takes many, again in double precision. Two
-    /// eigenvalues that differ by less than a part in 10^4 count as equal:
-    /// either axis will do then.
+    /// Squares the tensor until one eigenvector is left, which takes few steps for bundles;
+    /// where it takes many, again in double precision. Two eigenvalues that differ by less than
+    /// a part in 10^4 count as equal; then either axis is right.
     pub fn axis_and_sin_sq(&self) -> (Vec3, f32) {
         let trace = self.moment_mm.trace().max(f32::MIN_POSITIVE);
         let tensor = self.moment_mm.scaled(1.0 / trace);
@@ -112,7 +111,7 @@ impl GatheredPopulation {
             let purity = contract(power, power);
             // The sum of squared eigenvalues, whose own sum is one.
             if purity > 1.0 - 1e-4 {
-                // Any column will do, the longest does best.
+                // Any column is an eigenvector; the longest is the most accurate.
                 let (d, o) = (power.diagonal, power.off_diagonal);
                 let column = match d.max_position() {
                     0 => Vec3::new(d.x, o.x, o.y),
@@ -149,7 +148,7 @@ impl GatheredPopulation {
         (axis.as_vec3(), sin_sq.max(0.0) as f32)
     }
 
-    /// Changes the length and everything in proportion.
+    /// Scales the length, and all other sums in proportion.
     pub fn rescale(&mut self, length_mm: f64) {
         let k = (length_mm / self.length_mm) as f32;
         self.length_mm = length_mm;
@@ -157,8 +156,8 @@ impl GatheredPopulation {
         self.moment_mm = self.moment_mm.scaled(k);
     }
 
-    /// What the population weighs in a comparison: its extinction, or its
-    /// length where no radius is given.
+    /// The weight of the population in a comparison: its extinction, or its length where no
+    /// radius is given.
     fn weight(&self) -> f32 {
         self.radius_length_mm2 + 1e-9 * self.length_mm as f32
     }
@@ -184,7 +183,7 @@ fn contract(a: Sym3, b: Sym3) -> f32 {
     a.diagonal.dot(b.diagonal) + 2.0 * a.off_diagonal.dot(b.off_diagonal)
 }
 
-/// What may be merged by choice rather than by need.
+/// Which populations may be merged although the limit does not require it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeepApart {
     /// Only populations of one yarn and material.
@@ -193,7 +192,7 @@ pub enum KeepApart {
     Materials,
 }
 
-/// Room to compare the populations of a voxel in.
+/// Working memory for comparing the populations of a voxel.
 #[derive(Default)]
 pub struct Merger(Vec<Candidate>);
 
@@ -201,12 +200,11 @@ impl Merger {
     /// Merges populations of one voxel until at most `limit` are left and no
     /// allowed merger is cheaper than `tolerance`.
     ///
-    /// Ward's criterion on the tensors: of all pairs, the one whose merger adds
-    /// least to the extinction-weighted variance of `t t^T` about the populations'
-    /// means, `w_a w_b / (w_a + w_b) |T_a - T_b|^2`; in units of the whole weight,
-    /// so that two equal halves at right angles cost 1/2 and at angle alpha
-    /// `sin^2(alpha) / 2`. Pairs that should stay apart go last. The heavier
-    /// population names the merged one.
+    /// Ward's criterion on the tensors: the pair that is merged is the one that adds least to
+    /// the extinction-weighted variance of `t t^T` about the means of the populations, `w_a w_b
+    /// / (w_a + w_b) |T_a - T_b|^2`; in units of the total weight, so that two equal halves at
+    /// right angles cost 1/2 and at an angle alpha `sin^2(alpha) / 2`. Pairs that should stay
+    /// separate are merged last. The merged population keeps the key of the heavier one.
     pub fn merge_to(
         &mut self,
         populations: &mut Vec<GatheredPopulation>,
@@ -217,8 +215,8 @@ impl Merger {
         let total: f32 = populations.iter().map(GatheredPopulation::weight).sum();
         let candidates = &mut self.0;
         candidates.clear();
-        // Most neighbours are all but parallel. Taking those together at once, at
-        // a sixteenth of the tolerance, leaves few pairs to compare.
+        // Most neighbours are nearly parallel. Merging those first, at a sixteenth of the
+        // tolerance, leaves few pairs to compare.
         for l in populations.iter() {
             let new = Candidate::new(*l);
             let near = |c: &&mut Candidate| {
@@ -256,7 +254,7 @@ impl Merger {
     }
 }
 
-/// A population with what its comparisons need.
+/// A population with the values that its comparisons need.
 struct Candidate {
     population: GatheredPopulation,
     weight: f32,

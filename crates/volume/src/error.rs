@@ -7,13 +7,13 @@ pub enum Error {
     /// Reading or writing bytes failed.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// The voxelizer's options make no sense.
+    /// The options of the voxelizer are invalid.
     #[error("{0}")]
     Options(String),
     /// The tile has no usable box.
     #[error("the tile's box {0} is not a finite box")]
     Tile(String),
-    /// A segment cannot be placed.
+    /// A segment cannot be placed in the grid.
     #[error("segment of yarn {yarn}, fibre {fibre}: {problem}")]
     Segment {
         /// Its yarn.
@@ -36,10 +36,10 @@ pub enum Error {
     /// Reading takes more memory than allowed.
     #[error("{0}")]
     Budget(#[from] organza_basis::OverBudget),
-    /// A file is not there or cannot be opened.
+    /// A file does not exist or cannot be opened.
     #[error("{0}")]
     Unreadable(String),
-    /// One of the files of a volume is at fault.
+    /// One of the files of a volume is invalid.
     #[error("{name}: {problem}")]
     Beside {
         /// Name of the file.
@@ -50,12 +50,12 @@ pub enum Error {
     /// A grid of a volume does not fit the others.
     #[error("{grid}: {problem}")]
     Grid {
-        /// Which one: extinction, sggx or albedo.
+        /// The grid: extinction, sggx or albedo.
         grid: &'static str,
         /// What is wrong with it.
         problem: String,
     },
-    /// A file is not what it should be.
+    /// A file does not follow its format.
     #[error("not a readable {format} file: {problem}")]
     Format {
         /// File format, for example ".vol".

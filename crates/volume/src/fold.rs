@@ -1,15 +1,14 @@
-//! Joins the populations that a block gathered at different times.
+//! Joins populations that one block gathered at different times.
 
 use crate::cluster::{GatheredPopulation, KeepApart, Merger};
 
-/// Maximum number of populations that a voxel holds while it is filled; beyond it the nearest
-/// are merged, which bounds memory by the number of occupied voxels.
+/// Maximum number of populations that a voxel holds while it is filled; beyond this number the
+/// nearest are merged, so that the number of occupied voxels bounds the memory.
 const MAX_GATHERED: usize = 16;
 /// Their number after such a merger.
 const MERGED_POPULATIONS: usize = 8;
 
-/// Joins two lists of populations of one block, both sorted by voxel; so is
-/// the result.
+/// Joins two lists of populations of one block. Both lists and the result are sorted by voxel.
 pub fn fold(
     whole: Vec<GatheredPopulation>,
     part: Vec<GatheredPopulation>,
@@ -49,7 +48,7 @@ pub fn fold(
     }
 }
 
-/// Adds a population to the lobe of its group that it is like, or as another.
+/// Adds a population to the lobe of its group with a similar direction, or as another lobe.
 fn join(voxel: &mut Vec<GatheredPopulation>, new: &GatheredPopulation) {
     let nearness = |l: &GatheredPopulation| f64::from(l.likeness(new)) / l.length_mm;
     let of_group = voxel.iter_mut().filter(|l| l.group() == new.group());

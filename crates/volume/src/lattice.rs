@@ -30,12 +30,11 @@ pub struct Lattice {
 impl Lattice {
     /// Cuts a tile into voxels of about `voxel_mm`.
     ///
-    /// A period is divided exactly into whole voxels of the coarsest level, so
-    /// that voxels come out larger or smaller than asked for; other extents are
-    /// padded evenly on both sides. Without a wish for `levels` there are as
-    /// many, up to six, as the tile can use and as change voxels by a tenth at
-    /// most. Where only a few voxels make a period, or levels are asked for, it
-    /// may be more.
+    /// A period is divided exactly into whole voxels of the coarsest level, so that voxels
+    /// become larger or smaller than requested; other extents are padded evenly on both sides.
+    /// If `levels` is not given, the number of levels is the largest, up to six, that the tile
+    /// can use and that changes voxels by at most a tenth. Where only a few voxels make a
+    /// period, or `levels` is given, the change may be larger.
     pub fn new(tile: &Tile, voxel_mm: f32, levels: Option<u8>) -> Result<Lattice, Error> {
         let voxel = f64::from(voxel_mm);
         if !(voxel.is_finite() && voxel > 0.0) {
@@ -71,7 +70,8 @@ impl Lattice {
                     fitted.dims[axis] = n as u32;
                     fitted.voxel_mm[axis] = size[axis] / n;
                 } else {
-                    // A hair less than the quotient, so that a box of exactly n voxels gets n.
+                    // Slightly less than the quotient, so that a box of exactly n voxels gets
+                    // n.
                     let n = (blocks - 1e-6).ceil().max(1.0) * block;
                     fitted.dims[axis] = n as u32;
                     fitted.min_mm[axis] -= 0.5 * (n * voxel - size[axis]);
@@ -124,7 +124,7 @@ impl Lattice {
         (quantum_mm / self.voxel_at(level).element_product()) as f32
     }
 
-    /// True for what [`Lattice::new`] can make.
+    /// True for lattices that [`Lattice::new`] can make.
     pub fn is_sound(&self) -> bool {
         let block = 1 << (self.levels - 1);
         let dims = self.dims.to_array();
@@ -181,8 +181,8 @@ pub fn cell_of_bit(bit: u32) -> UVec3 {
     UVec3::new(bit & 3, bit >> 2 & 3, bit >> 4)
 }
 
-/// Voxels along an edge of a block: what is filled, and built up to the level
-/// at which it is one brick, in one go. Its sums fit a second-level cache.
+/// Voxels along an edge of a block. A block is filled and built up to the level at which it is
+/// one brick in one pass. Its sums fit a second-level cache.
 pub const BLOCK: u32 = 32;
 
 /// Levels that are built block by block.

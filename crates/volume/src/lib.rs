@@ -1,14 +1,14 @@
 //! The voxelizer, the sparse octree of fibre mixtures, and volume files.
 //!
-//! In: curve segments ([`organza_basis::SegmentSource`]). Out: an [`Octree`]
-//! that says, for any point and any level of detail, which fibre populations
-//! are there ([`organza_basis::Mixture`]) and how much they can block at most.
+//! The input is a stream of curve segments ([`organza_basis::SegmentSource`]), the output an
+//! [`Octree`]. It gives, for any point and level of detail, the fibre populations there
+//! ([`organza_basis::Mixture`]) and a bound of their extinction.
 //!
 //! - [`voxelize()`] clips segments to voxels exactly and conserves their length.
 //! - [`Octree`] holds all levels, quantised; each level is a regular grid.
 //! - [`format`] holds the file formats, one file each: [`ovox`] keeps the whole
 //!   octree, [`vol`] is Mitsuba's grids, [`vdb`] OpenVDB.
-//! - [`GridSet`] is what formats of other programs keep: dense grids.
+//! - [`GridSet`] holds dense grids, the contents of formats of other programs.
 //!
 //! ```
 //! use glam::Vec3;

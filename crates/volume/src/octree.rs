@@ -1,10 +1,9 @@
 //! The sparse octree of fibre mixtures and its queries.
 //!
-//! Every level is a regular grid of cells, twice as coarse as the one below,
-//! kept as a dense table of bricks of 4 x 4 x 4 cells of which only the
-//! occupied have memory. A point look-up is three dependent loads (table,
-//! brick, population) at any level; nothing descends from a root. Rivals of
-//! this layout stand in `benches/volume`.
+//! Every level is a regular grid of cells, twice as coarse as the level below. It is stored as
+//! a dense table of bricks of 4 x 4 x 4 cells; only occupied bricks take memory. Looking up a
+//! point takes three dependent loads (table, brick, population) at any level, without a descent
+//! from a root. `benches/volume` compares this layout with others.
 //!
 //! # What is stored, and what rounding costs
 //! A population takes 12 bytes, a brick 40, the table 4 for each brick of the
@@ -18,8 +17,8 @@
 //! - the axis by 0.0006 rad at most;
 //! - a spread up to 0.5 rad by 0.0014 to 0.003 rad.
 //!
-//! Tests hold all four. Coarse cells are merged from the exact tensors, not
-//! from what was stored of the cells below.
+//! Tests verify all four. Coarse cells are merged from the exact tensors, not from the stored
+//! populations of the cells below.
 
 pub(crate) mod build;
 mod validate;
@@ -105,13 +104,13 @@ impl Octree {
         self.lattice.repeats
     }
 
-    /// Where the length of fibres lies that are thicker than a voxel.
+    /// Which voxels hold the length of fibres that are thicker than a voxel.
     pub fn footprint(&self) -> FibreFootprint {
         self.footprint
     }
 
-    /// The same octree, `scale` times as large in every direction, its fibres too.
-    /// `None` unless the scale is positive and the octree stays finite.
+    /// The same octree, `scale` times as large in every direction, including its fibres. `None`
+    /// unless the scale is positive and the octree stays finite.
     pub fn scaled(mut self, scale: f64) -> Option<Octree> {
         self.lattice.min_mm *= scale;
         self.lattice.voxel_mm *= scale;
@@ -176,8 +175,8 @@ impl Octree {
         } else if !self.bounds_mm.contains(p_mm) {
             return None;
         }
-        // Rounding may leave a coordinate a hair outside on either side; the
-        // cast takes what is below zero to zero.
+        // Rounding may leave a coordinate slightly outside on either side; the cast clamps
+        // negative values to zero.
         let cell = (q * self.finest_per_mm).as_uvec3();
         Some(cell.min(self.lattice.dims - 1) >> u32::from(level))
     }
@@ -235,11 +234,10 @@ impl Octree {
     /// voxels inside a cell: sum of `2 r rho` over their populations. Zero
     /// when the cell is empty.
     ///
-    /// Unlike the mixture of the cell itself, which averages, this holds for
-    /// the finest voxels; since averages do not exceed it, it bounds every
-    /// level in between too. From level 2 it is one look-up, from level 0 and
-    /// 1 it reads the one or eight voxels. `level` may go two beyond the
-    /// coarsest.
+    /// Unlike the mixture of the cell itself, which is an average, this bounds the finest
+    /// voxels; since averages do not exceed it, it also bounds every level in between. From
+    /// level 2 on it is a single look-up; levels 0 and 1 read one or eight voxels. `level` may
+    /// exceed the coarsest by two.
     pub fn majorant_per_mm(&self, level: u8, cell: UVec3) -> f32 {
         if level >= 2 {
             return self
@@ -259,8 +257,8 @@ impl Octree {
         most
     }
 
-    /// Sum of the broadside extinctions of a cell's own populations: what
-    /// [`Mixture::broadside_per_mm`] of [`Octree::mixture`] gives, cheaper.
+    /// Sum of the broadside extinctions of a cell's own populations: equal to
+    /// [`Mixture::broadside_per_mm`] of [`Octree::mixture`], but cheaper.
     #[inline]
     pub fn broadside_per_mm(&self, level: u8, cell: UVec3) -> f32 {
         let (density_per_quantum, records) = self.records(level, cell);
@@ -311,7 +309,7 @@ impl Octree {
             as u64
     }
 
-    /// Bytes of memory of the whole, all levels and tables counted.
+    /// Bytes of memory of the whole octree, with all levels and tables.
     pub fn memory_bytes(&self) -> u64 {
         let levels: u64 = (0..self.level_count())
             .map(|l| self.level_memory_bytes(l))

@@ -1,16 +1,15 @@
 //! How a population and a brick of voxels are stored.
 //!
 //! One population takes 12 bytes:
-//! - `length`: an integer count of the octree's length quantum, so that sums
-//!   over voxels are exact and every level holds the same total. The quantum
-//!   lets what may lie in the fullest block or coarsest voxel fit 32 bits.
-//! - `direction`: the axis on an octahedral grid of 4095 x 4095 steps over the
-//!   half sphere (within 0.0006 rad), and in the top 8 bits the square root of
-//!   the mean squared sine in 255 steps up to its greatest value sqrt(1/2): a
-//!   narrow spread is kept within 0.0014 rad.
-//! - `population`: 20 bits name the yarn and material, 12 bits the radius in
-//!   equal steps between the least and greatest of the tile (a single radius
-//!   is exact; of a range of 1 : 10 the least is kept within 0.11 %).
+//! - `length`: an integer count of the octree's length quantum, so that sums over voxels are
+//!   exact and every level holds the same total. The quantum is chosen so that the length in
+//!   the fullest block or coarsest voxel fits into 32 bits.
+//! - `direction`: the axis on an octahedral grid of 4095 x 4095 steps over the half sphere
+//!   (within 0.0006 rad), and in the top 8 bits the square root of the mean squared sine in 255
+//!   steps up to its greatest value sqrt(1/2): a narrow spread is exact to 0.0014 rad.
+//! - `population`: 20 bits name the yarn and material, 12 bits the radius in equal steps
+//!   between the least and greatest of the tile (a single radius is exact; in a range of 1 : 10
+//!   the least is exact to 0.11 %).
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -22,7 +21,7 @@ use std::sync::LazyLock;
 const AXIS_STEPS: f32 = 4094.0;
 const SPREAD_STEPS: f32 = 255.0;
 const RADIUS_STEPS: f32 = 4095.0;
-/// Most pairs of yarn and material.
+/// Maximum number of pairs of yarn and material.
 pub const MAX_GROUPS: usize = 1 << 20;
 
 /// One population, quantised.
@@ -37,9 +36,8 @@ pub struct StoredPopulation {
     pub population: u32,
 }
 
-/// 4 x 4 x 4 voxels: bit `x + 4 y + 16 z` of `masks[k]` is set when that voxel
-/// has more than `k` populations. The populations of the brick follow each
-/// other voxel by voxel from `first`.
+/// 4 x 4 x 4 voxels: bit `x + 4 y + 16 z` of `masks[k]` is set when that voxel has more than
+/// `k` populations. The populations of the brick are stored voxel by voxel from `first` on.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Brick {
@@ -82,7 +80,7 @@ static SPREAD_OF_CODE: LazyLock<[f32; 256]> = LazyLock::new(|| {
 pub fn encode_direction(axis: Vec3, mean_sin_sq: f32) -> u32 {
     let n = if axis.z < 0.0 { -axis } else { axis };
     let p = n.truncate() / (n.x.abs() + n.y.abs() + n.z);
-    // A cast is at hand everywhere, rounding is a call on older processors.
+    // Every processor casts in one instruction; on older ones rounding is a function call.
     let code = |u: f32| (0.5 * (u + 1.0) * AXIS_STEPS + 0.5).clamp(0.0, AXIS_STEPS) as u32;
     let spread = mean_sin_sq.max(0.0).sqrt() / *WIDEST_SINE * SPREAD_STEPS + 0.5;
     code(p.x + p.y) | code(p.x - p.y) << 12 | (spread.min(SPREAD_STEPS) as u32) << 24
@@ -100,7 +98,7 @@ pub fn decode_axis(direction: u32) -> Vec3 {
     Vec3::new(x, y, 1.0 - x.abs() - y.abs()).normalize()
 }
 
-/// False for codes that [`encode_direction`] never gives.
+/// False for codes that [`encode_direction`] never returns.
 pub fn is_valid_direction(direction: u32) -> bool {
     let most = AXIS_STEPS as u32;
     direction & 0xfff <= most && direction >> 12 & 0xfff <= most
@@ -122,7 +120,7 @@ pub struct RadiusScale {
 }
 
 impl RadiusScale {
-    /// For radii between the two.
+    /// The scale for radii between two values.
     pub fn new(min_mm: f32, max_mm: f32) -> RadiusScale {
         RadiusScale {
             min_mm,

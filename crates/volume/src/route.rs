@@ -1,7 +1,7 @@
 //! The blocks of voxels that each segment touches.
 //!
-//! Segments wait, sorted by block, until a block takes all of its own at once:
-//! they are far fewer than the voxels that they fill.
+//! Segments are sorted by block and kept until their block processes all of them at once: they
+//! are far fewer than the voxels that they fill.
 
 use crate::Error;
 use crate::footprint::FibreFootprint;
@@ -10,10 +10,10 @@ use glam::{DVec3, IVec3};
 use organza_basis::{Segment, SegmentSource};
 use std::collections::HashMap;
 
-/// Longest segment, in voxels; more is a mistake in the source.
+/// Longest segment, in voxels; a longer one is an error of the source.
 const MAX_SPAN: f64 = 1e6;
 
-/// Longer segments are cut, so that a block never follows one far outside.
+/// Longer segments are cut, so that a block never follows a segment far outside.
 const LONGEST_PIECE: f64 = 16.0;
 
 /// A segment or a part of one, in one period of the tile. Ends are in voxels
@@ -34,7 +34,7 @@ pub struct Run {
     /// Range of [`Routed::ids`].
     pub start: u32,
     pub end: u32,
-    /// At least the length inside the block.
+    /// An upper bound of the length inside the block.
     pub max_length_mm: f64,
 }
 
@@ -43,7 +43,7 @@ pub struct Routed {
     pub pieces: Vec<RoutePiece>,
     /// Indices of pieces, block by block.
     pub ids: Vec<u32>,
-    /// Rising in their blocks.
+    /// Sorted by block.
     pub runs: Vec<Run>,
     /// Yarn and material, as in a key.
     pub groups: Vec<u64>,
@@ -52,7 +52,7 @@ pub struct Routed {
 }
 
 impl Routed {
-    /// Bytes that it holds on to.
+    /// Allocated bytes.
     pub fn bytes(&self) -> u64 {
         (self.pieces.capacity() * size_of::<RoutePiece>()
             + self.ids.capacity() * 4
@@ -60,7 +60,7 @@ impl Routed {
     }
 }
 
-/// Takes in all segments of a batch.
+/// Sorts all segments of a batch.
 pub fn route(
     source: &dyn SegmentSource,
     batch: usize,
@@ -183,7 +183,7 @@ impl Router<'_> {
         self.last.1
     }
 
-    /// Once for each period that it touches, to each block there.
+    /// Assigns it to each block that it touches, once for each period.
     fn place(&mut self, p: &RoutePiece, reach: DVec3) {
         let dims = self.lattice.dims.as_ivec3();
         let low = (p.start.min(p.end) - reach).floor().as_ivec3();
@@ -217,8 +217,8 @@ impl Router<'_> {
         }
     }
 
-    /// Positions in grid units must lie in the box where it does not repeat,
-    /// and can be counted in 32 bits where it does.
+    /// Positions in grid units must lie in the box if it does not repeat, and must fit into 32
+    /// bits if it does.
     fn check_inside(&self, s: &Segment, p: DVec3) -> Result<(), String> {
         let slack = 0.5;
         let dims = self.lattice.dims.as_dvec3();

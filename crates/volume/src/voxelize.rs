@@ -1,8 +1,8 @@
-//! From a stream of curve segments to an octree.
+//! Builds an octree from a stream of curve segments.
 //!
-//! Batches of segments are sorted into blocks of voxels, where they wait; then
-//! each block is filled, quantised and built up on its own, all levels at once.
-//! Sums run in the order of batches whatever thread works on them.
+//! Batches of segments are sorted into blocks of voxels; then each block is filled, quantised
+//! and built up independently, all levels at once. Sums are taken in the order of batches,
+//! whichever thread computes them.
 
 use crate::block::BlockSums;
 use crate::cluster::GatheredPopulation;
@@ -19,15 +19,15 @@ use std::sync::Mutex;
 /// How to voxelize.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelizeOptions {
-    /// Edge of the finest voxels. Along x and y of a tile that repeats it is
-    /// fitted to the period: it comes out up to a tenth different as a rule,
-    /// more where few voxels make a period or `levels` are given.
+    /// Edge of the finest voxels. Along x and y of a tile that repeats it is fitted to the
+    /// period: it usually changes by up to a tenth, and by more where few voxels make a period
+    /// or `levels` is given.
     pub voxel_mm: f32,
-    /// Number of levels, 1 to 8; without it as many as fit, at most six.
+    /// Number of levels, 1 to 8; if none, as many as fit, at most six.
     pub levels: Option<u8>,
     /// Treatment of thick fibres.
     pub footprint: FibreFootprint,
-    /// Refuse to use more memory than this. Without it there is no limit.
+    /// Maximum memory; a larger need is an error. No limit if none.
     pub max_memory_bytes: Option<u64>,
 }
 
@@ -42,8 +42,8 @@ impl Default for VoxelizeOptions {
     }
 }
 
-/// Most pieces that wait: 280 MB. When there are more, all blocks take theirs
-/// in and remember sums instead.
+/// Maximum number of pieces that are kept: 280 MB. When there are more, all blocks process
+/// theirs and keep sums instead.
 const MAX_WAITING: usize = 4_000_000;
 
 /// Batches that a thread is given at a time.
@@ -76,12 +76,11 @@ pub struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Judges the memory that it will take by a sample of the source's batches
-    /// (a sixteenth of them, eight at most).
+    /// Estimates the memory from a sample of the batches of the source (a sixteenth of them, at
+    /// most eight).
     ///
-    /// # Errors
-    /// For a voxel edge or tile that makes no sense, when more memory will be
-    /// needed than allowed, and as [`Plan::run`] for what the sample meets.
+    /// # Errors For an invalid voxel edge or tile, when more memory is needed than allowed, and
+    /// as [`Plan::run`] for the segments of the sample.
     pub fn new(
         source: &'a dyn SegmentSource,
         options: &VoxelizeOptions,
@@ -104,7 +103,7 @@ impl<'a> Plan<'a> {
         self.lattice.levels
     }
 
-    /// Most bytes that it will hold at one time, estimated.
+    /// Estimated peak memory, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.memory_bytes
     }
@@ -119,10 +118,10 @@ impl<'a> Plan<'a> {
 
     /// Voxelizes all segments of the source.
     ///
-    /// Segments are clipped to voxels exactly, so that the sum of density times
-    /// volume is the length put in (within 1e-5, the quantisation of lengths). The
-    /// result is the same bit for bit on any number of threads. `progress` is
-    /// called with the share of the work done, in `[0, 1]`.
+    /// Segments are clipped to voxels exactly, so that the sum of density times volume is the
+    /// input length (within 1e-5, the quantisation of lengths). The result is the same bit for
+    /// bit on any number of threads. `progress` is called with the share of the work done, in
+    /// `[0, 1]`.
     ///
     /// # Errors
     /// For segments that are not finite or lie outside a tile that does not
@@ -147,7 +146,7 @@ fn run(
             .map(|&batch| route(source, batch, lattice, options.footprint))
             .collect::<Result<_, Error>>()?;
         for r in routed {
-            // Whatever the number of threads: else it would change sums.
+            // Independent of the number of threads, which would otherwise change sums.
             if tile.waiting > 0 && tile.waiting + r.pieces.len() > MAX_WAITING {
                 tile.take_in();
             }
@@ -179,7 +178,7 @@ struct Tiled<'a> {
 struct Block {
     /// Batch among `routed` and its run for this block.
     runs: Vec<(u32, u32)>,
-    /// What was taken in before.
+    /// The sums that were taken before.
     kept: Vec<GatheredPopulation>,
     max_length_mm: f64,
 }
@@ -219,7 +218,7 @@ impl<'a> Tiled<'a> {
         self.routed.push(r);
     }
 
-    /// What waits for a block and what it kept, together.
+    /// The waiting pieces of a block together with the sums that it kept.
     fn filled(&self, index: u32, block: &mut Block) -> Vec<GatheredPopulation> {
         let mut pieces: Vec<(u64, &RoutePiece)> = Vec::new();
         for &(batch, run) in &block.runs {
@@ -246,7 +245,7 @@ impl<'a> Tiled<'a> {
         fold(kept, new)
     }
 
-    /// Every block takes in what waits for it.
+    /// Every block processes the pieces that wait for it.
     fn take_in(&mut self) {
         let mut blocks = std::mem::take(&mut self.blocks);
         blocks
@@ -297,7 +296,7 @@ impl<'a> Tiled<'a> {
     }
 }
 
-/// Bytes of what is as large as the box: the tables of bricks and of blocks.
+/// Bytes of the tables of bricks and of blocks, whose size depends on the box alone.
 fn table_bytes(lattice: &Lattice) -> u64 {
     let bricks = |level| {
         bricks_across(lattice.dims_at(level))
@@ -309,7 +308,7 @@ fn table_bytes(lattice: &Lattice) -> u64 {
     4 * levels + size_of::<Block>() as u64 * blocks
 }
 
-/// Bytes of the rest, as though no two batches shared a voxel.
+/// Bytes of everything else, under the assumption that no two batches share a voxel.
 fn sampled_bytes(
     source: &dyn SegmentSource,
     lattice: &Lattice,
@@ -346,7 +345,7 @@ fn sampled_bytes(
     }
     let scale = batches as f64 / sample.max(1) as f64;
     let all = |bytes: u64| (bytes as f64 * scale) as u64;
-    // Either all wait to the end, or what came first is kept as sums.
+    // Either all pieces wait to the end, or the earlier ones are kept as sums.
     let before = if pieces as f64 * scale <= MAX_WAITING as f64 {
         all(waiting)
     } else {

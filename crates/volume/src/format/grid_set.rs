@@ -1,4 +1,4 @@
-//! A volume as dense grids over one box: what files of other programs hold.
+//! A volume as dense grids over one box, the form in which files of other programs hold it.
 
 use super::vol::VolGrid;
 use crate::{Error, Octree};
@@ -24,8 +24,8 @@ pub struct GridSet {
 pub const BYTES_PER_CELL: u64 = 4 * (1 + 6 + 3);
 
 impl GridSet {
-    /// A level of an octree, each mixture as what `merge` makes of it. Cells
-    /// without fibre have no extinction, the unit matrix and no albedo.
+    /// A level of an octree, each mixture merged by `merge`. Cells without fibre have no
+    /// extinction, the unit matrix and no albedo.
     ///
     /// Needs [`BYTES_PER_CELL`] for each cell of the box, occupied or not.
     pub fn from_octree(

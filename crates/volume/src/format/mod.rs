@@ -1,8 +1,7 @@
 //! File formats of volumes, one file each: [`FORMATS`] lists them.
 //!
-//! A new format is a file here with a [`Format`] and a line in [`FORMATS`]. What
-//! writes volumes, what shows what is in one, and scenes that render them take the
-//! formats from that list.
+//! A new format is a file in this folder with a [`Format`] and a line in [`FORMATS`].
+//! `voxelize`, `info` and scenes that render volumes take the formats from that list.
 
 pub mod grid_set;
 pub mod nrrd;
@@ -21,47 +20,47 @@ pub static FORMATS: &[&Format] = &[&ovox::FORMAT, &vdb::FORMAT, &vol::FORMAT, &n
 
 /// One format.
 pub struct Format {
-    /// How its files end, without a dot, in lower case.
+    /// The ending of its files, without a dot, in lower case.
     pub ending: &'static str,
-    /// How its files begin.
+    /// The first bytes of its files.
     pub magic: &'static [u8],
-    /// What a file is, in words, with an article.
+    /// A noun for a file, with an article.
     pub noun: &'static str,
-    /// What it keeps of a voxelized cloth, in a few words.
+    /// The part of a voxelized cloth that it keeps, in a few words.
     pub keeps: &'static str,
-    /// What can be chosen in writing it.
+    /// The options for writing it.
     pub options: &'static [WriteOption],
-    /// What is in a file, for people and programs.
+    /// Describes the contents of a file, for `info`.
     pub describe: fn(&Source<'_>, &mut Budget) -> Result<serde_json::Value, Error>,
     /// Reads a volume to render.
     pub read: fn(&Source<'_>, &mut Budget) -> Result<Volume, Error>,
-    /// What to write of an octree: the files, none of them written yet.
+    /// The files to write for an octree; none of them is written yet.
     pub write: for<'a> fn(&'a Voxels<'a>) -> Result<Vec<Part<'a>>, Error>,
 }
 
-/// The format of a file of this name, by its ending.
+/// The format of a file by the ending of its name.
 pub fn by_name(name: &str) -> Option<&'static Format> {
     let (_, ending) = name.rsplit_once('.')?;
     let mut formats = FORMATS.iter().copied();
     formats.find(|f| f.ending.eq_ignore_ascii_case(ending))
 }
 
-/// The format of a file that begins like this.
+/// The format of a file by its first bytes.
 pub fn by_magic(bytes: &[u8]) -> Option<&'static Format> {
     let mut formats = FORMATS.iter().copied();
     formats.find(|f| bytes.starts_with(f.magic))
 }
 
-/// Something to choose in writing.
+/// An option for writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteOption {
-    /// Which level of detail: the format holds one.
+    /// The level of detail, for formats that hold one.
     Level,
     /// Floats of 16 bits.
     Half,
     /// No compression.
     Raw,
-    /// Where the length of thick fibres lies: the format keeps populations.
+    /// Which voxels receive the length of thick fibres, for formats that keep populations.
     Footprint,
 }
 
@@ -75,25 +74,25 @@ pub struct Voxels<'a> {
     pub half: bool,
     /// No compression.
     pub raw: bool,
-    /// What the cloth was made from, for formats that keep it.
+    /// The files that the cloth was made from, for formats that keep them.
     pub files: &'a [SourceFile],
     /// A mixture as one population, for formats that hold only one.
     pub merge: &'a dyn Fn(&Mixture) -> MergedFlakes,
 }
 
-/// What writes one file.
+/// Writes one file.
 pub type WritePart<'a> = Box<dyn FnOnce(&mut dyn Write) -> Result<(), Error> + 'a>;
 
-/// One of the files that a volume is written to.
+/// One of the files of a volume.
 pub struct Part<'a> {
-    /// Stands before the ending: `sggx` of `tile.sggx.vol`. `None` where the file
-    /// has the very name that was asked for.
+    /// The part of the name before the ending: `sggx` in `tile.sggx.vol`. `None` where the file
+    /// has exactly the requested name.
     pub infix: Option<&'static str>,
     /// Writes it.
     pub write: WritePart<'a>,
 }
 
-/// What a file holds that can be rendered.
+/// The renderable contents of a file.
 #[derive(Clone, Debug)]
 pub enum Volume {
     /// Fibre mixtures at several levels.
@@ -107,11 +106,11 @@ pub(crate) fn box_of(b: &Aabb) -> serde_json::Value {
     serde_json::json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
 }
 
-/// Gives the bytes of a file of a folder by its name, of at most so many bytes:
-/// `None` when there is none of that name, and else the reason why it cannot be read.
+/// Reads a file of a folder by its name, up to a number of bytes. `None` when there is no such
+/// file; an error gives the reason why it cannot be read.
 pub type Open<'a> = dyn Fn(&str, u64) -> Result<Option<Vec<u8>>, String> + 'a;
 
-/// Where a volume is read from.
+/// The source of a volume.
 pub struct Source<'a> {
     /// Name of the file, without its folder.
     pub name: &'a str,
@@ -122,8 +121,7 @@ pub struct Source<'a> {
 impl Source<'_> {
     /// Decodes the file itself.
     ///
-    /// # Errors
-    /// When it is not there or cannot be read, and those of `decode`.
+    /// # Errors When the file does not exist or cannot be read, and those of `decode`.
     pub fn read<T>(
         &self,
         budget: &mut Budget,
@@ -133,8 +131,8 @@ impl Source<'_> {
             .ok_or_else(|| Error::Unreadable("no such file".into()))
     }
 
-    /// Decodes a file beside it, if there is one. Its bytes are charged while it is
-    /// decoded.
+    /// Decodes another file of the folder, if it exists. Its bytes are charged to the budget
+    /// while it is decoded.
     ///
     /// # Errors
     /// When it cannot be read or is larger than the budget, and those of `decode`.

@@ -1,11 +1,11 @@
 //! `.nrrd`: the arrays of imaging programs such as 3D Slicer, ITK and teem, with
 //! density, orientation and colour of every cell in one file.
 //!
-//! A text header, an empty line, then the values, raw or as a gzip stream, channel
-//! fastest, then x, y, z. Files of ours name their channels under the key `channels`.
-//! Of others, three axes are a density; four with one value a cell as well, and with
-//! four values density and orientation. Samples stand for cells, and a file without
-//! a space has cells of its spacings, or of 1 mm, from zero on.
+//! A text header, an empty line, then the values, raw or as a gzip stream, channel fastest,
+//! then x, y, z. Files of organza name their channels under the key `channels`. In files of
+//! other programs, three axes, or four axes with one value per cell, are a density; four axes
+//! with four values per cell are density and orientation. Samples stand for cells. A file
+//! without a space has cells of its spacings, or of 1 mm, and begins at the origin.
 
 use super::{Format, Part, Volume, Voxels, WriteOption, box_of};
 use crate::{Error, GridSet, VolGrid};
@@ -38,9 +38,9 @@ pub static FORMAT: Format = Format {
 };
 
 const ENDING: &str = ".nrrd";
-/// Most bytes of a header.
+/// Maximum size of a header, bytes.
 const MAX_HEADER: usize = 1 << 16;
-/// What a cell of our files has.
+/// The channels of a cell in files of organza.
 const CHANNELS: [&str; 14] = [
     "density",
     "orientation_x",
@@ -124,7 +124,7 @@ fn write_cells(voxels: &Voxels<'_>, out: &mut dyn Write) -> Result<(), Error> {
     Ok(())
 }
 
-/// A file's values and where they are.
+/// The values of a file and their places.
 struct Array {
     dims: UVec3,
     bounds_mm: Aabb,
@@ -159,7 +159,7 @@ fn read(bytes: &[u8], budget: &mut Budget) -> Result<Array, Error> {
     })
 }
 
-/// How a value is stored.
+/// The type of a stored value.
 #[derive(Clone, Copy)]
 struct Scalar {
     bytes: usize,
@@ -193,7 +193,7 @@ fn scalar_of(name: &str) -> Option<Scalar> {
     })
 }
 
-/// What the text says.
+/// The contents of the header.
 struct Header {
     /// Bytes before the values.
     length: usize,
@@ -285,7 +285,7 @@ impl Header {
         })
     }
 
-    /// Decodes values as they come, so that memory grows with what there is.
+    /// Decodes values as they are read, so that memory grows with the actual contents.
     fn decode(&self, from: &mut dyn Read, values: u64, to: &mut Vec<f32>) -> Result<(), Error> {
         let width = self.scalar.bytes;
         let mut buffer = vec![0u8; (1 << 16) * width];
@@ -310,7 +310,7 @@ impl Header {
     }
 }
 
-/// The middle of the first cell and the edges of a cell, of a space without turn.
+/// The centre of the first cell and the edges of a cell, of a space without rotation.
 fn place(directions: Option<&str>, origin: Option<&str>) -> Option<(DVec3, DVec3)> {
     let vector = |text: &str| -> Option<DVec3> {
         let text = text.trim().strip_prefix('(')?.strip_suffix(')')?;
@@ -330,7 +330,7 @@ fn place(directions: Option<&str>, origin: Option<&str>) -> Option<(DVec3, DVec3
     (straight && edge.min_element() > 0.0).then_some((first, edge))
 }
 
-/// The same of a file without a space.
+/// The same for a file without a space.
 fn spaced(spacings: Option<&str>, skips_first: bool) -> Option<(DVec3, DVec3)> {
     let Some(text) = spacings else {
         return Some((DVec3::splat(0.5), DVec3::ONE));
@@ -360,7 +360,7 @@ impl Array {
         })
     }
 
-    /// The channels that are known, each kind as a grid.
+    /// The known channels, each kind as a grid.
     fn grid_set(&self, budget: &mut Budget) -> Result<GridSet, Error> {
         let mut grid = |names: &[&str]| -> Result<Option<VolGrid>, Error> {
             let find = |name: &&str| self.channels.iter().position(|c| c == *name);
@@ -385,7 +385,7 @@ impl Array {
         }
         let axes = match grid(&CHANNELS[1..5])? {
             Some(axes) => Some(axes),
-            // Orientation without spread: fibres without stray.
+            // Orientation without spread: parallel fibres.
             None => grid(&CHANNELS[1..4])?.map(|axes| VolGrid {
                 channels: 4,
                 data: axes

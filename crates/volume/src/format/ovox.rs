@@ -1,13 +1,12 @@
 //! `.ovox`: the whole octree, every level included.
 //!
-//! Little-endian. `OVOX` CR LF SUB LF; version (u32); length of the header
-//! (u32), the header, its CRC-32. Then the octree's arrays one after another
-//! (yarn and material table; for each level the table of bricks, bricks,
-//! populations) and the files that the cloth was made from (since version 3), each
-//! cut into blocks of at most 1 MiB: stored length, raw length, CRC-32 of the stored
-//! bytes (u32 each) and, packed as one LZ4 block, the raw bytes with the bytes of
-//! equal place in their record brought together (version 1: a zlib stream instead).
-//! Blocks are packed and unpacked in parallel. Nothing follows the last.
+//! Little-endian. `OVOX` CR LF SUB LF; version (u32); length of the header (u32), the header,
+//! its CRC-32. Then the octree's arrays one after another (yarn and material table; for each
+//! level the table of bricks, bricks, populations) and the files that the cloth was made from
+//! (since version 3), each cut into blocks of at most 1 MiB: stored length, raw length, CRC-32
+//! of the stored bytes (u32 each) and one LZ4 block (version 1: a zlib stream) of the raw
+//! bytes, regrouped so that bytes of equal position in their records are adjacent. Blocks are
+//! packed and unpacked in parallel. Nothing follows the last block.
 
 mod blocks;
 mod header;
@@ -44,15 +43,15 @@ const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
 /// The version that this program writes, and the newest that it reads.
 pub const VERSION: u32 = 3;
 const BLOCK: usize = 1 << 20;
-/// Most bytes of a header: names of files are what makes it long.
+/// Maximum size of a header, bytes; names of files make up most of it.
 const MAX_HEADER: u32 = 1 << 20;
 
-/// A file that a cloth was made from, so that a scene can show the volume as it shows
-/// the cloth. The first is the fabric file, with all its overrides; then come those
-/// that it names.
+/// A file that a cloth was made from. With these files a scene shows the volume exactly as it
+/// shows the cloth. The first is the fabric file, with all its overrides; then come those that
+/// it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
-    /// The name by which the fabric file knows it.
+    /// Its name in the fabric file.
     pub name: String,
     /// Its bytes.
     pub bytes: Vec<u8>,
@@ -63,11 +62,12 @@ pub struct SourceFile {
 pub struct Stored {
     /// The octree.
     pub octree: Octree,
-    /// What its cloth was made from; empty before version 3 or where it was not kept.
+    /// The files that its cloth was made from; empty before version 3 or where they were not
+    /// kept.
     pub files: Vec<SourceFile>,
 }
 
-/// Writes an octree, and what its cloth was made from.
+/// Writes an octree and the files that its cloth was made from.
 ///
 /// # Errors
 /// When writing fails, or names of files fill more than a MiB.
@@ -100,10 +100,8 @@ pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Resu
 
 /// Reads an octree.
 ///
-/// # Errors
-/// For files of another kind or a newer version, truncated or altered ones,
-/// ones that hold more than the budget has room for, and ones whose octree is not
-/// well formed.
+/// # Errors For files of another kind or a newer version, truncated or altered files, files
+/// that hold more than the budget allows, and files whose octree is not well formed.
 pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> {
     let mut start = [0u8; 16];
     read_exactly(input, &mut start, "header")?;

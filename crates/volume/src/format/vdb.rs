@@ -1,10 +1,10 @@
 //! OpenVDB files: sparse grids that other programs open `[Museth2013]`.
 //!
-//! Trees of the usual 5-4-3 shape with float, three-float and 32-bit integer values
-//! are written and read, full or half, raw or zlib; frames of Blosc are read as
-//! OpenVDB writes them. Whatever cannot be read is refused by name, so that no grid
-//! comes out empty in silence. The codec is our own because libraries for it take
-//! memory as a file asks for it, and panic on some.
+//! Trees of the usual 5-4-3 shape with float, three-float and 32-bit integer values are written
+//! and read, in full or half precision, raw or compressed with zlib; Blosc frames are read as
+//! OpenVDB writes them. Grids that cannot be read are refused by name, so that no grid is
+//! silently empty. The codec is our own because existing libraries allocate the memory that a
+//! file declares, and panic on some files.
 
 mod blosc;
 mod cursor;
@@ -85,7 +85,7 @@ pub struct Cells<T> {
     pub background: T,
     /// Leaves, none twice.
     pub leaves: Vec<Leaf<T>>,
-    /// Active cubes of one value.
+    /// Active cubes, each of one value.
     pub cubes: Vec<Cube<T>>,
 }
 
@@ -107,8 +107,8 @@ pub struct Grid {
     pub name: String,
     /// From cell numbers (the middle of a cell) to millimetres.
     pub mm_from_cell: DAffine3,
-    /// Least and greatest cell of the lattice that the grid was cut from, where
-    /// the file records it (ours do): a period includes its empty cells.
+    /// Least and greatest cell of the lattice that the grid belongs to, where the file records
+    /// them (files of organza do): a period includes its empty cells.
     pub extent: Option<(IVec3, IVec3)>,
     /// Store 16-bit floats (not for integers).
     pub half: bool,
@@ -117,7 +117,7 @@ pub struct Grid {
 }
 
 impl<T: Value> Cells<T> {
-    /// Nothing active.
+    /// A grid without active cells.
     pub fn new(background: T) -> Cells<T> {
         Cells {
             background,
@@ -213,7 +213,7 @@ impl Data {
 }
 
 impl File {
-    /// The grids, and those that could not be read.
+    /// Describes the grids, and those that could not be read.
     fn describe(&self) -> serde_json::Value {
         let grids = self.grids.iter().map(|g| {
             let (low, high) = g.data.active_box().unwrap_or_default();

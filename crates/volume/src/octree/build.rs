@@ -1,4 +1,4 @@
-//! From gathered populations to all levels of the octree.
+//! Builds all levels of the octree from gathered populations.
 
 use super::{EMPTY, Group, Octree, OctreeLevel, broadside};
 use crate::Error;
@@ -14,10 +14,9 @@ use organza_basis::MAX_POPULATIONS;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Extinction-weighted variance of `t t^T`, as a share, up to which two
-/// populations of a voxel are stored as one: two equal ones at less than 18
-/// degrees, which one lobe of 9 degrees spread stands for. Coarser cells are
-/// few and mix more: there it is 8 degrees.
+/// Extinction-weighted variance of `t t^T`, as a share, up to which two populations of a voxel
+/// are stored as one: two equal populations at less than 18 degrees, which one lobe of 9
+/// degrees spread represents. Coarser cells are few and mix more: there the limit is 8 degrees.
 const FINEST_TOLERANCE: f32 = 0.05;
 const COARSE_TOLERANCE: f32 = 0.01;
 
@@ -126,7 +125,7 @@ pub(crate) struct BuiltBlock {
 }
 
 impl BuiltBlock {
-    /// Bytes that it will take in the octree, levels above it included.
+    /// Bytes that it will take in the octree, including the levels above.
     pub fn bytes(&self) -> u64 {
         let bytes = |p: &Part| size_of_val(&p.bricks[..]) + size_of_val(&p.records[..]);
         let above = self.levels.last().map_or(0, bytes);
@@ -145,8 +144,9 @@ pub(crate) fn build_block(
     let corner = brick_at(block, lattice.blocks_across());
     let mut merger = Merger::default();
     let mut populations = reduce(&mut merger, populations, KeepApart::Yarns);
-    // What is left of each number after rounding goes to the next, so that
-    // a sum over voxels is off by half a quantum and not by its root.
+    // The rounding error of each number is carried to the next, so that a sum over voxels is
+    // off by at most half a quantum instead of an error that grows with the root of their
+    // number.
     let mut carry = 0.0;
     for l in populations.iter_mut() {
         let exact = l.length_mm / scales.quantum_mm + carry;
@@ -194,7 +194,7 @@ pub(crate) fn build_block(
         built.levels.push(part);
     }
     if lattice.levels > LEVELS_IN_BLOCK {
-        // One brick is left, where the block is in the grid of blocks.
+        // One brick is left, at the place of the block in the grid of blocks.
         built.top = Some((block, populations));
     }
     built
@@ -219,7 +219,7 @@ fn reduce(
         }
         voxel.extend_from_slice(part);
         merger.merge_to(&mut voxel, MAX_POPULATIONS, tolerance, apart);
-        // Largest first: a reader who wants only one takes the first.
+        // Largest first, so that a reader who wants only one takes the first.
         voxel.sort_by(|a, b| b.radius_length_mm2.total_cmp(&a.radius_length_mm2));
         populations.append(&mut voxel);
     }
@@ -241,7 +241,7 @@ fn finest_majorant(
         let own = &records[r.start - first..r.end - first];
         most = most.max(broadside(own, density_per_quantum, radii));
     }
-    // Whoever sums in another order must not exceed it.
+    // A sum in another order must not exceed it.
     most * (1.0 + 1e-6)
 }
 
@@ -348,8 +348,8 @@ fn children(brick: UVec3, finer: &OctreeLevel) -> [Option<u32>; 8] {
     })
 }
 
-/// The next coarser level: eight voxels' populations brought together and
-/// merged from their full tensors, not from what was stored of them.
+/// The next coarser level: the populations of eight voxels are joined and merged from their
+/// full tensors, not from their stored values.
 fn coarsen(bricks: &[BuildBrick], finer: &OctreeLevel, grid: UVec3) -> Vec<BuildBrick> {
     let mut parents: Vec<u32> = bricks
         .iter()

@@ -1,4 +1,4 @@
-//! Every invariant of the octree, checked.
+//! Checks of every invariant of the octree.
 
 use super::{EMPTY, Octree, OctreeLevel, broadside};
 use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
@@ -8,10 +8,10 @@ use glam::UVec3;
 use rayon::prelude::*;
 
 impl Octree {
-    /// Panics, saying what is wrong, unless every invariant holds: tables,
-    /// masks and ranges agree; no brick, cell or population is empty; cells
-    /// outside the box are; every coarse cell holds exactly the length of its
-    /// eight; majorants bound what lies below them.
+    /// Panics with the reason unless every invariant holds: tables, masks and ranges agree; no
+    /// brick, cell or population is empty; cells outside the box are empty; every coarse cell
+    /// holds exactly the length of its eight finer cells; majorants bound the extinctions below
+    /// them.
     ///
     /// # Panics
     /// When an invariant is broken.
@@ -21,7 +21,7 @@ impl Octree {
         }
     }
 
-    /// As [`Octree::assert_well_formed`], for data that came from outside.
+    /// As [`Octree::assert_well_formed`], for data from files.
     pub(crate) fn check(&self) -> Result<(), String> {
         if self.levels.len() != usize::from(self.lattice.levels) {
             return Err(format!(
@@ -85,7 +85,7 @@ impl Octree {
         problem.map_or(Ok(()), Err)
     }
 
-    /// Checks a brick whose populations are there.
+    /// Checks a brick whose range of populations is valid.
     fn check_brick(
         &self,
         l: &OctreeLevel,

@@ -11,7 +11,7 @@ use std::io::{Read, Write};
 /// Writes an array.
 pub fn write_array<T: Pod + Send + Sync>(array: &[T], out: &mut dyn Write) -> Result<(), Error> {
     let per_block = BLOCK / size_of::<T>();
-    // A few blocks at a time: memory stays small and threads busy.
+    // A few blocks at a time keep memory small and all threads busy.
     for part in array.chunks(per_block * 4 * rayon::current_num_threads()) {
         let packed: Vec<Vec<u8>> = part
             .par_chunks(per_block)
@@ -35,8 +35,7 @@ pub fn write_array<T: Pod + Send + Sync>(array: &[T], out: &mut dyn Write) -> Re
 
 /// Reads an array of `count` items, which were charged to a budget.
 ///
-/// # Errors
-/// Blocks that are cut off or altered, or hold more.
+/// # Errors Blocks that are cut off or altered, or hold more than `count` items.
 pub fn read_array<T: Pod + Send + Sync>(
     input: &mut dyn Read,
     version: u32,
@@ -44,7 +43,7 @@ pub fn read_array<T: Pod + Send + Sync>(
 ) -> Result<Vec<T>, Error> {
     let mut array: Vec<T> = Vec::new();
     while (array.len() as u64) < count {
-        // Read as many blocks as threads like, unpack them together.
+        // Read enough blocks to occupy the threads, then unpack them in parallel.
         let mut packed = Vec::new();
         let mut coming = array.len() as u64;
         while coming < count && packed.len() < 4 * rayon::current_num_threads() {
@@ -96,8 +95,8 @@ fn unpack(version: u32, stored: &[u8], raw: usize) -> Option<Vec<u8>> {
     (length == raw).then_some(bytes)
 }
 
-/// Brings the first bytes of all records together, then the second, and so on:
-/// they are alike and pack better.
+/// Stores the first bytes of all records, then the second bytes, and so on: similar bytes
+/// compress better together.
 fn planes_from_records(records: &[u8], size: usize) -> Vec<u8> {
     let count = records.len() / size;
     let mut planes = vec![0u8; records.len()];
@@ -137,10 +136,9 @@ pub fn wrong(problem: impl Into<String>) -> Error {
     Error::format(ENDING, problem)
 }
 
-/// Fills a buffer with what comes next.
+/// Fills a buffer with the next bytes.
 ///
-/// # Errors
-/// When the file ends before.
+/// # Errors When the file ends too early.
 pub fn read_exactly(input: &mut dyn Read, into: &mut [u8], what: &str) -> Result<(), Error> {
     input.read_exact(into).map_err(|e| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => wrong(format!("it is cut off within its {what}")),

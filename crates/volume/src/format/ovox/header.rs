@@ -14,7 +14,7 @@ pub struct Header {
     pub quantum_mm: f64,
     pub radii: RadiusScale,
     pub materials: u32,
-    /// Where the length of thick fibres is; since version 3.
+    /// Which voxels hold the length of thick fibres; since version 3.
     pub footprint: FibreFootprint,
     pub group_count: u64,
     /// Bricks and populations of each level.
@@ -24,7 +24,7 @@ pub struct Header {
 }
 
 impl Header {
-    /// Bytes that everything takes which follows.
+    /// Number of bytes that follow the header, unpacked.
     pub fn array_bytes(&self) -> u128 {
         let levels = self
             .counts
@@ -41,7 +41,7 @@ impl Header {
     }
 }
 
-/// The header's bytes.
+/// Encodes the header.
 pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
     let l = &o.lattice;
     let mut h = Vec::new();
@@ -74,7 +74,7 @@ pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
     h
 }
 
-/// What a header says; `None` when that makes no sense.
+/// Decodes a header; `None` when its values are inconsistent.
 pub fn decode(h: &[u8], version: u32) -> Option<Header> {
     const FIXED: usize = 56 + 12 + 8 + 4 + 4 + 8;
     if h.len() < FIXED {

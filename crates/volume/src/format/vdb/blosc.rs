@@ -1,4 +1,4 @@
-//! Frames of Blosc 1, the usual packing of other programs: LZ4 or zlib inside, as
+//! Frames of Blosc 1, the usual compression of other programs, with LZ4 or zlib inside, as
 //! OpenVDB writes them.
 
 use flate2::read::ZlibDecoder;
@@ -23,7 +23,8 @@ pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(length);
     for k in 0..length.div_ceil(block) {
         let size = block.min(length - k * block);
-        // Whole blocks are cut into the bytes of equal place, each packed alone.
+        // Whole blocks are split into the bytes of equal position, each part compressed
+        // separately.
         let cut = flags & 0x10 == 0 && width <= 16 && block / width >= 128 && size == block;
         let pieces = if cut { width } else { 1 };
         let mut at = word(16 + 4 * k)?;

@@ -3,7 +3,7 @@
 use super::read::{Problem, wrong};
 use glam::{DVec3, IVec3};
 
-/// A place in the file that never runs over its end.
+/// A position in the file that never passes its end.
 pub struct Cursor<'a> {
     /// The file.
     pub bytes: &'a [u8],

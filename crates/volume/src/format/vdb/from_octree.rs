@@ -1,4 +1,4 @@
-//! What of an octree goes into a .vdb file.
+//! The grids of a .vdb file from an octree.
 
 use super::{Cells, Data, Grid, Leaf, Value, mm_from_cell};
 use crate::Octree;

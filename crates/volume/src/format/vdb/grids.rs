@@ -10,14 +10,13 @@ const BYTES_PER_CELL: f64 = 4.0 * (1 + 6 + 4 + 3) as f64;
 
 impl File {
     /// The grid `density` and, where there are any, `sggx_diag` and `sggx_offdiag`,
-    /// `orientation` with `spread` (zero if none), and `albedo`. The box is the one
-    /// the file names, or else the active cells'. Cells whose matrix is zero or not
-    /// finite get the unit matrix.
+    /// `orientation` with `spread` (zero if none), and `albedo`. The box is that of the file's
+    /// metadata, otherwise that of the active cells. Cells whose matrix is zero or not finite
+    /// get the unit matrix.
     ///
-    /// # Errors
-    /// When there is no `density` grid of floats, its map turns or shears, a
-    /// density is negative or not finite, another grid has another map, or the
-    /// dense grids take more than the budget has left.
+    /// # Errors When there is no `density` grid of floats, its map rotates or shears, a density
+    /// is negative or not finite, another grid has another map, or the dense grids need more
+    /// than the rest of the budget.
     pub fn grid_set(&self, budget: &mut Budget) -> Result<GridSet, Error> {
         let density = self.grid("density")?.ok_or_else(|| self.no_density())?;
         let Data::Float(cells) = &density.data else {
@@ -42,7 +41,7 @@ impl File {
         if dims.min_element() < 1.0 {
             return Err(wrong(format!("grid \"density\" spans {dims} cells")));
         }
-        // A cast beyond 64 bits stays at their greatest, which no budget has.
+        // A cast beyond 64 bits saturates, which exceeds every budget.
         budget.take((BYTES_PER_CELL * dims.element_product()) as u64, "cells")?;
         let face = |cell: DVec3| map.transform_point3(cell - 0.5).as_vec3();
         let bounds_mm = Aabb::new(face(low.as_dvec3()), face(high.as_dvec3() + 1.0));

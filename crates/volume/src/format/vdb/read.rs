@@ -25,9 +25,8 @@ pub struct File {
 
 /// Reads all grids of a file. Cells that are not active read as background.
 ///
-/// # Errors
-/// For files of another kind or version, for damaged ones, and for those that hold
-/// more than the budget has room for.
+/// # Errors For files of another kind or version, damaged files, and files that hold more than
+/// the budget allows.
 pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<File, Error> {
     let mut cur = Cursor { bytes, at: 0 };
     if cur.take(8)? != b" BDV\0\0\0\0" {
@@ -64,11 +63,11 @@ pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<File, Error> {
 
 /// Why a grid cannot be read.
 pub(super) enum Problem {
-    /// It is sound, but of a kind that we do not read.
+    /// It is valid, but of a kind that is not supported.
     Unknown(String),
     /// The file is damaged.
     Damage(String),
-    /// It holds more than there is room for.
+    /// It holds more than the budget allows.
     Budget(OverBudget),
 }
 
@@ -87,8 +86,8 @@ impl From<Problem> for Error {
     }
 }
 
-/// Reads one grid and its name, and goes to the place where the next begins. Places
-/// only go forward, so that no two grids share bytes.
+/// Reads one grid and its name, and goes to the place where the next begins. Places only
+/// increase, so that no two grids share bytes.
 fn read_grid(
     cur: &mut Cursor,
     budget: &mut Budget,
@@ -254,7 +253,7 @@ impl TreeReader<'_, '_> {
             let bits: Vec<u8> = mask.iter().flat_map(|m| m.to_le_bytes()).collect();
             leaf.mask = mask;
             leaf.values = self.values(512, &bits, background)?;
-            // What other programs keep in cells that are not active is not ours.
+            // Values that other programs keep in inactive cells are ignored.
             for (i, value) in leaf.values.iter_mut().enumerate() {
                 if !is_set(&bits, i) {
                     *value = background;
@@ -264,7 +263,7 @@ impl TreeReader<'_, '_> {
         Ok(cells)
     }
 
-    /// A node below the root and all that is below it, without leaves' values.
+    /// A node below the root and everything below it, without the values of leaves.
     fn inner<T: Value>(
         &mut self,
         origin: IVec3,
@@ -407,7 +406,7 @@ fn is_set(bits: &[u8], i: usize) -> bool {
     bits[i / 8] >> (i % 8) & 1 == 1
 }
 
-/// Passes over metadata; returns the extent, where the file has it.
+/// Skips metadata; returns the extent, where the file has it.
 fn read_metadata(cur: &mut Cursor) -> Result<Option<(IVec3, IVec3)>, Problem> {
     let mut extent = [None; 2];
     for _ in 0..cur.u32()? {

@@ -16,7 +16,7 @@ pub enum Codec {
     Raw,
 }
 
-/// Our own metadata: the lattice's least and greatest cell.
+/// Metadata of organza: the least and greatest cell of the lattice.
 pub(super) const EXTENT: [&str; 2] = ["organza_extent_min", "organza_extent_max"];
 const ZIP: u32 = 1;
 const ACTIVE_MASK: u32 = 2;
@@ -25,16 +25,14 @@ const ACTIVE_MASK: u32 = 2;
 ///
 /// Active cubes are not written: [`Cells::cubes`] must be empty.
 ///
-/// # Errors
-/// When a grid has cubes or leaves that are not in their place, or writing
-/// fails.
+/// # Errors When a grid has cubes or misplaced leaves, or writing fails.
 pub fn write(grids: &[Grid], codec: Codec, out: &mut dyn Write) -> Result<(), Error> {
     let mut head = b" BDV\0\0\0\0".to_vec();
     for n in [224u32, 10, 0] {
         head.extend(n.to_le_bytes());
     }
     head.push(1);
-    // Any unique name will do; a constant one makes files reproducible.
+    // Any unique name is valid; a constant one makes files reproducible.
     head.extend(b"6f726761-6e7a-4100-8000-000000000001");
     put_metadata(&[("creator", Meta::Text("organza"))], &mut head);
     head.extend((grids.len() as u32).to_le_bytes());
@@ -269,7 +267,7 @@ fn put_node<T: Value>(
     put_values(&[], 0, half && T::HALF_WIDTH.is_some(), codec, out);
 }
 
-/// A record of active values, everything else being background.
+/// A record of active values; all others are background.
 fn put_values(raw: &[u8], count: usize, half: bool, codec: Codec, out: &mut Vec<u8>) {
     out.push(0);
     // The format's own exception: no length before no half values.
