@@ -31,7 +31,7 @@ use glam::{DVec2, DVec3, UVec3, Vec3, Vec3A};
 use hierarchy::Hierarchy;
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::CellGrid;
-use organza_basis::{Aabb, PathRng, Ray, Rgb, SegmentSource, Tile};
+use organza_basis::{PathRng, Ray, Rgb, SegmentSource, Tile};
 use organza_kernel::fibres::{FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 pub use overlap::Overlap;
@@ -158,7 +158,7 @@ impl ExplicitFibres {
             progress(0.5 * done as f32 / batches as f32);
         });
         let tile = source.tile();
-        let bounds_mm = reach(&curves, &tile);
+        let bounds_mm = curves.bounds_mm(&tile);
         let cell_grid =
             CellGrid::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
         progress(1.0);
@@ -436,21 +436,4 @@ impl Found {
             ..self
         }
     }
-}
-
-/// The box of the tile, with all its fibres: beyond its faces only where it does
-/// not repeat.
-fn reach(curves: &Curves, tile: &Tile) -> Aabb {
-    let mut box_mm = tile.bounds_mm;
-    for j in &curves.joints {
-        let at = j.position + tile.bounds_mm.min;
-        let (low, high) = (at - j.radius_mm, at + j.radius_mm);
-        if tile.repeats {
-            box_mm.min.z = box_mm.min.z.min(low.z);
-            box_mm.max.z = box_mm.max.z.max(high.z);
-        } else {
-            box_mm = box_mm.with_point(low).with_point(high);
-        }
-    }
-    box_mm
 }

@@ -2,7 +2,7 @@
 
 use super::piece::FibrePiece;
 use glam::{DVec2, DVec3, Vec3};
-use organza_basis::{Segment, SegmentSource, Tile};
+use organza_basis::{Aabb, Segment, SegmentSource, Tile};
 use organza_kernel::fibres::{Joint, Strand, Strands};
 use rayon::prelude::*;
 
@@ -55,6 +55,23 @@ pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
 }
 
 impl Curves {
+    /// The box of the tile, with all its fibres: beyond its faces only where it does
+    /// not repeat.
+    pub fn bounds_mm(&self, tile: &Tile) -> Aabb {
+        let mut box_mm = tile.bounds_mm;
+        for j in &self.joints {
+            let at = j.position + tile.bounds_mm.min;
+            let (low, high) = (at - j.radius_mm, at + j.radius_mm);
+            if tile.repeats {
+                box_mm.min.z = box_mm.min.z.min(low.z);
+                box_mm.max.z = box_mm.max.z.max(high.z);
+            } else {
+                box_mm = box_mm.with_point(low).with_point(high);
+            }
+        }
+        box_mm
+    }
+
     /// All curves of a source. `done` is called after every finished batch.
     pub fn gather(source: &dyn SegmentSource, done: &(dyn Fn() + Sync)) -> Curves {
         let tile = source.tile();

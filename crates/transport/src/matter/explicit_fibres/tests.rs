@@ -1,5 +1,6 @@
 use super::*;
 use glam::Vec3Swizzles;
+use organza_basis::Aabb;
 use organza_basis::curve::SegmentList;
 use organza_basis::{Segment, warp};
 use std::f32::consts::TAU;
