@@ -1,16 +1,16 @@
-//! The band of constant width that a highlight is drawn with.
+//! The band of constant width as which a highlight is drawn.
 
 use crate::real::Real;
 
-/// Angles and the places of a rectangle at which their highlights lie, the two
-/// being proportional (equation 8.2), each drawn over a share of the rectangle.
+/// Relates angles to the places of a rectangle at which their highlights lie. The two are
+/// proportional (equation 8.2), and each highlight is drawn over a share of the rectangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Band<T> {
     /// Angle per distance from the middle, 1/mm.
     pub per_mm: T,
     /// Half the width of the band, mm.
     reach_mm: T,
-    /// Where the middle of the last band that fits lies, mm.
+    /// Position of the middle of the last band that fits, mm.
     edge_mm: T,
     limit: T,
 }
@@ -33,8 +33,8 @@ impl<T: Real> Band<T> {
         self.per_mm * x_mm
     }
 
-    /// The angles whose band covers a place. A band keeps its width at the
-    /// edges: angles past the last place where it fits are drawn there.
+    /// The angles whose band covers a place. A band keeps its width at the edges: angles beyond
+    /// the last place where a band fits are drawn at that place.
     #[inline(always)]
     pub fn angles(&self, x_mm: T) -> (T, T) {
         let (low, high) = (x_mm - self.reach_mm, x_mm + self.reach_mm);

@@ -16,29 +16,28 @@ use serde::{Deserialize, Deserializer};
 use std::any::Any;
 use std::fmt;
 
-/// The surface of one cloth, with its place on it.
+/// The surface of one cloth, with its position on the cloth.
 pub struct ClothSurface {
     /// The model, in its own coordinates.
     pub surface: Box<dyn Surface>,
-    /// The place in those coordinates of the cloth's own origin, mm.
+    /// The position of the cloth's origin in those coordinates, mm.
     pub origin_mm: Vec2,
-    /// The longer side of one repeat, mm: wider footprints see the mean.
+    /// The longer side of one repeat, mm. Wider footprints see the mean.
     pub repeat_mm: f32,
 }
 
-/// One surface model, as a `[surface]` section describes it. The type's own keys
-/// are those of the section.
+/// One surface model, as a `[surface]` section describes it. The fields of the type are the
+/// keys of the section.
 pub trait SurfaceKind: DeserializeOwned + Clone + fmt::Debug + PartialEq + 'static {
     /// Its name in the key `model`.
     const NAME: &'static str;
-    /// What it is, in one line.
+    /// A description in one line.
     const ABOUT: &'static str;
 
     /// The surface of a cloth.
     ///
-    /// # Errors
-    /// Names the first key that is missing or out of range, or says why the model
-    /// does not suit the cloth.
+    /// # Errors Names the first key that is missing or out of range, or gives the reason why
+    /// the model does not suit the cloth.
     fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error>;
 }
 
@@ -47,7 +46,7 @@ macro_rules! surface_models {
         /// A `[surface]` section: the key `model` and the keys of that model. A
         /// section without `model` describes an `irawan` surface.
         #[derive(Clone, Debug, PartialEq)]
-        // A cloth has one of them: room that a small one leaves empty costs nothing.
+        // A cloth has one of them, so the unused memory of a small variant does not matter.
         #[allow(clippy::large_enum_variant)]
         pub enum SurfaceTable {
             $(#[doc = concat!("See [`", stringify!($spec), "`].")] $variant($spec),)*
@@ -61,7 +60,7 @@ macro_rules! surface_models {
         const NAMES: &[&str] = &[$(<$spec>::NAME,)*];
 
         impl SurfaceTable {
-            /// Its model's name.
+            /// The name of its model.
             pub fn name(&self) -> &'static str {
                 match self { $(SurfaceTable::$variant(_) => <$spec>::NAME,)* }
             }
@@ -103,9 +102,9 @@ impl<'de> Deserialize<'de> for SurfaceTable {
     }
 }
 
-/// Finds the model before the other keys are read, so that these are read in
-/// place and their errors keep line and column. TOML tables are visited in the
-/// order of their keys, so only keys before `model` have to be kept.
+/// Finds the model before it reads the other keys, so that errors in these keep line and
+/// column. TOML tables are visited in the order of their keys, so only keys before `model` have
+/// to be kept.
 struct ByModel;
 
 impl<'de> Visitor<'de> for ByModel {
@@ -140,10 +139,10 @@ impl<'de> Visitor<'de> for ByModel {
     }
 }
 
-/// A table from which some entries were taken already.
+/// A table from which some entries have already been read.
 struct Rest<A> {
     kept: std::vec::IntoIter<(String, toml::Value)>,
-    /// The value of a kept key that was just given out.
+    /// The value of the kept key that was just returned.
     value: Option<toml::Value>,
     /// A key whose value is still in `map`.
     next: Option<String>,

@@ -1,4 +1,4 @@
-//! From the cloth of a fabric file to its surface.
+//! Describes the surface of the cloth of a fabric file.
 
 use crate::catalogue::{ClothSurface, SurfaceKind};
 use crate::error::Error;
@@ -8,9 +8,9 @@ use organza_basis::SegmentSource;
 use organza_weave::{Cloth, Draft};
 
 impl Weave {
-    /// The smallest repeat of a draft, in yarns as wide as their pitch.
-    /// `size_mm` is that of the whole draft, along the weft and along the warp;
-    /// threads of uneven spacing count with their mean.
+    /// The smallest repeat of a draft, in yarns as wide as their pitch. `size_mm` is that of
+    /// the whole draft, along the weft and along the warp; uneven spacings of threads are
+    /// averaged.
     pub fn from_draft(draft: &Draft, size_mm: [f64; 2]) -> Weave {
         let repeat = draft.smallest_repeat();
         let row = |pick| {
@@ -30,10 +30,9 @@ impl Weave {
 impl SurfaceSpec {
     /// The same with the weave of a cloth, unless a weave is given.
     ///
-    /// # Errors
-    /// When the cloth has no draft: knits and imported curves are not made of
-    /// the straight visible segments that the model knows. They are not
-    /// approximated; a preset's weave would be another cloth.
+    /// # Errors When the cloth has no draft: knits and imported curves do not consist of the
+    /// straight visible segments that the model supports. They are not approximated, because
+    /// the weave of a preset would be another cloth.
     pub fn for_cloth(mut self, cloth: &Cloth) -> Result<SurfaceSpec, Error> {
         let given = self.weave.take();
         if let Some(whole) = given.as_ref().filter(|w| !w.draft.is_empty()) {
@@ -112,14 +111,14 @@ mod tests {
         assert_eq!(weave.draft.len(), 4);
         assert!((weave.warp_pitch_mm - 0.4).abs() < 1e-6);
         assert!((weave.weft_pitch_mm - 10.0 / 17.0).abs() < 1e-6);
-        // Spacing alone takes the cloth's draft.
+        // If only the spacing is given, the draft is that of the cloth.
         let spaced = SurfaceSpec {
             weave: toml::from_str("warp_pitch_mm = 0.5\nweft_pitch_mm = 0.7").ok(),
             ..spec.clone()
         };
         let spaced = spaced.for_cloth(&cloth(&twill)).unwrap().weave.unwrap();
         assert_eq!((&spaced.draft, spaced.warp_pitch_mm), (&weave.draft, 0.5));
-        // A weave that is given stays.
+        // A given weave is kept.
         let given = spec.clone().for_cloth(&cloth(&twill)).unwrap();
         assert_eq!(given, spec);
         let path = concat!(
@@ -148,8 +147,7 @@ mod tests {
             let size = [draft.ends() as f64 * 0.3, draft.picks() as f64 * 0.3];
             let mut spec = SurfaceSpec::preset("wool-gabardine").unwrap();
             spec.weave = Some(Weave::from_draft(&draft, size));
-            // What must hold for any draft: the rectangles cover the repeat,
-            // and the drawdown is what is seen.
+            // For any draft, the rectangles cover the repeat and show the drawdown.
             let weave = spec.weave.as_ref().unwrap();
             let tiling = crate::weave::Tiling::new(weave).unwrap();
             for k in 0..2000usize {

@@ -1,5 +1,5 @@
-//! The mean of a cloth taken apart into what its colours multiply: for callers
-//! that look for the colours, or for many shapes one after the other.
+//! The mean of a cloth, split into the parts that its colours multiply, for callers that fit
+//! colours or evaluate many shapes.
 
 use crate::error::Error;
 use crate::face::Face;
@@ -11,7 +11,7 @@ use glam::Vec3;
 use organza_basis::Rgb;
 use std::f32::consts::FRAC_1_PI;
 
-/// What a pair of directions gets from each colour of one, 1/sr.
+/// The value of a pair of directions due to each colour, for colours of one, 1/sr.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parts {
     /// Diffuse light of warp and weft.
@@ -19,9 +19,9 @@ pub struct Parts {
     /// Highlights of warp and weft, to be multiplied by
     /// [`Components::specular_gain`].
     pub specular: [f32; 2],
-    /// Diffuse light of warp and weft as round as they are.
+    /// Diffuse light of warp and weft as round yarns.
     pub round: [f32; 2],
-    /// Light passed on, diffuse and forward.
+    /// Transmitted light, diffuse and forward.
     pub transmitted: [f32; 2],
 }
 
@@ -34,8 +34,8 @@ pub struct Components {
 }
 
 impl Components {
-    /// Takes the shape of the yarns and of transmission from parameters whose
-    /// colours play no part.
+    /// Takes the shape of the yarns and of the transmission from parameters, and ignores their
+    /// colours.
     ///
     /// # Errors
     /// Names the parameter that is out of range.
@@ -49,8 +49,7 @@ impl Components {
         })
     }
 
-    /// The parts of the mean value; what the energy bound takes away is left
-    /// out.
+    /// The parts of the mean value, without the energy bound.
     pub fn eval(&self, w_in: Vec3, w_out: Vec3) -> Parts {
         let [front, back] = &self.faces;
         let (face, w_in, w_out) = if w_out.z > 0.0 {

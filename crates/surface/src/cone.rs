@@ -18,9 +18,9 @@ fn combine(a: f32, p: Vector, b: f32, q: Vector, c: f32, r: Vector) -> Vector {
     )
 }
 
-/// The fibres at a place whose highlight may cover it and that face a
-/// direction: v runs over `low..high` at one u in staple yarn, u at one v in
-/// filament yarn. None when `high` is not above `low`.
+/// The fibres at a place whose highlight may cover it and that face a direction: v runs over
+/// `low..high` at one u in staple yarn, u at one v in filament yarn. There are none when `high`
+/// is not above `low`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fibres {
     low: f32,
@@ -64,9 +64,8 @@ impl YarnSegment<f32> {
         }
     }
 
-    /// Draws `w_in` for a highlight seen from `w_out` among its fibres; `None`
-    /// when there are none or the fibre drawn is turned away. It may lie below
-    /// the horizon.
+    /// Draws `w_in` for a highlight that is seen from `w_out`, by choosing one of its fibres;
+    /// `None` when there are none or the chosen fibre faces away. It may lie below the horizon.
     #[inline]
     pub(crate) fn sample_cone(
         &self,
@@ -82,7 +81,7 @@ impl YarnSegment<f32> {
             ((fibres.sin, fibres.cos), drawn)
         };
         let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
-        // Else the pair may have its highlight at the other solution for v.
+        // Otherwise the highlight of the pair may lie at the other solution for v.
         if !(fibres.low < fibres.high && w_out.dot(normal) > 0.0) {
             return None;
         }
@@ -132,7 +131,7 @@ impl YarnSegment<f32> {
                 + pair.w_in.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
             // The other solution is not a sample.
             let v = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
-            // Where no fibre mirrors, the two normals' cosines cancel.
+            // Where no fibre mirrors, the cosines of the two normals cancel.
             let width = 1.0 / ((m.n_i + m.n_r) * sin_p.abs());
             (v, along, m.n_i, m.n_r, width)
         };

@@ -1,9 +1,9 @@
 //! `model = "diffuse"`: an ideally diffuse sheet with holes.
 //!
-//! Both sides reflect and transmit by Lambert's law; a share of the light passes
-//! straight through, whatever its direction. This is how window shades are
-//! described by three figures \[CEN2021], and the reference for everything that a
-//! surface must keep: its integrals have closed forms.
+//! Both sides reflect and transmit by Lambert's law; a share of the light passes straight
+//! through, whatever its direction. Three such figures describe window shades \[CEN2021]. The
+//! model is also the reference in tests of everything else, because its integrals have closed
+//! forms.
 
 use crate::catalogue::{ClothSurface, SurfaceKind};
 use crate::error::Error;
@@ -20,12 +20,11 @@ use std::f32::consts::FRAC_1_PI;
 pub struct DiffuseSpec {
     /// Share of arriving light that is scattered back, linear RGB from 0 to 1.
     pub reflectance: Rgb,
-    /// Share of arriving light that is scattered to the other side, linear RGB
-    /// from 0 to 1; black unless given.
+    /// Share of arriving light that is scattered to the other side, linear RGB from 0 to 1;
+    /// black by default.
     #[serde(default)]
     pub transmittance: Rgb,
-    /// Share of arriving light that passes straight through, 0 to 1; none unless
-    /// given.
+    /// Share of arriving light that passes straight through, 0 to 1; 0 by default.
     #[serde(default)]
     pub openness: f32,
 }
@@ -182,7 +181,7 @@ mod tests {
         for (moments, share) in [(&back, 0.5), (&through, 0.2), (&straight, 0.25)] {
             let z = (moments.mean - share) / moments.standard_error();
             assert!(z.abs() < 4.0, "seed 5: {} for {share}", moments.mean);
-            // A share that is off by a twentieth is found.
+            // An error of a twentieth in a share is detected.
             let wrong = (moments.mean - 1.05 * share) / moments.standard_error();
             assert!(wrong.abs() > 4.0, "seed 5: {share}");
         }

@@ -1,10 +1,10 @@
-//! A bound on what the cloth returns.
+//! A bound on the light that the cloth returns.
 //!
-//! The thesis' model conserves no energy by itself: towards grazing angles the
-//! specular part grows, and wool gabardine as published returns a percent more
-//! than it gets there. Where a direction's albedo rho(w) exceeds one, values are
-//! divided by `max(m(w_in), m(w_out))` with `m = max(1, rho)`: symmetric, nothing
-//! else changes, and the albedo comes out at most one.
+//! The model of the thesis does not conserve energy: towards grazing angles the specular part
+//! grows, and wool gabardine as published returns a percent more light there than it receives.
+//! Where the albedo rho(w) of a direction exceeds one, values are divided by `max(m(w_in),
+//! m(w_out))` with `m = max(1, rho)`. The result is symmetric, other directions are unchanged,
+//! and the albedo is at most one.
 
 use glam::{Vec2, Vec3};
 use organza_basis::warp;
@@ -20,8 +20,8 @@ pub(crate) struct EnergyBound {
     largest: f32,
 }
 
-/// Unit square to hemisphere by the octahedron [Cigolle2014], which resolves
-/// the rim as well as the pole and needs no trigonometry.
+/// Unit square to hemisphere by the octahedron [Cigolle2014], which resolves the rim as well as
+/// it resolves the pole and needs no trigonometry.
 fn direction(u: Vec2) -> Vec3 {
     let p = 2.0 * u - Vec2::ONE;
     let (x, y) = (0.5 * (p.x + p.y), 0.5 * (p.x - p.y));
@@ -61,12 +61,12 @@ impl EnergyBound {
         EnergyBound { divisors, largest }
     }
 
-    /// The largest albedo met, or one.
+    /// The largest albedo found, or one.
     pub fn largest(&self) -> f32 {
         self.largest
     }
 
-    /// What values for the direction are divided by at least.
+    /// The smallest divisor of values for the direction.
     pub fn divisor(&self, w: Vec3) -> f32 {
         if self.divisors.is_empty() {
             return 1.0;

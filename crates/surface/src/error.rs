@@ -1,4 +1,4 @@
-//! What can be wrong with the description of a surface.
+//! Errors in the description of a surface.
 
 use thiserror::Error;
 
@@ -15,7 +15,7 @@ pub enum Error {
         /// The valid range in words.
         expected: String,
     },
-    /// A yarn too thick for its visible length at its steepest inclination.
+    /// A yarn that is too thick for its visible length at its steepest inclination.
     #[error(
         "{key} = {u_max_deg}: a yarn {width_mm} mm wide does not fit a segment {length_mm} mm long: \
          width * sin(u_max) must be below the length; lower u_max_deg to under \
@@ -30,17 +30,17 @@ pub enum Error {
         length_mm: f64,
         /// Inclination at its ends, degrees.
         u_max_deg: f64,
-        /// Where the inclination would start to fit, degrees.
+        /// The largest inclination that fits, degrees.
         largest_deg: f64,
     },
-    /// A hyperbola that never gets as steep as its ends must be.
+    /// A hyperbola that is nowhere as steep as its ends must be.
     #[error("{key} = {kappa}: expected more than {smallest}")]
     Curvature {
         /// Key of the curvature, as files write it.
         key: String,
         /// The value given.
         kappa: f64,
-        /// The limit, itself not allowed.
+        /// The exclusive lower limit.
         smallest: f64,
     },
     /// A draft that is not a matrix, or is too large.
@@ -49,7 +49,7 @@ pub enum Error {
     /// An unknown name.
     #[error("{key} = \"{name}\": expected one of {expected}{}", hint(.nearest))]
     Name {
-        /// Key whose value the name is.
+        /// Key that has the name as its value.
         key: &'static str,
         /// The name given.
         name: String,
@@ -58,13 +58,13 @@ pub enum Error {
         /// The valid name nearest to it.
         nearest: Option<String>,
     },
-    /// A key that must be there when no preset supplies it.
+    /// A key that is required when no preset supplies it.
     #[error("{key} is missing: give it, or start from a preset")]
     Missing {
         /// The key.
         key: String,
     },
-    /// More light out than in, on the mean over directions.
+    /// More light leaves than arrives, in the mean over directions.
     #[error(
         "the cloth would send back {albedo:.3} of the light that it gets: lower diffuse, specular \
          or transmission"
@@ -82,7 +82,7 @@ pub enum Error {
         /// Their sum, largest channel.
         total: f64,
     },
-    /// Text that is not the TOML of a surface.
+    /// Text that is not a valid TOML description of a surface.
     #[error("surface: {0}")]
     Syntax(String),
 }
@@ -112,8 +112,8 @@ impl Error {
         })
     }
 
-    /// The same of a key in a table of the file, for who checks the table's
-    /// values without knowing its name.
+    /// The same error for a key in a table of the file. The code that checks the values of a
+    /// table does not know the name of the table.
     pub(crate) fn in_table(mut self, table: &str) -> Error {
         if let Error::Range { key, .. }
         | Error::DoesNotFit { key, .. }

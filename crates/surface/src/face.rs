@@ -16,15 +16,15 @@ use glam::{Vec2, Vec3};
 use organza_basis::{Rgb, warp};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Steps that the inclination of noisy yarn is quantised to. Texture and mean
-/// use the same steps, which is what makes them agree.
+/// Steps that the inclination of noisy yarn is quantised to. Texture and mean use the same
+/// steps, so that they agree.
 const NOISE_STEPS: usize = 16;
 
-/// Segments of one yarn, width and length, wherever they lie in the repeat.
+/// All segments of the repeat with the same yarn, width and length.
 #[derive(Debug)]
 struct SegmentType {
     yarn: Yarn,
-    /// One segment per step of the inclination, and how often it comes up.
+    /// One segment per step of the inclination, with its frequency.
     steps: Vec<YarnSegment<f32>>,
     shares: Vec<f32>,
     /// Segments per area of cloth, 1/mm^2.
@@ -56,7 +56,7 @@ pub(crate) struct Face {
     grains_per_mm: f32,
     noise: Option<TensionNoise>,
     rule: Rule<f32>,
-    /// Factor that makes the specular albedo what `specular` says.
+    /// Factor that makes the specular albedo equal to `specular`.
     gain: f32,
 }
 
@@ -121,7 +121,7 @@ impl Face {
         })
     }
 
-    /// One over the bihemispherical albedo that highlights of colour one have.
+    /// The inverse of the bihemispherical albedo of highlights of colour one.
     pub fn specular_gain(&self) -> f32 {
         let pairs = 1 << 13;
         let mean: f64 = sequence::<4>(pairs)
@@ -171,16 +171,16 @@ impl Face {
         )
     }
 
-    /// Visits every segment type with its mean scattering per area of cloth
-    /// (gain and colour left out) and its share of the cloth, both less what
-    /// the other system hides. Directions must be above the face.
+    /// Visits every segment type with its mean scattering per area of cloth (without gain and
+    /// colour) and its share of the cloth, both without the parts that the other system hides.
+    /// Directions must be above the face.
     pub fn for_each_type(&self, w_in: Vec3, w_out: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
         for yarn in [Yarn::Warp, Yarn::Weft] {
             let pair = Pair::new(
                 segment_from_face(yarn, w_in),
                 segment_from_face(yarn, w_out),
             );
-            // What all segments of a filament yarn share.
+            // The values that all segments of a filament yarn share.
             let ring = Ring::new(&pair);
             let mut integrals = None;
             for t in self.types.iter().filter(|t| t.yarn == yarn) {
@@ -196,8 +196,8 @@ impl Face {
         }
     }
 
-    /// Scattering of one segment without its phase function, mm^2. The
-    /// integrals of the ring are made when they are first needed.
+    /// Scattering of one segment without its phase function, mm^2. The integrals of the ring
+    /// are computed when they are first needed.
     fn segment_lobe(
         &self,
         segment: &YarnSegment<f32>,
@@ -250,7 +250,7 @@ impl Face {
         )
     }
 
-    /// Share of the light from `w` that comes back, by `count` quasi-random
+    /// Share of the light from `w` that is returned, estimated with `count` quasi-random
     /// directions.
     pub fn albedo(&self, w: Vec3, count: usize) -> Rgb {
         let mut sum = Rgb::BLACK;
@@ -272,7 +272,7 @@ impl Face {
         sum
     }
 
-    /// What lies under a point.
+    /// The segment under a point.
     #[inline]
     pub fn local(&self, position_mm: Vec2) -> Local<'_> {
         let spot = self.tiling.locate(position_mm);
@@ -290,7 +290,7 @@ impl Face {
         }
     }
 
-    /// Brightness of the grain of fibre at a place.
+    /// Brightness of the fibre grain at a place.
     #[inline]
     fn grain(&self, local: &Local<'_>) -> f32 {
         if self.grains_per_mm <= 0.0 {
@@ -325,7 +325,8 @@ impl Face {
         noise::nearest_step(delta, own + cross, NOISE_STEPS)
     }
 
-    /// Value at a place already looked up, 1/sr; both directions above the face.
+    /// Value at a place that was already looked up, 1/sr; both directions must be above the
+    /// face.
     #[inline]
     pub fn texture_at(&self, local: &Local<'_>, w_in: Vec3, w_out: Vec3) -> Rgb {
         let thread = self.thread(local.yarn);
@@ -361,7 +362,7 @@ impl Face {
     }
 }
 
-/// Segments of a yarn at every inclination that noise gives it.
+/// Segments of a yarn at every inclination that noise produces.
 fn segments_of(
     yarn: &YarnParameters,
     width_mm: f32,
@@ -385,7 +386,7 @@ fn segments_of(
         let x = 2.0 * i as f64 / (NOISE_STEPS - 1) as f64 - 1.0;
         // Noise stops short of flat yarn and of upright yarn.
         let u = (middle + reach * x).clamp(0.25 * middle, 0.5 * (middle + 1.5));
-        // Where noise alone makes a segment steeper than fits, it is a bead.
+        // Where noise alone makes a segment too steep to fit, it becomes a bead.
         let bead = SegmentParameters {
             fit: crate::segment::Fit::Narrow,
             ..at(u)

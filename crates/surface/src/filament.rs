@@ -3,8 +3,8 @@
 use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
 
-/// The ring of the yarn that mirrors one direction into the other: where the
-/// spine is square to the half vector.
+/// The ring of the yarn that mirrors one direction into the other. There the spine is
+/// perpendicular to the half vector.
 #[derive(Clone, Copy)]
 pub(crate) struct Ring<T> {
     /// Inclination, and the tangent of its half.
@@ -17,7 +17,7 @@ pub(crate) struct Ring<T> {
 }
 
 impl<T: Real> Ring<T> {
-    /// For directions above the cloth, whose sum is never square to that plane.
+    /// For directions above the cloth, whose sum is never perpendicular to that plane.
     #[inline(always)]
     pub fn new(pair: &Pair<T>) -> Self {
         let p = (pair.s.y * pair.s.y + pair.s.z * pair.s.z).sqrt();
@@ -34,12 +34,12 @@ impl<T: Real> Ring<T> {
     /// Integrals over v of the attenuation and of the attenuation times cos v,
     /// where the ring faces both directions and the viewer; in closed form.
     ///
-    /// With `w.n = |w'| cos(v - b)` for both directions (w' the part across the
-    /// fibre), the attenuation is a product of two cosines over a third about a
-    /// known angle c: a quadratic form in the sine and cosine of v - c, over
-    /// the cosine. The ends lie a right angle from the outermost of b_i, b_r and
-    /// the viewer's 0, so all but their distance is algebra. Taken in `f64`,
-    /// since the two ends cancel where little of the ring faces both.
+    /// With `w.n = |w'| cos(v - b)` for both directions (w' the part across the fibre), the
+    /// attenuation is a product of two cosines over a third about a known angle c: a quadratic
+    /// form in the sine and cosine of v - c, over the cosine. The ends lie at a right angle
+    /// from the outermost of b_i, b_r and 0, the angle of the viewer, so everything except
+    /// their distance is algebraic. The computation is in `f64`, because the contributions of
+    /// the two ends cancel where little of the ring faces both directions.
     pub fn attenuation_integrals(&self, pair: &Pair<T>) -> (T, T) {
         let wide = |x: T| x.to_f64().unwrap_or(f64::NAN);
         let (sin_u, cos_u) = (wide(self.sin_u), wide(self.cos_u));
@@ -58,7 +58,7 @@ impl<T: Real> Ring<T> {
         };
         let least = if less.0 < 0.0 { less } else { viewer };
         let most = if more.0 > 0.0 { more } else { viewer };
-        // Right angles to both, less than half a turn apart.
+        // Perpendicular to both, less than half a turn apart.
         let (apart, together) = (most.0 - least.0, 1.0 + most.0 * least.0);
         if !(together > 0.0) {
             return (T::zero(), T::zero());
@@ -121,8 +121,7 @@ impl<T: Real> YarnSegment<T> {
     }
 
     /// Integral of the highlight over v, mm^2, given the integrals of the attenuation, which
-    /// segments of any spine share. Zero where the segment does not hold the
-    /// ring.
+    /// are the same for every spine. Zero where the segment does not contain the ring.
     #[inline(always)]
     pub(crate) fn filament_reflectance(&self, ring: &Ring<T>, integrals: (T, T)) -> T {
         let spine = self.spine.radius_mm(ring.sin_u, ring.cos_u);
@@ -133,8 +132,8 @@ impl<T: Real> YarnSegment<T> {
         if self.holds(ring) { value } else { T::zero() }
     }
 
-    /// The texture's value over the phase function: a band of constant width
-    /// along the yarn about the ring, kept inside the rectangle.
+    /// The value of the texture over the phase function: a band of constant width along the
+    /// yarn around the ring, inside the rectangle.
     #[inline(always)]
     pub(crate) fn filament_texture(&self, pair: &Pair<T>, x: T, y: T) -> T {
         let ring = Ring::new(pair);

@@ -1,7 +1,6 @@
-//! Sampling by half vectors: for a pair of directions the model depends mostly
-//! on the direction between them, so a table of how much light each half
-//! vector carries draws directions close to the highlights of warp and weft
-//! together.
+//! Sampling by half vectors. The model depends mostly on the half vector of a pair of
+//! directions, so a table of the light that each half vector carries gives directions close to
+//! the highlights of both warp and weft.
 
 use glam::{Vec2, Vec3};
 use organza_basis::PathRng;
@@ -47,7 +46,7 @@ impl HalfVectorTable {
         }
         let total: f32 = mass.iter().sum();
         let texel_area = 4.0 / (SIDE * SIDE) as f32;
-        // A share for every texel: none may hide what the views did not show.
+        // Every texel gets a share, because the views may have missed light there.
         let even = 0.02 / (SIDE * SIDE) as f32;
         let share = |m: f32| {
             if total > 0.0 {
@@ -63,7 +62,7 @@ impl HalfVectorTable {
         }
     }
 
-    /// Draws `w_in`; below the horizon when the draw is lost.
+    /// Draws `w_in`. A result below the horizon means that the draw failed.
     #[inline]
     pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
         let pick = rng.unit() * (SIDE * SIDE) as f32;
@@ -91,7 +90,7 @@ impl HalfVectorTable {
     pub fn pdf(&self, w_in: Vec3, w_out: Vec3) -> f32 {
         let sum = w_in + w_out;
         let length = sum.length();
-        // No half vector: nothing is drawn there.
+        // There is no half vector, so nothing is drawn.
         if length <= 0.0 {
             return 0.0;
         }

@@ -1,14 +1,13 @@
-//! Surface reflectance models of woven cloth: Irawan's model \[Irawan2008]
-//! complete, with what it leaves open.
+//! Surface reflectance models of woven cloth: the complete model of Irawan \[Irawan2008], with
+//! extensions for the questions that it leaves open.
 //!
-//! A cloth is a repeat of visible yarn segments, cut from any draft
-//! ([`weave`]). Each segment is a curved cylinder of fibres that reflect light
-//! onto cones ([`segment`]). Spread over its rectangle that is the texture
-//! model; integrated over it, the reflectance model; the mean of the first is
-//! the second. [`WovenSurface`] joins them: two faces, noise, gaps and transmitted
-//! light, optional shadowing, sampling. [`SurfaceSpec`] is its description in
-//! files, with the six fabrics of the thesis as presets. The [`catalogue`] lists
-//! this and the other surface models that a fabric file can name.
+//! A cloth is a repeat of visible yarn segments, cut from any draft ([`weave`]). Each segment
+//! is a curved cylinder of fibres that reflect light onto cones ([`segment`]). The texture
+//! model distributes this light over the rectangle of the segment, and the reflectance model
+//! integrates over it; the mean of the texture is the reflectance. [`WovenSurface`] joins them:
+//! two faces, noise, gaps and transmitted light, optional shadowing, sampling. [`SurfaceSpec`]
+//! is its description in files, with the six fabrics of the thesis as presets. The
+//! [`catalogue`] lists this and the other surface models that a fabric file can name.
 //!
 //! # Conventions
 //! The fabric frame is right-handed: x along the weft, y along the warp, z out
@@ -33,7 +32,7 @@
 //! # }
 //! ```
 
-// Negated comparisons are meant: what is not a number goes the safe way.
+// Negated comparisons are intended: a NaN takes the safe branch.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod band;

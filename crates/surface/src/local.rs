@@ -7,7 +7,7 @@ use crate::weave::{PlacedSegment, Spot, Yarn};
 use glam::Vec3;
 use organza_basis::PathRng;
 
-/// A segment under a point, with this place's own inclination.
+/// A segment under a point, with the inclination at this place.
 pub(crate) struct Local<'a> {
     pub segment: &'a YarnSegment<f32>,
     pub yarn: Yarn,
@@ -16,7 +16,7 @@ pub(crate) struct Local<'a> {
 }
 
 impl Local<'_> {
-    /// With the fibres that may mirror light to `w_out`.
+    /// The same with the fibres that may mirror light to `w_out`.
     #[inline]
     pub fn with_fibres(self, w_out: Vec3) -> (Self, Fibres) {
         let seen = segment_from_face(self.yarn, w_out);
@@ -47,8 +47,8 @@ impl Local<'_> {
     }
 }
 
-/// Sine and cosine of the quarter turn from the face to a yarn's segments, as
-/// numbers: which yarn it is cannot be foretold, so it should cost no branch.
+/// Sine and cosine of the quarter turn from the face to the segments of a yarn. They are
+/// numbers instead of a branch, because the yarn is unpredictable.
 #[inline(always)]
 fn turn(yarn: Yarn) -> (f32, f32) {
     let sin = f32::from(yarn as u8);

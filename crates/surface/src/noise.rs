@@ -1,20 +1,20 @@
 //! Irregularity of real yarn: grain along fibres and slow changes of tension.
 //!
-//! Everything is a function of names (seed, yarn, place), so that a cloth
-//! looks the same from every thread.
+//! Everything is a function of identifiers (seed, yarn, place), so that a cloth looks the same
+//! on every thread of the program.
 
 use crate::weave::floor;
 use glam::Vec2;
 use organza_basis::rng::mix64;
 
-/// Uniform in (0, 1] from a name.
+/// A uniform number in (0, 1] from an identifier.
 #[inline]
 fn unit(name: u64) -> f32 {
     ((name >> 40) + 1) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// One name from several: small whole numbers, spread by odd factors before
-/// they are mixed.
+/// One identifier from several small whole numbers, which odd factors spread before they are
+/// mixed.
 #[inline]
 pub(crate) fn name(seed: u64, parts: [i64; 3]) -> u64 {
     const SPREAD: [u64; 3] = [
@@ -28,15 +28,14 @@ pub(crate) fn name(seed: u64, parts: [i64; 3]) -> u64 {
     }))
 }
 
-/// Exponential with mean one: the brightness of one grain \[Irawan2008] (8.2.1).
-/// The mean being one, it leaves the reflectance as it is.
+/// Exponential with mean one: the brightness of one grain \[Irawan2008] (8.2.1). Because its
+/// mean is one, the reflectance is unchanged.
 pub(crate) fn exponential(name: u64) -> f32 {
     -unit(name).ln()
 }
 
-/// Slow changes of tension along every yarn of a cloth: gradient noise
-/// [Perlin2002] with slopes from a table, which each yarn runs through from
-/// its own place in its own step.
+/// Slow changes of tension along every yarn of a cloth: gradient noise [Perlin2002] with slopes
+/// from a table. Each yarn reads the table from its own start with its own step.
 #[derive(Debug)]
 pub(crate) struct TensionNoise {
     seed: u64,
@@ -45,7 +44,7 @@ pub(crate) struct TensionNoise {
     yarns_per_mm: Vec2,
 }
 
-/// Slopes in the table: a yarn repeats after so many.
+/// Number of slopes in the table, after which a yarn repeats.
 const SLOPES: usize = 1024;
 
 impl TensionNoise {
@@ -65,8 +64,8 @@ impl TensionNoise {
     /// `[-1, 1]`.
     #[inline]
     pub fn at(&self, place_mm: Vec2) -> [f32; 2] {
-        // A place may lie on the boundary between yarns, where rounding must not
-        // choose: a quarter pitch on, it does not.
+        // A place may lie on the boundary between yarns, where rounding would choose. A quarter
+        // pitch further it does not.
         let number = |x: f32, per_mm: f32| i64::from(floor(x * per_mm + 0.25));
         let (end, pick) = (
             number(place_mm.x, self.yarns_per_mm.x),
@@ -78,7 +77,7 @@ impl TensionNoise {
         ]
     }
 
-    /// One slope per cell; zero at whole cells, which the yarn's own offset
+    /// One slope per cell. The noise is zero at whole cells, which the offset of each yarn
     /// hides.
     #[inline]
     fn along(&self, line: u64, place_mm: f32) -> f32 {
@@ -102,8 +101,8 @@ fn interpolate(t: f32, left: f32, right: f32) -> f32 {
     2.0 * (left * t * (1.0 - fade) + right * (t - 1.0) * fade)
 }
 
-/// How often each of `count` equal steps over `[-(own + cross), own + cross]`
-/// comes up when two independent noises with these amplitudes are added.
+/// The frequency of each of `count` equal steps over `[-(own + cross), own + cross]` in the sum
+/// of two independent noises with these amplitudes.
 pub(crate) fn step_shares(own: f32, cross: f32, count: usize) -> Vec<f32> {
     // A six-dimensional low-discrepancy sequence: powers of the inverse of the
     // root of x^7 = x + 1 [Roberts2018].

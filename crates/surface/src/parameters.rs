@@ -1,4 +1,4 @@
-//! What a woven surface is made from.
+//! The parameters of a woven surface.
 
 use crate::segment::SegmentParameters;
 use crate::shadowing::Shadowing;
@@ -9,11 +9,11 @@ use organza_basis::Rgb;
 /// One system of yarn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct YarnParameters {
-    /// Shape and scattering; width and length come from the weave.
+    /// Shape and scattering; the weave gives width and length.
     pub segment: SegmentParameters,
     /// Diffuse albedo of the flat sheet of the thesis.
     pub diffuse: Rgb,
-    /// Diffuse albedo of the surface of yarns that are round.
+    /// Diffuse albedo of the surface of round yarns.
     pub round: Rgb,
     /// Specular albedo: the bihemispherical albedo that the highlights of the
     /// front would have if both yarns had this colour. Warp and weft keep the
@@ -25,7 +25,7 @@ pub struct YarnParameters {
     pub u_noise_cross_rad: f32,
 }
 
-/// Everything about a cloth.
+/// All parameters of a cloth.
 #[derive(Clone, Debug)]
 pub struct WovenParameters {
     /// Draft and dimensions.
@@ -34,16 +34,16 @@ pub struct WovenParameters {
     pub warp: YarnParameters,
     /// The weft.
     pub weft: YarnParameters,
-    /// Names this cloth's noise.
+    /// Seed of the noise.
     pub seed: u64,
     /// Side of the rectangles of equal brightness within a segment, mm; zero
     /// for even yarn.
     pub grain_mm: f32,
     /// Distance over which yarn tension changes, mm; positive.
     pub noise_period_mm: f32,
-    /// Height difference of warp and weft, if shadowing is wanted.
+    /// Height difference of warp and weft; no shadowing if none.
     pub shadowing: Option<Shadowing>,
-    /// Gaps and transmitted light, if the cloth is not opaque.
+    /// Gaps and transmitted light; opaque if none.
     pub transmission: Option<Transmission>,
     /// Relative error aimed at in the integral over staple yarn.
     pub accuracy: f64,

@@ -1,11 +1,10 @@
-//! How light spreads around the cone of a fibre.
+//! The distribution of light around the cone of a fibre.
 
 use crate::real::Real;
 
-/// The circular phase function `alpha + g` of \[Irawan2008] (equation 7.8): a
-/// constant and a von Mises lobe about straight on. Beyond the source, `beta`
-/// may be negative: the lobe then lies about straight back, as fibres that only
-/// mirror have it.
+/// The circular phase function `alpha + g` of \[Irawan2008] (equation 7.8): a constant and a
+/// von Mises lobe about straight on. Unlike in the source, `beta` may be negative: then the
+/// lobe points straight back, as for fibres that only mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircularPhase<T> {
     alpha: T,
@@ -17,7 +16,8 @@ pub struct CircularPhase<T> {
 }
 
 impl<T: Real> CircularPhase<T> {
-    /// From the uniform part `alpha`, not negative, and the concentration `beta`.
+    /// A phase function with the uniform part `alpha`, not negative, and the concentration
+    /// `beta`.
     pub fn new(alpha: f64, beta: f64) -> Self {
         let scaled_bessel = pxfm::f_i0e(beta.abs());
         CircularPhase {
@@ -28,8 +28,8 @@ impl<T: Real> CircularPhase<T> {
         }
     }
 
-    /// Its value for two directions that point away from the yarn, whose
-    /// cosine is `cos_io`: light that goes straight on has -1.
+    /// Its value for two directions that point away from the yarn, whose cosine is `cos_io`:
+    /// the cosine of light that passes straight on is -1.
     #[inline(always)]
     pub fn eval(&self, cos_io: T) -> T {
         let off = (T::one() + self.sign * cos_io).larger(T::zero());

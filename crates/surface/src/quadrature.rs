@@ -1,4 +1,4 @@
-//! How finely the staple integral is taken.
+//! The quadrature of the staple integral.
 
 use crate::real::Real;
 use crate::stretches::{Facing, Stretches, may_hide, search};
@@ -7,10 +7,10 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Nodes for the integral over a staple segment, chosen for an accuracy.
 ///
-/// The integrand is smooth between the ends of its support and has a kink
-/// or a jump there (a jump where the highlight reaches the rim of the yarn), so
-/// the ends are found first: a scan brackets them, false position refines them,
-/// Gauss-Legendre does the rest.
+/// The integrand is smooth between the ends of its support and has a kink or a jump there (a
+/// jump where the highlight reaches the rim of the yarn), so the ends are found first: a scan
+/// brackets them, and false position refines them. Gauss-Legendre quadrature then integrates
+/// between them.
 ///
 /// Errors over 1000 random pairs on a segment of twist 30 degrees, in `f32`,
 /// relative to the mean value (`benches/surface.rs`), beside the trapezoid rule
@@ -36,17 +36,16 @@ pub struct Rule<T> {
 }
 
 impl<T: Real> Rule<T> {
-    /// For a relative error of about `accuracy`, from 0.1 to 1e-10; what lies
-    /// outside is brought inside.
+    /// For a relative error of about `accuracy`, from 0.1 to 1e-10; values outside are clamped.
     ///
     /// Measured over random segments and directions (`tests/segment`), 99
     /// of 100 errors stay below `accuracy` relative to the larger of the value
     /// and a hundredth of the segment's mean.
     pub fn for_accuracy(accuracy: f64) -> Self {
         let digits = -accuracy.clamp(1e-10, 0.1).log10();
-        // Where both directions are close together the integrand ends like a
-        // square root; running the nodes through a sine mends that, at the
-        // price of half as many again.
+        // Where both directions are close together, the integrand ends like a square root. A
+        // sine substitution of the nodes removes this singularity and needs half as many nodes
+        // again.
         let smooth_ends = digits > 3.5;
         let per_digit = if smooth_ends { 9.0 } else { 5.0 };
         let count = (per_digit * digits / 4.0).ceil() as usize * 4;
@@ -87,14 +86,14 @@ impl<T: Real> Rule<T> {
         &self.nodes
     }
 
-    /// The stretches of `[low, high]` on which `facing` is positive throughout:
-    /// nearly always one, whose ends are found from a scan.
+    /// The intervals of `[low, high]` on which `facing` is positive: nearly always one. A scan
+    /// finds their ends.
     #[inline(always)]
     pub(crate) fn support(&self, low: T, high: T, facing: impl Fn(T) -> Facing<T>) -> Stretches<T> {
         let (zero, half) = (T::zero(), T::of(0.5));
         let (mid, span) = ((low + high) * half, (high - low) * half);
-        // All places at once, and both ends together: what waits for one
-        // value works on another.
+        // All places are evaluated at once, and both ends together, to hide the latency of each
+        // evaluation.
         let mut values = [[zero; MAX_SCANNED]; 3];
         let mut positive = [0u32; 3];
         for (i, xs) in self.scan.iter().enumerate() {
@@ -113,7 +112,7 @@ impl<T: Real> Rule<T> {
         let found = self.one_support(low, high, &values, positive, &facing);
         if may_hide(&values, positive, 4 * self.scan.len()) {
             let every = search(low, high, &facing);
-            // A single stretch is the one found already, and its ends suffice.
+            // A single interval was already found, and its ends suffice.
             if every.as_slice().len() > 1 || found.as_slice().is_empty() {
                 return every;
             }
@@ -121,8 +120,7 @@ impl<T: Real> Rule<T> {
         found
     }
 
-    /// The stretch from the first scanned place to the last at which all values
-    /// are positive.
+    /// The interval from the first to the last scanned place at which all values are positive.
     #[inline(always)]
     fn one_support(
         &self,
@@ -142,8 +140,8 @@ impl<T: Real> Rule<T> {
         let g = |t: T| least(facing(t));
         let last = 4 * self.scan.len() - 1;
         let inside = [positive.trailing_zeros(), positive.ilog2()].map(|i| i as usize);
-        // An end of the interval that is inside already is its own neighbour,
-        // which the steps below leave where it is.
+        // An end of the interval that is already inside is its own neighbour, and the steps
+        // below do not move it.
         let outside = [inside[0].saturating_sub(1), (inside[1] + 1).min(last)];
         let place = |i: usize| mid + span * self.scan[i / 4][i % 4];
         let value = |i: usize| least([values[0][i], values[1][i], values[2][i]]);
@@ -173,7 +171,7 @@ impl<T: Real> Rule<T> {
     }
 }
 
-/// Places on `[-1, 1]`, denser at its ends, which are among them.
+/// Places on `[-1, 1]`, including the ends, with a higher density there.
 fn scan<T: Real>(count: usize) -> Vec<[T; 4]> {
     let at = |i: usize| T::of(-(2.0 * FRAC_PI_2 * i as f64 / (count - 1) as f64).cos());
     (0..count / 4)
@@ -181,5 +179,5 @@ fn scan<T: Real>(count: usize) -> Vec<[T; 4]> {
         .collect()
 }
 
-/// The most places that a scan looks at.
+/// The maximum number of places of a scan.
 const MAX_SCANNED: usize = 28;

@@ -1,16 +1,15 @@
 //! The scalar type of the model: `f32` for rendering, `f64` for validation.
 //!
-//! The few transcendental functions of an evaluation are called on ranges so
-//! small that single precision needs no reduction of the argument: there they
-//! are polynomials (minimax, fitted), free of branches, so that loops over
-//! nodes and steps run on the vector unit. Double precision keeps the
-//! library's.
+//! The few transcendental functions of an evaluation are called on small ranges, where single
+//! precision needs no argument reduction. There they are minimax polynomials without branches,
+//! so that the compiler vectorises loops over nodes and steps. Double precision uses the
+//! standard library.
 
 use num_traits::{Float, FloatConst};
 use std::fmt::Debug;
 use std::iter::Sum;
 
-/// A floating-point number with the constants and functions the model needs.
+/// A floating-point number with the constants and functions that the model needs.
 pub trait Real: Float + FloatConst + Debug + Sum + Send + Sync + 'static {
     /// From a literal or a parameter.
     fn of(x: f64) -> Self;
@@ -68,9 +67,8 @@ impl Real for f32 {
     #[inline(always)]
     fn exp_decay(self) -> f32 {
         let x = (self * std::f32::consts::LOG2_E).larger(-126.0);
-        // Adding and taking away 1.5 * 2^23 rounds to an integer, which the low
-        // bits of the sum hold.
-        // The fitted slope is the logarithm to the last bit.
+        // Adding and subtracting 1.5 * 2^23 rounds to an integer, which the low bits of the sum
+        // contain. The fitted slope is the logarithm to the last bit.
         const LN_2: f32 = std::f32::consts::LN_2;
         const ROUND: f32 = 12_582_912.0;
         let sum = x + ROUND;

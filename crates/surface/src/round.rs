@@ -1,8 +1,8 @@
-//! Diffuse light of yarns as round as they are.
+//! Diffuse light of round yarns.
 //!
-//! The thesis' diffuse part is that of a flat sheet. Yarns are not flat: a row
-//! of round ones shows its flanks to light and viewer that lean across it the
-//! same way, and brightens towards grazing angles there.
+//! The diffuse part of the thesis is that of a flat sheet. Yarns are not flat: a row of round
+//! yarns shows its flanks when light and viewer lean across it in the same direction, and then
+//! it becomes brighter towards grazing angles.
 
 use crate::real::Direction;
 use std::f32::consts::FRAC_PI_2;
@@ -11,9 +11,8 @@ use std::f32::consts::FRAC_PI_2;
 /// multiple of the flat sheet's of the same albedo; both directions above it,
 /// in the frame of a segment (x across).
 ///
-/// Exact but for light that one yarn sends to another: what is lit and what is
-/// seen of a yarn are stretches around it, cut off by its neighbours. Symmetric,
-/// and no more comes back than there is.
+/// Exact except for light between yarns: the lit and the visible part of a yarn are arcs that
+/// its neighbours limit. The value is symmetric and conserves energy.
 pub(crate) fn round_yarns(w_in: Direction<f32>, w_out: Direction<f32>) -> f32 {
     let angle = |w: Direction<f32>| w.x.atan2(w.z);
     let (a, b) = (angle(w_in), angle(w_out));
@@ -29,9 +28,8 @@ pub(crate) fn round_yarns(w_in: Direction<f32>, w_out: Direction<f32>) -> f32 {
     (0.5 * integral * across / (w_in.z * w_out.z)).max(0.0)
 }
 
-/// The stretch around a yarn that a direction at angle `a` from the normal
-/// meets: offsets h = sin(v - a) across the beam from the yarn's own edge to
-/// where the neighbour begins, 2 cos a apart.
+/// The arc of a yarn that a direction at angle `a` from the normal meets: offsets h = sin(v -
+/// a) across the beam from the yarn's own edge to where the neighbour begins, 2 cos a apart.
 fn open(a: f32) -> (f32, f32) {
     let lean = a.abs();
     let far = lean - FRAC_PI_2;
@@ -46,7 +44,7 @@ mod tests {
     use glam::{Vec2, Vec3};
     use organza_basis::warp;
 
-    /// Whether a ray from a place of the yarn at 0 gets past its neighbours.
+    /// Whether a ray from a place of the yarn at 0 passes its neighbours.
     fn escapes(place: Vec2, w: Vec2) -> bool {
         let normal = place.normalize();
         let clear = |k: i32| {

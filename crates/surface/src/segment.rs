@@ -1,12 +1,11 @@
 //! Scattering of one visible segment of yarn: a curved cylinder of fibres
 //! \[Irawan2008] (chapters 6-8).
 //!
-//! Directions are in the segment's frame (x across, y along, z out). The
-//! surface of the yarn is run through by u, the inclination of the spine, and
-//! v, the angle around it. Light leaves a fibre on the cone of its own
-//! inclination; for two directions that ties v to u (staple yarn, whose fibres
-//! are twisted) or u to the directions alone (filament yarn, whose fibres run
-//! along the spine).
+//! Directions are in the segment's frame (x across, y along, z out). The surface of the yarn is
+//! parametrised by u, the inclination of the spine, and v, the angle around it. Light leaves a
+//! fibre on the cone of its inclination. For two directions this makes v a function of u
+//! (staple yarn, whose fibres are twisted) or fixes u (filament yarn, whose fibres run along
+//! the spine).
 
 use crate::band::Band;
 use crate::error::Error;
@@ -16,11 +15,11 @@ use crate::quadrature::Rule;
 use crate::real::{Direction, Real};
 use crate::spine::Spine;
 
-/// What to do with a segment too short for its width and inclination.
+/// The treatment of a segment that is too short for its width and inclination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fit {
-    /// Report it.
+    /// Return an error.
     #[default]
     Refuse,
     /// Keep the inclination and take the thickest tube that fits, a bead
@@ -47,17 +46,17 @@ pub struct SegmentParameters {
     pub alpha: f64,
     /// Forward scattering beta; backward when negative.
     pub beta: f64,
-    /// Filament smoothing delta in `[0, 1]`: the share of u_max over which the
-    /// highlight fades out. Staple yarn has no use for it.
+    /// Filament smoothing delta in `[0, 1]`: the share of u_max over which the highlight fades
+    /// out. Staple yarn ignores it.
     pub smoothing: f64,
     /// Width of the drawn highlight as a share of the rectangle, in (0, 1]:
     /// across the yarn for staple, along it for filament.
     pub highlight_width: f64,
-    /// What to do when the segment is too short.
+    /// The treatment of a segment that is too short.
     pub fit: Fit,
 }
 
-/// A pair of directions with what every integrand needs of them.
+/// A pair of directions with the values that every integrand needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair<T> {
     pub(crate) w_in: Direction<T>,
@@ -94,14 +93,14 @@ pub struct YarnSegment<T> {
     pub(crate) radius_mm: T,
     pub(crate) width_mm: T,
     pub(crate) length_mm: T,
-    /// Where the filament's highlight fades: a linear function of |u|.
+    /// The fading of the filament's highlight: a linear function of |u|.
     pub(crate) fade_slope: T,
     pub(crate) fade_start: T,
     pub(crate) u_band: Band<T>,
     pub(crate) v_band: Band<T>,
-    /// What all places share of the geometry factor of staple yarn, mm.
+    /// The part of the geometry factor of staple yarn that all places share, mm.
     pub(crate) staple_factor: T,
-    /// What all places share of the texture's value.
+    /// The part of the texture's value that all places share.
     pub(crate) texture_factor: T,
     pub(crate) spine: Spine<T>,
     pub(crate) phase: CircularPhase<T>,
@@ -110,9 +109,8 @@ pub struct YarnSegment<T> {
 impl<T: Real> YarnSegment<T> {
     /// Checks the parameters and derives tube and spine.
     ///
-    /// # Errors
-    /// Names the parameter that is out of range, or says that the yarn does
-    /// not fit its rectangle.
+    /// # Errors Names the parameter that is out of range, or reports that the yarn does not fit
+    /// its rectangle.
     pub fn new(p: &SegmentParameters) -> Result<Self, Error> {
         let right = std::f64::consts::FRAC_PI_2;
         let open = |key, rad: f64, low: f64| {
@@ -202,8 +200,8 @@ impl<T: Real> YarnSegment<T> {
         self.radius_mm
     }
 
-    /// The scattering function f_s of the whole segment, mm^2 (equation 8.1),
-    /// with `k_s` and the albedo left out.
+    /// The scattering function f_s of the whole segment, mm^2 (equation 8.1), without `k_s` and
+    /// the albedo.
     ///
     /// Zero unless both directions are above the cloth. `rule` holds the nodes
     /// that staple yarn is integrated with; filament yarn has a closed form.
@@ -220,9 +218,9 @@ impl<T: Real> YarnSegment<T> {
         lobe * self.phase.eval(pair.w_in.dot(pair.w_out))
     }
 
-    /// The scattering function spread over the rectangle, dimensionless: its
-    /// mean over the rectangle is [`reflectance`](Self::reflectance) over the
-    /// area, which is equation 8.4 with the letters of 8.5 put right.
+    /// The scattering function spread over the rectangle, dimensionless: its mean over the
+    /// rectangle is [`reflectance`](Self::reflectance) over the area, which is equation 8.4
+    /// with the symbols of 8.5 corrected.
     ///
     /// `x` and `y` are mm from the middle of the rectangle, across and along.
     #[inline]

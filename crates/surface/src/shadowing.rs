@@ -1,18 +1,16 @@
 //! Shadowing and masking between warp and weft, which the thesis leaves open
 //! \[Irawan2008] (chapter 10).
 //!
-//! Where the crowns of one system stand higher, a segment of the other lies in
-//! a pit with upright walls on all four sides. Light that comes in at an angle
-//! leaves strips along two walls dark, and the same walls hide strips from the
-//! viewer; what is both lit and seen is a rectangle, in closed form. Directions
-//! on the same side share their strips, which keeps the brightening when light
-//! and viewer agree. Light lost in a pit stays lost.
+//! Where the crowns of one system stand higher, a segment of the other lies in a pit with
+//! upright walls on all four sides. Light that comes in at an angle leaves strips along two
+//! walls dark, and the same walls hide strips from the viewer; what is both lit and seen is a
+//! rectangle, in closed form. Directions on the same side share their strips, which keeps the
+//! brightening when light and viewer agree. Light that is lost in a pit is not redistributed.
 //!
-//! Judged against the volume: both systems of a cloth as isotropic flakes of
-//! albedo 0.8, one of them black in turn, 120 direction pairs out to 80 degrees.
-//! The part that the lower system sends back falls towards grazing angles,
-//! where the model without this term keeps it in proportion. With the factor
-//! between the systems taken from the steep pairs and the height fitted, from
+//! Comparison with the volume: both systems of a cloth as isotropic flakes of albedo 0.8, one
+//! of them black in turn, 120 direction pairs out to 80 degrees. The light that the lower
+//! system returns decreases towards grazing angles; in the model without this term it does not.
+//! With the factor between the systems taken from the steep pairs and the height fitted, from
 //! 60 degrees on:
 //!
 //! | cloth | mean of the weft, 1/sr | mean error without, with | root mean square without, with | height, mm |
@@ -20,17 +18,15 @@
 //! | denim | 0.0124 | +0.0083, -0.0017 | 0.0172, 0.0109 | 0.045 |
 //! | charmeuse | 0.0057 | +0.0032, +0.0001 | 0.0119, 0.0108 | 0.010 |
 //!
-//! The term takes away most of the excess and a third (denim) or a tenth
-//! (charmeuse) of the spread; what is left is the run of the twill or satin
-//! line, along which real pits are open and these have walls. Heights of a
-//! seventh to a fifth of a warp yarn's own fit (over all angles 0.045 mm of
-//! 0.31, 0.015 of 0.079). The presets leave the term off: their colours were
-//! fitted to photographs without it. Cloth that is fitted to a volume should
-//! have it.
+//! The term removes most of the excess and a third (denim) or a tenth (charmeuse) of the
+//! spread. The rest comes from the twill or satin line, along which real pits are open and
+//! these have walls. Heights of a seventh to a fifth of a warp yarn's own fit (over all angles
+//! 0.045 mm of 0.31, 0.015 of 0.079). The presets leave the term off: their colours were fitted
+//! to photographs without it. Cloth that is fitted to a volume should have it.
 
 use glam::Vec3;
 
-/// How far one system stands above the other.
+/// The height of one system above the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowing {
     /// Height of the warp's crowns over the weft's, mm; negative when the weft

@@ -10,11 +10,11 @@ use crate::woven_surface::WovenSurface;
 use organza_basis::{Rgb, nearest_name};
 use serde::{Deserialize, Serialize};
 
-/// Names of the fabrics that come with the model: those of the thesis.
+/// Names of the fabrics of the thesis, which come with the model.
 ///
-/// The weft of cotton twill as published does not satisfy the model (`2 sin 36
-/// degrees > 1`; it comes out black where that goes unnoticed). Its 36 degrees
-/// stay as they are and [`Fit::Narrow`] thins the tube to 0.85 of its radius.
+/// The weft of cotton twill as published does not satisfy the model (`2 sin 36 degrees > 1`;
+/// without this check it would be black). Its 36 degrees are kept, and [`Fit::Narrow`] reduces
+/// the radius of the tube to 0.85.
 pub const PRESETS: [(&str, &str); 6] = [
     ("denim", include_str!("../presets/denim.toml")),
     ("cotton-twill", include_str!("../presets/cotton-twill.toml")),
@@ -36,8 +36,8 @@ pub const PRESETS: [(&str, &str); 6] = [
     ),
 ];
 
-/// A surface as files describe it. Every key may be left out when a preset
-/// supplies it; a key that is given replaces the preset's.
+/// A surface as files describe it. A key may be omitted when a preset supplies it; a given key
+/// replaces that of the preset.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceSpec {
@@ -45,7 +45,7 @@ pub struct SurfaceSpec {
     pub preset: Option<String>,
     /// Relative error aimed at in the mean over staple yarn; 0.001 unless given.
     pub accuracy: Option<f64>,
-    /// Names the noise; 0 unless given.
+    /// Seed of the noise; 0 by default.
     pub seed: Option<u64>,
     /// Draft and dimensions.
     pub weave: Option<Weave>,
@@ -53,11 +53,11 @@ pub struct SurfaceSpec {
     pub warp: YarnSpec,
     /// The weft.
     pub weft: YarnSpec,
-    /// Irregularity; none unless given.
+    /// Irregularity; none by default.
     pub noise: Option<NoiseSpec>,
-    /// Shadowing between warp and weft; none unless given.
+    /// Shadowing between warp and weft; none by default.
     pub shadowing: Option<ShadowingSpec>,
-    /// Gaps and transmitted light; opaque unless given.
+    /// Gaps and transmitted light; opaque by default.
     pub transmission: Option<TransmissionSpec>,
 }
 
@@ -79,7 +79,7 @@ pub struct YarnSpec {
     pub smoothing: Option<f64>,
     /// Width of the highlight as a share of the segment, over 0 to 1.
     pub highlight_width: Option<f64>,
-    /// What to do with a segment too short for its width.
+    /// The treatment of a segment that is too short for its width.
     pub fit: Option<Fit>,
     /// Diffuse albedo, linear RGB.
     pub diffuse: Option<Rgb>,
@@ -128,10 +128,11 @@ pub struct TransmissionSpec {
     /// Diameter over spacing of the weft yarns, 0 to 1.
     #[serde(default = "one")]
     pub weft_cover: f64,
-    /// Share that the yarns pass on in all directions, linear RGB.
+    /// Share of the light that the yarns transmit in all directions, linear RGB.
     #[serde(default)]
     pub diffuse: Rgb,
-    /// Share that they pass on about straight ahead, linear RGB.
+    /// Share of the light that they transmit in a lobe about the straight direction, linear
+    /// RGB.
     #[serde(default)]
     pub forward: Rgb,
     /// Concentration of that lobe, 0 to 1000.
@@ -222,16 +223,14 @@ impl TransmissionSpec {
 impl SurfaceSpec {
     /// Reads the TOML of one surface: the contents of a `[surface]` section.
     ///
-    /// # Errors
-    /// With the line, the column and the key of what is wrong.
+    /// # Errors With the line, the column and the key at fault.
     pub fn from_toml(text: &str) -> Result<SurfaceSpec, Error> {
         toml::from_str(text).map_err(|e| Error::Syntax(e.to_string()))
     }
 
     /// A fabric of the thesis by name.
     ///
-    /// # Errors
-    /// When there is none, with the nearest that there is.
+    /// # Errors When there is none, with the nearest valid name.
     pub fn preset(name: &str) -> Result<SurfaceSpec, Error> {
         let names = PRESETS.map(|(n, _)| n);
         match PRESETS.iter().find(|(n, _)| *n == name) {
@@ -245,7 +244,7 @@ impl SurfaceSpec {
         }
     }
 
-    /// The same with the preset's values in place of what is left out.
+    /// The same with the values of the preset for omitted keys.
     ///
     /// # Errors
     /// When the preset has no such name.
@@ -267,8 +266,8 @@ impl SurfaceSpec {
         })
     }
 
-    /// The parameters that it stands for. A fabric that has a draft elsewhere
-    /// sets [`weave`](Self::weave) first.
+    /// The parameters that it describes. A fabric whose draft is given elsewhere sets
+    /// [`weave`](Self::weave) first.
     ///
     /// # Errors
     /// Names the first key that is missing or out of range.

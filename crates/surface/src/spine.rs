@@ -1,4 +1,4 @@
-//! The curve that a yarn's axis follows over one visible segment.
+//! The curve of the axis of a yarn over one visible segment.
 
 use crate::error::Error;
 use crate::real::Real;
@@ -6,11 +6,10 @@ use crate::real::Real;
 /// Radius of curvature of the conic that carries a segment \[Irawan2008] (6.4),
 /// as a function of the inclination u of its tangent.
 ///
-/// One formula serves ellipse, circle, parabola and hyperbola. With the axis
-/// ratio `r = 1 + kappa (1 + cot u_max)` and `q = r |r|`, the conic's radius is
-/// proportional to `(cos^2 u + q sin^2 u)^(-3/2)`, and requiring that the
-/// curve cover the half length `c` between its ends fixes the factor. It is
-/// continuous in kappa: nothing happens at the parabola or the circle.
+/// One formula serves ellipse, circle, parabola and hyperbola. With the axis ratio `r = 1 +
+/// kappa (1 + cot u_max)` and `q = r |r|`, the conic's radius is proportional to `(cos^2 u + q
+/// sin^2 u)^(-3/2)`, and requiring that the curve cover the half length `c` between its ends
+/// fixes the factor. It is continuous in kappa, also at the parabola and the circle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spine<T> {
     q: T,
@@ -24,8 +23,7 @@ impl<T: Real> Spine<T> {
     /// The spine that covers `half_length_mm` to each side and ends at
     /// inclination `u_max_rad`.
     ///
-    /// # Errors
-    /// When `kappa` asks for a hyperbola whose asymptotes are less steep than
+    /// # Errors When `kappa` gives a hyperbola whose asymptotes are less steep than
     /// `u_max_rad`.
     pub fn new(half_length_mm: f64, u_max_rad: f64, kappa: f64) -> Result<Self, Error> {
         let (sin, cos) = u_max_rad.sin_cos();
@@ -63,7 +61,7 @@ impl<T: Real> Spine<T> {
 mod tests {
     use super::*;
 
-    /// Equations 6.5 to 6.8 as they stand, one case for each conic.
+    /// Equations 6.5 to 6.8 as printed, one case for each conic.
     fn by_cases(c: f64, u_max: f64, kappa: f64, u: f64) -> f64 {
         let r = 1.0 + kappa * (1.0 + 1.0 / u_max.tan());
         if r > 0.0 {

@@ -28,7 +28,7 @@ impl<T: Real> Inclination<T> {
     }
 }
 
-/// Where on the ring at u the fibres mirror one direction into the other.
+/// The place on the ring at u where the fibres mirror one direction into the other.
 #[derive(Clone, Copy)]
 pub(crate) struct Mirror<T> {
     pub sin_v: T,
@@ -39,8 +39,8 @@ pub(crate) struct Mirror<T> {
 }
 
 impl<T: Real> YarnSegment<T> {
-    /// The one solution v = v0 - asin(D) that can be lit and seen, without an
-    /// inverse function; `|D|` above one, where there is none, is cut to one.
+    /// The one solution v = v0 - asin(D) that can be lit and seen, without an inverse function.
+    /// Where `|D|` exceeds one, there is no solution, and it is clamped to one.
     #[inline(always)]
     pub(crate) fn mirror(&self, pair: &Pair<T>, at: &Inclination<T>) -> Mirror<T> {
         let one = T::one();
@@ -73,20 +73,20 @@ impl<T: Real> YarnSegment<T> {
 
     /// Integral of the highlight over u, mm^2.
     ///
-    /// Fibres mirror at all where `|D| <= 1`: with `d = phi - u` and
-    /// `phi = atan2(s_y, s_z)` that is `|sin d| <= |sin psi| |s| / hypot(s_y, s_z)`.
-    /// Integrating over d keeps s along the spine free of cancellation when
-    /// psi is small, and in the tangent of d/2 a node costs arithmetic alone.
+    /// Fibres can mirror where `|D| <= 1`: with `d = phi - u` and `phi = atan2(s_y, s_z)` that
+    /// is `|sin d| <= |sin psi| |s| / hypot(s_y, s_z)`. Integrating over d keeps s along the
+    /// spine free of cancellation when psi is small, and in the tangent of d/2 a node costs
+    /// arithmetic alone.
     pub(crate) fn staple_reflectance(&self, pair: &Pair<T>, rule: &Rule<T>) -> T {
         let (zero, one, two, half) = (T::zero(), T::one(), T::of(2.0), T::of(0.5));
         let p = (pair.s.y * pair.s.y + pair.s.z * pair.s.z).sqrt();
-        // Tangents of halves of angles add without an inverse function.
+        // Tangents of half angles add without an inverse function.
         let (phi, reach) = (pair.s.y / (p + pair.s.z), self.tan_half_u_max);
         let (mut low, mut high) = (
             (phi - reach) / (one + phi * reach),
             (phi + reach) / (one - phi * reach).larger(T::of(1e-6)),
         );
-        // Beyond a right angle the same holds once more; few directions get there.
+        // Beyond a right angle the same computation is repeated; few directions need it.
         let mut beyond = [(zero, zero); 2];
         let sin_limit = self.sin_psi.abs() * pair.s2.sqrt() / p;
         if sin_limit < one {
@@ -116,7 +116,7 @@ impl<T: Real> YarnSegment<T> {
         };
         let over = |t0: T, t1: T| {
             let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
-            // Four at a time and without branches, for the vector unit.
+            // Four at a time and without branches, so that the compiler vectorises the loop.
             let mut sums = [zero; 4];
             for (xs, ws) in rule.nodes() {
                 for lane in 0..4 {

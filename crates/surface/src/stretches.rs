@@ -1,4 +1,4 @@
-//! Where along a staple segment the highlight is both lit and seen.
+//! The parts of a staple segment where the highlight is both lit and seen.
 //!
 //! A place shows its highlight where three functions of it are positive: the
 //! cosines of both directions to the normal, and that of the angle around the
@@ -10,10 +10,10 @@
 
 use crate::real::Real;
 
-/// What must be positive at a place.
+/// The functions that must be positive at a place.
 pub(crate) type Facing<T> = [T; 3];
 
-/// The most separate stretches that are kept; four is the most ever met.
+/// The maximum number of separate stretches that are kept; at most four have been observed.
 const MAX_STRETCHES: usize = 8;
 
 /// Separate stretches of an interval, in ascending order.
@@ -41,7 +41,7 @@ impl<T: Real> Stretches<T> {
         &self.ends[..self.count]
     }
 
-    /// Adds a stretch behind the others, joined with the last one if they touch.
+    /// Appends a stretch, or joins it with the last one if they touch.
     fn push(&mut self, low: T, high: T) {
         if let Some(last) = self.ends[..self.count].last_mut()
             && last.1 >= low
@@ -54,9 +54,9 @@ impl<T: Real> Stretches<T> {
     }
 }
 
-/// How near to zero the turning point of a function may come, in second
-/// differences of the scanned values, before it may have crossed. Of 10,000 cases
-/// over the whole range of the model none was missed with 0.3, four with 0.1.
+/// The distance of a turning point from zero, in second differences of the scanned values,
+/// below which the function may have crossed zero. Of 10,000 cases over the whole range of the
+/// model none was missed with 0.3, four with 0.1.
 const TURNING_MARGIN: f64 = 0.3;
 
 /// Whether the values at scanned places, and their signs as bits, allow more than
@@ -118,8 +118,8 @@ pub(crate) fn may_hide<T: Real, const N: usize>(
 /// Places of the fine scan.
 const FINE: usize = 64;
 
-/// The most zeros that are kept; twenty-four is the most there can be, for
-/// squared each function is a trigonometric polynomial of degree four.
+/// The maximum number of zeros that are kept. There are at most twenty-four, because the square
+/// of each function is a trigonometric polynomial of degree four.
 const MAX_ZEROS: usize = 24;
 
 /// Every stretch of `[low, high]` on which all three functions are positive: their
@@ -144,7 +144,7 @@ pub(crate) fn search<T: Real>(low: T, high: T, facing: impl Fn(T) -> Facing<T>) 
             count += 1;
         }
     };
-    // One index picks a function both in the scan and anew.
+    // One index selects a function both in the scan and in new evaluations.
     #[allow(clippy::needless_range_loop)]
     for k in 0..3 {
         let f = |t: T| facing(t)[k];
@@ -182,7 +182,7 @@ pub(crate) fn search<T: Real>(low: T, high: T, facing: impl Fn(T) -> Facing<T>) 
 /// The zero between two places where a function differs in sign, by halving.
 fn crossing<T: Real>(mut a: T, mut b: T, f: impl Fn(T) -> T) -> T {
     let is_positive = f(a) > T::zero();
-    // More than the digits of a double.
+    // More steps than a double has binary digits.
     for _ in 0..60 {
         let middle = (a + b) * T::of(0.5);
         if (f(middle) > T::zero()) == is_positive {
@@ -194,14 +194,14 @@ fn crossing<T: Real>(mut a: T, mut b: T, f: impl Fn(T) -> T) -> T {
     (a + b) * T::of(0.5)
 }
 
-/// A place where a function that has one sign at both ends has the other: the
-/// golden section goes for its turning point and stops beyond zero.
+/// A place where a function with equal signs at both ends has the opposite sign: a
+/// golden-section search approaches its turning point and stops beyond zero.
 fn beyond_zero<T: Real>(mut a: T, mut b: T, f: impl Fn(T) -> T) -> Option<T> {
     let is_positive = f(a) > T::zero();
     let ratio = T::of(0.618_033_988_749_894_9);
     let inner = |a: T, b: T| [b - (b - a) * ratio, a + (b - a) * ratio];
-    // 0.618^40 is below the square root of a double's precision, all that a
-    // turning point can be known to.
+    // 0.618^40 is below the square root of the precision of a double, which limits the
+    // precision of a turning point.
     for _ in 0..40 {
         let [c, d] = inner(a, b);
         let (f_c, f_d) = (f(c), f(d));

@@ -1,12 +1,11 @@
-//! Transmission through the cloth: gaps between yarns, and light that yarns transmit
-//! on. The thesis has neither. [`MeasuredTransmission`](crate::MeasuredTransmission)
-//! fits the parameters to a measured cloth, real or voxels.
+//! Transmission through the cloth: gaps between yarns, and light that yarns transmit. The
+//! thesis has neither. [`MeasuredTransmission`](crate::MeasuredTransmission) fits the
+//! parameters to measurements of a real cloth or a volume.
 //!
-//! Light on its way through is symmetric in its two directions but for
-//! rounding (2e-4 of the value, tested over all presets), as reflected light
-//! is; gaps pass a ray straight on both ways alike. Reflected, transmitted and
-//! straight light together never exceed what comes in: tested to 89 degrees on
-//! both sides of all presets, with transmission and without.
+//! Transmitted light is symmetric in its two directions except for rounding (2e-4 of the value,
+//! tested over all presets), as reflected light is; gaps are equally transparent in both
+//! directions. Reflected, transmitted and straight light together never exceed the arriving
+//! light: tested to 89 degrees on both sides of all presets, with and without transmission.
 
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb, quadrature, warp};
@@ -30,11 +29,10 @@ pub struct Transmission {
 const STEPS: usize = 128;
 
 impl Transmission {
-    /// `warp_cover` and `weft_cover` are diameter over spacing of the yarns,
-    /// in `[0, 1]`; the cover factor of the cloth is 1 - (1 - K1)(1 - K2)
-    /// \[Peirce1937]. `diffuse` and `forward` are the shares of the light on
-    /// the yarns that each lobe passes on; `concentration` is that of the
-    /// forward lobe, a von Mises-Fisher density, in `[0, 1000]`.
+    /// `warp_cover` and `weft_cover` are diameter over spacing of the yarns, in `[0, 1]`; the
+    /// cover factor of the cloth is 1 - (1 - K1)(1 - K2) \[Peirce1937]. `diffuse` and `forward`
+    /// are the shares of the light on the yarns that each lobe transmits; `concentration` is
+    /// that of the forward lobe, a von Mises-Fisher density, in `[0, 1000]`.
     pub fn new(
         warp_cover: f32,
         weft_cover: f32,
@@ -68,14 +66,14 @@ impl Transmission {
     pub fn gap(&self, w: Vec3) -> f32 {
         let open = |across: f32, cover: f32| {
             let cos = w.z.abs() / across.hypot(w.z);
-            // Negated, so that a direction without a plane is closed.
+            // Negated, so that a direction without a plane counts as closed.
             if cos > cover { 1.0 - cover / cos } else { 0.0 }
         };
         open(w.x, self.warp_cover) * open(w.y, self.weft_cover)
     }
 
-    /// Share of the cloth that is yarn for both directions. The yarn that is
-    /// lit is taken to be the yarn that is seen, as far as there is enough.
+    /// Share of the cloth that is yarn for both directions. The lit yarn and the visible yarn
+    /// are assumed to coincide as far as possible.
     #[inline]
     pub fn covered(&self, w_in: Vec3, w_out: Vec3) -> f32 {
         1.0 - self.gap(w_in).max(self.gap(w_out))
@@ -123,19 +121,19 @@ impl Transmission {
         self.forward
     }
 
-    /// Mean share passed on.
+    /// Mean transmitted share.
     pub fn albedo(&self) -> Rgb {
         self.diffuse + self.forward
     }
 
-    /// How the two lobes should share samples: the part of the forward one.
+    /// The probability of sampling the forward lobe instead of the diffuse one.
     fn forward_share(&self) -> f32 {
         let (d, f) = (self.diffuse.mean(), self.forward.mean());
         if f > 0.0 { f / (d + f) } else { 0.0 }
     }
 
-    /// A direction on the other side of the cloth from `w_out`, or on the same
-    /// side when the forward lobe spills over the horizon: worth nothing.
+    /// A direction on the other side of the cloth from `w_out`, or on the same side, with no
+    /// value, when the forward lobe reaches over the horizon.
     pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
         if rng.unit() < self.forward_share() {
             let u = rng.unit2();
@@ -170,7 +168,7 @@ impl Transmission {
         } else {
             k / (TAU * (1.0 - (-2.0 * k).exp()))
         };
-        // |w_in + w_out|^2 / 2 = 1 + cos keeps its digits near straight on.
+        // |w_in + w_out|^2 / 2 = 1 + cos keeps its precision near the straight direction.
         norm * (-0.5 * k * (w_in + w_out).length_squared()).exp()
     }
 

@@ -1,9 +1,9 @@
 //! Gaps and transmitted lobes fitted to measurements of a cloth.
 //!
-//! On the volume of organza, sheer cloth, the fit is within 0.015 of the direct
-//! transmittance out to 55 degrees (at 70 it has 0.04 for 0.15: round yarns
-//! shut the view sooner than flat ones) and within 14 percent, root mean
-//! square over 17 directions, of the hemispherical transmittance.
+//! For the volume of organza, a sheer cloth, the fit is within 0.015 of the direct
+//! transmittance up to 55 degrees (at 70 degrees it gives 0.04 instead of 0.15: round yarns
+//! close the view sooner than flat ones) and within 14 percent, root mean square over 17
+//! directions, of the hemispherical transmittance.
 
 use crate::error::Error;
 use crate::sequence::sequence;
@@ -16,23 +16,22 @@ use organza_basis::{PathRng, Rgb, warp};
 /// unit vectors away from the cloth.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasuredTransmission {
-    /// Direct transmittance from directions: light that met nothing.
+    /// Direct transmittance from directions: light that met no yarn.
     pub direct: Vec<(Vec3, f32)>,
     /// Directional-hemispherical transmittance of light that was scattered.
     pub scattered: Vec<(Vec3, Rgb)>,
-    /// Transmitted value of pairs on opposite sides, 1/sr: they tell how much
-    /// of the light keeps its direction. Without them all of it is diffuse.
+    /// Transmitted value of pairs on opposite sides, 1/sr: they determine how much of the light
+    /// keeps its direction. Without them all transmitted light is diffuse.
     pub pairs: Vec<(Vec3, Vec3, Rgb)>,
 }
 
-/// Draws that each transmittance of a trial is integrated with.
+/// Number of samples for each transmittance of a trial.
 const DRAWS: usize = 2048;
 
 impl MeasuredTransmission {
-    /// The parameters that fit best: cover factors by least squares over the
-    /// direct transmittance, concentration and share of the forward lobe over
-    /// the pairs, both albedos over the hemispherical transmittance, which they
-    /// keep on the mean.
+    /// The parameters that fit best: cover factors by least squares over the direct
+    /// transmittance, concentration and share of the forward lobe over the pairs, both albedos
+    /// over the hemispherical transmittance, whose mean they reproduce.
     ///
     /// # Errors
     /// When there is no direct or no scattered transmittance, or one is not a
@@ -98,7 +97,7 @@ impl MeasuredTransmission {
                 *best = (e, cover);
             }
         };
-        // Closed yarn first, so that a cloth without gaps is found closed.
+        // The search starts at full cover, so that a cloth without gaps is fitted without gaps.
         for i in 0..=16 {
             for j in 0..=16 {
                 let open = Vec2::new(i as f32, j as f32) / 16.0;
@@ -161,7 +160,7 @@ impl MeasuredTransmission {
             } else {
                 (dy / dd, 0.0)
             };
-            // Neither lobe takes light away.
+            // Neither lobe may be negative.
             if d < 0.0 {
                 (d, f) = (0.0, fy / ff);
             } else if f < 0.0 {
@@ -183,7 +182,7 @@ pub(crate) fn covered(cloth: &Transmission, w_in: Vec3, w_out: Vec3) -> f32 {
 
 /// Scattered light from `w` that leaves on the other side.
 fn transmittance(cloth: &Transmission, w: Vec3) -> f32 {
-    // Half the draws go by the cosine, half as the lobes have it.
+    // Half the samples follow the cosine, half the lobes.
     let mut rng = PathRng::from_seed(0);
     let mut sum = 0.0;
     for [a, b] in sequence::<2>(DRAWS) {

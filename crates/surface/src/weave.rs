@@ -1,5 +1,4 @@
-//! From a weave draft to the visible segments of yarn and the place of a point
-//! among them.
+//! The visible segments of yarn of a weave draft, and the lookup of a point among them.
 
 use crate::error::Error;
 use glam::{UVec2, Vec2, Vec2Swizzles};
@@ -14,24 +13,24 @@ pub enum Yarn {
     Weft,
 }
 
-/// Which yarn is on top at every crossing, and how wide and far apart yarns are.
+/// The yarn on top at every crossing, and the widths and distances of yarns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weave {
-    /// One text per weft yarn, the top of the picture first; one character per
-    /// warp yarn, `1` (or `X`) where the warp is on top and `0` (or `.`) where
-    /// the weft is. None at all stands for the draft of the cloth.
+    /// One text per weft yarn, the top of the picture first; one character per warp yarn, `1`
+    /// (or `X`) where the warp is on top and `0` (or `.`) where the weft is. An empty list
+    /// stands for the draft of the cloth.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub draft: Vec<String>,
     /// Distance between the middles of neighbouring warp yarns, mm.
     pub warp_pitch_mm: f64,
     /// Distance between the middles of neighbouring weft yarns, mm.
     pub weft_pitch_mm: f64,
-    /// Visible width of a warp yarn, mm; the pitch if it is not given. What a
-    /// narrower yarn leaves free shows the other yarns.
+    /// Visible width of a warp yarn, mm; the pitch by default. Beside a narrower yarn the other
+    /// yarns are visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warp_width_mm: Option<f64>,
-    /// Visible width of a weft yarn, mm; the pitch if it is not given.
+    /// Visible width of a weft yarn, mm; the pitch by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weft_width_mm: Option<f64>,
 }
@@ -78,7 +77,7 @@ impl Weave {
 /// One visible piece of a yarn in the tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedSegment {
-    /// Which system it belongs to.
+    /// The system that it belongs to.
     pub yarn: Yarn,
     /// Lower left corner, mm, in the tile; the rectangle may reach over the
     /// tile's edge into its next copy.
@@ -89,7 +88,7 @@ pub struct PlacedSegment {
     pub length_mm: f32,
 }
 
-/// Where a point of the cloth lies.
+/// The position of a point of the cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
     /// Index into [`Tiling::segments`].
@@ -99,7 +98,7 @@ pub struct Spot {
     pub across_mm: f32,
     /// Distance from the middle along the yarn, mm.
     pub along_mm: f32,
-    /// Which copy of the tile holds the segment's corner, counted in x and y.
+    /// The copy of the tile that holds the corner of the segment, counted in x and y.
     pub copy: [i32; 2],
 }
 
@@ -109,14 +108,15 @@ pub struct Tiling {
     segments: Vec<PlacedSegment>,
     /// Middle of every segment, mm.
     middles_mm: Vec<Vec2>,
-    /// Segment at each strip: yarn strips and the free strips between them
-    /// alternate in both directions. The highest bit, the yarn's, is set for
-    /// weft, the next where the segment began in the copy of the tile before.
+    /// Segment at each strip: yarn strips and the free strips between them alternate in both
+    /// directions. The highest bit is set for weft, the next where the segment began in the
+    /// previous copy of the tile.
     owner: Vec<u32>,
     columns: usize,
     rows: usize,
     pitch_mm: Vec2,
-    /// Where free space begins after the edge of a yarn; infinite if nowhere.
+    /// The position where free space begins after the edge of a yarn; infinite if there is
+    /// none.
     free_from_mm: Vec2,
     yarns_per_mm: Vec2,
     period_mm: Vec2,
@@ -127,19 +127,18 @@ pub struct Tiling {
 const WEFT: u32 = 1 << 31;
 const WRAPPED: u32 = 1 << 30;
 
-/// The most crossings of a draft: a jacquard of 4,000 by 4,000 ends and picks.
+/// The maximum number of crossings of a draft: a jacquard of 4,000 by 4,000 ends and picks.
 const MAX_CROSSINGS: usize = 1 << 24;
 
 impl Tiling {
     /// Cuts a weave into its segments.
     ///
-    /// A segment is a run of strips over which one yarn stays on top; runs go
-    /// around the repeat, and a yarn that never dips is cut once a repeat.
+    /// A segment is a run of strips over which one yarn stays on top; runs continue around the
+    /// repeat, and a yarn that never dips is cut once per repeat.
     ///
-    /// # Errors
-    /// On a draft that is empty, ragged or too large, on pitches and widths
-    /// out of range, and when both systems are narrower than their pitch: the
-    /// holes of an open cloth are the transmission's business.
+    /// # Errors On a draft that is empty, ragged or too large, on pitches and widths out of
+    /// range, and when both systems are narrower than their pitch, because transmission
+    /// describes the holes of an open cloth.
     pub fn new(weave: &Weave) -> Result<Tiling, Error> {
         let up = weave.warp_up()?;
         Self::build(weave, &up)
@@ -232,7 +231,7 @@ impl Tiling {
     ) {
         let count = 2 * crossings;
         let extent = |strip: usize| strips[strip % 2];
-        // Begin after a dip, so that no run is cut where the repeat ends.
+        // Begin after a dip, so that no run is cut at the end of the repeat.
         let first = (0..count).find(|&s| !on_top(s)).map_or(0, |s| s + 1);
         let mut s = 0;
         while s < count {
@@ -320,8 +319,8 @@ impl Tiling {
         let sy = strip(p.y, per_mm.y, pitch.y, free_from.y, self.rows);
         let owner = self.owner[sy * 2 * self.columns + sx];
         let segment = (owner & !(WEFT | WRAPPED)) as usize;
-        // Without branches, which no processor could foretell: the weft is
-        // turned, and a run that goes around the repeat began in the copy before.
+        // Without branches, which would be unpredictable: the weft is turned, and a run that
+        // continues around the repeat began in the previous copy.
         let (weft, wrapped) = (owner >> 31, owner >> 30 & 1);
         let turn = UVec2::new(weft, 1 - weft) * wrapped;
         copy[0] = copy[0].wrapping_sub(turn.x as i32);
@@ -339,7 +338,7 @@ impl Tiling {
     }
 }
 
-/// Largest integer not above `x`, without a call.
+/// Largest integer not above `x`, without a function call.
 #[inline(always)]
 pub(crate) fn floor(x: f32) -> i32 {
     let i = x as i32;

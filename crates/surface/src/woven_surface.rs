@@ -1,4 +1,4 @@
-//! The whole cloth: two faces, gaps, transmission, and how to sample them.
+//! The whole cloth: two faces, gaps, transmission, and their sampling.
 
 use crate::cone::Fibres;
 use crate::energy::EnergyBound;
@@ -17,10 +17,9 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Irawan's model of a woven cloth \[Irawan2008], two-sided.
 ///
-/// Samples follow the highlights: cones of the fibres at a point, half vectors
-/// of the whole cloth in the mean. How many samples by the cosine have the
-/// variance of one (albedo estimates, mean over views;
-/// `tests/woven_surface`):
+/// Samples follow the highlights: cones of the fibres at a point, half vectors of the whole
+/// cloth in the mean. The table gives the number of cosine-weighted samples with the variance
+/// of one such sample (albedo estimates, mean over views; `tests/woven_surface`):
 ///
 /// | fabric | mean | texture |
 /// |---|---|---|
@@ -35,7 +34,7 @@ pub struct WovenSurface {
     sides: [Side; 2],
     transmission: Option<Transmission>,
     gain: f32,
-    /// True without gaps and where no direction needs its energy bounded.
+    /// True without gaps and where no direction needs the energy bound.
     is_plain: bool,
     /// Two over the longer side of the repeat, 1/mm.
     far_slope: f32,
@@ -52,8 +51,8 @@ struct Side {
     bound: EnergyBound,
 }
 
-/// What lies under a footprint: how much the mean counts, and the segment at
-/// its middle unless the mean is all.
+/// The surface under a footprint: the weight of the mean, and the segment at its middle unless
+/// the mean has the full weight.
 struct Under<'a> {
     far: f32,
     local: Option<(Local<'a>, Fibres)>,
@@ -61,7 +60,7 @@ struct Under<'a> {
 
 /// Probabilities of the specular, diffuse and transmitted part by their weights.
 fn choices((specular, diffuse): (f32, f32), transmitted: f32) -> [f32; 3] {
-    // The diffuse part also covers what the half vectors miss.
+    // The diffuse part also covers directions that the half vectors miss.
     let diffuse = diffuse.max(0.1 * specular);
     let total = specular + diffuse + transmitted;
     if total > 0.0 {
@@ -72,8 +71,8 @@ fn choices((specular, diffuse): (f32, f32), transmitted: f32) -> [f32; 3] {
 }
 
 impl WovenSurface {
-    /// Builds the model: segments of both faces, the specular gain, tables for
-    /// sampling; takes some tens of milliseconds.
+    /// Builds the model: segments of both faces, the specular gain, tables for sampling. This
+    /// takes tens of milliseconds.
     ///
     /// # Errors
     /// Names the parameter that is out of range, and refuses cloth that would return more
@@ -150,9 +149,9 @@ impl WovenSurface {
         self.sides[0].face.tiling()
     }
 
-    /// Place in the surface's own pattern of a cloth whose first threads begin at
-    /// `tile_min_mm`. A volume has its yarns in the middle of their pitch, the
-    /// pattern at its beginning.
+    /// Position in the pattern of the surface of a cloth whose first threads begin at
+    /// `tile_min_mm`. In a volume yarns lie in the middle of their pitch, in the pattern at its
+    /// beginning.
     pub fn origin_mm(&self, tile_min_mm: Vec2) -> Vec2 {
         let tiling = self.tiling();
         let before = |yarn: Yarn| {
@@ -188,8 +187,8 @@ impl WovenSurface {
         }
     }
 
-    /// How much the mean replaces the texture: from nothing when the footprint
-    /// is half a repeat to all when it is a whole one.
+    /// The weight of the mean against the texture: from 0 at a footprint of half a repeat to 1
+    /// at a whole repeat.
     #[inline]
     fn far_share(&self, width_mm: f32) -> f32 {
         let x = (width_mm * self.far_slope - 1.0).clamp(0.0, 1.0);
@@ -235,8 +234,8 @@ impl WovenSurface {
         specular * highlight + diffuse * w_in.z * FRAC_1_PI
     }
 
-    /// Draws a direction for light that leaves along `w_out`, above the side, of
-    /// which `gap` went straight on; with its density.
+    /// Draws a direction, with its density, for light that leaves along `w_out`, above the
+    /// side; the share `gap` of the light passed straight through.
     #[inline]
     fn draw_scattered(
         &self,
@@ -275,7 +274,7 @@ impl WovenSurface {
         (pdf > 0.0 && pdf.is_finite()).then_some((w_in, pdf))
     }
 
-    /// What lies under a footprint, for light that leaves along `w_out`.
+    /// The surface under a footprint, for light that leaves along `w_out`.
     #[inline]
     fn under<'a>(
         &self,
@@ -333,7 +332,7 @@ pub(crate) fn behind(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, w.y, -w.z)
 }
 
-/// True for a direction that a surface can be asked about.
+/// True for a direction for which the surface is defined.
 fn is_usable(w: Vec3) -> bool {
     w.is_finite() && w.z != 0.0
 }
@@ -367,8 +366,9 @@ impl Surface for WovenSurface {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// Gaps are drawn again, as often as a ray that met yarn is rare, so that the
-    /// mean number of draws per arriving ray is one.
+    /// Draws until the ray meets yarn. Only the share 1 - gap of the arriving rays calls this
+    /// function, and each call takes 1 / (1 - gap) draws on average, so the mean number of
+    /// draws per arriving ray is one.
     fn sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
         if self.gap(w_out) >= 1.0 {
             return None;
