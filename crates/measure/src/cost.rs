@@ -1,40 +1,36 @@
-//! What a picture costs, and which of several ways to make it are worth
-//! anything.
+//! The cost of a picture, and the choice among several ways to make it.
 
-/// What one way to make a picture costs.
+/// The cost of one way to make a picture.
 ///
-/// The squared relative noise of a picture falls with the time spent on it, so
-/// one number stands for how fast a way is: the seconds that bring it to 1,
-/// which is one over the efficiency.
+/// The squared relative noise of a picture falls with the time spent on it, so one number
+/// describes the speed of a way: the seconds that bring it to 1, the inverse of the efficiency.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cost {
     /// Seconds before the first path: geometry, voxels, tables.
     pub setup_s: f64,
-    /// Seconds of tracing times the squared relative noise that they leave.
+    /// Seconds of tracing times the squared relative noise of the result.
     pub noise_s: f64,
-    /// Most memory that is ever needed.
+    /// Peak memory.
     pub memory_bytes: u64,
 }
 
 impl Cost {
-    /// Seconds until the error, that of the model and that of noise together
-    /// (root of the sum of squares), is at most `tolerance`; `None` when the
-    /// model's alone is not below it.
+    /// Seconds until the error, the root of the summed squares of model error and noise, is at
+    /// most `tolerance`; `None` when the model error alone is not below it.
     pub fn seconds_within(&self, tolerance: f64, model_error: f64) -> Option<f64> {
         let left = tolerance * tolerance - model_error * model_error;
         (left > 0.0 && model_error >= 0.0).then(|| self.setup_s + self.noise_s / left)
     }
 
-    /// The error that is left after some seconds; `None` before the first path.
+    /// The error after some seconds; `None` before the first path.
     pub fn error_after(&self, seconds: f64, model_error: f64) -> Option<f64> {
         let tracing_s = seconds - self.setup_s;
         (tracing_s > 0.0).then(|| (model_error * model_error + self.noise_s / tracing_s).sqrt())
     }
 }
 
-/// Which points no other point beats: none is at most as large in every
-/// coordinate and smaller in one. Points with a coordinate that is no number
-/// are never among them.
+/// The Pareto front: the points for which no other point is at most as large in every
+/// coordinate and smaller in one. Points with a NaN coordinate are never in the front.
 pub fn pareto_front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
     let valid = |p: &[f64; N]| p.iter().all(|x| !x.is_nan());
     let beats =
@@ -45,22 +41,20 @@ pub fn pareto_front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
         .collect()
 }
 
-/// How a cost grows with a size: as `size ^ exponent`.
+/// The growth of a cost with a size: as `size ^ exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Growth {
     /// The exponent that fits all sizes best.
     pub exponent: f64,
-    /// Its standard error, from how far the costs lie off the fitted line; of two
-    /// points nothing is known.
+    /// Its standard error, from the distances of the costs from the fitted line; unknown for
+    /// two points.
     pub standard_error: Option<f64>,
-    /// The exponent between the two largest sizes, where what does not grow
-    /// counts least.
+    /// The exponent between the two largest sizes, where constant costs matter least.
     pub last_exponent: f64,
 }
 
-/// The exponent of costs over sizes, by least squares in their logarithms;
-/// `None` for a single size, or values that are not
-/// positive. Sizes rise.
+/// The exponent of costs over sizes, by least squares in their logarithms; `None` for a single
+/// size, or values that are not positive. Sizes must increase.
 pub fn growth(points: &[(f64, f64)]) -> Option<Growth> {
     let usable = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
     let [.., before, last] = points else {

@@ -1,4 +1,4 @@
-//! Search within bounds, and the uncertainty of the answer.
+//! Search within bounds, and the uncertainty of the result.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
@@ -24,20 +24,20 @@ pub struct Determined {
     pub name: String,
     /// The best value.
     pub value: f64,
-    /// Standard error, from the curvature at the best value and the range
-    /// taken for a flat prior of the same variance.
+    /// Standard error, from the curvature at the best value and a normal prior with the
+    /// variance of a uniform distribution over the range.
     pub se: f64,
-    /// Whether the data narrows the range to less than half; if not, the data
-    /// does not fix this parameter.
+    /// Whether the data narrows the range to less than half; if not, the data does not
+    /// determine this parameter.
     pub is_fixed: bool,
 }
 
-/// How long to search, and how.
+/// The length and steps of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patience {
-    /// Places looked at all over the range before the descents.
+    /// Places evaluated all over the range before the descents.
     pub scan: u32,
-    /// Most places that each descent looks at.
+    /// Maximum number of places that each descent evaluates.
     pub steps: u32,
     /// Step of difference quotients as a share of the range: large enough to
     /// stand out from the noise of residuals.
@@ -73,16 +73,16 @@ impl Bound {
 /// The best place so far and its sum of squares.
 type Best = (Vec<f64>, f64);
 
-/// One descent, as the library sees it.
+/// One descent, in the form that the library requires.
 struct Descent<'a, 'b> {
     bounds: &'a [Bound],
     residuals: RefCell<&'a mut Residuals<'b>>,
     best: RefCell<&'a mut Best>,
-    /// Places that may still be looked at.
+    /// Number of places that may still be evaluated.
     left: RefCell<u32>,
     stride: f64,
     x: DVector<f64>,
-    /// Residuals at `x`; those of the place before where it has none.
+    /// Residuals at `x`, or those of the previous place if the model fails at `x`.
     at_x: Option<DVector<f64>>,
 }
 
@@ -113,7 +113,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_, '_> {
 
     fn set_params(&mut self, x: &DVector<f64>) {
         self.x.copy_from(x);
-        // A place without an answer is a bad one, which shortens the step.
+        // A place where the model fails counts as a bad one, which shortens the step.
         let found = self.look(x);
         self.at_x = found.or_else(|| self.at_x.take().map(|r| r * 1e3));
     }
@@ -133,7 +133,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_, '_> {
         }
         let mut matrix = DMatrix::zeros(base.len(), self.x.len());
         for (k, b) in self.bounds.iter().enumerate() {
-            // As far in the coordinate as the stride is in the value, inwards.
+            // A step in the coordinate that changes the value by the stride, inwards.
             let value = b.value(self.x[k]);
             let stride = self.stride * (b.high - b.low);
             let inward = if value < 0.5 * (b.low + b.high) {
@@ -151,10 +151,10 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_, '_> {
     }
 }
 
-/// Least squares within bounds: a look at places spread evenly over the range
-/// [Roberts2018], then descents [Marquardt1963] from the start and from the
-/// best places seen. Deterministic. Gives the place and its sum of squares,
-/// which is infinite when no place had an answer.
+/// Least squares within bounds: a scan of places spread evenly over the range [Roberts2018],
+/// then descents [Marquardt1963] from the start and from the best places of the scan.
+/// Deterministic. Returns the best place and its sum of squares, which is infinite when the
+/// model failed everywhere.
 pub fn search(
     bounds: &[Bound],
     patience: &Patience,
@@ -201,7 +201,7 @@ pub fn search(
             at_x: None,
         };
         descent.set_params(&x);
-        // How it ended does not matter: the best place is kept on the way.
+        // The outcome does not matter: the best place is recorded on the way.
         let _ = LevenbergMarquardt::new()
             .with_ftol(TOLERANCE)
             .with_xtol(TOLERANCE)
@@ -222,7 +222,7 @@ pub fn determine(
 ) -> Vec<Determined> {
     let n = bounds.len();
     let prior = |b: &Bound| (b.high - b.low).powi(2) / 12.0;
-    // Curvature in units of the prior's deviation, so that it is well scaled.
+    // Curvature in units of the standard deviation of the prior, so that it is well scaled.
     let mut matrix = DMatrix::<f64>::identity(n, n);
     for (i, (a, p)) in columns.iter().zip(bounds).enumerate() {
         for (j, (b, q)) in columns.iter().zip(bounds).enumerate() {
@@ -249,8 +249,8 @@ pub fn determine(
         .collect()
 }
 
-/// Non-negative least squares of a few columns, exactly: the best of all
-/// choices of columns whose own solution is positive [Lawson1974].
+/// Exact non-negative least squares of a few columns: the best of all choices of columns whose
+/// solution is positive [Lawson1974].
 pub fn non_negative(columns: &[Vec<f64>], target: &[f64]) -> (Vec<f64>, f64) {
     let n = columns.len();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();

@@ -1,9 +1,9 @@
 //! The surface model that matches a list of measured pairs.
 //!
-//! The model is linear in its colours: for every shape of the yarns they come
-//! from non-negative least squares, and only the shape is searched for
-//! [Golub1973]. What pairs of a whole patch cannot tell apart, the diffuse
-//! colours of warp and weft, keeps the proportion that it had.
+//! The model is linear in its colours: for every shape of the yarns, non-negative least squares
+//! gives the colours, and only the shape is searched for [Golub1973]. Pairs of a whole patch
+//! cannot distinguish the diffuse colours of warp and weft, so these keep the proportion of the
+//! start.
 
 use crate::PairValue;
 use crate::fit::{Bound, Determined, Patience, determine, non_negative, search};
@@ -19,8 +19,7 @@ pub struct FittedSurface {
     pub spec: SurfaceSpec,
     /// Every parameter with its uncertainty from the data.
     pub parameters: Vec<Determined>,
-    /// Root mean square of the weighted residuals: about one tenth of it is a
-    /// relative error.
+    /// Root mean square of the weighted residuals; a tenth of it is about the relative error.
     pub residual: f64,
     /// Median relative error of all channels of all pairs that reflect.
     pub median_relative: f64,
@@ -29,7 +28,7 @@ pub struct FittedSurface {
 /// Why a fit failed.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
-    /// Nothing to fit to.
+    /// There is no data to fit to.
     #[error("the data has no pair with light and exitant direction on the face")]
     NoReflection,
     /// The start is not a valid surface.
@@ -40,25 +39,25 @@ pub enum FitError {
     Shape,
 }
 
-/// Share of a value that the model is not expected to know: what pairs weigh
-/// is their relative error once noise is below it.
+/// Relative error that the model is expected to have: once the noise is smaller, the weight of
+/// a pair is that of its relative error.
 const RELATIVE_WEIGHT: f64 = 0.1;
 
 /// Share of the mean value below which errors count absolutely.
 const FLOOR: f64 = 0.02;
 
-/// Twist that fibres along the yarn are given to begin with, degrees.
+/// Initial twist of fibres along the yarn, degrees.
 const SMALL_TWIST_DEG: f64 = 8.0;
 
-/// Flat diffuse light of both yarns, highlights of warp and weft, their round
+/// The components: flat diffuse light of both yarns, highlights of warp and weft, their round
 /// diffuse light, two kinds of transmission.
 const COMPONENTS: usize = 7;
 
-/// Where transmission begins among them.
+/// Index of the first component of transmission.
 const FIRST_TRANSMITTED: usize = 5;
 
-/// Fits a surface, starting from a complete section. `watch` is called after every
-/// place that was looked at.
+/// Fits a surface, starting from a complete section. `watch` is called after every evaluated
+/// place.
 ///
 /// # Errors
 /// See [`FitError`].
@@ -78,8 +77,8 @@ pub fn fit_surface(
     if !data.iter().any(is_front) {
         return Err(FitError::NoReflection);
     }
-    // Fibres along the yarn, as they start, or a little across it, which also
-    // stands for fibres that are rough: the data decides.
+    // Fibres along the yarn, as in the start, or slightly across it, which also represents
+    // rough fibres: the data decides.
     let mut twisted = start.clone();
     for yarn in [&mut twisted.warp, &mut twisted.weft] {
         let psi = yarn.psi_deg.filter(|&p| p != 0.0);
@@ -97,7 +96,7 @@ pub fn fit_surface(
     }
 }
 
-/// The best surface of the kind of yarns that the start has.
+/// The best surface with the kinds of yarn of the start.
 fn descend(
     start: &SurfaceSpec,
     data: &[PairValue],
@@ -111,7 +110,7 @@ fn descend(
         let columns = problem.columns(place).ok()?;
         Some(problem.solve(&columns).1)
     });
-    // Without a place, the start's own words are the best that there are.
+    // Without any place, the error of the start is the most helpful one.
     let columns = problem.columns(&place)?;
     if !least.is_finite() {
         return Err(FitError::Shape);
@@ -128,8 +127,7 @@ fn descend(
     })
 }
 
-/// The same with colours lowered until the cloth gives back no more light than
-/// it gets.
+/// The same with colours reduced until the cloth returns no more light than it receives.
 fn buildable(mut spec: SurfaceSpec) -> Result<SurfaceSpec, FitError> {
     for _ in 0..100 {
         match spec.clone().build() {
@@ -157,12 +155,12 @@ struct Problem<'a> {
     data: &'a [PairValue],
     /// One over the expected error, per pair and channel.
     weights: Vec<[f64; 3]>,
-    /// Share of the diffuse light of each channel that warp and weft have.
+    /// Shares of warp and weft in the diffuse light of each channel.
     diffuse: [[f64; 3]; 2],
     has_transmission: bool,
 }
 
-/// Colours per channel and component, highlights without their gain.
+/// Colours per channel and component; highlights without their gain.
 type Colours = [[f64; COMPONENTS]; 3];
 
 /// Weighted values for colours of one, per channel and component.
@@ -220,7 +218,7 @@ impl<'a> Problem<'a> {
             add(key("beta"), -5.0, 15.0, spec.beta);
         }
         if let Some(weave) = &self.start.weave {
-            // Crowns stand at most half a yarn over the others.
+            // Crowns stand at most half a yarn above the other system.
             let most = 0.5 * weave.warp_pitch_mm.min(weave.weft_pitch_mm);
             let own = self.start.shadowing.as_ref();
             let height = own.map_or(0.1 * most, |s| s.warp_above_weft_mm);
@@ -287,7 +285,7 @@ impl<'a> Problem<'a> {
         Components::new(&self.shape(place).parameters()?)
     }
 
-    /// What each colour is multiplied by at a place.
+    /// The factors of each colour at a place.
     fn columns(&self, place: &[f64]) -> Result<Columns, organza_surface::Error> {
         let components = self.components(place)?;
         let eval = |v: &PairValue| {
@@ -320,8 +318,7 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The best colours and the weighted residuals that they leave, channel
-    /// after channel.
+    /// The best colours and their weighted residuals, channel after channel.
     fn solve(&self, columns: &Columns) -> (Colours, Vec<f64>) {
         let mut colours = [[0.0; COMPONENTS]; 3];
         let mut residuals = Vec::with_capacity(3 * self.data.len());

@@ -5,17 +5,17 @@ use organza_basis::{Moments, Rgb};
 use organza_transport::Stats;
 use rayon::prelude::*;
 
-/// How much to trace for every pair.
+/// The number of paths for every pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
-    /// Paths per pair, or the most of them when there is a target.
+    /// Paths per pair; with a target error, the maximum.
     pub paths: u64,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Stop when the standard error of every channel is at most this: as a
-    /// share of its value for a BSDF, as a share of the incident light for
-    /// where light goes. Looked at after 1024 paths and whenever their number
-    /// has doubled, so that stopping hardly depends on single paths.
+    /// Stop when the standard error of every channel is at most this: as a share of its value
+    /// for a BSDF, as a share of the incident light for albedos. It is evaluated after 1024
+    /// paths and whenever their number has doubled, so that stopping hardly depends on single
+    /// paths.
     pub target_error: Option<f64>,
 }
 
@@ -48,7 +48,7 @@ pub struct PairValue {
     pub paths: u64,
 }
 
-/// Where the light of one direction goes: shares that add to one.
+/// The shares of the light from one direction, which add to one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Albedo {
     /// Toward the light.
@@ -57,7 +57,7 @@ pub struct Albedo {
     pub reflected: Measured,
     /// Directional-hemispherical transmittance of what was scattered.
     pub transmitted: Measured,
-    /// Direct transmittance: what met nothing.
+    /// Direct transmittance: light that met nothing.
     pub direct: Measured,
     /// Absorptance.
     pub absorbed: Measured,
@@ -79,15 +79,15 @@ pub struct Results<T> {
 /// Why a measurement failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeasureError {
-    /// Too little for a standard error.
+    /// Too few paths for a standard error.
     #[error("{0} paths per pair give no standard error; expected at least 2")]
     TooFewPaths(u64),
-    /// Extinctions above their bound: the values would be biased.
+    /// Extinctions exceeded their bounds, so the values would be biased.
     #[error("{violations} of {lookups} look-ups exceeded their majorant; values would be biased")]
     MajorantViolations {
-        /// How many.
+        /// Number of violations.
         violations: u64,
-        /// Out of how many.
+        /// Number of look-ups.
         lookups: u64,
     },
     /// Estimates that are not finite; leaving them out would bias the mean.
@@ -96,7 +96,7 @@ pub enum MeasureError {
 }
 
 impl MeasureError {
-    /// Whether the counts of a measurement leave it without bias.
+    /// Checks that the counts of a measurement exclude a bias.
     pub(crate) fn check(stats: &Stats) -> Result<(), MeasureError> {
         if stats.majorant_violations > 0 {
             return Err(MeasureError::MajorantViolations {
@@ -111,11 +111,11 @@ impl MeasureError {
     }
 }
 
-/// Paths traced by one thread in one go, and before the first look at the
-/// error. Fixed, so that sums are added in one order whatever the threads.
+/// Paths that one thread traces at a time, and before the first evaluation of the error. The
+/// number is fixed, so that the order of sums does not depend on the threads.
 const CHUNK: u64 = 1024;
 
-/// Paths of one item between two sums over its chunks: bounds their memory.
+/// Paths of one item between two sums over its chunks; this bounds the memory of the chunks.
 const MAX_AT_ONCE: u64 = 1 << 22;
 
 /// Streams of random numbers that belong to directions, not to pairs.
@@ -143,7 +143,7 @@ pub fn measure_pairs(
     } else {
         *effort
     };
-    // A value of zero has not been seen yet, whatever its error.
+    // A value of zero has not converged, whatever its error.
     let enough =
         |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
     gather(pairs, 0, &effort, &enough, watch, &|pair: &Pair| {
@@ -173,7 +173,7 @@ pub fn measure_pairs(
     })
 }
 
-/// Measures where light from each direction goes.
+/// Measures the shares of the light from each direction.
 ///
 /// # Errors
 /// See [`MeasureError`].
@@ -224,8 +224,8 @@ pub fn measure_albedos(
     })
 }
 
-/// Openness of the cloth, the share of light along the normal that meets
-/// nothing, with its standard error. One minus it is the cover factor.
+/// The openness of the cloth, with its standard error: the share of light along the normal that
+/// meets nothing. The cover factor is one minus the openness.
 ///
 /// # Errors
 /// See [`MeasureError`].
@@ -246,11 +246,10 @@ pub fn measure_openness(
     Ok(direct.map_or((0.0, f64::INFINITY), |d| (d.mean[0], d.se[0])))
 }
 
-/// `N` colours at a time for every item: means and deviations, in order.
+/// Means and standard errors of `N` colours for every item, in order.
 pub(crate) type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
 
-/// Measures every item. An estimate gives the values of all paths that are named,
-/// in order.
+/// Measures every item. An estimate gives the values of all given paths, in order.
 pub(crate) fn gather<T: Sync, const N: usize, E>(
     items: &[T],
     first_stream: u64,

@@ -1,9 +1,8 @@
 //! The BSDF between the patches of the Klems basis [Klems1994], as daylighting
 //! programs use it: rings of equal patches over each hemisphere, four matrices.
 //!
-//! A patch that a ray comes from and the patch that it reaches unscattered,
-//! straight on or mirrored, have the same number. Front is the face of the
-//! cloth.
+//! The patch from which a ray arrives and the patch that it reaches unscattered, straight or
+//! mirrored, have the same number. The front is the face of the cloth.
 
 use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames};
 use glam::Vec3;
@@ -23,7 +22,7 @@ pub enum KlemsBasis {
     Quarter,
 }
 
-/// A ring of patches: its lower edge and how many there are.
+/// A ring of patches: its lower edge and the number of patches.
 type Ring = (f64, u16);
 
 const FULL: [Ring; 9] = [
@@ -94,8 +93,8 @@ impl KlemsPatch {
     }
 }
 
-/// Whether a direction is where light comes from or where it goes: the two
-/// have opposite azimuths, which puts unscattered light on the diagonal.
+/// Whether a direction is that of arriving or of leaving light. The two have opposite azimuths,
+/// so that unscattered light lies on the diagonal.
 #[derive(Clone, Copy, PartialEq)]
 enum Role {
     From,
@@ -150,7 +149,7 @@ impl KlemsBasis {
         list
     }
 
-    /// The patch that a direction of light that leaves lies in.
+    /// The patch that contains a direction of leaving light.
     fn index(self, w: Vec3) -> usize {
         let theta = f64::from(w.z.abs().min(1.0)).acos().to_degrees();
         let turns = f64::from(w.y).atan2(f64::from(-w.x)) / TAU;
@@ -177,8 +176,8 @@ fn direction(sin: f64, phi_deg: f64, front: bool, role: Role) -> Vec3 {
     glam::DVec3::new(sign * sin * x, -sign * sin * y, z).as_vec3()
 }
 
-/// One matrix: a value per patch that light leaves through, row by row, and
-/// patch that it comes from.
+/// One matrix: a row per patch through which light leaves, a column per patch from which it
+/// arrives.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KlemsMatrix {
     /// Means over the patches, 1/sr.
@@ -190,7 +189,7 @@ pub struct KlemsMatrix {
 /// The four matrices; light from the front first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KlemsBsdf {
-    /// Which patches.
+    /// The basis of the patches.
     pub basis: KlemsBasis,
     /// Transmission of light from the front and from the back; unscattered
     /// light is in the diagonal.
@@ -200,7 +199,7 @@ pub struct KlemsBsdf {
 }
 
 impl KlemsBsdf {
-    /// The share of the light from a patch that a matrix sends anywhere.
+    /// The total share of the light from a patch that a matrix transmits or reflects.
     pub fn hemispherical(&self, matrix: &KlemsMatrix, from: usize) -> [f64; 3] {
         let n = self.basis.len();
         let mut sum = [0.0; 3];
@@ -214,7 +213,7 @@ impl KlemsBsdf {
         sum
     }
 
-    /// The middle of the patch that light comes from.
+    /// The middle of the patch from which light arrives.
     pub fn incident(&self, from: usize, front: bool) -> Angles {
         let patches = self.basis.patches();
         let patch = patches.get(from).or(patches.first()).copied();
@@ -227,8 +226,8 @@ impl KlemsBsdf {
         )
     }
 
-    /// Every entry as the BSDF between the middles of its patches. Transmission
-    /// along the diagonal is left out: unscattered light is in it.
+    /// Every entry as the BSDF between the middles of its patches. Transmission on the diagonal
+    /// is left out, because it contains unscattered light.
     pub fn pairs(&self) -> Vec<PairValue> {
         let patches = self.basis.patches();
         let mut list = Vec::new();

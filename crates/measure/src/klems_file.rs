@@ -1,7 +1,7 @@
-//! WINDOW's XML files of a BSDF on the Klems basis, schema BSDF-v1.4.
+//! XML files of the program WINDOW with a BSDF on the Klems basis, schema BSDF-v1.4.
 //!
-//! Colour is written as Radiance reads it: `CIE-X`, `Visible` (Y) and `CIE-Z`, scaled
-//! so that a neutral value is the same in all three. Programs that know only
+//! Colour is written in the form that Radiance reads: `CIE-X`, `Visible` (Y) and `CIE-Z`,
+//! scaled so that a neutral value is the same in all three. Programs that support only
 //! `Visible` skip the others.
 
 use crate::{KlemsBasis, KlemsBsdf, KlemsMatrix};
@@ -10,36 +10,36 @@ use organza_basis::nearest_name;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
-/// Why a file holds no BSDF that can be used.
+/// Why a file holds no usable BSDF.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KlemsFileError {
-    /// No XML, or elements missing.
+    /// The file is not XML, or elements are missing.
     #[error("{0}")]
     Syntax(String),
-    /// Another basis than the three.
+    /// The basis is none of the three.
     #[error("the angle basis `{0}` is unknown; expected LBNL/Klems Full, Half or Quarter{1}")]
     Basis(String, String),
-    /// Rows and columns exchanged, or a tensor tree.
+    /// Rows and columns are exchanged, or the data is a tensor tree.
     #[error("the data is structured as `{0}`; expected `Columns`")]
     Structure(String),
     /// Wrong number of values.
     #[error("{name}: found {found} values; expected {expected}")]
     Count {
-        /// Which matrix.
+        /// Name of the matrix.
         name: String,
-        /// How many there are.
+        /// Number of values in the file.
         found: usize,
-        /// How many the basis has.
+        /// Number of values of the basis.
         expected: usize,
     },
-    /// No number, or a negative one.
+    /// A value is not a number, or is negative.
     #[error("{name}: value {index}: expected a number of at least 0, found `{found}`")]
     Number {
-        /// Which matrix.
+        /// Name of the matrix.
         name: String,
-        /// Which value, from 1.
+        /// Index of the value, from 1.
         index: usize,
-        /// What stands there.
+        /// The text of the file.
         found: String,
     },
     /// A matrix is missing.
@@ -162,7 +162,7 @@ const DIRECTIONS: [&str; 4] = [
     "Reflection Back",
 ];
 
-/// Names of what is measured.
+/// Names of the measured bands.
 const BANDS: [&str; 3] = ["CIE-X", "Visible", "CIE-Z"];
 
 /// Linear sRGB to XYZ over the XYZ of its white.
@@ -172,7 +172,7 @@ const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
     DVec3::new(0.189_889, 0.072_192, 0.872_802),
 );
 
-/// The text of a file. `name` is the cloth's.
+/// The text of a file. `name` is the name of the cloth.
 ///
 /// # Errors
 /// A value that XML cannot hold.
@@ -259,9 +259,9 @@ fn numbers(matrix: &KlemsMatrix, band: usize, per_row: usize) -> String {
     text
 }
 
-/// Reads a file: its channels where it has them, else visible light as grey.
-/// Transmission from the back, where it is missing, is that from the front by
-/// reciprocity; reflection must be there for both sides.
+/// Reads a file: its channels if it has them, otherwise visible light as grey. If transmission
+/// from the back is missing, it follows from that of the front by reciprocity; reflection must
+/// be given for both sides.
 ///
 /// # Errors
 /// See [`KlemsFileError`].
@@ -315,7 +315,7 @@ pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
                 let rgb_from_xyz = XYZ_FROM_RGB.inverse();
                 let rgb = |((&x, &y), &z)| rgb_from_xyz * DVec3::new(x, y, z);
                 let all = x.iter().zip(y).zip(z).map(rgb);
-                // Rounding, and colours outside of sRGB, would be below zero.
+                // Rounding and colours outside sRGB would give negative values.
                 all.map(|v| v.max(DVec3::ZERO).to_array()).collect()
             }
             _ => y.iter().map(|&y| [y; 3]).collect(),
@@ -407,7 +407,8 @@ mod tests {
             assert!((a - b).abs() <= 1e-5 * (b + 1e-3), "{a} {b}");
         }
         assert_eq!(all(&read).len(), 4 * 3 * 41 * 41);
-        // Without channels: grey. Without the back's transmission: reciprocity.
+        // Without channels, the result is grey. Without the transmission of the back,
+        // reciprocity gives it.
         let grey = text
             .replace("CIE-", "unknown-")
             .replace("Transmission Back", "Other");

@@ -22,12 +22,12 @@ const EXITANT_DEG: [(f64, f64); 7] = [
     (60.0, 135.0),
 ];
 
-/// The 225 incident directions of [Irawan2008]: a 15 x 15 grid over the square,
-/// borders included, brought to the hemisphere out to 75 degrees by the
-/// concentric map [Shirley1997], row by row.
+/// The 225 incident directions of [Irawan2008]: a 15 x 15 grid over the square, borders
+/// included, mapped to the hemisphere up to 75 degrees by the concentric map [Shirley1997], row
+/// by row.
 ///
-/// The source does not say how the disk becomes a hemisphere; here equal areas
-/// become equal solid angles, as the source of the map proposes.
+/// The source does not give the map from the disk to the hemisphere; here equal areas become
+/// equal solid angles, as the source of the concentric map proposes.
 pub fn irawan_incident() -> Vec<Angles> {
     let step = 1.0 / (SIDE - 1) as f32;
     let fall = 1.0 - RIM_DEG.to_radians().cos();
@@ -73,8 +73,8 @@ pub fn grid_directions(polar: u32, azimuths: u32, with_back: bool) -> Vec<Angles
         .collect()
 }
 
-/// Every incident direction of a regular grid over the face with every exitant
-/// one of both sides, exitant directions outermost.
+/// Every incident direction of a regular grid over the face with every exitant direction of
+/// both sides, exitant directions outermost.
 pub fn grid_layout(polar: u32, azimuths: u32) -> Vec<Pair> {
     let incident = grid_directions(polar, azimuths, false);
     let pairs_of = |exitant: Angles| {

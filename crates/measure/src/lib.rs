@@ -1,22 +1,18 @@
 //! Virtual goniometer over a patch of cloth.
 //!
-//! A [`PatchResponse`] answers two questions about a patch, whatever stands
-//! behind it: what it sends from one direction into another, and where the
-//! light from one direction ends up. [`VolumePatch`] traces paths through
-//! media, [`SurfacePatch`] evaluates a reflectance model. [`measure_pairs`] and
-//! [`measure_albedos`] turn the answers into means with standard errors.
+//! A [`PatchResponse`] answers two questions about any kind of patch: how much light it
+//! scatters from one direction into another, and where the light from one direction goes.
+//! [`VolumePatch`] traces paths through media, [`SurfacePatch`] evaluates a reflectance model.
+//! [`measure_pairs`] and [`measure_albedos`] turn the answers into means with standard errors.
 //!
-//! # Conventions
-//! Directions are unit vectors that point away from the cloth, in the fabric
-//! frame: x weft, y warp, z out of the face. A pair whose directions lie on
-//! one side is reflection, on two sides transmission; the light may come from
-//! behind. The BSDF is `L_o / (E_perp |cos theta_i|)`, 1/sr, and leaves out
-//! what goes straight through, which is no function of direction but a share:
-//! [`Energy::direct`].
+//! # Conventions Directions are unit vectors that point away from the cloth, in the fabric
+//! frame: x weft, y warp, z out of the face. A pair whose directions lie on one side is
+//! reflection, on two sides transmission; the light may come from behind. The BSDF is `L_o /
+//! (E_perp |cos theta_i|)`, 1/sr, and excludes light that passes straight through, which is not
+//! a function of direction but a share: [`Energy::direct`].
 //!
-//! # Determinism
-//! The random numbers of a path are named by seed, pair and index. Paths are
-//! added in order, in chunks of fixed size.
+//! # Determinism Seed, pair and index determine the random numbers of a path. Paths are added
+//! in order, in chunks of fixed size.
 //!
 //! ```
 //! use organza_measure::{Effort, SurfacePatch, measure_albedos, measure_pairs, parse_incident, parse_pairs};

@@ -1,9 +1,8 @@
-//! How far one list of measured pairs lies from another, each figure with an
-//! interval.
+//! Differences between two lists of measured pairs, each figure with an interval.
 //!
-//! Intervals come from the bootstrap [Efron1993]: pairs are drawn with
-//! replacement and each value is moved by its own standard error once more, so
-//! that both the choice of directions and the noise of the values count.
+//! Intervals come from the bootstrap [Efron1993]: pairs are drawn with replacement, and each
+//! value is perturbed once more by its standard error, so that the intervals include both the
+//! choice of directions and the noise of the values.
 
 use crate::{Measured, PairValue};
 use organza_basis::PathRng;
@@ -20,7 +19,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Whether the figure is below a limit, where the interval allows an answer.
+    /// Whether the figure is below a limit; `None` where the interval contains the limit.
     pub fn is_below(&self, limit: f64) -> Option<bool> {
         if self.high < limit {
             Some(true)
@@ -32,8 +31,8 @@ impl Figure {
     }
 }
 
-/// How two lists differ. Relative errors are those of all channels of all
-/// pairs against the reference, as in [Irawan2008].
+/// The difference between two lists. Relative errors are those of all channels of all pairs
+/// against the reference, as in [Irawan2008].
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Difference {
     /// Median relative error.
@@ -46,7 +45,7 @@ pub struct Difference {
     /// The median relative error that noise alone would show if both were
     /// equal: smaller differences are ignored.
     pub noise_median: f64,
-    /// Mean of the values over that of the reference's, less one.
+    /// Mean of the values over the mean of the reference, less one.
     pub bias: Figure,
     /// Index of the pair with the largest error in standard errors, or in
     /// share of the value where there is no noise.
@@ -60,9 +59,8 @@ pub struct Difference {
 /// Draws of the bootstrap.
 const DRAWS: u64 = 200;
 
-/// Compares values against a reference over the same pairs. Channels where the
-/// reference is zero or known to no better than its own size have no relative
-/// error and are left out of it.
+/// Compares values against a reference over the same pairs. Channels where the reference is
+/// zero, or its error exceeds its value, have no relative error and are excluded from it.
 pub fn difference(values: &[PairValue], reference: &[PairValue], seed: u64) -> Difference {
     let samples: Vec<Sample> = values
         .iter()
@@ -102,8 +100,8 @@ pub fn difference(values: &[PairValue], reference: &[PairValue], seed: u64) -> D
         .into_iter()
         .zip([plain.median, plain.p80, plain.rmse, plain.bias])
         .map(|(mut list, value)| {
-            // Moving values by their noise once more widens errors; the width
-            // of the interval is right, its middle is that of the figure.
+            // Perturbing values once more increases the errors; the width of the interval is
+            // right, and its middle is moved to the figure.
             let middle = quantile(&mut list, 0.5);
             Figure {
                 value,
@@ -144,8 +142,7 @@ pub fn reciprocity(forward: &[PairValue], reverse: &[PairValue]) -> Option<f64> 
         .max_by(f64::total_cmp)
 }
 
-/// Distance of one channel in standard errors; without noise in parts of a
-/// ten-thousandth of the value.
+/// Distance of one channel in standard errors; without noise, in ten-thousandths of the value.
 fn distance(a: &Measured, b: &Measured, channel: usize) -> f64 {
     let get = |list: &[f64; 3]| list.get(channel).copied().unwrap_or(0.0);
     let (x, y) = (get(&a.mean), get(&b.mean));
@@ -224,7 +221,7 @@ impl Statistics {
     }
 }
 
-/// The quantile of a list, which it sorts; no number of an empty one.
+/// The quantile of a list, which is sorted in place; NaN for an empty one.
 fn quantile(list: &mut [f64], share: f64) -> f64 {
     list.sort_by(f64::total_cmp);
     let at = share * (list.len() as f64 - 1.0);

@@ -25,7 +25,7 @@ impl Angles {
     }
 }
 
-/// Where light comes from and where it is seen.
+/// The directions of the light and of the eye.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Pair {
     /// Toward the light.
@@ -42,11 +42,11 @@ pub struct PairsError {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// What is wrong there.
+    /// The mistake.
     pub kind: PairsErrorKind,
 }
 
-/// What can be wrong.
+/// The kinds of mistakes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairsErrorKind {
     /// The header lacks a column.
@@ -54,12 +54,12 @@ pub enum PairsErrorKind {
     MissingColumn {
         /// Its name.
         column: &'static str,
-        /// The columns that there must be.
+        /// The required columns.
         expected: String,
-        /// The column there is that is nearest to it.
+        /// The present column that is nearest to it.
         nearest: Option<String>,
     },
-    /// A column twice.
+    /// A column appears twice.
     #[error("the column `{0}` appears twice in the header")]
     RepeatedColumn(&'static str),
     /// A line that ends early.
@@ -70,17 +70,17 @@ pub enum PairsErrorKind {
         /// Fields of the header.
         expected: usize,
     },
-    /// No number, or none in range.
+    /// A field is not a number, or is out of range.
     #[error("{column}: expected {expected}, found `{found}`")]
     Number {
-        /// The column's name.
+        /// Name of the column.
         column: &'static str,
         /// The valid range in words.
         expected: &'static str,
         /// What stands there.
         found: String,
     },
-    /// A header and nothing else, or less.
+    /// The file has at most a header.
     #[error("the file lists no directions")]
     Empty,
 }
@@ -92,15 +92,15 @@ fn hint(nearest: &Option<String>) -> String {
     }
 }
 
-/// Directions nearer to the cloth's plane than this, as a cosine, are refused:
-/// there the BSDF's own cosine divides by nothing.
+/// Directions nearer to the cloth's plane than this, as a cosine, are refused: there the cosine
+/// in the denominator of the BSDF vanishes.
 const MIN_COSINE: f64 = 1e-4;
 
-/// Reads a CSV file with a header that names the columns `theta_i`, `phi_i`,
-/// `theta_o` and `phi_o`, in degrees, in any order. Further columns are left
-/// alone, so that a table of results lists its own pairs; lines that are blank
-/// or begin with `#` too. Fields may be in quotes. theta runs from 0 to 180: light and eye may be on
-/// either side.
+/// Reads a CSV file with a header that names the columns `theta_i`, `phi_i`, `theta_o` and
+/// `phi_o`, in degrees, in any order. Further columns are ignored, so that a table of results
+/// can be read as a list of pairs. Blank lines and lines that begin with `#` are ignored as
+/// well. Fields may be in quotes. theta runs from 0 to 180: light and eye may be on either
+/// side.
 ///
 /// # Errors
 /// The first mistake, with line and column.
@@ -111,8 +111,8 @@ pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
     })
 }
 
-/// The incident directions of a file, which need name no others: each once, in
-/// the order of their first appearance.
+/// The incident directions of a file, which needs no exitant directions: each once, in the
+/// order of their first appearance.
 ///
 /// # Errors
 /// As [`parse_pairs`].
@@ -229,11 +229,11 @@ fn parse<const N: usize, T>(
 /// The records of a CSV file, with their lines in it.
 struct Table {
     records: csv::StringRecordsIntoIter<std::io::Cursor<String>>,
-    /// The lines, from 1, that hold something: neither blank nor a comment.
+    /// The numbers, from 1, of the lines that are neither blank nor comments.
     lines: Vec<usize>,
 }
 
-/// A record and where it stands.
+/// A record and its place.
 struct Row {
     record: csv::StringRecord,
     /// From 1.
@@ -267,7 +267,7 @@ impl Iterator for Table {
     type Item = Row;
 
     fn next(&mut self) -> Option<Row> {
-        // Neither reading from memory nor text that is valid already can fail.
+        // Reading valid text from memory cannot fail.
         let record = self.records.next()?.ok()?;
         let kept = record.position().map_or(1, csv::Position::line) as usize;
         let line = self
@@ -280,8 +280,8 @@ impl Iterator for Table {
 }
 
 impl Row {
-    /// The fields, and the columns, from 1, where they begin; of a field in quotes the
-    /// column where it would begin without them.
+    /// The fields, and the columns, from 1, where they begin; for a field in quotes, the column
+    /// where it would begin without them.
     fn fields(&self) -> impl Iterator<Item = (usize, &str)> {
         let mut column = 1;
         self.record.iter().map(move |field| {

@@ -5,41 +5,40 @@ use organza_basis::{PathRng, Rgb};
 use organza_transport::Stats;
 use std::ops::Range;
 
-/// Where a unit of light from one direction went: one random estimate, per
-/// channel. The mean of the sum of all four is one.
+/// One random estimate, per channel, of where a unit of light from one direction goes. The mean
+/// of the sum of all four is one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Back to the side that it came from.
+    /// Reflected to the side of the light.
     pub reflected: Rgb,
     /// Scattered to the other side.
     pub transmitted: Rgb,
-    /// Straight through, having met nothing.
+    /// Straight through, without an event.
     pub direct: Rgb,
-    /// Into the cloth.
+    /// Absorbed by the cloth.
     pub absorbed: Rgb,
 }
 
 impl Energy {
-    /// Everything accounted for.
+    /// The sum of all shares.
     pub fn sum(&self) -> Rgb {
         self.reflected + self.transmitted + self.direct + self.absorbed
     }
 }
 
-/// Where one path ended.
+/// The end of one path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exit {
-    /// Where it went, away from the cloth, and with what weight; `None` when
-    /// nothing came out.
+    /// Direction away from the cloth and weight; `None` when the path was absorbed.
     pub escape: Option<(Vec3, Rgb)>,
-    /// It met nothing on its way.
+    /// True when it met nothing on its way.
     pub is_straight: bool,
-    /// What the cloth kept.
+    /// The light that the cloth absorbed.
     pub absorbed: Rgb,
 }
 
 impl Exit {
-    /// Where a unit of light from `w` went.
+    /// The shares of a unit of light from `w`.
     pub fn energy(&self, w: Vec3) -> Energy {
         let mut energy = Energy {
             absorbed: self.absorbed,
@@ -59,12 +58,12 @@ impl Exit {
     }
 }
 
-/// Names of the random numbers of some paths.
+/// Identifiers of the random numbers of some paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PathNames {
-    /// Of all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Of what the paths have in common.
+    /// Stream that the paths share.
     pub stream: u64,
     /// The paths.
     pub paths: Range<u64>,
@@ -82,11 +81,11 @@ impl PathNames {
 /// Directions are unit vectors away from the cloth that do not lie in its
 /// plane (`z` is not zero).
 pub trait PatchResponse: Sync {
-    /// One unbiased estimate of the BSDF's mean over the patch, 1/sr, without
-    /// what goes straight through.
+    /// One unbiased estimate of the mean BSDF of the patch, 1/sr, without light that passes
+    /// straight through.
     fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
 
-    /// The same at a place of the cloth's middle plane, mm.
+    /// The same at a place of the middle plane of the cloth, mm.
     fn estimate_at(
         &self,
         place_mm: Vec2,

@@ -1,9 +1,9 @@
-//! How far one picture lies from another, without the noise of either.
+//! The difference between two pictures, without the noise of either.
 
 use crate::Figure;
 use organza_transport::Film;
 
-/// A picture that is known with an error.
+/// A picture with known noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NoisyPicture {
     /// Radiance per pixel and channel.
@@ -32,7 +32,7 @@ impl NoisyPicture {
     pub fn brightness(&self) -> (f64, f64) {
         let values = (3 * self.mean.len()).max(1) as f64;
         let mean = self.mean.iter().flatten().sum::<f64>() / values;
-        // Channels of a path rise and fall together.
+        // The channels of a path are correlated.
         let deviations = self
             .variance
             .iter()
@@ -46,12 +46,12 @@ impl NoisyPicture {
     }
 }
 
-/// How a picture differs from the truth, all as shares of the truth's mean over
-/// pixels and channels.
+/// The difference between a picture and the reference, as shares of the mean of the reference
+/// over pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PictureError {
-    /// Root mean square over pixels and channels of the difference that would be
-    /// left if neither picture had noise.
+    /// Root mean square over pixels and channels of the difference that would remain if neither
+    /// picture had noise.
     pub rmse: Figure,
     /// Mean of the difference.
     pub bias: Figure,
@@ -62,15 +62,14 @@ pub struct PictureError {
 /// Standard errors on each side of a 95 % interval.
 const SIDE: f64 = 1.96;
 
-/// Compares a picture with the truth; `None` for pictures of different size, of
-/// none, or a truth that is black.
+/// Compares a picture with the reference; `None` for pictures of different or zero size and for
+/// a black reference.
 ///
-/// The mean squared difference of two independent pictures is that of what they
-/// estimate plus both variances, which are taken off: without bias, so that the
-/// mean square may come out below zero, and is then cut. Of normal noise with
-/// variance `v` about a difference `d` its own variance is `4 d^2 v + 2 v^2`;
-/// channels are taken to rise and fall together, which makes intervals too wide
-/// rather than too narrow.
+/// The mean squared difference of two independent pictures is that of their expectations plus
+/// both variances, which are subtracted. The estimate is unbiased, so that it may be negative;
+/// then it is clamped to zero. For normal noise of variance `v` about a difference `d`, the
+/// variance of the squared difference is `4 d^2 v + 2 v^2`. Channels are assumed to be fully
+/// correlated, which makes intervals too wide rather than too narrow.
 pub fn picture_error(picture: &NoisyPicture, truth: &NoisyPicture) -> Option<PictureError> {
     let pixels = truth.mean.len();
     let same = [
@@ -100,8 +99,8 @@ pub fn picture_error(picture: &NoisyPicture, truth: &NoisyPicture) -> Option<Pic
         (picture.brightness(), truth.brightness());
     let bias = (mean - truth_mean) / brightness;
     let side = SIDE * (variance + truth_variance).sqrt() / brightness;
-    // No root mean square is below the mean: what is known of that, which is
-    // more where errors are alike all over the picture, is known of this too.
+    // A root mean square is at least the mean, so a lower bound of the mean is one of the root
+    // mean square. It is the better bound where errors are alike all over the picture.
     let least = (bias.abs() - side).max(0.0);
     Some(PictureError {
         rmse: Figure {
@@ -148,8 +147,8 @@ mod tests {
         (truth, other)
     }
 
-    /// Planted errors below the noise come out again, and the intervals hold
-    /// them about as often as they say; the twin that leaves noise in does not.
+    /// Planted errors below the noise are recovered, and the intervals contain them about as
+    /// often as their level; those of the twin, which keeps the noise, do not.
     #[test]
     fn planted_errors_are_found_beneath_the_noise() {
         for (planted_error, variance) in [(0.0, 0.01), (0.05, 0.01), (0.2, 0.01), (0.02, 1e-4)] {
@@ -176,8 +175,8 @@ mod tests {
             let case = format!("seeds 0..{runs}, error {planted_error}, variance {variance}");
             assert!(held >= runs * 9 / 10, "{case}: held {held}");
             assert_eq!(twin_held, 0, "{case}: the twin's interval");
-            // Cut at zero the mean square is too large by less than its noise,
-            // sqrt(2 / 1200) of 2 v.
+            // Clamped at zero, the mean square is too large by less than its noise, sqrt(2 /
+            // 1200) of 2 v.
             let slack = 2.0 * variance * (2.0f64 / 1200.0).sqrt() + 0.1 * planted_error.powi(2);
             assert!(
                 (squares - planted_error.powi(2)).abs() < slack,
@@ -186,8 +185,8 @@ mod tests {
         }
     }
 
-    /// The second way: the product of two differences with noise of their own
-    /// has no noise to be taken off.
+    /// The second way: the product of two differences with noise of their own has no noise to
+    /// subtract.
     #[test]
     fn the_mean_square_agrees_with_the_product_of_independent_differences() {
         let (truth, wrong) = planted(0.1);
@@ -208,15 +207,15 @@ mod tests {
                 .into_iter()
                 .zip(difference(1))
                 .map(|(x, y)| x * y);
-            // The truth's noisy mean is the unit of one and not of the other.
+            // The noisy mean of the reference is the unit of one and not of the other.
             other.add(products.sum::<f64>() / 1200.0 / b[0].brightness().0.powi(2));
         }
         let verdict = organza_basis::hypothesis::welch_test(&own, &other);
         assert!(verdict.p_value > 1e-3, "seeds 0..100: {verdict:?}");
     }
 
-    /// A picture that is brighter all over is known to be wrong by that, though
-    /// no pixel alone shows it.
+    /// A picture that is brighter everywhere has a significant error, though no pixel alone
+    /// shows it.
     #[test]
     fn the_error_is_no_less_than_the_bias() {
         let (truth, _) = planted(0.0);

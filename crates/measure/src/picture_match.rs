@@ -1,22 +1,21 @@
-//! Colour and roughness of fibres from one picture of a cloth, by its mean and
-//! deviation [Zhao2011]: the mean grows with the colour, the deviation shrinks
-//! with the width of the highlights, so that two searches on a line, in alternation,
-//! end where both are met.
+//! Colour and roughness of fibres from one picture of a cloth, by its mean and deviation
+//! [Zhao2011]: the mean increases with the colour, and the deviation decreases with the width
+//! of the highlights, so that two alternating line searches converge to both.
 
 use crate::Texture;
 
-/// What a picture is matched by.
+/// The statistics by which a picture is matched.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PictureStatistics {
     /// Mean of each channel.
     pub mean: [f64; 3],
-    /// Standard deviation of pixels, the root mean square of all channels'.
+    /// Standard deviation of pixels, root mean square over the channels.
     pub deviation: f64,
 }
 
 impl PictureStatistics {
-    /// Of pixels and their standard errors, whose part in the deviation is
-    /// taken away.
+    /// The statistics of pixels with their standard errors, whose contribution to the deviation
+    /// is subtracted.
     pub fn new(pixels: &[[f32; 3]], errors: &[[f32; 3]]) -> PictureStatistics {
         let count = pixels.len().max(1) as f64;
         let mut mean = [0.0; 3];
@@ -33,24 +32,24 @@ impl PictureStatistics {
         }
     }
 
-    /// Of a measured picture.
+    /// The statistics of a measured picture.
     pub fn of(texture: &Texture) -> PictureStatistics {
         PictureStatistics::new(&texture.mean, &texture.se)
     }
 }
 
-/// Ranges of the search, and when it is done.
+/// Ranges of the search, and its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureSearch {
     /// Least and greatest colour of each channel.
     pub colour: [[f64; 2]; 3],
     /// Least and greatest width of the highlights, above zero.
     pub width: [f64; 2],
-    /// Where the width starts.
+    /// Initial width.
     pub start: f64,
-    /// Relative error of means and deviation that is near enough.
+    /// Relative error of means and deviation at which the search ends.
     pub tolerance: f64,
-    /// Maximum turns of both searches.
+    /// Maximum number of alternations.
     pub turns: u32,
 }
 
@@ -61,16 +60,16 @@ pub struct PictureMatch {
     pub colour: [f64; 3],
     /// Width of the highlights.
     pub width: f64,
-    /// Mean and deviation of the picture that was found.
+    /// Mean and deviation of the resulting picture.
     pub statistics: PictureStatistics,
-    /// Turns taken.
+    /// Number of alternations.
     pub turns: u32,
     /// Whether mean and deviation are both met; if not, no value in the ranges
     /// meets them.
     pub is_met: bool,
 }
 
-/// Steps of one search on a line.
+/// Steps of one line search.
 const STEPS: u32 = 12;
 
 /// Alternates searches for the colour and for the width. `simulate` returns the statistics of
@@ -90,7 +89,7 @@ pub fn match_picture<E>(
     let mut turns = 0;
     loop {
         turns += 1;
-        // Every channel has its own search; one picture serves all three.
+        // Every channel has its own search; one picture is enough for all three.
         let mut lines: [Line; 3] = std::array::from_fn(|c| Line::new(search.colour[c], colour[c]));
         let mut statistics = simulate(colour, width)?;
         for _ in 0..STEPS {
@@ -115,7 +114,7 @@ pub fn match_picture<E>(
                 is_met,
             });
         }
-        // Wider highlights are flatter pictures.
+        // Wider highlights give flatter pictures.
         let mut line = Line::new([narrow.ln(), wide.ln()], width.ln());
         for _ in 0..STEPS {
             if near(statistics.deviation, target.deviation) {
@@ -128,12 +127,12 @@ pub fn match_picture<E>(
     }
 }
 
-/// The search for the zero of a growing function: halves, then false position.
+/// The search for the zero of an increasing function: bisection, then false position.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     low: (f64, Option<f64>),
     high: (f64, Option<f64>),
-    /// Where to look next.
+    /// The next place to evaluate.
     at: f64,
 }
 

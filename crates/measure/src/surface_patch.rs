@@ -27,8 +27,8 @@ impl<S: Surface> PatchResponse for SurfacePatch<S> {
         self.0.eval(w_out, w_in, Footprint::point(place_mm))
     }
 
-    /// A surface model does not say where light is absorbed: what does not come
-    /// out is.
+    /// A surface model does not describe absorption: light that does not leave counts as
+    /// absorbed.
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit {
         stats.paths += 1;
         let passage = self.0.pass_or_sample(w, Footprint::FAR, rng);

@@ -1,5 +1,5 @@
-//! A linear light swung over the cloth, as scanners of fabrics have it
-//! [Montazeri2020] (section 6).
+//! A linear light that moves around the cloth, as in scanners of fabrics [Montazeri2020]
+//! (section 6).
 
 use crate::goniometer::{Gathered, gather};
 use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
@@ -11,18 +11,18 @@ use organza_transport::Stats;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LampAxis {
-    /// Along the weft: the lamp swings in the plane of the warp.
+    /// Along the weft: the lamp moves in the plane of the warp.
     Weft,
-    /// Along the warp: it swings in the plane of the weft.
+    /// Along the warp: the lamp moves in the plane of the weft.
     Warp,
 }
 
 /// One position of the lamp.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LampPosition {
-    /// Which way the lamp lies.
+    /// Direction of the lamp's axis.
     pub axis: LampAxis,
-    /// Angle of its middle from the face's normal; over 90 it lights the back.
+    /// Angle of its middle from the normal of the face; above 90 it lights the back.
     pub angle_deg: f64,
 }
 
@@ -31,13 +31,12 @@ pub struct LampPosition {
 pub struct SweepValue {
     /// The lamp.
     pub lamp: LampPosition,
-    /// Radiance over that of a white diffuser that the lamp's middle lights
-    /// head on.
+    /// Radiance relative to a white diffuser that the middle of the lamp lights at normal
+    /// incidence.
     pub intensity: Measured,
 }
 
-/// Half the lamp's length over its distance: that of a lamp as long as it is
-/// far.
+/// Half the length of the lamp over its distance: the lamp is as long as its distance.
 const HALF_LENGTH: f64 = 0.5;
 
 /// Lamp positions every `step_deg` degrees on both axes, in front and behind.
@@ -55,8 +54,8 @@ pub fn lamp_positions(step_deg: f64) -> Vec<LampPosition> {
     list
 }
 
-/// Measures the mean intensity at each lamp position. The lamp is a line that
-/// sends light out like a diffuse cylinder.
+/// Measures the mean intensity at each lamp position. The lamp is a line that emits like a
+/// diffuse cylinder.
 ///
 /// # Errors
 /// See [`MeasureError`].
@@ -108,8 +107,8 @@ pub fn measure_sweep(
         .collect())
 }
 
-/// Means of a sweep with the lamp in front and behind: what photographs lit
-/// from either side have in the middle.
+/// Means of a sweep with the lamp in front and behind. They correspond to the middle of
+/// photographs lit from either side.
 pub fn front_and_back(sweep: &[SweepValue]) -> [[f64; 3]; 2] {
     [false, true].map(|back| {
         let side = sweep.iter().filter(|v| (v.lamp.angle_deg > 90.0) == back);

@@ -41,7 +41,7 @@ pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result
     table.flush()
 }
 
-/// Writes mean intensities under a swung linear light.
+/// Writes mean intensities under a moving linear light.
 ///
 /// # Errors
 /// Those of the writer.

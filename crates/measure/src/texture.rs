@@ -6,7 +6,7 @@ use organza_basis::{Moments, PathRng};
 use organza_transport::Stats;
 use rayon::prelude::*;
 
-/// Where the texels lie in the cloth's middle plane.
+/// The positions of the texels in the middle plane of the cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelGrid {
     /// Lower left corner, mm.
@@ -17,8 +17,8 @@ pub struct TexelGrid {
     pub texels: UVec2,
 }
 
-/// The BSDF over a patch, seen along the normal of no plane but the cloth's
-/// own: every direction of view fills the same texels.
+/// The BSDF over a patch. Texels lie in the plane of the cloth, so every direction of view
+/// fills the same texels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// The directions.

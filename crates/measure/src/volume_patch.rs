@@ -1,4 +1,4 @@
-//! Media as a patch: paths that start all over it.
+//! A patch of media, measured by paths that start all over it.
 
 use crate::{Exit, PatchResponse, PathNames};
 use glam::{DVec3, UVec2, Vec2, Vec3};
@@ -8,16 +8,16 @@ use organza_transport::{
     Light, PathSample, PixelFilter, ProbePaths, Projection, Scene, Stats, fibre_probe, trace_from,
 };
 
-/// Why media make no patch.
+/// Why media cannot form a patch.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PatchError {
-    /// Nothing to measure.
+    /// There is no medium.
     #[error("there is no medium to measure")]
     Empty,
     /// An opaque plane has no other side.
     #[error("a patch cannot include a plane; leave it out")]
     Plane,
-    /// An endless cloth beside a box that ends.
+    /// An endless cloth and a finite box.
     #[error("one medium repeats without end and another does not; a patch needs all of one kind")]
     Mixed,
     /// No common period.
@@ -28,15 +28,14 @@ pub enum PatchError {
         "the \"regular\" integrator steps through constant voxels, which a medium does not have"
     )]
     NotPiecewiseConstant,
-    /// No camera for a scene of media alone; none is expected.
+    /// The camera of the scene is invalid; this is not expected.
     #[error("{0}")]
     Camera(#[from] CameraError),
 }
 
-/// The media of a scene over their footprint: one period of an endless cloth,
-/// or the rectangle of boxes that end. Paths start evenly over that side of the
-/// footprint's box which they are seen from. The scene's lights and camera play
-/// no part.
+/// The media of a scene over their footprint: one period of an endless cloth, or the rectangle
+/// of boxes that end. Paths start uniformly on the side of the footprint's box that faces the
+/// viewer. The lights and the camera of the scene are ignored.
 pub struct VolumePatch {
     scene: Scene,
     /// Explicit fibres alone, in cells.
@@ -48,9 +47,8 @@ pub struct VolumePatch {
 impl VolumePatch {
     /// A patch of all the media of a scene.
     ///
-    /// # Errors
-    /// When the media have no common footprint, or no exact stepping is
-    /// possible and asked for.
+    /// # Errors When the media have no common footprint, or exact stepping is requested and not
+    /// possible.
     pub fn new(scene: Scene, integrator: Integrator) -> Result<VolumePatch, PatchError> {
         let lattices: Option<Vec<_>> = scene.media.iter().map(|m| m.cell_grid().copied()).collect();
         let mut lattices = lattices.ok_or(PatchError::Plane)?.into_iter();
@@ -92,8 +90,8 @@ impl VolumePatch {
         })
     }
 
-    /// A patch of media that belong to no scene. Where they have several levels of
-    /// detail, they show those that suit pixels of 1 mm.
+    /// A patch of media without a scene. Media with several levels of detail show those for
+    /// pixels of 1 mm.
     ///
     /// # Errors
     /// As [`VolumePatch::new`].
@@ -120,13 +118,13 @@ impl VolumePatch {
         self.bounds_mm
     }
 
-    /// A place of the footprint, evenly drawn, mm, on the side that `w` sees.
+    /// A uniformly drawn place of the footprint, mm, on the side that faces `w`.
     fn start_mm(&self, w: Vec3, rng: &mut PathRng) -> Vec3 {
         let (low, size) = (self.bounds_mm.min, self.bounds_mm.size());
         (low.truncate() + rng.unit2() * size.truncate()).extend(self.face_mm(w))
     }
 
-    /// Height of the side that `w` sees.
+    /// Height of the side that faces `w`.
     fn face_mm(&self, w: Vec3) -> f32 {
         if w.z > 0.0 {
             self.bounds_mm.max.z

@@ -8,7 +8,7 @@ pub enum Error {
     /// The bytes do not follow the format.
     #[error("mesh: {0}")]
     Syntax(String),
-    /// Cloth needs to know where it lies.
+    /// Texture coordinates, which place the cloth, are missing.
     #[error(
         "mesh \"{object}\": {missing} of {corners} face corners have no texture coordinates; \
          unwrap the mesh, and export it with them"
@@ -28,10 +28,10 @@ pub enum Error {
         object: String,
         /// Position, normal or texture coordinate.
         what: &'static str,
-        /// Which one, counted from zero within the object.
+        /// Its index, from zero within the object.
         index: usize,
     },
-    /// Nothing to render.
+    /// No face can be rendered.
     #[error("mesh: no face has an area ({dropped} were dropped)")]
     Empty {
         /// Faces without area.
@@ -53,7 +53,7 @@ pub enum Error {
     TooLarge {
         /// Faces in the file.
         faces: usize,
-        /// The most that are taken.
+        /// The maximum.
         limit: usize,
     },
 }

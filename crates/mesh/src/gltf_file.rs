@@ -1,4 +1,4 @@
-//! glTF 2.0, as text with buffers beside it or in one binary file.
+//! glTF 2.0, as text with separate buffers or as one binary file.
 
 use crate::error::Error;
 use crate::indexed::Indexed;
@@ -14,17 +14,16 @@ use gltf::{Accessor, Node, Primitive, Semantic};
 use organza_basis::Budget;
 use std::borrow::Cow;
 
-/// Deepest nesting of nodes that is followed.
+/// Maximum depth of nested nodes.
 const MAX_DEPTH: usize = 64;
 
-/// Reads all triangles of the default scene, or of the first, with the
-/// transforms of their nodes. `open` gives the bytes of a buffer beside the
-/// file. Texture coordinates are those of set 0, turned so that y is up.
+/// Reads all triangles of the default scene, or of the first, with the transforms of their
+/// nodes. `open` reads a buffer in the folder of the file. Texture coordinates are those of set
+/// 0, flipped so that y points up.
 ///
-/// # Errors
-/// As [`read_obj`](crate::read_obj), on what is no plain triangle mesh (strips,
-/// sparse accessors, compressed or quantised positions), and on nodes that are no
-/// tree.
+/// # Errors As [`read_obj`](crate::read_obj); also on anything but plain triangle meshes
+/// (strips, sparse accessors, compressed or quantised positions), and on nodes that do not form
+/// a tree.
 pub fn read_gltf(
     bytes: &[u8],
     placement: Placement,
@@ -67,8 +66,8 @@ fn syntax(what: &str) -> Error {
     Error::Syntax(format!("glTF: {what}"))
 }
 
-/// Parses and checks the file's text. Before the library's own checks, which
-/// index accessors without asking, indices of positions are.
+/// Parses and checks the text of the file. Indices of positions are checked first, because the
+/// checks of the library index accessors without a bounds check.
 fn parse(bytes: &[u8]) -> Result<gltf::Gltf, Error> {
     let unchecked = gltf::Gltf::from_slice_without_validation(bytes);
     let unchecked = unchecked.map_err(|e| syntax(&e.to_string()))?;
@@ -105,7 +104,7 @@ struct Reader<'a> {
     placement: Placement,
     triangles: Vec<[crate::Vertex; 3]>,
     corners: Vec<[u32; 3]>,
-    /// Nodes that were met: each has one parent at most.
+    /// Visited nodes: each has at most one parent.
     seen: Vec<bool>,
     budget: &'a mut Budget,
 }
@@ -195,8 +194,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Vectors of floats, or of normalised integers where the format has them
-    /// (texture coordinates).
+    /// Vectors of floats, or of normalised integers where the format allows them (texture
+    /// coordinates).
     fn floats<const N: usize>(
         &self,
         accessor: &Accessor<'_>,
@@ -226,7 +225,7 @@ impl Reader<'_> {
             .collect()
     }
 
-    /// The bytes of every item of an accessor, all as long as its type.
+    /// The bytes of every item of an accessor, each with the length of its type.
     fn items(&self, accessor: &Accessor<'_>) -> Result<impl Iterator<Item = &[u8]>, Error> {
         let view = match accessor.view() {
             Some(view) if accessor.sparse().is_none() => view,

@@ -1,4 +1,4 @@
-//! Meshes as most files have them: lists of vertices, and triangles of indices.
+//! Meshes in the form of most files: lists of vertices, and triangles of indices.
 
 use crate::error::Error;
 use crate::mesh::{Mesh, Vertex};
@@ -6,13 +6,13 @@ use crate::obj::{MAX_FACES, Placement};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
-/// A mesh in the making, in the units of its file.
+/// A mesh under construction, in the units of its file.
 pub(crate) struct Indexed {
     name: String,
     pub positions: Vec<Vec3>,
-    /// As many as positions, or none.
+    /// One per position, or none.
     pub normals: Vec<Vec3>,
-    /// As many as positions; fewer are missing.
+    /// One per position; texture coordinates beyond the list are missing.
     pub uvs: Vec<Vec2>,
     triangles: Vec<([u32; 3], Option<[Vec2; 3]>)>,
 }
@@ -28,7 +28,7 @@ impl Indexed {
         }
     }
 
-    /// Adds a polygon, which may have texture coordinates of its own.
+    /// Adds a polygon, which may have its own texture coordinates.
     pub fn fan(&mut self, corners: &[u32], own_uv: Option<&[Vec2]>) -> Result<(), Error> {
         for k in 2..corners.len() {
             let at = [0, k - 1, k];
@@ -47,8 +47,8 @@ impl Indexed {
         Ok(())
     }
 
-    /// Checks everything and puts it together. Corners at the very same place
-    /// count as one point: files split vertices where texture or normal jumps.
+    /// Checks everything and builds the mesh. Corners at exactly the same position count as one
+    /// point, because files split vertices where texture or normal jumps.
     pub fn into_mesh(self, placement: Placement) -> Result<Mesh, Error> {
         let (triangles, corners) = self.triangles(placement, 0)?;
         Mesh::new(triangles, &corners)
@@ -67,7 +67,7 @@ impl Indexed {
             .positions
             .iter()
             .map(|p| {
-                // Adding zero makes the two zeros one.
+                // Adding zero turns minus zero into zero.
                 let bits = (*p + 0.0).to_array().map(f32::to_bits);
                 let next = first_point + points.len() as u32;
                 *points.entry(bits).or_insert(next)

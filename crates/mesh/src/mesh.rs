@@ -14,13 +14,12 @@ pub struct Vertex {
     pub uv_mm: Vec2,
 }
 
-/// Defects of the faces that have been repaired.
+/// Defects of the faces that were repaired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Repairs {
     /// Faces without area, left out.
     pub dropped_faces: usize,
-    /// Corner normals that were missing or zero, computed from the faces that
-    /// meet there.
+    /// Corner normals that were missing or zero; they were computed from the adjacent faces.
     pub computed_normals: usize,
     /// Faces whose texture coordinates have no area; their weft runs along the
     /// first edge.
@@ -37,14 +36,13 @@ pub struct Mesh {
     repairs: Repairs,
 }
 
-/// Smallest area of a face against the square of its longest edge: below it
-/// the normal is rounding.
+/// Smallest area of a face relative to the square of its longest edge; below it the normal is
+/// mostly rounding.
 const FLAT: f32 = 1e-6;
 
 impl Mesh {
-    /// From triangles whose normals may be zero, which are then computed.
-    /// `normals_at` names the shared corner that a computed normal is averaged
-    /// over: three numbers per triangle.
+    /// A mesh of triangles. Normals that are zero are computed. `normals_at` names the shared
+    /// corner that a computed normal is averaged over: three numbers per triangle.
     ///
     /// # Errors
     /// When no face is left.
@@ -53,7 +51,7 @@ impl Mesh {
         let mut kept = Vec::with_capacity(triangles.len());
         let mut ids = Vec::with_capacity(triangles.len());
         let most = corners.iter().flatten().copied().max().unwrap_or(0);
-        // Faces weigh by area: the cross product's own length.
+        // Faces are weighted by area, the length of the cross product.
         let mut sums = vec![Vec3::ZERO; most as usize + 1];
         for (k, t) in triangles.into_iter().enumerate() {
             let cross = area_vector(&t);
@@ -111,15 +109,14 @@ impl Mesh {
         &self.corners
     }
 
-    /// What had to be repaired, for a warning.
+    /// The repaired defects, for a warning.
     pub fn repairs(&self) -> Repairs {
         self.repairs
     }
 }
 
-/// Places of a face's corners in the fabric plane; where they have no area, as
-/// if the face were unfolded there from its first corner, weft along the first
-/// edge.
+/// Places of a face's corners in the fabric plane; where these have no area, those of the face
+/// unfolded from its first corner, with the weft along the first edge.
 pub(crate) fn unfolded_uv(t: &[Vertex; 3]) -> [Vec2; 3] {
     let uv = t.map(|v| v.uv_mm);
     if stretch(t).is_some() {
@@ -138,7 +135,7 @@ pub(crate) fn unfolded_uv(t: &[Vertex; 3]) -> [Vec2; 3] {
     ]
 }
 
-/// Normal of a face, as long as twice its area.
+/// Normal of a face, with twice its area as length.
 pub(crate) fn area_vector(t: &[Vertex; 3]) -> Vec3 {
     (t[1].position_mm - t[0].position_mm).cross(t[2].position_mm - t[0].position_mm)
 }

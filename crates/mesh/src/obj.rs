@@ -5,7 +5,7 @@ use crate::mesh::{Mesh, Vertex};
 use glam::{Vec2, Vec3};
 use organza_basis::Budget;
 
-/// How the numbers of a file are meant.
+/// The units of the numbers in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Millimetres per unit of length in the file.
@@ -14,11 +14,11 @@ pub struct Placement {
     pub mm_per_uv: f32,
 }
 
-/// The most triangles that are taken.
+/// Maximum number of triangles.
 pub(crate) const MAX_FACES: usize = 1 << 28;
 
 impl Placement {
-    /// Refuses scales that are none.
+    /// Refuses scales that are not positive numbers.
     pub(crate) fn check(&self) -> Result<(), Error> {
         for (key, value) in [
             ("mm_per_unit", self.mm_per_unit),
@@ -35,10 +35,9 @@ impl Placement {
 /// Reads every object of an OBJ file as one mesh. Polygons are fanned into
 /// triangles; materials are not read.
 ///
-/// # Errors
-/// On text that is no OBJ, missing texture coordinates, numbers that are not
-/// finite, more memory needed than the budget has left, and when nothing is left.
-/// Faces without area and missing normals are repaired: see [`Mesh::repairs`].
+/// # Errors For text that is not OBJ, missing texture coordinates, numbers that are not finite,
+/// more memory than the rest of the budget, and meshes without a face that has an area. Faces
+/// without area and missing normals are repaired: see [`Mesh::repairs`].
 pub fn read_obj(text: &[u8], placement: Placement, budget: &mut Budget) -> Result<Mesh, Error> {
     placement.check()?;
     let options = tobj::LoadOptions {
@@ -69,7 +68,7 @@ pub fn read_obj(text: &[u8], placement: Placement, budget: &mut Budget) -> Resul
     Mesh::new(triangles, &corners)
 }
 
-/// What the lines of a file will become.
+/// The numbers of elements that the lines of a file give.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sizes {
     /// Positions, texture coordinates and normals.
@@ -81,7 +80,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// Charges what reading takes: the library's lists beside ours.
+    /// Charges the memory of reading: the lists of the library and those of this crate.
     fn charge(self, budget: &mut Budget) -> Result<(), Error> {
         budget.take_items::<[f32; 6]>(self.vectors, "vertices")?;
         budget.take_items::<[u64; 3]>(self.corners, "faces")?;
@@ -90,8 +89,8 @@ impl Sizes {
     }
 }
 
-/// Counts what a file holds, and refuses relative indices that point before their
-/// list, on which the library overflows.
+/// Counts the elements of a file, and refuses relative indices that point before their list,
+/// for which the library overflows.
 fn check_lines(text: &[u8]) -> Result<Sizes, Error> {
     let mut counts = [0i64; 3];
     let mut sizes = Sizes::default();
@@ -127,7 +126,7 @@ fn check_lines(text: &[u8]) -> Result<Sizes, Error> {
     Ok(sizes)
 }
 
-/// Adds one object; `first_corner` sets its corners apart from the others'.
+/// Adds one object; `first_corner` distinguishes its corners from those of other objects.
 fn append(
     model: &tobj::Model,
     placement: Placement,
@@ -137,8 +136,7 @@ fn append(
 ) -> Result<(), Error> {
     let mesh = &model.mesh;
     let count = mesh.indices.len();
-    // The reader leaves out what a corner does not have, so a short list means
-    // that some have none.
+    // The reader omits missing values, so a short list means that some corners have none.
     if mesh.texcoord_indices.len() != count {
         return Err(Error::MissingUv {
             object: model.name.clone(),

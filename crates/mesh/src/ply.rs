@@ -9,7 +9,7 @@ use organza_basis::Budget;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Header, Property, PropertyType};
 
-/// Names under which programs write texture coordinates of vertices.
+/// Names that programs use for texture coordinates of vertices.
 const UV_NAMES: [[&str; 2]; 4] = [
     ["s", "t"],
     ["u", "v"],
@@ -75,14 +75,13 @@ pub fn read_ply(bytes: &[u8], placement: Placement, budget: &mut Budget) -> Resu
     mesh.into_mesh(placement)
 }
 
-/// Charges what the elements that a header announces take in memory, before any
-/// of them is read: the library keeps a table of its properties for each.
+/// Charges the memory of the elements that a header announces before any of them is read: the
+/// library keeps a table of properties for each element.
 ///
-/// # Errors
-/// Elements without properties and more elements than the file has bytes, which
-/// would be read without end; and more memory than the budget has left.
+/// # Errors For elements without properties and more elements than the file has bytes, which
+/// would be read without end, and for more memory than the rest of the budget.
 fn charge(header: &Header, file_bytes: u64, budget: &mut Budget) -> Result<(), Error> {
-    /// A property in the library's table: its name, value and place.
+    /// A property in the table of the library: its name, value and place.
     const PROPERTY: u64 = (size_of::<(String, Property)>() + 48) as u64;
     let mut has_lists = false;
     for (name, element) in &header.elements {
@@ -124,7 +123,7 @@ fn scalar(p: &Property) -> Option<f32> {
     }
 }
 
-/// A list of indices; a negative one comes out beyond every list.
+/// A list of indices; a negative index becomes one beyond every list.
 fn indices(p: &Property) -> Option<Vec<u32>> {
     let wide = |list: Vec<i64>| {
         let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);

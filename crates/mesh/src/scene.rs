@@ -17,7 +17,7 @@ pub struct DrapedMesh {
     bounds_mm: Aabb,
 }
 
-/// Where a ray meets the cloth.
+/// The intersection of a ray with the cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshHit {
     /// Distance along the ray, mm.
@@ -26,8 +26,8 @@ pub struct MeshHit {
     pub position_mm: Vec3,
     /// Its place in the fabric plane, mm.
     pub uv_mm: Vec2,
-    /// The fabric's frame: s along the weft, t along the warp as far as it can
-    /// be square to it, n the interpolated normal.
+    /// The fabric's frame: s along the weft, t along the component of the warp that is
+    /// perpendicular to it, n the interpolated normal.
     pub frame: Frame,
     /// Unit normal of the face itself, on the side of `frame.n`.
     pub face_normal: Vec3,
@@ -37,8 +37,8 @@ pub struct MeshHit {
     pub triangle: usize,
 }
 
-/// A ray turned so that it runs along z, for a test in which neighbouring faces
-/// leave no crack between them [Woop2013].
+/// A ray rotated to run along z, for a test without cracks between neighbouring faces
+/// [Woop2013].
 struct Sheared {
     origin: Vec3,
     axes: [usize; 3],
@@ -50,7 +50,7 @@ impl Sheared {
         let d = ray.direction;
         let z = d.abs().max_position();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        // The winding must not depend on which way the ray runs.
+        // The winding must not depend on the direction of the ray.
         if d[z] < 0.0 {
             (x, y) = (y, x);
         }
@@ -101,8 +101,8 @@ impl DrapedMesh {
         for vertex in mesh.triangles().iter().flatten() {
             bounds_mm = bounds_mm.with_point(vertex.position_mm);
         }
-        // The boxes are met in single precision, which may miss by some
-        // rounding steps what the faces' own test does not.
+        // Boxes are intersected in single precision, which may miss by some rounding errors a
+        // face that its own test hits.
         let margin = Vec3A::splat(1e-5 * bounds_mm.size().length());
         let boxes: Vec<BvhBox> = mesh
             .triangles()
@@ -130,7 +130,7 @@ impl DrapedMesh {
         &self.mesh
     }
 
-    /// A box around all.
+    /// A box around all faces.
     pub fn bounds_mm(&self) -> Aabb {
         self.bounds_mm
     }
@@ -196,7 +196,8 @@ impl DrapedMesh {
         };
         MeshHit {
             distance_mm: t,
-            // From the corners, not along the ray: no error grows with distance.
+            // Computed from the corners instead of along the ray, so that the error does not
+            // grow with distance.
             position_mm: blend(|v| v.position_mm),
             uv_mm: w[0] * face[0].uv_mm + w[1] * face[1].uv_mm + w[2] * face[2].uv_mm,
             frame,

@@ -1,9 +1,9 @@
 //! Cloth of some thickness over a mesh: shell mapping \[Porumbescu2005].
 //!
-//! Every face of the mesh becomes a prism between its corners moved down and up
-//! along their normals, and every prism three tetrahedra in which the map
-//! between world and cloth is affine. A ray is a straight line in each of them
-//! on either side of the map, so a tracker of flat cloth can track draped cloth.
+//! Every face of the mesh becomes a prism between its corners, moved down and up along their
+//! normals. Every prism is divided into three tetrahedra, in which the map between world and
+//! cloth is affine. In each of them a ray is a straight line on both sides of the map, so a
+//! tracker for flat cloth can track draped cloth.
 
 use crate::error::Error;
 use crate::mesh::{Mesh, area_vector, unfolded_uv};
@@ -16,23 +16,23 @@ use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::{Aabb, Ray};
 use std::time::Duration;
 
-/// Tetrahedra to a prism.
+/// Tetrahedra per prism.
 const CUT: usize = 3;
 
 /// A mesh thickened by a slab of cloth.
 pub struct Shell {
-    /// [`CUT`] to a face.
+    /// [`CUT`] per face.
     tetrahedra: Vec<Tetrahedron>,
     hierarchy: CwBvh,
     bounds_mm: Aabb,
     folds: Folds,
 }
 
-/// Where the map of the shell is not one-to-one.
+/// Counts of tetrahedra where the map of the shell is not one-to-one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Folds {
-    /// Tetrahedra turned inside out, where the mesh bends tighter than the
-    /// cloth is thick. Matter overlaps there.
+    /// Inverted tetrahedra, where the mesh bends more tightly than the thickness of the cloth
+    /// allows. Matter overlaps there.
     pub inverted: usize,
     /// Tetrahedra without volume, left out.
     pub flat: usize,
@@ -41,18 +41,18 @@ pub struct Folds {
 /// The part of a ray inside one tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShellSpan {
-    /// Where the ray enters, mm along it.
+    /// Distance along the ray at which it enters, mm.
     pub t0: f32,
-    /// Where it leaves; greater than `t0`.
+    /// Distance at which it leaves; greater than `t0`.
     pub t1: f32,
-    /// The cloth there, at `t0`: weft, warp and height, mm.
+    /// Coordinates in the cloth at `t0`: weft, warp and height, mm.
     pub cloth_mm: Vec3,
-    /// Growth of `cloth_mm` per mm along the ray.
+    /// Change of `cloth_mm` per mm along the ray.
     pub step: Vec3,
-    /// Rotation that comes nearest to the map: the factor of its polar
-    /// decomposition. A reflection where the texture is mirrored.
+    /// Rotation nearest to the map: the orthogonal factor of its polar decomposition. It
+    /// includes a reflection where the texture is mirrored.
     pub world_from_cloth: Mat3,
-    /// The map itself, for differences of places: mm of the world per mm of cloth.
+    /// The linear part of the map: mm of the world per mm of cloth.
     pub stretch: Mat3,
 }
 
@@ -78,7 +78,7 @@ impl Tetrahedron {
         };
         let (world, cloth) = (edges(|c| c.0), edges(|c| c.1));
         let volume = |m: &DMat3| m.determinant().abs();
-        // Below a millionth of the largest possible the shape is rounding.
+        // Below a millionth of the largest possible volume the shape is mostly rounding.
         let room = |m: &DMat3| m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
         let good = |m: &DMat3| volume(m) > 1e-6 * room(m);
         if !(good(&world) && good(&cloth)) {
@@ -170,12 +170,11 @@ impl Shell {
     /// The cloth between two heights over a mesh that lies half way between
     /// them; heights in mm along the normal, in the cloth's own coordinates.
     ///
-    /// One normal is used for all corners at a point, the mean over the faces
-    /// there, so that prisms meet. Faces whose texture has no area are laid out
-    /// flat from their first corner, weft along the first edge.
+    /// All corners at a point share one normal, the mean over the adjacent faces, so that
+    /// prisms have no gaps between them. Faces whose texture has no area are unfolded from
+    /// their first corner, with the weft along the first edge.
     ///
-    /// # Errors
-    /// When the heights do not rise, or nothing is left.
+    /// # Errors When the upper height is not above the lower one, or no tetrahedron is left.
     pub fn new(mesh: &Mesh, low_mm: f32, high_mm: f32) -> Result<Shell, Error> {
         if !(low_mm < high_mm && low_mm.is_finite() && high_mm.is_finite()) {
             return Err(Error::Scale {
@@ -202,7 +201,7 @@ impl Shell {
                     uv[k].as_dvec2().extend(height),
                 )
             };
-            // From the least to the greatest corner: both prisms at an edge cut
+            // From the least to the greatest corner, so that both prisms at an edge divide
             // their common side along the same diagonal.
             let mut order = [0, 1, 2];
             order.sort_by_key(|&k| ids[k]);
@@ -244,7 +243,8 @@ impl Shell {
                 dropped: boxes.len(),
             });
         }
-        // Boxes are met in single precision: room for its rounding.
+        // Boxes are intersected in single precision, so they are enlarged by its rounding
+        // error.
         let margin = 1e-5 * bounds_mm.size().length();
         let boxes: Vec<BvhBox> = boxes
             .iter()
@@ -262,26 +262,25 @@ impl Shell {
         })
     }
 
-    /// Memory that the shell of a mesh with so many faces takes.
+    /// Memory of the shell of a mesh with this number of faces.
     pub fn memory_bytes(faces: usize) -> u64 {
-        // Tetrahedra, and the hierarchy with its boxes while it is built.
+        // The tetrahedra, and the hierarchy with its boxes during construction.
         let face = CUT * size_of::<Tetrahedron>() + 4 * size_of::<BvhBox>();
         face as u64 * faces as u64
     }
 
-    /// A box around all.
+    /// A box around all tetrahedra.
     pub fn bounds_mm(&self) -> Aabb {
         self.bounds_mm
     }
 
-    /// Where the map folds, for a warning.
+    /// Counts of folds of the map, for a warning.
     pub fn folds(&self) -> Folds {
         self.folds
     }
 
-    /// Visits the parts of a ray inside the shell before `limit_mm`, in no
-    /// strict order but with near ones early. `visit` returns the distance up to
-    /// which parts are still wanted.
+    /// Visits the parts of a ray inside the shell before `limit_mm`, in no strict order, but
+    /// near parts early. `visit` returns the distance up to which parts are still wanted.
     pub fn visit_spans(&self, ray: &Ray, limit_mm: f32, mut visit: impl FnMut(&ShellSpan) -> f32) {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && limit_mm > 0.0) {
             return;
