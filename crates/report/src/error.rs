@@ -1,4 +1,4 @@
-//! Why a report could not be made.
+//! Errors of reports.
 
 /// Why a measurement, a bench, a page or a table could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +22,7 @@ pub enum ReportError {
     /// A plot that cannot be drawn.
     #[error("cannot draw a plot: {0}")]
     Plot(String),
-    /// A page that cannot be put together.
+    /// A page that cannot be assembled.
     #[error("cannot put a page together: {0}")]
     Page(#[from] askama::Error),
     /// Figures that cannot be written as JSON.

@@ -1,10 +1,10 @@
-//! Reports on the models of a cloth: how far they are from each other ([`comparison`]),
-//! and what each of them costs ([`bench`]).
+//! Reports on the models of a cloth: their differences ([`comparison`]) and their costs
+//! ([`bench`]).
 //!
-//! Everything is measured and judged here and shown on one page that stands alone: one
-//! HTML file without links, with plots and pictures inside, legible in light and dark.
-//! Pages are filled in from the files of `templates/`, checked while compiling; plots are
-//! drawn by `plotters`.
+//! Everything is measured and compared here and shown on one self-contained page: an HTML file
+//! without links, with plots and pictures inside, legible in light and dark colour schemes. The
+//! templates of pages are the files of `templates/`, which are checked at compile time;
+//! `plotters` draws the plots.
 
 pub mod bench;
 pub mod comparison;
@@ -18,7 +18,7 @@ use organza_scene::representation::Representation;
 pub use error::ReportError;
 pub use picture::Picture;
 
-/// A colour and what it stands for.
+/// A colour and its meaning.
 struct KeyEntry {
     /// As in a style sheet.
     colour: String,
@@ -42,7 +42,7 @@ fn text_of(out: csv::Writer<Vec<u8>>) -> Result<String, ReportError> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// What is no representation of a cloth: data, other programs. 8-bit sRGB.
+/// The colour of everything but representations of a cloth: data, other programs. 8-bit sRGB.
 const OTHER: [u8; 3] = [0x8a; 3];
 
 /// The colour of a model in plots, legible on light and dark. 8-bit sRGB.

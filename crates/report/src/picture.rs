@@ -1,4 +1,4 @@
-//! Pictures for the inside of a page.
+//! Pictures inside a page.
 
 use crate::ReportError;
 use base64::Engine;
@@ -16,10 +16,10 @@ pub struct Picture {
     pub pixels: Vec<[f32; 3]>,
 }
 
-/// Share of values that [`exposure`] lets become white.
+/// Share of values that become white with [`exposure`].
 const BRIGHTEST: usize = 20;
 
-/// The gain that brings all but the brightest twentieth of some values below white.
+/// The gain that keeps all but the brightest twentieth of some values below white.
 pub(crate) fn exposure(values: impl Iterator<Item = f64>) -> f32 {
     let mut list: Vec<f64> = values.collect();
     list.sort_by(f64::total_cmp);
@@ -34,7 +34,7 @@ pub(crate) fn pixel(value: [f64; 3], gain: f32) -> [u8; 3] {
 }
 
 impl Picture {
-    /// The gain that suits it.
+    /// The suitable gain.
     pub(crate) fn exposure(&self) -> f32 {
         exposure(self.pixels.iter().flatten().map(|&v| f64::from(v)))
     }
@@ -48,7 +48,7 @@ impl Picture {
 
 /// A picture on a page.
 pub(crate) struct Thumbnail {
-    /// For readers that do not see it.
+    /// Alternative text.
     pub alt: String,
     pub caption: String,
     pub data_url: String,

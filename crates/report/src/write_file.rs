@@ -1,4 +1,4 @@
-//! How a report writes its files: the caller decides.
+//! The function with which a report writes its files; the caller supplies it.
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
-//! Speed against error: every choice there is for a cloth, seen from some distances under
-//! some lights, against explicit fibres.
+//! Speed against error: every choice of representation for a cloth, seen from several distances
+//! under several lights, compared with explicit fibres.
 //!
-//! Every picture is rendered by a process of its own, as a user would run it, so that time
-//! and memory are what a user has.
+//! A separate process renders every picture, as a user would run it, so that time and memory
+//! are those that a user sees.
 
 mod page;
 mod peer;
@@ -27,17 +27,17 @@ use organza_scene::auto::table::{Candidate, Recommendation, Row, candidates, rec
 pub struct FabricResult<'a> {
     /// The fabric.
     pub sample: &'a Sample,
-    /// What came of every view of it.
+    /// The results of every view of it.
     pub views: Vec<ViewResult>,
 }
 
-/// Everything that a bench found.
+/// All results of a bench.
 pub struct Bench<'a> {
-    /// How much of everything was tried.
+    /// The extent of the bench.
     pub plan: &'a Plan,
-    /// Fabric by fabric.
+    /// Results by fabric.
     pub fabrics: Vec<FabricResult<'a>>,
-    /// How cost grows with size, on the first fabric.
+    /// The growth of cost with size, for the first fabric.
     pub growth: Vec<Series>,
 }
 
@@ -53,12 +53,11 @@ impl<'a> Bench<'a> {
         samples.iter().map(choices).sum::<usize>() + scaling
     }
 
-    /// Tries every choice in every view of some fabrics, and how cost grows with size if
-    /// asked. `done` is called after every render.
+    /// Tries every choice in every view of the fabrics and, if requested, measures the growth
+    /// of cost with size. `done` is called after every render.
     ///
-    /// # Errors
-    /// Files that cannot be read or written, a truth that cannot be rendered, or an
-    /// interruption.
+    /// # Errors Files that cannot be read or written, a reference that cannot be rendered, or
+    /// an interruption.
     pub fn run(
         plan: &'a Plan,
         samples: &'a [Sample],
@@ -104,20 +103,20 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// A bench with what its reports add.
+/// A bench with the data that its reports add.
 pub struct BenchReport<'a> {
-    /// What was found.
+    /// The results.
     pub bench: &'a Bench<'a>,
     /// The command that made it.
     pub command: String,
     /// Errors, as shares of a picture's brightness, within which choices are recommended.
     pub within: &'a [f64],
-    /// How long it all took.
+    /// Total time.
     pub seconds: f64,
 }
 
 impl ViewResult {
-    /// What to take in this view for an error of at most `tolerance`.
+    /// The recommendation for this view and an error of at most `tolerance`.
     fn recommendation(&self, tolerance: f64) -> Option<Recommendation> {
         let rows = self.results.iter().map(|t| &t.row);
         let list: Vec<Candidate> = candidates(rows, &[self.view.lit]);

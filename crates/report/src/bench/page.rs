@@ -79,7 +79,7 @@ struct GrowthPoint {
 }
 
 impl BenchReport<'_> {
-    /// The page: one HTML file that stands alone.
+    /// The page: one self-contained HTML file.
     ///
     /// # Errors
     /// A picture that cannot be encoded.
@@ -148,7 +148,7 @@ impl BenchReport<'_> {
         })
     }
 
-    /// The truth, every model as the fabric has it, and other programs.
+    /// The reference, every model of the fabric, and other programs.
     fn thumbnails(&self, sample: &Sample, v: &ViewResult) -> Result<Vec<Thumbnail>, ReportError> {
         let Some(truth) = v.results.first() else {
             return Ok(Vec::new());
@@ -169,7 +169,7 @@ impl BenchReport<'_> {
             shown.push(choice.model);
             let (title, bias) = (choice.model.title, percent(t.row.bias.value));
             let caption = match choice.model.build {
-                Build::ExplicitFibres(_) => format!("{title}, the truth"),
+                Build::ExplicitFibres(_) => format!("{title}, the reference"),
                 Build::Voxels(_) => {
                     let um = sample.fabric.file.voxel.size_um;
                     format!("{title}, {um} um, bias {bias}")
@@ -316,7 +316,7 @@ fn growth_row(s: &Series) -> GrowthRow<'_> {
     }
 }
 
-/// How the error falls, from just after the setup to an hour.
+/// The error over time, from just after the setup to an hour.
 fn falling_error(cost: &Cost, model_error: f64) -> Vec<[f64; 2]> {
     const STEPS: u32 = 48;
     const HOUR_S: f64 = 3600.0;

@@ -1,4 +1,4 @@
-//! Pictures that other programs made of the bench's scenes.
+//! Pictures of the scenes of the bench, made by other programs.
 
 use crate::ReportError;
 use organza_measure::{Cost, NoisyPicture};
@@ -17,9 +17,9 @@ struct PeerFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
-    /// Name and version of the program, and how it was run.
+    /// Name and version of the program, and its settings.
     pub program: String,
-    /// The bench's scene, without ending.
+    /// Name of the scene of the bench, without its ending.
     pub scene: String,
     /// Processor seconds before and while tracing.
     setup_s: f64,
@@ -71,7 +71,7 @@ impl Peer {
         }
     }
 
-    /// What it cost at that relative noise.
+    /// Its cost at that relative noise.
     pub(super) fn cost(&self, noise: f64) -> Cost {
         Cost {
             setup_s: self.setup_s,

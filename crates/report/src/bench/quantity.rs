@@ -1,4 +1,4 @@
-//! How the figures of a bench are written.
+//! The format of the figures of a bench.
 
 use super::scaling::Series;
 use super::stage::{Sample, View, describe_distance};
@@ -10,7 +10,7 @@ use organza_scene::representation::EXPLICIT_FIBRES;
 /// Relative noise at which times are compared.
 pub(super) const NOISE: f64 = 0.02;
 
-/// Seconds until a picture's own noise is [`NOISE`].
+/// Seconds until the noise of a picture is [`NOISE`].
 pub(super) fn seconds_to_noise(cost: &Cost) -> f64 {
     cost.setup_s + cost.noise_s / (NOISE * NOISE)
 }
@@ -48,7 +48,7 @@ pub(super) fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-/// At most two digits after the point, and none that are zero.
+/// At most two digits after the point, without trailing zeros.
 pub(super) fn plain(x: f64) -> String {
     if x >= 100.0 || x == x.round() {
         format!("{x:.0}")

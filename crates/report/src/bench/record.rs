@@ -10,7 +10,7 @@ use organza_measure::{Cost, Figure, pareto_front};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// Which results no other beats in error, time and memory together.
+/// The Pareto front of the results in error, time and memory.
 pub(super) fn front(results: &[Tried]) -> Vec<bool> {
     let of = |t: &Tried| {
         let cost = &t.row.cost;
@@ -107,7 +107,7 @@ impl BenchReport<'_> {
         })
     }
 
-    /// The recommendations, all choices, and how cost grows, as tables in Markdown.
+    /// The recommendations, all choices and the growth of cost, as tables in Markdown.
     pub fn markdown(&self) -> String {
         let mut text = format!("`{}`\n\n", self.command);
         let _ = write!(text, "| fabric, pixel, lit from |");

@@ -1,4 +1,4 @@
-//! How cost grows with size.
+//! The growth of cost with size.
 
 use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
@@ -10,7 +10,7 @@ use organza_scene::representation::{MICROFLAKE, PACKED, Tracker};
 use serde::Serialize;
 use std::path::Path;
 
-/// What grows.
+/// The size that grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Size {
@@ -39,7 +39,7 @@ impl Size {
         Size::Threads,
     ];
 
-    /// In words.
+    /// A description.
     pub fn description(self) -> &'static str {
         match self {
             Size::Tile => "tile, repeats of the weave",
@@ -51,7 +51,7 @@ impl Size {
         }
     }
 
-    /// Steps along it; of threads as many as there are.
+    /// The sizes to measure; for threads, up to their number in the machine.
     fn steps(self, quick: bool) -> Vec<u32> {
         let (some, many): (&[u32], &[u32]) = match self {
             Size::Tile => (&[1, 2, 4], &[1, 2, 4, 8]),
@@ -76,30 +76,30 @@ pub struct Point {
     pub size: f64,
     /// Processor seconds before the first path.
     pub setup_s: f64,
-    /// Processor seconds of tracing; of threads, seconds as they passed.
+    /// Processor seconds of tracing; for threads, seconds of elapsed time.
     pub trace_s: f64,
-    /// The most that it ever had.
+    /// Peak memory.
     pub memory_bytes: u64,
 }
 
 /// One choice along one size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
-    /// What grows.
+    /// The size that grows.
     pub grows: Size,
-    /// The choice in words.
+    /// Description of the choice.
     pub what: String,
     /// Measurements in order of size.
     pub points: Vec<Point>,
-    /// How the setup grows.
+    /// The growth of the setup time.
     pub setup: Option<Growth>,
-    /// How tracing grows.
+    /// The growth of the tracing time.
     pub trace: Option<Growth>,
-    /// How memory grows.
+    /// The growth of the memory.
     pub memory: Option<Growth>,
 }
 
-/// The models that are measured, the fastest and the most faithful of volumes.
+/// The models that are measured: the fastest and the most accurate volume.
 const MODELS: [Choice; 2] = [
     Choice::of(&MICROFLAKE, Tracker::Kernel),
     Choice::of(&PACKED, Tracker::Woodcock),
@@ -111,7 +111,7 @@ pub(super) fn max_trials(quick: bool) -> usize {
     MODELS.len() * steps
 }
 
-/// Measures along every size. Every fabric that is written lies in `folder`.
+/// Measures along every size. Fabrics are written to `folder`.
 ///
 /// # Errors
 /// Files that cannot be written, or renders that fail.
@@ -168,7 +168,7 @@ fn point(grows: Size, size: f64, figures: &Figures) -> Point {
     }
 }
 
-/// Pixels along an edge where they do not grow, and their width.
+/// Pixels along an edge, and their width, where they do not grow.
 const RESOLUTION: u32 = 32;
 const PIXEL_MM: f64 = 0.1;
 
@@ -243,7 +243,7 @@ fn trial(
     ))
 }
 
-/// The scene with parallel lights, fanned out, in place of its own.
+/// The scene with a fan of parallel lights instead of its own lights.
 fn with_parallel_lights(scene: &str, count: u32) -> String {
     let before = scene.split("[[light]]").next().unwrap_or_default();
     let after = scene.split("[[object]]").nth(1).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Where cloths are looked at: one sample, three distances, two lights.
+//! The views of a cloth: one sample, three distances, two lights.
 
 use crate::ReportError;
 use crate::write_file::WriteFile;
@@ -11,7 +11,7 @@ use organza_scene::loader::Loader;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Fabrics that the program carries along, the same as in `scenes/fabrics`.
+/// Fabrics that are built into the program, the same as in `scenes/fabrics`.
 const NAMED: [(&str, &str); 3] = [
     (
         "denim",
@@ -33,12 +33,12 @@ pub struct Sample {
     pub name: String,
     /// The fabric file, absolute.
     pub path: PathBuf,
-    /// What the file describes.
+    /// The contents of the file.
     pub fabric: Fabric,
 }
 
 impl Sample {
-    /// Names of the fabrics that the program carries along.
+    /// Names of the built-in fabrics.
     pub fn names() -> [&'static str; 3] {
         NAMED.map(|(name, _)| name)
     }
@@ -53,9 +53,9 @@ impl Sample {
     }
 }
 
-/// A fabric that is known to be there, before any file is written.
+/// A fabric that is known to exist, before any file is written.
 pub enum Found {
-    /// One that the program carries along: name and text.
+    /// A built-in fabric: name and text.
     Carried(&'static str, &'static str),
     /// A file of the user's.
     File(Box<Sample>),
@@ -64,8 +64,7 @@ pub enum Found {
 impl Found {
     /// A fabric by name or by its file.
     ///
-    /// # Errors
-    /// No such fabric, or one that is wrong.
+    /// # Errors When there is no such fabric, or it is invalid.
     pub fn named(named: &str) -> Result<Found, ReportError> {
         if let Some((name, text)) = NAMED.iter().find(|(name, _)| *name == named) {
             return Ok(Found::Carried(name, text));
@@ -91,7 +90,7 @@ impl Found {
         }
     }
 
-    /// The fabric; one that the program carries along is written into `folder`.
+    /// The fabric; a built-in fabric is written to `folder`.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -107,7 +106,7 @@ impl Found {
     }
 }
 
-/// The file of the room that lights cloth from a side.
+/// The picture file of the room that lights the cloth from a side.
 fn room_file(lit: Lit) -> String {
     format!("room-{}.exr", lit.name())
 }
@@ -152,10 +151,10 @@ pub fn write_rooms(write_file: WriteFile<'_>, folder: &Path) -> Result<(), Repor
     Ok(())
 }
 
-/// Width of a pixel where the cloth is, mm. Seen by an eye that resolves an arc
-/// minute a pixel is as wide as 0.29 mm at a metre.
+/// Width of a pixel at the cloth, mm. For an eye that resolves one arc minute, a pixel is 0.29
+/// mm wide at one metre.
 pub const QUICK_PIXELS_MM: [f64; 2] = [0.1, 1.0];
-/// The same, of the whole bench.
+/// The same for the whole bench.
 pub const PIXELS_MM: [f64; 3] = [0.03, 0.1, 1.0];
 
 /// The distance in metres at which a pixel spans an arc minute.
@@ -168,7 +167,7 @@ pub fn distance_m(pixel_mm: f64) -> f64 {
 pub struct View {
     /// Width of a pixel where the cloth is.
     pub pixel_mm: f64,
-    /// Where light comes from.
+    /// The direction of the light.
     pub lit: Lit,
 }
 
@@ -178,7 +177,7 @@ impl View {
         format!("{sample}-{}mm-{}", self.pixel_mm, self.lit.name())
     }
 
-    /// In words.
+    /// A description.
     pub fn description(&self) -> String {
         format!(
             "pixels of {} mm ({} away), lit from {}",
@@ -191,10 +190,9 @@ impl View {
         )
     }
 
-    /// The scene: a window in a dim room on one side of the cloth, darkness on
-    /// the other, the camera aslant by 30 degrees. Wide light, because paths that
-    /// must find a point-like one off mirror-like fibres need eight times as many
-    /// samples.
+    /// The scene: a window in a dim room on one side of the cloth, darkness on the other, the
+    /// camera aslant by 30 degrees. The light is wide, because paths that must find a small
+    /// light through reflections from mirror-like fibres need eight times as many samples.
     pub fn scene(&self, fabric: &str, resolution: u32) -> String {
         let width_mm = self.pixel_mm * f64::from(resolution);
         let far_mm = 1000.0f64;

@@ -1,5 +1,5 @@
-//! One render in a process of its own, as a user would run it: its picture, the
-//! time it took and the most memory it had.
+//! One render in a separate process, as a user would run it: its picture, its time and its peak
+//! memory.
 
 use crate::ReportError;
 use crate::write_file::WriteFile;
@@ -14,7 +14,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The part of `render --json` that is needed here.
+/// The part of the output of `render --json` that is needed here.
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct Figures {
     pub backend: String,
@@ -27,15 +27,15 @@ pub(super) struct Figures {
 
 /// How a render ended.
 pub(super) enum Outcome {
-    /// With a picture.
+    /// It made a picture.
     Picture(Box<NoisyPicture>, Figures),
-    /// It was refused, or failed; why.
+    /// It was refused or failed, with the reason.
     Refused(String),
 }
 
 /// What to render.
 pub(super) struct Trial {
-    /// Name of its files.
+    /// Base name of its files.
     pub name: String,
     pub scene: PathBuf,
     /// The fabric that the scene shows.
@@ -46,35 +46,33 @@ pub(super) struct Trial {
     pub seed: u64,
 }
 
-/// Runs trials and keeps their results, so that a bench that was interrupted continues
-/// where it was.
+/// Runs trials and keeps their results, so that an interrupted bench can be resumed.
 pub struct Laboratory<'a> {
     write_file: WriteFile<'a>,
     folder: PathBuf,
     program: PathBuf,
-    /// Of the program's bytes: the results of another build are made again.
+    /// Digest of the program: results of another build are not used.
     digest: [u8; 32],
     threads: Option<u16>,
     max_memory_bytes: Option<u64>,
 }
 
-/// The result of a trial as it is kept.
+/// The stored result of a trial.
 #[derive(Serialize, Deserialize)]
 struct Note {
     arguments: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     figures: Option<Value>,
-    /// Of everything that the result depends on.
+    /// Digest of everything that the result depends on.
     key: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     refused: Option<String>,
 }
 
 impl<'a> Laboratory<'a> {
-    /// Results are kept in `folder`, which exists.
+    /// Results are kept in `folder`, which must exist.
     ///
-    /// # Errors
-    /// The program cannot find or read its own file.
+    /// # Errors When the program cannot find or read its own file.
     pub fn new(
         write_file: WriteFile<'a>,
         folder: PathBuf,

@@ -11,11 +11,11 @@ use organza_scene::auto::table::{Row, Traits};
 use organza_scene::representation::Tracker;
 use std::path::PathBuf;
 
-/// How much of everything.
+/// The extent of a bench.
 pub struct Plan {
     /// Fewer choices.
     pub quick: bool,
-    /// Widths of a pixel where the cloth is.
+    /// Widths of a pixel at the cloth.
     pub pixels_mm: Vec<f64>,
     /// Pixels along an edge.
     pub resolution: u32,
@@ -25,21 +25,21 @@ pub struct Plan {
     pub truth_spp: u64,
     /// Values of `--set` for every render.
     pub set: Vec<String>,
-    /// Where scenes are written.
+    /// Folder to which scenes are written.
     pub scenes: PathBuf,
 }
 
-/// Seeds: the truth's noise must not be that of what is held against it.
+/// Seeds: the noise of the reference must be independent of that of the other pictures.
 const TRUTH_SEED: u64 = 1;
 const SEED: u64 = 2;
 
-/// What came of one choice, or of another program, in a view.
+/// The result of one choice in a view.
 pub struct Tried {
-    /// What it cost and how far off it is.
+    /// Its cost and its error.
     pub row: Row,
-    /// Noise of the picture, which is taken off the error.
+    /// Noise of the picture, which is subtracted from the error.
     pub noise: f64,
-    /// What rendered it.
+    /// The engine that rendered it.
     pub backend: String,
     /// Its picture.
     pub picture: NoisyPicture,
@@ -47,9 +47,9 @@ pub struct Tried {
 
 /// A choice that gave no picture.
 pub struct Refusal {
-    /// Which one.
+    /// The choice.
     pub choice: Choice,
-    /// Why not.
+    /// The reason.
     pub why: String,
 }
 
@@ -57,17 +57,17 @@ pub struct Refusal {
 pub struct PeerResult {
     /// Name and version of the program.
     pub program: String,
-    /// How far it is from the truth.
+    /// Its difference from the reference.
     pub error: PictureError,
-    /// What it cost.
+    /// Its cost.
     pub cost: Cost,
     /// Its picture.
     pub picture: NoisyPicture,
 }
 
-/// Everything about a view of a fabric; the truth is the first result.
+/// The results of a view of a fabric; the reference is the first.
 pub struct ViewResult {
-    /// Which view.
+    /// The view.
     pub view: View,
     /// Choices that gave a picture.
     pub results: Vec<Tried>,
@@ -84,15 +84,14 @@ impl Plan {
         self.pixels_mm.iter().flat_map(lights).collect()
     }
 
-    /// The choices for a fabric, but for the truth.
+    /// The choices for a fabric, without the reference.
     pub fn choices(&self, sample: &Sample) -> Vec<Choice> {
         Choice::all(self.quick, sample.fabric.file.surface.is_some())
     }
 
     /// Tries every choice in a view; `done` is called after every render.
     ///
-    /// # Errors
-    /// Files that cannot be written, a truth that cannot be rendered, or an
+    /// # Errors Files that cannot be written, a reference that cannot be rendered, or an
     /// interruption.
     pub(super) fn try_all(
         &self,
@@ -108,7 +107,7 @@ impl Plan {
         laboratory.write(&scene, text.as_bytes())?;
         let own_um = sample.fabric.file.voxel.size_um;
         let run = |choice: &Choice, spp: u64, seed: u64| {
-            // A choice is what it is called, whatever else is set.
+            // The name of a choice overrides all other settings.
             let mut overrides = self.set.clone();
             overrides.extend(choice.overrides(own_um));
             let trial = Trial {
@@ -157,7 +156,7 @@ impl Plan {
         };
         let mut first =
             judge(Choice::EXPLICIT_FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
-        // Against itself it has no error, and its noise makes none.
+        // The reference has no error against itself, and its noise does not add one.
         for figure in [&mut first.row.rmse, &mut first.row.bias] {
             (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);
         }

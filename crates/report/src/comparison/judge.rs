@@ -1,12 +1,12 @@
-//! How far models are from the reference.
+//! The differences of models from the reference.
 
 use super::Measurement;
 use crate::Picture;
 use organza_measure::{Difference, PairValue, difference};
 
-/// How a model differs from the reference.
+/// The differences of a model from the reference.
 pub struct Judged {
-    /// Which model.
+    /// Name of the model.
     pub model: String,
     /// Over the layout.
     pub layout: Difference,
@@ -26,8 +26,8 @@ pub struct Flip {
     pub map: Vec<u8>,
 }
 
-/// Judges all measurements but the first against the first. `seed` names the random
-/// numbers of the intervals.
+/// Compares all other measurements with the first. `seed` is that of the random numbers of the
+/// intervals.
 pub fn judge(measured: &[Measurement], seed: u64) -> Vec<Judged> {
     let Some((reference, others)) = measured.split_first() else {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! What is measured of every model.
+//! The measurements of every model.
 
 use super::LIGHTS;
 use crate::{Picture, ReportError};
@@ -11,14 +11,13 @@ use std::time::Instant;
 /// Angle of the light in the planes of weft and warp, degrees.
 const IN_PLANE_DEG: f64 = 30.0;
 
-/// Where light comes from whose whereabouts are measured: polar angle and azimuth,
-/// degrees.
+/// Directions of light whose shares are measured: polar angle and azimuth, degrees.
 const INCIDENT_DEG: [[f64; 2]; 4] = [[0.0, 0.0], [60.0, 0.0], [60.0, 90.0], [180.0, 0.0]];
 
 /// Changes the random numbers of the pairs whose directions are exchanged.
 const REVERSE_SEED: u64 = 0x5eed;
 
-/// A model and what was measured of it.
+/// The measurements of a model.
 pub struct Measurement {
     /// Its name.
     pub model: String,
@@ -26,7 +25,7 @@ pub struct Measurement {
     pub layout: Vec<PairValue>,
     /// Values in the planes of weft and warp.
     pub in_plane: Vec<PairValue>,
-    /// Where light goes.
+    /// The shares of light.
     pub albedos: Vec<Albedo>,
     /// Pictures under each light.
     pub pictures: Vec<Picture>,
@@ -54,11 +53,11 @@ impl Measurement {
     }
 }
 
-/// What to measure of every model, and how thoroughly.
+/// The measurements of every model, and their effort.
 pub struct Plan {
     /// Pairs of directions.
     pub layout: Vec<Pair>,
-    /// Paths per pair, and when to stop earlier.
+    /// Paths per pair, and the target error.
     pub effort: Effort,
     /// Texels of the pictures.
     pub grid: TexelGrid,
@@ -67,8 +66,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Measures a model. `watch` is given the number of paths as they are done, from any
-    /// thread.
+    /// Measures a model. `watch` is called with the number of finished paths, from any thread.
     ///
     /// # Errors
     /// See [`organza_measure::MeasureError`].

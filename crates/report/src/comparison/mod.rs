@@ -1,4 +1,5 @@
-//! Models of one cloth against each other: measured alike, judged against the first.
+//! Comparison of models of one cloth: all are measured in the same way and compared with the
+//! first.
 
 mod judge;
 mod measure;
@@ -10,27 +11,27 @@ pub use measure::{Measurement, Plan};
 
 use organza_measure::Angles;
 
-/// Everything about a comparison.
+/// The data of a comparison.
 pub struct Comparison {
     /// The cloth's name.
     pub name: String,
     /// The command that made it.
     pub command: String,
-    /// All that was measured, the reference first.
+    /// All measurements, the reference first.
     pub measured: Vec<Measurement>,
-    /// The others against it.
+    /// The differences of the others from the reference.
     pub judged: Vec<Judged>,
     /// Median relative error below which models agree.
     pub limit: f64,
 }
 
 impl Comparison {
-    /// What the models are compared with.
+    /// The reference.
     pub fn reference(&self) -> &str {
         self.measured.first().map_or("", |m| m.model.as_str())
     }
 
-    /// A line for each model that was judged.
+    /// One line for each compared model.
     pub fn summary(&self) -> Vec<String> {
         let line = |j: &Judged| {
             let m = &j.layout.median;

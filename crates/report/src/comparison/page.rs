@@ -8,7 +8,7 @@ use askama::Template;
 use glam::Vec3;
 use organza_measure::{Albedo, Angles, Difference, Figure, PairValue, irawan_layout};
 
-/// What single precision may add to or take from a sum of one path.
+/// The rounding error of the sum of one path in single precision.
 const ROUNDING: f64 = 1e-5;
 
 #[derive(Template)]
@@ -54,7 +54,7 @@ struct CheckRow<'a> {
 }
 
 impl Comparison {
-    /// The page: one HTML file that stands alone.
+    /// The page: one self-contained HTML file.
     ///
     /// # Errors
     /// A picture that cannot be encoded.
@@ -83,7 +83,7 @@ impl Comparison {
 
     fn verdict(&self, j: &Judged) -> String {
         let m = &j.layout.median;
-        // Errors that the noise explains are no errors of the model.
+        // Errors that noise explains are not errors of the model.
         let noisy = self.limit.hypot(j.layout.noise_median);
         let judged = match m.is_below(self.limit) {
             Some(false) if m.low <= noisy => "cannot be distinguished from",
@@ -225,7 +225,7 @@ fn difference_rows(j: &Judged) -> impl Iterator<Item = DifferenceRow> {
 }
 
 fn check_row(m: &Measurement) -> CheckRow<'_> {
-    // Where every path's sum is one, its error is that of adding up.
+    // Where the sum of every path is one, its error is that of the summation.
     let off = |a: &Albedo| {
         (0..3)
             .map(|c| ((a.sum.mean[c] - 1.0).abs(), a.sum.se[c]))

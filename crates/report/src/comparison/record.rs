@@ -5,7 +5,7 @@ use crate::ReportError;
 use serde_json::{Value, json};
 
 impl Comparison {
-    /// Every number of it.
+    /// All figures.
     pub fn json(&self) -> Value {
         let measured: Vec<Value> = self
             .measured
@@ -37,10 +37,9 @@ impl Comparison {
         })
     }
 
-    /// Every pair of every model as CSV.
+    /// The pairs of all models as CSV.
     ///
-    /// # Errors
-    /// None is expected.
+    /// # Errors Errors of the CSV writer, which are not expected.
     pub fn pairs_csv(&self) -> Result<String, ReportError> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record([

@@ -1,4 +1,4 @@
-//! Axes: where they begin and end, and which numbers stand beside them.
+//! Axes: their ends and the numbers beside them.
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
@@ -42,13 +42,13 @@ impl Ranged for LinearAxis {
     }
 }
 
-/// What a logarithmic axis shows.
+/// The quantity of a logarithmic axis.
 pub(crate) struct LogAxis {
     /// The unit, written at the end of a horizontal axis.
     pub title: &'static str,
-    /// How its numbers are written.
+    /// The format of its numbers.
     pub number: fn(f64) -> String,
-    /// The least value that is distinguished from zero.
+    /// The smallest value that is distinguished from zero.
     pub least: f64,
 }
 
@@ -57,7 +57,7 @@ const MARGIN: f64 = 0.08;
 /// Up to this many decades, 1, 2 and 5 of each have a line; beyond, 1 alone.
 const FEW_DECADES: f64 = 2.2;
 
-/// The stretch of a logarithmic axis that some values need.
+/// The range of a logarithmic axis that some values need.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LogSpan {
     /// Decimal logarithms of its ends.
@@ -67,7 +67,7 @@ pub(crate) struct LogSpan {
 }
 
 impl LogSpan {
-    /// Around all finite ones of some values; a decade about 1 if there are none.
+    /// The range of all finite values; a decade about 1 if there are none.
     pub(crate) fn over(values: impl Iterator<Item = f64>, least: f64) -> LogSpan {
         let logarithms = values
             .filter(|v| v.is_finite())
@@ -89,7 +89,7 @@ impl LogSpan {
         10f64.powf(self.from)..10f64.powf(self.to)
     }
 
-    /// A value within it: what lies beyond an end is put there.
+    /// The value clamped to the range.
     pub(crate) fn place(&self, value: f64) -> f64 {
         let range = self.range();
         value.max(self.least).clamp(range.start, range.end)

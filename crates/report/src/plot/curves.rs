@@ -14,7 +14,7 @@ pub(crate) struct Curve {
     pub points: Vec<[f64; 3]>,
 }
 
-/// Pixels: the plot, and what is left beside, above and below the axes.
+/// Pixels: the size of the plot, and the margins beside, above and below the axes.
 const SIZE: [f64; 2] = [340.0, 200.0];
 const LEFT: f64 = 44.0;
 const RIGHT: f64 = 8.0;

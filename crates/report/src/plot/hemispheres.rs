@@ -11,7 +11,7 @@ use plotters::style::text_anchor::HPos;
 
 /// Incident directions along each side of the layout of [Irawan2008].
 const SIDE: usize = 15;
-/// The greatest polar angle of them, degrees.
+/// The largest polar angle of these directions, degrees.
 const STEEPEST_DEG: f32 = 75.0;
 
 /// Pixels between disks 30 degrees of view apart, and their radius.
@@ -19,9 +19,9 @@ const SPACING: f32 = 108.0;
 const RADIUS: f32 = 42.0;
 const MARGIN: f32 = 12.0;
 
-/// Disks of incident directions, arranged by where they are seen from, the warp upward
-/// [Irawan2008] (figure 5.3). `values` are those of the layout, `gain` brings them to
-/// the brightness of a picture.
+/// Disks of incident directions, arranged by the direction of view, with the warp upward
+/// [Irawan2008] (figure 5.3). `values` are those of the layout; `gain` scales them to the
+/// brightness of a picture.
 pub(crate) fn hemispheres(values: &[PairValue], gain: f32) -> Result<Plot, DrawError> {
     // Views lie from 135 degrees on the left to 0 on the right, none below.
     let centre = Vec2::new(

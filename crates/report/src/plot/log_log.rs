@@ -29,12 +29,12 @@ pub(crate) struct Line {
     pub colour: [u8; 3],
 }
 
-/// Pixels: the plot, and what is left beside and above the axes.
+/// Pixels: the size of the plot, and the margins beside and above the axes.
 const SIZE: [f64; 2] = [340.0, 250.0];
 const LEFT: f64 = 46.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 22.0;
-/// For the numbers, and below them for the axis' title.
+/// Margins for the numbers and, below them, for the title of the axis.
 const NUMBERS: f64 = 20.0;
 const BELOW: f64 = 18.0;
 
@@ -181,7 +181,7 @@ mod tests {
         }];
         let svg = log_log("error", &axis(), &axis(), &marks, &lines).unwrap();
         let svg = svg.render().unwrap();
-        // Twice two: what is seen, and what the pointer finds.
+        // Two marks, each drawn once and covered by an area that shows its hint.
         assert_eq!(svg.matches("<circle").count(), 4, "{svg}");
         assert!(svg.contains("<title>at 10</title>") && svg.contains("seconds"));
         assert!(!svg.contains("NaN"), "{svg}");

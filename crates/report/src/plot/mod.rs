@@ -1,8 +1,8 @@
-//! Plots as SVG for the inside of a page.
+//! Plots as SVG inside a page.
 //!
-//! `plotters` draws them on whole pixels, so the canvas is [`FINE`] times as fine as
-//! the plot is shown. Text, axes and grid have two colours, [`INK`] and [`GRID`], that
-//! the style sheet of the pages replaces by those of the reader's colour scheme.
+//! `plotters` draws them on whole pixels, so the canvas is [`FINE`] times as fine as the plot
+//! is shown. Text, axes and grid have two colours, [`INK`] and [`GRID`], that the style sheet
+//! of the pages replaces by the colours of the reader's colour scheme.
 
 mod axis;
 mod curves;
@@ -40,12 +40,12 @@ const GRID: RGBColor = RGBColor(0xd9, 0xd5, 0xcc);
 const LETTERS: f64 = 11.0;
 const TITLE_LETTERS: f64 = 12.0;
 
-/// Why a plot could not be drawn. It is drawn into a text, so none is expected.
+/// A plot could not be drawn. Plots are drawn into strings, so no error is expected.
 pub(crate) type DrawError = DrawingAreaErrorKind<std::io::Error>;
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A colour of 8-bit sRGB as `plotters` takes it.
+/// A colour of 8-bit sRGB in the form of `plotters`.
 fn paint([r, g, b]: [u8; 3]) -> RGBColor {
     RGBColor(r, g, b)
 }
@@ -86,17 +86,17 @@ struct Hint {
     text: String,
 }
 
-/// A plot, to be put into a page as it is.
+/// A plot that a page includes unchanged.
 #[derive(Template)]
 #[template(path = "plot.svg")]
 pub(crate) struct Plot {
     width: u32,
     height: u32,
-    /// For readers that do not see it.
+    /// Alternative text.
     label: String,
     body: String,
     hints: Vec<Hint>,
-    /// Whether it is made of areas that touch: their borders are not smoothed then.
+    /// Whether it consists of adjacent areas, whose borders must not be smoothed.
     is_mosaic: bool,
 }
 
@@ -113,7 +113,8 @@ impl Plot {
         let hints = draw(&canvas)?;
         canvas.present()?;
         drop(canvas);
-        // The template writes the outer element, with what `plotters` has no words for.
+        // The template writes the outer element, which needs attributes that `plotters` does
+        // not support.
         let inside = svg.split_once('>').map_or("", |(_, rest)| rest).trim();
         let body = inside.strip_suffix("</svg>").unwrap_or(inside).to_owned();
         Ok(Plot {

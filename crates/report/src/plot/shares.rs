@@ -1,11 +1,11 @@
-//! Where light goes, as bars.
+//! The shares of light, as bars.
 
 use super::{DrawError, INK, Plot, draw_text, fine, paint};
 use plotters::element::Rectangle;
 use plotters::style::text_anchor::HPos;
 use plotters::style::{Color, RGBColor, WHITE};
 
-/// What becomes of light, in the order of a bar, with its colour (8-bit sRGB).
+/// The shares of light, in the order of a bar, with their colours (8-bit sRGB).
 pub(crate) const SHARES: [(&str, [u8; 3]); 4] = [
     ("reflected", [0xe0, 0xa0, 0x3a]),
     ("transmitted", [0x4f, 0x9f, 0xbf]),
@@ -19,16 +19,16 @@ pub(crate) struct Shares {
     pub shares: [f64; 4],
 }
 
-/// Pixels: a row, the bar in it, where bars begin and how long a whole one is.
+/// Pixels: height of a row and of its bar, start of bars and length of a full bar.
 const ROW: f64 = 19.0;
 const BAR: f64 = 15.0;
 const LEFT: f64 = 202.0;
 const WHOLE: f64 = 350.0;
 const WIDTH: f64 = 560.0;
-/// Between a label and its bar.
+/// Space between a label and its bar.
 const GAP: f64 = 6.0;
 
-/// The narrowest piece that has room for its number.
+/// Width of the narrowest piece with room for its number.
 const NUMBER: f64 = 26.0;
 
 /// Numbers on light pieces; those of a dark one are white.
