@@ -114,6 +114,15 @@ impl<F: Floats> Sub for V3<F> {
     }
 }
 
+/// A unit vector across another.
+#[inline(always)]
+pub fn beside<F: Floats>(axis: V3<F>) -> V3<F> {
+    let steep = axis.x.abs().below(F::splat(0.6));
+    let other = V3::splat(glam::Vec3::X).or_where_not(steep, V3::splat(glam::Vec3::Y));
+    let across = axis.cross(other);
+    across.scaled(F::splat(1.0) / across.dot(across).sqrt())
+}
+
 /// Horner's rule, the constant coefficient first.
 #[inline(always)]
 fn polynomial<F: Floats, const N: usize>(x: F, coefficients: [f32; N]) -> F {

@@ -7,7 +7,7 @@
 use super::crossing::{Crossing, atan2, exp};
 use super::optics::{Balanced, LOBES, Material, Optics};
 use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns};
+use crate::cpu::math::{LaneRng, V3, beside, minus_ln, positive, sin_cos_of_turns};
 use glam::Vec3;
 use organza_scatter::InclinationPair;
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
@@ -423,13 +423,4 @@ fn of_lobe<F: Floats>(lobe: F::Ints, all: &[F; LOBES]) -> F {
     let is = |p: u32| lobe.equals(F::Ints::splat(p));
     let late = all[2].or_where_not(is(2), all[3]);
     all[0].or_where_not(is(0), all[1].or_where_not(is(1), late))
-}
-
-/// A unit vector across another.
-#[inline(always)]
-fn beside<F: Floats>(axis: V3<F>) -> V3<F> {
-    let steep = axis.x.abs().below(F::splat(0.6));
-    let other = V3::splat(Vec3::X).or_where_not(steep, V3::splat(Vec3::Y));
-    let across = axis.cross(other);
-    across.scaled(F::splat(1.0) / across.dot(across).sqrt())
 }

@@ -63,42 +63,7 @@ impl FlatMedium {
                 .iter()
                 .any(|s| s.populations.iter().any(|p| p.yarn != NO_YARN)),
         };
-        let mut air = vec![u32::MAX; 1 << 16];
-        let mut around = around.iter();
-        for slice in &slices {
-            let mut left = &slice.populations[..];
-            for (&count, around) in slice.counts.iter().zip(&mut around) {
-                let (own, rest) = left.split_at(usize::from(count));
-                left = rest;
-                let mut first = filler.places();
-                match own {
-                    [] if has_mixtures => {
-                        // Voxels of air have little to say: they share it.
-                        let Surroundings {
-                            bound_code,
-                            reach_code,
-                        } = *around;
-                        let known =
-                            &mut air[usize::from(bound_code) << 8 | usize::from(reach_code)];
-                        if *known == u32::MAX {
-                            filler.add_air(*around);
-                            *known = first;
-                        }
-                        first = *known;
-                    }
-                    [] => filler.add_air(*around),
-                    _ => filler.add(own, *around)?,
-                }
-                if filler.places() >> PLACE_BITS != 0 {
-                    return Err(Unsuited::TooManyPopulations);
-                }
-                if has_mixtures {
-                    let more = u32::from(count.saturating_sub(1));
-                    filler.flat.places.push(first | more << PLACE_BITS);
-                    filler.note_densest(own, first);
-                }
-            }
-        }
+        filler.fill(&slices, &around, has_mixtures)?;
         Ok(filler.flat.finished())
     }
 
@@ -121,6 +86,48 @@ struct Filler {
 }
 
 impl Filler {
+    /// Lays out the voxels of all slices, with their surroundings.
+    fn fill(
+        &mut self,
+        slices: &[Slice],
+        around: &[Surroundings],
+        has_mixtures: bool,
+    ) -> Result<(), Unsuited> {
+        let mut air = vec![u32::MAX; 1 << 16];
+        let mut around = around.iter();
+        for slice in slices {
+            let mut left = &slice.populations[..];
+            for (&count, &around) in slice.counts.iter().zip(&mut around) {
+                let (own, rest) = left.split_at(usize::from(count));
+                left = rest;
+                let mut first = self.places();
+                match own {
+                    [] if has_mixtures => {
+                        // Voxels of air have little to say: they share it.
+                        let code = usize::from(around.bound_code) << 8;
+                        let known = &mut air[code | usize::from(around.reach_code)];
+                        if *known == u32::MAX {
+                            self.add_air(around);
+                            *known = first;
+                        }
+                        first = *known;
+                    }
+                    [] => self.add_air(around),
+                    _ => self.add(own, around)?,
+                }
+                if self.places() >> PLACE_BITS != 0 {
+                    return Err(Unsuited::TooManyPopulations);
+                }
+                if has_mixtures {
+                    let more = u32::from(count.saturating_sub(1));
+                    self.flat.places.push(first | more << PLACE_BITS);
+                    self.note_densest(own, first);
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Places filled so far.
     fn places(&self) -> u32 {
         (self.flat.words.len() / WORDS) as u32

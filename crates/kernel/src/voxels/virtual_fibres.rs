@@ -1,4 +1,4 @@
-//! Fibres that are met at a point, in the far field: one in every lane.
+//! Virtual fibres, which are met at a point, in the far field: one in every lane.
 //!
 //! Of the population there, a tangent is drawn as it is seen, and of that fibre's
 //! [tables](super::fibre_tables) what light needs. See
@@ -12,7 +12,7 @@ use super::fibre_tables::{
 use super::flat_scene::FlatScene;
 use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
 use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
+use crate::cpu::math::{LaneRng, V3, beside, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use glam::Vec3;
 use organza_scatter::{FAR_LOBES, FAR_ROWS, InclinationPair};
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, TAU};
@@ -370,16 +370,6 @@ fn shown_correction<F: Floats>(
     let low = at.gather(&tables.shown).as_floats();
     let high = (at + word(1)).gather(&tables.shown).as_floats();
     (high - low).mul_add(place - node, low)
-}
-
-/// A unit vector across another.
-#[inline(always)]
-fn beside<F: Floats>(axis: V3<F>) -> V3<F> {
-    let one = F::splat(1.0);
-    let steep = axis.x.abs().below(F::splat(0.6));
-    let other = V3::splat(Vec3::X).or_where_not(steep, V3::splat(Vec3::Y));
-    let across = axis.cross(other);
-    across.scaled(one / across.dot(across).sqrt())
 }
 
 /// Gaussian density of an angle for one over its deviation; never so small that
