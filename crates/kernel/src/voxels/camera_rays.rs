@@ -15,17 +15,18 @@ use organza_film::{Camera, PixelFilter, Projection};
 /// in focus, for a lens) and the way there from the camera: both are linear in
 /// the film point and small enough for `f32`, however far the camera is.
 pub struct CameraRays {
-    filter: PixelFilter,
-    half_size: [f32; 2],
+    pub filter: PixelFilter,
+    /// Half the picture's columns and rows.
+    pub half_size: [f32; 2],
     /// Film units per pixel.
-    scale: f32,
+    pub scale: f32,
     /// Crossing point in voxels, for the middle of the film and per unit of x
     /// and y.
-    crossing: [Vec3; 3],
+    pub crossing: [Vec3; 3],
     /// From camera to crossing point, mm; the same three.
-    way_mm: [Vec3; 3],
+    pub way_mm: [Vec3; 3],
     /// Half the lens in x and y, mm.
-    lens_mm: Option<[Vec3; 2]>,
+    pub lens_mm: Option<[Vec3; 2]>,
 }
 
 /// Rays that were made.

@@ -44,7 +44,8 @@ pub struct Nodes {
     pub dims: UVec3,
     /// Along the edge of a voxel.
     pub per_voxel: u32,
-    repeats: bool,
+    /// Whether the last node of a row stands beside the first.
+    pub repeats: bool,
 }
 
 /// The eight nodes around a place, in every lane.
