@@ -2,7 +2,8 @@
 //! level of detail costs in truth.
 
 use crate::fabrics::cotton;
-use crate::program::{complaint, folder, succeed};
+use crate::in_process::{mistake, picture};
+use crate::program::{folder, succeed};
 use organza_measure::parse_pairs;
 use organza_testing::csv_numbers;
 use std::path::Path;
@@ -98,7 +99,7 @@ fn cloth_over_a_mesh_says_what_it_lacks() {
     std::fs::write(folder.join("bare.obj"), format!("{quad}f 1 2 3 4\n")).unwrap();
     let mapped = format!("{quad}{uv}f 1/1 2/2 3/3 4/4\n");
     std::fs::write(folder.join("quad.obj"), mapped).unwrap();
-    let render = ["render", "scene.toml", "-o", "out.png", "--quiet"];
+    std::fs::write(folder.join("cloth.toml"), fabric()).unwrap();
     for (object, words) in [
         ("mesh = \"quad.obj\"", "object[0].mm_per_uv: is missing"),
         ("mm_per_uv = 100.0", "belongs to a `mesh`"),
@@ -115,39 +116,25 @@ fn cloth_over_a_mesh_says_what_it_lacks() {
         ("model = \"surface\"\nlod = 2", "a surface has no levels"),
         ("lod = 77", "level 77 does not exist"),
     ] {
-        write(&folder, object);
-        let said = complaint(&folder, &render);
-        assert!(said.contains(words), "{object}: {said}");
-        assert!(!folder.join("out.png").exists());
+        let message = mistake(&folder, &scene(object));
+        assert!(message.contains(words), "{object}: {message}");
     }
     // And with everything it needs, by every name of a level.
     for lod in ["\"auto\"", "\"volume\"", "\"surface\"", "1"] {
         let object = format!("mesh = \"quad.obj\"\nmm_per_uv = 100.0\nlod = {lod}");
-        write(&folder, &object);
-        succeed(&folder, &render);
-        std::fs::remove_file(folder.join("out.png")).unwrap();
+        let film = picture(&folder, &scene(&object), &[]).film;
+        assert!(film.mean().iter().all(|(mean, _)| *mean > 0.0), "{object}");
     }
 }
 
 /// The towel over a rail covers part of its picture and is lit.
 #[test]
 fn a_towel_is_draped() {
-    let folder = folder("far-towel");
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let own = root.join("scenes/towel.toml");
-    let mut arguments = vec![
-        "render",
-        own.to_str().unwrap(),
-        "-o",
-        "own.png",
-        "--json",
-        "--quiet",
-    ];
-    arguments.extend(["--set", "render.spp=1", "--set", "camera.resolution=[8,8]"]);
-    let report = succeed(&folder, &arguments);
-    assert!(folder.join("own.png").exists());
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    assert!(report["mean"][0].as_f64().unwrap() > 0.05, "{report}");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let text = std::fs::read_to_string(scenes.join("towel.toml")).unwrap();
+    let small = ["render.spp=1", "camera.resolution=[8,8]"].map(str::to_owned);
+    let [(mean, _), ..] = picture(&scenes, &text, &small).film.mean();
+    assert!(mean > 0.05, "{mean}");
 }
 
 /// How far a representation is from level 0 on one side of the cloth: relative differences

@@ -1,15 +1,17 @@
 //! Lights and planes of scene files, and scenes written for another renderer.
 
 use crate::cli::write_grid_scene;
+use crate::in_process::{mistake, picture};
 use crate::program::{complaint, folder, succeed};
 use std::path::Path;
 
-/// The grid scene with more text.
-fn scene_with(folder: &Path, more: &str) {
+/// Writes the grid scene with more text, and returns it.
+fn scene_with(folder: &Path, more: &str) -> String {
     write_grid_scene(folder);
     let path = folder.join("scene.toml");
-    let text = std::fs::read_to_string(&path).unwrap();
-    std::fs::write(path, text + more).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap() + more;
+    std::fs::write(path, &text).unwrap();
+    text
 }
 
 #[test]
@@ -57,9 +59,8 @@ fn mistakes_in_lights_and_planes_are_told_with_their_key() {
             "object[0]: extent_mm: expected x0, y0, x1, y1",
         ),
     ] {
-        scene_with(&folder, more);
-        let said = complaint(&folder, &["render", "scene.toml", "-o", "a.png"]);
-        assert!(said.contains(expected), "{more}\n{said}");
+        let message = mistake(&folder, &scene_with(&folder, more));
+        assert!(message.contains(expected), "{more}\n{message}");
     }
 }
 
@@ -73,8 +74,8 @@ fn scenes_are_written_for_mitsuba() {
         edge_v_mm = [1.0, 0.0, 0.0]\nradiance = [1.0, 2.0, 3.0]\ntwo_sided = true\n\
         [[light]]\nkind = \"directional\"\ndirection = [0.0, 0.0, 1.0]\nirradiance = [1.0, 1.0, 1.0]\n\
         [[object]]\nkind = \"plane\"\nposition_mm = [0.0, 0.0, -1.0]\nreflectance = [0.5, 0.5, 0.5]\n";
-    scene_with(&folder, lights);
-    succeed(&folder, &["render", "scene.toml", "-o", "a.exr", "--quiet"]);
+    let film = picture(&folder, &scene_with(&folder, lights), &[]).film;
+    assert!(film.mean().iter().all(|(mean, _)| *mean > 0.0));
     let export = ["export", "mitsuba", "scene.toml", "-o", "out"];
     succeed(&folder, &export);
     let xml = std::fs::read_to_string(folder.join("out/scene.xml")).unwrap();

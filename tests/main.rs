@@ -14,6 +14,7 @@ mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
 mod hard_cases; // degenerate geometry, views and lights through every tracker
 mod imports; // no circle of imports between rooms of a crate
+mod in_process; // scenes that tests build and render themselves
 mod invalid; // the message for every kind of wrong input
 mod kills; // commands killed at random moments
 mod lenses; // thin lenses in scenes

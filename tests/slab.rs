@@ -3,7 +3,8 @@
 //! a walk in double precision (`tests/peers/slab_f64.py`) computed for it: every
 //! pair within 4 combined standard errors.
 
-use crate::program::{exr_channels, folder, succeed, write_vol};
+use crate::in_process::picture;
+use crate::program::{folder, write_vol};
 use std::path::Path;
 
 const SCENE: &str = r#"
@@ -51,26 +52,12 @@ fn direction(theta_deg: f64, phi_deg: f64) -> [f64; 3] {
     ]
 }
 
-/// Mean and standard error over a picture, per channel.
-fn picture_mean(path: &Path) -> [(f64, f64); 3] {
-    let channels = exr_channels(path);
-    ["R", "G", "B"].map(|c| {
-        let value = &channels[c];
-        let variance = &channels[&format!("variance.{c}")];
-        let n = value.len() as f64;
-        let mean = value.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
-        let sum: f64 = variance.iter().map(|&v| f64::from(v)).sum();
-        (mean, sum.sqrt() / n)
-    })
-}
-
 /// Renders the slab for one pair; the BSDF with its standard error.
-fn bsdf(folder: &Path, pair: &[f64], seed: usize, more: &[&str]) -> [(f64, f64); 3] {
+fn bsdf(folder: &Path, pair: &[f64], seed: usize, integrator: &str) -> [(f64, f64); 3] {
     let w_in = direction(pair[0], pair[1]);
     let w_out = direction(pair[2], pair[3]);
     let face = 0.15f64.copysign(w_out[2]);
     let list = |v: [f64; 3]| format!("[{:.17}, {:.17}, {:.17}]", v[0], v[1], v[2]);
-    let out = format!("pair{seed}.exr");
     let set = [
         format!("light.0.direction={}", list(w_in.map(|x| -x))),
         format!(
@@ -79,13 +66,11 @@ fn bsdf(folder: &Path, pair: &[f64], seed: usize, more: &[&str]) -> [(f64, f64);
         ),
         format!("camera.target_mm={}", list([0.0, 0.0, face])),
         format!("render.seed={seed}"),
+        format!("render.integrator={integrator}"),
     ];
-    let mut arguments = vec!["render", "slab.toml", "-o", &out];
-    arguments.extend(set.iter().flat_map(|s| ["--set", s]));
-    arguments.extend(more);
-    succeed(folder, &arguments);
+    let film = picture(folder, SCENE, &set).film;
     let cos_i = w_in[2].abs();
-    picture_mean(&folder.join(&out)).map(|(mean, se)| (mean / cos_i, se / cos_i))
+    film.mean().map(|(mean, se)| (mean / cos_i, se / cos_i))
 }
 
 /// Rows of 16 pairs: four angles, three values, three standard errors.
@@ -104,8 +89,7 @@ fn agrees_with_independent_walks_at_every_pair() {
     let mut twin_rejected = 0;
     for (k, (row, other)) in mitsuba.iter().zip(&double).enumerate() {
         assert_eq!(row[..4], other[..4]);
-        let trackers: &[&[&str]] = &[&[], &["--set", "render.integrator=regular"]];
-        let got = bsdf(&folder, row, 100 + k, trackers[k % 2]);
+        let got = bsdf(&folder, row, 100 + k, ["woodcock", "regular"][k % 2]);
         for (row, c) in [row, other]
             .into_iter()
             .flat_map(|r| [0, 1, 2].map(|c| (r, c)))
