@@ -1,4 +1,5 @@
-//! Dense grids of samples, and what they may hold to make a medium.
+//! Dense grids of samples: how they are interpolated, and what they may hold to make a
+//! medium.
 
 use glam::UVec3;
 use organza_basis::{Aabb, Sym3};
@@ -10,6 +11,16 @@ pub const MAX_EXTINCTION_PER_MM: f32 = 1e9;
 /// How far below zero an eigenvalue may lie, relative to the trace: matrices of 16-bit
 /// floats are off by as much.
 const INDEFINITE_SLACK: f32 = 2e-3;
+
+/// How values between samples are found. Samples sit at cell centres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// A cell is constant.
+    #[default]
+    Nearest,
+    /// Linear between the eight nearest centres, constant beyond the outermost.
+    Trilinear,
+}
 
 /// A dense grid of `N` channels over a box, x fastest.
 #[derive(Clone, Debug, PartialEq)]

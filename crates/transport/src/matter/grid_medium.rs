@@ -1,26 +1,16 @@
 //! A medium from dense grids that other programs made: extinction, SGGX
 //! matrices and albedo, as Mitsuba's heterogeneous medium takes them.
 
-use crate::matter::bounds::NodeBounds;
-use crate::matter::grid::{Grid, GridMediumError, check, check_definite, check_extinction};
+use crate::matter::grid::{
+    Grid, GridMediumError, Interpolation, check, check_definite, check_extinction,
+};
+use crate::matter::majorants::BlockMajorants;
+use crate::matter::majorants::grid_majorants::block_majorants;
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, CellGrid, CellSpan, LocalRay, PathRng, Rgb, Sym3};
-use organza_scatter::{AxialFlake, Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
+use organza_scatter::{Lobe, LobeSample, MicroFlake, Sggx, SpecularFlakes};
 use std::ops::ControlFlow;
-
-/// Voxels along the edge of a brick with one majorant.
-const BRICK: u32 = 8;
-
-/// How values between samples are found. Samples sit at cell centres.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Interpolation {
-    /// A cell is constant.
-    #[default]
-    Nearest,
-    /// Linear between the eight nearest centres, constant beyond the outermost.
-    Trilinear,
-}
 
 /// Extinction toward `w` is `sigma_t sqrt(w^T S w)`, scattering that of
 /// specular SGGX flakes, both from samples at cell centres.
@@ -32,7 +22,7 @@ pub struct GridMedium {
     s: Grid<6>,
     flakes: Vec<Sggx>,
     albedo: Grid<3>,
-    bounds: NodeBounds,
+    majorants: BlockMajorants,
 }
 
 /// What one look-up gives.
@@ -86,19 +76,8 @@ impl GridMedium {
             dims: sggx.dims,
             data: flakes.iter().map(|f| f.matrix().to_array()).collect(),
         };
-        // The largest extinction times the largest projected area among the samples
-        // that any point of the brick looks at. Interpolated matrices are convex
-        // combinations, and the largest eigenvalue is convex, so samples bound what
-        // lies between them.
-        let areas = Grid {
-            dims: s.dims,
-            data: flakes.iter().map(|f| [area_bound(f)]).collect(),
-        };
-        let bounds = NodeBounds::new(&cell_grid, BRICK, |brick| {
-            let largest = |grid| largest_in_brick(&cell_grid, interpolation, grid, brick);
-            // Rounding of the interpolation may exceed the samples by a few ulp.
-            largest(&sigma_t_per_mm) * largest(&areas) * (1.0 + 4e-6)
-        });
+        let majorants =
+            block_majorants(&cell_grid, interpolation, &sigma_t_per_mm, &flakes, s.dims);
         Ok(GridMedium {
             cell_grid,
             interpolation,
@@ -106,7 +85,7 @@ impl GridMedium {
             s,
             flakes,
             albedo,
-            bounds,
+            majorants,
         })
     }
 
@@ -189,45 +168,6 @@ impl GridMedium {
     }
 }
 
-/// The greatest sample of a grid that any point of a brick looks at.
-fn largest_in_brick(
-    cells: &CellGrid,
-    interpolation: Interpolation,
-    grid: &Grid<1>,
-    brick: UVec3,
-) -> f32 {
-    let dims = cells.dims();
-    let scale = grid.dims.as_vec3() / dims.as_vec3();
-    let reach = match interpolation {
-        Interpolation::Nearest => 0,
-        Interpolation::Trilinear => 1,
-    };
-    let low = (brick * BRICK).as_vec3() * scale;
-    let high = ((brick + 1) * BRICK).min(dims).as_vec3() * scale;
-    let (low, high) = (
-        low.floor().as_ivec3() - reach,
-        high.ceil().as_ivec3() - 1 + reach,
-    );
-    let mut largest = 0.0f32;
-    for z in low.z..=high.z {
-        for y in low.y..=high.y {
-            for x in low.x..=high.x {
-                let cell = cells.wrap(glam::IVec3::new(x, y, z), grid.dims);
-                largest = largest.max(grid.at(cell)[0]);
-            }
-        }
-    }
-    largest
-}
-
-/// The largest projected area, or a little more where that is quicker.
-fn area_bound(flakes: &Sggx) -> f32 {
-    match AxialFlake::from_matrix(flakes.matrix()) {
-        Some((area, _)) => area * (1.0 + 3e-4),
-        None => flakes.max_projected_area(),
-    }
-}
-
 impl Medium for GridMedium {
     type Site = GridSite;
 
@@ -240,7 +180,7 @@ impl Medium for GridMedium {
         ray: &LocalRay,
         visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        self.bounds.for_each_span(&self.cell_grid, ray, visit)
+        self.majorants.for_each_span(&self.cell_grid, ray, visit)
     }
 
     fn for_each_voxel<B>(

@@ -46,7 +46,7 @@ pub trait Medium: Sync {
     /// A bound in 1/mm on the extinction of whatever [`Medium::meet`] finds at a
     /// local point, over all directions, where one is known with less trouble than
     /// meeting takes.
-    fn bound_at(&self, _p: Vec3) -> f32 {
+    fn majorant_at(&self, _p: Vec3) -> f32 {
         f32::INFINITY
     }
 

@@ -1,7 +1,6 @@
 //! Matter: what light can meet, and how a ray finds where it is met.
 
 pub(crate) mod any_medium;
-pub(crate) mod bounds;
 pub(crate) mod collision;
 pub(crate) mod draping;
 pub(crate) mod explicit_fibres;
@@ -11,6 +10,7 @@ pub(crate) mod grid_medium;
 pub(crate) mod level_choice;
 pub(crate) mod levelled_cloth;
 pub(crate) mod local_visibility;
+pub(crate) mod majorants;
 pub(crate) mod medium;
 pub(crate) mod octree_medium;
 pub(crate) mod packing;
@@ -22,16 +22,16 @@ pub(crate) mod virtual_fibre_medium;
 pub(crate) mod voxel_fibres;
 
 pub use any_medium::AnyMedium;
-pub use bounds::NodeBounds;
 pub use collision::Collision;
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
 pub use flake_octree_medium::{FamilyFlakes, FlakeOctreeMedium, FlakeSite};
-pub use grid::{Grid, GridMediumError, MAX_EXTINCTION_PER_MM};
-pub use grid_medium::{GridMedium, Interpolation};
+pub use grid::{Grid, GridMediumError, Interpolation, MAX_EXTINCTION_PER_MM};
+pub use grid_medium::GridMedium;
 pub use level_choice::{Detail, LevelSteps, Tracking};
 pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
+pub use majorants::BlockMajorants;
 pub use medium::Medium;
 pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use plane::Plane;

@@ -1,6 +1,7 @@
 //! A medium from one level of an octree of fibres, whatever scatters there.
 
-use crate::matter::bounds::{NodeBounds, for_each_octree_span};
+use crate::matter::majorants::BlockMajorants;
+use crate::matter::majorants::octree_majorants::for_each_octree_span;
 use crate::{Medium, SiteInfo};
 use glam::{UVec3, Vec3};
 use organza_basis::{CellGrid, CellSpan, LocalRay, PathRng, Rgb};
@@ -31,8 +32,8 @@ pub trait Scatterer: Sync {
     /// Whether there is nothing.
     fn is_empty(&self, site: &Self::Site) -> bool;
 
-    /// Bounds of its own; without them those of the octree hold.
-    fn node_bounds(&self) -> Option<&NodeBounds> {
+    /// Majorants of its own; without them those of the octree hold.
+    fn block_majorants(&self) -> Option<&BlockMajorants> {
         None
     }
 
@@ -41,8 +42,8 @@ pub trait Scatterer: Sync {
         true
     }
 
-    /// See [`Medium::bound_at`].
-    fn bound_at(&self, _p: Vec3) -> f32 {
+    /// See [`Medium::majorant_at`].
+    fn majorant_at(&self, _p: Vec3) -> f32 {
         f32::INFINITY
     }
 
@@ -116,8 +117,8 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
             level,
             cell_grid,
         } = &self.level;
-        match self.scatterer.node_bounds() {
-            Some(bounds) => bounds.for_each_span(cell_grid, ray, visit),
+        match self.scatterer.block_majorants() {
+            Some(majorants) => majorants.for_each_span(cell_grid, ray, visit),
             None => for_each_octree_span(octree, *level, cell_grid, ray, visit),
         }
     }
@@ -135,7 +136,7 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
             }
             visit(from + span.t0, from + span.t1, site)
         };
-        if self.scatterer.node_bounds().is_some() {
+        if self.scatterer.block_majorants().is_some() {
             for span in cell_grid.cells(ray, 1) {
                 visit_cell(0.0, &span)?;
             }
@@ -164,8 +165,8 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
         self.scatterer.site(&self.level, cell)
     }
 
-    fn bound_at(&self, p: Vec3) -> f32 {
-        self.scatterer.bound_at(p)
+    fn majorant_at(&self, p: Vec3) -> f32 {
+        self.scatterer.majorant_at(p)
     }
 
     fn meet(&self, p: Vec3, w: Vec3, rng: &mut PathRng) -> P::Site {

@@ -106,7 +106,7 @@ pub fn sample_collision<M: Medium>(
             stats.tentative += 1;
             let p = span.point(ray, t);
             let least = rng.unit() * majorant;
-            let bound = medium.bound_at(p);
+            let bound = medium.majorant_at(p);
             if least >= bound {
                 continue;
             }
@@ -169,7 +169,7 @@ pub fn transmittance<M: Medium>(
             stats.shadow_steps += 1;
             // Thinned to the events of a bound that is nearer the truth.
             let p = span.point(ray, t);
-            let bound = medium.bound_at(p).min(majorant);
+            let bound = medium.majorant_at(p).min(majorant);
             if bound < majorant && rng.unit() * majorant >= bound {
                 continue;
             }

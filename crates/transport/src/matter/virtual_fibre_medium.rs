@@ -5,10 +5,11 @@
 //! fibre of it in proportion to its visible cross-section. See [`VirtualFibreEvent`] for
 //! what happens there.
 
-use crate::matter::bounds::{NodeBounds, VoxelBounds};
+use crate::matter::majorants::fibres_in_reach::{Densest, FibresInReach, broadside_per_mm};
+use crate::matter::majorants::{BlockMajorants, VoxelMajorants};
 use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 use crate::matter::packing::{greatest_radius_mm, packing_by_material};
-use crate::matter::voxel_fibres::{Around, Densest, VoxelFibres, broadside_per_mm};
+use crate::matter::voxel_fibres::VoxelFibres;
 use crate::{LocalVisibility, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;
@@ -92,9 +93,9 @@ pub struct VirtualFibres {
     node_edge: u32,
     densest: Vec<Densest>,
     /// Of blocks of voxels and what is within reach.
-    node_bounds: NodeBounds,
+    block_majorants: BlockMajorants,
     /// Of single voxels and those within reach.
-    voxel_bounds: VoxelBounds,
+    voxel_majorants: VoxelMajorants,
     local: Option<LocalVisibility>,
 }
 
@@ -139,13 +140,13 @@ impl VirtualFibreMedium {
             VirtualFibreEvent::Plain => 1.0,
             VirtualFibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
         });
-        let voxel_bounds = VoxelBounds::new(cell_grid, reach, |cell| {
+        let voxel_majorants = VoxelMajorants::new(cell_grid, reach, |cell| {
             broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
         });
         // At least twice the reach: bounds then cost no more than eight look-ups a
         // voxel.
         let node_edge = NODE_VOXELS.max(2 * reach.max_element() as u32);
-        let around = |node: UVec3| Around {
+        let around = |node: UVec3| FibresInReach {
             voxels: &voxels,
             dims: cell_grid.dims().as_ivec3(),
             pad,
@@ -153,8 +154,8 @@ impl VirtualFibreMedium {
             low: (node * node_edge).as_ivec3(),
             edge: node_edge as i32,
         };
-        let node_bounds =
-            NodeBounds::new(&cell_grid, node_edge, |node| around(node).majorant_per_mm());
+        let block_majorants =
+            BlockMajorants::new(&cell_grid, node_edge, |node| around(node).majorant_per_mm());
         let dims = cell_grid.cell_dims(node_edge);
         let densest = (0..dims.element_product())
             .into_par_iter()
@@ -169,8 +170,8 @@ impl VirtualFibreMedium {
             voxels_per_mm: 1.0 / voxel_mm,
             node_edge,
             densest,
-            node_bounds,
-            voxel_bounds,
+            block_majorants,
+            voxel_majorants,
             local: None,
         };
         let level = OctreeLevel {
@@ -307,16 +308,16 @@ impl Scatterer for VirtualFibres {
         start == end
     }
 
-    fn node_bounds(&self) -> Option<&NodeBounds> {
-        Some(&self.node_bounds)
+    fn block_majorants(&self) -> Option<&BlockMajorants> {
+        Some(&self.block_majorants)
     }
 
     fn is_piecewise_constant(&self) -> bool {
         self.event == VirtualFibreEvent::Plain
     }
 
-    fn bound_at(&self, p: Vec3) -> f32 {
-        self.voxel_bounds.at(p)
+    fn majorant_at(&self, p: Vec3) -> f32 {
+        self.voxel_majorants.at(p)
     }
 
     fn meet(&self, level: &OctreeLevel, p: Vec3, w: Vec3, rng: &mut PathRng) -> VirtualFibreSite {

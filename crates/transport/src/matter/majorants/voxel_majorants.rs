@@ -1,32 +1,32 @@
-//! A bound of the density around every voxel, in one byte each.
+//! A majorant of every voxel and what is within reach of it, in one byte each.
 //!
 //! Trackers ask before they look a voxel up: most tentative collisions at a
 //! node's majorant are empty, and a byte encodes that.
 
-use crate::CellGrid;
 use glam::{IVec3, UVec3, Vec3};
+use organza_basis::CellGrid;
 use rayon::prelude::*;
 
 /// Steps of the code in one octave: a bound is at most 4.4 % above what it
 /// bounds.
 const PER_OCTAVE: f32 = 16.0;
 
-/// Bounds on the extinction, 1/mm, over all directions.
-pub struct VoxelBounds {
+/// Majorants of the voxels of a cell grid, 1/mm.
+pub struct VoxelMajorants {
     cell_grid: CellGrid,
     codes: Vec<u8>,
     /// Of every code; zero means nothing.
-    bounds_per_mm: Vec<f32>,
+    majorants_per_mm: Vec<f32>,
 }
 
-impl VoxelBounds {
+impl VoxelMajorants {
     /// For every voxel the greatest of `extinction_per_mm` at most `reach` voxels
     /// away along each axis, rounded up.
     pub fn new(
         cell_grid: CellGrid,
         reach: IVec3,
         extinction_per_mm: impl Fn(UVec3) -> f32 + Sync,
-    ) -> VoxelBounds {
+    ) -> VoxelMajorants {
         let dims = cell_grid.dims();
         let area = dims.x as usize * dims.y as usize;
         let mut values = vec![0.0f32; area * dims.z as usize];
@@ -39,10 +39,10 @@ impl VoxelBounds {
         let greatest = values.iter().copied().fold(0.0f32, f32::max);
         // A hair above, so that the last code bounds the greatest.
         let most = greatest * (1.0 + 1e-5);
-        let mut bounds_per_mm: Vec<f32> = (0..=255)
+        let mut majorants_per_mm: Vec<f32> = (0..=255)
             .map(|code| most * ((code - 255) as f32 / PER_OCTAVE).exp2())
             .collect();
-        bounds_per_mm[0] = 0.0;
+        majorants_per_mm[0] = 0.0;
         let code = |value: f32| {
             if value <= 0.0 {
                 return 0;
@@ -55,19 +55,19 @@ impl VoxelBounds {
         for axis in 0..3 {
             spread(&cell_grid, &mut codes, axis, reach[axis]);
         }
-        VoxelBounds {
+        VoxelMajorants {
             cell_grid,
             codes,
-            bounds_per_mm,
+            majorants_per_mm,
         }
     }
 
-    /// The bound at a local point.
+    /// The majorant at a local point.
     #[inline]
     pub fn at(&self, p: Vec3) -> f32 {
         let (c, dims) = (self.cell_grid.cell(p), self.cell_grid.dims());
         let place = (c.z as usize * dims.y as usize + c.y as usize) * dims.x as usize;
-        self.bounds_per_mm[usize::from(self.codes[place + c.x as usize])]
+        self.majorants_per_mm[usize::from(self.codes[place + c.x as usize])]
     }
 }
 
@@ -104,7 +104,7 @@ mod tests {
     use organza_basis::{Aabb, PathRng};
 
     #[test]
-    fn bounds_are_the_greatest_within_reach_and_hardly_more() {
+    fn majorants_are_the_greatest_within_reach_and_hardly_more() {
         let dims = UVec3::new(9, 7, 5);
         let mut rng = PathRng::from_seed(31);
         let values: Vec<f32> = (0..dims.element_product())
@@ -115,7 +115,7 @@ mod tests {
             let bounds_mm = Aabb::new(Vec3::ZERO, dims.as_vec3() * 0.01);
             let cell_grid = CellGrid::new(bounds_mm, dims, repeats).unwrap();
             let reach = IVec3::new(2, 1, 1);
-            let bounds = VoxelBounds::new(cell_grid, reach, value);
+            let majorants = VoxelMajorants::new(cell_grid, reach, value);
             for _ in 0..2000 {
                 let p = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * dims.as_vec3();
                 let mut expected = 0.0f32;
@@ -132,7 +132,7 @@ mod tests {
                         }
                     }
                 }
-                let bound = bounds.at(p);
+                let bound = majorants.at(p);
                 assert!(bound >= expected, "seed 31, {p}: {bound}, {expected}");
                 assert!(
                     bound <= 1.05 * expected,
