@@ -1,20 +1,20 @@
 //! The kinds of matter in a scene.
 
-use crate::matter::collision::{AnySite, Collision, Located, each_volume};
-use crate::matter::draping::{Draping, find, pass_through};
-use crate::matter::level_choice::Tracking;
+use crate::matter::collision::AnySite;
+use crate::matter::ray_target::{RayTarget, SceneMedium};
+use crate::matter::site::MediumSite;
 use crate::{
-    ExplicitFibres, FlakeOctreeMedium, GridMedium, Integrator, LevelledCloth, Medium, Plane,
-    SggxOctreeMedium, Stats, VirtualFibreMedium,
+    ExplicitFibres, FlakeOctreeMedium, GridMedium, LevelledCloth, Plane, SggxOctreeMedium,
+    VirtualFibreMedium,
 };
 use glam::Vec2;
 use organza_basis::CellGrid;
-use organza_basis::{PathRng, Ray};
 use organza_scatter::{FlakeFamily, FlakeOptics};
 use organza_volume::Octree;
 use std::sync::Arc;
 
-/// The closed set of matter, resolved once per ray.
+/// The closed set of matter. Exports and the choice of the engine match on it; the walk
+/// takes each kind as a [`RayTarget`], resolved once per ray.
 pub enum AnyMedium {
     /// Dense grids.
     Grid(GridMedium),
@@ -47,146 +47,84 @@ impl AnyMedium {
         FlakeOctreeMedium::new(octree, level, optics, family).map(AnyMedium::FlakeOctree)
     }
 
+    /// What a ray meets.
+    pub(crate) fn target(&self) -> &dyn RayTarget {
+        match self {
+            AnyMedium::Grid(m) => m,
+            AnyMedium::SggxOctree(m) => m,
+            AnyMedium::FlakeOctree(m) => m,
+            AnyMedium::VirtualFibres(m) => m,
+            AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::Levelled(m) => &**m,
+            AnyMedium::Plane(m) => m,
+        }
+    }
+
+    fn target_mut(&mut self) -> &mut dyn RayTarget {
+        match self {
+            AnyMedium::Grid(m) => m,
+            AnyMedium::SggxOctree(m) => m,
+            AnyMedium::FlakeOctree(m) => m,
+            AnyMedium::VirtualFibres(m) => m,
+            AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::Levelled(m) => &mut **m,
+            AnyMedium::Plane(m) => m,
+        }
+    }
+
     /// Where the medium is; `None` for a plane, which has no box.
     pub fn cell_grid(&self) -> Option<&CellGrid> {
-        each_volume!(AnyMedium, self, (m) => Some(m.cell_grid()),
-            AnyMedium::ExplicitFibres(m) => Some(m.cell_grid()),
-            AnyMedium::Levelled(m) => Some(m.cell_grid()),
-            AnyMedium::Plane(_) => None,
-        )
+        self.target().cell_grid()
     }
 
     /// Cuts a medium to a rectangle of the x-y plane ([`CellGrid::cut_to`]).
     /// `None` when nothing would be left, or it is a plane or over a mesh.
     pub fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
-        let cell_grid = each_volume!(AnyMedium, self, (m) => m.cell_grid_mut(),
-            AnyMedium::ExplicitFibres(m) => m.cell_grid_mut(),
-            AnyMedium::Levelled(m) => return m.cut_to(min_mm, max_mm),
-            AnyMedium::Plane(_) => return None,
-        );
-        *cell_grid = cell_grid.cut_to(min_mm, max_mm)?;
-        Some(())
+        self.target_mut().cut_to(min_mm, max_mm)
     }
 
     /// True when exact stepping is possible.
     pub fn is_piecewise_constant(&self) -> bool {
-        each_volume!(AnyMedium, self, (m) => m.is_piecewise_constant(),
-            AnyMedium::Levelled(m) => m.is_piecewise_constant(),
-            // What is solid takes no stepping.
-            AnyMedium::ExplicitFibres(_) | AnyMedium::Plane(_) => true,
-        )
-    }
-
-    /// The first collision along a ray before `limit` mm.
-    pub(crate) fn collide(
-        &self,
-        ray: &Ray,
-        limit: f32,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        let by = tracking.integrator;
-        let (t, site) = each_volume!(AnyMedium, self,
-            (m) => collide(m, ray, limit, by, rng, stats).map(|(t, s)| (t, m.located(s))),
-            AnyMedium::ExplicitFibres(m) => m
-                .first_hit(ray, limit, stats)
-                .map(|(t, s)| (t, AnySite::ExplicitFibres(m, s))),
-            AnyMedium::Levelled(m) => return m.collide(ray, limit, tracking, rng, stats),
-            AnyMedium::Plane(p) => p.hit(ray, limit).map(|t| (t, AnySite::Plane(p, ray.at(t)))),
-        )?;
-        Some(Collision::new(t, site))
-    }
-
-    /// Estimates the transmittance from a point to `reach` mm along a ray.
-    pub(crate) fn pass(
-        &self,
-        ray: &Ray,
-        reach: f32,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        let by = tracking.integrator;
-        each_volume!(AnyMedium, self, (m) => pass(m, ray, reach, by, rng, stats),
-            AnyMedium::ExplicitFibres(m) => f32::from(!m.blocks(ray, reach, stats)),
-            AnyMedium::Levelled(m) => m.pass(ray, reach, tracking, rng, stats),
-            AnyMedium::Plane(p) => f32::from(p.hit(ray, reach).is_none()),
-        )
-    }
-
-    /// Whether the medium can fill a shell: it repeats, and asks for nothing
-    /// but what straight lines meet.
-    pub(crate) fn can_be_draped(&self) -> bool {
-        each_volume!(AnyMedium, self, (m) => m.cell_grid().repeats(),
-            AnyMedium::ExplicitFibres(m) => m.cell_grid().repeats(),
-            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => false,
-        )
-    }
-
-    /// [`AnyMedium::collide`] of a medium that fills a shell.
-    pub(crate) fn collide_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        limit: f32,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        let by = tracking.integrator;
-        each_volume!(AnyMedium, self,
-            (m) => over
-                .collide(m, ray, limit, by, rng, stats)
-                .map(|(t, s, turn)| Collision::turned(t, m.located(s), turn)),
-            AnyMedium::ExplicitFibres(m) => m.first_draped_hit(over, ray, limit, stats).map(|h| {
-                let site = AnySite::ExplicitFibres(m, h.hit);
-                Collision::stretched(h.distance_mm, site, h.world_from_cloth, h.stretch)
-            }),
-            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => None,
-        )
-    }
-
-    /// [`AnyMedium::pass`] of a medium that fills a shell.
-    pub(crate) fn pass_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        reach: f32,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        let by = tracking.integrator;
-        each_volume!(AnyMedium, self, (m) => over.pass(m, ray, reach, by, rng, stats),
-            AnyMedium::ExplicitFibres(m) => f32::from(!m.blocks_draped(over, ray, reach, stats)),
-            AnyMedium::Levelled(_) | AnyMedium::Plane(_) => 1.0,
-        )
+        self.target().is_piecewise_constant()
     }
 }
 
-fn collide<M: Medium>(
-    medium: &M,
-    ray: &Ray,
-    limit: f32,
-    integrator: Integrator,
-    rng: &mut PathRng,
-    stats: &mut Stats,
-) -> Option<(f32, M::Site)> {
-    let local = medium.cell_grid().clip(ray, limit)?;
-    find(medium, &local, integrator, rng, stats).map(|(t, site)| (local.t_entry + t, site))
+impl SceneMedium for GridMedium {
+    fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.cell_grid_mut()
+    }
+
+    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
+        AnySite::Grid(site)
+    }
 }
 
-fn pass<M: Medium>(
-    medium: &M,
-    ray: &Ray,
-    reach: f32,
-    integrator: Integrator,
-    rng: &mut PathRng,
-    stats: &mut Stats,
-) -> f32 {
-    let local = medium.cell_grid().clip(ray, reach);
-    local.map_or(1.0, |local| {
-        pass_through(medium, &local, integrator, rng, stats)
-    })
+impl SceneMedium for SggxOctreeMedium {
+    fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.cell_grid_mut()
+    }
+
+    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
+        AnySite::SggxOctree(site)
+    }
+}
+
+impl SceneMedium for FlakeOctreeMedium {
+    fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.cell_grid_mut()
+    }
+
+    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
+        AnySite::FlakeOctree(site)
+    }
+}
+
+impl SceneMedium for VirtualFibreMedium {
+    fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.cell_grid_mut()
+    }
+
+    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
+        AnySite::VirtualFibres(site)
+    }
 }

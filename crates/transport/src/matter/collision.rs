@@ -1,28 +1,13 @@
 //! Collisions of light with any kind of matter.
 
+use crate::matter::explicit_fibre_site::ExplicitFibreSite;
+use crate::matter::plane::PlaneSite;
 use crate::matter::sheet::SheetSite;
-use crate::{
-    ExplicitFibres, FibreHit, FlakeOctreeMedium, GridMedium, Medium, Plane, SggxOctreeMedium,
-    SiteInfo, VirtualFibreMedium,
-};
+use crate::matter::site::{MediumSite, Site};
+use crate::{FlakeOctreeMedium, GridMedium, SggxOctreeMedium, SiteInfo, VirtualFibreMedium};
 use glam::{Mat3, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_scatter::LobeSample;
-
-/// One expression for every kind of matter that is tracked collision by
-/// collision, of [`crate::AnyMedium`] or [`AnySite`]; the arms of the others follow.
-macro_rules! each_volume {
-    ($kind:ident, $of:expr, ($($part:ident),+) => $same:expr, $($others:tt)+) => {
-        match $of {
-            $kind::Grid($($part),+) => $same,
-            $kind::SggxOctree($($part),+) => $same,
-            $kind::FlakeOctree($($part),+) => $same,
-            $kind::VirtualFibres($($part),+) => $same,
-            $($others)+
-        }
-    };
-}
-pub(crate) use each_volume;
 
 /// A collision with some of the scene's matter.
 pub struct Collision<'a> {
@@ -36,33 +21,42 @@ pub struct Collision<'a> {
     stretch: Option<Mat3>,
 }
 
+/// The site of any matter, by value, so that a collision allocates nothing.
 pub(crate) enum AnySite<'a> {
-    Grid(&'a GridMedium, <GridMedium as Medium>::Site),
-    SggxOctree(&'a SggxOctreeMedium, <SggxOctreeMedium as Medium>::Site),
-    FlakeOctree(&'a FlakeOctreeMedium, <FlakeOctreeMedium as Medium>::Site),
-    VirtualFibres(&'a VirtualFibreMedium, <VirtualFibreMedium as Medium>::Site),
-    ExplicitFibres(&'a ExplicitFibres, FibreHit),
+    Grid(MediumSite<'a, GridMedium>),
+    SggxOctree(MediumSite<'a, SggxOctreeMedium>),
+    FlakeOctree(MediumSite<'a, FlakeOctreeMedium>),
+    VirtualFibres(MediumSite<'a, VirtualFibreMedium>),
+    ExplicitFibres(ExplicitFibreSite<'a>),
     Sheet(SheetSite<'a>),
-    /// With where it is hit.
-    Plane(&'a Plane, Vec3),
+    Plane(PlaneSite<'a>),
 }
 
-/// Media whose sites are kinds of their own.
-pub(crate) trait Located: Medium {
-    /// A site with its medium.
-    fn located(&self, site: Self::Site) -> AnySite<'_>;
-}
-
-macro_rules! located {
-    ($($kind:ident: $medium:ty),+) => {$(
-        impl Located for $medium {
-            fn located(&self, site: Self::Site) -> AnySite<'_> {
-                AnySite::$kind(self, site)
-            }
+impl<'a> AnySite<'a> {
+    fn as_site(&self) -> &(dyn Site + 'a) {
+        match self {
+            AnySite::Grid(s) => s,
+            AnySite::SggxOctree(s) => s,
+            AnySite::FlakeOctree(s) => s,
+            AnySite::VirtualFibres(s) => s,
+            AnySite::ExplicitFibres(s) => s,
+            AnySite::Sheet(s) => s,
+            AnySite::Plane(s) => s,
         }
-    )+};
+    }
+
+    fn as_site_mut(&mut self) -> &mut (dyn Site + 'a) {
+        match self {
+            AnySite::Grid(s) => s,
+            AnySite::SggxOctree(s) => s,
+            AnySite::FlakeOctree(s) => s,
+            AnySite::VirtualFibres(s) => s,
+            AnySite::ExplicitFibres(s) => s,
+            AnySite::Sheet(s) => s,
+            AnySite::Plane(s) => s,
+        }
+    }
 }
-located!(Grid: GridMedium, SggxOctree: SggxOctreeMedium, FlakeOctree: FlakeOctreeMedium, VirtualFibres: VirtualFibreMedium);
 
 impl<'a> Collision<'a> {
     pub(crate) fn new(t: f32, site: AnySite<'a>) -> Collision<'a> {
@@ -100,24 +94,14 @@ impl<'a> Collision<'a> {
         self.turn.map_or(w, |turn| turn * w)
     }
 
-    /// Albedo times phase, per channel; see [`Medium::eval`].
+    /// Albedo times phase, per channel; see [`Medium::eval`](crate::Medium::eval).
     pub fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
-        let (w_out, w_in) = (self.own(w_out), self.own(w_in));
-        each_volume!(AnySite, &self.site, (m, s) => m.eval(s, w_out, w_in),
-            AnySite::ExplicitFibres(m, s) => m.eval(s, w_out, w_in),
-            AnySite::Sheet(s) => s.eval(w_out, w_in),
-            AnySite::Plane(p, _) => p.eval(w_out, w_in),
-        )
+        self.site.as_site().eval(self.own(w_out), self.own(w_in))
     }
 
-    /// A scattered direction; see [`Medium::sample`].
+    /// A scattered direction; see [`Medium::sample`](crate::Medium::sample).
     pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        let w_out = self.own(w_out);
-        let drawn = each_volume!(AnySite, &self.site, (m, s) => m.sample(s, w_out, rng),
-            AnySite::ExplicitFibres(m, s) => m.sample(s, w_out, rng),
-            AnySite::Sheet(s) => s.sample(w_out, rng),
-            AnySite::Plane(p, _) => p.sample(w_out, rng),
-        )?;
+        let drawn = self.site.as_site().sample(self.own(w_out), rng)?;
         Some(LobeSample {
             w_in: self.world(drawn.w_in),
             ..drawn
@@ -126,31 +110,19 @@ impl<'a> Collision<'a> {
 
     /// Density with which [`Collision::sample`] draws `w_in`, 1/sr.
     pub fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
-        let (w_out, w_in) = (self.own(w_out), self.own(w_in));
-        each_volume!(AnySite, &self.site, (m, s) => m.pdf(s, w_out, w_in),
-            AnySite::ExplicitFibres(m, s) => m.pdf(s, w_out, w_in),
-            AnySite::Sheet(s) => s.pdf(w_out, w_in),
-            AnySite::Plane(p, _) => p.pdf(w_out, w_in),
-        )
+        self.site.as_site().pdf(self.own(w_out), self.own(w_in))
     }
 
     /// Radiance that the matter itself sends along `w_out`.
     pub fn emitted(&self, w_out: Vec3) -> Rgb {
-        match &self.site {
-            AnySite::Plane(p, _) => p.emitted(w_out),
-            _ => Rgb::BLACK,
-        }
+        self.site.as_site().emitted(self.own(w_out))
     }
 
     /// From the collision to where a ray toward `w_in` starts, mm; see
-    /// [`Medium::exit_mm`].
+    /// [`Medium::exit_mm`](crate::Medium::exit_mm).
     pub fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         let (w_out, w_in) = (self.own(w_out), self.own(w_in));
-        let exit = each_volume!(AnySite, &self.site, (m, s) => m.exit_mm(s, w_out, w_in, rng),
-            AnySite::ExplicitFibres(m, s) => m.exit_mm(s, w_out, w_in, rng),
-            AnySite::Sheet(s) => s.exit_mm(w_in),
-            AnySite::Plane(p, at) => p.lift_mm(*at, w_in),
-        );
+        let exit = self.site.as_site().exit_mm(w_out, w_in, rng);
         match self.stretch {
             Some(stretch) => stretch * exit,
             None => self.world(exit),
@@ -165,27 +137,19 @@ impl<'a> Collision<'a> {
         w_out: Vec3,
         w_in: Vec3,
     ) -> Option<(f32, f32)> {
-        match &self.site {
-            AnySite::VirtualFibres(m, s) => m.local_visibility(s, at_mm, w_out, w_in),
-            _ => None,
-        }
+        self.site.as_site().local_visibility(at_mm, w_out, w_in)
     }
 
-    /// Draws what the light meets at this collision; see [`Medium::draw_event`].
+    /// Draws what the light meets at this collision; see
+    /// [`Medium::draw_event`](crate::Medium::draw_event).
     pub(crate) fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
         let w_out = self.own(w_out);
-        each_volume!(AnySite, &mut self.site, (m, s) => *s = m.draw_event(*s, w_out, rng),
-            AnySite::ExplicitFibres(..) | AnySite::Sheet(_) | AnySite::Plane(..) => {}
-        );
+        self.site.as_site_mut().draw_event(w_out, rng);
     }
 
     /// What to show of the place; `None` of a plane, which is no cloth.
     pub fn info(&self) -> Option<SiteInfo> {
-        let info = each_volume!(AnySite, &self.site, (m, s) => Some(m.info(s)),
-            AnySite::ExplicitFibres(m, s) => Some(m.info(s)),
-            AnySite::Sheet(s) => Some(s.info()),
-            AnySite::Plane(..) => None,
-        )?;
+        let info = self.site.as_site().info()?;
         Some(SiteInfo {
             axis: self.world(info.axis),
             ..info

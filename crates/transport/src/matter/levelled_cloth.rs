@@ -7,6 +7,7 @@ use crate::Stats;
 use crate::matter::collision::{AnySite, Collision};
 use crate::matter::draping::Draping;
 use crate::matter::level_choice::{Detail, LevelSteps, Tracking};
+use crate::matter::ray_target::RayTarget;
 use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
@@ -62,35 +63,13 @@ impl LevelledCloth {
         let bounds = draping.bounds_mm();
         let bounds = bounds.grown(1e-4 * bounds.size().length());
         let cell_grid = CellGrid::new(bounds, UVec3::ONE, false)?;
-        let good = volumes.iter().all(AnyMedium::can_be_draped)
+        let good = volumes.iter().all(|v| v.target().can_be_draped())
             && (volumes.is_empty() || draping.has_shell());
         let flat = LevelledCloth::new(volumes, sheet, steps, cell_grid)?;
         good.then_some(LevelledCloth {
             draping: Some(draping),
             ..flat
         })
-    }
-
-    /// The box of one period, or around everything that is draped.
-    pub fn cell_grid(&self) -> &CellGrid {
-        &self.cell_grid
-    }
-
-    /// Cuts a flat cloth to a rectangle; `None` when nothing is left, or it is
-    /// over a mesh.
-    pub(crate) fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
-        if self.draping.is_some() {
-            return None;
-        }
-        self.cell_grid = self.cell_grid.cut_to(min_mm, max_mm)?;
-        self.volumes
-            .iter_mut()
-            .try_for_each(|v| v.cut_to(min_mm, max_mm))
-    }
-
-    /// True when exact stepping is possible through all volumes.
-    pub fn is_piecewise_constant(&self) -> bool {
-        self.volumes.iter().all(AnyMedium::is_piecewise_constant)
     }
 
     /// Width of a pixel where its ray comes to the cloth; `None` for a miss.
@@ -119,7 +98,39 @@ impl LevelledCloth {
         self.volumes.get(self.steps.choose(detail))
     }
 
-    pub(crate) fn collide(
+    fn sheet_z_mm(&self) -> f32 {
+        self.cell_grid.bounds_mm().centre().z
+    }
+
+    fn sheet_distance_mm(&self, ray: &Ray) -> Option<f32> {
+        let t = (self.sheet_z_mm() - ray.origin.z) / ray.direction.z;
+        // A ray in the plane of the sheet meets its edge at most: nothing.
+        (t > 0.0 && t.is_finite() && self.cell_grid.reach_mm().contains(ray.at(t))).then_some(t)
+    }
+}
+
+impl RayTarget for LevelledCloth {
+    /// The box of one period, or around everything that is draped.
+    fn cell_grid(&self) -> Option<&CellGrid> {
+        Some(&self.cell_grid)
+    }
+
+    /// `None` of what lies over a mesh, too.
+    fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
+        if self.draping.is_some() {
+            return None;
+        }
+        self.cell_grid = self.cell_grid.cut_to(min_mm, max_mm)?;
+        self.volumes
+            .iter_mut()
+            .try_for_each(|v| v.cut_to(min_mm, max_mm))
+    }
+
+    fn is_piecewise_constant(&self) -> bool {
+        self.volumes.iter().all(AnyMedium::is_piecewise_constant)
+    }
+
+    fn collide(
         &self,
         ray: &Ray,
         limit: f32,
@@ -129,8 +140,11 @@ impl LevelledCloth {
     ) -> Option<Collision<'_>> {
         if let Some(volume) = self.volume(tracking.detail) {
             return match &self.draping {
-                None => volume.collide(ray, limit, tracking, rng, stats),
-                Some(draping) => volume.collide_draped(draping, ray, limit, tracking, rng, stats),
+                None => volume.target().collide(ray, limit, tracking, rng, stats),
+                Some(draping) => {
+                    let volume = volume.target();
+                    volume.collide_draped(draping, ray, limit, tracking, rng, stats)
+                }
             };
         }
         let sheet = self.sheet.as_deref()?;
@@ -162,7 +176,7 @@ impl LevelledCloth {
         Some(Collision::new(t, AnySite::Sheet(site)))
     }
 
-    pub(crate) fn pass(
+    fn pass(
         &self,
         ray: &Ray,
         reach: f32,
@@ -172,8 +186,11 @@ impl LevelledCloth {
     ) -> f32 {
         if let Some(volume) = self.volume(tracking.detail) {
             return match &self.draping {
-                None => volume.pass(ray, reach, tracking, rng, stats),
-                Some(draping) => volume.pass_draped(draping, ray, reach, tracking, rng, stats),
+                None => volume.target().pass(ray, reach, tracking, rng, stats),
+                Some(draping) => {
+                    let volume = volume.target();
+                    volume.pass_draped(draping, ray, reach, tracking, rng, stats)
+                }
             };
         }
         match (&self.sheet, &self.draping, self.sheet_distance_mm(ray)) {
@@ -186,15 +203,5 @@ impl LevelledCloth {
             }
             _ => 1.0,
         }
-    }
-
-    fn sheet_z_mm(&self) -> f32 {
-        self.cell_grid.bounds_mm().centre().z
-    }
-
-    fn sheet_distance_mm(&self, ray: &Ray) -> Option<f32> {
-        let t = (self.sheet_z_mm() - ray.origin.z) / ray.direction.z;
-        // A ray in the plane of the sheet meets its edge at most: nothing.
-        (t > 0.0 && t.is_finite() && self.cell_grid.reach_mm().contains(ray.at(t))).then_some(t)
     }
 }

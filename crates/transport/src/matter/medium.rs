@@ -83,6 +83,18 @@ pub trait Medium: Sync {
     /// Density with which [`Medium::sample`] draws `w_in`, 1/sr.
     fn pdf(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> f32;
 
+    /// Visibility, within the cell around a collision at `at_mm`, of light from `w_in`, and
+    /// the distance in mm to the cell's face; `None` without tables of it.
+    fn local_visibility(
+        &self,
+        _site: &Self::Site,
+        _at_mm: Vec3,
+        _w_out: Vec3,
+        _w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        None
+    }
+
     /// What to show of the site.
     fn info(&self, site: &Self::Site) -> SiteInfo;
 }

@@ -3,6 +3,7 @@
 pub(crate) mod any_medium;
 pub(crate) mod collision;
 pub(crate) mod draping;
+pub(crate) mod explicit_fibre_site;
 pub(crate) mod explicit_fibres;
 pub(crate) mod flake_octree_medium;
 pub(crate) mod grid;
@@ -15,8 +16,10 @@ pub(crate) mod medium;
 pub(crate) mod octree_medium;
 pub(crate) mod packing;
 pub(crate) mod plane;
+pub(crate) mod ray_target;
 pub(crate) mod sggx_octree_medium;
 pub(crate) mod sheet;
+pub(crate) mod site;
 pub(crate) mod tracking;
 pub(crate) mod virtual_fibre_medium;
 pub(crate) mod voxel_fibres;

@@ -74,6 +74,18 @@ pub trait Scatterer: Sync {
     /// See [`Medium::pdf`].
     fn pdf(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> f32;
 
+    /// See [`Medium::local_visibility`].
+    fn local_visibility(
+        &self,
+        _level: &OctreeLevel,
+        _site: &Self::Site,
+        _at_mm: Vec3,
+        _w_out: Vec3,
+        _w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        None
+    }
+
     /// See [`Medium::info`].
     fn info(&self, site: &Self::Site) -> SiteInfo;
 }
@@ -195,6 +207,18 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
 
     fn pdf(&self, site: &P::Site, w_out: Vec3, w_in: Vec3) -> f32 {
         self.scatterer.pdf(site, w_out, w_in)
+    }
+
+    fn local_visibility(
+        &self,
+        site: &P::Site,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        let level = &self.level;
+        self.scatterer
+            .local_visibility(level, site, at_mm, w_out, w_in)
     }
 
     fn info(&self, site: &P::Site) -> SiteInfo {

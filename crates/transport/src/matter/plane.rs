@@ -1,7 +1,12 @@
 //! An opaque plane: the table below the cloth, or a table of light.
 
-use glam::{DVec3, Vec3};
-use organza_basis::{Frame, PathRng, Ray, Rgb, warp};
+use crate::matter::collision::{AnySite, Collision};
+use crate::matter::level_choice::Tracking;
+use crate::matter::ray_target::RayTarget;
+use crate::matter::site::Site;
+use crate::{SiteInfo, Stats};
+use glam::{DVec3, Vec2, Vec3};
+use organza_basis::{CellGrid, Frame, PathRng, Ray, Rgb, warp};
 use organza_scatter::LobeSample;
 use std::f32::consts::FRAC_1_PI;
 
@@ -60,13 +65,13 @@ impl Plane {
         if t > 0.0 { t } else { f64::INFINITY }
     }
 
-    pub(crate) fn hit(&self, ray: &Ray, limit: f32) -> Option<f32> {
+    fn hit(&self, ray: &Ray, limit: f32) -> Option<f32> {
         let t = self.distance_mm(ray.origin.as_dvec3(), ray.direction.as_dvec3()) as f32;
         (t < limit).then_some(t)
     }
 
     /// Radiance that the plane sends along `w_out`.
-    pub(crate) fn emitted(&self, w_out: Vec3) -> Rgb {
+    fn emitted(&self, w_out: Vec3) -> Rgb {
         if w_out.dot(self.normal) > 0.0 {
             self.radiance
         } else {
@@ -75,16 +80,16 @@ impl Plane {
     }
 
     /// How far above the plane a ray starts at a point, on the side of `w_in`.
-    pub(crate) fn lift_mm(&self, at: Vec3, w_in: Vec3) -> Vec3 {
+    fn lift_mm(&self, at: Vec3, w_in: Vec3) -> Vec3 {
         let off = LIFT * at.abs().max_element().max(1.0);
         off * w_in.dot(self.normal).signum() * self.normal
     }
 
-    pub(crate) fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
+    fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
         self.pdf(w_out, w_in) * self.reflectance
     }
 
-    pub(crate) fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+    fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
         let (o, i) = (w_out.dot(self.normal), w_in.dot(self.normal));
         if o * i > 0.0 {
             i.abs() * FRAC_1_PI
@@ -93,7 +98,7 @@ impl Plane {
         }
     }
 
-    pub(crate) fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+    fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         if self.reflectance.is_black() {
             return None;
         }
@@ -106,5 +111,78 @@ impl Plane {
             weight: self.reflectance,
             pdf,
         })
+    }
+}
+
+impl RayTarget for Plane {
+    fn cell_grid(&self) -> Option<&CellGrid> {
+        None
+    }
+
+    fn cut_to(&mut self, _min_mm: Vec2, _max_mm: Vec2) -> Option<()> {
+        None
+    }
+
+    fn is_piecewise_constant(&self) -> bool {
+        true
+    }
+
+    fn collide(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        _stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let t = self.hit(ray, limit)?;
+        let site = PlaneSite {
+            plane: self,
+            at: ray.at(t),
+        };
+        Some(Collision::new(t, AnySite::Plane(site)))
+    }
+
+    fn pass(
+        &self,
+        ray: &Ray,
+        reach: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        _stats: &mut Stats,
+    ) -> f32 {
+        f32::from(self.hit(ray, reach).is_none())
+    }
+}
+
+/// Where a plane is hit.
+pub(crate) struct PlaneSite<'a> {
+    plane: &'a Plane,
+    at: Vec3,
+}
+
+impl Site for PlaneSite<'_> {
+    fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
+        self.plane.eval(w_out, w_in)
+    }
+
+    fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        self.plane.sample(w_out, rng)
+    }
+
+    fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+        self.plane.pdf(w_out, w_in)
+    }
+
+    fn exit_mm(&self, _w_out: Vec3, w_in: Vec3, _rng: &mut PathRng) -> Vec3 {
+        self.plane.lift_mm(self.at, w_in)
+    }
+
+    fn info(&self) -> Option<SiteInfo> {
+        None
+    }
+
+    fn emitted(&self, w_out: Vec3) -> Rgb {
+        self.plane.emitted(w_out)
     }
 }

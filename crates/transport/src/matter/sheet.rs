@@ -1,6 +1,7 @@
 //! Cloth without thickness.
 
 use crate::SiteInfo;
+use crate::matter::site::Site;
 use glam::Vec3;
 use organza_basis::{Frame, PathRng, Rgb};
 use organza_scatter::{Footprint, LobeSample, Surface};
@@ -32,9 +33,16 @@ impl SheetSite<'_> {
         (is_front(w_in) == (i.z > 0.0)).then_some((o, i))
     }
 
+    /// Share of rays along a direction of the fabric frame that meet the sheet.
+    fn met(&self, w_out: Vec3) -> f32 {
+        1.0 - self.surface.gap(w_out)
+    }
+}
+
+impl Site for SheetSite<'_> {
     /// The BSDF times `|cos theta_in|` over the share of rays along `w_out` that
     /// meet the sheet, 1/sr.
-    pub fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
+    fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
         let Some((o, i)) = self.local(w_out, w_in) else {
             return Rgb::BLACK;
         };
@@ -45,7 +53,7 @@ impl SheetSite<'_> {
         self.surface.eval(o, i, self.at) * (i.z.abs() / met)
     }
 
-    pub fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+    fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let o = self.frame.frame_from_world(w_out);
         let met = self.met(o);
         if met <= 0.0 {
@@ -60,7 +68,7 @@ impl SheetSite<'_> {
         })
     }
 
-    pub fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+    fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
         let Some((o, i)) = self.local(w_out, w_in) else {
             return 0.0;
         };
@@ -71,21 +79,16 @@ impl SheetSite<'_> {
         self.surface.pdf(o, i, self.at) / met
     }
 
-    /// Share of rays along a direction of the fabric frame that meet the sheet.
-    fn met(&self, w_out: Vec3) -> f32 {
-        1.0 - self.surface.gap(w_out)
-    }
-
     /// Onto the sheet and a hair off it, on the side of `w_in`.
-    pub fn exit_mm(&self, w_in: Vec3) -> Vec3 {
+    fn exit_mm(&self, _w_out: Vec3, w_in: Vec3, _rng: &mut PathRng) -> Vec3 {
         let side = 1.0f32.copysign(self.face_normal.dot(w_in));
         self.to_sheet_mm + self.face_normal * (side * self.margin_mm)
     }
 
-    pub fn info(&self) -> SiteInfo {
-        SiteInfo {
+    fn info(&self) -> Option<SiteInfo> {
+        Some(SiteInfo {
             axis: self.frame.world_from_frame(self.surface.axis(self.at)),
             yarn: None,
-        }
+        })
     }
 }

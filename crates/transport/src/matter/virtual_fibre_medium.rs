@@ -188,27 +188,6 @@ impl VirtualFibreMedium {
         self
     }
 
-    /// Where there are tables: visibility, within its cell, of light from `w_in`
-    /// at the drawn event at `at_mm`, and the distance to the cell's face.
-    pub(crate) fn local_visibility(
-        &self,
-        site: &VirtualFibreSite,
-        at_mm: Vec3,
-        w_out: Vec3,
-        w_in: Vec3,
-    ) -> Option<(f32, f32)> {
-        let (local, met) = (self.scatterer.local.as_ref()?, site.met.as_ref()?);
-        let bounds_mm = self.octree().bounds_mm();
-        let mut p = at_mm - bounds_mm.min;
-        if self.octree().repeats() {
-            let period = bounds_mm.size();
-            p.x = p.x.rem_euclid(period.x);
-            p.y = p.y.rem_euclid(period.y);
-        }
-        let visible = local.at(met.population.material, met.tangent, w_in, w_out);
-        Some((visible, local.to_face_mm(p, w_in)))
-    }
-
     /// What a collision is.
     pub fn event(&self) -> VirtualFibreEvent {
         self.scatterer.event
@@ -401,6 +380,26 @@ impl Scatterer for VirtualFibres {
 
     fn pdf(&self, site: &VirtualFibreSite, w_out: Vec3, w_in: Vec3) -> f32 {
         self.with_lobe(site, 0.0, |lobe| lobe.pdf(w_out, w_in))
+    }
+
+    fn local_visibility(
+        &self,
+        level: &OctreeLevel,
+        site: &VirtualFibreSite,
+        at_mm: Vec3,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> Option<(f32, f32)> {
+        let (local, met) = (self.local.as_ref()?, site.met.as_ref()?);
+        let bounds_mm = level.octree.bounds_mm();
+        let mut p = at_mm - bounds_mm.min;
+        if level.octree.repeats() {
+            let period = bounds_mm.size();
+            p.x = p.x.rem_euclid(period.x);
+            p.y = p.y.rem_euclid(period.y);
+        }
+        let visible = local.at(met.population.material, met.tangent, w_in, w_out);
+        Some((visible, local.to_face_mm(p, w_in)))
     }
 
     fn info(&self, site: &VirtualFibreSite) -> SiteInfo {

@@ -30,7 +30,10 @@ impl Scene {
         let mut nearest: Option<Collision<'_>> = None;
         for medium in &self.media {
             let limit = nearest.as_ref().map_or(f32::INFINITY, |c| c.t);
-            nearest = medium.collide(ray, limit, tracking, rng, stats).or(nearest);
+            nearest = medium
+                .target()
+                .collide(ray, limit, tracking, rng, stats)
+                .or(nearest);
         }
         if let Some(collision) = &mut nearest {
             collision.draw_event(-ray.direction, rng);
@@ -51,7 +54,7 @@ impl Scene {
         stats.shadow_rays += 1;
         let mut product = 1.0;
         for medium in &self.media {
-            product *= medium.pass(ray, reach, tracking, rng, stats);
+            product *= medium.target().pass(ray, reach, tracking, rng, stats);
             if product == 0.0 {
                 break;
             }

@@ -1,0 +1,113 @@
+//! Explicit fibres as a ray meets them.
+
+use crate::matter::collision::{AnySite, Collision};
+use crate::matter::draping::Draping;
+use crate::matter::level_choice::Tracking;
+use crate::matter::ray_target::RayTarget;
+use crate::matter::site::Site;
+use crate::{ExplicitFibres, FibreHit, SiteInfo, Stats};
+use glam::{Vec2, Vec3};
+use organza_basis::{CellGrid, PathRng, Ray, Rgb};
+use organza_scatter::LobeSample;
+
+/// Where a fibre is hit.
+pub(crate) struct ExplicitFibreSite<'a> {
+    fibres: &'a ExplicitFibres,
+    hit: FibreHit,
+}
+
+impl RayTarget for ExplicitFibres {
+    fn cell_grid(&self) -> Option<&CellGrid> {
+        Some(self.cell_grid())
+    }
+
+    fn cut_to(&mut self, min_mm: Vec2, max_mm: Vec2) -> Option<()> {
+        let cell_grid = self.cell_grid_mut();
+        *cell_grid = cell_grid.cut_to(min_mm, max_mm)?;
+        Some(())
+    }
+
+    fn is_piecewise_constant(&self) -> bool {
+        true
+    }
+
+    fn collide(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let (t, hit) = self.first_hit(ray, limit, stats)?;
+        let site = ExplicitFibreSite { fibres: self, hit };
+        Some(Collision::new(t, AnySite::ExplicitFibres(site)))
+    }
+
+    fn pass(
+        &self,
+        ray: &Ray,
+        reach: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        f32::from(!self.blocks(ray, reach, stats))
+    }
+
+    fn can_be_draped(&self) -> bool {
+        self.cell_grid().repeats()
+    }
+
+    fn collide_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        limit: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let met = self.first_draped_hit(over, ray, limit, stats)?;
+        let site = AnySite::ExplicitFibres(ExplicitFibreSite {
+            fibres: self,
+            hit: met.hit,
+        });
+        let (turn, stretch) = (met.world_from_cloth, met.stretch);
+        Some(Collision::stretched(met.distance_mm, site, turn, stretch))
+    }
+
+    fn pass_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        reach: f32,
+        _tracking: Tracking,
+        _rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> f32 {
+        f32::from(!self.blocks_draped(over, ray, reach, stats))
+    }
+}
+
+impl Site for ExplicitFibreSite<'_> {
+    fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
+        self.fibres.eval(&self.hit, w_out, w_in)
+    }
+
+    fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
+        self.fibres.sample(&self.hit, w_out, rng)
+    }
+
+    fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+        self.fibres.pdf(&self.hit, w_out, w_in)
+    }
+
+    fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        self.fibres.exit_mm(&self.hit, w_out, w_in, rng)
+    }
+
+    fn info(&self) -> Option<SiteInfo> {
+        Some(self.fibres.info(&self.hit))
+    }
+}
