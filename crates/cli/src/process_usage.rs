@@ -20,6 +20,9 @@ pub fn cpu_seconds() -> f64 {
 }
 
 /// Peak memory of the process, where the system reports it (Linux does).
+///
+/// Read by hand: `getrusage` counts what the parent had when it started the process, which
+/// in renders of `organza bench` is the bench's own memory, and `sysinfo` reports no peak.
 pub fn peak_memory_bytes() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -3,7 +3,7 @@
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::{InputError, input};
-use crate::flags::patch_model::patch_model;
+use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
@@ -34,7 +34,7 @@ pub struct CompareArgs {
     /// What to compare; the first is the reference unless --data is
     /// [default: fibres if memory allows, auto, surface if the fabric has one]
     #[arg(long, value_delimiter = ',', value_parser = patch_model())]
-    pub models: Vec<PatchModel>,
+    pub models: Vec<ModelFlag>,
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
@@ -80,7 +80,8 @@ const MAX_DATA: usize = 2000;
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<()> {
-    let mut models = args.models.clone();
+    warn_of_old_names("--models", &args.models, args.common.quiet);
+    let mut models: Vec<PatchModel> = args.models.iter().map(|m| m.model).collect();
     let mut seen = Vec::new();
     models.retain(|m| {
         !seen.contains(m) && {

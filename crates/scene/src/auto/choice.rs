@@ -18,7 +18,8 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The truth.
+    /// The truth: explicit fibres by the general walk, which is the reference of the
+    /// kernel.
     pub const EXPLICIT_FIBRES: Choice = Choice::of(&EXPLICIT_FIBRES, Tracker::Woodcock);
 
     /// A model as the fabric has it.
@@ -37,7 +38,7 @@ impl Choice {
         Choice::of(model, tracker.unwrap_or(Tracker::Woodcock))
     }
 
-    /// Everything that is tried; only the quick part of it if asked.
+    /// Everything that is tried beside the truth; only the quick part of it if asked.
     pub fn all(quick: bool, has_surface: bool) -> Vec<Choice> {
         // The quickest to build come first.
         let built = || REPRESENTATIONS.into_iter().rev();
@@ -61,13 +62,20 @@ impl Choice {
         }
         let surfaces = built().filter(|r| has_surface && matches!(r.build, Build::Surface(_)));
         list.extend(surfaces.map(Choice::usual));
+        let fibres = own(&&EXPLICIT_FIBRES);
+        list.extend(fibres.filter(|choice| *choice != Choice::EXPLICIT_FIBRES));
         list
     }
 
     /// In words, for a fabric of that voxel size.
     pub fn description(&self, own_voxel_um: f32) -> String {
         if self.model.voxels().is_none() {
-            return self.model.title.to_owned();
+            let by_kernel = if self.tracker == Tracker::Kernel {
+                ", kernel"
+            } else {
+                ""
+            };
+            return format!("{}{by_kernel}", self.model.title);
         }
         let tracker = match self.tracker {
             usual if self.model.trackers.first() == Some(&usual) => "",
@@ -89,7 +97,10 @@ impl Choice {
         if self.model.voxels().is_some() {
             format!("{model}-x{}-l{}-{tracker}", self.voxel_scale, self.level)
         } else {
-            model.to_owned()
+            match self.tracker {
+                Tracker::Kernel => format!("{model}-{tracker}"),
+                Tracker::Woodcock | Tracker::Regular => model.to_owned(),
+            }
         }
     }
 

@@ -170,7 +170,7 @@ fn choose(
     let regular = file.render.integrator == IntegratorName::Regular;
     let possible = |model: &Representation, tracker: Tracker| match &model.build {
         _ if mesh.is_some() && !model.drapes => false,
-        Build::ExplicitFibres(_) => !regular,
+        Build::ExplicitFibres(_) => !regular && (by_kernel || tracker != Tracker::Kernel),
         Build::Surface(_) => fabric.file.surface.is_some(),
         Build::Voxels(_) if regular => tracker == Tracker::Regular,
         Build::Voxels(_) if by_kernel && model.trackers.contains(&Tracker::Kernel) => {
@@ -223,7 +223,10 @@ fn why(
 ) -> String {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let rmse = &r.taken.rmse;
-    let error = if r.taken.choice.model == &EXPLICIT_FIBRES {
+    let fibres_are_fastest = r.taken.choice.model == &EXPLICIT_FIBRES;
+    let error = if fibres_are_fastest && r.taken.choice.tracker == Tracker::Kernel {
+        "the reference itself, and the fastest within".to_owned()
+    } else if fibres_are_fastest {
         "no other choice is known to be within".to_owned()
     } else {
         let sides = format!(

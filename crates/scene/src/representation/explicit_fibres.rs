@@ -10,7 +10,7 @@ pub static EXPLICIT_FIBRES: Representation = Representation {
     about: "Every fibre of the fabric: the ground truth of the others",
     colour: [0xc2, 0x3b, 0x6b],
     keys: &[],
-    trackers: &[Tracker::Woodcock],
+    trackers: &[Tracker::Kernel, Tracker::Woodcock],
     drapes: true,
     check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
     build: Build::ExplicitFibres(|fabric, path, max_memory_bytes, loader| {

@@ -47,7 +47,8 @@ pub struct Representation {
     pub colour: [u8; 3],
     /// Keys of a cloth that belong to it and not to every representation.
     pub keys: &'static [&'static str],
-    /// How paths can find their way through it, the usual way first.
+    /// The trackers that can render a scene of nothing else, in the order in which
+    /// `render` takes them.
     pub trackers: &'static [Tracker],
     /// Whether it can lie over a mesh.
     pub drapes: bool,
@@ -123,15 +124,17 @@ pub struct FittedOptics {
     pub replaced: &'static [&'static str],
 }
 
-/// How paths find their way.
+/// How paths find what they meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tracker {
-    /// Delta tracking, many paths at once.
+    /// The vector kernel, many paths at once: delta tracking in voxels, cells of explicit
+    /// fibres.
     Kernel,
-    /// Delta tracking.
+    /// The general walk: delta tracking in voxels, a hierarchy of boxes around explicit
+    /// fibres, and surfaces.
     Woodcock,
-    /// Exact stepping.
+    /// The general walk with exact stepping through voxels.
     Regular,
 }
 

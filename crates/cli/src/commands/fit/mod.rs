@@ -1,6 +1,6 @@
 //! `organza fit`
 
-use crate::flags::patch_model::{OWN, patch_model};
+use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
@@ -47,7 +47,7 @@ pub struct FitArgs {
     pub data: Option<PathBuf>,
     /// Model of the volume
     #[arg(long, default_value = OWN, value_parser = patch_model())]
-    pub model: PatchModel,
+    pub model: ModelFlag,
     /// Paths per pair of the volume, or per texel of a picture, at least 2
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
     pub spp: u64,
@@ -120,7 +120,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
         )?;
     }
     check_outputs(args, &[])?;
-    if args.model == PatchModel::Is(&SURFACE) {
+    warn_of_old_names("--model", &[args.model], args.common.quiet);
+    if args.model.model == PatchModel::Is(&SURFACE) {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
     with_threads(&args.common, || match args.what {

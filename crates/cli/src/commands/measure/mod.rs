@@ -6,7 +6,7 @@ mod wanted;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::patch_model::{OWN, patch_model};
+use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
 use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
 };
@@ -52,7 +52,7 @@ pub struct MeasureArgs {
     pub outfile: Option<PathBuf>,
     /// Model of the cloth
     #[arg(long, default_value = OWN, value_parser = patch_model())]
-    pub model: PatchModel,
+    pub model: ModelFlag,
     /// Paths per pair, at least 2; the maximum with --target-error
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
     pub spp: u64,
@@ -103,6 +103,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
         output::check_not_an_input(path, args.pairs.iter().chain([&args.file]))?;
     }
     let wanted = wanted(args)?;
+    warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
         let (patch, grid, shown) = watched(args.common.quiet, |loader| {
             if is_scene(&args.file)? {
@@ -118,7 +119,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
             };
             let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
             check_outfile(args, loader)?;
-            let shown = args.model.of(&fabric, &args.file)?;
+            let shown = args.model.model.of(&fabric, &args.file)?;
             let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
             Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
         })?;
@@ -149,7 +150,7 @@ fn scene_patch(
     loader: &Loader<'_>,
 ) -> Result<(AnyPatch, TexelGrid, Option<ShownAs>)> {
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
-    match args.model {
+    match args.model.model {
         PatchModel::Own => {}
         PatchModel::Is(r) if r == &EXPLICIT_FIBRES => {
             file.render.integrator = IntegratorName::Fibres
