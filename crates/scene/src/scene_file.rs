@@ -1,6 +1,6 @@
 //! The scene file, as written in TOML.
 
-use crate::camera::{self, CameraTable};
+use crate::camera::CameraTable;
 use crate::error::{Result, input};
 use crate::file_kind::Wanted;
 use crate::loader::Loader;
@@ -38,7 +38,6 @@ pub struct SceneFile {
     #[serde(default)]
     pub render: RenderTable,
     /// The camera, which pictures need and measurements do not.
-    #[serde(default, deserialize_with = "camera::one_table")]
     pub camera: Option<CameraTable>,
     /// Lights, at least one if the picture is not to be black.
     #[serde(default)]

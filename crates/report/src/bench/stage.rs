@@ -233,7 +233,7 @@ mod tests {
             let text = view.scene("denim.toml", 32);
             let scene: SceneFile = toml::from_str(&text).unwrap();
             assert_eq!((scene.light.len(), scene.object.len()), (1, 1), "{text}");
-            assert_eq!(scene.camera.unwrap().width_mm, Some(3.2));
+            assert_eq!(scene.camera.unwrap().own.get("width_mm"), Some(3.2));
         }
         assert!((distance_m(0.290_888) - 1.0).abs() < 1e-5);
         assert_eq!(describe_distance(0.1), "34 cm");

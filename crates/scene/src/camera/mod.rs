@@ -1,19 +1,22 @@
 //! `[camera]`: its table, and one file for each kind.
 //!
-//! A new kind is a file here with a [`CameraKind`] and a line in [`CAMERA_KINDS`];
-//! keys of its own are fields of [`CameraTable`], which names in one message all the
-//! keys there are.
+//! A new kind is a file here with a [`CameraKind`], which lists the keys of its own, and a
+//! line in [`CAMERA_KINDS`].
 
 mod orthographic;
+mod own_keys;
 mod perspective;
 mod thin_lens;
 
+pub use own_keys::{CameraKey, OwnKeys};
+
 use glam::{DVec3, UVec2};
 use organza_transport::{Camera, CameraPose, PixelFilter, Projection};
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error as _, MapAccess, Visitor};
+use own_keys::MAX_MM;
+use serde::de::{DeserializeSeed, Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
+use std::sync::LazyLock;
 
 /// Every kind, the usual one first.
 pub static CAMERA_KINDS: [&CameraKind; 3] = [
@@ -27,9 +30,15 @@ pub struct CameraKind {
     /// Its name in files.
     pub name: &'static str,
     /// The keys that belong to it and not to every camera.
-    pub keys: &'static [&'static str],
+    pub keys: &'static [CameraKey],
     /// Its projection; the error is `key: why`.
     pub projection: fn(&CameraTable) -> Result<Projection, String>,
+}
+
+impl CameraKind {
+    fn has_key(&self, name: &str) -> bool {
+        self.keys.iter().any(|key| key.name == name)
+    }
 }
 
 impl PartialEq for CameraKind {
@@ -45,76 +54,117 @@ impl fmt::Debug for CameraKind {
 }
 
 /// `[camera]`
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug)]
 pub struct CameraTable {
     /// Its projection.
-    #[serde(default = "usual", deserialize_with = "kind")]
     pub kind: &'static CameraKind,
     /// Where it stands.
     pub origin_mm: [f64; 3],
     /// The point in the middle of the picture.
     pub target_mm: [f64; 3],
     /// The direction that is up in the picture.
-    #[serde(default = "up")]
     pub up: [f64; 3],
-    /// Orthographic: width of the picture on the film plane.
-    pub width_mm: Option<f64>,
-    /// Perspective and thin lens: horizontal angle of view.
-    pub fov_deg: Option<f64>,
-    /// Thin lens: its diameter; or `f_number`.
-    pub aperture_mm: Option<f64>,
-    /// Thin lens: focal length over diameter, the former from `fov_deg`,
-    /// `focus_mm` and `sensor_width_mm`.
-    pub f_number: Option<f64>,
-    /// Thin lens: distance in focus along the axis; that of the target if none.
-    pub focus_mm: Option<f64>,
-    /// With `f_number`: width of the sensor, 36 if none.
-    pub sensor_width_mm: Option<f64>,
     /// Pixels, width and height.
-    #[serde(default = "resolution")]
     pub resolution: [u32; 2],
     /// How samples spread over pixels.
-    #[serde(default)]
     pub filter: FilterName,
+    /// The keys of its kind.
+    pub own: OwnKeys,
 }
 
-fn usual() -> &'static CameraKind {
-    CAMERA_KINDS[0]
-}
+/// The keys that every kind has, in the order of messages: those of the kinds stand
+/// between `up` and `resolution`.
+const BEFORE: [&str; 4] = ["kind", "origin_mm", "target_mm", "up"];
+const AFTER: [&str; 2] = ["resolution", "filter"];
 
-fn kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static CameraKind, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    let found = CAMERA_KINDS.into_iter().find(|k| k.name == name);
-    found.ok_or_else(|| {
-        let names = CAMERA_KINDS.map(|k| format!("`{}`", k.name)).join(", ");
-        D::Error::custom(format!("unknown variant `{name}`, expected one of {names}"))
-    })
-}
-
-/// A camera that is one table: a list of tables is no camera.
-pub(crate) fn one_table<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<CameraTable>, D::Error> {
-    struct OneTable;
-    impl<'de> Visitor<'de> for OneTable {
-        type Value = CameraTable;
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("one table in single brackets")
-        }
-        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CameraTable, A::Error> {
-            CameraTable::deserialize(MapAccessDeserializer::new(map))
+/// The keys of all kinds, each once.
+static OWN_KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let mut keys = Vec::new();
+    for key in CAMERA_KINDS.iter().flat_map(|kind| kind.keys) {
+        if !keys.contains(&key.name) {
+            keys.push(key.name);
         }
     }
-    deserializer.deserialize_map(OneTable).map(Some)
+    keys
+});
+
+/// Every key of `[camera]`.
+static KEYS: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| [&BEFORE[..], &OWN_KEYS[..], &AFTER[..]].concat());
+
+/// The names of all kinds.
+static KIND_NAMES: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| CAMERA_KINDS.iter().map(|kind| kind.name).collect());
+
+impl<'de> Deserialize<'de> for CameraTable {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<CameraTable, D::Error> {
+        struct OneTable;
+        impl<'de> Visitor<'de> for OneTable {
+            type Value = CameraTable;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("one table in single brackets")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CameraTable, A::Error> {
+                read(map)
+            }
+        }
+        deserializer.deserialize_map(OneTable)
+    }
 }
 
-fn up() -> [f64; 3] {
-    [0.0, 1.0, 0.0]
+fn read<'de, A: MapAccess<'de>>(mut map: A) -> Result<CameraTable, A::Error> {
+    let (mut origin_mm, mut target_mm) = (None, None);
+    let mut table = CameraTable {
+        kind: CAMERA_KINDS[0],
+        origin_mm: [0.0; 3],
+        target_mm: [0.0; 3],
+        up: [0.0, 1.0, 0.0],
+        resolution: [512, 512],
+        filter: FilterName::default(),
+        own: OwnKeys::default(),
+    };
+    while let Some(key) = map.next_key_seed(KnownKey)? {
+        match key {
+            "kind" => table.kind = map.next_value::<KindName>()?.0,
+            "origin_mm" => origin_mm = Some(map.next_value()?),
+            "target_mm" => target_mm = Some(map.next_value()?),
+            "up" => table.up = map.next_value()?,
+            "resolution" => table.resolution = map.next_value()?,
+            "filter" => table.filter = map.next_value()?,
+            own => table.own.set(own, map.next_value()?),
+        }
+    }
+    table.origin_mm = origin_mm.ok_or_else(|| A::Error::missing_field("origin_mm"))?;
+    table.target_mm = target_mm.ok_or_else(|| A::Error::missing_field("target_mm"))?;
+    Ok(table)
 }
 
-fn resolution() -> [u32; 2] {
-    [512, 512]
+/// Reads one of [`KEYS`].
+struct KnownKey;
+
+impl<'de> DeserializeSeed<'de> for KnownKey {
+    type Value = &'static str;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let found = KEYS.iter().find(|key| **key == name);
+        found
+            .copied()
+            .ok_or_else(|| D::Error::unknown_field(&name, &KEYS))
+    }
+}
+
+/// The value of `kind`.
+struct KindName(&'static CameraKind);
+
+impl<'de> Deserialize<'de> for KindName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<KindName, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let found = CAMERA_KINDS.into_iter().find(|k| k.name == name);
+        found
+            .map(KindName)
+            .ok_or_else(|| D::Error::unknown_variant(&name, &KIND_NAMES))
+    }
 }
 
 /// `filter` of a camera.
@@ -139,10 +189,6 @@ impl From<FilterName> for PixelFilter {
         }
     }
 }
-
-/// The largest length of a camera, mm: rays start in `f64`, whose steps are there
-/// 1.2e-4 mm wide, a fiftieth of a fibre.
-const MAX_MM: f64 = 1e12;
 
 /// Pixels along an edge of a picture at most.
 const MAX_PIXELS: u32 = 65_536;
@@ -176,46 +222,29 @@ impl CameraTable {
 
     /// Refuses keys that belong to other kinds.
     fn check_keys(&self) -> Result<(), String> {
-        let given = [
-            ("width_mm", self.width_mm.is_some()),
-            ("fov_deg", self.fov_deg.is_some()),
-            ("aperture_mm", self.aperture_mm.is_some()),
-            ("f_number", self.f_number.is_some()),
-            ("focus_mm", self.focus_mm.is_some()),
-            ("sensor_width_mm", self.sensor_width_mm.is_some()),
-        ];
-        let is_foreign = |k: &&(&str, bool)| k.1 && !self.kind.keys.contains(&k.0);
-        let Some((key, _)) = given.iter().find(is_foreign) else {
+        let mut given = OWN_KEYS.iter().filter(|key| self.own.get(key).is_some());
+        let Some(key) = given.find(|key| !self.kind.has_key(key)) else {
             return Ok(());
         };
-        let owners = CAMERA_KINDS.iter().filter(|k| k.keys.contains(key));
-        let owners: Vec<String> = owners.map(|k| format!("{:?}", k.name)).collect();
+        let owners = CAMERA_KINDS.iter().filter(|kind| kind.has_key(key));
+        let owners: Vec<String> = owners.map(|kind| format!("{:?}", kind.name)).collect();
         Err(format!("{key} belongs to kind = {}", owners.join(" or ")))
     }
 
     fn check_lengths(&self) -> Result<(), String> {
-        let greatest = |v: [f64; 3]| Some(v.into_iter().map(f64::abs).fold(0.0, f64::max));
-        for (key, length) in [
-            ("origin_mm", greatest(self.origin_mm)),
-            ("target_mm", greatest(self.target_mm)),
-            ("width_mm", self.width_mm),
-            ("aperture_mm", self.aperture_mm),
-            ("focus_mm", self.focus_mm),
-            ("sensor_width_mm", self.sensor_width_mm),
-            ("f_number", self.f_number),
-        ] {
-            if let Some(found) = length.filter(|l| l.is_finite() && *l > MAX_MM) {
-                return Err(format!(
-                    "{key}: expected at most {MAX_MM:e}, found {found:e}"
-                ));
+        let greatest = |v: [f64; 3]| v.into_iter().map(f64::abs).fold(0.0, f64::max);
+        let places = [
+            ("origin_mm", greatest(self.origin_mm), MAX_MM),
+            ("target_mm", greatest(self.target_mm), MAX_MM),
+        ];
+        let own = self.kind.keys.iter();
+        let own = own.filter_map(|key| Some((key.name, self.own.get(key.name)?, key.max)));
+        for (key, found, max) in places.into_iter().chain(own) {
+            if found.is_finite() && found > max {
+                return Err(format!("{key}: expected at most {max:e}, found {found:e}"));
             }
         }
         Ok(())
-    }
-
-    /// The horizontal angle of view of the kinds that have one.
-    fn fov_rad(&self) -> Result<f64, String> {
-        Ok(self.fov_deg.ok_or("fov_deg is missing")?.to_radians())
     }
 }
 

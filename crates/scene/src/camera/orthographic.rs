@@ -1,15 +1,18 @@
 //! Parallel rays.
 
-use super::CameraKind;
+use super::{CameraKey, CameraKind};
 use organza_transport::Projection;
 
 /// `kind = "orthographic"`
 pub static ORTHOGRAPHIC: CameraKind = CameraKind {
     name: "orthographic",
-    keys: &["width_mm"],
+    keys: &[
+        // Width of the picture on the film plane.
+        CameraKey::length("width_mm"),
+    ],
     projection: |table| {
         Ok(Projection::Orthographic {
-            width_mm: table.width_mm.ok_or("width_mm is missing")?,
+            width_mm: table.own.required("width_mm")?,
         })
     },
 };

@@ -1,6 +1,6 @@
 //! A lens that focuses at one distance.
 
-use super::{CameraKind, CameraTable};
+use super::{CameraKey, CameraKind, CameraTable};
 use glam::DVec3;
 use organza_transport::{Projection, aperture_mm};
 
@@ -12,27 +12,33 @@ const SENSOR_WIDTH_MM: f64 = 36.0;
 pub static THIN_LENS: CameraKind = CameraKind {
     name: "thin-lens",
     keys: &[
-        "fov_deg",
-        "aperture_mm",
-        "f_number",
-        "focus_mm",
-        "sensor_width_mm",
+        // Horizontal angle of view.
+        CameraKey::angle("fov_deg"),
+        // Diameter of the lens; or its f-number, focal length over diameter, the former
+        // from `fov_deg`, `focus_mm` and `sensor_width_mm`.
+        CameraKey::length("aperture_mm"),
+        CameraKey::length("f_number"),
+        // Distance in focus along the axis; that of the target if none.
+        CameraKey::length("focus_mm"),
+        // With `f_number`: width of the sensor, 36 if none.
+        CameraKey::length("sensor_width_mm"),
     ],
     projection,
 };
 
 fn projection(t: &CameraTable) -> Result<Projection, String> {
-    let fov_rad = t.fov_rad()?;
+    let fov_rad = t.own.required("fov_deg")?.to_radians();
+    let sensor_width_mm = t.own.get("sensor_width_mm");
     let to_target = DVec3::from(t.target_mm) - DVec3::from(t.origin_mm);
-    let focus_mm = t.focus_mm.unwrap_or(to_target.length());
-    let aperture_mm = match (t.aperture_mm, t.f_number) {
-        (Some(d), None) if t.sensor_width_mm.is_none() => d,
+    let focus_mm = t.own.get("focus_mm").unwrap_or(to_target.length());
+    let aperture_mm = match (t.own.get("aperture_mm"), t.own.get("f_number")) {
+        (Some(d), None) if sensor_width_mm.is_none() => d,
         (Some(_), None) => return Err("sensor_width_mm belongs to f_number".into()),
         (None, Some(n)) if !(n > 0.0 && n.is_finite()) => {
             return Err(format!("f_number must be positive, found {n}"));
         }
         (None, Some(n)) => {
-            let sensor_mm = t.sensor_width_mm.unwrap_or(SENSOR_WIDTH_MM);
+            let sensor_mm = sensor_width_mm.unwrap_or(SENSOR_WIDTH_MM);
             if !(sensor_mm > 0.0 && sensor_mm.is_finite()) {
                 return Err(format!(
                     "sensor_width_mm must be positive, found {sensor_mm}"
