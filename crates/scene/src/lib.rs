@@ -30,7 +30,7 @@ pub mod representation;
 pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;
-mod toml_words;
+mod toml_reader;
 pub mod volume_file;
 
 pub use build_options::BuildOptions;

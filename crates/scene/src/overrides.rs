@@ -1,7 +1,7 @@
 //! `--set key.path=value`: overrides of the keys of a TOML file.
 
 use crate::error::{Result, input};
-use crate::toml_words;
+use crate::toml_reader;
 use serde::de::DeserializeOwned;
 
 /// Names in a key at most. The deepest key of a scene has seven
@@ -31,13 +31,8 @@ pub(crate) fn overridden<T: DeserializeOwned>(
     for key in removed {
         remove(&mut table, key);
     }
-    Ok(table.try_into().map_err(|e: toml::de::Error| {
-        input(format!(
-            "--set {}: {}",
-            overrides.join(" --set "),
-            toml_words::plain(e.message(), None)
-        ))
-    }))
+    Ok(toml_reader::from_table(table)
+        .map_err(|e| input(format!("--set {}: {e}", overrides.join(" --set ")))))
 }
 
 /// Applies `key.path=value` to a table; numbers name elements of arrays.

@@ -1,11 +1,11 @@
 //! Input files: bytes from paths, and TOML whose mistakes are reported with place,
 //! key, what was expected and the nearest valid name.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result, input};
 use crate::file_kind::{self, Wanted};
 use crate::memory::free_memory_bytes;
 use crate::overrides::overridden;
-use crate::toml_words;
+use crate::toml_reader::{self, TomlError};
 use organza_basis::nearest_name;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;
@@ -186,22 +186,7 @@ pub fn toml_changed<T: DeserializeOwned>(
 ) -> Result<T> {
     wanted.check(path, source)?;
     // The file alone first: its mistakes have a place, an override's do not.
-    let parsed = ::toml::from_str::<T>(source).map_err(|e| {
-        let place = e.span().map_or(String::new(), |span| {
-            let (line, column) = line_and_column(source, span.start);
-            format!(":{line}:{column}")
-        });
-        let key = e.span().and_then(|s| key_at(source, s.start));
-        let at_header = e
-            .span()
-            .is_some_and(|s| source.get(s).is_some_and(|at| at.starts_with('[')));
-        input(format!(
-            "{}{place}: {}{}",
-            path.display(),
-            key.as_ref().map_or(String::new(), |k| format!("{k}: ")),
-            toml_words::plain(e.message(), key.as_deref().filter(|_| at_header))
-        ))
-    });
+    let parsed = toml_reader::from_text::<T>(source).map_err(|e| with_place(path, source, e));
     if overrides.is_empty() && removed.is_empty() {
         return parsed;
     }
@@ -210,6 +195,24 @@ pub fn toml_changed<T: DeserializeOwned>(
         Err(_) => return parsed,
     };
     overridden(table, removed, overrides)?.or_else(|e| parsed.and(Err(e)))
+}
+
+/// A mistake with the file, the line and column, and the key.
+fn with_place(path: &Path, source: &str, e: TomlError) -> InputError {
+    let Some(span) = e.span else {
+        return input(format!("{}: {}", path.display(), e.message));
+    };
+    let (line, column) = line_and_column(source, span.start);
+    let place = format!("{}:{line}:{column}", path.display());
+    let Some(key) = key_at(source, span.start) else {
+        return input(format!("{place}: {}", e.message));
+    };
+    let at_header = source.get(span).is_some_and(|at| at.starts_with('['));
+    if e.is_table_for_list && at_header {
+        let words = format!("expected a list of tables, found one table; write [[{key}]]");
+        return input(format!("{place}: {key}: {words}"));
+    }
+    input(format!("{place}: {key}: {}", e.message))
 }
 
 /// 1-based line and column (in characters) of a byte offset.

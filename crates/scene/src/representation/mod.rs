@@ -29,7 +29,7 @@ use serde::de::{Error as _, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Every representation.
 pub static REPRESENTATIONS: [&Representation; 5] =
@@ -208,23 +208,19 @@ impl<'de> Deserialize<'de> for &'static Representation {
                 f.write_str("the name of a representation")
             }
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
-                Representation::named(name).ok_or_else(|| E::custom(unknown(name, &[])))
+                Representation::named(name).ok_or_else(|| E::unknown_variant(name, &NAMES))
             }
         }
         deserializer.deserialize_str(Name)
     }
 }
 
-/// The complaint about a name that is none, in the words of serde.
-fn unknown(name: &str, others: &[&str]) -> String {
-    let names = REPRESENTATIONS.iter().map(|r| r.name);
-    let names = names.chain(others.iter().copied());
-    let names: Vec<String> = names.map(|n| format!("`{n}`")).collect();
-    format!(
-        "unknown variant `{name}`, expected one of {}",
-        names.join(", ")
-    )
-}
+/// The names of all representations.
+static NAMES: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| REPRESENTATIONS.iter().map(|r| r.name).collect());
+
+/// The values of `model`.
+static MODELS: LazyLock<Vec<&'static str>> = LazyLock::new(|| [&NAMES[..], &["auto"]].concat());
 
 /// `model` of a cloth or of `[scattering]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -244,7 +240,7 @@ impl<'de> Deserialize<'de> for ModelKey {
             (_, Some(representation)) => Ok(ModelKey::Is(representation)),
             ("auto", _) => Ok(ModelKey::Auto),
             ("virtual-scattering", _) => Ok(ModelKey::VirtualScattering),
-            _ => Err(D::Error::custom(unknown(&name, &["auto"]))),
+            _ => Err(D::Error::unknown_variant(&name, &MODELS)),
         }
     }
 }
