@@ -7,7 +7,7 @@ use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
-use organza_testing::dielectric_fibre;
+use organza_testing::{csv_numbers, dielectric_fibre};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, Film,
     Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats,
@@ -120,10 +120,10 @@ fn white_furnace() {
 #[test]
 fn one_cylinder_keeps_the_energy_of_ray_optics() {
     let text = include_str!("../../scatter/tests/data/fibre_lobe_energy.csv");
-    let rows = text.lines().filter(|line| !line.starts_with(['#', 'e']));
+    let rows = csv_numbers(text);
+    assert_eq!(rows.len(), 36);
     let mut twin_rejected = 0;
-    for (row, line) in rows.enumerate() {
-        let v: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+    for (row, v) in rows.iter().enumerate() {
         let (eta, absorption, theta) = (v[0] as f32, v[1] as f32, v[2] as f32);
         // The last column is what is still inside after the last lobe.
         let (least, most) = (v[3..8].iter().sum::<f64>(), v[3..9].iter().sum::<f64>());
@@ -171,7 +171,7 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
         let slack = 4.0 * energy.standard_error() + 5e-3;
         assert!(
             energy.mean > least - slack && energy.mean < most + slack,
-            "seed 31: {line}: {} +- {}",
+            "seed 31: {v:?}: {} +- {}",
             energy.mean,
             energy.standard_error()
         );

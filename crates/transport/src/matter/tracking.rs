@@ -66,6 +66,43 @@ fn step_through<M: Medium, B>(
     ControlFlow::Continue(())
 }
 
+/// Moves `t` to the next tentative collision, `depth` of optical depth away, and draws the
+/// depth to the one after it. False if the span ends at `end` before that; then its optical
+/// depth is spent.
+#[inline]
+fn advance(depth: &mut f32, t: &mut f32, end: f32, majorant: f32, rng: &mut PathRng) -> bool {
+    let span_depth = (end - *t) * majorant;
+    if *depth >= span_depth {
+        *depth -= span_depth;
+        return false;
+    }
+    *t += *depth / majorant;
+    *depth = rng.exponential();
+    true
+}
+
+/// Spends optical depth on a stretch from `t0` to `t1` of constant extinction `sigma`. The
+/// distance at which none is left, if that is on the stretch.
+#[inline]
+fn spend(depth: &mut f32, (t0, t1): (f32, f32), sigma: f32) -> Option<f32> {
+    let stretch_depth = (t1 - t0) * sigma;
+    if *depth < stretch_depth {
+        return Some(t0 + *depth / sigma);
+    }
+    *depth -= stretch_depth;
+    None
+}
+
+/// Ends a sum of optical depths at the first that is above `stop`.
+#[inline]
+fn break_above(depth: f32, stop: f32) -> ControlFlow<()> {
+    if depth > stop {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    }
+}
+
 /// Draws the first collision along a ray by delta tracking [Woodcock1965]
 /// [Novak2018]: the local distance and what is there, or `None` when the ray
 /// leaves the medium.
@@ -85,24 +122,17 @@ pub fn sample_collision<M: Medium>(
             return step_through(medium, ray, span, rng, |t0, t1, site| {
                 stats.tentative += 1;
                 let sigma = medium.sigma_t(&site, ray.direction);
-                let step_depth = (t1 - t0) * sigma;
-                if depth < step_depth {
-                    stats.collisions += 1;
-                    return ControlFlow::Break((t0 + depth / sigma, site));
+                match spend(&mut depth, (t0, t1), sigma) {
+                    Some(t) => {
+                        stats.collisions += 1;
+                        ControlFlow::Break((t, site))
+                    }
+                    None => ControlFlow::Continue(()),
                 }
-                depth -= step_depth;
-                ControlFlow::Continue(())
             });
         }
         let mut t = span.t0;
-        loop {
-            let span_depth = (span.t1 - t) * majorant;
-            if depth >= span_depth {
-                depth -= span_depth;
-                return ControlFlow::Continue(());
-            }
-            t += depth / majorant;
-            depth = rng.exponential();
+        while advance(&mut depth, &mut t, span.t1, majorant, rng) {
             stats.tentative += 1;
             let p = span.point(ray, t);
             let least = rng.unit() * majorant;
@@ -120,11 +150,9 @@ pub fn sample_collision<M: Medium>(
                 return ControlFlow::Break((t, site));
             }
         }
+        ControlFlow::Continue(())
     });
-    match found {
-        ControlFlow::Break(hit) => Some(hit),
-        ControlFlow::Continue(()) => None,
-    }
+    found.break_value()
 }
 
 /// Estimates the transmittance along a ray by ratio tracking [Novak2014]
@@ -143,11 +171,7 @@ pub fn transmittance<M: Medium>(
             let _ = step_through(medium, ray, span, rng, |t0, t1, site| {
                 stats.shadow_steps += 1;
                 span_depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
-                if span_depth > MIN_SEEN_DEPTH {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
+                break_above(span_depth, MIN_SEEN_DEPTH)
             });
             transmitted *= (-span_depth).exp();
             return if span_depth > MIN_SEEN_DEPTH {
@@ -158,14 +182,7 @@ pub fn transmittance<M: Medium>(
             };
         }
         let mut t = span.t0;
-        loop {
-            let span_depth = (span.t1 - t) * majorant;
-            if depth >= span_depth {
-                depth -= span_depth;
-                return ControlFlow::Continue(());
-            }
-            t += depth / majorant;
-            depth = rng.exponential();
+        while advance(&mut depth, &mut t, span.t1, majorant, rng) {
             stats.shadow_steps += 1;
             // Thinned to the events of a bound that is nearer the truth.
             let p = span.point(ray, t);
@@ -187,6 +204,7 @@ pub fn transmittance<M: Medium>(
                 transmitted = SHADOW_ROULETTE;
             }
         }
+        ControlFlow::Continue(())
     });
     transmitted
 }
@@ -205,18 +223,15 @@ pub fn sample_collision_exactly<M: Medium>(
     let found = medium.for_each_voxel(ray, |t0, t1, site| {
         stats.tentative += 1;
         let sigma = medium.sigma_t(&site, ray.direction);
-        let voxel_depth = (t1 - t0) * sigma;
-        if depth < voxel_depth {
-            stats.collisions += 1;
-            return ControlFlow::Break((t0 + depth / sigma, site));
+        match spend(&mut depth, (t0, t1), sigma) {
+            Some(t) => {
+                stats.collisions += 1;
+                ControlFlow::Break((t, site))
+            }
+            None => ControlFlow::Continue(()),
         }
-        depth -= voxel_depth;
-        ControlFlow::Continue(())
     });
-    match found {
-        ControlFlow::Break(hit) => Some(hit),
-        ControlFlow::Continue(()) => None,
-    }
+    found.break_value()
 }
 
 /// The transmittance along a ray through constant voxels, in closed form.
@@ -249,11 +264,7 @@ fn optical_depth<M: Medium>(medium: &M, ray: &LocalRay, stop: f32, stats: &mut S
     let _ = medium.for_each_voxel(ray, |t0, t1, site| {
         stats.shadow_steps += 1;
         depth += (t1 - t0) * medium.sigma_t(&site, ray.direction);
-        if depth > stop {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        break_above(depth, stop)
     });
     depth
 }

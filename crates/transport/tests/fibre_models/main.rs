@@ -63,19 +63,24 @@ fn add(sums: &mut Shares, one: &Shares) {
     sums.iter_mut().zip(one).for_each(|(s, o)| s.merge(o));
 }
 
-fn measure(medium: AnyMedium, view: Vec3, paths: u64, seed: u64) -> Shares {
-    let box_mm = medium.cell_grid().unwrap().bounds_mm();
+/// A scene of one medium for paths that start elsewhere than at its camera.
+fn unlit(medium: AnyMedium) -> Scene {
     let pose = CameraPose {
         origin_mm: DVec3::Z,
         target_mm: DVec3::ZERO,
         up: DVec3::Y,
     };
     let projection = Projection::Orthographic { width_mm: 1.0 };
-    let scene = Scene {
+    Scene {
         media: vec![medium],
         lights: Vec::new(),
         camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
-    };
+    }
+}
+
+fn measure(medium: AnyMedium, view: Vec3, paths: u64, seed: u64) -> Shares {
+    let box_mm = medium.cell_grid().unwrap().bounds_mm();
+    let scene = unlit(medium);
     // Blocks of one size, so that the sums do not depend on threads.
     let block = |b: u64| {
         let (mut shares, mut stats) = (Shares::default(), Stats::default());
@@ -310,17 +315,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
 /// The mean of a yarn's radiance toward `view` under parallel light from `light`.
 fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Moments {
     let box_mm = medium.cell_grid().unwrap().bounds_mm();
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
-    let scene = Scene {
-        media: vec![medium],
-        lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
-    };
+    let scene = unlit(medium);
     let lights = [Light::from(DirectionalLight {
         direction: -light,
         irradiance: Rgb::WHITE,
