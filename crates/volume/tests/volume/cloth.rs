@@ -1,6 +1,7 @@
 use glam::{Vec2, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, PathRng, Segment, SegmentSource, Tile};
+use organza_volume::{Octree, VoxelizeOptions, voxelize};
 use std::f32::consts::TAU;
 
 /// A plain weave of round yarns of twisted fibres, one yarn a batch: what the
@@ -108,4 +109,13 @@ pub fn length_mm(source: &dyn SegmentSource) -> f64 {
         });
     }
     sum
+}
+
+/// The cotton cloth of two ends, voxelized at that edge of a voxel.
+pub fn cotton_octree(voxel_mm: f32) -> Octree {
+    let options = VoxelizeOptions {
+        voxel_mm,
+        ..VoxelizeOptions::default()
+    };
+    voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
 }

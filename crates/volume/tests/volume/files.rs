@@ -1,15 +1,7 @@
-use crate::cloth::{PlainWeave, list};
+use crate::cloth::{cotton_octree, list};
 use glam::Vec3;
 use organza_basis::Budget;
-use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
-
-fn cotton(voxel_mm: f32) -> Octree {
-    let options = VoxelizeOptions {
-        voxel_mm,
-        ..VoxelizeOptions::default()
-    };
-    voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
-}
+use organza_volume::{VoxelizeOptions, ovox, voxelize};
 
 fn files() -> Vec<ovox::SourceFile> {
     let file = |name: &str, bytes: &[u8]| ovox::SourceFile {
@@ -38,7 +30,7 @@ fn ovox_returns_the_very_octree() {
         &|_| {},
     )
     .unwrap();
-    for tree in [cotton(0.02), empty] {
+    for tree in [cotton_octree(0.02), empty] {
         let mut bytes = Vec::new();
         ovox::write(&tree, &files(), &mut bytes).unwrap();
         let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
@@ -54,7 +46,7 @@ fn ovox_returns_the_very_octree() {
 
 #[test]
 fn damaged_ovox_files_are_refused_with_a_reason() {
-    let tree = cotton(0.1);
+    let tree = cotton_octree(0.1);
     let mut good = Vec::new();
     ovox::write(&tree, &files(), &mut good).unwrap();
     let refusal = |b: &[u8]| {
@@ -107,7 +99,7 @@ fn files_of_version_1_are_read() {
 fn nrrd_returns_the_grids_of_a_level() {
     use organza_scatter::{FlakeMaterials, FlakeOptics};
     use organza_volume::format::{Open, Source, Volume, Voxels, nrrd};
-    let tree = cotton(0.05);
+    let tree = cotton_octree(0.05);
     let optics = FlakeOptics {
         albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
         end_on_ratio: 0.1,
@@ -155,7 +147,7 @@ fn nrrd_returns_the_grids_of_a_level() {
 /// Twice as large: lengths double, what is blocked per mm halves.
 #[test]
 fn octrees_are_scaled_with_their_fibres() {
-    let tree = cotton(0.05);
+    let tree = cotton_octree(0.05);
     let large = tree.clone().scaled(2.0).unwrap();
     large.assert_well_formed();
     assert_eq!(large.bounds_mm().max, 2.0 * tree.bounds_mm().max);

@@ -1,17 +1,9 @@
-use crate::cloth::PlainWeave;
+use crate::cloth::cotton_octree;
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 use organza_basis::{Budget, MergedFlakes, Mixture, PathRng};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
 use organza_volume::vdb::{self, Cells, Codec, Data, Grid, Leaf, Value};
-use organza_volume::{Error, GridSet, Octree, VoxelizeOptions, voxelize};
-
-fn cotton() -> Octree {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.02,
-        ..VoxelizeOptions::default()
-    };
-    voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
-}
+use organza_volume::{Error, GridSet};
 
 /// Rough fibres, alike in all materials.
 fn merge(mixture: &Mixture) -> MergedFlakes {
@@ -121,7 +113,7 @@ fn round_trips_are_exact() {
 
 #[test]
 fn another_reader_finds_the_same_values() {
-    let tree = cotton();
+    let tree = cotton_octree(0.02);
     let grids = vdb::grids_from_octree(&tree, 0, false, &merge);
     let mut bytes = Vec::new();
     vdb::write(&grids, Codec::Zip, &mut bytes).unwrap();
@@ -146,7 +138,7 @@ fn another_reader_finds_the_same_values() {
 
 #[test]
 fn a_file_is_the_medium_that_was_put_in() {
-    let tree = cotton();
+    let tree = cotton_octree(0.02);
     let mut bytes = Vec::new();
     vdb::write(
         &vdb::grids_from_octree(&tree, 0, false, &merge),
