@@ -2,11 +2,13 @@
 
     python3 benches/fabric_tables.py reports DIR [--spp N] [--texels N] [FABRIC ...]
     python3 benches/fabric_tables.py voxels DIR [--spp N]
+    python3 benches/fabric_tables.py packed DIR [--spp N] [FABRIC ...]
 
 `reports` fits the surface of every fabric to its volume (with eight times the paths, as
 the noise of the volume adds to the error of the fit) and compares all models of it:
 DIR/FABRIC.toml and DIR/FABRIC/report.html. `voxels` measures reflection and transmission
-of volumes by voxel size against explicit fibres. Files that are there already are not made
+of volumes by voxel size against explicit fibres. `packed` measures reflection, scattered
+and direct transmission of packed fibres in voxels of their default size. Files that are there already are not made
 again. ORGANZA names the program, THREADS the number of threads.
 """
 
@@ -157,11 +159,45 @@ def make_voxels(folder, spp):
     print_table("fabric, voxel", FIBRE_MODELS, rows)
 
 
+# Polar angle and azimuth of the light, degrees: along the weft, the warp, between them.
+LIGHTS = [(0, 0), (45, 0), (60, 0), (60, 45), (60, 90), (75, 0)]
+PARTS = ["reflected", "transmitted", "direct"]
+
+
+def off_by(row, truth, part):
+    """The green value of explicit fibres, the error of packed ones and its standard error."""
+    a, b = (float(r[f"{part}_g"]) for r in (row, truth))
+    se = sum(float(r[f"se_{part}_g"]) ** 2 for r in (row, truth)) ** 0.5
+    if b < 0.003:
+        return f"{b:.4f}, {a - b:+.4f} ± {se:.4f}"
+    return f"{b:.4f}, {100 * (a / b - 1):+.1f} ± {100 * se / b:.1f} %"
+
+
+def make_packed(folder, fabrics, spp):
+    incident = folder / "lights.csv"
+    incident.write_text("theta_i,phi_i\n" + "".join(f"{t},{p}\n" for t, p in LIGHTS))
+    rows = []
+    for name in fabrics:
+        by_model = {}
+        for seed, model in enumerate(["fibres", "packed"]):
+            path = folder / f"{name}.{model}.csv"
+            organza(
+                path, "measure", f"scenes/fabrics/{name}.toml", "--albedo", "--pairs", incident,
+                "--spp", spp, "--model", model, "--seed", seed, "-o", path,
+            )  # fmt: skip
+            with path.open() as file:
+                by_model[model] = list(csv.DictReader(file))
+        for light, row, truth in zip(LIGHTS, by_model["packed"], by_model["fibres"]):
+            cells = [off_by(row, truth, part) for part in PARTS]
+            rows.append((f"{name} {light[0]}:{light[1]}", cells))
+    print_table("fabric, light", ["R", "T scattered", "T direct"], rows)
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["reports", "voxels"])
+    parser.add_argument("what", choices=["reports", "voxels", "packed"])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("fabrics", nargs="*", default=FABRICS)
     parser.add_argument("--spp", type=int, help="paths a pair or direction")
@@ -170,6 +206,8 @@ def main():
     given.folder.mkdir(parents=True, exist_ok=True)
     if given.what == "reports":
         make_reports(given.folder, given.fabrics, given.spp or 1024, given.texels)
+    elif given.what == "packed":
+        make_packed(given.folder, given.fabrics, given.spp or 60_000)
     else:
         make_voxels(given.folder, given.spp or 65536)
 

@@ -208,6 +208,10 @@ fn a_volume_is_the_picture_of_its_fabric() {
         printed.contains("footprint: axis") && printed.contains("cloth.toml"),
         "{printed}"
     );
+    let walks = "source: measured\n  walks: 10000";
+    assert!(printed.contains(walks), "{printed}");
+    let printed = succeed(&folder, &["info", "covered.ovox"]);
+    assert!(printed.contains("source: derived"), "{printed}");
 }
 
 /// Through `.vdb`, which merges the populations of a voxel, the mean of a picture

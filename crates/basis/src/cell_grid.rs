@@ -36,6 +36,8 @@ pub struct LocalRay {
     pub t_entry: f32,
     /// Length inside, mm.
     pub length: f32,
+    /// The yarn that the ray leaves, see [`Ray::left_yarn`].
+    pub left_yarn: Option<u32>,
 }
 
 impl LocalRay {
@@ -142,6 +144,7 @@ impl CellGrid {
             direction: ray.direction,
             t_entry: near,
             length: far - near,
+            left_yarn: ray.left_yarn,
         })
     }
 

@@ -53,6 +53,7 @@ fn begin(task: &Task, quiet: bool) -> Progress {
             "voxelizing"
         }
         Task::GatheringFibres { .. } => "gathering fibres",
+        Task::MeasuringPacking { .. } => "measuring packing",
     };
     Progress::new(label, UNITS as u64, quiet)
 }

@@ -146,7 +146,9 @@ pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use sggx::{AxialFlake, Sggx};
 pub use surface::{Footprint, Passage, Shifted, Surface};
-pub use virtual_fibres::{MetFibre, effective_cross_section, meet_fibre, sigma_t_per_mm};
+pub use virtual_fibres::{
+    MetFibre, effective_cross_section, meet_fibre, population_sigma_t_per_mm, sigma_t_per_mm,
+};
 
 #[cfg(test)]
 mod fibre_tests;

@@ -10,8 +10,9 @@
 //! 1. Draw the tangent t, then the offset h uniform in `[-1, 1]`; the axis of the
 //!    cylinder passes through c, see [`PackedEvent::axis_mm`].
 //! 2. Look the density up **at c**, not at the ray, and accept the collision with
-//!    probability `rho(c) m(c) / max(rho m)`; m is [`void_multiplier`] of the
-//!    packing smoothed over four to eight radii, or one value per yarn (single
+//!    probability `rho(c) m(c) / max(rho m)`; m is measured
+//!    by walks through explicit fibres or, where there are none, [`void_multiplier`] of
+//!    the packing smoothed over four to eight radii, or one value per yarn (single
 //!    voxels are too noisy). The majorant along the ray is
 //!    `2 r max(rho m) sin(angle)`, with the maximum taken one radius beyond.
 //! 3. Scatter in the near field at that h and go on from [`PackedEvent::exit_mm`] of

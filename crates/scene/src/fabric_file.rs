@@ -11,12 +11,13 @@ use crate::read;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
-use organza_transport::{ExplicitFibres, FlakeOptics};
+use organza_transport::{ExplicitFibres, FlakeOptics, PackingStudy, measure_packing};
 use organza_volume::ovox::SourceFile;
 use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::{Cloth, FabricGeometry, Material};
 use std::cell::RefCell;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A fabric file with the cloth it describes.
 pub struct Fabric {
@@ -212,8 +213,13 @@ impl Fabric {
     /// # Errors
     /// Names the yarn at fault.
     pub fn fibre_models(&self, path: &Path) -> Result<Vec<Fibre>> {
+        self.fibre_models_of(&self.optics, path)
+    }
+
+    /// The same with other optics tables.
+    fn fibre_models_of(&self, optics: &[OpticsFile], path: &Path) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
-            fibre_model::of_optics(&optics::of_material(&self.optics, m), m)
+            fibre_model::of_optics(&optics::of_material(optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
         self.cloth.materials().iter().map(fibre).collect()
@@ -231,7 +237,18 @@ impl Fabric {
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
         let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-        let fibres = self.fibre_models(path)?;
+        self.explicit_fibres_of(&self.optics, path, allowed, loader)
+    }
+
+    /// The same with other optics tables.
+    fn explicit_fibres_of(
+        &self,
+        optics: &[OpticsFile],
+        path: &Path,
+        allowed: u64,
+        loader: &Loader<'_>,
+    ) -> Result<ExplicitFibres> {
+        let fibres = self.fibre_models_of(optics, path)?;
         let task = Task::GatheringFibres {
             fabric: path.to_owned(),
         };
@@ -257,7 +274,85 @@ impl Fabric {
         loader: &Loader<'_>,
     ) -> Result<Octree> {
         let plan = self.plan(path, footprint, voxel_um, levels, max_memory_bytes)?;
-        voxelize_planned(path, &plan, loader)
+        self.voxelize_planned(path, &plan, max_memory_bytes, loader)
+    }
+
+    /// Voxelizes as planned. Packing factors are measured where the voxels are for
+    /// packed fibres; a warning says so where memory does not suffice for that.
+    ///
+    /// # Errors
+    /// Segments that cannot be placed.
+    pub fn voxelize_planned(
+        &self,
+        path: &Path,
+        plan: &Plan<'_>,
+        max_memory_bytes: Option<u64>,
+        loader: &Loader<'_>,
+    ) -> Result<Octree> {
+        let task = Task::Voxelizing {
+            fabric: path.to_owned(),
+            memory_bytes: plan.memory_bytes(),
+        };
+        let octree = loader
+            .run(&task, |done| plan.run(done))
+            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        if octree.footprint() == FibreFootprint::Covered {
+            return Ok(octree);
+        }
+        self.with_measured_packing(octree, path, max_memory_bytes, loader)
+    }
+
+    /// The octree of this cloth with packing factors that are measured under the optics
+    /// of the fabric file, whatever a scene overrides: they belong to the voxels.
+    fn with_measured_packing(
+        &self,
+        octree: Octree,
+        path: &Path,
+        max_memory_bytes: Option<u64>,
+        loader: &Loader<'_>,
+    ) -> Result<Octree> {
+        let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+        let own = &self.optics[self.optics.len() - 1..];
+        let fibres = match self.explicit_fibres_of(own, path, allowed, loader) {
+            Ok(fibres) => fibres,
+            Err(why) => {
+                loader.warn(
+                    path,
+                    format!("packing factors are derived, not measured: {why}"),
+                );
+                return Ok(octree);
+            }
+        };
+        let task = Task::MeasuringPacking {
+            fabric: path.to_owned(),
+        };
+        let study = PackingStudy {
+            seed: self.file.seed,
+            ..PackingStudy::default()
+        };
+        let octree = Arc::new(octree);
+        let packing = loader.run(&task, |done| measure_packing(&fibres, &octree, study, done));
+        Arc::unwrap_or_clone(octree)
+            .with_packing(packing)
+            .ok_or_else(|| {
+                input(format!(
+                    "{}: packing factors are not finite",
+                    path.display()
+                ))
+            })
+    }
+
+    /// Edge of the finest voxels unless something else is asked for.
+    fn voxel_um(&self, footprint: FibreFootprint) -> f32 {
+        let voxel = &self.file.voxel;
+        match footprint {
+            FibreFootprint::Covered => voxel.size_um,
+            FibreFootprint::Axis => voxel.packed_um.unwrap_or_else(|| {
+                let materials = self.cloth.materials();
+                let radii: f32 = materials.iter().map(|m| m.fibre_radius_mm).sum();
+                1e3 * radii / materials.len().max(1) as f32
+            }),
+        }
     }
 
     /// What voxelizing will take.
@@ -272,7 +367,7 @@ impl Fabric {
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
     ) -> Result<Plan<'_>> {
-        let size_um = voxel_um.unwrap_or(self.file.voxel.size_um);
+        let size_um = voxel_um.unwrap_or_else(|| self.voxel_um(footprint));
         if !(size_um.is_finite() && size_um > 0.0) {
             return Err(input(format!(
                 "{}: voxel size: expected a positive number of micrometres, found {size_um}",
@@ -287,20 +382,6 @@ impl Fabric {
         };
         Plan::new(&self.cloth, &options).map_err(|e| input(format!("{}: {e}", path.display())))
     }
-}
-
-/// Voxelizes as planned.
-///
-/// # Errors
-/// Segments that cannot be placed.
-pub fn voxelize_planned(path: &Path, plan: &Plan, loader: &Loader<'_>) -> Result<Octree> {
-    let task = Task::Voxelizing {
-        fabric: path.to_owned(),
-        memory_bytes: plan.memory_bytes(),
-    };
-    loader
-        .run(&task, |done| plan.run(done))
-        .map_err(|e| input(format!("{}: {e}", path.display())))
 }
 
 #[cfg(test)]

@@ -125,10 +125,15 @@ impl FabricFile {
 pub struct VoxelTable {
     /// Edge of the finest voxels.
     pub size_um: f32,
+    /// The same of voxels for packed fibres; the mean radius of the fibres if none.
+    pub packed_um: Option<f32>,
 }
 
 impl Default for VoxelTable {
     fn default() -> VoxelTable {
-        VoxelTable { size_um: 10.0 }
+        VoxelTable {
+            size_um: 10.0,
+            packed_um: None,
+        }
     }
 }

@@ -48,6 +48,11 @@ pub enum Task {
         /// The fabric file.
         fabric: PathBuf,
     },
+    /// Walks through the fibres measure the packing factors of voxels.
+    MeasuringPacking {
+        /// The fabric file.
+        fabric: PathBuf,
+    },
 }
 
 /// What happens while a scene is loaded and built. Tasks follow each other; none

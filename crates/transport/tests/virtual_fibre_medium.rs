@@ -393,7 +393,10 @@ fn levels_and_materials_that_do_not_exist_are_refused() {
     assert!(VirtualFibreMedium::new(octree.clone(), 1, vec![fitted()], event).is_none());
     assert!(VirtualFibreMedium::new(octree.clone(), 0, Vec::new(), event).is_none());
     let medium = VirtualFibreMedium::new(octree, 0, vec![fitted()], event).unwrap();
-    assert!((medium.packing()[0] - packing()).abs() < 1e-3);
+    let factors = medium.packing_factors()[0];
+    assert!((factors.own_yarn / void_multiplier(packing()) - 1.0).abs() < 1e-3);
+    assert!(factors.own_yarn == factors.outside && factors.own_yarn == factors.other_yarn);
+    assert!(!factors.is_measured);
 }
 
 /// Rays beside the axes but within a radius of them meet fibres; rays further

@@ -25,6 +25,7 @@ mod validate;
 
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
+use crate::packing::MeasuredPacking;
 use crate::record::{
     Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
 };
@@ -69,6 +70,7 @@ pub struct Octree {
     pub(crate) quantum_mm: f64,
     pub(crate) material_count: u32,
     pub(crate) footprint: FibreFootprint,
+    pub(crate) packing: Option<MeasuredPacking>,
 }
 
 impl Octree {
@@ -90,6 +92,7 @@ impl Octree {
             quantum_mm,
             material_count,
             footprint: FibreFootprint::Covered,
+            packing: None,
         }
     }
 
@@ -107,6 +110,20 @@ impl Octree {
     /// Which voxels hold the length of fibres that are thicker than a voxel.
     pub fn footprint(&self) -> FibreFootprint {
         self.footprint
+    }
+
+    /// Its packing factors, where they were measured.
+    pub fn packing(&self) -> Option<&MeasuredPacking> {
+        self.packing.as_ref()
+    }
+
+    /// The same octree with measured packing factors, or without. `None` unless they
+    /// are positive and finite, one for every level and material.
+    pub fn with_packing(mut self, packing: Option<MeasuredPacking>) -> Option<Octree> {
+        let (levels, materials) = (self.level_count(), self.material_count());
+        let fits = packing.as_ref().is_none_or(|p| p.fits(levels, materials));
+        self.packing = packing;
+        fits.then_some(self)
     }
 
     /// The same octree, `scale` times as large in every direction, including its fibres. `None`

@@ -163,7 +163,8 @@ fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(
             args.level
         )));
     }
-    let octree = fabric_file::voxelize_planned(&args.fabric, &plan, loader)?;
+    let limit = args.memory.max_memory;
+    let octree = fabric.voxelize_planned(&args.fabric, &plan, limit, loader)?;
     Ok((fabric, octree))
 }
 

@@ -5,7 +5,7 @@ use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
-use crate::fabric_file::{Fabric, load, voxelize_planned};
+use crate::fabric_file::{Fabric, load};
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
@@ -282,7 +282,8 @@ fn medium(
         Build::Voxels(voxels) => voxels,
     };
     let plan = plan(&fabric, voxels, table, index, options)?;
-    let octree = voxelize_planned(&path, &plan, options.loader)?;
+    let limit = options.max_memory_bytes;
+    let octree = fabric.voxelize_planned(&path, &plan, limit, options.loader)?;
     Laying {
         fabric: &fabric,
         path: &path,

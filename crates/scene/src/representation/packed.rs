@@ -7,8 +7,9 @@ use organza_volume::{FibreFootprint, Octree};
 use organza_weave::Material;
 
 /// Edge of the voxels, in fibre radii, that suits packed fibres best: finer ones
-/// count chance clusters twice, coarser ones blur the outline of yarns.
-const VOXEL_RADII: f32 = 2.0;
+/// count chance clusters twice, coarser ones blur the outline of yarns and hide light
+/// that leaves it.
+const VOXEL_RADII: f32 = 1.0;
 
 /// Virtual scattering, packed.
 pub static PACKED: Representation = Representation {

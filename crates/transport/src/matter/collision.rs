@@ -147,6 +147,11 @@ impl<'a> Collision<'a> {
         self.site.as_site_mut().draw_event(w_out, rng);
     }
 
+    /// The yarn of the fibre that is met, where there is one.
+    pub(crate) fn yarn(&self) -> Option<u32> {
+        self.site.as_site().info()?.yarn
+    }
+
     /// What to show of the place; `None` of a plane, which is no cloth.
     pub fn info(&self) -> Option<SiteInfo> {
         let info = self.site.as_site().info()?;

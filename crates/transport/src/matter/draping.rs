@@ -71,7 +71,7 @@ impl Draping {
         let mut reach = limit;
         self.shell.as_ref()?.visit_spans(ray, limit, |span| {
             let turn = span.world_from_cloth;
-            if let Some(local) = enter(medium.cell_grid(), span, ray.direction) {
+            if let Some(local) = enter(medium.cell_grid(), span, ray) {
                 let found = find(medium, &local, integrator, rng, stats);
                 if let Some((t, site)) = found {
                     reach = local.t_entry + t;
@@ -99,7 +99,7 @@ impl Draping {
             return product;
         };
         shell.visit_spans(ray, reach, |span| {
-            if let Some(local) = enter(medium.cell_grid(), span, ray.direction) {
+            if let Some(local) = enter(medium.cell_grid(), span, ray) {
                 product *= pass_through(medium, &local, integrator, rng, stats);
             }
             if product > 0.0 { reach } else { 0.0 }
@@ -226,8 +226,8 @@ fn frame_toward(hit: &MeshHit, w_out: Vec3) -> Frame {
 
 /// A straight stretch of a ray through a shell, as one through a grid of cells;
 /// `None` when it misses. The grid repeats in x and y whatever it does elsewhere.
-/// `direction` is the ray's in the world.
-fn enter(grid: &CellGrid, span: &ShellSpan, direction: Vec3) -> Option<LocalRay> {
+/// `ray` is the one in the world.
+fn enter(grid: &CellGrid, span: &ShellSpan, ray: &Ray) -> Option<LocalRay> {
     let bounds_mm = grid.bounds_mm();
     let (low, high) = (bounds_mm.min.z, bounds_mm.max.z);
     let (mut near, mut far) = (0.0f32, span.t1 - span.t0);
@@ -252,8 +252,9 @@ fn enter(grid: &CellGrid, span: &ShellSpan, direction: Vec3) -> Option<LocalRay>
     Some(LocalRay {
         origin: local.as_vec3(),
         step: span.step * voxels_per_mm,
-        direction: (span.world_from_cloth.transpose() * direction).normalize(),
+        direction: (span.world_from_cloth.transpose() * ray.direction).normalize(),
         t_entry: span.t0 + near,
         length: far - near,
+        left_yarn: ray.left_yarn,
     })
 }

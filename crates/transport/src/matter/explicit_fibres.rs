@@ -22,6 +22,7 @@ mod draped;
 mod hierarchy;
 mod overlap;
 mod piece;
+mod random_point;
 #[cfg(test)]
 mod tests;
 
@@ -386,37 +387,22 @@ impl ExplicitFibres {
         hit.to_axis_mm + hit.radius_mm * normal
     }
 
+    /// How each material scatters.
+    pub(crate) fn fibres(&self) -> &[Fibre] {
+        &self.fibres
+    }
+
+    /// The material of the fibre that is hit.
+    pub(crate) fn material(&self, hit: &FibreHit) -> u16 {
+        self.curves.curve_of(hit.piece).material
+    }
+
     /// What to show of a hit.
     pub fn info(&self, hit: &FibreHit) -> SiteInfo {
         SiteInfo {
             axis: hit.tangent,
             yarn: Some(self.curves.curve_of(hit.piece).yarn),
         }
-    }
-
-    /// A point of the axis of a fibre of a material, even in length, with its
-    /// tangent and radius; `None` when there is none.
-    pub(crate) fn random_point(
-        &self,
-        material: usize,
-        rng: &mut PathRng,
-    ) -> Option<(Vec3, Vec3, f32)> {
-        let joints = &self.curves.joints;
-        let longest = 12.5 * joints.iter().fold(0.0f32, |r, j| r.max(j.radius_mm));
-        // As many tries as would find the rarest of a hundred materials.
-        (0..4096).find_map(|_| {
-            let index = rng.below(joints.len() as u32 - 1);
-            let [a, b] = [joints[index as usize], joints[index as usize + 1]];
-            let of_material = usize::from(self.curves.curve_of(index).material) == material;
-            let length = a.position.distance(b.position);
-            let taken = a.strand == b.strand && of_material && rng.unit() * longest < length;
-            let share = rng.unit();
-            taken.then(|| {
-                let at = a.position.lerp(b.position, share) + self.origin_mm.as_vec3();
-                let radius_mm = a.radius_mm + share * (b.radius_mm - a.radius_mm);
-                (at, self.curves.tangent(index, share), radius_mm)
-            })
-        })
     }
 }
 

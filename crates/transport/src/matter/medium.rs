@@ -50,10 +50,10 @@ pub trait Medium: Sync {
         f32::INFINITY
     }
 
-    /// What a tentative collision at a local point of a walk along `w` finds:
-    /// [`Medium::site`], unless the medium draws something there. Its mean
-    /// extinction over what is drawn is the medium's.
-    fn meet(&self, p: Vec3, _w: Vec3, _rng: &mut PathRng) -> Self::Site {
+    /// What a tentative collision at a local point of a ray finds: [`Medium::site`],
+    /// unless the medium draws something there. Its mean extinction over what is drawn
+    /// is the medium's.
+    fn meet(&self, p: Vec3, _ray: &LocalRay, _rng: &mut PathRng) -> Self::Site {
         self.site(p)
     }
 

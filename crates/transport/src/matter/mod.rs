@@ -12,6 +12,7 @@ pub(crate) mod level_choice;
 pub(crate) mod levelled_cloth;
 pub(crate) mod local_visibility;
 pub(crate) mod majorants;
+pub(crate) mod measured_packing;
 pub(crate) mod medium;
 pub(crate) mod octree_medium;
 pub(crate) mod packing;
@@ -35,8 +36,10 @@ pub use level_choice::{Detail, LevelSteps, Tracking};
 pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
 pub use majorants::BlockMajorants;
+pub use measured_packing::{PackingStudy, measure_packing};
 pub use medium::Medium;
 pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
+pub use packing::PackingFactors;
 pub use plane::Plane;
 pub use sggx_octree_medium::{SggxFlakes, SggxOctreeMedium};
 pub use tracking::{

@@ -48,7 +48,13 @@ pub trait Scatterer: Sync {
     }
 
     /// See [`Medium::meet`].
-    fn meet(&self, level: &OctreeLevel, p: Vec3, _w: Vec3, _rng: &mut PathRng) -> Self::Site {
+    fn meet(
+        &self,
+        level: &OctreeLevel,
+        p: Vec3,
+        _ray: &LocalRay,
+        _rng: &mut PathRng,
+    ) -> Self::Site {
         self.site(level, level.cell_grid.cell(p))
     }
 
@@ -181,8 +187,8 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
         self.scatterer.majorant_at(p)
     }
 
-    fn meet(&self, p: Vec3, w: Vec3, rng: &mut PathRng) -> P::Site {
-        self.scatterer.meet(&self.level, p, w, rng)
+    fn meet(&self, p: Vec3, ray: &LocalRay, rng: &mut PathRng) -> P::Site {
+        self.scatterer.meet(&self.level, p, ray, rng)
     }
 
     fn draw_event(&self, site: P::Site, w_out: Vec3, rng: &mut PathRng) -> P::Site {

@@ -60,7 +60,7 @@ fn step_through<M: Medium, B>(
     let step = (span.t1 - span.t0) / STEPS as f32;
     for i in 0..STEPS {
         let t0 = span.t0 + i as f32 * step;
-        let site = medium.meet(span.point(ray, t0 + 0.5 * step), ray.direction, rng);
+        let site = medium.meet(span.point(ray, t0 + 0.5 * step), ray, rng);
         visit(t0, t0 + step, site)?;
     }
     ControlFlow::Continue(())
@@ -140,7 +140,7 @@ pub fn sample_collision<M: Medium>(
             if least >= bound {
                 continue;
             }
-            let site = medium.meet(p, ray.direction, rng);
+            let site = medium.meet(p, ray, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
             if sigma > majorant.min(bound) * MAJORANT_SLACK {
                 stats.majorant_violations += 1;
@@ -190,7 +190,7 @@ pub fn transmittance<M: Medium>(
             if bound < majorant && rng.unit() * majorant >= bound {
                 continue;
             }
-            let site = medium.meet(p, ray.direction, rng);
+            let site = medium.meet(p, ray, rng);
             let sigma = medium.sigma_t(&site, ray.direction);
             if sigma > bound * MAJORANT_SLACK {
                 stats.majorant_violations += 1;

@@ -5,76 +5,33 @@
 //! fibre of it in proportion to its visible cross-section. See [`VirtualFibreEvent`] for
 //! what happens there.
 
+mod event;
+mod site;
+
+pub use event::VirtualFibreEvent;
+pub use site::VirtualFibreSite;
+
 use crate::matter::majorants::fibres_in_reach::{Densest, FibresInReach, broadside_per_mm};
 use crate::matter::majorants::{BlockMajorants, VoxelMajorants};
 use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
-use crate::matter::packing::{greatest_radius_mm, packing_by_material};
+use crate::matter::packing::{PackingFactors, greatest_radius_mm};
 use crate::matter::voxel_fibres::VoxelFibres;
 use crate::{LocalVisibility, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;
-use organza_basis::{Aabb, CellGrid, FibrePopulation, PathRng, Rgb};
+use organza_basis::{Aabb, CellGrid, FibrePopulation, LocalRay, Mixture, PathRng, Rgb};
 use organza_scatter::{
-    Fibre, FibreFrame, Lobe, LobeSample, NearEvent, PackedEvent, meet_fibre, sigma_t_per_mm,
-    void_multiplier,
+    Fibre, FibreFrame, Lobe, LobeSample, PackedEvent, meet_fibre, population_sigma_t_per_mm,
 };
 use organza_volume::Octree;
 use rayon::prelude::*;
+use site::Met;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Voxels along the edge of a node with a majorant of its own, unless fibres are
 /// thick: density varies inside yarns.
 const NODE_VOXELS: u32 = 4;
-
-/// What a collision with a fibre of the medium is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum VirtualFibreEvent {
-    /// The surface of one virtual cylinder: density is looked up at its axis,
-    /// extinction is over the void between fibres, light scatters in the near
-    /// field and leaves where the cylinder lets it out [`PackedEvent`]. Wants an
-    /// octree with the length of a fibre at its axis
-    /// ([`organza_volume::FibreFootprint::Axis`]).
-    ///
-    /// The tangent that takes the ray to the axis is the mean one of what lies
-    /// where the ray is, or, beside all matter, of the densest voxel around;
-    /// population and tangent of the event are drawn from what lies at the axis.
-    /// For parallel fibres this is exact; spread moves the look-up by a radius
-    /// times the spread.
-    #[default]
-    Packed,
-    /// A point where the ray is, in the far field.
-    Plain,
-}
-
-/// What lies where a ray may collide, or did.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VirtualFibreSite {
-    /// Places of the populations, from the first to before the last.
-    places: [u32; 2],
-    /// Where across its width the virtual fibre is met, in `[-1, 1]`.
-    offset: f32,
-    met: Option<Met>,
-}
-
-impl VirtualFibreSite {
-    fn new(places: Range<u32>, offset: f32) -> VirtualFibreSite {
-        VirtualFibreSite {
-            places: [places.start, places.end],
-            offset,
-            met: None,
-        }
-    }
-}
-
-/// The fibre of a real collision.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Met {
-    population: FibrePopulation,
-    tangent: Vec3,
-    /// How, of a packed fibre.
-    near: Option<NearEvent>,
-}
 
 /// Fibres of an octree level, met one by one. The cell grid is the octree's box, and
 /// beside it the reach of fibres with their axes inside.
@@ -84,8 +41,10 @@ pub type VirtualFibreMedium = OctreeMedium<VirtualFibres>;
 pub struct VirtualFibres {
     fibres: Vec<Fibre>,
     event: VirtualFibreEvent,
-    packing: Vec<f32>,
-    /// Their density over the void where fibres are packed.
+    /// By material; empty for the plain event, which does not ask.
+    factors: Vec<PackingFactors>,
+    /// Packed fibres with their density times the larger of their factors, which bounds
+    /// the extinction of every ray.
     voxels: VoxelFibres,
     /// Voxels of the cell grid before the octree's first.
     pad: IVec3,
@@ -110,18 +69,34 @@ impl VirtualFibreMedium {
         fibres: Vec<Fibre>,
         event: VirtualFibreEvent,
     ) -> Option<VirtualFibreMedium> {
-        let octree = octree.into();
+        VirtualFibreMedium::with_factors(
+            octree.into(),
+            level,
+            fibres,
+            event,
+            PackingFactors::of_octree,
+        )
+    }
+
+    /// The same with other packing factors, by material, than those of the octree.
+    pub(crate) fn with_factors(
+        octree: Arc<Octree>,
+        level: u8,
+        fibres: Vec<Fibre>,
+        event: VirtualFibreEvent,
+        factors: impl FnOnce(&Octree, u8) -> Vec<PackingFactors>,
+    ) -> Option<VirtualFibreMedium> {
         if level >= octree.level_count() || fibres.len() < octree.material_count() {
             return None;
         }
         let voxel_mm = octree.voxel_mm(level);
-        let (packing, reach) = match event {
-            VirtualFibreEvent::Plain => (vec![0.0; fibres.len()], IVec3::ZERO),
+        let (factors, reach) = match event {
+            VirtualFibreEvent::Plain => (Vec::new(), IVec3::ZERO),
             VirtualFibreEvent::Packed => {
                 let radius_mm = greatest_radius_mm(&octree, level);
                 // A thousandth more than the radius is room for rounding.
                 let reach = (radius_mm / voxel_mm + 1e-3).ceil().as_ivec3();
-                (packing_by_material(&octree, radius_mm, fibres.len()), reach)
+                (factors(&octree, level), reach)
             }
         };
         let pad = if octree.repeats() {
@@ -136,9 +111,9 @@ impl VirtualFibreMedium {
             octree.dims(level) + 2 * pad.as_uvec3(),
             octree.repeats(),
         )?;
-        let voxels = VoxelFibres::new(&octree, level, |c| match event {
-            VirtualFibreEvent::Plain => 1.0,
-            VirtualFibreEvent::Packed => void_multiplier(packing[usize::from(c.material)]),
+        let voxels = VoxelFibres::new(&octree, level, |c| {
+            let factors = factors.get(usize::from(c.material));
+            factors.map_or(1.0, PackingFactors::largest)
         });
         let voxel_majorants = VoxelMajorants::new(cell_grid, reach, |cell| {
             broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
@@ -164,7 +139,7 @@ impl VirtualFibreMedium {
         let scatterer = VirtualFibres {
             fibres,
             event,
-            packing,
+            factors,
             voxels,
             pad,
             voxels_per_mm: 1.0 / voxel_mm,
@@ -209,10 +184,29 @@ impl VirtualFibreMedium {
         voxels.of(cell.as_ivec3() - *pad)
     }
 
-    /// Part of the volume that fibres fill where each material is; zero for the
-    /// plain event, which does not ask.
-    pub fn packing(&self) -> &[f32] {
-        &self.scatterer.packing
+    /// The factors on the extinction of each material's fibres; empty for the plain
+    /// event, which has none.
+    pub fn packing_factors(&self) -> &[PackingFactors] {
+        &self.scatterer.factors
+    }
+
+    /// Radius of the thinnest fibres in mm; infinite where there are none.
+    pub(crate) fn thinnest_mm(&self) -> f32 {
+        let radii = self.scatterer.voxels.radii_mm();
+        radii.fold(f32::INFINITY, f32::min)
+    }
+
+    /// Calls `visit` with the populations of a site and the extinction that a ray
+    /// along `w` finds in each, per mm.
+    pub(crate) fn for_each_extinction(
+        &self,
+        site: &VirtualFibreSite,
+        w: Vec3,
+        mut visit: impl FnMut(&FibrePopulation, f32),
+    ) {
+        for c in self.scatterer.populations(site) {
+            visit(c, self.scatterer.extinction_per_mm(c, site, w));
+        }
     }
 }
 
@@ -220,6 +214,31 @@ impl VirtualFibres {
     /// Places of the populations at a local point.
     fn places(&self, p: Vec3) -> Range<u32> {
         self.voxels.places(cell_below(p) - self.pad)
+    }
+
+    /// Share of a population's extinction in the voxels that a ray sees which leaves a
+    /// yarn.
+    fn share(&self, c: &FibrePopulation, left_yarn: Option<u32>) -> f32 {
+        let factors = self.factors.get(usize::from(c.material));
+        factors.map_or(1.0, |f| f.of(c.yarn, left_yarn) / f.largest())
+    }
+
+    /// The extinction that a ray along `w` finds in a population of a site, per mm.
+    fn extinction_per_mm(&self, c: &FibrePopulation, site: &VirtualFibreSite, w: Vec3) -> f32 {
+        self.share(c, site.left_yarn) * population_sigma_t_per_mm(c, w)
+    }
+
+    /// The populations of a site as a ray sees them that leaves a yarn.
+    fn seen(&self, site: &VirtualFibreSite) -> Mixture {
+        let mut seen = Mixture::EMPTY;
+        for c in self.populations(site) {
+            let share = self.share(c, site.left_yarn);
+            seen.push(FibrePopulation {
+                length_density_per_mm2: share * c.length_density_per_mm2,
+                ..*c
+            });
+        }
+        seen
     }
 
     /// Populations of a site.
@@ -279,7 +298,7 @@ impl Scatterer for VirtualFibres {
     type Site = VirtualFibreSite;
 
     fn site(&self, _: &OctreeLevel, cell: UVec3) -> VirtualFibreSite {
-        VirtualFibreSite::new(self.voxels.places(cell.as_ivec3() - self.pad), 0.0)
+        VirtualFibreSite::new(self.voxels.places(cell.as_ivec3() - self.pad), 0.0, None)
     }
 
     fn is_empty(&self, site: &VirtualFibreSite) -> bool {
@@ -299,15 +318,21 @@ impl Scatterer for VirtualFibres {
         self.voxel_majorants.at(p)
     }
 
-    fn meet(&self, level: &OctreeLevel, p: Vec3, w: Vec3, rng: &mut PathRng) -> VirtualFibreSite {
+    fn meet(
+        &self,
+        level: &OctreeLevel,
+        p: Vec3,
+        ray: &LocalRay,
+        rng: &mut PathRng,
+    ) -> VirtualFibreSite {
         let grid = &level.cell_grid;
         if self.event == VirtualFibreEvent::Plain {
             return self.site(level, grid.cell(p));
         }
         let (axis, radius_mm) = self.expected(grid, p, rng);
-        let event = PackedEvent::draw(Vec3::ZERO, -w, axis, radius_mm, rng);
+        let event = PackedEvent::draw(Vec3::ZERO, -ray.direction, axis, radius_mm, rng);
         let at_axis = p + event.axis_mm() * self.voxels_per_mm;
-        VirtualFibreSite::new(self.places(at_axis), event.offset)
+        VirtualFibreSite::new(self.places(at_axis), event.offset, ray.left_yarn)
     }
 
     fn draw_event(
@@ -317,7 +342,11 @@ impl Scatterer for VirtualFibres {
         rng: &mut PathRng,
     ) -> VirtualFibreSite {
         let populations = self.populations(&site);
-        let Some(met) = meet_fibre(populations, w_out, rng) else {
+        let met = match self.event {
+            VirtualFibreEvent::Plain => meet_fibre(populations, w_out, rng),
+            VirtualFibreEvent::Packed => meet_fibre(&self.seen(&site), w_out, rng),
+        };
+        let Some(met) = met else {
             return site;
         };
         let mut met = Met {
@@ -362,7 +391,8 @@ impl Scatterer for VirtualFibres {
     }
 
     fn sigma_t(&self, site: &VirtualFibreSite, w: Vec3) -> f32 {
-        sigma_t_per_mm(self.populations(site), w)
+        let of = |c: &FibrePopulation| self.extinction_per_mm(c, site, w);
+        self.populations(site).iter().map(of).sum()
     }
 
     fn eval(&self, site: &VirtualFibreSite, w_out: Vec3, w_in: Vec3) -> Rgb {

@@ -46,6 +46,11 @@ impl VoxelFibres {
         }
     }
 
+    /// Radii of all populations, mm.
+    pub fn radii_mm(&self) -> impl Iterator<Item = f32> {
+        self.populations.iter().map(|c| c.radius_mm)
+    }
+
     /// Places of the populations in a voxel, none beyond the box.
     #[inline]
     pub fn places(&self, mut cell: IVec3) -> Range<u32> {

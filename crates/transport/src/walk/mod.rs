@@ -5,6 +5,8 @@ mod roulette;
 mod scene;
 mod trace;
 
+pub(crate) use roulette::survivor;
+
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;
 pub use trace::{MAX_EVENTS, trace_from, trace_path};

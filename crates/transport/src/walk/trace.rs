@@ -124,7 +124,7 @@ pub fn trace_from(
         };
         throughput = carried;
         drawn = Some((event.at, scatter.pdf));
-        ray = Ray::new(event.start(scatter.w_in, rng), scatter.w_in);
+        ray = Ray::new(event.start(scatter.w_in, rng), scatter.w_in).leaving(collision.yarn());
     }
 }
 
@@ -175,7 +175,7 @@ impl Event<'_> {
             Some((visible, skip_mm)) => (visible, self.at + skip_mm * w_in),
             None => (1.0, self.start(w_in, rng)),
         };
-        let shadow = Ray::new(start, w_in);
+        let shadow = Ray::new(start, w_in).leaving(self.collision.yarn());
         let Some(reach) = light.distance_along(&shadow) else {
             return Rgb::BLACK;
         };

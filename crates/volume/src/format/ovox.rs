@@ -16,6 +16,7 @@ use crate::Error;
 use crate::footprint::FibreFootprint;
 use crate::lattice::bricks_across;
 use crate::octree::{Group, Octree, OctreeLevel};
+use crate::packing::{MaterialPacking, PackingFactor};
 use blocks::{crc, read_array, read_exactly, word, write_array, wrong};
 use organza_basis::Budget;
 use serde_json::{Value, json};
@@ -41,7 +42,7 @@ pub static FORMAT: Format = Format {
 const ENDING: &str = ".ovox";
 const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
 /// The version that this program writes, and the newest that it reads.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 const BLOCK: usize = 1 << 20;
 /// Maximum size of a header, bytes; names of files make up most of it.
 const MAX_HEADER: u32 = 1 << 20;
@@ -159,6 +160,7 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
         h.materials,
     );
     octree.footprint = h.footprint;
+    octree.packing = h.packing;
     octree.check().map_err(wrong)?;
     Ok(Stored { octree, files })
 }
@@ -172,13 +174,17 @@ fn describe(stored: &Stored) -> Value {
     let octree = &stored.octree;
     let levels: Vec<Value> = (0..octree.level_count())
         .map(|l| {
-            json!({
+            let mut about = json!({
                 "voxel_um": (octree.voxel_mm(l) * 1e3).to_array(),
                 "dims": octree.dims(l).to_array(),
                 "occupied": octree.occupied_cells(l),
                 "fibre_length_mm": octree.fibre_length_mm(l),
                 "memory_bytes": octree.level_memory_bytes(l),
-            })
+            });
+            if let Some(packing) = octree.packing() {
+                about["packing"] = describe_packing(&packing.levels[usize::from(l)]);
+            }
+            about
         })
         .collect();
     let (mut least, mut most) = (f32::INFINITY, 0.0f32);
@@ -196,9 +202,29 @@ fn describe(stored: &Stored) -> Value {
             FibreFootprint::Covered => "covered",
             FibreFootprint::Axis => "axis",
         },
+        "packing": match octree.packing() {
+            Some(packing) => json!({ "source": "measured", "walks": packing.walks }),
+            None => json!({ "source": "derived" }),
+        },
         "files": stored.files.iter().map(|f| &f.name).collect::<Vec<_>>(),
         "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },
         "memory_bytes": octree.memory_bytes(),
         "levels": levels,
     })
+}
+
+/// The packing factors of a level, material by material.
+fn describe_packing(materials: &[MaterialPacking]) -> Value {
+    let factor = |f: Option<PackingFactor>| match f {
+        Some(f) => json!({ "factor": f.mean, "standard_error": f.standard_error }),
+        None => json!("derived"),
+    };
+    let one = |m: &MaterialPacking| {
+        json!({
+            "own_yarn": factor(m.own_yarn),
+            "other_yarn": factor(m.other_yarn),
+            "outside": factor(m.outside),
+        })
+    };
+    materials.iter().map(one).collect()
 }

@@ -1,7 +1,9 @@
 use crate::cloth::{cotton_octree, list};
 use glam::Vec3;
 use organza_basis::Budget;
-use organza_volume::{VoxelizeOptions, ovox, voxelize};
+use organza_volume::{
+    MaterialPacking, MeasuredPacking, Octree, PackingFactor, VoxelizeOptions, ovox, voxelize,
+};
 
 fn files() -> Vec<ovox::SourceFile> {
     let file = |name: &str, bytes: &[u8]| ovox::SourceFile {
@@ -65,9 +67,7 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
         let why = refusal(&bad);
         match at {
             0..8 => assert!(why.contains("first bytes"), "{why}"),
-            // The version before, which has no table of files.
-            8 => assert!(why.contains("inconsistent"), "{why}"),
-            9..12 => assert!(why.contains("this program reads versions 1 to 3"), "{why}"),
+            8..12 => assert!(why.contains("this program reads versions 1 to 4"), "{why}"),
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
     }
@@ -77,6 +77,89 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
     let small = ovox::read(&mut &good[..], &mut Budget::new(1000)).unwrap_err();
     let small = small.to_string();
     assert!(small.contains("1000 bytes are allowed"), "{small}");
+}
+
+fn factor(mean: f32) -> Option<PackingFactor> {
+    let standard_error = 0.01 * mean;
+    Some(PackingFactor {
+        mean,
+        standard_error,
+    })
+}
+
+/// Different factors for every level and material, and some that are missing.
+fn packing(tree: &Octree) -> MeasuredPacking {
+    let of = |level: u8| {
+        let one = |m: usize| MaterialPacking {
+            own_yarn: factor(1.5 + f32::from(level) + 0.25 * m as f32),
+            other_yarn: (m > 0).then(|| factor(1.25)).flatten(),
+            outside: factor(1.125),
+        };
+        (0..tree.material_count()).map(one).collect()
+    };
+    MeasuredPacking {
+        walks: 1234,
+        levels: (0..tree.level_count()).map(of).collect(),
+    }
+}
+
+#[test]
+fn packing_factors_are_kept() {
+    let tree = cotton_octree(0.1);
+    let packing = packing(&tree);
+    let tree = tree.with_packing(Some(packing.clone())).unwrap();
+    let mut bytes = Vec::new();
+    ovox::write(&tree, &files(), &mut bytes).unwrap();
+    let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap();
+    assert!(back.octree == tree && back.files == files());
+    assert_eq!(back.octree.packing(), Some(&packing));
+    let scaled = back.octree.scaled(2.0).unwrap();
+    assert_eq!(scaled.packing(), Some(&packing));
+}
+
+#[test]
+fn packing_factors_that_make_no_sense_are_refused() {
+    let tree = cotton_octree(0.1);
+    let good = packing(&tree);
+    let mut fewer = good.clone();
+    fewer.levels.pop();
+    let mut narrow = good.clone();
+    narrow.levels[0].pop();
+    let with = |mean: f32| {
+        let mut packing = good.clone();
+        packing.levels[0][0].own_yarn = factor(mean);
+        packing
+    };
+    for wrong in [fewer, narrow, with(-1.0), with(0.0), with(f32::NAN)] {
+        let why = format!("{wrong:?}");
+        assert!(tree.clone().with_packing(Some(wrong)).is_none(), "{why}");
+    }
+}
+
+/// Version 3 ends with the table of files, and has no packing factors.
+#[test]
+fn files_of_version_3_are_read() {
+    let tree = cotton_octree(0.1);
+    let mut bytes = Vec::new();
+    ovox::write(&tree, &files(), &mut bytes).unwrap();
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!((word(8), ovox::VERSION), (4, 4));
+    let end = 16 + word(12) as usize;
+    // No walks.
+    assert_eq!(word(end - 4), 0);
+    let header = &bytes[16..end - 4];
+    let mut sum = flate2::Crc::new();
+    sum.update(header);
+    let mut old = bytes[..8].to_vec();
+    for n in [3, header.len() as u32] {
+        old.extend(n.to_le_bytes());
+    }
+    old.extend(header);
+    old.extend(sum.sum().to_le_bytes());
+    old.extend(&bytes[end + 4..]);
+    let back = ovox::read(&mut &old[..], &mut plenty()).unwrap();
+    assert!(back.octree == tree && back.files == files());
+    assert_eq!(back.octree.packing(), None);
 }
 
 /// A knit of 100 um voxels as version 1 of the format kept it.

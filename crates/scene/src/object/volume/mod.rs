@@ -384,6 +384,12 @@ impl<'a> VolumeObject<'a> {
                     name(voxels.footprint)
                 ),
             );
+        } else if octree.footprint() == FibreFootprint::Axis && octree.packing().is_none() {
+            self.options.loader.warn(
+                &self.path,
+                "it has no measured packing factors, and derived ones are used: voxelize its \
+                 fabric again",
+            );
         }
         Ok(Content::Cloth(Box::new(fabric), octree, shown, voxels))
     }

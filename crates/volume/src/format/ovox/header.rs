@@ -1,10 +1,16 @@
 //! The header: everything but the arrays.
+//!
+//! Since version 4 it ends with the packing factors: the number of walks (u32; 0 where
+//! nothing was measured, and then nothing follows), and for each level and material the
+//! factor and its standard error (f32) for rays that leave the same yarn, then another
+//! yarn, then for rays from outside the cloth; a factor of 0 stands for none.
 
 use super::SourceFile;
 use super::blocks::word;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
+use crate::packing::{MeasuredPacking, PackingFactor};
 use crate::record::{Brick, RadiusScale, StoredPopulation};
 use glam::{DVec3, UVec3};
 
@@ -21,6 +27,8 @@ pub struct Header {
     pub counts: Vec<(u64, u64)>,
     /// Names and sizes of the files that the cloth was made from; since version 3.
     pub files: Vec<(String, u64)>,
+    /// Measured packing factors; since version 4.
+    pub packing: Option<MeasuredPacking>,
 }
 
 impl Header {
@@ -71,7 +79,54 @@ pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
         h.extend(file.name.as_bytes());
         h.extend((file.bytes.len() as u64).to_le_bytes());
     }
+    encode_packing(o.packing.as_ref(), &mut h);
     h
+}
+
+fn encode_packing(packing: Option<&MeasuredPacking>, h: &mut Vec<u8>) {
+    let Some(packing) = packing else {
+        return h.extend(0u32.to_le_bytes());
+    };
+    h.extend(packing.walks.to_le_bytes());
+    for material in packing.levels.iter().flatten() {
+        for factor in material.factors() {
+            let numbers = factor.map_or([0.0; 2], |f| [f.mean, f.standard_error]);
+            for x in numbers {
+                h.extend(x.to_le_bytes());
+            }
+        }
+    }
+}
+
+/// The packing factors, which end the header.
+fn decode_packing(rest: &[u8], levels: usize, materials: u32) -> Option<Option<MeasuredPacking>> {
+    let (walks, factors) = rest.split_at_checked(4)?;
+    let walks = word(walks, 0);
+    if walks == 0 {
+        return factors.is_empty().then_some(None);
+    }
+    let materials = usize::try_from(materials).ok()?;
+    if materials.checked_mul(24 * levels)? != factors.len() {
+        return None;
+    }
+    let float = |at: usize| f32::from_bits(word(factors, at));
+    let factor = |at: usize| {
+        (float(at) != 0.0).then(|| PackingFactor {
+            mean: float(at),
+            standard_error: float(at + 4),
+        })
+    };
+    let of_material = |at: usize| [0, 8, 16].map(|k| factor(at + k)).into();
+    let of_level = |level: usize| {
+        let places = (0..materials).map(|m| 24 * (level * materials + m));
+        places.map(of_material).collect()
+    };
+    let packing = MeasuredPacking {
+        walks,
+        levels: (0..levels).map(of_level).collect(),
+    };
+    let fits = packing.fits(u8::try_from(levels).ok()?, materials);
+    fits.then_some(Some(packing))
 }
 
 /// Decodes a header; `None` when its values are inconsistent.
@@ -107,9 +162,13 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
         _ => return None,
     };
     let rest = h.get(FIXED + 16 * levels..)?;
-    let files = match version {
+    let (files, rest) = match version {
         3.. => decode_files(rest)?,
-        _ if rest.is_empty() => Vec::new(),
+        _ => (Vec::new(), rest),
+    };
+    let packing = match version {
+        4.. => decode_packing(rest, levels, word(h, 76))?,
+        _ if rest.is_empty() => None,
         _ => return None,
     };
     let sound = (1..=MAX_LEVELS).contains(&lattice.levels)
@@ -131,11 +190,12 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
             .map(|k| (long(FIXED + 16 * k), long(FIXED + 16 * k + 8)))
             .collect(),
         files,
+        packing,
     })
 }
 
-/// The table of files, which ends the header.
-fn decode_files(mut rest: &[u8]) -> Option<Vec<(String, u64)>> {
+/// The table of files, and what follows it.
+fn decode_files(mut rest: &[u8]) -> Option<(Vec<(String, u64)>, &[u8])> {
     let mut take = |length: usize| {
         let (taken, left) = rest.split_at_checked(length)?;
         rest = left;
@@ -149,5 +209,5 @@ fn decode_files(mut rest: &[u8]) -> Option<Vec<(String, u64)>> {
         let size = u64::from_le_bytes(take(8)?.try_into().ok()?);
         files.push((name, size));
     }
-    rest.is_empty().then_some(files)
+    Some((files, rest))
 }
