@@ -91,9 +91,12 @@ impl Sample {
     }
 }
 
+/// A share of the light.
+type Part = fn(&Albedo) -> &Measured;
+
 /// What is compared: its name, the goal as a share of the value, and the difference that
 /// is no matter.
-const PARTS: [(&str, fn(&Albedo) -> &Measured, f64, f64); 3] = [
+const PARTS: [(&str, Part, f64, f64); 3] = [
     ("R", |a| &a.reflected, 0.03, 0.0),
     ("T", |a| &a.transmitted, 0.05, 0.0),
     ("D", |a| &a.direct, 0.05, 0.003),

@@ -116,7 +116,7 @@ pub fn measure_packing(
         .map(|i| {
             count();
             let mut rng = PathRng::new(study.seed, 0, u64::from(i));
-            walk(fibres, i % 2 == 0, &mut rng)
+            walk(fibres, i.is_multiple_of(2), &mut rng)
         })
         .collect();
     let of_level = |level: u8| {

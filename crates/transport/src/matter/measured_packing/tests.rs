@@ -107,7 +107,7 @@ fn lattice_factor(start: Start, seed: u64) -> PackingFactor {
         ROWS as f32 * row_mm,
     );
     let place = |i: u32, row: u32| {
-        let shift = if row % 2 == 0 { 0.25 } else { 0.75 };
+        let shift = if row.is_multiple_of(2) { 0.25 } else { 0.75 };
         [(i as f32 + shift) * spacing_mm, (row as f32 + 0.5) * row_mm]
     };
     let places = (0..ROWS).flat_map(|row| (0..100).map(move |i| place(i, row)));

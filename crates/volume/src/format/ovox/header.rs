@@ -14,6 +14,9 @@ use crate::packing::{MeasuredPacking, PackingFactor};
 use crate::record::{Brick, RadiusScale, StoredPopulation};
 use glam::{DVec3, UVec3};
 
+/// Names of files, and how many bytes each has.
+type FileTable = Vec<(String, u64)>;
+
 /// The contents of the header.
 pub struct Header {
     pub lattice: Lattice,
@@ -26,7 +29,7 @@ pub struct Header {
     /// Bricks and populations of each level.
     pub counts: Vec<(u64, u64)>,
     /// Names and sizes of the files that the cloth was made from; since version 3.
-    pub files: Vec<(String, u64)>,
+    pub files: FileTable,
     /// Measured packing factors; since version 4.
     pub packing: Option<MeasuredPacking>,
 }
@@ -195,7 +198,7 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
 }
 
 /// The table of files, and what follows it.
-fn decode_files(mut rest: &[u8]) -> Option<(Vec<(String, u64)>, &[u8])> {
+fn decode_files(mut rest: &[u8]) -> Option<(FileTable, &[u8])> {
     let mut take = |length: usize| {
         let (taken, left) = rest.split_at_checked(length)?;
         rest = left;
