@@ -81,7 +81,7 @@ impl CellRay {
     /// From a point along a unit direction: hits lie beyond `min_mm` and not
     /// beyond `end_mm`. `None` when it begins beyond a face of the grid and goes
     /// on away from it.
-    #[inline]
+    #[inline(always)]
     pub fn new(
         grid: &Grid,
         from: &GridPoint,
@@ -208,7 +208,13 @@ impl CellRay {
         Visit::Onward
     }
 
-    /// Asks for the memory of its cell.
+    /// Asks for the head of its cell.
+    #[inline(always)]
+    pub fn prepare_head(&self, cells: &Cells) {
+        cells.prefetch_head(cells.grid.index(IVec3::from_array(self.cell)));
+    }
+
+    /// Asks for the memory of its cell, whose head has been asked for.
     #[inline(always)]
     pub fn prepare(&self, cells: &Cells) {
         let index = cells.grid.index(IVec3::from_array(self.cell));
@@ -269,7 +275,7 @@ impl CellRay {
     }
 
     /// Whether a hit lies between the planes that cut a piece.
-    #[inline]
+    #[inline(always)]
     fn is_kept(&self, cells: &Cells, joints: &JointTable, place: &Place, t: f32) -> bool {
         let margin = place.code.margin();
         if margin == 0.0 {
@@ -280,12 +286,7 @@ impl CellRay {
         if along - place.low > margin && place.high - along > margin {
             return true;
         }
-        let (first, last) = joints.planes(place.code.piece());
-        let from_start = out + (along - place.start_of(joints)) * place.axis;
-        let from_end = out + (along - place.end_of(joints)) * place.axis;
-        let slack = cells.slack_mm;
-        first.is_none_or(|n| from_start.dot(n) >= -slack)
-            && last.is_none_or(|n| from_end.dot(n) <= slack)
+        is_between_planes(joints, place, out, along, cells.slack_mm)
     }
 
     /// From the axis to a place of the ray, and how far along the axis.
@@ -318,6 +319,23 @@ impl CellRay {
             period: IVec2::from_array(self.period),
         }
     }
+}
+
+/// Whether a place near an end of a piece, so far from the axis and along it, lies between
+/// the planes that cut the piece. Few hits are: kept out of the way of the others.
+#[inline(never)]
+fn is_between_planes(
+    joints: &JointTable,
+    place: &Place,
+    out: Vec3,
+    along: f32,
+    slack_mm: f32,
+) -> bool {
+    let (first, last) = joints.planes(place.code.piece());
+    let from_start = out + (along - place.start_of(joints)) * place.axis;
+    let from_end = out + (along - place.end_of(joints)) * place.axis;
+    first.is_none_or(|n| from_start.dot(n) >= -slack_mm)
+        && last.is_none_or(|n| from_end.dot(n) <= slack_mm)
 }
 
 /// One piece of a block.

@@ -4,6 +4,7 @@ use super::copies::mitre_mm;
 use super::strands::{Strand, Strands};
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::V3;
+use crate::cpu::prefetch;
 use glam::Vec3;
 
 /// Words of a joint.
@@ -54,6 +55,14 @@ impl JointTable {
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         (4 * self.words.len() + self.strands.len() * size_of::<Strand>()) as u64
+    }
+
+    /// Asks for the words of a piece's two joints.
+    #[inline(always)]
+    pub fn prefetch(&self, piece: u32) {
+        let first = (piece * JOINT) as usize;
+        prefetch(&self.words, first);
+        prefetch(&self.words, first + 2 * JOINT as usize - 1);
     }
 
     /// The yarn of a piece.

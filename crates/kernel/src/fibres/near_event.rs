@@ -41,6 +41,8 @@ pub struct NearEvent<F: Floats> {
     shares: [F; LOBES],
     draws: [F; LOBES],
     pub radius_mm: F,
+    /// Angles of the surface normals where R, TT and TRT leave.
+    exit_normals: [F; LOBES - 1],
 }
 
 /// A direction about the fibre.
@@ -109,6 +111,7 @@ impl<F: Floats> NearEvent<F> {
             shares: [F::splat(0.0); LOBES],
             draws: [F::splat(0.0); LOBES],
             radius_mm: met.out_mm.dot(met.out_mm).sqrt(),
+            exit_normals: [F::splat(0.0); LOBES - 1],
         };
         let crossing = event.crossing(drawing);
         let energies = event.energies(&crossing, drawing, mask);
@@ -123,6 +126,10 @@ impl<F: Floats> NearEvent<F> {
             let any = if p == 0 { one } else { F::splat(0.0) };
             event.shares[p] = (sent[p] / total).or_where_not(some, any);
             event.draws[p] = event.shares[p] / event.out.norms[p].max(F::splat(f32::MIN_POSITIVE));
+        }
+        let crossing = event.crossing(event.cos_out);
+        for p in 0..LOBES - 1 {
+            event.exit_normals[p] = crossing.exit_normal(p, event.gamma_i);
         }
         event
     }
@@ -347,12 +354,7 @@ impl<F: Floats> NearEvent<F> {
         let one = F::splat(1.0);
         let total = toward.sent[0] + toward.sent[1] + toward.sent[2] + toward.sent[3];
         let lobe = pick(&toward.sent, u_lobe * total);
-        let crossing = self.crossing(self.cos_out);
-        let exits = [
-            crossing.exit_normal(0, self.gamma_i),
-            crossing.exit_normal(1, self.gamma_i),
-            crossing.exit_normal(2, self.gamma_i),
-        ];
+        let exits = &self.exit_normals;
         let s = u_place + u_place - one;
         let spread = atan2(s, (one - s * s).max(F::splat(0.0)).sqrt());
         let anywhere = toward.angles.azimuth + spread;

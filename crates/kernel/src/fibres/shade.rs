@@ -138,6 +138,7 @@ pub fn shade<F: Floats>(
             State::Left
         };
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
+        paths.rays[slot].prepare_head(&shading.matter.cells);
     }
 }
 
@@ -303,6 +304,10 @@ fn send<F: Floats>(
             };
             most = distance;
         }
-        shadows.push(ray(matter, &from, toward, most), slot, get(&adds, lane));
+        let ray = ray(matter, &from, toward, most);
+        if let Some(ray) = &ray {
+            ray.prepare_head(&matter.cells);
+        }
+        shadows.push(ray, slot, get(&adds, lane));
     }
 }

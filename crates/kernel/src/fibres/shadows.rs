@@ -2,6 +2,7 @@
 
 use super::cell_ray::{CellRay, Visit};
 use super::matter::FibreMatter;
+use super::walk::AHEAD;
 use crate::cpu::lanes::Floats;
 use glam::Vec3;
 use organza_film::Stats;
@@ -45,11 +46,14 @@ impl Shadows {
     ) {
         stats.shadow_rays += self.rays.len() as u64;
         while !self.active.is_empty() {
-            for &number in &self.active {
+            for &number in self.active.iter().take(AHEAD) {
                 self.rays[number as usize].prepare(&matter.cells);
             }
             let mut kept = 0;
             for i in 0..self.active.len() {
+                if let Some(&next) = self.active.get(i + AHEAD) {
+                    self.rays[next as usize].prepare(&matter.cells);
+                }
                 let number = self.active[i];
                 let ray = &mut self.rays[number as usize];
                 let steps = &mut stats.shadow_steps;

@@ -12,6 +12,10 @@ use organza_basis::Rgb;
 use organza_film::Stats;
 use organza_light::{KernelLight, Light, LightSearch};
 
+/// Rays between asking for the memory of a cell and looking into it. The blocks of a few
+/// cells stay in the first cache until then; those of a whole wave do not.
+pub const AHEAD: usize = 8;
+
 /// What is walked through, and what lights it.
 pub struct Walk<'a> {
     pub matter: &'a FibreMatter,
@@ -39,20 +43,21 @@ impl Walk<'_> {
         }
         loop {
             active.clear();
-            let flying = (0..WAVE).filter(|&slot| paths.state[slot] == State::Flying);
-            active.extend(flying.map(|slot| slot as u16));
-            let idle = paths.state.iter().all(|&s| s == State::Idle);
-            if idle {
+            for slot in 0..WAVE {
+                self.pass_on(&mut paths, slot, has_panels, work, &mut stats);
+                if paths.state[slot] == State::Flying {
+                    active.push(slot as u16);
+                }
+            }
+            if active.is_empty() {
                 return stats;
             }
-            self.fly::<F>(&mut paths, &mut active, &mut stats);
-            for slot in 0..WAVE {
-                if has_panels && matches!(paths.state[slot], State::Met | State::Left) {
-                    self.pass_panels(&mut paths, slot);
-                }
-                if paths.state[slot] == State::Left {
-                    self.escape(&mut paths, slot);
-                    self.end(&mut paths, slot, work, true, &mut stats);
+            self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
+            if has_panels {
+                for slot in 0..WAVE {
+                    if paths.state[slot] == State::Met {
+                        self.pass_panels(&mut paths, slot);
+                    }
                 }
             }
             for first in (0..WAVE).step_by(F::LANES) {
@@ -71,33 +76,69 @@ impl Walk<'_> {
         }
     }
 
-    /// Follows the rays of all slots to what they meet, a cell of each at a time.
+    /// Follows the rays of all slots to what they meet, a cell of each at a time. Where a
+    /// path leaves the matter, the next one of its slot takes its place, so that the
+    /// events that follow fill all lanes.
     #[inline(always)]
-    fn fly<F: Floats>(&self, paths: &mut Paths, active: &mut Vec<u16>, stats: &mut Stats) {
+    fn fly<F: Floats>(
+        &self,
+        paths: &mut Paths,
+        active: &mut Vec<u16>,
+        has_panels: bool,
+        work: &mut dyn Work,
+        stats: &mut Stats,
+    ) {
         let matter = self.matter;
         while !active.is_empty() {
-            for &slot in active.iter() {
+            for &slot in active.iter().take(AHEAD) {
                 paths.rays[usize::from(slot)].prepare(&matter.cells);
             }
             let mut kept = 0;
             for i in 0..active.len() {
+                if let Some(&next) = active.get(i + AHEAD) {
+                    paths.rays[usize::from(next)].prepare(&matter.cells);
+                }
                 let number = active[i];
                 let slot = usize::from(number);
                 let ray = &mut paths.rays[slot];
                 let tests = &mut stats.tentative;
                 match ray.visit::<F>(&matter.cells, &matter.joints, false, tests) {
-                    Visit::Onward => {
-                        active[kept] = number;
-                        kept += 1;
-                    }
+                    Visit::Onward => {}
                     Visit::Met(hit) => {
+                        matter.joints.prefetch(hit.piece);
                         paths.met.put(slot, &hit);
                         paths.state[slot] = State::Met;
                     }
-                    Visit::Left => paths.state[slot] = State::Left,
+                    Visit::Left => {
+                        paths.state[slot] = State::Left;
+                        self.pass_on(paths, slot, has_panels, work, stats);
+                    }
+                }
+                if paths.state[slot] == State::Flying {
+                    active[kept] = number;
+                    kept += 1;
                 }
             }
             active.truncate(kept);
+        }
+    }
+
+    /// Ends the path of a slot that has left the matter, and those after it that miss
+    /// the matter.
+    fn pass_on(
+        &self,
+        paths: &mut Paths,
+        slot: usize,
+        has_panels: bool,
+        work: &mut dyn Work,
+        stats: &mut Stats,
+    ) {
+        while paths.state[slot] == State::Left {
+            if has_panels {
+                self.pass_panels(paths, slot);
+            }
+            self.escape(paths, slot);
+            self.end(paths, slot, work, true, stats);
         }
     }
 
@@ -122,6 +163,7 @@ impl Walk<'_> {
         let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.before_mm[slot] = entry.map_or(0.0, |e| e.distance_mm);
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
+        paths.rays[slot].prepare_head(&self.matter.cells);
         paths.state[slot] = if ray.is_some() {
             State::Flying
         } else {

@@ -42,7 +42,12 @@ pub trait Work {
 /// Slots of a wave.
 pub const WAVE: usize = 64;
 
-/// Samples of the pixels of a block, a pixel in every slot.
+/// Samples of a pixel that a slot takes one after the other. With few of them, the slots
+/// of a wave share pixels, and their paths the cells of a small part of the matter, which
+/// stay in the second cache.
+const SAMPLES_PER_TURN: usize = 8;
+
+/// Samples of the pixels of a block, a few of one pixel in every slot.
 pub struct FilmWork<'a, 'b> {
     pub block: &'a mut Block<'b>,
     pub camera: &'a Camera,
@@ -57,6 +62,8 @@ struct Post {
     /// Number in the block, and column and row in the picture.
     pixel: Option<(usize, u32, u32)>,
     sample: u32,
+    /// Beyond its last sample.
+    end: u32,
     tally: Tally,
 }
 
@@ -82,9 +89,13 @@ impl Work for FilmWork<'_, '_> {
     fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start> {
         let post = &mut self.posts[slot];
         if post.pixel.is_none() {
-            post.pixel = self.block.pixel(self.next_turn);
+            let samples = &self.block.samples;
+            let turns = samples.len().div_ceil(SAMPLES_PER_TURN).max(1);
+            let first = self.next_turn % turns * SAMPLES_PER_TURN;
+            post.pixel = self.block.pixel(self.next_turn / turns);
+            post.sample = samples.start + first as u32;
+            post.end = samples.end.min(post.sample + SAMPLES_PER_TURN as u32);
             self.next_turn += 1;
-            post.sample = self.block.samples.start;
         }
         let (_, x, y) = post.pixel?;
         stats.paths += 1;
@@ -117,7 +128,7 @@ impl Work for FilmWork<'_, '_> {
             stats.rejected += 1;
         }
         post.sample += 1;
-        if post.sample >= self.block.samples.end {
+        if post.sample >= post.end {
             post.tally.flush(&self.brightness, pixel);
             post.pixel = None;
         }
