@@ -123,7 +123,7 @@ const KNOWN_MISSES: [(&str, &str, f64); 3] = [
 ];
 
 /// R within 3 %, T within 5 %, D within 5 % or 0.003: reduced, for organza under light
-/// from straight above. The twin of organza passes too much light straight through.
+/// from straight above. The twin of organza reflects a third too little.
 #[test]
 fn packed_fabrics_are_the_fibres_they_stand_for() {
     let full = std::env::var_os("ORGANZA_FULL").is_some();
@@ -135,7 +135,7 @@ fn packed_fabrics_are_the_fibres_they_stand_for() {
             60_000,
         )
     } else {
-        (&["organza"], &lights[..1], 4000)
+        (&["organza"], &lights[..1], 8000)
     };
     let mut missed = Vec::new();
     for &name in fabrics {
@@ -162,7 +162,7 @@ fn packed_fabrics_are_the_fibres_they_stand_for() {
         }
         if name == "organza" {
             let twin = sample.measure(&sample.strewn, &lights[..1], paths, SEED + 1)[0];
-            let off = miss(&twin.direct, &truths[0].direct, 0.05, 0.003);
+            let off = miss(&twin.reflected, &truths[0].reflected, 0.03, 0.0);
             assert!(off > 0.0, "seed {SEED}, twin: {twin:?} for {:?}", truths[0]);
         }
     }
