@@ -1,7 +1,7 @@
 //! How far a single sample may stand out, and what a clamp takes away.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, exr_channels, folder, succeed};
+use crate::program::{complaint, exr_channels, folder, organza, succeed};
 use std::path::Path;
 
 /// The number at a place after a word in the statistics of a render.
@@ -123,4 +123,38 @@ fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
         said,
         "organza: scene.toml: render.clamp: expected a positive number, found -1"
     );
+}
+
+/// Samples that films cannot hold are not lost in silence: the picture is written, and the
+/// render says that it is too dark and ends with status 1. A point light has no radiance
+/// that could be refused beforehand.
+#[test]
+fn samples_that_films_cannot_hold_end_a_render_with_status_1() {
+    let folder = folder("too-bright");
+    write_grid_scene(&folder);
+    let scene = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
+    let (head, _) = scene.split_once("[[light]]").unwrap();
+    let (_, object) = scene.split_once("[[object]]").unwrap();
+    let lit = |intensity: &str| {
+        let light = format!(
+            "[[light]]\nkind = \"spot\"\nposition_mm = [0.0, 0.0, 2.0]\nintensity = [{intensity}]\n"
+        );
+        let text = format!("{head}{light}[[object]]{object}");
+        std::fs::write(folder.join("scene.toml"), text).unwrap();
+        organza(
+            &folder,
+            &["render", "scene.toml", "-o", "out.exr", "--quiet"],
+        )
+    };
+    let out = lit("1e14, 1.0, 1.0");
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("brighter than 4.2949673e9") && said.contains("left out of out.exr"),
+        "{said}"
+    );
+    assert!(folder.join("out.exr").exists());
+    // The twin: a light of usual brightness loses nothing.
+    let out = lit("1.0, 1.0, 1.0");
+    assert!(out.status.success() && out.stderr.is_empty(), "{out:?}");
 }

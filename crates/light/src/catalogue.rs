@@ -61,6 +61,27 @@ pub(crate) fn colour(c: [f32; 3], key: &'static str) -> Result<Rgb, LightError> 
     Err(LightError::of(key, why))
 }
 
+/// The brightest radiance and irradiance that lights may have. Films hold samples below
+/// 4.29e9, and a sample may be a few times as bright as what lights it.
+pub const MAX_BRIGHTNESS: f32 = 1e9;
+
+/// What a light beyond [`MAX_BRIGHTNESS`] is told.
+pub(crate) fn too_bright(found: f32) -> String {
+    format!(
+        "expected at most {MAX_BRIGHTNESS:e}, which samples must fit into, found {found:e}; scale \
+         all lights alike and set render.exposure"
+    )
+}
+
+/// A radiance or an irradiance of a table.
+pub(crate) fn brightness(c: [f32; 3], key: &'static str) -> Result<Rgb, LightError> {
+    let c = colour(c, key)?;
+    if c.max_component() <= MAX_BRIGHTNESS {
+        return Ok(c);
+    }
+    Err(LightError::of(key, too_bright(c.max_component())))
+}
+
 /// One kind of light, as a `[[light]]` table describes it. The type's own keys are
 /// those of the table.
 pub trait LightKind {

@@ -1,6 +1,6 @@
 //! `kind = "directional"`: parallel light, as from the sun.
 
-use crate::catalogue::{LightError, LightKind, LoadPicture, colour};
+use crate::catalogue::{LightError, LightKind, LoadPicture, brightness};
 use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
 use glam::Vec3;
@@ -24,7 +24,7 @@ impl LightKind for DirectionalTable {
             direction: Vec3::from_array(self.direction)
                 .try_normalize()
                 .ok_or_else(|| LightError::of("direction", why))?,
-            irradiance: colour(self.irradiance, "irradiance")?,
+            irradiance: brightness(self.irradiance, "irradiance")?,
         }))
     }
 

@@ -1,7 +1,9 @@
 //! `kind = "environment"`: light from infinity, the same from every direction or
 //! a picture of all directions.
 
-use crate::catalogue::{LightError, LightKind, LoadPicture, colour};
+use crate::catalogue::{
+    LightError, LightKind, LoadPicture, MAX_BRIGHTNESS, brightness, too_bright,
+};
 use crate::image_environment::{ImageEnvironment, ImageLight};
 use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
@@ -67,7 +69,7 @@ impl LightKind for EnvironmentTable {
                     return wrong(&format!("{key} belongs to an environment with a file"));
                 }
                 Ok(Light::from(EnvironmentLight {
-                    radiance: colour(radiance, "radiance")?,
+                    radiance: brightness(radiance, "radiance")?,
                     hemisphere: self.hemisphere.unwrap_or_default(),
                 }))
             }
@@ -117,6 +119,11 @@ impl EnvironmentTable {
         let mut picture = load(name).map_err(|why| LightError::of("file", why))?;
         for p in &mut picture.pixels {
             *p *= scale;
+            // What is not a number is refused with its place below.
+            if p.max_component().is_finite() && p.max_component() > MAX_BRIGHTNESS {
+                let why = format!("{}: {}", picture.name, too_bright(p.max_component()));
+                return Err(LightError::of("file", why));
+            }
         }
         ImageEnvironment::new(picture.size, picture.pixels, up, centre)
             .map_err(|e| LightError::of("file", format!("{}: {e}", picture.name)))

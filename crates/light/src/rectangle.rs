@@ -1,7 +1,7 @@
 //! `kind = "rectangle"`: a rectangle that emits light. A panel, a window, or, long and
 //! narrow, a tube.
 
-use crate::catalogue::{LightError, LightKind, LoadPicture, colour};
+use crate::catalogue::{LightError, LightKind, LoadPicture, brightness};
 use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
 use glam::{DVec3, Vec3};
@@ -160,7 +160,7 @@ pub struct RectangleTable {
 
 impl LightKind for RectangleTable {
     fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
-        let radiance = colour(self.radiance, "radiance")?;
+        let radiance = brightness(self.radiance, "radiance")?;
         let [corner, u, v] = [self.corner_mm, self.edge_u_mm, self.edge_v_mm].map(Vec3::from_array);
         RectangleLight::new(corner, u, v, radiance, self.two_sided)
             .map(Light::from)

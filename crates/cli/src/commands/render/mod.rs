@@ -206,7 +206,6 @@ fn render(args: &RenderArgs) -> Result<()> {
         attributes: &attributes,
     };
     picture::write(&args.outfile, &rendered)?;
-    summary::warn_of_rejected_samples(&rendering);
     let total_s = started.elapsed().as_secs_f64();
     if !args.common.quiet {
         let paths = rendering.stats().paths - paths_before;
@@ -237,5 +236,6 @@ fn render(args: &RenderArgs) -> Result<()> {
             args.outfile.display(),
             summary::describe_samples_taken(&rendering)
         )
-    })
+    })?;
+    summary::check_no_sample_rejected(&rendering, &args.outfile)
 }

@@ -13,6 +13,7 @@ use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{Film, KernelRefusal, Pixel, Rendering};
 use serde_json::json;
+use std::path::Path;
 
 /// Where the time went: of the whole process and of all its threads together
 /// (CPU), and as it passed; seconds.
@@ -96,18 +97,21 @@ pub fn attributes(
 }
 
 /// Samples that no film holds are missing from the picture, which nobody would see.
-pub fn warn_of_rejected_samples(rendering: &Rendering<'_>) {
+///
+/// # Errors
+/// Where there are any.
+pub fn check_no_sample_rejected(rendering: &Rendering<'_>, picture: &Path) -> Result<()> {
     let stats = rendering.stats();
-    if stats.rejected > 0 {
-        note!(
-            "organza: warning: {} of {} samples were brighter than {:e} or not finite and are \
-             left out: the picture is darker than it should be; use dimmer lights and more \
-             exposure",
-            stats.rejected,
-            stats.paths,
-            Pixel::RADIANCE_LIMIT
-        );
-    }
+    anyhow::ensure!(
+        stats.rejected == 0,
+        "{} of {} samples were brighter than {:e} or not finite and are left out of {}, which is \
+         darker than it should be; use dimmer lights and more exposure",
+        stats.rejected,
+        stats.paths,
+        Pixel::RADIANCE_LIMIT,
+        picture.display()
+    );
+    Ok(())
 }
 
 /// How many samples are taken, of how many.
