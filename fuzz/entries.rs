@@ -14,17 +14,24 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 10] = [
+pub const ALL: [Entry; 17] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
     ("vol", vol),
     ("vdb", vdb),
     ("ovox", ovox),
+    ("nrrd", nrrd),
     ("obj", obj),
+    ("ply", ply),
+    ("gltf", gltf),
+    ("picture", picture),
+    ("klems", klems),
+    ("pairs", pairs),
     ("scene", scene),
     ("fabric", fabric),
     ("checkpoint", checkpoint),
+    ("part", part),
 ];
 
 /// A WIF draft.
@@ -68,13 +75,65 @@ pub fn ovox(data: &[u8]) {
     }
 }
 
+/// An array in NRRD, its data in the file itself.
+pub fn nrrd(data: &[u8]) {
+    let open = |name: &str, max_bytes: u64| match name {
+        "array.nrrd" if data.len() as u64 > max_bytes => Err("too large".to_owned()),
+        "array.nrrd" => Ok(Some(data.to_vec())),
+        _ => Ok(None),
+    };
+    let source = organza_volume::format::Source {
+        name: "array.nrrd",
+        open: &open,
+    };
+    if let Some(format) = organza_volume::format::by_name(source.name) {
+        let _ = (format.read)(&source, &mut Budget::new(MAX_BYTES));
+        let _ = (format.describe)(&source, &mut Budget::new(MAX_BYTES));
+    }
+}
+
+const PLACEMENT: organza_mesh::Placement = organza_mesh::Placement {
+    mm_per_unit: 1.0,
+    mm_per_uv: 1.0,
+};
+
 /// A Wavefront OBJ.
 pub fn obj(data: &[u8]) {
-    let placement = organza_mesh::Placement {
-        mm_per_unit: 1.0,
-        mm_per_uv: 1.0,
-    };
-    let _ = organza_mesh::read_obj(data, placement, &mut Budget::new(MAX_BYTES));
+    let _ = organza_mesh::read_obj(data, PLACEMENT, &mut Budget::new(MAX_BYTES));
+}
+
+/// A Stanford PLY, text or binary.
+pub fn ply(data: &[u8]) {
+    let _ = organza_mesh::read_ply(data, PLACEMENT, &mut Budget::new(MAX_BYTES));
+}
+
+/// A glTF as text or binary; there are no files beside it.
+pub fn gltf(data: &[u8]) {
+    let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    let _ = organza_mesh::read_gltf(data, PLACEMENT, &none, &mut Budget::new(MAX_BYTES));
+}
+
+/// A picture in any format.
+pub fn picture(data: &[u8]) {
+    if let Ok((picture, _)) = organza_picture::decode(data, MAX_BYTES) {
+        let count = u64::from(picture.size.x) * u64::from(picture.size.y);
+        assert_eq!(picture.pixels.len() as u64, count);
+    }
+}
+
+/// A BSDF on the Klems basis, as XML.
+pub fn klems(data: &[u8]) {
+    if let Ok(bsdf) = organza_measure::read_klems(&String::from_utf8_lossy(data)) {
+        let _ = bsdf.pairs();
+    }
+}
+
+/// Pairs of directions, directions, or measured values.
+pub fn pairs(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let _ = organza_measure::parse_pairs(&text);
+    let _ = organza_measure::parse_incident(&text);
+    let _ = organza_measure::parse_values(&text);
 }
 
 /// A scene file, as `organza info` reads it.
@@ -107,6 +166,12 @@ pub fn checkpoint(data: &[u8]) {
             "--resume",
         ],
     );
+}
+
+/// A part of a picture that is to be merged.
+pub fn part(data: &[u8]) {
+    let arguments = ["merge", "part.exr", "-o", "all.exr", "--quiet"];
+    run(data, "part.exr", &arguments);
 }
 
 /// A folder of this process.

@@ -34,5 +34,6 @@ fuzz() {
 export ASAN_OPTIONS=detect_odr_violation=0
 export -f fuzz
 export seconds out timeout bin
-printf '%s\n' wif curve_text bcc vol vdb ovox obj scene fabric checkpoint |
+printf '%s\n' wif curve_text bcc vol vdb ovox nrrd obj ply gltf \
+  picture klems pairs scene fabric checkpoint part |
   xargs -P "$side_by_side" -I{} bash -c 'SECONDS=0; fuzz {}'

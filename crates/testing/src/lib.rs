@@ -11,6 +11,7 @@ mod effort;
 mod fibre;
 mod folder;
 mod picture;
+mod skipped;
 mod table;
 mod weave;
 
@@ -18,5 +19,6 @@ pub use effort::{is_full, sized};
 pub use fibre::{dielectric_fibre, fitted_fibre};
 pub use folder::file_names;
 pub use picture::environment_with_lamps;
+pub use skipped::skipped;
 pub use table::csv_numbers;
 pub use weave::little_weave;

@@ -186,6 +186,18 @@ fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<VoxelEngine>) -
     rendering.into_parts()
 }
 
+/// The back ends beside the scalar one that this processor has.
+fn vector_backends() -> Vec<Backend> {
+    let (has, lacks): (Vec<_>, Vec<_>) = [Backend::Avx2, Backend::Avx512]
+        .into_iter()
+        .partition(|backend| backend.is_available());
+    for backend in lacks {
+        let why = "this processor does not have it";
+        organza_testing::skipped(&format!("back end {}", backend.name()), why);
+    }
+    has
+}
+
 fn flat_scene(scene: &Scene, settings: &RenderSettings) -> FlatScene {
     flatten(scene, settings, u64::MAX).unwrap()
 }
@@ -324,10 +336,7 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
         &settings,
         Some(kernel(&scene, &settings, Backend::Scalar)),
     );
-    for backend in [Backend::Avx2, Backend::Avx512] {
-        if !backend.is_available() {
-            continue;
-        }
+    for backend in vector_backends() {
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.unwrap().install(|| {

@@ -2,7 +2,8 @@
 
 use crate::pictures::picture;
 use crate::{
-    agree, film, flat_scene, kernel, lens, panels, parallel, samples, scene, settings, sky, walker,
+    agree, film, flat_scene, kernel, lens, panels, parallel, samples, scene, settings, sky,
+    vector_backends, walker,
 };
 use glam::UVec3;
 use organza_basis::{PathRng, Rgb, warp};
@@ -152,10 +153,8 @@ fn back_ends_give_the_same_bits_through_fibres() {
     let settings = settings(0..6, 40);
     let of = |backend| film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
     let one = of(Backend::Scalar);
-    for backend in [Backend::Avx2, Backend::Avx512] {
-        if backend.is_available() {
-            assert!(of(backend) == one, "{backend:?}");
-        }
+    for backend in vector_backends() {
+        assert!(of(backend) == one, "{backend:?}");
     }
 }
 
