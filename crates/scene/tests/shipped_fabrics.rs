@@ -1,0 +1,483 @@
+//! Every fabric of `scenes/fabrics`, as users render it: the vector kernel is the general
+//! walk, both keep all light, and light goes where it is on record.
+//!
+//! `ORGANZA_FULL=1` takes every model, blur and voxel size, and sixteen times the paths.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
+
+use glam::DVec3;
+use organza_basis::{Moments, PathRng, Ray};
+use organza_kernel::proofs::Fault;
+use organza_measure::{Angles, Effort, Measured, measure_albedos};
+use organza_scene::fabric_file;
+use organza_scene::loader::Loader;
+use organza_scene::patches::{PatchModel, PatchOptions, fabric_patch};
+use organza_scene::representation::Representation;
+use organza_transport::{
+    AnyMedium, Backend, Film, FlatScene, Integrator, Medium, RenderSettings, Rendering, Scene,
+    VoxelEngine, flatten,
+};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const SEED: u64 = 17;
+
+fn is_full() -> bool {
+    std::env::var_os("ORGANZA_FULL").is_some()
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/fabrics")
+}
+
+/// Every shipped fabric and its own voxel size, um.
+fn fabrics() -> Vec<(PathBuf, f64)> {
+    let files = std::fs::read_dir(folder()).unwrap();
+    let mut all: Vec<PathBuf> = files.map(|f| f.unwrap().path()).collect();
+    all.retain(|path| path.extension().is_some_and(|e| e == "toml"));
+    all.sort();
+    assert!(all.len() >= 13, "{} fabrics", all.len());
+    let voxel_um = |path: &PathBuf| {
+        let text = std::fs::read_to_string(path).unwrap();
+        let (_, section) = text.split_once("[voxel]\nsize_um = ").unwrap();
+        section.lines().next().unwrap().trim().parse().unwrap()
+    };
+    all.into_iter().map(|p| (p.clone(), voxel_um(&p))).collect()
+}
+
+/// Where the camera is: it looks down a little askew at 2.5 mm of cloth.
+const EYE_MM: DVec3 = DVec3::new(3.0, -4.0, 12.0);
+const TARGET_MM: DVec3 = DVec3::new(0.7, 0.6, 0.0);
+const WIDTH_MM: f64 = 2.5;
+
+/// A cloth in a white furnace; `object` holds more keys of it.
+fn furnace(fabric: &Path, voxel_um: f64, object: &str) -> Scene {
+    let text = format!(
+        r#"
+[camera]
+origin_mm = {:?}
+target_mm = {:?}
+up = [0.0, 1.0, 0.0]
+width_mm = {WIDTH_MM:?}
+resolution = [16, 16]
+filter = "box"
+[[light]]
+kind = "environment"
+radiance = [1.0, 1.0, 1.0]
+[[object]]
+kind = "cloth"
+fabric = {fabric:?}
+lod = 0
+voxel_um = {voxel_um:?}
+{object}
+"#,
+        EYE_MM.to_array(),
+        TARGET_MM.to_array(),
+    );
+    let loader = Loader::new();
+    let loaded = organza_scene::from_str(&text, Path::new("furnace.toml"), &[], &loader).unwrap();
+    loaded.build(None, &loader).unwrap()
+}
+
+fn film(scene: &Scene, samples: u64, flat: Option<FlatScene>) -> Film {
+    let mut rendering = Rendering::new(scene, settings(samples)).unwrap();
+    if let Some(flat) = flat {
+        let kernel = VoxelEngine::new(Arc::new(flat), Backend::widest()).unwrap();
+        rendering = rendering.with_engine(kernel);
+    }
+    let rendering = rendering.take(samples, &|_| ControlFlow::Continue(()));
+    let (film, stats) = rendering.unwrap().into_parts();
+    assert_eq!((stats.rejected, stats.majorant_violations), (0, 0));
+    film
+}
+
+fn settings(samples: u64) -> RenderSettings {
+    RenderSettings {
+        integrator: Integrator::Woodcock,
+        samples: 0..samples,
+        max_bounces: u32::MAX,
+        seed: SEED,
+        crop: None,
+    }
+}
+
+/// Mean and standard error.
+type Estimate = (f64, f64);
+
+/// The share of camera rays that met nothing.
+fn seen_through(film: &Film) -> Estimate {
+    let pixels = film.pixels();
+    let count: u64 = pixels.iter().map(|p| p.count()).sum();
+    let share: f64 = pixels.iter().map(|p| f64::from(p.straight_through())).sum();
+    let share = share / pixels.len() as f64;
+    (share, (share * (1.0 - share) / count as f64).sqrt())
+}
+
+/// The transmittance of the window that the camera sees, by Beer's law: exact along every
+/// ray, at random places. And that of matter thicker by a third, the twin.
+fn transmittance(scene: &Scene, rays: u64) -> [Estimate; 2] {
+    fn optical_depth(medium: &impl Medium, ray: &Ray) -> f64 {
+        let mut depth = 0.0;
+        if let Some(local) = medium.cell_grid().clip(ray, f32::INFINITY) {
+            let _ = medium.for_each_voxel(&local, |from, to, site| {
+                let sigma = medium.sigma_t(&site, -ray.direction);
+                depth += f64::from(to - from) * f64::from(sigma);
+                ControlFlow::<()>::Continue(())
+            });
+        }
+        depth
+    }
+    let forward = (TARGET_MM - EYE_MM).normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    let up = right.cross(forward);
+    let mut sums = [Moments::default(); 2];
+    let mut rng = PathRng::new(SEED, 1, 0);
+    for _ in 0..rays {
+        let at = rng.unit2().as_dvec2() - 0.5;
+        let origin = EYE_MM + WIDTH_MM * (at.x * right + at.y * up);
+        let ray = Ray::new(origin.as_vec3(), forward.as_vec3());
+        let depth = match &scene.media[0] {
+            AnyMedium::SggxOctree(medium) => optical_depth(medium, &ray),
+            AnyMedium::VirtualFibres(medium) => optical_depth(medium, &ray),
+            _ => panic!("voxels of micro-flakes or of fibres"),
+        };
+        sums[0].add((-depth).exp());
+        sums[1].add((-1.33 * depth).exp());
+    }
+    sums.map(|m| (m.mean, m.standard_error()))
+}
+
+/// Equal to a thousandth, as far as the noise of both allows to say.
+fn is_near(a: Estimate, b: Estimate) -> bool {
+    (a.0 - b.0).abs() < 1e-3 + 4.0 * a.1.hypot(b.1)
+}
+
+/// The mean of estimates that are independent.
+fn together(list: &[Estimate]) -> Estimate {
+    let n = list.len() as f64;
+    let mean = list.iter().map(|e| e.0).sum::<f64>() / n;
+    let variance: f64 = list.iter().map(|e| e.1 * e.1).sum();
+    (mean, variance.sqrt() / n)
+}
+
+/// How the fibres of an object scatter: the model, and its optics for every yarn.
+fn looks() -> Vec<(String, bool)> {
+    let mut all = vec![
+        ("model = \"microflake\"".to_owned(), false),
+        (
+            "model = \"microflake\"\n[object.optics.\"*\"]\nalbedo = [1.0, 1.0, 1.0]".to_owned(),
+            true,
+        ),
+    ];
+    // From smooth to the widest blur that the kernel takes, 20 degrees, and that fibres take.
+    for blur_deg in [0.0, 3.0, 7.0, 12.0, 19.9, 34.0] {
+        for colour in [1.0, 0.5] {
+            let azimuthal_deg = 2.0 * blur_deg;
+            let text = format!(
+                "model = \"plain\"\n[object.optics.\"*\"]\ncolour = [{colour:?}, {colour:?}, \
+                 {colour:?}]\nlongitudinal_deg = {blur_deg:?}\nazimuthal_deg = {azimuthal_deg:?}"
+            );
+            all.push((text, colour == 1.0));
+        }
+    }
+    all
+}
+
+/// Cotton with more hairs than any cloth has.
+fn hairy(folder: &Path, per_mm: f64) -> PathBuf {
+    let text = format!(
+        r#"
+[draft]
+weave = "plain"
+[warp]
+yarn = "cotton"
+per_cm = 20.0
+[weft]
+yarn = "cotton"
+per_cm = 20.0
+[yarn.cotton]
+preset = "cotton"
+tex = 20.0
+hairs = {{ per_mm = {per_mm:?} }}
+[voxel]
+size_um = 10.0
+"#
+    );
+    let path = folder.join(format!("hairs-{per_mm}.toml"));
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Fabrics in a white furnace, by the kernel, by the walk and by closed forms: the walk and
+/// the kernel show one where fibres are white and the same light where they are not, and as
+/// many camera rays pass as Beer's law says. Matter that the kernel leaves to the walk is
+/// checked in the walk. The twins: a kernel that rounds a factor of every event, and matter
+/// thicker by a third.
+#[test]
+fn the_kernel_is_the_walk_in_every_fabric() {
+    let own = std::env::temp_dir().join(format!("organza-hairs-{}", std::process::id()));
+    std::fs::create_dir_all(&own).unwrap();
+    let mut cloths = fabrics();
+    let hairs: &[f64] = if is_full() {
+        &[0.0, 30.0, 300.0, 1e4]
+    } else {
+        &[300.0]
+    };
+    cloths.extend(hairs.iter().map(|&per_mm| (hairy(&own, per_mm), 10.0)));
+    let looks = looks();
+    let samples = if is_full() { 1024 } else { 64 };
+    let coarser: &[f64] = if is_full() { &[2.0, 4.0] } else { &[4.0] };
+    let (mut by_kernel, mut differences, mut refused) = (Vec::new(), Vec::new(), 0);
+    let mut twins = [[0u32; 2]; 2];
+    for (i, (fabric, voxel_um)) in cloths.iter().enumerate() {
+        for times in coarser {
+            // Reduced, two looks of every fabric: flakes and fibres, white and coloured.
+            let few = [i % 2, 2 + (5 * i + 3) % (looks.len() - 2)];
+            let all: Vec<usize> = (0..looks.len()).collect();
+            for &look in if is_full() { &all[..] } else { &few[..] } {
+                let (text, is_white) = &looks[look];
+                let scene = furnace(fabric, times * voxel_um, text);
+                let name = format!(
+                    "seed {SEED}, {}, voxels of {} um, {}",
+                    fabric.file_name().unwrap().to_string_lossy(),
+                    times * voxel_um,
+                    text.replace('\n', " ")
+                );
+                let walked = film(&scene, samples, None);
+                let [exact, thicker] =
+                    transmittance(&scene, if is_full() { 200_000 } else { 20_000 });
+                let (white, passed) = (walked.mean()[1], seen_through(&walked));
+                assert!(is_near(passed, exact), "{name}, walk: {passed:?} {exact:?}");
+                assert!(
+                    !is_white || is_near(white, (1.0, 0.0)),
+                    "{name}, walk: {white:?}"
+                );
+                let made = || flatten(&scene, &settings(samples), u64::MAX);
+                let Ok(flat) = made() else {
+                    refused += 1;
+                    println!("{name}: {}", made().err().unwrap());
+                    continue;
+                };
+                let own = film(&scene, samples, Some(flat));
+                let (mean, passed) = (own.mean()[1], seen_through(&own));
+                println!("{name}: {mean:?} {white:?}, through {passed:?} {exact:?}");
+                assert!(
+                    is_near(passed, exact),
+                    "{name}, kernel: {passed:?} {exact:?}"
+                );
+                assert!(is_near(mean, white), "{name}: {mean:?} {white:?}");
+                if *is_white {
+                    assert!(is_near(mean, (1.0, 0.0)), "{name}, kernel: {mean:?}");
+                    by_kernel.push(mean);
+                }
+                differences.push((mean.0 - white.0, mean.1.hypot(white.1)));
+                if (0.04..0.8).contains(&exact.0) {
+                    twins[0][0] += 1;
+                    twins[0][1] += u32::from(!is_near(passed, thicker));
+                }
+                if *is_white && text.contains("plain") && (is_full() || i % 3 == 0) {
+                    let twin = made().unwrap().with_fault(Fault::RoundedScale);
+                    let twin = film(&scene, samples, Some(twin)).mean()[1];
+                    twins[1][0] += 1;
+                    twins[1][1] += u32::from(!is_near(twin, (1.0, 0.0)));
+                }
+            }
+        }
+    }
+    std::fs::remove_dir_all(own).unwrap();
+    let (white, difference) = (together(&by_kernel), together(&differences));
+    println!(
+        "{} furnaces in the kernel: {white:?}; kernel less walk in {}: {difference:?}; left to \
+         the walk: {refused}; twins rejected: {twins:?}",
+        by_kernel.len(),
+        differences.len()
+    );
+    assert!(differences.len() >= cloths.len(), "{refused} refused");
+    // Of all together a hundredth of a per cent shows in full.
+    assert!(
+        (white.0 - 1.0).abs() < 5e-4 + 4.0 * white.1,
+        "seed {SEED}: {white:?}"
+    );
+    assert!(
+        difference.0.abs() < 5e-4 + 4.0 * difference.1,
+        "seed {SEED}: {difference:?}"
+    );
+    let [[made, rejected], _] = twins;
+    assert!(made >= 4 && rejected >= 4, "seed {SEED}: {twins:?}");
+    assert!(!is_full() || twins[1][1] >= 3, "seed {SEED}: {twins:?}");
+}
+
+/// Shares of green light from 60 degrees along the weft.
+struct Recorded {
+    fabric: &'static str,
+    model: &'static str,
+    /// Reflected, transmitted by scattering, straight through.
+    shares: [f64; 3],
+}
+
+/// The table of `docs/trust.md`, whose standard errors are up to 0.006.
+fn recorded() -> Vec<Recorded> {
+    const MODELS: [&str; 4] = ["fibres", "packed", "plain", "microflake"];
+    const TABLE: [(&str, [[f64; 3]; 4]); 10] = [
+        (
+            "organza",
+            [
+                [0.386, 0.405, 0.191],
+                [0.399, 0.418, 0.166],
+                [0.358, 0.408, 0.216],
+                [0.470, 0.249, 0.215],
+            ],
+        ),
+        (
+            "denim",
+            [
+                [0.094, 0.021, 0.018],
+                [0.100, 0.012, 0.006],
+                [0.082, 0.031, 0.021],
+                [0.090, 0.010, 0.021],
+            ],
+        ),
+        (
+            "linen",
+            [
+                [0.490, 0.297, 0.059],
+                [0.520, 0.277, 0.036],
+                [0.477, 0.304, 0.059],
+                [0.488, 0.115, 0.059],
+            ],
+        ),
+        (
+            "jersey",
+            [
+                [0.341, 0.160, 0.001],
+                [0.364, 0.116, 0.000],
+                [0.341, 0.150, 0.003],
+                [0.288, 0.028, 0.003],
+            ],
+        ),
+        (
+            "cotton_twill",
+            [
+                [0.117, 0.025, 0.025],
+                [0.127, 0.017, 0.017],
+                [0.122, 0.025, 0.036],
+                [0.101, 0.004, 0.036],
+            ],
+        ),
+        (
+            "wool_gabardine",
+            [
+                [0.144, 0.034, 0.018],
+                [0.151, 0.028, 0.010],
+                [0.146, 0.039, 0.019],
+                [0.127, 0.006, 0.019],
+            ],
+        ),
+        (
+            "wool_tweed",
+            [
+                [0.238, 0.093, 0.049],
+                [0.249, 0.088, 0.044],
+                [0.220, 0.100, 0.065],
+                [0.217, 0.028, 0.064],
+            ],
+        ),
+        (
+            "polyester_lining",
+            [
+                [0.120, 0.096, 0.033],
+                [0.121, 0.085, 0.027],
+                [0.117, 0.086, 0.055],
+                [0.096, 0.011, 0.054],
+            ],
+        ),
+        (
+            "charmeuse",
+            [
+                [0.079, 0.038, 0.003],
+                [0.093, 0.045, 0.001],
+                [0.084, 0.051, 0.013],
+                [0.069, 0.008, 0.013],
+            ],
+        ),
+        (
+            "silk_shantung",
+            [
+                [0.091, 0.022, 0.058],
+                [0.095, 0.025, 0.051],
+                [0.078, 0.033, 0.073],
+                [0.072, 0.005, 0.072],
+            ],
+        ),
+    ];
+    let fabrics = if is_full() { &TABLE[..] } else { &TABLE[..2] };
+    let rows = fabrics.iter().flat_map(|(fabric, rows)| {
+        let of_model = |(model, shares): (&'static str, &[f64; 3])| Recorded {
+            fabric,
+            model,
+            shares: *shares,
+        };
+        MODELS.into_iter().zip(rows).map(of_model)
+    });
+    rows.collect()
+}
+
+/// Light of every model of a fabric goes where the record says, within the noise of both;
+/// each path's shares add to one. The twin are micro-flakes taken for fibres: they hardly
+/// transmit by scattering.
+#[test]
+fn fabrics_reflect_and_transmit_what_is_on_record() {
+    const RECORD_SE: f64 = 0.006;
+    let effort = Effort {
+        paths: if is_full() { 24_000 } else { 4000 },
+        seed: SEED,
+        target_error: None,
+    };
+    let light = [Angles {
+        theta_deg: 60.0,
+        phi_deg: 0.0,
+    }];
+    let is_near =
+        |found: Estimate, share: f64| (found.0 - share).abs() < 4.0 * found.1.hypot(RECORD_SE);
+    let mut twin_rejected = 0;
+    let mut of_fibres = [0.0; 3];
+    for row in recorded() {
+        let path = folder().join(format!("{}.toml", row.fabric));
+        let loader = Loader::new();
+        let fabric = fabric_file::load(&path, &[], &loader).unwrap();
+        let representation = Representation::named(row.model).unwrap();
+        let shown = PatchModel::Is(representation).of(&fabric, &path).unwrap();
+        let options = PatchOptions {
+            loader: &loader,
+            voxel_um: None,
+            level: 0,
+            max_memory_bytes: None,
+        };
+        let patch = fabric_patch(&fabric, &path, shown, &options).unwrap();
+        let measured = measure_albedos(&patch, &light, &effort, &|_| ()).unwrap();
+        let albedo = &measured.list[0];
+        let green = |m: &Measured| (m.mean[1], m.se[1]);
+        let found = [&albedo.reflected, &albedo.transmitted, &albedo.direct].map(green);
+        println!(
+            "{} {}: {found:.4?} for {:?}",
+            row.fabric, row.model, row.shares
+        );
+        for (found, share) in found.into_iter().zip(row.shares) {
+            assert!(
+                is_near(found, share),
+                "seed {SEED}, {} {}: {found:?} for {share}",
+                row.fabric,
+                row.model
+            );
+        }
+        let sum = green(&albedo.sum);
+        assert!((sum.0 - 1.0).abs() < 1e-6 + 4.0 * sum.1, "{sum:?}");
+        match row.model {
+            "fibres" => of_fibres = row.shares,
+            "microflake" => twin_rejected += u32::from(!is_near(found[1], of_fibres[1])),
+            _ => {}
+        }
+    }
+    assert!(twin_rejected >= 1, "seed {SEED}: the twin passed");
+}
