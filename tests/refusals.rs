@@ -357,3 +357,53 @@ fn listings_may_be_cut_short() {
     }
     assert!(organza(&folder, &["--version"]).status.success());
 }
+
+/// What a bench reads may not lie where it writes.
+#[test]
+fn a_bench_does_not_fill_the_folder_of_its_inputs() {
+    let folder = folder("bench-inputs");
+    fs::create_dir_all(folder.join("report/scenes")).unwrap();
+    let fabric = crate::fabrics::cotton("plain", "tex = 30.0", 40.0);
+    let own = folder.join("report/scenes/plain.toml");
+    fs::write(&own, &fabric).unwrap();
+    let named = [
+        "bench",
+        "report/scenes/plain.toml",
+        "-o",
+        "report",
+        "--quick",
+    ];
+    let said = complaint(&folder, &named);
+    assert!(
+        said.contains("report/scenes/plain.toml: is an input and lies in report"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(&own).unwrap(), fabric);
+}
+
+/// Where the engine depends on the memory allowed, the render says so; the twin has enough.
+#[test]
+fn a_choice_of_engine_by_memory_is_told() {
+    let folder = folder("engine-by-memory");
+    write_grid_scene(&folder);
+    let dims = [40, 40, 40];
+    let cells = vec![1.0; 40 * 40 * 40];
+    let bounds = [-0.2, -0.2, -0.2, 0.2, 0.2, 0.2];
+    crate::program::write_vol(&folder.join("sigma_t.vol"), dims, 1, bounds, &cells);
+    let warning = "the general walk renders this scene, for the tables of the kernel need up to";
+    let render = |allowed: &str| {
+        let arguments = [
+            "render",
+            "scene.toml",
+            "-o",
+            "x.exr",
+            "--max-memory",
+            allowed,
+        ];
+        succeed(&folder, &[&arguments[..], &["--spp", "1"]].concat())
+    };
+    let said = render("1MiB");
+    assert!(said.contains(warning), "{said}");
+    let said = render("1GiB");
+    assert!(!said.contains(warning), "{said}");
+}

@@ -161,7 +161,16 @@ pub struct RectangleTable {
 impl LightKind for RectangleTable {
     fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
         let radiance = brightness(self.radiance, "radiance")?;
-        let [corner, u, v] = [self.corner_mm, self.edge_u_mm, self.edge_v_mm].map(Vec3::from_array);
+        let keys = [
+            ("corner_mm", self.corner_mm),
+            ("edge_u_mm", self.edge_u_mm),
+            ("edge_v_mm", self.edge_v_mm),
+        ];
+        if let Some((key, found)) = keys.iter().find(|(_, v)| v.iter().any(|x| !x.is_finite())) {
+            let why = format!("expected three finite numbers, found {found:?}");
+            return Err(LightError::of(key, why));
+        }
+        let [corner, u, v] = keys.map(|(_, v)| Vec3::from_array(v));
         RectangleLight::new(corner, u, v, radiance, self.two_sided)
             .map(Light::from)
             .map_err(|e| LightError::of("edge_u_mm, edge_v_mm", e.to_string()))

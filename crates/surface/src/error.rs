@@ -6,7 +6,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Error {
     /// A number outside its range.
-    #[error("{key} = {value}: expected {expected}")]
+    #[error("{key} = {}: expected {expected}", short(*value))]
     Range {
         /// Key of the parameter, as files write it.
         key: String,
@@ -91,6 +91,15 @@ fn hint(nearest: &Option<String>) -> String {
     match nearest {
         Some(n) => format!("; did you mean \"{n}\"?"),
         None => String::new(),
+    }
+}
+
+/// A number without rows of zeros.
+fn short(value: f64) -> String {
+    if value.abs() < 1e16 {
+        value.to_string()
+    } else {
+        format!("{value:e}")
     }
 }
 

@@ -28,6 +28,11 @@ pub enum Fit {
     Narrow,
 }
 
+/// Largest parameters whose values single precision holds at every inclination.
+const MAX_KAPPA: f64 = 1e3;
+const MAX_ALPHA: f64 = 1e6;
+const MAX_BETA: f64 = 1e6;
+
 /// Shape and scattering of one segment of yarn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentParameters {
@@ -125,9 +130,9 @@ impl<T: Real> YarnSegment<T> {
         };
         open("psi_deg", p.twist_rad, -right)?;
         open("u_max_deg", p.u_max_rad, 0.0)?;
-        Error::check("kappa", p.kappa, -1.0, f64::INFINITY)?;
-        Error::check("alpha", p.alpha, 0.0, f64::INFINITY)?;
-        Error::check("beta", p.beta, -1e6, f64::INFINITY)?;
+        Error::check("kappa", p.kappa, -1.0, MAX_KAPPA)?;
+        Error::check("alpha", p.alpha, 0.0, MAX_ALPHA)?;
+        Error::check("beta", p.beta, -MAX_BETA, MAX_BETA)?;
         Error::check("smoothing", p.smoothing, 0.0, 1.0)?;
         Error::check("highlight_width", p.highlight_width, 1e-6, 1.0)?;
         for (key, value) in [("width_mm", p.width_mm), ("length_mm", p.length_mm)] {

@@ -60,16 +60,18 @@ impl Routed {
     }
 }
 
-/// Sorts all segments of a batch.
+/// Sorts all segments of a batch, whose pieces may take `max_bytes`.
 pub fn route(
     source: &dyn SegmentSource,
     batch: usize,
     lattice: &Lattice,
     footprint: FibreFootprint,
+    max_bytes: u64,
 ) -> Result<Routed, Error> {
     let mut router = Router {
         lattice,
         footprint,
+        max_bytes,
         pieces: Vec::new(),
         targets: Vec::new(),
         groups: Vec::new(),
@@ -85,6 +87,7 @@ pub fn route(
 struct Router<'a> {
     lattice: &'a Lattice,
     footprint: FibreFootprint,
+    max_bytes: u64,
     pieces: Vec<RoutePiece>,
     /// Block (high half) and piece (low half).
     targets: Vec<u64>,
@@ -97,6 +100,15 @@ struct Router<'a> {
 
 impl Router<'_> {
     fn add(&mut self, s: &Segment) {
+        let needed = (size_of_val(&self.pieces[..]) + size_of_val(&self.targets[..])) as u64;
+        if needed > self.max_bytes && self.problem.is_none() {
+            // The rest of the batch is emitted for nothing.
+            (self.pieces, self.targets) = (Vec::new(), Vec::new());
+            self.problem = Some(Error::Memory {
+                needed,
+                allowed: self.max_bytes,
+            });
+        }
         if self.problem.is_none()
             && let Err(problem) = self.try_add(s)
         {

@@ -46,7 +46,8 @@ impl Default for VoxelizeOptions {
 /// theirs and keep sums instead.
 const MAX_WAITING: usize = 4_000_000;
 
-/// Batches that a thread is given at a time.
+/// Batches that a thread is given at a time, unless they are large: all that are in work
+/// then have about [`MAX_WAITING`] pieces, or each thread has one.
 const BATCHES: usize = 4;
 /// Blocks that a thread is given at a time.
 const BLOCKS: usize = 16;
@@ -138,13 +139,19 @@ fn run(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Octree, Error> {
     let mut tile = Tiled::new(lattice, options.footprint);
-    let batches: Vec<usize> = (0..source.batch_count()).collect();
-    let mut done = 0;
-    for chunk in batches.chunks(BATCHES * rayon::current_num_threads()) {
-        let routed: Vec<Routed> = chunk
-            .par_iter()
-            .map(|&batch| route(source, batch, lattice, options.footprint))
+    let max_bytes = options.max_memory_bytes.unwrap_or(u64::MAX);
+    let threads = rayon::current_num_threads();
+    let count = source.batch_count();
+    // What is in work at a time has no effect on the result.
+    let (mut done, mut at_a_time) = (0, threads);
+    while done < count {
+        let routed: Vec<Routed> = (done..count.min(done + at_a_time))
+            .into_par_iter()
+            .map(|batch| route(source, batch, lattice, options.footprint, max_bytes))
             .collect::<Result<_, Error>>()?;
+        done += routed.len();
+        let largest = routed.iter().map(|r| r.pieces.len()).max().unwrap_or(0);
+        at_a_time = (MAX_WAITING / largest.max(1)).clamp(threads, BATCHES * threads);
         for r in routed {
             // Independent of the number of threads, which would otherwise change sums.
             if tile.waiting > 0 && tile.waiting + r.pieces.len() > MAX_WAITING {
@@ -152,8 +159,7 @@ fn run(
             }
             tile.add(r);
         }
-        done += chunk.len();
-        progress(0.4 * done as f32 / batches.len() as f32);
+        progress(0.4 * done as f32 / count as f32);
     }
     let mut octree = tile.build(source.material_count(), progress)?;
     octree.footprint = options.footprint;
@@ -316,12 +322,15 @@ fn sampled_bytes(
 ) -> Result<u64, Error> {
     let batches = source.batch_count();
     let sample = batches.div_ceil(16).min(8);
+    let max_bytes = options.max_memory_bytes.unwrap_or(u64::MAX);
     let (mut waiting, mut pieces, mut sums, mut octree) = (0, 0, 0, 0);
+    let mut largest = 0;
     for i in 0..sample {
         // The middle of each equal part of the batches.
         let batch = (2 * i + 1) * batches / (2 * sample);
-        let routed = route(source, batch, lattice, options.footprint)?;
+        let routed = route(source, batch, lattice, options.footprint, max_bytes)?;
         waiting += routed.bytes();
+        largest = largest.max(routed.bytes());
         pieces += routed.pieces.len();
         let mut tile = Tiled::new(lattice, options.footprint);
         tile.add(routed);
@@ -345,12 +354,14 @@ fn sampled_bytes(
     }
     let scale = batches as f64 / sample.max(1) as f64;
     let all = |bytes: u64| (bytes as f64 * scale) as u64;
-    // Either all pieces wait to the end, or the earlier ones are kept as sums.
+    let threads = rayon::current_num_threads() as u64;
+    // Either all pieces wait to the end, or the earlier ones are kept as sums while some wait and
+    // others are in work; a batch that is larger than all that may wait waits alone.
     let before = if pieces as f64 * scale <= MAX_WAITING as f64 {
         all(waiting)
     } else {
-        all(sums) + 80 * MAX_WAITING as u64
+        let most = largest.max(80 * MAX_WAITING as u64);
+        all(sums) + most + most.max(threads * largest)
     };
-    let threads = rayon::current_num_threads() as u64;
     Ok(before + all(octree) + threads * (BlockSums::BYTES + (8 << 20)))
 }

@@ -74,6 +74,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         None => Vec::new(),
     };
     output::check_report_folder(&args.outfile, ("pairs.csv", "a comparison"))?;
+    check_inputs_elsewhere(args)?;
     let found = found(args)?;
     // Checked before anything is written, and only once.
     let view = View {
@@ -133,6 +134,24 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     if !args.common.quiet {
         for line in report.recommendations() {
             note!("{line}");
+        }
+    }
+    Ok(())
+}
+
+/// Refuses inputs in the folder that the bench fills: one of its files may replace them.
+fn check_inputs_elsewhere(args: &BenchArgs) -> Result<()> {
+    let Ok(folder) = args.outfile.canonicalize() else {
+        return Ok(()); // not there yet
+    };
+    let fabrics = args.fabrics.iter().map(Path::new);
+    for read in fabrics.chain(args.peer.as_deref()) {
+        if read.canonicalize().is_ok_and(|p| p.starts_with(&folder)) {
+            return Err(input(format!(
+                "{}: is an input and lies in {}, which the bench fills; expected another folder",
+                read.display(),
+                args.outfile.display()
+            )));
         }
     }
     Ok(())

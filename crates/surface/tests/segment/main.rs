@@ -328,10 +328,10 @@ fn hard_cases_are_finite_and_not_negative() {
     ];
     for psi in [0.0, 1e-6, 1e-3, -30.0, 89.9] {
         for u_max in [1e-4, 0.1, 30.0, 89.9] {
-            for kappa in [-0.999_999, -0.5, 0.0, 50.0] {
-                for beta in [0.0, 4.0, 500.0] {
+            for kappa in [-0.999_999, -0.5, 0.0, 1e3] {
+                for (alpha, beta) in [(0.01, 0.0), (0.01, 4.0), (1e6, 500.0), (0.0, 1e6)] {
                     for delta in [0.0, 0.5, 1.0] {
-                        let p = parameters([psi, u_max, kappa, 0.3, 1.0, 0.01, beta, delta]);
+                        let p = parameters([psi, u_max, kappa, 0.3, 1.0, alpha, beta, delta]);
                         let segment = YarnSegment::<f32>::new(&p).unwrap();
                         for i in directions {
                             for o in directions {
@@ -348,6 +348,21 @@ fn hard_cases_are_finite_and_not_negative() {
                 }
             }
         }
+    }
+}
+
+/// What single precision would not hold is refused by name.
+#[test]
+fn parameters_beyond_all_bounds_are_refused() {
+    let refused = |change: &dyn Fn(&mut SegmentParameters)| {
+        let mut p = parameters([30.0, 20.0, 0.0, 0.3, 1.0, 0.01, 4.0, 0.0]);
+        change(&mut p);
+        YarnSegment::<f32>::new(&p).err().unwrap().to_string()
+    };
+    for value in [1e308, f64::INFINITY, f64::NAN] {
+        assert!(refused(&|p| p.kappa = value).contains("kappa"));
+        assert!(refused(&|p| p.alpha = value).contains("alpha"));
+        assert!(refused(&|p| p.beta = value).contains("beta"));
     }
 }
 

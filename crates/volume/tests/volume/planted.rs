@@ -312,6 +312,41 @@ fn hard_sources_are_survived_or_refused() {
     assert!(voxelize(&PlainWeave::cotton(2), &just_short, &|_| {}).is_err());
 }
 
+/// A batch that is larger than what is allowed is refused while it is read, not when all
+/// of it is in memory.
+#[test]
+fn a_batch_beyond_the_memory_allowed_is_not_kept() {
+    struct Endless;
+    impl SegmentSource for Endless {
+        fn tile(&self) -> organza_basis::curve::Tile {
+            list(Vec3::ZERO, Vec3::ONE, Vec::new()).tile()
+        }
+        fn batch_count(&self) -> usize {
+            1
+        }
+        fn for_each_in_batch(&self, _: usize, emit: &mut dyn FnMut(&Segment)) {
+            let across = Segment::straight(Vec3::new(0.1, 0.5, 0.5), Vec3::splat(0.5), 0.001);
+            for _ in 0..400_000 {
+                emit(&across);
+            }
+        }
+        fn material_count(&self) -> usize {
+            1
+        }
+    }
+    let options = VoxelizeOptions {
+        max_memory_bytes: Some(1 << 20),
+        voxel_mm: 0.1,
+        ..VoxelizeOptions::default()
+    };
+    match voxelize(&Endless, &options, &|_| {}) {
+        Err(organza_volume::Error::Memory { needed, .. }) => {
+            assert!(needed < (1 << 20) + 1000, "{needed}");
+        }
+        other => panic!("{:?}", other.map(|_| ())),
+    }
+}
+
 /// Every voxel crossed by the fibres of one yarn, or of two at right angles.
 fn full_grid(voxels: u32, yarns: u32) -> Octree {
     let side = 0.01 * voxels as f32;
