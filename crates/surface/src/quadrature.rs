@@ -94,23 +94,23 @@ impl<T: Real> Rule<T> {
         let (mid, span) = ((low + high) * half, (high - low) * half);
         // All places are evaluated at once, and both ends together, to hide the latency of each
         // evaluation.
-        let mut values = [[zero; MAX_SCANNED]; 3];
+        let mut values = [[[zero; 4]; MAX_SCANNED / 4]; 3];
         let mut positive = [0u32; 3];
-        for (i, xs) in self.scan.iter().enumerate() {
+        let [by_in, by_out, by_side] = &mut values;
+        let fours = by_in.iter_mut().zip(by_out).zip(by_side).zip(&self.scan);
+        for (i, (((by_in, by_out), by_side), xs)) in fours.enumerate() {
             for lane in 0..4 {
-                let at = facing(mid + span * xs[lane]);
-                for (values, value) in values.iter_mut().zip(at) {
-                    values[4 * i + lane] = value;
-                }
+                [by_in[lane], by_out[lane], by_side[lane]] = facing(mid + span * xs[lane]);
             }
-            for (positive, values) in positive.iter_mut().zip(&values) {
+            for (positive, values) in positive.iter_mut().zip([by_in, by_out, by_side]) {
                 for lane in 0..4 {
-                    *positive |= u32::from(values[4 * i + lane] > zero) << (4 * i + lane);
+                    *positive |= u32::from(values[lane] > zero) << (4 * i + lane);
                 }
             }
         }
         let found = self.one_support(low, high, &values, positive, &facing);
-        if may_hide(&values, positive, 4 * self.scan.len()) {
+        let scanned = values.each_ref().map(|v| &v[..self.scan.len()]);
+        if may_hide(scanned, positive) {
             let every = search(low, high, &facing);
             // A single interval was already found, and its ends suffice.
             if every.as_slice().len() > 1 || found.as_slice().is_empty() {
@@ -126,7 +126,7 @@ impl<T: Real> Rule<T> {
         &self,
         low: T,
         high: T,
-        values: &[[T; MAX_SCANNED]; 3],
+        values: &[[[T; 4]; MAX_SCANNED / 4]; 3],
         positive: [u32; 3],
         facing: impl Fn(T) -> Facing<T>,
     ) -> Stretches<T> {
@@ -144,7 +144,7 @@ impl<T: Real> Rule<T> {
         // below do not move it.
         let outside = [inside[0].saturating_sub(1), (inside[1] + 1).min(last)];
         let place = |i: usize| mid + span * self.scan[i / 4][i % 4];
-        let value = |i: usize| least([values[0][i], values[1][i], values[2][i]]);
+        let value = |i: usize| least(values.each_ref().map(|v| v[i / 4][i % 4]));
         let (mut a, mut b) = (outside.map(place), inside.map(place));
         let (mut g_a, mut g_b) = (outside.map(|i| value(i).smaller(zero)), inside.map(value));
         // False position with the halving of a retained end (the Illinois rule).

@@ -4,7 +4,7 @@
 use crate::quadrature::Rule;
 use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
-use crate::stretches::search;
+use crate::stretches::{Facing, search};
 
 /// The angle u as sine and cosine, and the components of `s = w_in + w_out`
 /// there: along the spine and out of it.
@@ -25,6 +25,31 @@ impl<T: Real> Inclination<T> {
             along: pair.s.y * cos_u - pair.s.z * sin_u,
             out: pair.s.y * sin_u + pair.s.z * cos_u,
         }
+    }
+}
+
+/// The spine by the angle `d = phi - u` from where `s` lies across it, with
+/// `phi = atan2(s_y, s_z)`; p is the length of `s` in the plane of the spine.
+struct FromMirror<T> {
+    p: T,
+    sin_phi: T,
+    cos_phi: T,
+}
+
+impl<T: Real> FromMirror<T> {
+    /// The place at `t = tan(d / 2)`, and `1 / (1 + t^2)`.
+    #[inline(always)]
+    fn inclination(&self, t: T) -> (Inclination<T>, T) {
+        let (one, two) = (T::one(), T::of(2.0));
+        let k = one / (one + t * t);
+        let (sin_d, cos_d) = (two * t * k, (one - t * t) * k);
+        let at = Inclination {
+            sin_u: self.sin_phi * cos_d - self.cos_phi * sin_d,
+            cos_u: self.cos_phi * cos_d + self.sin_phi * sin_d,
+            along: self.p * sin_d,
+            out: self.p * cos_d,
+        };
+        (at, k)
     }
 }
 
@@ -78,7 +103,7 @@ impl<T: Real> YarnSegment<T> {
     /// spine free of cancellation when psi is small, and in the tangent of d/2 a node costs
     /// arithmetic alone.
     pub(crate) fn staple_reflectance(&self, pair: &Pair<T>, rule: &Rule<T>) -> T {
-        let (zero, one, two, half) = (T::zero(), T::one(), T::of(2.0), T::of(0.5));
+        let (zero, one) = (T::zero(), T::one());
         let p = (pair.s.y * pair.s.y + pair.s.z * pair.s.z).sqrt();
         // Tangents of half angles add without an inverse function.
         let (phi, reach) = (pair.s.y / (p + pair.s.z), self.tan_half_u_max);
@@ -98,52 +123,78 @@ impl<T: Real> YarnSegment<T> {
             low = low.larger(-limit);
             high = high.smaller(limit);
         }
-        let (sin_phi, cos_phi) = (pair.s.y / p, pair.s.z / p);
-        let inclination = |t: T| {
-            let k = one / (one + t * t);
-            let (sin_d, cos_d) = (two * t * k, (one - t * t) * k);
-            let at = Inclination {
-                sin_u: sin_phi * cos_d - cos_phi * sin_d,
-                cos_u: cos_phi * cos_d + sin_phi * sin_d,
-                along: p * sin_d,
-                out: p * cos_d,
-            };
-            (at, k)
-        };
-        let facing = |t: T| {
-            let m = self.mirror(pair, &inclination(t).0);
-            [m.n_i, m.n_r, m.cos_v]
-        };
-        let over = |t0: T, t1: T| {
-            let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
-            // Four at a time and without branches, so that the compiler vectorises the loop.
-            let mut sums = [zero; 4];
-            for (xs, ws) in rule.nodes() {
-                for lane in 0..4 {
-                    let (at, k) = inclination(mid + span * xs[lane]);
-                    let m = self.mirror(pair, &at);
-                    let faces = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero;
-                    let strength = ws[lane] * k * self.staple_strength(&at, &m);
-                    sums[lane] = sums[lane] + if faces { strength } else { zero };
-                }
-            }
-            let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-            two * span * sum * self.staple_factor
+        let spine = FromMirror {
+            p,
+            sin_phi: pair.s.y / p,
+            cos_phi: pair.s.z / p,
         };
         let mut total = zero;
         if low < high {
+            let facing = |t: T| self.facing(pair, &spine, t);
             for &(t0, t1) in rule.support(low, high, facing).as_slice() {
-                total = total + over(t0, t1);
+                total = total + self.staple_integral(pair, &spine, t0, t1, rule);
             }
         }
         for (low, high) in beyond {
             if low < high {
-                for &(t0, t1) in search(low, high, facing).as_slice() {
-                    total = total + over(t0, t1);
-                }
+                total = self.add_beyond(total, pair, &spine, low, high, rule);
             }
         }
         total
+    }
+
+    /// What must be positive at a place.
+    #[inline(always)]
+    fn facing(&self, pair: &Pair<T>, spine: &FromMirror<T>, t: T) -> Facing<T> {
+        let m = self.mirror(pair, &spine.inclination(t).0);
+        [m.n_i, m.n_r, m.cos_v]
+    }
+
+    /// The integral between two places that face both directions.
+    #[inline(always)]
+    fn staple_integral(
+        &self,
+        pair: &Pair<T>,
+        spine: &FromMirror<T>,
+        t0: T,
+        t1: T,
+        rule: &Rule<T>,
+    ) -> T {
+        let (zero, two, half) = (T::zero(), T::of(2.0), T::of(0.5));
+        let (mid, span) = ((t0 + t1) * half, (t1 - t0) * half);
+        // Four at a time and without branches, so that the compiler vectorises the loop.
+        let mut sums = [zero; 4];
+        for (xs, ws) in rule.nodes() {
+            for lane in 0..4 {
+                let (at, k) = spine.inclination(mid + span * xs[lane]);
+                let m = self.mirror(pair, &at);
+                let faces = m.n_i.smaller(m.n_r).smaller(m.cos_v) > zero;
+                let strength = ws[lane] * k * self.staple_strength(&at, &m);
+                sums[lane] = sums[lane] + if faces { strength } else { zero };
+            }
+        }
+        let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+        two * span * sum * self.staple_factor
+    }
+
+    /// Adds the integral over an interval beyond a right angle to a sum. Apart from the
+    /// rest: inlined, it would keep the usual case from the vector unit.
+    #[cold]
+    #[inline(never)]
+    fn add_beyond(
+        &self,
+        total: T,
+        pair: &Pair<T>,
+        spine: &FromMirror<T>,
+        low: T,
+        high: T,
+        rule: &Rule<T>,
+    ) -> T {
+        let every = search(low, high, |t| self.facing(pair, spine, t));
+        let stretches = every.as_slice().iter();
+        stretches.fold(total, |sum, &(t0, t1)| {
+            sum + self.staple_integral(pair, spine, t0, t1, rule)
+        })
     }
 
     /// The texture's value over the phase function.

@@ -59,14 +59,11 @@ impl<T: Real> Stretches<T> {
 /// model none was missed with 0.3, four with 0.1.
 const TURNING_MARGIN: f64 = 0.3;
 
-/// Whether the values at scanned places, and their signs as bits, allow more than
-/// one stretch or one between two places.
+/// Whether the values at scanned places, four at a time, and their signs as bits, allow
+/// more than one stretch or one between two places.
 #[inline(always)]
-pub(crate) fn may_hide<T: Real, const N: usize>(
-    values: &[[T; N]; 3],
-    positive: [u32; 3],
-    count: usize,
-) -> bool {
+pub(crate) fn may_hide<T: Real>(values: [&[[T; 4]]; 3], positive: [u32; 3]) -> bool {
+    let count = 4 * values[0].len();
     let all = positive[0] & positive[1] & positive[2];
     if all != 0 {
         let run = all >> all.trailing_zeros();
@@ -81,38 +78,61 @@ pub(crate) fn may_hide<T: Real, const N: usize>(
     if !all & !(all >> 1) & cells & !(dark[0] | dark[1] | dark[2]) != 0 {
         return true;
     }
-    let (half, margin) = (T::of(0.5), T::of(TURNING_MARGIN));
-    for k in 0..3 {
-        let f = &values[k];
+    // Few places are suspect: the rest are ruled out together, without branches.
+    (0..3).any(|k| {
         let dark_by_others = dark[(k + 1) % 3] | dark[(k + 2) % 3];
-        for i in 1..count - 1 {
-            let slope = (f[i + 1] - f[i - 1]) * half;
-            let bend = f[i + 1] - f[i] - f[i] + f[i - 1];
-            let is_positive = positive[k] >> i & 1 == 1;
-            if (bend > T::zero()) != is_positive {
-                continue;
-            }
-            // The vertex of the parabola through three values, which must turn in a
-            // cell beside the middle one, and whose value must be near zero.
-            let is_after = (slope > T::zero()) != is_positive;
-            let is_border = if is_after { i + 2 == count } else { i == 1 };
-            let reach = T::of(if is_border { 1.0 } else { 0.6 });
-            if slope.abs() >= reach * bend.abs() {
-                continue;
-            }
-            let turning = (f[i] - slope * slope * half / bend).abs();
-            let crosses = ((f[i] - slope * slope * half / bend) > T::zero()) != is_positive;
-            if !crosses && turning >= margin * bend.abs() {
-                continue;
-            }
-            let cell = if is_after { i } else { i - 1 };
-            let changes = (positive[k] ^ positive[k] >> 1) >> cell & 1 == 1;
-            if !changes && dark_by_others >> cell & 1 == 0 {
-                return true;
-            }
+        let changes = positive[k] ^ positive[k] >> 1;
+        let (suspect, after) = turning_places(values[k], positive[k]);
+        let cells = suspect & after | (suspect & !after) >> 1;
+        cells & !changes & !dark_by_others != 0
+    })
+}
+
+/// The scanned places beside which a function turns near zero or beyond, and those from
+/// which its turning point lies in the cell after them, as bits.
+///
+/// With three neighbouring values, slope `s` and bend `b`, the parabola through them turns
+/// at the value `f - s^2 / (2 b)`. Where `f` and `b` have the same sign it has crossed or
+/// comes nearer to zero than `m |b|` if `|f| |b| - s^2 / 2 < m b^2`.
+#[inline(always)]
+fn turning_places<T: Real>(f: &[[T; 4]], positive: u32) -> (u32, u32) {
+    let (zero, half, margin) = (T::zero(), T::of(0.5), T::of(TURNING_MARGIN));
+    // In a cell beside the middle place, that is; at the border there is no other
+    // parabola for the far half of the cell.
+    let inner = T::of(0.6);
+    let (mut near, mut nearest, mut rising) = (0u32, 0u32, 0u32);
+    let mut last = zero;
+    for (i, four) in f.iter().enumerate() {
+        // The first place and the last have one neighbour; they are left out below.
+        let next = f.get(i + 1).map_or(zero, |four| four[0]);
+        let before = [last, four[0], four[1], four[2]];
+        let after = [four[1], four[2], four[3], next];
+        last = four[3];
+        let mut bits = [[false; 3]; 4];
+        for lane in 0..4 {
+            let slope = (after[lane] - before[lane]) * half;
+            let bend = after[lane] - four[lane] - four[lane] + before[lane];
+            let (steep, bent) = (slope.abs(), bend.abs());
+            let is_same_sign = bend * four[lane] >= zero;
+            let is_near = four[lane].abs() * bent - slope * slope * half < margin * bent * bent;
+            let turns = is_same_sign & is_near;
+            bits[lane] = [
+                turns & (steep < bent),
+                turns & (steep < inner * bent),
+                slope > zero,
+            ];
+        }
+        for (lane, [is_near, is_nearest, is_rising]) in bits.into_iter().enumerate() {
+            near |= u32::from(is_near) << (4 * i + lane);
+            nearest |= u32::from(is_nearest) << (4 * i + lane);
+            rising |= u32::from(is_rising) << (4 * i + lane);
         }
     }
-    false
+    let count = 4 * f.len();
+    let after = rising ^ positive;
+    let borders = after & 1 << (count - 2) | !after & 1 << 1;
+    let within = ((1u32 << (count - 1)) - 1) & !1;
+    ((nearest | near & borders) & within, after)
 }
 
 /// Places of the fine scan.
