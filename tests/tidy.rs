@@ -345,7 +345,9 @@ fn only_scenes_benches_and_the_command_line_open_files() {
 
 #[test]
 fn only_the_command_line_prints() {
-    for (name, _) in EDGES.iter().filter(|(n, _)| *n != "cli") {
+    // Tests print what the gate counts.
+    let prints = ["cli", "testing"];
+    for (name, _) in EDGES.iter().filter(|(n, _)| !prints.contains(n)) {
         for path in files(&root().join("crates").join(name).join("src"), &[".rs"]) {
             if is_test_module(&path) {
                 continue;

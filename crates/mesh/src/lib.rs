@@ -11,14 +11,21 @@
 //! use organza_basis::{Budget, Ray};
 //! use organza_mesh::{DrapedMesh, Placement, read_obj};
 //!
-//! # fn main() -> Result<(), organza_mesh::Error> { let square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv
-//! 0 1 0\n\ vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"; // Its unit of
-//! length is a centimetre, of texture coordinates 10 mm of cloth. let placement = Placement {
-//! mm_per_unit: 10.0, mm_per_uv: 10.0, }; // Readers take no more memory than the budget. let
-//! mut budget = Budget::new(1 << 20); let draped = DrapedMesh::new(read_obj(square, placement,
-//! &mut budget)?); let down = Ray::new(Vec3::new(2.0, 7.0, 5.0), Vec3::NEG_Z); let hit =
-//! draped.hit(&down, 0.0, f32::INFINITY).unwrap(); assert!((hit.distance_mm - 5.0).abs() <
-//! 1e-5); assert!((hit.uv_mm - glam::Vec2::new(2.0, 7.0)).length() < 1e-4);
+//! # fn main() -> Result<(), organza_mesh::Error> {
+//! let square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+//!     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+//! // Its unit of length is a centimetre, of texture coordinates 10 mm of cloth.
+//! let placement = Placement {
+//!     mm_per_unit: 10.0,
+//!     mm_per_uv: 10.0,
+//! };
+//! // Readers take no more memory than the budget.
+//! let mut budget = Budget::new(1 << 20);
+//! let draped = DrapedMesh::new(read_obj(square, placement, &mut budget)?);
+//! let down = Ray::new(Vec3::new(2.0, 7.0, 5.0), Vec3::NEG_Z);
+//! let hit = draped.hit(&down, 0.0, f32::INFINITY).unwrap();
+//! assert!((hit.distance_mm - 5.0).abs() < 1e-5);
+//! assert!((hit.uv_mm - glam::Vec2::new(2.0, 7.0)).length() < 1e-4);
 //! # Ok(())
 //! # }
 //! ```
