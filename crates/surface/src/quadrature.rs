@@ -103,8 +103,8 @@ impl<T: Real> Rule<T> {
                 [by_in[lane], by_out[lane], by_side[lane]] = facing(mid + span * xs[lane]);
             }
             for (positive, values) in positive.iter_mut().zip([by_in, by_out, by_side]) {
-                for lane in 0..4 {
-                    *positive |= u32::from(values[lane] > zero) << (4 * i + lane);
+                for (lane, value) in values.iter().enumerate() {
+                    *positive |= u32::from(*value > zero) << (4 * i + lane);
                 }
             }
         }
