@@ -3,13 +3,15 @@
     python3 benches/fabric_tables.py reports DIR [--spp N] [--texels N] [FABRIC ...]
     python3 benches/fabric_tables.py voxels DIR [--spp N]
     python3 benches/fabric_tables.py packed DIR [--spp N] [FABRIC ...]
+    python3 benches/fabric_tables.py models DIR [--spp N] [FABRIC ...]
 
 `reports` fits the surface of every fabric to its volume (with eight times the paths, as
 the noise of the volume adds to the error of the fit) and compares all models of it:
 DIR/FABRIC.toml and DIR/FABRIC/report.html. `voxels` measures reflection and transmission
 of volumes by voxel size against explicit fibres. `packed` measures reflection, scattered
-and direct transmission of packed fibres in voxels of their default size. Files that are there already are not made
-again. ORGANZA names the program, THREADS the number of threads.
+and direct transmission of packed fibres in voxels of their default size, and `models` those of
+explicit fibres, plain virtual scattering and micro-flakes under light at 60 degrees. Files that
+are there already are not made again. ORGANZA names the program, THREADS the number of threads.
 """
 
 import argparse
@@ -193,11 +195,32 @@ def make_packed(folder, fabrics, spp):
     print_table("fabric, light", ["R", "T scattered", "T direct"], rows)
 
 
+def make_models(folder, fabrics, spp):
+    incident = folder / "sixty.csv"
+    incident.write_text("theta_i,phi_i\n60,0\n")
+    models, rows, largest = ["fibres", "plain", "microflake"], [], 0.0
+    for name in fabrics:
+        cells = []
+        for seed, model in enumerate(models):
+            path = folder / f"{name}.{model}.sixty.csv"
+            organza(
+                path, "measure", f"scenes/fabrics/{name}.toml", "--albedo", "--pairs", incident,
+                "--spp", spp, "--model", model, "--seed", seed, "-o", path,
+            )  # fmt: skip
+            with path.open() as file:
+                row = next(csv.DictReader(file))
+            cells.append(", ".join(f"{float(row[f'{part}_g']):.3f}" for part in PARTS))
+            largest = max(largest, *(float(row[f"se_{part}_g"]) for part in PARTS))
+        rows.append((name, cells))
+    print_table("R, T scattered, T direct", models, rows)
+    print(f"largest standard error {largest:.4f}")
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["reports", "voxels", "packed"])
+    parser.add_argument("what", choices=["reports", "voxels", "packed", "models"])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("fabrics", nargs="*", default=FABRICS)
     parser.add_argument("--spp", type=int, help="paths a pair or direction")
@@ -208,6 +231,8 @@ def main():
         make_reports(given.folder, given.fabrics, given.spp or 1024, given.texels)
     elif given.what == "packed":
         make_packed(given.folder, given.fabrics, given.spp or 60_000)
+    elif given.what == "models":
+        make_models(given.folder, given.fabrics, given.spp or 60_000)
     else:
         make_voxels(given.folder, given.spp or 65536)
 

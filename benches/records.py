@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""Lists the records of measurements in benches/runs, and measures those again that are older
+than the code they measured.
+
+    python3 benches/records.py                      every measurement and whether it is old
+    python3 benches/records.py measure [PLACE ...]  runs the commands of the old ones
+
+A PLACE is the name of a measurement as the list prints it, `far.md#levels-against-the-finest`
+for instance; with it, a measurement is made again even if it is not old. Those that have a row
+`not measured again` are left out unless they are named. What the commands print is kept in
+target/records/PLACE.txt, under a head that gives commit, machine and load as rows for the
+record; a measurement whose output is of the same code is not repeated, so an interrupted run
+goes on where it stopped. The figures are then copied into the record by hand.
+
+Commands are the spans of code in the row `command`. They run in the root of the repository
+with `organza` of target/release, which is built first. tests/claims.rs describes the rows.
+"""
+
+import os
+import platform
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RUNS = ROOT / "benches" / "runs"
+OUTPUT = ROOT / "target" / "records"
+COMMIT = re.compile(r"`([0-9a-f]{7,40})`")
+
+
+def anchor(heading):
+    kept = "".join(c for c in heading.strip().lower() if c.isalnum() or c in " -_")
+    return kept.replace(" ", "-")
+
+
+def measurements():
+    """Place and rows of every measurement."""
+    found = []
+    for path in sorted(RUNS.glob("*.md")):
+        place, rows = path.name, None
+        for line in path.read_text().splitlines():
+            if line.startswith("## "):
+                place = f"{path.name}#{anchor(line[3:])}"
+            cells = line.strip("| ").split(" | ", 1)
+            if line.startswith("| commit | "):
+                rows = {}
+                found.append((place, rows))
+            if rows is not None and line.startswith("| ") and len(cells) == 2:
+                rows[cells[0].strip()] = cells[1].strip()
+            else:
+                rows = None
+    return found
+
+
+def git(*arguments):
+    run = subprocess.run(["git", "-C", ROOT, *arguments], capture_output=True, text=True, errors="replace")
+    return run.stdout.strip() if run.returncode == 0 else None
+
+
+def changed_lines(commit, code):
+    """Lines of code, without comments and tests, that differ from the working tree."""
+    paths = [*code, ":(exclude)**/tests/**", ":(exclude)**tests.rs"]
+    difference = git("diff", "-M", "-U0", commit, "--", *paths)
+    if difference is None:
+        sys.exit(f"git knows no commit {commit}: is this clone shallow?")
+    lines = [x for x in difference.splitlines() if re.match(r"[+-](?!\+\+|--)\s*\S", x)]
+    return sum(not x[1:].lstrip().startswith("//") for x in lines)
+
+
+def age(rows):
+    """Lines changed since the commit that the figures hold for."""
+    held = rows.get("still holds", "")
+    if re.match(r"`[^`]*tests/", held):
+        return 0
+    redated = COMMIT.match(held)
+    commit = (redated or COMMIT.search(rows["commit"]))[1]
+    return changed_lines(commit, re.findall(r"`([^`]+)`", rows["code"]))
+
+
+def spans(command):
+    """Spans of code that are commands: names of files and of flags are none."""
+    return [s for s in re.findall(r"`([^`]+)`", command) if " " in s and not s.startswith("-")]
+
+
+def measure(place, rows):
+    """Runs the commands of a measurement, unless their output is of this code."""
+    kept = OUTPUT / f"{place.replace('#', '.')}.txt"
+    if kept.exists():
+        commit = COMMIT.search(kept.read_text())
+        code = re.findall(r"`([^`]+)`", rows["code"])
+        if commit and changed_lines(commit[1], code) == 0:
+            print(f"{place}: measured already, {kept.relative_to(ROOT)}")
+            return
+    commands = spans(rows["command"])
+    if not commands:
+        print(f"{place}: names no command that runs by itself: {rows['command']}")
+        return
+    is_changed = " with uncommitted changes" if git("status", "--porcelain", "-uno") else ""
+    rustc = subprocess.run(["rustc", "--version"], capture_output=True, text=True).stdout
+    load = "/".join(f"{x:.1f}" for x in os.getloadavg())
+    model = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) if Path(
+        "/proc/cpuinfo").exists() else None
+    machine = model[1] if model else platform.processor() or platform.machine()
+    head = (
+        f"| commit | `{git('rev-parse', '--short', 'HEAD')}`{is_changed} |\n"
+        f"| machine | {machine}, {os.cpu_count()} cores, {' '.join(rustc.split()[:2])} |\n"
+        f"| load | averages of {load} over 1, 5 and 15 minutes before |\n\n"
+    )
+    environment = {**os.environ, "PATH": f"{ROOT / 'target/release'}:{os.environ['PATH']}"}
+    text = head
+    for command in commands:
+        print(f"{place}: {command}", flush=True)
+        run = subprocess.run(
+            ["bash", "-c", command], cwd=ROOT, env=environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        if run.returncode:
+            print(f"{place}: failed\n{run.stdout[-2000:]}")
+            return
+        text += f"$ {command}\n{run.stdout}\n"
+    kept.write_text(text)
+    print(f"{place}: {kept.relative_to(ROOT)}")
+
+
+def main():
+    all_of_them = measurements()
+    if len(sys.argv) == 1:
+        for place, rows in all_of_them:
+            lines = age(rows)
+            state = f"{lines} lines of its code changed" if lines else "not older than its code"
+            if lines and "not measured again" in rows:
+                state += f"; not measured again: {rows['not measured again']}"
+            print(f"{place}: {state}")
+        return
+    if sys.argv[1] != "measure":
+        sys.exit(__doc__)
+    named = sys.argv[2:]
+    unknown = set(named) - {place for place, _ in all_of_them}
+    if unknown:
+        sys.exit(f"no such measurement: {', '.join(sorted(unknown))}")
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["cargo", "build", "--release"], cwd=ROOT, check=True)
+    for place, rows in all_of_them:
+        is_due = "not measured again" not in rows and age(rows) > 0
+        if place in named or (not named and is_due):
+            measure(place, rows)
+
+
+if __name__ == "__main__":
+    main()
