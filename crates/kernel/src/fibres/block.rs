@@ -12,7 +12,7 @@ const NOTHING: f32 = 1e30;
 /// Cylinders that end in the planes where they meet their neighbours. Lengths
 /// are counted along the axis from its point nearest to the cell's centre (the
 /// foot) and places from that centre.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Block {
     pub foot: [[f32; BLOCK]; 3],

@@ -1,9 +1,8 @@
 //! A ray on its way from cell to cell.
 
-use super::block::{BLOCK, Block, PieceCode, RayLanes, entries, nearest};
-use super::cells::{Cells, Head};
+use super::block::{BLOCK, RayLanes};
+use super::cells::Cells;
 use super::grid::{Grid, GridPoint};
-use super::hull::{HullBlock, hull_entries};
 use super::joint_table::JointTable;
 use crate::cpu::lanes::Floats;
 use crate::cpu::math::V3;
@@ -23,17 +22,17 @@ const MIN_COMPONENT: f32 = 1e-12;
 #[repr(C, align(64))]
 pub struct CellRay {
     /// From the centre of its cell, mm.
-    at: [f32; 3],
-    direction: [f32; 3],
+    pub(super) at: [f32; 3],
+    pub(super) direction: [f32; 3],
     per_direction: [f32; 3],
     /// Way since its start, mm.
-    gone_mm: f32,
+    pub(super) gone_mm: f32,
     /// Where it ends, mm from its start.
     end_mm: f32,
     /// It meets nothing up to this distance from its start.
     min_mm: f32,
-    cell: [i32; 3],
-    period: [i32; 2],
+    pub(super) cell: [i32; 3],
+    pub(super) period: [i32; 2],
     cells_left: u32,
 }
 
@@ -173,7 +172,11 @@ impl CellRay {
             };
             let count = u64::from(head.block_count) + u64::from(head.hull_count);
             *tests += count * BLOCK as u64;
-            if let Some(hit) = self.search(cells, joints, head, ray, any) {
+            let found = match &cells.lists {
+                None => self.search_copies(cells, joints, head, ray, any),
+                Some(lists) => self.search_lists(cells, lists, joints, ray, any),
+            };
+            if let Some(hit) = found {
                 return Visit::Met(hit);
             }
         }
@@ -219,176 +222,5 @@ impl CellRay {
     pub fn prepare(&self, cells: &Cells) {
         let index = cells.grid.index(IVec3::from_array(self.cell));
         cells.prefetch(index);
-    }
-
-    /// The nearest entry, or any, among the pieces of a cell.
-    #[inline(always)]
-    fn search<F: Floats>(
-        &self,
-        cells: &Cells,
-        joints: &JointTable,
-        head: Head,
-        mut ray: RayLanes<F>,
-        any: bool,
-    ) -> Option<CellHit> {
-        let mut best = None;
-        let first = head.blocks as usize;
-        for block in &cells.blocks[first..first + usize::from(head.block_count)] {
-            for part in (0..BLOCK).step_by(F::LANES) {
-                let found = entries(block, part, &ray);
-                let kept = nearest::<F>(found.met, found.distance, |lane, t| {
-                    let i = part + lane;
-                    PieceCode(block.piece[i]).margin() == 0.0
-                        || self.is_kept(cells, joints, &Place::of_block(block, i), t)
-                });
-                if let Some((lane, t)) = kept {
-                    let place = Place::of_block(block, part + lane);
-                    // Of equals the first one found counts, whatever the lanes.
-                    ray.most = F::splat(t.next_down());
-                    best = Some((place, t));
-                    if any {
-                        return Some(self.hit(joints, &place, t));
-                    }
-                }
-            }
-        }
-        let first = head.hulls as usize;
-        for hull in &cells.hulls[first..first + usize::from(head.hull_count)] {
-            for part in (0..BLOCK).step_by(F::LANES) {
-                let found = hull_entries(hull, part, &ray);
-                let kept = nearest::<F>(found.met, found.distance, |lane, t| {
-                    let i = part + lane;
-                    self.is_kept(cells, joints, &Place::of_hull(hull, i), t)
-                });
-                if let Some((lane, t)) = kept {
-                    let place = Place::of_hull(hull, part + lane);
-                    // Of equals the first one found counts, whatever the lanes.
-                    ray.most = F::splat(t.next_down());
-                    best = Some((place, t));
-                    if any {
-                        break;
-                    }
-                }
-            }
-        }
-        best.map(|(place, t)| self.hit(joints, &place, t))
-    }
-
-    /// Whether a hit lies between the planes that cut a piece.
-    #[inline(always)]
-    fn is_kept(&self, cells: &Cells, joints: &JointTable, place: &Place, t: f32) -> bool {
-        let margin = place.code.margin();
-        if margin == 0.0 {
-            return true;
-        }
-        let (out, along) = self.relative(place, t);
-        let margin = margin * cells.min_edge_mm;
-        if along - place.low > margin && place.high - along > margin {
-            return true;
-        }
-        is_between_planes(joints, place, out, along, cells.slack_mm)
-    }
-
-    /// From the axis to a place of the ray, and how far along the axis.
-    #[inline(always)]
-    fn relative(&self, place: &Place, t: f32) -> (Vec3, f32) {
-        let at = Vec3::from_array(self.at) + t * self.direction();
-        let from = at - place.foot;
-        let along = from.dot(place.axis);
-        (from - along * place.axis, along)
-    }
-
-    #[inline]
-    fn hit(&self, joints: &JointTable, place: &Place, t: f32) -> CellHit {
-        let (out, along) = self.relative(place, t);
-        // Where the side of the piece would begin; no look-up for most.
-        let (nearest, low) = match place.ends {
-            Some((start, end)) => {
-                let mitre = joints.mitres_mm(place.code.piece())[0];
-                (along.clamp(start, end), start - mitre)
-            }
-            None => (along, place.low),
-        };
-        CellHit {
-            piece: place.code.piece(),
-            distance_mm: self.gone_mm + t,
-            axis_at_mm: place.foot + nearest * place.axis,
-            out_mm: out + (along - nearest) * place.axis,
-            along_mm: nearest - low,
-            cell: IVec3::from_array(self.cell),
-            period: IVec2::from_array(self.period),
-        }
-    }
-}
-
-/// Whether a place near an end of a piece, so far from the axis and along it, lies between
-/// the planes that cut the piece. Few hits are: kept out of the way of the others.
-#[inline(never)]
-fn is_between_planes(
-    joints: &JointTable,
-    place: &Place,
-    out: Vec3,
-    along: f32,
-    slack_mm: f32,
-) -> bool {
-    let (first, last) = joints.planes(place.code.piece());
-    let from_start = out + (along - place.start_of(joints)) * place.axis;
-    let from_end = out + (along - place.end_of(joints)) * place.axis;
-    first.is_none_or(|n| from_start.dot(n) >= -slack_mm)
-        && last.is_none_or(|n| from_end.dot(n) <= slack_mm)
-}
-
-/// One piece of a block.
-#[derive(Clone, Copy)]
-struct Place {
-    foot: Vec3,
-    axis: Vec3,
-    low: f32,
-    high: f32,
-    /// Where the axis begins and ends, of a piece with round ends.
-    ends: Option<(f32, f32)>,
-    code: PieceCode,
-}
-
-impl Place {
-    #[inline(always)]
-    fn of_block(block: &Block, i: usize) -> Place {
-        Place {
-            foot: Vec3::from_array([0, 1, 2].map(|k| block.foot[k][i])),
-            axis: Vec3::from_array([0, 1, 2].map(|k| block.axis[k][i])),
-            low: block.low[i],
-            high: block.high[i],
-            ends: None,
-            code: PieceCode(block.piece[i]),
-        }
-    }
-
-    #[inline(always)]
-    fn of_hull(hull: &HullBlock, i: usize) -> Place {
-        Place {
-            foot: Vec3::from_array([0, 1, 2].map(|k| hull.foot[k][i])),
-            axis: Vec3::from_array([0, 1, 2].map(|k| hull.axis[k][i])),
-            low: hull.low[i],
-            high: hull.high[i],
-            ends: Some((hull.start[i], hull.end[i])),
-            code: PieceCode(hull.piece[i]),
-        }
-    }
-
-    /// Where the first joint lies along the axis.
-    #[inline(always)]
-    fn start_of(&self, joints: &JointTable) -> f32 {
-        match self.ends {
-            Some((start, _)) => start,
-            None => self.low + joints.mitres_mm(self.code.piece())[0],
-        }
-    }
-
-    #[inline(always)]
-    fn end_of(&self, joints: &JointTable) -> f32 {
-        match self.ends {
-            Some((_, end)) => end,
-            None => self.high - joints.mitres_mm(self.code.piece())[1],
-        }
     }
 }

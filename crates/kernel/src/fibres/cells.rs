@@ -4,17 +4,20 @@
 //! from cell to cell is cheaper than a descent through a hierarchy. Pieces are
 //! copied into every cell that they reach, in blocks of sixteen, with their
 //! places relative to the cell's centre: everything a ray needs lies side by
-//! side, and single precision is enough wherever the cloth is.
+//! side, and single precision is enough wherever the cloth is. Where memory does not
+//! suffice for copies, cells hold [lists](super::lists) of numbers instead.
 
 use super::block::{BLOCK, Block, MAX_PIECES};
-use super::copies::{Copies, Ends};
+use super::copies::Copies;
 use super::grid::Grid;
 use super::hull::HullBlock;
+use super::lists::Lists;
 use super::reached::for_each_cell;
 use super::strands::Strands;
 use crate::cpu::prefetch;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Width of a cell in radii of the fibres' mean. The time of a path is flat between 6
 /// and 7.5 for cotton and silk, and longer by 3 to 24 % at 4.
@@ -32,7 +35,8 @@ const BATCH: usize = 16_384;
 /// Cells filled by one task.
 const CELLS_PER_TASK: usize = 4096;
 
-/// What stands in a cell.
+/// What stands in a cell. Where cells hold lists, there is one head more than cells, and
+/// `blocks` and `hulls` are the first of its numbers in the lists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Head {
     /// The first of its blocks of each kind.
@@ -56,6 +60,8 @@ pub struct Cells {
     pub heads: Vec<Head>,
     pub blocks: Vec<Block>,
     pub hulls: Vec<HullBlock>,
+    /// In place of most copies, where these take too much memory.
+    pub lists: Option<Lists>,
 }
 
 /// Why fibres cannot be sorted into cells.
@@ -63,7 +69,7 @@ pub struct Cells {
 pub enum Unfit {
     /// There are too many pieces, or too many in one cell.
     TooMany,
-    /// The cells need so many bytes, more than allowed.
+    /// Even lists of numbers need so many bytes, more than allowed.
     Memory(u64),
 }
 
@@ -97,39 +103,46 @@ impl Cells {
         let mean = sum / pieces.len().max(1) as f64;
         let grid = Grid::new(bounds_mm, CELL_RADII * mean, pieces.len(), repeats);
         let copies = Copies::new(strands, &grid, origin_mm);
-        let batches: Vec<Vec<(u32, Reached)>> = pieces
-            .par_chunks(BATCH)
-            .map(|pieces| {
-                let mut found = Vec::with_capacity(8 * pieces.len());
-                for &piece in pieces {
-                    for_each_cell(&grid, &copies.ends(piece), &mut |cell, shift| {
-                        found.push((cell, Reached { piece, shift }));
-                    });
-                }
-                found
-            })
-            .collect();
-        let reached: u64 = batches.iter().map(|b| b.len() as u64).sum();
-        let least = reached * (size_of::<(u32, Reached)>() + size_of::<Reached>()) as u64
-            + (grid.count() * (size_of::<Head>() + 4)) as u64;
-        let copied = reached * size_of::<Block>() as u64 / BLOCK as u64;
-        if least + copied > max_bytes {
-            return Err(Unfit::Memory(least + copied));
+        let counting = grid.count() as u64 * size_of::<[AtomicU32; 2]>() as u64;
+        if counting > max_bytes {
+            return Err(Unfit::Memory(counting));
         }
-        if reached > u64::from(u32::MAX) {
-            return Err(Unfit::TooMany);
-        }
-        let (first, sorted) = sort(grid.count(), batches);
-        let heads = heads(&copies, &first, &sorted).ok_or(Unfit::TooMany)?;
+        let first = starts(&copies, &grid, &pieces).ok_or(Unfit::TooMany)?;
+        let heads = heads(&first).ok_or(Unfit::TooMany)?;
+        let reached = u64::from(first[first.len() - 1]);
         let ends = heads.last().map_or((0, 0), |h| {
             (
                 h.blocks as usize + usize::from(h.block_count),
                 h.hulls as usize + usize::from(h.hull_count),
             )
         });
-        let bytes = least + (ends.0 * size_of::<Block>() + ends.1 * size_of::<HullBlock>()) as u64;
-        if bytes > max_bytes {
-            return Err(Unfit::Memory(bytes));
+        let sorting = reached * (size_of::<(u32, Reached)>() + size_of::<Reached>()) as u64
+            + counting
+            + (heads.len() * size_of::<Head>()) as u64;
+        let copied = (ends.0 * size_of::<Block>() + ends.1 * size_of::<HullBlock>()) as u64;
+        let is_listed = sorting + copied > max_bytes;
+        let listed = sorting + Lists::bytes(0, count);
+        if is_listed && listed > max_bytes {
+            return Err(Unfit::Memory(listed));
+        }
+        let sorted = sort(&copies, &grid, &pieces, &first);
+        let min_edge_mm = grid.cell_mm().min_element() as f32;
+        let mut cells = Cells {
+            half_mm: (0.5 * grid.cell_mm()).as_vec3().to_array(),
+            min_edge_mm,
+            lead_mm: LEAD * min_edge_mm,
+            slack_mm: SLACK * min_edge_mm,
+            grid,
+            heads: Vec::new(),
+            blocks: Vec::new(),
+            hulls: Vec::new(),
+            lists: None,
+        };
+        if is_listed {
+            let (lists, heads, blocks, hulls) = Lists::new(&copies, &first, sorted, heads);
+            (cells.heads, cells.blocks, cells.hulls) = (heads, blocks, hulls);
+            cells.lists = Some(lists);
+            return Ok(cells);
         }
         let mut blocks = vec![Block::empty(); ends.0];
         let mut hulls = vec![HullBlock::empty(); ends.1];
@@ -138,17 +151,8 @@ impl Cells {
             let cells = cell..(cell + CELLS_PER_TASK).min(heads.len());
             fill(&copies, cells, (&first, &sorted), blocks, hulls);
         });
-        let min_edge_mm = grid.cell_mm().min_element() as f32;
-        Ok(Cells {
-            half_mm: (0.5 * grid.cell_mm()).as_vec3().to_array(),
-            min_edge_mm,
-            lead_mm: LEAD * min_edge_mm,
-            slack_mm: SLACK * min_edge_mm,
-            grid,
-            heads,
-            blocks,
-            hulls,
-        })
+        (cells.heads, cells.blocks, cells.hulls) = (heads, blocks, hulls);
+        Ok(cells)
     }
 
     /// Asks for what stands in a cell, whose head has been asked for.
@@ -157,6 +161,9 @@ impl Cells {
         let Some(head) = self.heads.get(index) else {
             return;
         };
+        if let Some(lists) = &self.lists {
+            return lists.prefetch(head);
+        }
         for block in 0..usize::from(head.block_count).min(2) {
             prefetch(&self.blocks, head.blocks as usize + block);
         }
@@ -176,6 +183,7 @@ impl Cells {
         (self.heads.len() * size_of::<Head>()
             + self.blocks.len() * size_of::<Block>()
             + self.hulls.len() * size_of::<HullBlock>()) as u64
+            + self.lists.as_ref().map_or(0, Lists::memory_bytes)
     }
 }
 
@@ -184,42 +192,77 @@ fn radius_mm(strands: Strands<'_>, piece: u32) -> f64 {
     f64::from(a.max(b))
 }
 
-/// Pieces in the order of cells, and where each cell's begin. Within a cell they
-/// keep the order of the batches.
-fn sort(cells: usize, batches: Vec<Vec<(u32, Reached)>>) -> (Vec<u32>, Vec<Reached>) {
-    let mut next = vec![0u32; cells + 1];
-    for (cell, _) in batches.iter().flatten() {
-        next[*cell as usize + 1] += 1;
+/// Calls `found` with every cell that some pieces reach.
+fn for_each_reached(
+    copies: &Copies<'_>,
+    grid: &Grid,
+    pieces: &[u32],
+    found: &mut impl FnMut(u32, Reached),
+) {
+    for &piece in pieces {
+        for_each_cell(grid, &copies.ends(piece), &mut |cell, shift| {
+            found(cell, Reached { piece, shift });
+        });
     }
-    for i in 0..cells {
-        next[i + 1] += next[i];
+}
+
+/// Where the plain pieces and then the others of every cell begin in the order of cells,
+/// and where the last ends; `None` when there are too many.
+fn starts(copies: &Copies<'_>, grid: &Grid, pieces: &[u32]) -> Option<Vec<u32>> {
+    let mut counts: Vec<AtomicU32> = Vec::new();
+    counts.resize_with(2 * grid.count(), AtomicU32::default);
+    pieces.par_chunks(BATCH).for_each(|pieces| {
+        for_each_reached(copies, grid, pieces, &mut |cell, reached| {
+            let kind = usize::from(!copies.is_plain(reached.piece));
+            counts[2 * cell as usize + kind].fetch_add(1, Ordering::Relaxed);
+        });
+    });
+    let mut sum = 0u32;
+    let mut starts: Vec<u32> = counts.into_iter().map(AtomicU32::into_inner).collect();
+    for count in &mut starts {
+        let start = sum;
+        sum = sum.checked_add(*count)?;
+        *count = start;
     }
-    let count = next[cells] as usize;
-    let mut sorted = vec![Reached::default(); count];
+    starts.push(sum);
+    Some(starts)
+}
+
+/// Pieces in the order of cells. Within a cell the plain ones come first, and either keep
+/// the order of their numbers.
+fn sort(copies: &Copies<'_>, grid: &Grid, pieces: &[u32], first: &[u32]) -> Vec<Reached> {
+    let batches: Vec<Vec<(u32, Reached)>> = pieces
+        .par_chunks(BATCH)
+        .map(|pieces| {
+            let mut found = Vec::with_capacity(8 * pieces.len());
+            for_each_reached(copies, grid, pieces, &mut |cell, reached| {
+                found.push((cell, reached));
+            });
+            found
+        })
+        .collect();
+    let mut next = first.to_vec();
+    let mut sorted = vec![Reached::default(); first[first.len() - 1] as usize];
     for (cell, reached) in batches.into_iter().flatten() {
-        let slot = &mut next[cell as usize];
+        let kind = usize::from(!copies.is_plain(reached.piece));
+        let slot = &mut next[2 * cell as usize + kind];
         sorted[*slot as usize] = reached;
         *slot += 1;
     }
-    // Every start has become the next cell's.
-    next.pop();
-    next.insert(0, 0);
-    (next, sorted)
+    sorted
 }
 
 /// Where the blocks of every cell begin; `None` when a cell holds too many.
-fn heads(copies: &Copies<'_>, first: &[u32], sorted: &[Reached]) -> Option<Vec<Head>> {
+fn heads(first: &[u32]) -> Option<Vec<Head>> {
     let (mut blocks, mut hulls) = (0u32, 0u32);
-    first
-        .windows(2)
-        .map(|w| {
-            let own = &sorted[w[0] as usize..w[1] as usize];
-            let plain = own.iter().filter(|r| copies.is_plain(r.piece)).count();
+    (0..first.len() / 2)
+        .map(|cell| {
+            let [a, b, c] = [0, 1, 2].map(|i| first[2 * cell + i] as usize);
             let head = Head {
                 blocks,
                 hulls,
-                block_count: u16::try_from(plain.div_ceil(BLOCK)).ok()?,
-                hull_count: u16::try_from((own.len() - plain).div_ceil(BLOCK)).ok()?,
+                block_count: u16::try_from((b - a).div_ceil(BLOCK)).ok()?,
+                hull_count: u16::try_from((c - b).div_ceil(BLOCK)).ok()?,
             };
             blocks = blocks.checked_add(u32::from(head.block_count))?;
             hulls = hulls.checked_add(u32::from(head.hull_count))?;
@@ -259,19 +302,17 @@ fn fill(
 ) {
     let (mut block, mut hull) = (0, 0);
     for cell in cells {
-        let own = &sorted[first[cell] as usize..first[cell + 1] as usize];
-        let (mut plain, mut others) = (0, 0);
-        for reached in own {
-            let ends: Ends = copies.ends_in(reached, cell);
-            if ends.is_plain {
-                ends.write_block(&mut blocks[block + plain / BLOCK], plain % BLOCK);
-                plain += 1;
-            } else {
-                ends.write_hull(&mut hulls[hull + others / BLOCK], others % BLOCK);
-                others += 1;
-            }
+        let [a, b, c] = [0, 1, 2].map(|i| first[2 * cell + i] as usize);
+        let at = copies.frame().cell_at(cell);
+        for (i, reached) in sorted[a..b].iter().enumerate() {
+            let ends = copies.ends_in(reached, at);
+            ends.write_block(&mut blocks[block + i / BLOCK], i % BLOCK);
         }
-        block += plain.div_ceil(BLOCK);
-        hull += others.div_ceil(BLOCK);
+        for (i, reached) in sorted[b..c].iter().enumerate() {
+            let ends = copies.ends_in(reached, at);
+            ends.write_hull(&mut hulls[hull + i / BLOCK], i % BLOCK);
+        }
+        block += (b - a).div_ceil(BLOCK);
+        hull += (c - b).div_ceil(BLOCK);
     }
 }

@@ -1,11 +1,13 @@
 //! Pieces of fibre on their way into cells.
 
-use super::block::{Block, PieceCode};
+use super::block::{BLOCK, Block, PieceCode};
 use super::cells::Reached;
 use super::grid::Grid;
 use super::hull::HullBlock;
+use super::lists::ListedPiece;
 use super::strands::{Joint, Strands};
 use glam::{DVec3, IVec3};
+use rayon::prelude::*;
 
 /// Mitres that reach farther than this share of a piece's radius would be spikes.
 const MAX_MITRE_RADII: f64 = 4.0;
@@ -13,10 +15,36 @@ const MAX_MITRE_RADII: f64 = 4.0;
 /// The strands, seen from a grid.
 pub struct Copies<'a> {
     strands: Strands<'a>,
-    grid: &'a Grid,
+    frame: Frame,
+}
+
+/// Where strands lie in a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    dims: IVec3,
+    cell_mm: DVec3,
     /// From the grid's least corner to what the strands are counted from.
     offset_mm: DVec3,
-    min_edge_mm: f64,
+}
+
+impl Frame {
+    /// A cell's place in the grid.
+    pub fn cell_at(&self, cell: usize) -> IVec3 {
+        let dims = self.dims.as_usizevec3();
+        IVec3::new(
+            (cell % dims.x) as i32,
+            (cell / dims.x % dims.y) as i32,
+            (cell / (dims.x * dims.y)) as i32,
+        )
+    }
+
+    /// From the centre of a cell to what strands moved by some periods are counted from.
+    #[inline(always)]
+    pub fn from_cell(&self, at: IVec3, [x, y]: [i16; 2]) -> DVec3 {
+        let beyond = IVec3::new(i32::from(x), i32::from(y), 0) * self.dims;
+        let centre = ((at - beyond).as_dvec3() + 0.5) * self.cell_mm;
+        self.offset_mm - centre
+    }
 }
 
 /// A piece in double precision, in the frame of a cell or of the grid.
@@ -35,7 +63,7 @@ pub struct Ends {
     pub cut: [bool; 2],
     /// One radius, and both ends cut.
     pub is_plain: bool,
-    code: PieceCode,
+    pub code: PieceCode,
 }
 
 /// How far a side of some radius goes on beyond a joint whose plane has a normal
@@ -47,13 +75,20 @@ pub fn mitre_mm(normal: DVec3, axis: DVec3, radius_mm: f64) -> f64 {
 }
 
 impl<'a> Copies<'a> {
-    pub fn new(strands: Strands<'a>, grid: &'a Grid, origin_mm: DVec3) -> Copies<'a> {
+    pub fn new(strands: Strands<'a>, grid: &Grid, origin_mm: DVec3) -> Copies<'a> {
         Copies {
             strands,
-            grid,
-            offset_mm: origin_mm - grid.corner_mm(),
-            min_edge_mm: grid.cell_mm().min_element(),
+            frame: Frame {
+                dims: grid.dims,
+                cell_mm: grid.cell_mm(),
+                offset_mm: origin_mm - grid.corner_mm(),
+            },
         }
+    }
+
+    /// Where the strands lie.
+    pub fn frame(&self) -> Frame {
+        self.frame
     }
 
     fn joints(&self, piece: u32) -> [&'a Joint; 2] {
@@ -68,21 +103,44 @@ impl<'a> Copies<'a> {
 
     /// A piece in the frame of the grid's least corner.
     pub fn ends(&self, piece: u32) -> Ends {
-        self.place(piece, self.offset_mm)
+        self.place(piece, self.frame.offset_mm)
     }
 
     /// A piece in the frame of the centre of a cell that it reaches.
-    pub fn ends_in(&self, reached: &Reached, cell: usize) -> Ends {
-        let dims = self.grid.dims.as_usizevec3();
-        let at = IVec3::new(
-            (cell % dims.x) as i32,
-            (cell / dims.x % dims.y) as i32,
-            (cell / (dims.x * dims.y)) as i32,
-        );
-        let [x, y] = reached.shift;
-        let beyond = IVec3::new(i32::from(x), i32::from(y), 0) * self.grid.dims;
-        let centre = ((at - beyond).as_dvec3() + 0.5) * self.grid.cell_mm();
-        self.place(reached.piece, self.offset_mm - centre)
+    pub fn ends_in(&self, reached: &Reached, cell: IVec3) -> Ends {
+        self.place(reached.piece, self.frame.from_cell(cell, reached.shift))
+    }
+
+    /// Up to sixteen plain pieces in the frame of a cell.
+    pub fn block(&self, pieces: &[Reached], cell: IVec3) -> Block {
+        let mut block = Block::empty();
+        for (i, reached) in pieces.iter().enumerate().take(BLOCK) {
+            self.ends_in(reached, cell).write_block(&mut block, i);
+        }
+        block
+    }
+
+    /// Up to sixteen other pieces in the frame of a cell.
+    pub fn hulls(&self, pieces: &[Reached], cell: IVec3) -> HullBlock {
+        let mut hulls = HullBlock::empty();
+        for (i, reached) in pieces.iter().enumerate().take(BLOCK) {
+            self.ends_in(reached, cell).write_hull(&mut hulls, i);
+        }
+        hulls
+    }
+
+    /// Every piece by its number, in the frame of the grid; nothing where a joint begins
+    /// none.
+    pub fn all(&self) -> Vec<ListedPiece> {
+        let mut all = vec![ListedPiece::default(); self.strands.joints.len()];
+        all.par_iter_mut().enumerate().for_each(|(k, piece)| {
+            let strand = |k: usize| self.strands.joints.get(k).map(|j| j.strand);
+            if strand(k) == strand(k + 1) {
+                let ends = self.ends(k as u32);
+                *piece = ListedPiece::new(self.strands.joints[k].position, &ends);
+            }
+        });
+        all
     }
 
     fn place(&self, piece: u32, by: DVec3) -> Ends {
@@ -95,7 +153,7 @@ impl<'a> Copies<'a> {
             true => mitre_mm(j.tangent.as_dvec3(), axis, f64::from(j.radius_mm)),
             false => 0.0,
         });
-        let reach = mitre[0].max(mitre[1]) / self.min_edge_mm;
+        let reach = mitre[0].max(mitre[1]) / self.frame.cell_mm.min_element();
         Ends {
             a: pa,
             b: pb,

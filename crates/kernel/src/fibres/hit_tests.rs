@@ -1,5 +1,6 @@
 //! Hits in cells against all pieces tried.
 
+use super::cells::Unfit;
 use super::exhaustive::{Exhaustive, TriedEntry};
 use super::matter::{FibreEntry, FibreMatter};
 use super::strands::{Joint, Strand, Strands};
@@ -105,6 +106,15 @@ fn fibres() -> Vec<Fibre> {
 }
 
 fn matter(heap: &Heap, origin_mm: Vec3, repeats: bool) -> FibreMatter {
+    matter_within(heap, origin_mm, repeats, u64::MAX).unwrap()
+}
+
+fn matter_within(
+    heap: &Heap,
+    origin_mm: Vec3,
+    repeats: bool,
+    max_bytes: u64,
+) -> Result<FibreMatter, Unfit> {
     let mut box_mm = Aabb::new(origin_mm, origin_mm + PERIOD_MM);
     if !repeats {
         for j in &heap.joints {
@@ -114,7 +124,7 @@ fn matter(heap: &Heap, origin_mm: Vec3, repeats: bool) -> FibreMatter {
         }
     }
     let grid = CellGrid::new(box_mm, UVec3::ONE, repeats).unwrap();
-    FibreMatter::new(heap.strands(), origin_mm, &grid, &fibres(), u64::MAX).unwrap()
+    FibreMatter::new(heap.strands(), origin_mm, &grid, &fibres(), max_bytes)
 }
 
 /// A hit that rounding may decide either way: the ray grazes.
@@ -242,4 +252,39 @@ fn inside_a_fibre_nothing_is_met() {
     let hit = matter.first_hit(inside, along);
     // It runs on within the fibre at least to the next bend.
     assert!(hit.is_none_or(|h| h.distance_mm > 0.02), "{hit:?}");
+}
+
+/// Where memory does not suffice for copies, cells hold lists, which give the same hits
+/// bit for bit, and where it does not suffice for these, fibres are refused.
+#[test]
+fn lists_find_the_hits_of_copies() {
+    let heap = heap();
+    for (seed, repeats) in [(4, true), (5, false)] {
+        let copies = matter(&heap, Vec3::ZERO, repeats);
+        assert!(copies.cells.lists.is_none());
+        let mut allowed = 1024;
+        let lists = loop {
+            match matter_within(&heap, Vec3::ZERO, repeats, allowed) {
+                Ok(lists) => break lists,
+                Err(why) => assert!(matches!(why, Unfit::Memory(n) if n > allowed), "{why:?}"),
+            }
+            allowed += 10_240;
+        };
+        assert!(lists.cells.lists.is_some(), "copies fit into {allowed}");
+        // Most cells have lists: their blocks are put together, not kept.
+        let (kept, all) = (lists.cells.blocks.len(), copies.cells.blocks.len());
+        assert!(20 * kept < all, "{kept} of {all} blocks are copies");
+        assert!(lists.cells.memory_bytes() < copies.cells.memory_bytes());
+        let mut met = 0;
+        for i in 0..rays() {
+            let mut rng = PathRng::new(seed, 0, i);
+            let d = direction(&mut rng, i);
+            let u = Vec3::new(rng.unit(), rng.unit(), rng.unit());
+            let from = (u * PERIOD_MM).as_dvec3() - 0.3 * f64::from(rng.unit()) * d;
+            let found = lists.first_hit(from, d);
+            assert_eq!(found, copies.first_hit(from, d), "seed {seed}: {from} {d}");
+            met += u64::from(found.is_some());
+        }
+        assert!(met > rays() / 4, "seed {seed}: {met} rays meet fibres");
+    }
 }

@@ -10,7 +10,7 @@ const NO_SPHERE: f32 = -1e30;
 /// Hulls of two spheres, of which a plane may cut an end, as
 /// [x describes them; lengths and places as in
 /// [`Block`](super::block::Block).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct HullBlock {
     pub foot: [[f32; BLOCK]; 3],

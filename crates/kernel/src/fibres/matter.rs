@@ -101,6 +101,11 @@ impl FibreMatter {
         self.cells.memory_bytes() + self.joints.memory_bytes() + self.optics.memory_bytes()
     }
 
+    /// Whether memory did not suffice for copies of the fibres, and cells hold lists.
+    pub(crate) fn has_lists(&self) -> bool {
+        self.cells.lists.is_some()
+    }
+
     /// The part of a ray from anywhere that lies in the matter.
     pub(super) fn enter(&self, origin_mm: DVec3, direction: DVec3) -> Option<Entry> {
         let (near, far) = self.clip(origin_mm, direction)?;

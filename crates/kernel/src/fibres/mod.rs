@@ -13,6 +13,7 @@
 
 mod block;
 mod cell_ray;
+mod cell_search;
 pub(crate) mod cells;
 mod copies;
 mod crossing;
@@ -23,6 +24,7 @@ mod grid;
 mod hit_tests;
 mod hull;
 mod joint_table;
+mod lists;
 pub(crate) mod matter;
 mod near_event;
 mod optics;

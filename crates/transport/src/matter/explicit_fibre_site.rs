@@ -59,6 +59,10 @@ impl RayTarget for ExplicitFibres {
         self.cell_grid().repeats()
     }
 
+    fn hierarchy_bytes(&self) -> u64 {
+        self.hierarchy_bytes()
+    }
+
     fn collide_draped(
         &self,
         over: &Draping,

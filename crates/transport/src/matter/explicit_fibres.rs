@@ -72,10 +72,14 @@ pub enum ExplicitFibresError {
     },
 }
 
+/// Peak bytes per joint while fibres are gathered: 36 of the joint, twice, and the
+/// strand's. An estimate.
+const BYTES_PER_JOINT: u64 = 80;
+
 /// Peak bytes per joint while the hierarchy is built, copies at the tile's faces
 /// included: 36 of the joint, 12 per copy, the boxes and the builder's nodes.
 /// An estimate.
-const BYTES_PER_JOINT: u64 = 320;
+const HIERARCHY_BYTES_PER_JOINT: u64 = 320;
 
 /// A ray starts so much before its origin in the hierarchy, which drops boxes
 /// that end within 1e-4 of it.
@@ -195,6 +199,24 @@ impl ExplicitFibres {
         let origin_mm = self.origin_mm.as_vec3();
         let strands = self.curves.strands();
         FibreMatter::new(strands, origin_mm, &self.cell_grid, &self.fibres, max_bytes)
+    }
+
+    /// Checks that the hierarchy, which the general walk builds when it first asks for it,
+    /// will fit into `allowed` bytes together with the fibres.
+    ///
+    /// # Errors
+    /// [`ExplicitFibresError::Memory`].
+    pub fn check_hierarchy(&self, allowed: u64) -> Result<(), ExplicitFibresError> {
+        let needed = self.hierarchy_bytes();
+        if needed > allowed {
+            return Err(ExplicitFibresError::Memory { needed, allowed });
+        }
+        Ok(())
+    }
+
+    /// Peak bytes of the fibres and their hierarchy; an estimate.
+    pub(crate) fn hierarchy_bytes(&self) -> u64 {
+        (self.curves.joints.len() as u64).saturating_mul(HIERARCHY_BYTES_PER_JOINT)
     }
 
     fn hierarchy(&self) -> &Hierarchy {

@@ -130,6 +130,11 @@ impl RayTarget for LevelledCloth {
         self.volumes.iter().all(AnyMedium::is_piecewise_constant)
     }
 
+    fn hierarchy_bytes(&self) -> u64 {
+        let volumes = self.volumes.iter().map(|v| v.target().hierarchy_bytes());
+        volumes.fold(0, u64::saturating_add)
+    }
+
     fn collide(
         &self,
         ray: &Ray,

@@ -47,6 +47,11 @@ pub(crate) trait RayTarget: Sync {
         false
     }
 
+    /// Peak bytes of what the general walk builds when it first meets the matter.
+    fn hierarchy_bytes(&self) -> u64 {
+        0
+    }
+
     /// [`RayTarget::collide`] of what fills a shell.
     fn collide_draped(
         &self,

@@ -41,6 +41,13 @@ impl Scene {
         nearest
     }
 
+    /// Peak bytes of the hierarchies of explicit fibres that the general walk builds when
+    /// it first meets them: an estimate, 0 without explicit fibres.
+    pub fn hierarchy_bytes(&self) -> u64 {
+        let media = self.media.iter().map(|m| m.target().hierarchy_bytes());
+        media.fold(0, u64::saturating_add)
+    }
+
     /// Estimates the transmittance from a point to `reach` mm along a ray,
     /// which may be infinite.
     pub fn transmittance(

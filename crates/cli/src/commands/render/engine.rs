@@ -97,6 +97,7 @@ pub fn choose(
         BackendName::Auto => None,
         BackendName::Kernel(record) => Some(record),
         BackendName::Walk => {
+            check_walk(args, scene, None, max_bytes)?;
             return Ok(Chosen {
                 engine: None,
                 why_walk: None,
@@ -112,13 +113,38 @@ pub fn choose(
             "--backend {}: {why}; --backend auto would use the general walk",
             record.name
         ))),
-        (Err(why), None) => Ok(Chosen {
-            engine: None,
-            why_walk: Some(why),
-        }),
+        (Err(why), None) => {
+            check_walk(args, scene, Some(&why), max_bytes)?;
+            Ok(Chosen {
+                engine: None,
+                why_walk: Some(why),
+            })
+        }
         (Ok(engine), _) => Ok(Chosen {
             engine: Some(engine),
             why_walk: None,
         }),
     }
+}
+
+/// Refuses explicit fibres whose hierarchy, which only the general walk needs, would not
+/// fit into memory; `why` is why the kernel does not render them.
+fn check_walk(
+    args: &RenderArgs,
+    scene: &Scene,
+    why: Option<&KernelRefusal>,
+    max_bytes: u64,
+) -> Result<()> {
+    let mut needed = scene.hierarchy_bytes();
+    if needed <= max_bytes {
+        return Ok(());
+    }
+    if let Some(KernelRefusal::Kernel(Refusal::Memory(in_cells, _))) = why {
+        needed = needed.min(*in_cells);
+    }
+    Err(input(format!(
+        "{}: explicit fibres need about {needed} bytes of memory, {max_bytes} are allowed: use a \
+         smaller tile or allow more",
+        args.scene.display()
+    )))
 }
