@@ -51,7 +51,7 @@ fn help_and_version_succeed_and_show_examples() {
 }
 
 #[test]
-fn scenes_are_told_object_by_object() {
+fn scenes_are_described_object_by_object() {
     let folder = folder("info-scene");
     write_grid_scene(&folder);
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -96,7 +96,7 @@ fn completions_and_manual_pages_know_every_command() {
 }
 
 #[test]
-fn mistakes_in_scenes_are_told_with_place_and_nearest_name() {
+fn mistakes_in_scenes_are_reported_with_place_and_nearest_name() {
     let folder = folder("wrong-scenes");
     write_grid_scene(&folder);
     let say = |from: &str, to: &str| {
@@ -221,7 +221,7 @@ fn the_scenes_and_fabrics_of_the_project_are_good() {
 }
 
 #[test]
-fn the_volumes_of_the_project_can_be_told_and_made_again() {
+fn the_volumes_of_the_project_can_be_listed_and_made_again() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = folder("volumes");
     for (file, kind) in [

@@ -19,7 +19,7 @@ fn wrong_command_lines_end_with_two() {
 }
 
 #[test]
-fn wrong_flags_are_told() {
+fn wrong_flags_are_reported() {
     let folder = folder("running-flags");
     for wrong in [
         &["--samples", "4..4"][..],

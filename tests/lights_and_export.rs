@@ -15,7 +15,7 @@ fn scene_with(folder: &Path, more: &str) -> String {
 }
 
 #[test]
-fn mistakes_in_lights_and_planes_are_told_with_their_key() {
+fn mistakes_in_lights_and_planes_are_reported_with_their_key() {
     let folder = folder("light_mistakes");
     std::fs::write(folder.join("not.exr"), "no picture").unwrap();
     let hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n";

@@ -131,7 +131,7 @@ fn pairs_without_light_are_no_exact_zeros() {
 }
 
 #[test]
-fn wrong_pairs_are_told_with_line_and_column() {
+fn wrong_pairs_are_reported_with_line_and_column() {
     let folder = folder("measure-wrong");
     write_slab(&folder);
     let say = |text: &str| {

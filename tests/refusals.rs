@@ -189,7 +189,7 @@ fn no_input_is_written_over() {
 
 /// Channels of a cloth in the dark, or lights alone, can be meant.
 #[test]
-fn scenes_without_light_or_matter_are_rendered_and_told() {
+fn scenes_without_light_or_matter_are_rendered_and_reported() {
     let folder = folder("refusals-empty");
     write_grid_scene(&folder);
     for (key, words) in [("light=[]", "no [[light]]"), ("object=[]", "no [[object]]")] {
@@ -381,9 +381,9 @@ fn a_bench_does_not_fill_the_folder_of_its_inputs() {
     assert_eq!(fs::read_to_string(&own).unwrap(), fabric);
 }
 
-/// Where the engine depends on the memory allowed, the render says so; the twin has enough.
+/// `render` warns if the allowed memory decides which engine renders. The twin has enough.
 #[test]
-fn a_choice_of_engine_by_memory_is_told() {
+fn a_choice_of_engine_by_memory_is_reported() {
     let folder = folder("engine-by-memory");
     write_grid_scene(&folder);
     let dims = [40, 40, 40];

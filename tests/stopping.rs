@@ -30,7 +30,7 @@ fn the_time_limit_ends_a_render() {
 }
 
 #[test]
-fn errors_that_were_not_reached_or_are_not_known_are_told() {
+fn errors_that_were_not_reached_or_are_not_known_are_reported() {
     let folder = folder("target-missed");
     write_grid_scene(&folder);
     let run = ["render", "scene.toml", "-o", "out.exr", "--target-error"];

@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbours_join_and_overlaps_are_told() {
+    fn neighbours_join_and_overlaps_are_reported() {
         let of = |text: &str| SampleRanges::parse(text).unwrap();
         let joined = of("8..16").joined(&of("0..8")).unwrap();
         assert_eq!(joined.to_string(), "0..16");

@@ -18,8 +18,8 @@ const BLOCKS_PER_THREAD: u32 = 4;
 ///   blocks and the samples into passes. Engines for processors agree bit for bit;
 ///   others agree with them within the noise.
 /// - Threads call [`take`](Engine::take) at the same time, with blocks that share no
-///   pixel. An engine that takes the whole film at once says so by
-///   [`rows_per_block`](Engine::rows_per_block): a pass then has one block, and makes
+///   pixel. An engine that takes the whole film at once returns all rows from
+///   [`rows_per_block`](Engine::rows_per_block): a pass then has one block and makes
 ///   one call.
 /// - A render can be interrupted between blocks, so a block should take no longer than a
 ///   second.

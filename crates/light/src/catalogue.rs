@@ -65,11 +65,11 @@ pub(crate) fn colour(c: [f32; 3], key: &'static str) -> Result<Rgb, LightError> 
 /// 4.29e9, and a sample may be a few times as bright as what lights it.
 pub const MAX_BRIGHTNESS: f32 = 1e9;
 
-/// What a light beyond [`MAX_BRIGHTNESS`] is told.
+/// The message for a light brighter than [`MAX_BRIGHTNESS`].
 pub(crate) fn too_bright(found: f32) -> String {
     format!(
-        "expected at most {MAX_BRIGHTNESS:e}, which samples must fit into, found {found:e}; scale \
-         all lights alike and set render.exposure"
+        "expected at most {MAX_BRIGHTNESS:e}, the limit of samples, found {found:e}; scale all \
+         lights alike and set render.exposure"
     )
 }
 

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn planted_exponents_are_found_and_what_stays_is_told_from_what_grows() {
+    fn planted_exponents_are_found_and_what_stays_is_told_apart_from_what_grows() {
         let sizes = [1.0f64, 2.0, 4.0, 8.0];
         for planted in [0.0, 0.5, 1.0, 2.0] {
             let found = growth(&sizes.map(|x| (x, 3.0 * x.powf(planted)))).unwrap();

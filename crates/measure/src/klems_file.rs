@@ -420,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn mistakes_are_reported() {
         let text = write_klems(&bsdf(), "x").unwrap();
         let say = |text: &str| read_klems(text).unwrap_err().to_string();
         assert!(say("<a/>").contains("Optical"));

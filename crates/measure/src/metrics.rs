@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn reciprocity_is_told_in_standard_errors() {
+    fn reciprocity_is_given_in_standard_errors() {
         let (a, b) = (list(6, 1.0, 0.02), list(7, 1.0, 0.02));
         let most = reciprocity(&a, &b).unwrap();
         assert!(most < 4.5, "{most}");

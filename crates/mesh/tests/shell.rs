@@ -109,7 +109,7 @@ fn every_format_gives_the_same_square() {
 }
 
 #[test]
-fn damage_is_told_and_never_panics() {
+fn damage_is_reported_and_never_panics() {
     let bare = PLY.replace(
         "property float s\nproperty float t\n",
         "property float a\nproperty float b\n",
@@ -291,7 +291,7 @@ fn a_ray_across_sees_the_whole_thickness() {
 }
 
 #[test]
-fn a_bend_tighter_than_the_cloth_is_told() {
+fn a_bend_tighter_than_the_cloth_is_reported() {
     let shell = Shell::new(&bent(0.2, 80), -0.5, 0.5).unwrap();
     assert!(shell.folds().inverted > 0);
 }

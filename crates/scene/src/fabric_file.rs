@@ -277,8 +277,8 @@ impl Fabric {
         self.voxelize_planned(path, &plan, max_memory_bytes, loader)
     }
 
-    /// Voxelizes as planned. Packing factors are measured where the voxels are for
-    /// packed fibres; a warning says so where memory does not suffice for that.
+    /// Voxelizes as planned. Packing factors are measured if the voxels are for packed
+    /// fibres. If memory does not suffice for that, the loader warns.
     ///
     /// # Errors
     /// Segments that cannot be placed.

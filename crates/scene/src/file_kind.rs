@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn other_kinds_are_told_and_wrong_files_left_to_their_readers() {
+    fn other_kinds_are_reported_and_wrong_files_left_to_their_readers() {
         let (fabric, scene) = (
             "[draft]\nweave = 'plain'\n",
             "[camera]\n[[object]]\nfabric = 'a.toml'\n",

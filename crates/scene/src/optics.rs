@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn mistakes_are_reported() {
         let silk = [material("silk", Some(RED))];
         for (text, words) in [
             (

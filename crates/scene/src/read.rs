@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_told_with_place_and_nearest_name() {
+    fn an_unknown_key_is_reported_with_place_and_nearest_name() {
         let e = parse("[inner]\nalbedo = 1.0\nlsit = [1.0]\n", &[]).unwrap_err();
         let words = e.to_string();
         assert!(

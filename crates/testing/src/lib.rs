@@ -21,4 +21,4 @@ pub use folder::file_names;
 pub use picture::environment_with_lamps;
 pub use skipped::skipped;
 pub use table::csv_numbers;
-pub use weave::little_weave;
+pub use weave::{little_weave, twisted_weave};

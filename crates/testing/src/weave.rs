@@ -3,6 +3,7 @@
 use glam::Vec3;
 use organza_basis::Aabb;
 use organza_basis::curve::{Segment, SegmentList, Tile};
+use std::f32::consts::TAU;
 
 /// A repeating tile of 0.2 x 0.2 mm with 24 straight fibres each way, in three layers. The
 /// far ends are moved aside by up to `2 * bend_mm`; the fibres along y are of `material_y`,
@@ -26,4 +27,41 @@ pub fn little_weave(bend_mm: f32, material_y: u16) -> SegmentList {
         repeats: true,
     };
     SegmentList { tile, segments }
+}
+
+/// A repeating tile of 0.3 x 0.3 mm, 0.2 mm thick, with three twisted yarns each way. Yarns
+/// along x are of material 0, those along y of material 1.
+pub fn twisted_weave() -> SegmentList {
+    let (period, steps) = (0.3f32, 16);
+    let mut segments = Vec::new();
+    for fibre in 0..48u32 {
+        let (r, phase) = (0.006 * (fibre as f32 / 2.0).sqrt(), 2.4 * fibre as f32);
+        let (across, warp) = (0.05 + 0.1 * (fibre % 3) as f32, fibre % 2 == 1);
+        let place = |i: i32| {
+            let along = period * i as f32 / steps as f32;
+            let (sin, cos) = (phase + TAU * along / period).sin_cos();
+            let z = if warp { 0.06 } else { 0.14 };
+            let p = Vec3::new(along, across + r * cos, z + r * sin);
+            if warp { Vec3::new(p.y, p.x, p.z) } else { p }
+        };
+        for i in 0..steps {
+            let tangent = |i: i32| (place(i + 1) - place(i - 1)).normalize();
+            segments.push(Segment {
+                start_tangent: tangent(i),
+                end_tangent: tangent(i + 1),
+                fibre,
+                yarn: fibre % 6,
+                material: (fibre % 2) as u16,
+                ..Segment::straight(place(i), place(i + 1), 0.005)
+            });
+        }
+    }
+    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(period, period, 0.2));
+    SegmentList {
+        tile: Tile {
+            bounds_mm,
+            repeats: true,
+        },
+        segments,
+    }
 }

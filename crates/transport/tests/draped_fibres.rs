@@ -3,63 +3,22 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, warp};
+use organza_basis::{Moments, PathRng, Ray, Rgb, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_testing::{dielectric_fibre, sized, twisted_weave};
 use organza_transport::{
     AnyMedium, Camera, CameraPose, DirectionalLight, Draping, EnvironmentLight, ExplicitFibres,
     Hemisphere, Integrator, LevelSteps, LevelledCloth, Light, PixelFilter, Projection, Scene,
     Stats, trace_from,
 };
-use std::f32::consts::TAU;
 
-const PERIOD_MM: f32 = 0.3;
+/// Of the tile of [`twisted_weave`].
 const HEIGHT_MM: f32 = 0.2;
 
-/// Twisted yarns along both axes.
-fn segments() -> SegmentList {
-    let steps = 16;
-    let mut segments = Vec::new();
-    for fibre in 0..48u32 {
-        let (r, phase) = (0.006 * (fibre as f32 / 2.0).sqrt(), 2.4 * fibre as f32);
-        let (across, warp) = (0.05 + 0.1 * (fibre % 3) as f32, fibre % 2 == 1);
-        let place = |i: i32| {
-            let along = PERIOD_MM * i as f32 / steps as f32;
-            let (sin, cos) = (phase + TAU * along / PERIOD_MM).sin_cos();
-            let z = if warp { 0.06 } else { 0.14 };
-            let p = Vec3::new(along, across + r * cos, z + r * sin);
-            if warp { Vec3::new(p.y, p.x, p.z) } else { p }
-        };
-        for i in 0..steps {
-            let tangent = |i: i32| (place(i + 1) - place(i - 1)).normalize();
-            segments.push(Segment {
-                start_tangent: tangent(i),
-                end_tangent: tangent(i + 1),
-                fibre,
-                yarn: fibre % 6,
-                ..Segment::straight(place(i), place(i + 1), 0.005)
-            });
-        }
-    }
-    SegmentList {
-        tile: Tile {
-            bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(PERIOD_MM, PERIOD_MM, HEIGHT_MM)),
-            repeats: true,
-        },
-        segments,
-    }
-}
-
 fn fibres(absorption_radii: f32) -> AnyMedium {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::splat(absorption_radii),
-        longitudinal_rad: 0.1,
-        azimuthal_rad: 0.2,
-    };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let made = ExplicitFibres::new(&segments(), vec![fibre], None, &|_| ()).unwrap();
+    let fibre = dielectric_fibre(Rgb::splat(absorption_radii), 0.1, 0.2);
+    let materials = vec![fibre.clone(), fibre];
+    let made = ExplicitFibres::new(&twisted_weave(), materials, None, &|_| ()).unwrap();
     AnyMedium::ExplicitFibres(made)
 }
 
@@ -152,11 +111,7 @@ fn sky() -> Vec<Light> {
 }
 
 fn paths() -> u64 {
-    if std::env::var_os("ORGANZA_FULL").is_some() {
-        400_000
-    } else {
-        20_000
-    }
+    sized(20_000, 400_000)
 }
 
 /// Standard errors between two means.

@@ -10,8 +10,8 @@
 //! Three factors are kept for each material and level. A ray that leaves a fibre starts
 //! among its neighbours, so what it meets of its own yarn differs from what it meets of
 //! other yarns, which it enters from outside, as does a ray that comes from outside the
-//! cloth. A ray that leaves a yarn counts for two of them: its collisions and depth in
-//! its own yarn, and those in all others.
+//! cloth. A ray that leaves a yarn contributes to two factors: with its collisions and
+//! depth in its own yarn, and with those in all others.
 //!
 //! A ray starts where light leaves the fibre, not where it came in: the volume starts
 //! there as well, and from the entry a ray would first cross its own fibre.

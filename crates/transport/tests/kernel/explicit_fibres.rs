@@ -6,55 +6,28 @@ use crate::{
     agree, film, lens, panels, parallel, record, samples, scene, settings, sky, vector_backends,
 };
 use glam::{UVec2, Vec2, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, Rgb};
+use organza_basis::Rgb;
+use organza_basis::curve::{Segment, SegmentList};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_testing::twisted_weave;
 use organza_transport::*;
-use std::f32::consts::TAU;
 use std::ops::ControlFlow;
 
-/// Twisted fibres of two materials along both axes, and hairs that taper and
-/// leave the tile sideways.
+/// Twisted yarns, and hairs that taper and leave the tile sideways.
 fn segments(repeats: bool) -> SegmentList {
-    let (period, steps) = (0.3f32, 16);
-    let mut segments = Vec::new();
-    for fibre in 0..48u32 {
-        let (r, phase) = (0.006 * (fibre as f32 / 2.0).sqrt(), 2.4 * fibre as f32);
-        let (across, warp) = (0.05 + 0.1 * (fibre % 3) as f32, fibre % 2 == 1);
-        let place = |i: i32| {
-            let along = period * i as f32 / steps as f32;
-            let (sin, cos) = (phase + TAU * along / period).sin_cos();
-            let z = if warp { 0.06 } else { 0.14 };
-            let p = Vec3::new(along, across + r * cos, z + r * sin);
-            if warp { Vec3::new(p.y, p.x, p.z) } else { p }
-        };
-        for i in 0..steps {
-            let tangent = |i: i32| (place(i + 1) - place(i - 1)).normalize();
-            segments.push(Segment {
-                start_tangent: tangent(i),
-                end_tangent: tangent(i + 1),
-                fibre,
-                yarn: fibre % 6,
-                material: (fibre % 2) as u16,
-                ..Segment::straight(place(i), place(i + 1), 0.005)
-            });
-        }
-    }
+    let mut weave = twisted_weave();
+    weave.tile.repeats = repeats;
     for hair in 0..8u32 {
         let from = Vec3::new(0.03 * hair as f32, 0.15, 0.1);
         let to = from + Vec3::new(0.2, 0.05 * hair as f32, 0.1);
-        segments.push(Segment {
+        weave.segments.push(Segment {
             fibre: 100 + hair,
             yarn: 7,
             end_radius_mm: 0.002,
             ..Segment::straight(from, to, 0.005)
         });
     }
-    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(period, period, 0.2));
-    SegmentList {
-        tile: Tile { bounds_mm, repeats },
-        segments,
-    }
+    weave
 }
 
 fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
