@@ -13,9 +13,9 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
-    Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection, RenderSettings,
-    Rendering, Scene, engine, engine_named,
+    AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EngineChoice, EnvironmentLight, Grid,
+    GridMedium, Hemisphere, Integrator, Interpolation, Light, PixelFilter, Projection,
+    RenderSettings, Rendering, Scene, engine, engine_named,
 };
 use std::f32::consts::TAU;
 use std::ops::ControlFlow;
@@ -121,8 +121,8 @@ fn render<'a>(scene: &'a Scene, backend: Option<Backend>) -> Rendering<'a> {
     };
     let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
     if let Some(backend) = backend {
-        let record = engine_named(backend.name());
-        let engine = engine(scene, &settings, record, u64::MAX).unwrap();
+        let choice = EngineChoice::Named(engine_named(backend.name()).unwrap());
+        let engine = engine(scene, &settings, choice, u64::MAX).unwrap();
         rendering = rendering.with_engine(engine);
     }
     rendering

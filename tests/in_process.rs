@@ -2,7 +2,7 @@
 
 use organza_scene::loader::Loader;
 use organza_scene::{LoadedScene, from_str};
-use organza_transport::{Film, RenderSettings, Rendering, Scene, engine};
+use organza_transport::{EngineChoice, Film, RenderSettings, Rendering, Scene, engine};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ pub fn picture(folder: &Path, text: &str, overrides: &[String]) -> Picture {
         crop: None,
     };
     let mut rendering = Rendering::new(&scene, settings.clone()).unwrap();
-    if let Ok(engine) = engine(&scene, &settings, None, u64::MAX) {
+    if let Ok(engine) = engine(&scene, &settings, EngineChoice::Processor, u64::MAX) {
         rendering = rendering.with_engine(engine);
     }
     let rendering = rendering.take(u64::MAX, &|_| ControlFlow::Continue(()));

@@ -161,7 +161,7 @@ fn parts_of_another_engine_are_refused_for_that_reason() {
     assert_eq!(
         merged,
         "organza: b.exr: cannot join a.exr: backend is scalar, but walk in a.exr; render both \
-         with one --backend"
+         with one --engine"
     );
     let run = ["render", "scene.toml", "-o", "c.exr", "--resume"];
     let resume = |more: &[&str]| complaint(&folder, &[&run[..], more].concat());
@@ -169,7 +169,7 @@ fn parts_of_another_engine_are_refused_for_that_reason() {
     assert_eq!(
         resume(&[&walked[..], &["--backend", "scalar"]].concat()),
         "organza: walk.state: is a checkpoint of the general walk; this render is of the kernel; \
-         continue with --backend walk"
+         continue with --engine walk"
     );
     let by_kernel = ["--samples", "2..4", "--checkpoint", "scalar.state"];
     assert_eq!(

@@ -166,8 +166,8 @@ fn describe_difference(
         Difference::Engine => {
             let remedy = match (here.engine, why_walk) {
                 (EngineKind::Walk, Some(why)) => format!(", for {why}"),
-                (EngineKind::Walk, None) => "; leave out --backend walk".to_owned(),
-                (EngineKind::Kernel, _) => "; continue with --backend walk".to_owned(),
+                (EngineKind::Walk, None) => "; leave out --engine walk".to_owned(),
+                (EngineKind::Kernel, _) => "; continue with --engine walk".to_owned(),
             };
             format!(
                 "is a checkpoint of {}; this render is of {}{remedy}",

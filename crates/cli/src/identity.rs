@@ -12,8 +12,9 @@ use toml::{Table, Value};
 /// The version of this program, which decides what a sample is.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What takes the paths. Both estimate the same picture, with other random
-/// numbers; all back ends of the kernel give the same bits.
+/// What takes the paths. Both estimate the same picture, with other random numbers. All
+/// engines of the kernel draw the same numbers, so that samples of several make one
+/// picture; those for processors give the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EngineKind {

@@ -58,6 +58,16 @@ impl Brightness {
         }
     }
 
+    /// The unit of values is `2^(exponent - 40)`, that of squares `2^(2 exponent - 40)`.
+    pub fn exponent(&self) -> i32 {
+        self.exponent
+    }
+
+    /// Samples from here on are counted one by one.
+    pub fn most(&self) -> f32 {
+        self.most
+    }
+
     /// Places by which a sum of values is shifted in units of `2^-bits`.
     pub fn value_shift(&self, bits: i32) -> i32 {
         bits - BITS + self.exponent

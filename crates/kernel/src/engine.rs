@@ -23,6 +23,8 @@ const BLOCKS_PER_THREAD: u32 = 4;
 ///   one call.
 /// - A render can be interrupted between blocks, so a block should take no longer than a
 ///   second.
+/// - An engine off the processor can be lost. It then leaves the block as it was, and
+///   another engine takes it from the start.
 pub trait Engine: Send + Sync {
     /// Its name on the command line and in pictures.
     fn name(&self) -> &'static str;
@@ -38,7 +40,15 @@ pub trait Engine: Send + Sync {
     }
 
     /// Takes the samples of a block.
-    fn take(&self, block: &mut Block<'_>) -> Stats;
+    ///
+    /// # Errors
+    /// What walks the paths is gone; the block is then as it was.
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost>;
+
+    /// Why another engine goes on in this one's place, if it does.
+    fn loss(&self) -> Option<&Lost> {
+        None
+    }
 }
 
 impl Engine for Box<dyn Engine> {
@@ -54,10 +64,20 @@ impl Engine for Box<dyn Engine> {
         (**self).rows_per_block(rows, threads)
     }
 
-    fn take(&self, block: &mut Block<'_>) -> Stats {
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         (**self).take(block)
     }
+
+    fn loss(&self) -> Option<&Lost> {
+        (**self).loss()
+    }
 }
+
+/// What walked the paths is gone, such as a graphics adapter that was reset: why, in the
+/// words of its driver.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the device that traced the paths was lost: {0}")]
+pub struct Lost(pub String);
 
 /// An engine for a scene, or why there is none.
 pub type MadeEngine = Result<Box<dyn Engine>, Refusal>;
@@ -70,8 +90,12 @@ pub struct EngineRecord {
     pub name: &'static str,
     /// One line for help texts, without a full stop.
     pub summary: &'static str,
+    /// What a computer must have for it, in words after "needs".
+    pub needs: &'static str,
     /// Whether this computer has it.
     pub is_available: fn() -> bool,
+    /// Whether it may be chosen when the user names no engine.
+    pub is_automatic: fn() -> bool,
     /// The engine for a scene of voxels. It refuses a scene that it cannot hold.
     pub for_voxels: fn(Arc<FlatScene>) -> MadeEngine,
     /// The engine for a scene of explicit fibres.
@@ -88,6 +112,9 @@ impl EngineRecord {
         if (self.is_available)() {
             return Ok(());
         }
-        Err(Refusal::Unavailable(self.name))
+        Err(Refusal::Unavailable {
+            engine: self.name,
+            needs: self.needs,
+        })
     }
 }

@@ -28,19 +28,19 @@ impl LaidOut {
         }
     }
 
-    /// The fastest of some engines, which are listed slowest first, that this computer has
-    /// and that takes the scene.
+    /// The fastest of some engines, which are listed slowest first, that may be chosen and
+    /// that takes the scene.
     ///
     /// # Errors
     /// When none does: why the fastest does not.
     pub fn fastest_engine(&self, engines: &[EngineRecord]) -> MadeEngine {
         let mut why = None;
-        for record in engines.iter().rev().filter(|e| (e.is_available)()) {
+        for record in engines.iter().rev().filter(|e| (e.is_automatic)()) {
             match self.engine(record) {
                 Ok(engine) => return Ok(engine),
                 Err(refusal) => why = why.or(Some(refusal)),
             }
         }
-        Err(why.unwrap_or(Refusal::Unavailable("auto")))
+        Err(why.unwrap_or(Refusal::NoEngine))
     }
 }

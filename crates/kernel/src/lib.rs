@@ -3,8 +3,8 @@
 //! Matter that is described by the trait [`Matter`], with lights and a camera, becomes a
 //! [`FlatScene`]; explicit fibres become a [`fibres::FibreScene`]. Both are data and
 //! know no back end. An [`Engine`] fills films with their paths. [`ENGINES`] lists the
-//! engines; all of them are for processors today, and walk one path in each lane of a
-//! vector. The source of a walk is written once for every [`Backend`], so the back end
+//! engines. Those for processors walk one path in each lane of a vector; with the feature
+//! `gpu` there is one for graphics adapters. The source of a walk is written once for every [`Backend`], so the back end
 //! makes no difference to any bit of the picture.
 //!
 //! The kernel knows neither the general walk nor its media. What it cannot render is a
@@ -18,6 +18,7 @@
 //! # Modules
 //! - [`cpu`]: the engines for processors, their lanes, and the code for their
 //!   instructions.
+//! - [`gpu`]: the engine for graphics adapters, with the feature `gpu`.
 //! - [`fibres`]: explicit fibres in cells, and the walk of waves of paths among them.
 //! - [`voxels`]: micro-flakes and virtual fibres in voxels, and the walk of lanes
 //!   through them.
@@ -27,21 +28,29 @@ mod block;
 mod catalogue;
 #[allow(missing_docs)]
 mod cpu;
+mod devices;
 mod engine;
 pub mod fibres;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+#[cfg(not(feature = "gpu"))]
+mod gpu_absent;
 mod laid_out;
 mod matter;
 pub mod proofs;
 mod refusal;
+mod reserve;
 mod roulette;
 mod voxels;
 
 pub use block::Block;
-pub use catalogue::{ENGINES, engine_named};
+pub use catalogue::{CPU_ENGINES, ENGINES, devices, engine_named};
 pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
-pub use engine::{Engine, EngineRecord, MadeEngine};
+pub use devices::{DeviceKind, DeviceSummary};
+pub use engine::{Engine, EngineRecord, Lost, MadeEngine};
 pub use laid_out::LaidOut;
 pub use matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
 pub use refusal::Refusal;
+pub use reserve::Reserve;
 pub use voxels::fibre_tables::end_on_ratio;
 pub use voxels::flat_scene::{FlatScene, View};

@@ -2,6 +2,7 @@
 
 use crate::voxels::fibre_tables::FibreTables;
 use crate::voxels::flat_scene::FlatScene;
+use organza_film::Brightness;
 use organza_scatter::Fibre;
 
 /// What is wrong with a scene.
@@ -16,6 +17,9 @@ pub enum Fault<'a> {
     NoLamps,
     /// Light scatters as from these fibres.
     Fibres(&'a [Fibre]),
+    /// Samples are summed as if lights were this bright: no fault, but samples are then
+    /// counted one by one.
+    Dim(f32),
     /// The scale of far fields, a factor of every event, is rounded to nine bits.
     RoundedScale,
 }
@@ -37,6 +41,7 @@ impl FlatScene {
                 .iter_mut()
                 .for_each(|sky| sky.show_lamps_to_all()),
             Fault::NoLamps => self.skies.iter_mut().for_each(|sky| sky.lamps.clear()),
+            Fault::Dim(light) => self.brightness = Brightness::of(light),
             Fault::RoundedScale => self.fibres.round_scales(),
             Fault::Fibres(fibres) => self.fibres = FibreTables::new(fibres.iter()),
         }

@@ -34,8 +34,25 @@ pub enum Refusal {
     #[error("there are more pieces of fibre than cells can hold")]
     TooManyPieces,
     /// The computer lacks what an engine needs.
-    #[error("this computer does not have what the engine {0} needs")]
-    Unavailable(&'static str),
+    #[error("the engine {engine} needs {needs}, which this computer does not have")]
+    Unavailable {
+        /// The engine.
+        engine: &'static str,
+        /// What it needs.
+        needs: &'static str,
+    },
+    /// No engine may be chosen.
+    #[error("this computer has no engine of the kernel")]
+    NoEngine,
+    /// More than a graphics adapter can hold.
+    #[error("its tables take {0} bytes, and the graphics adapter binds at most {1}")]
+    Binding(u64, u64),
+    /// A graphics adapter that is there but cannot be used.
+    #[error("the graphics adapter could not be opened, or does not take the program")]
+    Unopened,
+    /// A scene that an engine does not take although another one does.
+    #[error("the engine gpu does not take {0} yet")]
+    NotYet(&'static str),
 }
 
 impl Refusal {

@@ -4,7 +4,8 @@
 use crate::{AnyMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent};
 use organza_kernel::fibres::FibreScene;
 use organza_kernel::{
-    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter, Refusal, View,
+    Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter,
+    Refusal, Reserve, View,
 };
 use std::sync::Arc;
 
@@ -40,26 +41,45 @@ pub enum KernelRefusal {
     Kernel(#[from] Refusal),
 }
 
-/// The engine of a record for a scene or, without a record, the fastest one that this
-/// computer has and that takes the scene. Matter and tables have at most `max_bytes`
-/// bytes.
+/// Which engine of the kernel renders a scene.
+#[derive(Clone, Copy, Debug)]
+pub enum EngineChoice {
+    /// The fastest that this computer has and that takes the scene. One off the processor
+    /// is backed by one for the processor, which goes on if it is lost.
+    Fastest,
+    /// The same among those for the processor.
+    Processor,
+    /// That of a record.
+    Named(&'static EngineRecord),
+}
+
+/// The engine for a scene. Matter and tables have at most `max_bytes` bytes.
 ///
 /// # Errors
 /// Why the general walk must render the scene.
 pub fn engine(
     scene: &Scene,
     settings: &RenderSettings,
-    record: Option<&EngineRecord>,
+    choice: EngineChoice,
     max_bytes: u64,
 ) -> Result<Box<dyn Engine>, KernelRefusal> {
-    if let Some(record) = record {
+    if let EngineChoice::Named(record) = choice {
         // Before anything is laid out in vain.
         record.check()?;
     }
     let laid_out = lay_out(scene, settings, max_bytes)?;
-    Ok(match record {
-        Some(record) => laid_out.engine(record)?,
-        None => laid_out.fastest_engine(ENGINES)?,
+    Ok(match choice {
+        EngineChoice::Named(record) => laid_out.engine(record)?,
+        EngineChoice::Processor => laid_out.fastest_engine(CPU_ENGINES)?,
+        EngineChoice::Fastest => {
+            let engine = laid_out.fastest_engine(ENGINES)?;
+            if CPU_ENGINES.iter().any(|cpu| cpu.name == engine.name()) {
+                return Ok(engine);
+            }
+            Box::new(Reserve::new(engine, move || {
+                laid_out.fastest_engine(CPU_ENGINES)
+            }))
+        }
     })
 }
 

@@ -83,7 +83,7 @@ mod kernel_matter;
 mod matter;
 mod walk;
 
-pub use engine::{KernelRefusal, engine, fibre_probe, flatten};
+pub use engine::{EngineChoice, KernelRefusal, engine, fibre_probe, flatten};
 pub use matter::*;
 pub use walk::*;
 
@@ -95,8 +95,8 @@ pub use organza_film::{
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
 pub use organza_kernel::{
-    Backend, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, ProbePaths,
-    VoxelEngine, engine_named,
+    Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut,
+    ProbePaths, VoxelEngine, engine_named,
 };
 pub use organza_light::{
     DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,

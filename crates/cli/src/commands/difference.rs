@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(
     about = "Compare two pictures pixel by pixel: differences, their significance, and FLIP",
-    after_help = "Example:\n  organza render scenes/first_light.toml -o a.exr --seed 1\n  organza render scenes/first_light.toml -o b.exr --seed 2 --backend walk\n  organza difference a.exr b.exr -o difference.exr\n\nTwo renders of one expectation with independent noise have a root mean square z of 1,\nand 0.27 % of their values differ by more than three standard errors."
+    after_help = "Example:\n  organza render scenes/first_light.toml -o a.exr --seed 1\n  organza render scenes/first_light.toml -o b.exr --seed 2 --engine walk\n  organza difference a.exr b.exr -o difference.exr\n\nTwo renders of one expectation with independent noise have a root mean square z of 1,\nand 0.27 % of their values differ by more than three standard errors."
 )]
 pub struct DifferenceArgs {
     /// The picture to compare with, in any format that can be read

@@ -7,6 +7,7 @@ use crate::{output, picture};
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
+use organza_kernel::DeviceKind;
 use organza_light::LightTable;
 use organza_scene::BuildOptions;
 use organza_scene::loader::Loader;
@@ -22,10 +23,14 @@ use std::path::{Path, PathBuf};
 
 /// `organza info`
 #[derive(Debug, Args)]
-#[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
+#[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it; or list graphics adapters", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
 pub struct InfoArgs {
     /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt) or picture that `render` wrote (.exr)
-    pub file: PathBuf,
+    #[arg(required_unless_present = "devices", conflicts_with = "devices")]
+    pub file: Option<PathBuf>,
+    /// List the graphics adapters that `render --engine gpu` can use, the preferred one first
+    #[arg(long)]
+    pub devices: bool,
     /// Print as JSON
     #[arg(long)]
     pub json: bool,
@@ -54,7 +59,9 @@ pub fn run(args: &InfoArgs) -> Result<()> {
 }
 
 fn tell(args: &InfoArgs) -> Result<Value> {
-    let path = args.file.as_path();
+    let Some(path) = args.file.as_deref() else {
+        return Ok(devices_info());
+    };
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let fail = |e: String| input(format!("{}: {e}", path.display()));
     if let Some(key) = args.common.set.first()
@@ -94,6 +101,33 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             },
             input,
         )),
+    }
+}
+
+/// The graphics adapters.
+fn devices_info() -> Value {
+    let Some(devices) = organza_kernel::devices() else {
+        return json!({
+            "devices": "this program was built without graphics cards; cargo build --features gpu",
+        });
+    };
+    let listed: Vec<Value> = devices
+        .iter()
+        .map(|device| {
+            json!({
+                "name": device.name,
+                "kind": device.kind.name(),
+                "interface": device.interface,
+                "driver": device.driver,
+                "chosen_by_auto": device.kind != DeviceKind::Software,
+                "max_binding_bytes": device.max_binding_bytes,
+                "max_buffers": device.max_buffers,
+            })
+        })
+        .collect();
+    match listed.is_empty() {
+        true => json!({ "devices": "none with Vulkan, Metal or Direct3D 12" }),
+        false => json!({ "devices": listed }),
     }
 }
 

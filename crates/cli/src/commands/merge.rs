@@ -12,7 +12,7 @@ use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
 use organza_picture::{Attributes, Rendered};
-use organza_transport::{Backend, Film};
+use organza_transport::{ENGINES, Film};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -127,7 +127,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             Difference::Version => differ("version"),
             Difference::Seed => differ("seed"),
             Difference::Crop => differ("crop"),
-            Difference::Engine => differ("backend") + "; render both with one --backend",
+            Difference::Engine => differ("backend") + "; render both with one --engine",
             Difference::Scene => "the scenes differ".to_owned(),
             Difference::Input(name) => format!("the contents of {name} differ"),
         };
@@ -189,15 +189,15 @@ fn identity(part: &Part<'_>) -> Result<Identity> {
     })
 }
 
-/// The back ends of a picture of two parts. Those of the vector kernel give the
-/// same bits and may stand side by side, `avx2+avx512`; `None` for others that
+/// The engines of a picture of two parts. Those of the kernel draw the same random numbers,
+/// so that parts of several may stand side by side, `avx512+gpu`; `None` for others that
 /// differ.
 fn joined_backends(a: &str, b: &str) -> Option<String> {
     if a == b {
         return Some(a.to_owned());
     }
     let names: BTreeSet<&str> = a.split('+').chain(b.split('+')).collect();
-    let is_kernel = |name: &&str| Backend::ALL.iter().any(|backend| backend.name() == *name);
+    let is_kernel = |name: &&str| ENGINES.iter().any(|engine| engine.name == *name);
     let joined = names.iter().copied().collect::<Vec<_>>().join("+");
     names.iter().all(is_kernel).then_some(joined)
 }
@@ -207,12 +207,13 @@ mod tests {
     use super::joined_backends;
 
     #[test]
-    fn parts_of_back_ends_with_the_same_bits_join() {
+    fn parts_of_engines_of_the_kernel_join() {
         let joined = |a, b| joined_backends(a, b);
         assert_eq!(joined("walk", "walk").as_deref(), Some("walk"));
         assert_eq!(joined("avx512", "avx2").as_deref(), Some("avx2+avx512"));
         let three = joined("avx2+avx512", "scalar");
         assert_eq!(three.as_deref(), Some("avx2+avx512+scalar"));
+        assert_eq!(joined("gpu+avx2", "gpu").as_deref(), Some("avx2+gpu"));
         assert_eq!(joined("walk", "avx2"), None);
         assert_eq!(joined("avx2", ""), None);
     }

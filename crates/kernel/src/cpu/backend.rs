@@ -61,4 +61,13 @@ impl Backend {
             Backend::Avx512 => "avx512",
         }
     }
+
+    /// What a processor must have for it.
+    pub const fn needs(self) -> &'static str {
+        match self {
+            Backend::Scalar => "nothing",
+            Backend::Avx2 => "a processor with AVX2 and FMA",
+            Backend::Avx512 => "a processor with AVX-512 F, BW, DQ and VL",
+        }
+    }
 }

@@ -4,7 +4,7 @@ use super::backend::Backend;
 use super::dispatch::{Job, dispatch_sixteen};
 use super::lanes::Floats;
 use crate::block::Block;
-use crate::engine::Engine;
+use crate::engine::{Engine, Lost};
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::walk::Walk;
 use crate::fibres::work::{FilmWork, Work};
@@ -25,7 +25,10 @@ impl FibreEngine {
     /// When the processor lacks them.
     pub fn new(scene: Arc<FibreScene>, backend: Backend) -> Result<FibreEngine, Refusal> {
         if !backend.is_available() {
-            return Err(Refusal::Unavailable(backend.name()));
+            return Err(Refusal::Unavailable {
+                engine: backend.name(),
+                needs: backend.needs(),
+            });
         }
         Ok(FibreEngine { scene, backend })
     }
@@ -40,7 +43,7 @@ impl Engine for FibreEngine {
         self.scene.memory_bytes()
     }
 
-    fn take(&self, block: &mut Block<'_>) -> Stats {
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let scene = &*self.scene;
         let mut work = FilmWork::new(block, &scene.camera, scene.seed, scene.brightness);
         let walk = Walk {
@@ -48,7 +51,7 @@ impl Engine for FibreEngine {
             lights: &scene.lights,
             max_bounces: scene.max_bounces,
         };
-        run(&walk, self.backend, &mut work)
+        Ok(run(&walk, self.backend, &mut work))
     }
 }
 

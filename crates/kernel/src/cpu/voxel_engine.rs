@@ -4,7 +4,7 @@ use super::backend::Backend;
 use super::dispatch::{Job, dispatch_widest};
 use super::lanes::Floats;
 use crate::block::Block;
-use crate::engine::Engine;
+use crate::engine::{Engine, Lost};
 use crate::refusal::Refusal;
 use crate::voxels::flakes::Mirrors;
 use crate::voxels::flat_scene::FlatScene;
@@ -26,7 +26,10 @@ impl VoxelEngine {
     /// When the processor lacks them.
     pub fn new(scene: Arc<FlatScene>, backend: Backend) -> Result<VoxelEngine, Refusal> {
         if !backend.is_available() {
-            return Err(Refusal::Unavailable(backend.name()));
+            return Err(Refusal::Unavailable {
+                engine: backend.name(),
+                needs: backend.needs(),
+            });
         }
         Ok(VoxelEngine { scene, backend })
     }
@@ -41,9 +44,9 @@ impl Engine for VoxelEngine {
         self.scene.memory_bytes()
     }
 
-    fn take(&self, block: &mut Block<'_>) -> Stats {
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let scene = &*self.scene;
-        dispatch_widest(self.backend, Walk { scene, block })
+        Ok(dispatch_widest(self.backend, Walk { scene, block }))
     }
 }
 

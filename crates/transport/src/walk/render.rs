@@ -3,9 +3,10 @@
 use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
-use organza_kernel::{Block, Engine};
+use organza_kernel::{Block, Engine, Lost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A rectangle of the film: `min` inside, `max` outside.
@@ -63,6 +64,9 @@ pub enum RenderError {
         /// Out of how many.
         lookups: u64,
     },
+    /// The device that traced the paths is gone.
+    #[error(transparent)]
+    Lost(#[from] Lost),
     /// The progress callback asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -154,7 +158,7 @@ impl<'a> Rendering<'a> {
     /// Takes the next `samples` of every pixel, or as many as are left.
     ///
     /// # Errors
-    /// A majorant violation, or `watch` broke; what was gathered is then lost.
+    /// A majorant violation, a lost device, or `watch` broke; what was gathered is then lost.
     pub fn take(mut self, samples: u64, watch: &Watch<'_>) -> Result<Self, RenderError> {
         if self.left() == 0 {
             return Ok(self);
@@ -165,7 +169,7 @@ impl<'a> Rendering<'a> {
         let paths = |samples: u64| samples * u64::from(size.x) * u64::from(size.y);
         let paths_total = paths(range.end.saturating_sub(range.start));
         let paths_done = AtomicU64::new(paths(self.next - range.start));
-        let stopped = AtomicBool::new(false);
+        let (stopped, lost) = (AtomicBool::new(false), OnceLock::new());
         let (scene, settings, crop) = (self.scene, &self.settings, self.crop);
         let clamp = self.clamp.unwrap_or(f32::INFINITY);
         let engine = self.engine.as_deref();
@@ -190,7 +194,14 @@ impl<'a> Rendering<'a> {
                         min,
                         samples: indices.start as u32..indices.end as u32,
                     };
-                    stats = engine.take(&mut block);
+                    match engine.take(&mut block) {
+                        Ok(found) => stats = found,
+                        Err(gone) => {
+                            let _ = lost.set(gone);
+                            stopped.store(true, Ordering::Relaxed);
+                            return stats;
+                        }
+                    }
                 } else {
                     for (column, out) in pixels.iter_mut().enumerate() {
                         let pixel = min + UVec2::new(column as u32, 0);
@@ -212,6 +223,9 @@ impl<'a> Rendering<'a> {
                 a
             });
         self.stats.merge(&stats);
+        if let Some(lost) = lost.into_inner() {
+            return Err(lost.into());
+        }
         if stopped.load(Ordering::Relaxed) {
             return Err(RenderError::Interrupted);
         }

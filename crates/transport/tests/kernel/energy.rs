@@ -114,7 +114,7 @@ fn walks_end_in_the_densest_matter() {
 
 /// An endless slab of white fibres that run along x but for random bends, with that blur
 /// and an optical depth of 0.04 for each of them.
-fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
+pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
     let parameters = DielectricParameters {
         ior: 1.55,
         absorption_radii: Rgb::BLACK,

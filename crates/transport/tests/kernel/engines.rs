@@ -21,7 +21,7 @@ impl Engine for WholeFilm {
         rows
     }
 
-    fn take(&self, block: &mut Block<'_>) -> Stats {
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         self.blocks.fetch_add(1, Ordering::Relaxed);
         self.engine.take(block)
     }
@@ -64,13 +64,20 @@ fn an_engine_that_refuses_a_scene_leaves_it_to_the_next() {
     let absent = EngineRecord {
         name: "absent",
         is_available: || false,
+        is_automatic: || false,
         ..scalar
     };
     let name = |engines: &[EngineRecord]| laid_out.fastest_engine(engines).map(|e| e.name());
     assert_eq!(name(&[scalar, full, absent]), Ok("scalar"));
     assert_eq!(name(&[full, absent]), Err(Refusal::Memory(2, 1)));
     let named = laid_out.engine(&absent).map(|e| e.name());
-    assert_eq!(named, Err(Refusal::Unavailable("absent")));
+    assert_eq!(
+        named,
+        Err(Refusal::Unavailable {
+            engine: "absent",
+            needs: scalar.needs,
+        })
+    );
 }
 
 #[test]

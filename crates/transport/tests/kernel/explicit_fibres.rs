@@ -45,7 +45,13 @@ fn cut() -> AnyMedium {
 }
 
 fn by_cells(scene: &Scene, settings: &RenderSettings, backend: Backend) -> (Film, Stats) {
-    let walks = engine(scene, settings, Some(record(backend)), u64::MAX).unwrap();
+    let walks = engine(
+        scene,
+        settings,
+        EngineChoice::Named(record(backend)),
+        u64::MAX,
+    )
+    .unwrap();
     let rendering = Rendering::new(scene, settings.clone()).unwrap();
     let all = settings.samples.end;
     let rendering = rendering.with_engine(walks);
@@ -107,7 +113,7 @@ fn back_ends_walk_fibres_alike() {
             assert!(film == first, "{name}: {backend:?}");
         }
         // Samples in other portions, by another number of threads.
-        let walks = engine(&scene, &settings, None, u64::MAX).unwrap();
+        let walks = engine(&scene, &settings, EngineChoice::Fastest, u64::MAX).unwrap();
         let rendering = Rendering::new(&scene, settings.clone()).unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let film = pool.unwrap().install(|| {
@@ -153,7 +159,7 @@ fn cells_that_do_not_fit_are_refused() {
     let flat = Projection::Orthographic { width_mm: 0.4 };
     let scene = scene(fibres_of(true, silk_and_cotton()), parallel(), flat);
     let settings = settings(0..1, 1);
-    let refused = engine(&scene, &settings, None, 1000).err();
+    let refused = engine(&scene, &settings, EngineChoice::Fastest, 1000).err();
     let refused = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(refused.contains("more than 1000"), "{refused}");
     assert_eq!(scene.camera.resolution(), UVec2::new(7, 5));

@@ -5,6 +5,8 @@
 mod energy;
 mod engines;
 mod explicit_fibres;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod pictures;
 mod virtual_fibres;
 
@@ -12,7 +14,7 @@ use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::hypothesis::{Verdict, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
-use organza_kernel::{Block, Refusal, Unsuited};
+use organza_kernel::{Block, Lost, Refusal, Unsuited};
 use organza_testing::little_weave;
 use organza_transport::*;
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
@@ -27,6 +29,11 @@ const SIZE_MM: Vec3 = Vec3::new(0.26, 0.2, 0.16);
 /// Two crossing bundles of fibres with air around them; density varies from
 /// voxel to voxel.
 fn grid(repeats: bool) -> GridMedium {
+    grid_of(repeats, 1.0)
+}
+
+/// The same with albedos times a factor.
+fn grid_of(repeats: bool, factor: f32) -> GridMedium {
     let mut rng = PathRng::from_seed(77);
     let (mut density, mut sggx, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..DIMS.element_product() {
@@ -42,11 +49,12 @@ fn grid(repeats: bool) -> GridMedium {
             Vec3::new(0.1, 1.0, -0.2)
         };
         sggx.push(Sym3::axial(axis.normalize(), 1.0, 0.06).to_array());
-        albedo.push(if low {
+        let own = if low {
             [0.95, 0.8, 0.6]
         } else {
             [0.5, 0.9, 0.99]
-        });
+        };
+        albedo.push(own.map(|a| factor * a));
     }
     GridMedium::new(
         Aabb::new(

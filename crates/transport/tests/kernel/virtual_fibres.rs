@@ -21,7 +21,7 @@ fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -
 }
 
 /// Fibres of two materials that cross in the same voxels.
-fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
+pub(crate) fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2),

@@ -10,26 +10,29 @@ use clap::builder::PossibleValue;
 use organza_kernel::Refusal;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{
-    ENGINES, Engine, EngineRecord, KernelRefusal, RenderSettings, Scene, engine,
+    ENGINES, Engine, EngineChoice, EngineRecord, KernelRefusal, RenderSettings, Scene, engine,
 };
 use std::sync::LazyLock;
 
-/// What traces the paths, as `--backend` names it.
+/// What traces the paths, as `--engine` names it.
 #[derive(Clone, Copy, Debug)]
-pub enum BackendName {
+pub enum EngineName {
     /// The fastest engine that computer and scene allow, otherwise the general walk.
     Auto,
     /// The general walk.
     Walk,
+    /// The fastest engine for processors that computer and scene allow, otherwise the
+    /// general walk.
+    Cpu,
     /// An engine of the kernel.
     Kernel(&'static EngineRecord),
 }
 
-impl ValueEnum for BackendName {
+impl ValueEnum for EngineName {
     fn value_variants<'a>() -> &'a [Self] {
-        static ALL: LazyLock<Vec<BackendName>> = LazyLock::new(|| {
-            let engines = ENGINES.iter().map(BackendName::Kernel);
-            let others = [BackendName::Auto, BackendName::Walk];
+        static ALL: LazyLock<Vec<EngineName>> = LazyLock::new(|| {
+            let engines = ENGINES.iter().map(EngineName::Kernel);
+            let others = [EngineName::Auto, EngineName::Walk, EngineName::Cpu];
             others.into_iter().chain(engines).collect()
         });
         &ALL
@@ -37,12 +40,17 @@ impl ValueEnum for BackendName {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         let (name, help) = match self {
-            BackendName::Auto => (
+            EngineName::Auto => (
                 "auto",
+                "The fastest engine that computer and scene allow: a graphics card, the widest \
+                 kernel for the processor, or the walk",
+            ),
+            EngineName::Cpu => (
+                "cpu",
                 "The widest kernel that processor and scene allow, otherwise the walk",
             ),
-            BackendName::Walk => ("walk", "The general walk, which supports every scene"),
-            BackendName::Kernel(engine) => (engine.name, engine.summary),
+            EngineName::Walk => ("walk", "The general walk, which supports every scene"),
+            EngineName::Kernel(engine) => (engine.name, engine.summary),
         };
         Some(PossibleValue::new(name).help(help))
     }
@@ -74,7 +82,7 @@ impl Chosen {
             note!(
                 "organza: warning: {}: the general walk renders this scene, for the tables of the \
                  kernel need up to {needed} bytes of memory and {allowed} are allowed; where more \
-                 are allowed, the kernel renders it, with other noise. --backend walk makes the \
+                 are allowed, the kernel renders it, with other noise. --engine walk makes the \
                  choice independent of memory",
                 args.scene.display()
             );
@@ -82,7 +90,7 @@ impl Chosen {
     }
 }
 
-/// Chooses the engine that `--backend` asks for.
+/// Chooses the engine that `--engine` asks for.
 ///
 /// # Errors
 /// A kernel was asked for by name, and the scene does not suit it.
@@ -93,10 +101,11 @@ pub fn choose(
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<Chosen> {
-    let record = match args.backend {
-        BackendName::Auto => None,
-        BackendName::Kernel(record) => Some(record),
-        BackendName::Walk => {
+    let choice = match args.engine {
+        EngineName::Auto => EngineChoice::Fastest,
+        EngineName::Cpu => EngineChoice::Processor,
+        EngineName::Kernel(record) => EngineChoice::Named(record),
+        EngineName::Walk => {
             check_walk(args, scene, None, max_bytes)?;
             return Ok(Chosen {
                 engine: None,
@@ -106,14 +115,18 @@ pub fn choose(
     };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
-        None => engine(scene, settings, record, max_bytes),
+        None => engine(scene, settings, choice, max_bytes),
     };
-    match (made, record) {
-        (Err(why), Some(record)) => Err(input(format!(
-            "--backend {}: {why}; --backend auto would use the general walk",
-            record.name
+    match (made, choice) {
+        (Err(why), EngineChoice::Named(record)) => Err(input(format!(
+            "--engine {}: {why}; --engine auto would use {}",
+            record.name,
+            match record.name {
+                "gpu" => "another engine",
+                _ => "the general walk",
+            }
         ))),
-        (Err(why), None) => {
+        (Err(why), _) => {
             check_walk(args, scene, Some(&why), max_bytes)?;
             Ok(Chosen {
                 engine: None,

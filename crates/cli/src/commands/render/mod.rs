@@ -24,7 +24,7 @@ use crate::sample_ranges::parse_range;
 use crate::schedule::{Stop, Targets};
 use anyhow::{Context, Result};
 use clap::Args;
-use engine::{BackendName, Chosen};
+use engine::{Chosen, EngineName};
 use organza_picture::{FORMATS, Format, Rendered};
 use organza_transport::{Crop, RenderError, Rendering};
 use scene::Built;
@@ -76,9 +76,9 @@ pub struct RenderArgs {
     /// Resume from the checkpoint
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
-    /// Engine that traces the paths; auto uses the widest vector kernel that processor and scene allow, otherwise the general walk. The noise depends on whether the kernel or the walk traces, not on the width
-    #[arg(long, value_enum, default_value = "auto")]
-    pub backend: BackendName,
+    /// Engine that traces the paths; auto uses a graphics card or the widest vector kernel that computer and scene allow, otherwise the general walk. The noise depends on which of the three traces, not on the width of the kernel
+    #[arg(long, alias = "backend", value_enum, default_value = "auto")]
+    pub engine: EngineName,
     /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
     #[arg(long)]
     pub stats: bool,

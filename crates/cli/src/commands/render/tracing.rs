@@ -29,7 +29,7 @@ pub fn trace<'a>(
     let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
     let progress = Progress::new("rendering", paths, args.common.quiet);
     let mut saved = Instant::now();
-    let mut is_reported = false;
+    let (mut is_reported, mut is_loss_reported) = (false, false);
     let stop = loop {
         let pass = match schedule.next(&rendering, started.elapsed(), interrupt::came()) {
             Next::Stop(stop) => break stop,
@@ -41,6 +41,15 @@ pub fn trace<'a>(
             ControlFlow::Continue(())
         })?;
         schedule.took(pass, pass_started.elapsed());
+        if let Some(engine) = rendering.engine()
+            && let Some(loss) = engine.loss()
+            && !std::mem::replace(&mut is_loss_reported, true)
+        {
+            note!(
+                "organza: warning: {loss}; rendering goes on by the processor ({})",
+                engine.name()
+            );
+        }
         if let Some(path) = &args.checkpoint
             && saved.elapsed() >= args.checkpoint_every
             && rendering.left() > 0

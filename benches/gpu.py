@@ -1,0 +1,104 @@
+"""Speed of the engine `gpu` beside the engine for processors, and beside Mitsuba 3 on the same card.
+
+    python3 benches/gpu.py --organza target/release/organza [--spp 1024] [--rounds 3]
+        [--peak-gflops 60000 --peak-gbytes 1000] [--mitsuba] [--scenes sun,sky]
+
+The program must be built with `--features gpu`. The tile is that of benches/peers/mitsuba_speed.py, for which numpy is
+needed; --mitsuba needs mitsuba 3.9.1 and a card with CUDA.
+
+Printed for every engine, the best of some rounds:
+- Mpaths/s: samples per second of tracing, without reading, laying out and writing;
+- efficiency: 1 / (variance of the mean pixel x seconds of tracing), by the standard error of the picture's mean that
+  organza states, and for Mitsuba by half the mean squared difference of two pictures, which is the same on average;
+- with the card's peaks, an estimate of the share of them that is used. A tentative collision reads 12 bytes that are
+  near nothing read before, and takes 160 operations; a step of a shadow ray 4 bytes and 30; a collision 700 operations.
+  These numbers were counted in the shaders. What caches serve is counted as if memory did.
+
+An adapter of the kind `software` is measured too, which says nothing about a card.
+"""
+import argparse, json, os, subprocess, sys, tempfile
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'peers'))
+
+BYTES = {'tentative': 12, 'shadow_steps': 4}
+OPERATIONS = {'tentative': 160, 'shadow_steps': 30, 'collisions': 700}
+
+
+def render(arguments, scene, engine, seed, out):
+    done = subprocess.run([arguments.organza, 'render', scene, '-o', out, '--spp', str(arguments.spp), '--seed', str(seed),
+                           '--engine', engine, '--quiet', '--json'], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f'{engine}: {done.stderr.strip()}')
+    return json.loads(done.stdout)
+
+
+def measure(arguments, scene, engine, folder):
+    """Best Mpaths/s, efficiency by the errors that pictures state, and figures of the best round."""
+    best = None
+    for seed in range(1, arguments.rounds + 1):
+        figures = render(arguments, scene, engine, seed, f'{folder}/{engine}.exr')
+        pixels = figures['resolution'][0] * figures['resolution'][1]
+        rate = figures['samples'] * pixels / figures['render_s'] / 1e6
+        # Standard errors are of the picture's mean: variances of pixels are as many times larger.
+        variance = sum(e * e for e in figures['standard_error']) / 3 * pixels
+        efficiency = 1 / (variance * figures['render_s'])
+        if best is None or rate > best[0]:
+            best = rate, efficiency, figures
+    return best
+
+
+def shares(arguments, figures):
+    """Shares of the card's peaks, as text."""
+    if not arguments.peak_gflops or not arguments.peak_gbytes:
+        return ''
+    of = lambda costs: sum(cost * figures[work] for work, cost in costs.items()) / figures['render_s'] / 1e9
+    arithmetic, memory = of(OPERATIONS) / arguments.peak_gflops, of(BYTES) / arguments.peak_gbytes
+    bound = 'arithmetic' if arithmetic > memory else 'memory'
+    return f', {arithmetic:.1%} of arithmetic, {memory:.1%} of memory: bound by {bound} before anything else'
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--organza', required=True)
+    parser.add_argument('--spp', type=int, default=1024)
+    parser.add_argument('--rounds', type=int, default=3)
+    parser.add_argument('--scenes', default='sun', help='sun, sky, panel, endless')
+    parser.add_argument('--tile', default='base')
+    parser.add_argument('--peak-gflops', type=float, help="the card's rate in single precision")
+    parser.add_argument('--peak-gbytes', type=float, help="the card's memory bandwidth")
+    parser.add_argument('--mitsuba', action='store_true', help='measure cuda_ad_rgb too')
+    arguments = parser.parse_args()
+    import mitsuba_speed
+    print(subprocess.run([arguments.organza, 'info', '--devices'], capture_output=True, text=True).stdout)
+    with tempfile.TemporaryDirectory() as folder:
+        extinction, s = mitsuba_speed.plain_weave(*mitsuba_speed.TILES[arguments.tile])
+        for kind in arguments.scenes.split(','):
+            name = f'{arguments.tile}-{kind}'
+            mitsuba_speed.write_vol(f'{folder}/{name}.sigma_t.vol', extinction)
+            mitsuba_speed.write_vol(f'{folder}/{name}.sggx.vol', s)
+            scene = f'{folder}/{name}.toml'
+            with open(scene, 'w') as f:
+                f.write(mitsuba_speed.scene_text(name, kind))
+            found = {}
+            for engine in ('cpu', 'gpu'):
+                rate, efficiency, figures = measure(arguments, scene, engine, folder)
+                found[engine] = rate, efficiency
+                print(f'{name} {figures["backend"]}: {rate:.2f} Mpaths/s, efficiency {efficiency:.0f}'
+                      + (shares(arguments, figures) if engine == 'gpu' else ''), flush=True)
+            ratios = [g / c for g, c in zip(found['gpu'], found['cpu'])]
+            print(f'{name}: gpu over cpu {ratios[0]:.2f} times the paths, {ratios[1]:.2f} times the efficiency')
+            if arguments.mitsuba:
+                code = f'from mitsuba_speed import *; mitsuba_worker({folder!r}, {name!r}, {kind!r}, ' \
+                       f"'cuda_ad_rgb', 'volpath', 5, {arguments.spp}, True)"
+                done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                                      cwd=os.path.dirname(mitsuba_speed.__file__))
+                if done.returncode:
+                    print('mitsuba cuda_ad_rgb failed:', done.stderr.strip().splitlines()[-1:])
+                    continue
+                own, seconds, *_ = map(float, done.stdout.split())
+                print(f'{name} mitsuba cuda_ad_rgb: efficiency {own:.0f}, {seconds:.2f} s; '
+                      f'gpu over it {found["gpu"][1] / own:.2f}')
+
+
+if __name__ == '__main__':
+    main()

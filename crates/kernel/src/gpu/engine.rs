@@ -1,0 +1,208 @@
+//! The engine for graphics adapters.
+
+use super::device::{Device, Limits};
+use super::pass::{BRIGHT_WORDS, Division, Session};
+use super::program::{FirstEventOf, PassNumbers, ProgramScene};
+use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
+use super::voxel_scene;
+use crate::block::Block;
+use crate::engine::{Engine, Lost};
+use crate::refusal::Refusal;
+use crate::voxels::flat_scene::FlatScene;
+use organza_film::{Brightness, Stats};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Samples whose sums a slot holds for sure: as many as [`organza_film::Tally`].
+const SAMPLES_PER_SLOT: u32 = 512;
+
+/// Lanes of a card, and of a program on the processor.
+const LANES: u32 = 1 << 17;
+const SOFTWARE_LANES: u32 = 1 << 12;
+
+/// Walks the paths of a scene on a graphics adapter.
+pub struct GpuEngine {
+    session: Mutex<Session>,
+    brightness: Brightness,
+    first_event: FirstEventOf,
+    memory_bytes: u64,
+    film_width: u32,
+    max_slots: u32,
+}
+
+impl GpuEngine {
+    /// An engine for a scene of voxels on the best adapter of this computer; `division`
+    /// makes no difference to the result.
+    ///
+    /// # Errors
+    /// There is no adapter, or it cannot hold the scene.
+    pub fn for_voxels(
+        scene: &Arc<FlatScene>,
+        division: Option<Division>,
+    ) -> Result<GpuEngine, Refusal> {
+        GpuEngine::new(
+            voxel_scene::program_scene(scene),
+            scene.memory_bytes(),
+            division,
+        )
+    }
+
+    /// The source of the program for a scene of voxels, on an adapter with common limits.
+    ///
+    /// # Errors
+    /// The scene is too large for such an adapter.
+    pub fn source_for_voxels(scene: &Arc<FlatScene>) -> Result<String, Refusal> {
+        let scene = voxel_scene::program_scene(scene);
+        let split = scene.tables.split(&Limits {
+            binding_bytes: 128 << 20,
+            table_buffers: 4,
+        })?;
+        Ok(scene.source(&split))
+    }
+
+    /// Fails as if the device were lost, from now on: for tests.
+    pub fn lose(&self) {
+        let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        session.device.fail("lost on purpose");
+    }
+
+    fn new(
+        scene: ProgramScene<'_>,
+        memory_bytes: u64,
+        division: Option<Division>,
+    ) -> Result<GpuEngine, Refusal> {
+        let mut device = Device::open_best()?.ok_or(NO_ADAPTER)?;
+        let division = division.unwrap_or(Division {
+            lanes: if device.is_software {
+                SOFTWARE_LANES
+            } else {
+                LANES
+            },
+            steps: None,
+            table_bytes: None,
+        });
+        let mut limits = device.limits;
+        if let Some(bytes) = division.table_bytes {
+            limits.binding_bytes = limits.binding_bytes.min(bytes);
+        }
+        let split = scene.tables.split(&limits)?;
+        let max_slots = Session::max_slots(&device);
+        device.limits = limits;
+        let session = Session::new(device, &scene, &split, &division);
+        Ok(GpuEngine {
+            session: Mutex::new(session.map_err(|_| Refusal::Unopened)?),
+            brightness: scene.brightness,
+            first_event: scene.first_event,
+            memory_bytes,
+            film_width: scene.film_width,
+            max_slots,
+        })
+    }
+
+    /// Takes some samples of every pixel of a block, few enough for the slots.
+    fn take_some(&self, session: &mut Session, some: &mut Block<'_>) -> Result<Stats, Lost> {
+        let (pixels, samples) = (some.pixels.len() as u32, &some.samples);
+        let count = samples.end - samples.start;
+        let slots_per_pixel = session
+            .slots_per_pixel(pixels, count)
+            .min((self.max_slots / pixels.max(1)).max(1));
+        let found = session.take(PassNumbers {
+            slots: pixels * slots_per_pixel,
+            slots_per_pixel,
+            pixels,
+            left: some.min.x,
+            top: some.min.y,
+            width: some.width,
+            rows: pixels / some.width,
+            samples: [samples.start, samples.end],
+            ..PassNumbers::default()
+        })?;
+        for turn in 0..pixels {
+            let Some((pixel, ..)) = some.pixel(turn as usize) else {
+                break;
+            };
+            for part in 0..slots_per_pixel {
+                let slot = (part * pixels + turn) as usize;
+                let mut own = tally(&found.slots[SLOT_WORDS * slot..][..SLOT_WORDS]);
+                own.flush(&self.brightness, &mut some.pixels[pixel]);
+            }
+        }
+        for words in found.bright.chunks_exact(BRIGHT_WORDS) {
+            let (slot, sample) = bright_sample(words, &self.first_event);
+            if let Some((pixel, ..)) = some.pixel((slot % pixels) as usize) {
+                add_bright(&sample, &self.brightness, &mut some.pixels[pixel]);
+            }
+        }
+        let [
+            paths,
+            tentative,
+            collisions,
+            shadow_rays,
+            shadow_steps,
+            cut,
+            rejected,
+            majorant_violations,
+        ] = found.counts;
+        Ok(Stats {
+            paths,
+            tentative,
+            collisions,
+            shadow_rays,
+            shadow_steps,
+            cut,
+            rejected,
+            majorant_violations,
+            brightest: found.brightest,
+            ..Stats::default()
+        })
+    }
+}
+
+/// Why there is no engine on a computer without adapters.
+pub const NO_ADAPTER: Refusal = Refusal::Unavailable {
+    engine: NAME,
+    needs: NEEDS,
+};
+
+/// The name of the engine.
+pub const NAME: &str = "gpu";
+/// What it needs.
+pub const NEEDS: &str = "a graphics adapter with Vulkan, Metal or Direct3D 12";
+
+impl Engine for GpuEngine {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.memory_bytes
+    }
+
+    /// As many rows as there are slots for.
+    fn rows_per_block(&self, _rows: u32, _threads: u32) -> u32 {
+        (self.max_slots / self.film_width.max(1)).max(1)
+    }
+
+    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        // A copy: what a lost device leaves behind is no part of a film.
+        let mut pixels = block.pixels.to_vec();
+        let mut stats = Stats::default();
+        let mut first = block.samples.start;
+        while first < block.samples.end {
+            let end = block
+                .samples
+                .end
+                .min(first.saturating_add(SAMPLES_PER_SLOT));
+            let mut some = Block {
+                pixels: &mut pixels,
+                width: block.width,
+                min: block.min,
+                samples: first..end,
+            };
+            stats.merge(&self.take_some(&mut session, &mut some)?);
+            first = end;
+        }
+        block.pixels.copy_from_slice(&pixels);
+        Ok(stats)
+    }
+}

@@ -1,0 +1,205 @@
+//! A scene of voxels as a program for a graphics adapter.
+
+use super::numbers::Numbers;
+use super::program::ProgramScene;
+use super::tables::Tables;
+use crate::voxels::environment::Sky;
+use crate::voxels::flat_scene::FlatScene;
+use crate::voxels::optical_depth_table::OpticalDepthTable;
+use glam::Vec3;
+use organza_film::PixelFilter;
+use organza_scatter::FAR_ROWS;
+use std::sync::Arc;
+
+/// Words that a lane keeps: see `load_path` in `voxel_walk.wgsl`.
+const LANE_WORDS: u32 = 28;
+/// Words of a light, of a picture and of a lamp: see `direct_lights.wgsl`, `skies.wgsl`.
+const LIGHT_WORDS: usize = 24;
+const SKY_WORDS: usize = 16;
+const LAMP_WORDS: usize = 4;
+
+/// The program of a scene.
+pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
+    let (medium, grid) = (&scene.medium, &scene.medium.cell_grid);
+    let mut constants = String::new();
+    let mut has = |name: &str, value: bool| ProgramScene::constant(&mut constants, name, value);
+    has("REPEATS", grid.repeats());
+    has("HAS_BORDERS", scene.borders.is_some());
+    has("HAS_PLACES", !medium.places.is_empty());
+    has("HAS_MATERIALS", !medium.materials.is_empty());
+    has("HAS_YARNS", !medium.yarns.is_empty());
+    has("HAS_PANELS", scene.has_panels());
+    has("HAS_SKIES", !scene.skies.is_empty());
+    has("HAS_LENS", scene.camera_rays.lens_mm.is_some());
+    constants += &filter_constants(scene.camera_rays.filter);
+
+    let mut numbers = Numbers::new("scene_numbers");
+    let mut tables = Tables::default();
+    numbers.whole("film_width", scene.film_width);
+    numbers.whole("seed_low", scene.seed as u32);
+    numbers.whole("seed_high", (scene.seed >> 32) as u32);
+    numbers.whole("max_bounces", scene.max_bounces);
+    numbers.signed("brightness_exponent", scene.brightness.exponent());
+    numbers.number("brightest_summed", scene.brightness.most());
+    add_camera(&mut numbers, scene);
+    numbers.three_whole("dims", grid.dims());
+    numbers.three("voxel_mm", grid.voxel_mm());
+    numbers.number("scale_per_mm", medium.scale_per_mm);
+    numbers.three("voxels_per_length", scene.voxels_per_length);
+    let borders = scene.borders;
+    numbers.two("border_low", borders.map(|b| b.low).unwrap_or_default());
+    numbers.two("border_high", borders.map(|b| b.high).unwrap_or_default());
+    numbers.whole("words_table", tables.add(&medium.words));
+    numbers.whole("places_table", tables.add(&medium.places));
+    numbers.whole("materials_table", tables.add(&medium.materials));
+    numbers.whole("substances_table", tables.add(&medium.substances));
+    numbers.whole("yarns_table", tables.add(&medium.yarns));
+    numbers.whole("densest_table", tables.add(&medium.densest));
+
+    numbers.three_whole("node_dims", scene.nodes.dims);
+    numbers.number("nodes_per_voxel", scene.nodes.per_voxel as f32);
+    numbers.number("residual_scale", scene.residual_scale);
+    numbers.whole("depths_table", tables.add(&scene.depths));
+    numbers.whole("light_count", scene.lights.len() as u32);
+    let lights: Vec<u32> = scene
+        .lights
+        .iter()
+        .flat_map(|light| light_words(light, &mut tables))
+        .collect();
+    numbers.whole("lights_table", tables.add(lights));
+    numbers.three("sky_behind", scene.environment[0]);
+    numbers.three("sky_before", scene.environment[1]);
+    numbers.whole("sky_count", scene.skies.len() as u32);
+    let skies: Vec<u32> = scene
+        .skies
+        .iter()
+        .flat_map(|sky| sky_words(sky, &mut tables))
+        .collect();
+    numbers.whole("skies_table", tables.add(skies));
+
+    let mut parts = vec![
+        include_str!("camera_rays.wgsl"),
+        include_str!("voxel_words.wgsl"),
+        include_str!("panels.wgsl"),
+        include_str!("direct_lights.wgsl"),
+        include_str!("optical_depths.wgsl"),
+        include_str!("shadow_rays.wgsl"),
+        include_str!("voxel_walk.wgsl"),
+    ];
+    if scene.skies.is_empty() {
+        parts.push(include_str!("no_skies.wgsl"));
+        parts.push(include_str!("no_voxel_lamps.wgsl"));
+    } else {
+        parts.push(include_str!("skies.wgsl"));
+        parts.push(include_str!("voxel_lamps.wgsl"));
+    }
+    if medium.is_of_fibres {
+        constants += &format!("const LAST_FAR_ROW: f32 = {}.0;\n", FAR_ROWS - 1);
+        numbers.whole("fibres_table", tables.add(&scene.fibres.words));
+        numbers.whole("spreads_table", tables.add(&scene.fibres.spreads));
+        numbers.whole("shown_table", tables.add(&scene.fibres.shown));
+        parts.push(include_str!("virtual_fibres.wgsl"));
+    } else {
+        parts.push(include_str!("flakes.wgsl"));
+    }
+    let own = Arc::clone(scene);
+    ProgramScene {
+        constants,
+        parts,
+        numbers,
+        tables,
+        lane_words: LANE_WORDS,
+        film_width: scene.film_width,
+        brightness: scene.brightness,
+        first_event: Box::new(move |place, depth| {
+            let length_mm = 1.0 / own.medium.scale_per_mm;
+            own.medium.first_event(place, depth * length_mm)
+        }),
+    }
+}
+
+/// Which filter spreads samples over pixels.
+pub fn filter_constants(filter: PixelFilter) -> String {
+    let number = match filter {
+        PixelFilter::Box => 0,
+        PixelFilter::Tent => 1,
+        PixelFilter::Gaussian => 2,
+    };
+    format!(
+        "const FILTER_TENT: u32 = 1u;\nconst FILTER_GAUSSIAN: u32 = 2u;\n\
+         const FILTER: u32 = {number}u;\n"
+    )
+}
+
+fn add_camera(numbers: &mut Numbers, scene: &FlatScene) {
+    let camera = &scene.camera_rays;
+    let [half_columns, half_rows] = camera.half_size;
+    numbers.number("half_columns", half_columns);
+    numbers.number("half_rows", half_rows);
+    numbers.number("film_scale", camera.scale);
+    let [crossing, crossing_x, crossing_y] = camera.crossing;
+    let [way, way_x, way_y] = camera.way_mm;
+    let [lens_x, lens_y] = camera.lens_mm.unwrap_or_default();
+    for (name, v) in [
+        ("crossing", crossing),
+        ("crossing_x", crossing_x),
+        ("crossing_y", crossing_y),
+        ("way_mm", way),
+        ("way_x_mm", way_x),
+        ("way_y_mm", way_y),
+        ("lens_x_mm", lens_x),
+        ("lens_y_mm", lens_y),
+    ] {
+        numbers.three(name, v);
+    }
+}
+
+fn put(words: &mut [u32], at: usize, v: Vec3) {
+    words[at..at + 3].copy_from_slice(&v.to_array().map(f32::to_bits));
+}
+
+fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u32; LIGHT_WORDS] {
+    let mut words = [0; LIGHT_WORDS];
+    put(&mut words, 0, light.to_light);
+    words[3] = light.residual_floor.to_bits();
+    put(&mut words, 4, light.irradiance.0);
+    match &light.panel {
+        None => words[8] = tables.add_numbers(&light.extinction_per_mm),
+        // Toward the points of a panel there is no table.
+        Some(panel) => {
+            words[7] = 1;
+            words[9] = u32::from(panel.is_two_sided);
+            put(&mut words, 10, panel.corner_mm);
+            put(&mut words, 13, panel.edges_mm[0]);
+            put(&mut words, 16, panel.edges_mm[1]);
+            put(&mut words, 19, panel.normal);
+            words[22] = panel.area_mm2.to_bits();
+        }
+    }
+    words
+}
+
+fn sky_words<'a>(sky: &'a Sky, tables: &mut Tables<'a>) -> [u32; SKY_WORDS] {
+    let mut words = [0; SKY_WORDS];
+    [words[0], words[1]] = sky.size.map(f32::to_bits);
+    put(&mut words, 2, sky.centre);
+    put(&mut words, 5, sky.left);
+    put(&mut words, 8, sky.up);
+    words[11] = tables.add(&sky.texels);
+    words[12] = sky.whole;
+    words[13] = sky.lamps.len() as u32;
+    let lamps: Vec<u32> = sky
+        .lamps
+        .iter()
+        .flat_map(|lamp| -> [u32; LAMP_WORDS] {
+            [
+                tables.add(&lamp.places),
+                lamp.count,
+                tables.add(&lamp.table.depths),
+                lamp.table.residual_floor.to_bits(),
+            ]
+        })
+        .collect();
+    words[14] = tables.add(lamps);
+    words
+}
