@@ -44,6 +44,64 @@ fn the_slab_agrees_with_an_independent_renderer_at_every_pair() {
     assert_eq!(bytes("1", "one.csv"), bytes("2", "two.csv"));
 }
 
+/// A table in parts is the whole table, byte for byte.
+#[test]
+fn rows_measured_apart_make_the_whole_table() {
+    let folder = folder("measure-rows");
+    write_slab(&folder);
+    let table = include_str!("data/slab_mitsuba.csv");
+    std::fs::write(folder.join("pairs.csv"), table).unwrap();
+    let run = [
+        "measure",
+        "slab.toml",
+        "--pairs",
+        "pairs.csv",
+        "--spp",
+        "64",
+    ];
+    // Sixteen pairs have nine incident directions.
+    for (more, parts) in [
+        (&[][..], ["0..1", "1..9", "9..16"]),
+        (&["--albedo"], ["0..1", "1..4", "4..9"]),
+    ] {
+        let measure = |rows: &[&str]| {
+            succeed(
+                &folder,
+                &[&run[..], more, rows, &["-o", "out.csv"]].concat(),
+            );
+            read(&folder, "out.csv")
+        };
+        let whole = measure(&[]);
+        let mut joined = String::new();
+        for rows in parts {
+            let part = measure(&["--rows", rows]);
+            let (head, list) = part.split_once('\n').unwrap();
+            if joined.is_empty() {
+                joined = format!("{head}\n");
+            }
+            joined += list;
+        }
+        assert_eq!(joined, whole, "{more:?}");
+    }
+    let refuse = |more: &[&str]| {
+        let all = [&["measure", "slab.toml", "--spp", "2"][..], more].concat();
+        complaint(&folder, &all)
+    };
+    assert_eq!(
+        refuse(&["--pairs", "pairs.csv", "--rows", "8..17", "-o", "no.csv"]),
+        "organza: --rows 8..17: the table has 16 rows; expected rows within 0..16"
+    );
+    assert_eq!(
+        refuse(&["--layout", "klems", "--rows", "0..1", "-o", "no.csv"]),
+        "organza: --rows 0..1: this layout is measured all at once; take irawan, grid or --pairs"
+    );
+    assert_eq!(
+        refuse(&["--layout", "grid", "--rows", "0..1", "-o", "no.exr"]),
+        "organza: --rows 0..1: pictures of the tile are measured all at once"
+    );
+    assert!(!folder.join("no.csv").exists() && !folder.join("no.exr").exists());
+}
+
 fn fabric() -> String {
     let yarn = "tex = 20.0\nfibres_per_ply = 40\nfibre_radius_um = 8.0";
     cotton("twill-2-1-s", yarn, 25.0)

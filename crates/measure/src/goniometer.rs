@@ -4,6 +4,7 @@ use crate::{Angles, Pair, PatchResponse, PathNames};
 use organza_basis::{Moments, Rgb};
 use organza_transport::Stats;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The number of paths for every pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +83,14 @@ pub enum MeasureError {
     /// Too few paths for a standard error.
     #[error("{0} paths per pair give no standard error; expected at least 2")]
     TooFewPaths(u64),
+    /// Rows that the list of directions does not have.
+    #[error("rows {}..{} of a list of {count}; expected rows within 0..{count}", rows.start, rows.end)]
+    NoSuchRows {
+        /// The rows asked for.
+        rows: Range<usize>,
+        /// How many rows the list has.
+        count: usize,
+    },
     /// Extinctions exceeded their bounds, so the values would be biased.
     #[error("{violations} of {lookups} look-ups exceeded their majorant; values would be biased")]
     MajorantViolations {
@@ -132,6 +141,22 @@ pub fn measure_pairs(
     effort: &Effort,
     watch: &(dyn Fn(u64) + Sync),
 ) -> Result<Results<PairValue>, MeasureError> {
+    measure_pair_rows(patch, pairs, 0..pairs.len(), effort, watch)
+}
+
+/// Measures the BSDF at the pairs of some rows of a list, counted from 0. Their values are those
+/// that a measurement of the whole list gives these rows, bit for bit.
+///
+/// # Errors
+/// See [`MeasureError`]; rows beyond the list are [`MeasureError::NoSuchRows`].
+pub fn measure_pair_rows(
+    patch: &impl PatchResponse,
+    pairs: &[Pair],
+    rows: Range<usize>,
+    effort: &Effort,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Results<PairValue>, MeasureError> {
+    let (pairs, first) = rows_of(pairs, rows)?;
     let effort = if patch.is_exact() {
         Effort {
             paths: 1,
@@ -146,7 +171,7 @@ pub fn measure_pairs(
     // A value of zero has not converged, whatever its error.
     let enough =
         |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
-    gather(pairs, 0, &effort, &enough, watch, &|pair: &Pair| {
+    gather(pairs, first, &effort, &enough, watch, &|pair: &Pair| {
         let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
         move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
             patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
@@ -183,12 +208,28 @@ pub fn measure_albedos(
     effort: &Effort,
     watch: &(dyn Fn(u64) + Sync),
 ) -> Result<Results<Albedo>, MeasureError> {
+    measure_albedo_rows(patch, incident, 0..incident.len(), effort, watch)
+}
+
+/// Measures the shares of the light from the directions of some rows of a list, counted from 0.
+/// Their values are those that a measurement of the whole list gives these rows, bit for bit.
+///
+/// # Errors
+/// See [`MeasureError`]; rows beyond the list are [`MeasureError::NoSuchRows`].
+pub fn measure_albedo_rows(
+    patch: &impl PatchResponse,
+    incident: &[Angles],
+    rows: Range<usize>,
+    effort: &Effort,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Results<Albedo>, MeasureError> {
+    let (incident, first) = rows_of(incident, rows)?;
     if effort.paths < 2 {
         return Err(MeasureError::TooFewPaths(effort.paths));
     }
     gather(
         incident,
-        DIRECTION_STREAMS,
+        DIRECTION_STREAMS + first,
         effort,
         &|m: &Moments, target: f64| m.standard_error() <= target,
         watch,
@@ -222,6 +263,18 @@ pub fn measure_albedos(
             .collect(),
         stats,
     })
+}
+
+/// Some rows of a list, and the number of the first among the streams of the whole list.
+fn rows_of<T>(list: &[T], rows: Range<usize>) -> Result<(&[T], u64), MeasureError> {
+    let first = rows.start as u64;
+    match list.get(rows.clone()) {
+        Some(part) => Ok((part, first)),
+        None => Err(MeasureError::NoSuchRows {
+            rows,
+            count: list.len(),
+        }),
+    }
 }
 
 /// The openness of the cloth, with its standard error: the share of light along the normal that

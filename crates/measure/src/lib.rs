@@ -58,8 +58,8 @@ mod volume_patch;
 pub use cost::{Cost, Growth, growth, pareto_front};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
-    Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedos, measure_openness,
-    measure_pairs,
+    Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,
+    measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
 };
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
 pub use klems_file::{KlemsFileError, read_klems, write_klems};

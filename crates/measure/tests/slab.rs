@@ -7,7 +7,8 @@ use glam::{UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_measure::{
     Angles, Effort, Exit, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
-    measure_albedos, measure_openness, measure_pairs, parse_pairs, write_pairs,
+    measure_albedo_rows, measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
+    parse_pairs, write_pairs,
 };
 use organza_transport::{AnyMedium, Grid, GridMedium, Integrator, Interpolation, Stats};
 
@@ -241,6 +242,32 @@ fn results_depend_on_the_seed_and_not_on_the_threads() {
     assert_eq!(table(1, 4), table(2, 4));
     assert_ne!(table(2, 4), table(2, 5));
     assert_eq!(parse_pairs(&table(1, 4)).unwrap(), pairs);
+}
+
+#[test]
+fn rows_of_a_list_have_the_values_of_the_whole_measurement() {
+    let slab = slab(Integrator::Woodcock);
+    let pairs = [20.0, 40.0, 60.0].map(|theta| pair((theta, 0.0), (30.0, 180.0)));
+    let incident = pairs.map(|p| p.incident);
+    let effort = Effort {
+        paths: 5000,
+        seed: 6,
+        target_error: Some(0.1),
+    };
+    let whole = measure_pairs(&slab, &pairs, &effort, &|_| ()).unwrap();
+    let albedos = measure_albedos(&slab, &incident, &effort, &|_| ()).unwrap();
+    for rows in [0..1, 1..3, 2..2, 0..3] {
+        let part = measure_pair_rows(&slab, &pairs, rows.clone(), &effort, &|_| ()).unwrap();
+        assert_eq!(part.list, whole.list[rows.clone()]);
+        let part = measure_albedo_rows(&slab, &incident, rows.clone(), &effort, &|_| ()).unwrap();
+        assert_eq!(part.list, albedos.list[rows]);
+    }
+    // The known-bad twin: the same pair as a list of its own has other random numbers.
+    let alone = measure_pairs(&slab, &pairs[1..2], &effort, &|_| ()).unwrap();
+    assert_ne!(alone.list[0], whole.list[1]);
+    let beyond = measure_pair_rows(&slab, &pairs, 2..4, &effort, &|_| ());
+    let words = beyond.unwrap_err().to_string();
+    assert_eq!(words, "rows 2..4 of a list of 3; expected rows within 0..3");
 }
 
 #[test]

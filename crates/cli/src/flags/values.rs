@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 use organza_transport::Crop;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::time::Duration;
 
 /// A crop from "X0,Y0,X1,Y1".
@@ -81,6 +81,14 @@ pub fn whole<T: TryFrom<u64>>(
         let (least, most) = (range.start(), range.end());
         number.ok_or_else(|| format!("expected a whole number from {least} to {most}"))
     }
+}
+
+/// Rows of a table from "A..B".
+pub fn parse_rows(text: &str) -> Result<Range<usize>, String> {
+    let ends = text.split_once("..");
+    let rows = ends.and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));
+    rows.filter(|r: &Range<usize>| r.start < r.end)
+        .ok_or_else(|| "expected A..B, rows counted from 0 with A < B".into())
 }
 
 /// Samples of a pixel or paths of a pair: two at least, for an error to be known.
@@ -173,6 +181,10 @@ mod tests {
             assert_eq!(words, "expected a whole number from 1 to 8");
         }
         assert_eq!(parse_seed("18446744073709551615"), Ok(u64::MAX));
+        assert_eq!(parse_rows("0..32"), Ok(0..32));
+        for wrong in ["", "3", "3..3", "4..3", "-1..2", "..", "1..2..3"] {
+            assert!(parse_rows(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

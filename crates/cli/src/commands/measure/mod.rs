@@ -8,7 +8,8 @@ use crate::building::watched;
 use crate::error::input;
 use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
 use crate::flags::values::{
-    parse_grid, parse_level, parse_paths, parse_positive, parse_seed, parse_share, whole,
+    parse_grid, parse_level, parse_paths, parse_positive, parse_rows, parse_seed, parse_share,
+    whole,
 };
 use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs, set_help};
 use crate::progress::Progress;
@@ -17,9 +18,9 @@ use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
 use organza_measure::{
-    Effort, MeasureError, TexelGrid, VolumePatch, front_and_back, measure_albedos, measure_klems,
-    measure_openness, measure_pairs, measure_sweep, measure_texture, write_albedos, write_klems,
-    write_pairs, write_sweep,
+    Effort, MeasureError, TexelGrid, VolumePatch, front_and_back, measure_albedo_rows,
+    measure_klems, measure_openness, measure_pair_rows, measure_sweep, measure_texture,
+    write_albedos, write_klems, write_pairs, write_sweep,
 };
 use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
@@ -27,6 +28,7 @@ use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
 use organza_scene::scene_file::{self, IntegratorName, is_scene};
 use organza_scene::{LoadedScene, fabric_file};
 use serde_json::{Value, json};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::{Summary, dark_pairs, median_error, report, write};
@@ -47,6 +49,9 @@ pub struct MeasureArgs {
     /// Measure the reflected, transmitted, directly transmitted and absorbed shares of light from each incident direction instead of the BSDF of pairs; --pairs then needs only theta_i,phi_i
     #[arg(long)]
     pub albedo: bool,
+    /// Measure only these rows of the table, counted from 0; they have the values that they have in the whole table
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_rows)]
+    pub rows: Option<Range<usize>>,
     /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW, with --layout klems), .exr (one picture of the tile per pair)
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
@@ -103,6 +108,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
         output::check_not_an_input(path, args.pairs.iter().chain([&args.file]))?;
     }
     let wanted = wanted(args)?;
+    let rows = wanted.rows(args.rows.as_ref())?;
     warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
         let (patch, grid, shown) = watched(args.common.quiet, |loader| {
@@ -123,7 +129,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
             let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
             Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
         })?;
-        measure(args, &wanted, &patch, &grid, shown)
+        measure(args, (&wanted, rows), &patch, &grid, shown)
     })
 }
 
@@ -179,7 +185,7 @@ fn scene_patch(
 /// `shown` is what is measured of a fabric; `None` for a scene.
 fn measure(
     args: &MeasureArgs,
-    wanted: &Wanted,
+    (wanted, rows): (&Wanted, Range<usize>),
     patch: &AnyPatch,
     grid: &TexelGrid,
     shown: Option<ShownAs>,
@@ -190,11 +196,8 @@ fn measure(
         target_error: args.target_error,
     };
     let count = match wanted {
-        Wanted::Pairs(list) => list.len(),
-        Wanted::Incident(list) => list.len(),
-        Wanted::Textures(list) => list.len() * grid.texels.element_product() as usize,
-        Wanted::Klems(basis) => 2 * basis.len(),
-        Wanted::Sweep(list) => list.len(),
+        Wanted::Textures(_) => rows.len() * grid.texels.element_product() as usize,
+        _ => rows.len(),
     };
     let total = args.spp.saturating_mul(count as u64);
     let progress = Progress::new("measuring", total, args.common.quiet);
@@ -212,7 +215,7 @@ fn measure(
     };
     match wanted {
         Wanted::Pairs(pairs) => {
-            let result = measure_pairs(patch, pairs, &effort, &watch).map_err(failed)?;
+            let result = measure_pair_rows(patch, pairs, rows, &effort, &watch).map_err(failed)?;
             write(args, |out| write_pairs(&result.list, out))?;
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
@@ -220,7 +223,8 @@ fn measure(
             summary.dark = dark_pairs(shown, &result.list);
         }
         Wanted::Incident(incident) => {
-            let result = measure_albedos(patch, incident, &effort, &watch).map_err(failed)?;
+            let result = measure_albedo_rows(patch, incident, rows, &effort, &watch);
+            let result = result.map_err(failed)?;
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
             summary.what = "albedo";

@@ -9,6 +9,7 @@ use organza_measure::{
 };
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::read;
+use std::ops::Range;
 
 /// Layouts of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -60,6 +61,40 @@ pub enum Wanted {
     Klems(KlemsBasis),
     /// A lamp swung over face and back.
     Sweep(Vec<LampPosition>),
+}
+
+impl Wanted {
+    /// How many rows the table has: pairs, incident directions or positions of a lamp.
+    fn len(&self) -> usize {
+        match self {
+            Wanted::Pairs(list) | Wanted::Textures(list) => list.len(),
+            Wanted::Incident(list) => list.len(),
+            Wanted::Klems(basis) => 2 * basis.len(),
+            Wanted::Sweep(list) => list.len(),
+        }
+    }
+
+    /// The rows to measure: those asked for, or all.
+    ///
+    /// # Errors
+    /// Rows that the table does not have, or a measurement that is no table of rows.
+    pub fn rows(&self, asked: Option<&Range<usize>>) -> Result<Range<usize>> {
+        let count = self.len();
+        let Some(rows) = asked else {
+            return Ok(0..count);
+        };
+        let fail = |why: String| Err(input(format!("--rows {}..{}: {why}", rows.start, rows.end)));
+        match self {
+            Wanted::Pairs(_) | Wanted::Incident(_) if rows.end <= count => Ok(rows.clone()),
+            Wanted::Pairs(_) | Wanted::Incident(_) => fail(format!(
+                "the table has {count} rows; expected rows within 0..{count}"
+            )),
+            Wanted::Textures(_) => fail("pictures of the tile are measured all at once".into()),
+            Wanted::Klems(_) | Wanted::Sweep(_) => {
+                fail("this layout is measured all at once; take irawan, grid or --pairs".into())
+            }
+        }
+    }
 }
 
 /// What the flags ask for.
