@@ -1,6 +1,6 @@
 //! Commands, exit codes and messages.
 
-use crate::program::{complaint, exr_channels, folder, succeed, write_vol};
+use crate::program::{complaint, exr_channels, folder, organza, succeed, write_vol};
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -48,6 +48,21 @@ fn help_and_version_succeed_and_show_examples() {
         assert!(help.contains("Example"), "{command}: {help}");
     }
     assert!(succeed(&folder, &["--version"]).starts_with("organza "));
+    let version = concat!("organza ", env!("CARGO_PKG_VERSION"), "\n");
+    for asked in [["--version", "--verbose"], ["--verbose", "--version"]] {
+        let told = succeed(&folder, &asked);
+        assert!(told.starts_with(version), "{told}");
+        for line in [
+            "commit: ",
+            "features: ",
+            "back ends on this computer: walk, scalar",
+        ] {
+            assert!(told.contains(&format!("\n{line}")), "{told}");
+        }
+    }
+    let alone = organza(&folder, &["--verbose", "completions", "bash"]);
+    assert_eq!(alone.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&alone.stderr).contains("--verbose goes with --version"));
 }
 
 #[test]

@@ -24,16 +24,28 @@ mod process_usage;
 mod progress;
 mod sample_ranges;
 mod schedule;
+mod version;
 
 pub use commands::definition as command;
 
+use clap::error::ErrorKind;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Runs the program on its arguments (the first is the program's name).
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let matches = match command().try_get_matches_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let matches = match command().try_get_matches_from(&arguments) {
         Ok(m) => m,
+        Err(e) if e.kind() == ErrorKind::DisplayVersion && commands::is_verbose(&arguments) => {
+            return match output::print(&version::description()) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(e) => {
+                    error::print(&e);
+                    error::exit_code(&e)
+                }
+            };
+        }
         Err(e) => return print_usage_error(&e),
     };
     let outcome = match commands::run(&matches) {

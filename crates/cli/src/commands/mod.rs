@@ -20,6 +20,8 @@ mod weave;
 use crate::flags::CommonArgs;
 use anyhow::{Context, Result};
 use clap::ArgMatches;
+use clap::error::ErrorKind;
+use std::ffi::OsString;
 
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
@@ -76,9 +78,23 @@ pub fn definition() -> clap::Command {
         .about("Volumetric cloth renderer: weave drafts to fibres to light")
         .subcommand_required(true)
         .arg_required_else_help(true)
+        .arg(
+            clap::Arg::new(VERBOSE)
+                .long(VERBOSE)
+                .action(clap::ArgAction::SetTrue)
+                .help("With --version: print commit, features and back ends, too"),
+        )
         .after_help("Try first:\n  organza render scenes/first_light.toml -o first_light.png\n  organza weave twill-3-1-s -o twill.png")
         .subcommands(COMMANDS.iter().map(|c| (c.define)()));
     with_negative_numbers(program)
+}
+
+/// Name of the flag that goes with `--version`.
+const VERBOSE: &str = "verbose";
+
+/// Whether a command line that asks for the version asks for all about the build.
+pub fn is_verbose(arguments: &[OsString]) -> bool {
+    arguments.iter().any(|a| a == "--verbose")
 }
 
 /// Runs the command that was parsed with [`definition`].
@@ -86,11 +102,17 @@ pub fn definition() -> clap::Command {
 /// # Errors
 /// The outer error is one of the command line, the inner one the command's.
 pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
+    if matches.get_flag(VERBOSE) {
+        return Err(definition().error(
+            ErrorKind::ArgumentConflict,
+            "--verbose goes with --version; commands print less with --quiet",
+        ));
+    }
     let (name, matches) = matches.subcommand().unwrap_or(("", matches));
     match COMMANDS.iter().find(|c| c.name == name) {
         Some(command) => (command.run)(matches),
         None => Err(definition().error(
-            clap::error::ErrorKind::InvalidSubcommand,
+            ErrorKind::InvalidSubcommand,
             format!("{name}: no such command"),
         )),
     }

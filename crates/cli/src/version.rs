@@ -1,0 +1,33 @@
+//! What `organza --version --verbose` prints: which build of the program this is.
+
+use organza_transport::ENGINES;
+
+/// The commit that the program was built from: the variable `ORGANZA_COMMIT` of the build.
+const COMMIT: Option<&str> = option_env!("ORGANZA_COMMIT");
+
+/// Optional features that the program was built with.
+const FEATURES: &[&str] = &[];
+
+/// Version, commit, target, features and back ends, one a line.
+pub fn description() -> String {
+    let (version, commit) = (env!("CARGO_PKG_VERSION"), COMMIT.unwrap_or("unknown"));
+    let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
+    let features = listed(FEATURES);
+    let engines = |is_here: bool| {
+        let engines = ENGINES.iter().filter(|e| (e.is_available)() == is_here);
+        engines.map(|e| e.name).collect::<Vec<_>>()
+    };
+    let here = listed(&[&["walk"], &engines(true)[..]].concat());
+    let absent = listed(&engines(false));
+    format!(
+        "organza {version}\ncommit: {commit}\nbuilt for: {os}, {arch}\nfeatures: {features}\n\
+         back ends on this computer: {here}\nback ends it lacks: {absent}\n"
+    )
+}
+
+fn listed(names: &[&str]) -> String {
+    match names {
+        [] => "none".to_owned(),
+        names => names.join(", "),
+    }
+}
