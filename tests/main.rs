@@ -9,6 +9,7 @@ mod corpora; // readers on damaged files
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave
 mod far; // surface models, meshes and levels of detail in scenes
+mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
