@@ -23,6 +23,7 @@ pub mod optical_depth_table;
 pub mod panel;
 pub mod population_tables;
 pub mod reach;
+pub mod seen_tangent;
 pub mod shadow_ray;
 #[cfg(test)]
 mod virtual_fibre_tests;

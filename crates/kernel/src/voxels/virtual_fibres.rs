@@ -6,16 +6,14 @@
 //! is in lanes.
 
 use super::event::{Event, Meeting, Turn};
-use super::fibre_tables::{
-    CHANCES, FibreTables, HEAD, ROW_HEAD, WIDE_RAD, area_squared, colour, scale_of,
-};
+use super::fibre_tables::{CHANCES, FibreTables, HEAD, ROW_HEAD, area_squared, colour, scale_of};
 use super::flat_scene::FlatScene;
-use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
+use super::seen_tangent::{SeenTangent, SpreadFibres};
 use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, beside, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
+use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use glam::Vec3;
 use organza_scatter::{FAR_LOBES, FAR_ROWS, InclinationPair};
-use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, TAU};
+use std::f32::consts::{LOG2_E, TAU};
 
 /// A fibre in every lane, and where in its tables to look.
 pub struct VirtualFibres<F: Floats> {
@@ -121,11 +119,6 @@ impl<F: Floats> Head<F> {
 impl<F: Floats> VirtualFibres<F> {
     /// Draws the tangents of the fibres with these numbers, as their populations
     /// show them.
-    ///
-    /// Tangents are first drawn with a density that goes with the sum of two
-    /// sines, as [`organza_scatter::virtual_fibres::visible_tangent_sample`] does;
-    /// then that one or its mirror image about the axis, in proportion to what
-    /// is seen of them, and what their mean differs from the density is weighed.
     #[inline(always)]
     pub fn meet(
         tables: &FibreTables,
@@ -134,67 +127,23 @@ impl<F: Floats> VirtualFibres<F> {
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Self {
-        let (word, one, zero) = (F::Ints::splat, F::splat(1.0), F::splat(0.0));
+        let one = F::splat(1.0);
         let head = Head::new(tables, number);
 
         let axis = met.voxel.axis();
-        let axis = axis.scaled(one / axis.dot(axis).sqrt());
+        let population = SpreadFibres {
+            axis: axis.scaled(one / axis.dot(axis).sqrt()),
+            end_on: met.voxel.end_on(),
+            end_on_code: met.voxel.end_on_code(),
+        };
         let w = met.w_out;
-        let end_on = met.voxel.end_on();
-        let code = met.voxel.end_on_code() + met.voxel.end_on_code();
-        let spread = code.gather(&tables.spreads).as_floats();
-        let drawn = (code + word(1)).gather(&tables.spreads).as_floats();
-
-        // w = s e1 + c axis.
-        let across = axis.cross(w);
-        let (sine, cosine) = (across.dot(across).sqrt(), axis.dot(w));
-        let lost = sine.below(F::splat(1e-6));
-        let mut e2 = across.scaled(one / sine.max(F::splat(1e-6)));
-        if lost.any() {
-            e2 = beside(axis).or_where_not(lost, e2);
-        }
-        let e1 = e2.cross(axis);
-
-        let [u_term, u_polar, v_polar] = rng.units(mask);
-        let [u_turn, u_mirror, u_scale] = rng.units(mask);
-        let wide = F::splat(WIDE_RAD).below(spread);
-        let mean = spread * F::splat(FRAC_2_PI.sqrt());
-        let mean = F::splat(FRAC_PI_4).or_where_not(wide, mean);
-        let is_flat = (u_term * (sine + mean)).below(sine);
-        let half_square = minus_ln(positive(u_polar));
-        let (_, v_cos) = sin_cos_of_turns(v_polar);
-        let radius = (half_square + half_square).sqrt() * spread;
-        let mut polar = radius * v_cos.abs().or_where_not(is_flat, one);
-        let mut weight = drawn * (sine + mean);
-        if wide.any() {
-            let even = u_polar.or_where_not(is_flat, u_polar.sqrt()) * F::splat(FRAC_PI_2);
-            polar = even.or_where_not(wide, polar);
-            let deviations = polar / spread.max(F::splat(f32::MIN_POSITIVE));
-            let gaussian = exp2(deviations * deviations * F::splat(-0.5 * LOG2_E));
-            weight = (weight * gaussian).or_where_not(wide, weight);
-        }
-        let beyond = F::splat(FRAC_PI_2).below(polar);
-        let weight = zero.or_where_not(beyond, weight);
-        let (sin_polar, cos_polar) = sin_cos_of_turns(polar * F::splat(1.0 / TAU));
-        let (sin_turn, cos_turn) = sin_cos_of_turns(u_turn);
-
-        let (x, y) = (sin_polar * cos_turn, sin_polar * sin_turn);
-        let (a, b, y2) = (sine * cos_polar, cosine * x, y * y);
-        let own = (a - b).mul_add(a - b, y2).sqrt();
-        let mirrored = (a + b).mul_add(a + b, y2).sqrt();
-        let both = own + mirrored;
-        let is_own = (u_mirror * both).below(own);
-        let cos_out = own.or_where_not(is_own, mirrored).min(one);
-        let sign = one.or_where_not(is_own, -one);
-        let tangent = e1.scaled_add(x * sign, e2.scaled_add(y * sign, axis.scaled(cos_polar)));
-
-        let seen = sine * sine;
-        let along = (one - seen).max(zero);
-        let shown = area_squared(along, seen, end_on).sqrt();
-        let exactly = shown_correction(tables, met.voxel.end_on_code(), along, seen, end_on);
-        let weight = weight * F::splat(0.5) * both * exactly / ((sine + polar) * shown);
-        let weight = weight.or_where_not(zero.below(both), zero);
-
+        let seen = population.seen_from(&tables.spreads, &tables.shown, w, rng, mask);
+        let SeenTangent {
+            tangent,
+            cos_out,
+            weight,
+            u: u_scale,
+        } = seen;
         let side = w.cross(tangent);
         let side = side.scaled(one / side.dot(side).max(F::splat(1e-20)).sqrt());
         let mut fibres = VirtualFibres {
@@ -348,28 +297,6 @@ impl<F: Floats> VirtualFibres<F> {
             u,
         }
     }
-}
-
-/// The fitted area that a population shows over the exact one: rows by the code of its
-/// end-on ratio, linear in the part of the ellipsoid's square that is across the axis.
-#[inline(always)]
-fn shown_correction<F: Floats>(
-    tables: &FibreTables,
-    code: F::Ints,
-    along: F,
-    across: F,
-    end_on: F,
-) -> F {
-    let word = F::Ints::splat;
-    let ellipsoid = (end_on * end_on).mul_add(along, across);
-    let part = across / ellipsoid.max(F::splat(f32::MIN_POSITIVE));
-    let place = part.min(F::splat(1.0)) * F::splat((SHOWN_NODES - 1) as f32);
-    let node = place.min(F::splat((SHOWN_NODES - 2) as f32)).floor();
-    let row = code.shr::<CODES_PER_ROW_LOG2>() * word(SHOWN_NODES);
-    let at = row + node.to_ints();
-    let low = at.gather(&tables.shown).as_floats();
-    let high = (at + word(1)).gather(&tables.shown).as_floats();
-    (high - low).mul_add(place - node, low)
 }
 
 /// Gaussian density of an angle for one over its deviation; never so small that
