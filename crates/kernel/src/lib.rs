@@ -22,6 +22,7 @@
 //! - [`fibres`]: explicit fibres in cells, and the walk of waves of paths among them.
 //! - [`voxels`]: micro-flakes and virtual fibres in voxels, and the walk of lanes
 //!   through them.
+//! - [`packed`]: packed fibres in voxels, whose events are those of explicit fibres.
 //! - [`proofs`]: scenes that are wrong on purpose, for tests.
 
 mod block;
@@ -37,6 +38,7 @@ pub mod gpu;
 mod gpu_absent;
 mod laid_out;
 mod matter;
+pub mod packed;
 pub mod proofs;
 mod refusal;
 mod reserve;

@@ -62,6 +62,9 @@ pub enum Unsuited {
     /// More albedos than there are numbers for.
     #[error("a medium has more than 65536 different albedos")]
     TooManyAlbedos,
+    /// More materials of packed fibres than there are numbers for.
+    #[error("a medium has more than 256 materials of packed fibres")]
+    TooManyMaterials,
     /// Thin matter beside matter so dense that the chance of meeting it is lost.
     #[error("thin matter beside dense matter (an optical depth of {0} across all of it)")]
     Contrast(f32),

@@ -1,5 +1,6 @@
 //! Scenes that are wrong on purpose: known-bad twins, which tests must reject.
 
+use crate::fibres::FibreMatter;
 use crate::voxels::fibre_tables::FibreTables;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::Brightness;
@@ -44,6 +45,28 @@ impl FlatScene {
             Fault::Dim(light) => self.brightness = Brightness::of(light),
             Fault::RoundedScale => self.fibres.round_scales(),
             Fault::Fibres(fibres) => self.fibres = FibreTables::new(fibres.iter()),
+        }
+        self
+    }
+}
+
+/// What is wrong with packed fibres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PackedFault {
+    /// Extinctions are multiplied by this, at most one.
+    Extinction(f32),
+    /// Paths go on from where they came in, not from where light leaves the fibre.
+    StartAtEntry,
+}
+
+impl FibreMatter {
+    /// The same fibres with a fault in packed ones.
+    pub fn with_fault(mut self, fault: PackedFault) -> FibreMatter {
+        if let Some(part) = &mut self.packed {
+            match fault {
+                PackedFault::Extinction(factor) => part.volume.thin(factor),
+                PackedFault::StartAtEntry => part.starts_at_entry = true,
+            }
         }
         self
     }

@@ -2,7 +2,7 @@
 //! general walk can render it.
 
 use crate::{AnyMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent};
-use organza_kernel::fibres::FibreScene;
+use organza_kernel::fibres::{FibreMatter, FibreScene};
 use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter,
     Refusal, Reserve, View,
@@ -30,8 +30,8 @@ pub enum KernelRefusal {
     /// Interpolated samples, or grids of different resolutions.
     #[error("a grid is not constant within voxels")]
     Interpolated,
-    /// Fibres with a surface.
-    #[error("virtual fibres are packed; the kernel walks event = \"plain\" of them")]
+    /// Fibres with a surface, asked to be laid out as matter that has none.
+    #[error("virtual fibres are packed; they are laid out with the events of explicit fibres")]
     Packed,
     /// Tables of local visibility.
     #[error("virtual fibres have tables of local visibility")]
@@ -83,19 +83,21 @@ pub fn engine(
     })
 }
 
-/// Lays a scene out for any engine: explicit fibres in cells, other matter in voxels.
+/// Lays a scene out for any engine: explicit fibres in cells, packed ones in voxels with the
+/// events of explicit fibres, other matter in voxels.
 fn lay_out(
     scene: &Scene,
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<LaidOut, KernelRefusal> {
-    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
+    let Some(matter) = fibre_matter(scene, max_bytes) else {
         let flat = flatten(scene, settings, max_bytes)?;
         return Ok(LaidOut::Voxels(Arc::new(flat)));
     };
-    let matter = fibres
-        .matter(max_bytes)
-        .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
+    let matter = matter?;
+    if settings.integrator != Integrator::Woodcock && matter.has_packed() {
+        return Err(KernelRefusal::Integrator);
+    }
     let fibres = FibreScene::new(
         Arc::new(matter),
         &scene.lights,
@@ -104,6 +106,25 @@ fn lay_out(
         settings.max_bounces.min(MAX_EVENTS),
     );
     Ok(LaidOut::Fibres(Arc::new(fibres)))
+}
+
+/// Fibres with surfaces, explicit or packed, laid out in at most `max_bytes`; `None` of a
+/// scene of other matter, or of several media.
+fn fibre_matter(scene: &Scene, max_bytes: u64) -> Option<Result<FibreMatter, KernelRefusal>> {
+    match &scene.media[..] {
+        [AnyMedium::ExplicitFibres(fibres)] => {
+            let matter = fibres.matter(max_bytes);
+            Some(matter.map_err(|unfit| Refusal::of_fibres(unfit, max_bytes).into()))
+        }
+        [AnyMedium::VirtualFibres(m)] if m.event() == VirtualFibreEvent::Packed => {
+            if m.has_local_visibility() {
+                return Some(Err(KernelRefusal::LocalVisibility));
+            }
+            let matter = FibreMatter::of_packed(m, max_bytes);
+            Some(matter.map_err(KernelRefusal::from))
+        }
+        _ => None,
+    }
 }
 
 /// Lays a scene of one medium in voxels out as plain buffers of at most `max_bytes` bytes.
@@ -156,12 +177,9 @@ fn flat_scene(
     )?)
 }
 
-/// Explicit fibres of a scene in cells, for paths of any origin; `None` when there
-/// is other matter, or cells do not suit it.
+/// Explicit or packed fibres of a scene, for paths of any origin; `None` when there
+/// is other matter, or the kernel does not suit it.
 pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
-    let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] else {
-        return None;
-    };
-    let matter = fibres.matter(PROBE_BYTES).ok()?;
+    let matter = fibre_matter(scene, PROBE_BYTES)?.ok()?;
     Some(FibreProbe::new(Arc::new(matter), Backend::widest()))
 }

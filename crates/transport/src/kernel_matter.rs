@@ -5,7 +5,8 @@
 
 use crate::{GridMedium, Medium, SggxOctreeMedium, VirtualFibreMedium};
 use glam::UVec3;
-use organza_basis::CellGrid;
+use organza_basis::{CellGrid, FibrePopulation};
+use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{Matter, NO_YARN, Population, Substance, Unsuited, end_on_ratio};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
@@ -80,5 +81,39 @@ impl Matter for VirtualFibreMedium {
             yarn: c.yarn,
         }));
         Ok(())
+    }
+}
+
+impl PackedVoxels for VirtualFibreMedium {
+    fn cell_grid(&self) -> &CellGrid {
+        Medium::cell_grid(self)
+    }
+
+    fn populations(&self, cell: UVec3) -> &[FibrePopulation] {
+        self.populations_of(cell)
+    }
+
+    fn expected(&self, cell: UVec3) -> ExpectedFibre {
+        let here = self.populations_of(cell).iter();
+        let densest = here.max_by(|a, b| a.broadside_per_mm().total_cmp(&b.broadside_per_mm()));
+        let (axis, radius_mm) = match densest {
+            Some(c) => (c.axis, c.radius_mm),
+            None => {
+                let around = self.densest_around(cell);
+                (around.axis, around.radius_mm)
+            }
+        };
+        ExpectedFibre { axis, radius_mm }
+    }
+
+    fn fibres(&self) -> &[Fibre] {
+        VirtualFibreMedium::fibres(self)
+    }
+
+    fn factors(&self) -> Vec<[f32; 3]> {
+        let factors = self.packing_factors().iter();
+        factors
+            .map(|f| [f.own_yarn, f.other_yarn, f.outside])
+            .collect()
     }
 }

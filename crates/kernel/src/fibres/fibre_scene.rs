@@ -14,6 +14,7 @@ use std::sync::Arc;
 /// | `matter.cells.blocks` | block | sixteen cylinders in the frame of their cell: [`Block`](super::block::Block) |
 /// | `matter.cells.hulls` | hull block | sixteen other pieces: [`HullBlock`](super::hull::HullBlock) |
 /// | `matter.joints.words` | 8 x joint | what is asked of a piece once it is met: [`JointTable`](super::joint_table::JointTable) |
+/// | `matter.packed` | | packed fibres in voxels, if paths meet them: [`FibreVolume`](crate::packed::FibreVolume) |
 /// | `matter.optics.words` | 32 x material | how fibres scatter: [`Optics`](super::optics::Optics) |
 ///
 /// Lengths are in mm. Places in a cell are counted from its centre, so that `f32` suffices
@@ -25,6 +26,9 @@ use std::sync::Arc;
 ///
 /// # What an engine must do
 /// - A ray walks cell by cell, and a hit counts only before the far side of its cell.
+/// - Paths meet packed fibres from the event on that [`Switch`](crate::packed::Switch)
+///   says; an engine that cannot follow them refuses matter that
+///   [has packed fibres](super::FibreMatter::has_packed).
 /// - An event samples every light by a shadow ray, unless only walks find it, and
 ///   weighs both where both find it: see [`organza_light::LightSearch`].
 /// - The engine for processors draws directions toward lights with a place lane by

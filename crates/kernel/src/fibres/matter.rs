@@ -7,6 +7,8 @@ use super::joint_table::JointTable;
 use super::optics::Optics;
 use super::strands::Strands;
 use crate::cpu::lanes::one;
+use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
+use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
 use organza_basis::CellGrid;
 use organza_scatter::Fibre;
@@ -27,6 +29,8 @@ pub struct FibreMatter {
     pub(crate) is_cut: bool,
     /// A ray that starts among fibres meets none before this distance, mm.
     pub(crate) start_mm: f32,
+    /// The same fibres in voxels, for the later events of paths.
+    pub(crate) packed: Option<PackedPart>,
 }
 
 /// Where a ray goes through the matter.
@@ -93,12 +97,61 @@ impl FibreMatter {
             high_mm: high,
             is_cut,
             start_mm: START_RADII * thinnest.fold(f32::INFINITY, f32::min),
+            packed: None,
         })
+    }
+
+    /// Lays packed fibres out, which are met from the camera on. They take at most
+    /// `max_bytes`.
+    ///
+    /// # Errors
+    /// See [`FibreMatter::with_packed`].
+    pub fn of_packed(source: &impl PackedVoxels, max_bytes: u64) -> Result<FibreMatter, Refusal> {
+        let none = Strands {
+            joints: &[],
+            strands: &[],
+        };
+        let grid = source.cell_grid();
+        let origin_mm = grid.bounds_mm().min;
+        let bare = FibreMatter::new(none, origin_mm, grid, source.fibres(), max_bytes)
+            .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
+        bare.with_packed(source, Switch::AT_ONCE, max_bytes)
+    }
+
+    /// The same with packed fibres of the same cloth for the later events of paths. Both
+    /// together take at most `max_bytes`.
+    ///
+    /// # Errors
+    /// Fibres that voxels do not suit, or too many of them.
+    pub fn with_packed(
+        mut self,
+        source: &impl PackedVoxels,
+        switch: Switch,
+        max_bytes: u64,
+    ) -> Result<FibreMatter, Refusal> {
+        let least = self.memory_bytes() + FibreVolume::min_bytes(source.cell_grid());
+        if least > max_bytes {
+            return Err(Refusal::Memory(least, max_bytes));
+        }
+        let volume = FibreVolume::new(source)?;
+        self.packed = Some(PackedPart {
+            volume,
+            switch,
+            starts_at_entry: false,
+        });
+        Ok(self)
+    }
+
+    /// Whether paths meet packed fibres.
+    pub fn has_packed(&self) -> bool {
+        self.packed.is_some()
     }
 
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
-        self.cells.memory_bytes() + self.joints.memory_bytes() + self.optics.memory_bytes()
+        let explicit = self.cells.memory_bytes() + self.joints.memory_bytes();
+        let packed = self.packed.as_ref().map_or(0, |p| p.volume.memory_bytes());
+        explicit + packed + self.optics.memory_bytes()
     }
 
     /// Whether memory did not suffice for copies of the fibres, and cells hold lists.
@@ -137,7 +190,14 @@ impl FibreMatter {
         if !self.is_cut {
             return f32::INFINITY;
         }
-        let origin = self.cells.grid.world_mm(from);
+        self.way_out_from_mm(self.cells.grid.world_mm(from), direction)
+    }
+
+    /// The same from a point of the world.
+    pub(super) fn way_out_from_mm(&self, origin: DVec3, direction: Vec3) -> f32 {
+        if !self.is_cut {
+            return f32::INFINITY;
+        }
         let out = self.clip(origin, direction.as_dvec3());
         out.map_or(0.0, |(_, far)| far.max(0.0) as f32)
     }

@@ -4,6 +4,7 @@ use super::cell_ray::{CellHit, CellRay};
 use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{LaneRng, V3};
+use crate::packed::volume_ray::VolumeRay;
 use glam::{IVec2, IVec3, Vec3};
 use organza_film::FirstEvent;
 
@@ -29,6 +30,9 @@ pub enum State {
 pub struct Paths {
     pub state: [State; WAVE],
     pub rays: [CellRay; WAVE],
+    /// Slots whose rays are among packed fibres, and those rays.
+    pub in_volume: [bool; WAVE],
+    pub volume_rays: [VolumeRay; WAVE],
     pub rng: [[u32; WAVE]; 3],
     pub direction: [Column; 3],
     pub throughput: [Column; 3],
@@ -77,6 +81,8 @@ impl Paths {
         Box::new(Paths {
             state: [State::Idle; WAVE],
             rays: [CellRay::none(); WAVE],
+            in_volume: [false; WAVE],
+            volume_rays: [VolumeRay::none(); WAVE],
             rng: [[0; WAVE]; 3],
             direction: [zero; 3],
             throughput: [zero; 3],

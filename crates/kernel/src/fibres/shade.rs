@@ -3,12 +3,17 @@
 use super::cell_ray::CellRay;
 use super::grid::GridPoint;
 use super::matter::FibreMatter;
-use super::near_event::{Met, NearEvent, Scattered};
+use super::met_fibres::{
+    LeavingPoint, MetFibres, leaving_point, met_fibres, packed_ray, world_mm, yarn,
+};
+use super::near_event::{NearEvent, Scattered};
 use super::paths::{Column, Paths, State, get, load, put, store};
 use super::shadows::Shadows;
 use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3};
+use crate::packed::PackedPart;
+use crate::packed::volume_ray::VolumeRay;
 use crate::roulette::{FIBRE_SCALE, survivors};
 use glam::Vec3;
 use organza_basis::{PathRng, Ray};
@@ -38,7 +43,7 @@ pub fn shade<F: Floats>(
     shadows: &mut Shadows,
     stats: &mut Stats,
 ) {
-    let mut met = 0u32;
+    let (mut met, mut packed) = (0u32, 0u32);
     for lane in 0..F::LANES {
         let slot = first + lane;
         if paths.state[slot] != State::Met {
@@ -55,25 +60,36 @@ pub fn shade<F: Floats>(
         }
         paths.bounces[slot] += 1;
         met |= 1 << lane;
+        packed |= u32::from(paths.in_volume[slot]) << lane;
     }
     if met == 0 {
         return;
     }
     let mask = F::Mask::from_bits(met);
-    let (joints, optics) = (&shading.matter.joints, &shading.matter.optics);
-    let piece = F::Ints::load(&paths.met.piece[first..]);
-    let along = F::load(&paths.met.along[first..]);
+    let packed = F::Mask::from_bits(packed);
+    let optics = &shading.matter.optics;
     let direction = load::<F>(&paths.direction, first);
-    let there = Met {
-        tangent: joints.tangents::<F>(piece, along),
-        out_mm: load(&paths.met.out, first),
-        w_out: direction.scaled(F::splat(-1.0)),
-    };
-    let material = optics.materials::<F>(joints.materials::<F>(piece));
-    let event = NearEvent::new(optics, material, &there, mask);
+    let w_out = direction.scaled(F::splat(-1.0));
     let mut rng = paths.rng::<F>(first);
-    let axis_at = load::<F>(&paths.met.axis_at, first);
-    let throughput = load::<F>(&paths.throughput, first);
+    let MetFibres {
+        there,
+        mut axis_at,
+        material,
+        weight,
+    } = met_fibres::<F>(shading.matter, paths, first, w_out, packed, &mut rng);
+    let material = optics.materials::<F>(material);
+    let mut event = NearEvent::new(optics, material, &there, mask);
+    if shading
+        .matter
+        .packed
+        .as_ref()
+        .is_some_and(|p| p.starts_at_entry)
+    {
+        event.radius_mm = F::splat(0.0);
+        axis_at = axis_at + there.out_mm;
+    }
+    let arrived = load::<F>(&paths.throughput, first);
+    let throughput = arrived.scaled(weight);
 
     for light in shading.lights {
         let Some(aim) = aim::<F>(light, shading, paths, first, &mut rng, mask) else {
@@ -94,8 +110,13 @@ pub fn shade<F: Floats>(
         }
         let light_in = light_in.scaled(F::splat(1.0) / keep);
         let start = start(&event, &scattered, axis_at, [v, w]);
+        let names = if packed.any() {
+            rng.bits(packed & sent)
+        } else {
+            [<F::Ints as Ints>::splat(0); 3]
+        };
         send(
-            shading, light, paths, first, sent, &aim, light_in, start, shadows,
+            shading, light, paths, first, sent, &aim, light_in, start, names, shadows,
         );
     }
 
@@ -103,14 +124,14 @@ pub fn shade<F: Floats>(
     let [u, v, w] = rng.units(mask);
     let start = start(&event, &turn.scattered, axis_at, [v, w]);
     let kept = throughput.times(turn.weight);
-    let absorbed = load::<F>(&paths.absorbed, first) + (throughput - kept);
+    let absorbed = load::<F>(&paths.absorbed, first) + (arrived - kept);
     let (survives, carried) = survivors(kept, FIBRE_SCALE, u, mask);
     let absorbed = absorbed.or_where_not(mask, load(&paths.absorbed, first));
     store(&mut paths.absorbed, first, absorbed);
     store(
         &mut paths.throughput,
         first,
-        carried.or_where_not(survives, throughput),
+        carried.or_where_not(survives, arrived),
     );
     let turned = turn.direction.or_where_not(survives, direction);
     store(&mut paths.direction, first, turned);
@@ -120,6 +141,8 @@ pub fn shade<F: Floats>(
     paths.put_rng::<F>(first, &rng);
     let mut starts = [[0.0; WAVE]; 3];
     store(&mut starts, 0, start);
+    let mut carries = [0.0; WAVE];
+    (kept.sum() * F::splat(1.0 / 3.0)).store(&mut carries);
     for lane in SetBits(met) {
         let slot = first + lane;
         if survives.bits() & 1 << lane == 0 {
@@ -129,8 +152,28 @@ pub fn shade<F: Floats>(
         if shading.weighs {
             paths.drawn_at_mm[slot] = place_mm(shading.matter, paths, slot);
         }
-        let from = point(paths, slot, get(&starts, lane));
+        let from = leaving_point(paths, slot, get(&starts, lane));
         let toward = get(&paths.direction, slot);
+        let part = shading.matter.packed.as_ref();
+        let goes_on_packed = |part: &&PackedPart| {
+            paths.in_volume[slot] || part.switch.is_over(paths.bounces[slot], carries[lane])
+        };
+        if let Some(part) = part.filter(goes_on_packed) {
+            // Its random numbers are the slot's, which the walk hands over.
+            let way = (&from, toward, f32::INFINITY);
+            let ray = packed_ray(shading.matter, part, paths, slot, way, [0; 3]);
+            paths.state[slot] = if ray.is_some() {
+                State::Flying
+            } else {
+                State::Left
+            };
+            paths.in_volume[slot] = true;
+            paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
+            continue;
+        }
+        let LeavingPoint::Explicit(from) = from else {
+            continue;
+        };
         let ray = ray(shading.matter, &from, toward, f32::INFINITY);
         paths.state[slot] = if ray.is_some() {
             State::Flying
@@ -154,14 +197,6 @@ fn start<F: Floats>(
     normal.scaled_add(event.radius_mm, axis_at)
 }
 
-fn point(paths: &Paths, slot: usize, at_mm: Vec3) -> GridPoint {
-    GridPoint {
-        cell: paths.met.cell[slot],
-        period: paths.met.period[slot],
-        at_mm,
-    }
-}
-
 /// A ray that starts at a fibre.
 #[inline]
 fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, max_mm: f32) -> Option<CellRay> {
@@ -171,20 +206,27 @@ fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, max_mm: f32) -> Opt
 
 /// Where a path met its fibre, in the world.
 fn place_mm(matter: &FibreMatter, paths: &Paths, slot: usize) -> Vec3 {
+    if let Some(part) = matter.packed.as_ref().filter(|_| paths.in_volume[slot]) {
+        let ray = &paths.volume_rays[slot];
+        return part.volume.world_mm(ray.at(), ray.period()).as_vec3();
+    }
     let at = get(&paths.met.axis_at, slot) + get(&paths.met.out, slot);
-    matter
-        .cells
-        .grid
-        .world_mm(&point(paths, slot, at))
-        .as_vec3()
+    let at = leaving_point(paths, slot, at);
+    world_mm(matter, paths, slot, &at).as_vec3()
 }
 
 fn first_event(matter: &FibreMatter, paths: &Paths, slot: usize) -> FirstEvent {
-    let piece = paths.met.piece[slot];
+    let axis = match &matter.packed {
+        Some(part) if paths.in_volume[slot] => part.volume.axis(paths.volume_rays[slot].place),
+        _ => {
+            let piece = paths.met.piece[slot];
+            matter.joints.tangent(piece, paths.met.along[slot])
+        }
+    };
     FirstEvent {
         info: SiteInfo {
-            axis: matter.joints.tangent(piece, paths.met.along[slot]),
-            yarn: Some(matter.joints.yarn(piece)),
+            axis,
+            yarn: Some(yarn(matter, paths, slot)),
         },
         depth_mm: paths.before_mm[slot] + f64::from(paths.met.distance[slot]),
     }
@@ -284,26 +326,43 @@ fn send<F: Floats>(
     aim: &Aim<F>,
     light_in: V3<F>,
     start: V3<F>,
+    names: [F::Ints; 3],
     shadows: &mut Shadows,
 ) {
     let (mut adds, mut starts, mut ways) = ([[0.0; WAVE]; 3], [[0.0; WAVE]; 3], [[0.0; WAVE]; 3]);
     store(&mut adds, 0, light_in);
     store(&mut starts, 0, start);
     store(&mut ways, 0, aim.toward);
+    let mut words = [[0; WAVE]; 3];
+    for (column, names) in words.iter_mut().zip(names) {
+        names.store(column);
+    }
     let matter = shading.matter;
     let is_placed = has_place(light);
     for lane in SetBits(sent.bits()) {
         let slot = first + lane;
-        let from = point(paths, slot, get(&starts, lane));
+        let from = leaving_point(paths, slot, get(&starts, lane));
         let toward = get(&ways, lane);
         let mut most = f32::INFINITY;
         if is_placed {
-            let origin = matter.cells.grid.world_mm(&from).as_vec3();
+            let origin = world_mm(matter, paths, slot, &from).as_vec3();
             let Some(distance) = light.distance_along(&Ray::new(origin, toward)) else {
                 continue;
             };
             most = distance;
         }
+        let from = match (from, &matter.packed) {
+            (LeavingPoint::Explicit(from), _) => from,
+            (from, Some(part)) => {
+                let (way, name) = ((&from, toward, most), words.map(|w| w[lane]));
+                match packed_ray(matter, part, paths, slot, way, name) {
+                    Some(ray) => shadows.push_packed(ray, slot, get(&adds, lane)),
+                    None => shadows.push(None, slot, get(&adds, lane)),
+                }
+                continue;
+            }
+            (_, None) => continue,
+        };
         let ray = ray(matter, &from, toward, most);
         if let Some(ray) = &ray {
             ray.prepare_head(&matter.cells);

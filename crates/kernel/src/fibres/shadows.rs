@@ -4,6 +4,9 @@ use super::cell_ray::{CellRay, Visit};
 use super::matter::FibreMatter;
 use super::walk::AHEAD;
 use crate::cpu::lanes::Floats;
+use crate::packed::FibreVolume;
+use crate::packed::flight::{FlightCounts, fly};
+use crate::packed::volume_ray::{NOWHERE, VolumeRay};
 use glam::Vec3;
 use organza_film::Stats;
 
@@ -12,6 +15,9 @@ pub struct Shadows {
     rays: Vec<CellRay>,
     adds: Vec<(u16, Vec3)>,
     active: Vec<u32>,
+    /// Rays among packed fibres, in the same way.
+    volume_rays: Vec<VolumeRay>,
+    volume_adds: Vec<(u16, Vec3)>,
 }
 
 impl Shadows {
@@ -20,6 +26,8 @@ impl Shadows {
             rays: Vec::new(),
             adds: Vec::new(),
             active: Vec::new(),
+            volume_rays: Vec::new(),
+            volume_adds: Vec::new(),
         }
     }
 
@@ -33,6 +41,37 @@ impl Shadows {
             self.rays.push(CellRay::none());
         }
         self.adds.push((slot as u16, light));
+    }
+
+    /// Adds a ray among packed fibres.
+    #[inline]
+    pub fn push_packed(&mut self, ray: VolumeRay, slot: usize, light: Vec3) {
+        self.volume_rays.push(ray);
+        self.volume_adds.push((slot as u16, light));
+    }
+
+    /// Follows all rays among packed fibres, and calls `add` for those that arrive.
+    #[inline(always)]
+    pub fn follow_packed<F: Floats>(
+        &mut self,
+        volume: &FibreVolume,
+        stats: &mut Stats,
+        mut add: impl FnMut(usize, Vec3),
+    ) {
+        let count = self.volume_rays.len();
+        stats.shadow_rays += count as u64;
+        self.active.clear();
+        self.active.extend(0..count as u32);
+        let mut counts = FlightCounts::default();
+        fly::<F>(volume, &mut self.volume_rays, &self.active, &mut counts);
+        self.active.clear();
+        stats.shadow_steps += counts.tentative;
+        stats.majorant_violations += counts.violations;
+        for (ray, (slot, light)) in self.volume_rays.drain(..).zip(self.volume_adds.drain(..)) {
+            if ray.place == NOWHERE {
+                add(usize::from(slot), light);
+            }
+        }
     }
 
     /// Follows all rays, a cell of each at a time, and calls `add` for those

@@ -7,6 +7,10 @@ use super::shade::{Shading, has_place, shade};
 use super::shadows::Shadows;
 use super::work::{End, Start, WAVE, Work};
 use crate::cpu::lanes::Floats;
+use crate::matter::NO_YARN;
+use crate::packed::PackedPart;
+use crate::packed::flight::{FlightCounts, fly};
+use crate::packed::volume_ray::{Departure, NOWHERE, VolumeRay};
 use glam::Vec3;
 use organza_basis::Rgb;
 use organza_film::Stats;
@@ -31,6 +35,7 @@ impl Walk<'_> {
         let mut paths = Paths::new();
         let mut shadows = Shadows::new();
         let mut active: Vec<u16> = Vec::with_capacity(WAVE);
+        let mut packed: Vec<u32> = Vec::with_capacity(WAVE);
         let shading = Shading {
             matter: self.matter,
             lights: self.lights,
@@ -43,14 +48,26 @@ impl Walk<'_> {
         }
         loop {
             active.clear();
+            packed.clear();
             for slot in 0..WAVE {
                 self.pass_on(&mut paths, slot, has_panels, work, &mut stats);
-                if paths.state[slot] == State::Flying {
+                if paths.state[slot] != State::Flying {
+                    continue;
+                }
+                if paths.in_volume[slot] {
+                    packed.push(slot as u32);
+                } else {
                     active.push(slot as u16);
                 }
             }
-            if active.is_empty() {
+            if active.is_empty() && packed.is_empty() {
                 return stats;
+            }
+            if let Some(part) = &self.matter.packed {
+                while !packed.is_empty() {
+                    let rays = (&mut packed, &mut active);
+                    self.fly_packed::<F>(part, &mut paths, rays, has_panels, work, &mut stats);
+                }
             }
             self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
             if has_panels {
@@ -68,6 +85,12 @@ impl Walk<'_> {
                 let sum = get(radiance, slot) + light;
                 put(radiance, slot, sum);
             });
+            if let Some(part) = &self.matter.packed {
+                shadows.follow_packed::<F>(&part.volume, &mut stats, |slot, light| {
+                    let sum = get(radiance, slot) + light;
+                    put(radiance, slot, sum);
+                });
+            }
             for slot in 0..WAVE {
                 if paths.state[slot] == State::Ended {
                     self.end(&mut paths, slot, work, false, &mut stats);
@@ -123,6 +146,54 @@ impl Walk<'_> {
         }
     }
 
+    /// Follows the rays of slots among packed fibres to what they meet. Where a path leaves
+    /// the matter, the next one of its slot is left in the first list, or in the second if
+    /// it begins among explicit fibres.
+    #[inline(always)]
+    fn fly_packed<F: Floats>(
+        &self,
+        part: &PackedPart,
+        paths: &mut Paths,
+        (packed, active): (&mut Vec<u32>, &mut Vec<u16>),
+        has_panels: bool,
+        work: &mut dyn Work,
+        stats: &mut Stats,
+    ) {
+        for &number in packed.iter() {
+            let slot = number as usize;
+            paths.volume_rays[slot].rng = [0, 1, 2].map(|k| paths.rng[k][slot]);
+        }
+        let mut counts = FlightCounts::default();
+        fly::<F>(&part.volume, &mut paths.volume_rays, packed, &mut counts);
+        stats.tentative += counts.tentative;
+        stats.majorant_violations += counts.violations;
+        let mut kept = 0;
+        for i in 0..packed.len() {
+            let slot = packed[i] as usize;
+            let ray = paths.volume_rays[slot];
+            for (column, word) in paths.rng.iter_mut().zip(ray.rng) {
+                column[slot] = word;
+            }
+            if ray.place != NOWHERE {
+                paths.met.distance[slot] = ray.gone_mm;
+                paths.state[slot] = State::Met;
+                continue;
+            }
+            paths.state[slot] = State::Left;
+            self.pass_on(paths, slot, has_panels, work, stats);
+            if paths.state[slot] != State::Flying {
+                continue;
+            }
+            if paths.in_volume[slot] {
+                packed[kept] = slot as u32;
+                kept += 1;
+            } else {
+                active.push(slot as u16);
+            }
+        }
+        packed.truncate(kept);
+    }
+
     /// Ends the path of a slot that has left the matter, and those after it that miss
     /// the matter.
     fn pass_on(
@@ -158,10 +229,32 @@ impl Walk<'_> {
         paths.begin(slot, key, index, way);
         paths.drawn_at_mm[slot] = origin_mm.as_vec3();
         paths.met.distance[slot] = f32::INFINITY;
-        let grid = &self.matter.cells.grid;
         let entry = self.matter.enter(origin_mm, direction);
-        let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.before_mm[slot] = entry.map_or(0.0, |e| e.distance_mm);
+        let part = self.matter.packed.as_ref();
+        let part = part.filter(|p| p.switch.is_over(0, 1.0));
+        paths.in_volume[slot] = part.is_some();
+        if let Some(part) = part {
+            let ray = entry.and_then(|e| {
+                let departure = Departure {
+                    direction: way,
+                    end_mm: e.end_mm,
+                    left_yarn: NO_YARN,
+                    rng: [0; 3],
+                };
+                let start_mm = origin_mm + e.distance_mm * direction;
+                part.volume.ray_from_world(start_mm, &departure)
+            });
+            paths.state[slot] = if ray.is_some() {
+                State::Flying
+            } else {
+                State::Left
+            };
+            paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
+            return;
+        }
+        let grid = &self.matter.cells.grid;
+        let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
         paths.rays[slot].prepare_head(&self.matter.cells);
         paths.state[slot] = if ray.is_some() {

@@ -197,7 +197,7 @@ impl Filler {
 /// `2^-28 M`, sixteen times less.)
 ///
 /// Places are 24 bits, too: mean free paths are kept to several of their steps.
-fn check_range(cell_grid: &CellGrid, max_per_mm: f32, min_per_mm: f32) -> Result<(), Unsuited> {
+pub fn check_range(cell_grid: &CellGrid, max_per_mm: f32, min_per_mm: f32) -> Result<(), Unsuited> {
     const STEP: f32 = 1.0 / (1 << 24) as f32;
     const MAX_ERROR: f32 = 5e-4;
     let size_mm = cell_grid.bounds_mm().size();

@@ -26,10 +26,24 @@ pub fn surroundings(
     bounds: impl Iterator<Item = f32>,
     path_mm: f32,
 ) -> Vec<Surroundings> {
+    surroundings_within(cell_grid, 0, bounds, path_mm)
+}
+
+/// The same for matter of which a place looks up voxels up to `apart` steps away, along
+/// axes or diagonals.
+pub fn surroundings_within(
+    cell_grid: &CellGrid,
+    apart: u32,
+    bounds: impl Iterator<Item = f32>,
+    path_mm: f32,
+) -> Vec<Surroundings> {
     let dims = cell_grid.dims();
     let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
     let per_mm = 1.0 / (path_mm * MOST);
     let mut within: Vec<u8> = bounds.map(|bound| bound_code(bound) as u8).collect();
+    for _ in 0..apart {
+        spread_maximum(cell_grid, &mut within, 1);
+    }
     let nowhere = Surroundings {
         bound_code: 255,
         reach_code: 0,

@@ -94,15 +94,13 @@ impl<U: Ints> VoxelWords<U> {
     /// The bound, as a share.
     #[inline(always)]
     pub fn bound(self) -> U::Floats {
-        let bits = self.0[1].shr::<24>().shl::<19>() + U::splat(BASE);
-        bits.as_floats() - U::Floats::splat(LEAST)
+        bound_of_code(self.0[1].shr::<24>())
     }
 
     /// The reach, in voxels.
     #[inline(always)]
     pub fn reach(self) -> U::Floats {
-        let code = self.0[0] & U::splat(0xf);
-        (code.shl::<22>() + U::splat(127 << 23)).as_floats()
+        reach_of_code(self.0[0] & U::splat(0xf))
     }
 
     /// Extinction across the fibres, as a share.
@@ -140,6 +138,19 @@ impl<U: Ints> VoxelWords<U> {
             z,
         }
     }
+}
+
+/// Bounds of codes, as [`bound_of`] gives them.
+#[inline(always)]
+pub fn bound_of_code<F: Floats>(code: F::Ints) -> F {
+    let bits = code.shl::<19>() + F::Ints::splat(BASE);
+    bits.as_floats() - F::splat(LEAST)
+}
+
+/// Reaches of codes in voxels, as [`steps_of`] gives them.
+#[inline(always)]
+pub fn reach_of_code<F: Floats>(code: F::Ints) -> F {
+    (code.shl::<22>() + F::Ints::splat(127 << 23)).as_floats()
 }
 
 #[inline(always)]

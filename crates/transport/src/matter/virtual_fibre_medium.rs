@@ -190,6 +190,11 @@ impl VirtualFibreMedium {
         &self.scatterer.factors
     }
 
+    /// The densest population in a block of cells and around it.
+    pub(crate) fn densest_around(&self, cell: UVec3) -> Densest {
+        *self.scatterer.densest_of(&self.level.cell_grid, cell)
+    }
+
     /// Radius of the thinnest fibres in mm; infinite where there are none.
     pub(crate) fn thinnest_mm(&self) -> f32 {
         let radii = self.scatterer.voxels.radii_mm();
@@ -251,10 +256,7 @@ impl VirtualFibres {
     fn expected(&self, grid: &CellGrid, p: Vec3, rng: &mut PathRng) -> (Vec3, f32) {
         let here = self.voxels.at(&self.places(p));
         let Some((last, before)) = here.split_last() else {
-            let node = grid.cell(p) / self.node_edge;
-            let dims = grid.cell_dims(self.node_edge);
-            let place = node.x + dims.x * (node.y + dims.y * node.z);
-            let densest = &self.densest[place as usize];
+            let densest = self.densest_of(grid, grid.cell(p));
             return (densest.axis, densest.radius_mm);
         };
         let chosen = if before.is_empty() {
@@ -268,6 +270,13 @@ impl VirtualFibres {
             found.unwrap_or(last)
         };
         (chosen.axis, chosen.radius_mm)
+    }
+
+    /// The densest population in the node of a cell and around it.
+    fn densest_of(&self, grid: &CellGrid, cell: UVec3) -> &Densest {
+        let (node, dims) = (cell / self.node_edge, grid.cell_dims(self.node_edge));
+        let place = node.x + dims.x * (node.y + dims.y * node.z);
+        &self.densest[place as usize]
     }
 
     /// The fibre of a population.

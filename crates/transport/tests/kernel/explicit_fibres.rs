@@ -14,7 +14,7 @@ use organza_transport::*;
 use std::ops::ControlFlow;
 
 /// Twisted yarns, and hairs that taper and leave the tile sideways.
-fn segments(repeats: bool) -> SegmentList {
+pub(crate) fn segments(repeats: bool) -> SegmentList {
     let mut weave = twisted_weave();
     weave.tile.repeats = repeats;
     for hair in 0..8u32 {
@@ -44,7 +44,11 @@ fn cut() -> AnyMedium {
     cloth
 }
 
-fn by_cells(scene: &Scene, settings: &RenderSettings, backend: Backend) -> (Film, Stats) {
+pub(crate) fn by_cells(
+    scene: &Scene,
+    settings: &RenderSettings,
+    backend: Backend,
+) -> (Film, Stats) {
     let walks = engine(
         scene,
         settings,

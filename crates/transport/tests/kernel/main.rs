@@ -7,6 +7,7 @@ mod engines;
 mod explicit_fibres;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod packed_fibres;
 mod pictures;
 mod virtual_fibres;
 

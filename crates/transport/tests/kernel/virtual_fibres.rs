@@ -159,15 +159,6 @@ fn back_ends_give_the_same_bits_through_fibres() {
 }
 
 #[test]
-fn packed_fibres_are_refused() {
-    let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Packed);
-    let flat = Projection::Orthographic { width_mm: 0.2 };
-    let scene = scene(AnyMedium::VirtualFibres(medium), parallel(), flat);
-    let refused = flatten(&scene, &settings(0..1, 1), 1 << 30).err();
-    assert_eq!(refused, Some(KernelRefusal::Packed));
-}
-
-#[test]
 fn rough_fibres_are_left_to_the_walk() {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let refused = |blur_deg: f32| {

@@ -1,0 +1,204 @@
+//! Packed fibres in the kernel, with the events of explicit ones, against the general walk.
+
+use crate::explicit_fibres::{by_cells, segments};
+use crate::pictures::picture;
+use crate::virtual_fibres::silk_and_cotton;
+use crate::{agree, film, lens, panels, parallel, samples, scene, settings, sky, vector_backends};
+use glam::Vec2;
+use organza_basis::Rgb;
+use organza_kernel::FibreEngine;
+use organza_kernel::fibres::{FibreMatter, FibreScene};
+use organza_kernel::proofs::PackedFault;
+use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_transport::*;
+use organza_volume::{
+    FibreFootprint, MaterialPacking, MeasuredPacking, PackingFactor, VoxelizeOptions, voxelize,
+};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// Twisted fibres of two materials and six yarns, with packing factors that differ.
+fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
+    let options = VoxelizeOptions {
+        voxel_mm: 0.006,
+        levels: Some(1),
+        footprint: FibreFootprint::Axis,
+        max_memory_bytes: None,
+    };
+    let mut source = segments(repeats);
+    if !repeats {
+        // Hairs leave the tile.
+        source.segments.retain(|s| s.yarn != 7);
+    }
+    let octree = voxelize(&source, &options, &|_| ()).unwrap();
+    let factor = |mean: f32| {
+        Some(PackingFactor {
+            mean,
+            standard_error: 0.0,
+        })
+    };
+    let of_material = |more: f32| MaterialPacking {
+        own_yarn: factor(1.4 + more),
+        other_yarn: factor(1.1 + more),
+        outside: factor(0.8 + more),
+    };
+    let packing = MeasuredPacking {
+        walks: 1,
+        levels: vec![vec![of_material(0.0), of_material(0.3)]],
+    };
+    let octree = octree.with_packing(Some(packing)).unwrap();
+    VirtualFibreMedium::new(octree, 0, fibres, VirtualFibreEvent::Packed).unwrap()
+}
+
+fn cloth(repeats: bool) -> AnyMedium {
+    AnyMedium::VirtualFibres(packed(repeats, silk_and_cotton()))
+}
+
+fn cut() -> AnyMedium {
+    let mut cloth = cloth(true);
+    cloth
+        .cut_to(Vec2::new(-0.05, -0.11), Vec2::new(0.45, 0.23))
+        .unwrap();
+    cloth
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    vec![
+        ("finite", scene(cloth(false), parallel(), pinhole)),
+        ("endless", scene(cloth(true), parallel(), flat)),
+        ("sky", scene(cloth(true), sky(), lens())),
+        ("cut, panels", scene(cut(), panels(), lens())),
+        ("picture", scene(cloth(true), vec![picture()], pinhole)),
+    ]
+}
+
+/// The picture of a scene of packed fibres with a fault.
+fn faulty(scene: &Scene, settings: &RenderSettings, fault: PackedFault) -> Film {
+    let [AnyMedium::VirtualFibres(medium)] = &scene.media[..] else {
+        panic!("not virtual fibres");
+    };
+    let matter = FibreMatter::of_packed(medium, u64::MAX).unwrap();
+    let laid_out = FibreScene::new(
+        Arc::new(matter.with_fault(fault)),
+        &scene.lights,
+        &scene.camera,
+        settings.seed,
+        settings.max_bounces.min(MAX_EVENTS),
+    );
+    let engine = FibreEngine::new(Arc::new(laid_out), Backend::widest()).unwrap();
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    let all = settings.samples.end;
+    let rendering = rendering.with_engine(engine);
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    rendering.into_parts().0
+}
+
+#[test]
+fn packed_fibres_agree_with_the_general_walk() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..samples(), u32::MAX);
+        let (oracle, of_walk) = film(&scene, &settings, None);
+        let (own, stats) = by_cells(&scene, &settings, Backend::widest());
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&own, &oracle);
+        let p = spread.p_value.min(mean.p_value);
+        assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
+        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
+        let (m, n) = (per_path(&stats), per_path(&of_walk));
+        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+        let depth = |film: &Film| {
+            let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
+            depths.iter().sum::<f64>() / depths.len().max(1) as f64
+        };
+        assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+    }
+}
+
+/// Extinction a fifth too low, and paths that start where they came in.
+#[test]
+fn faults_of_packed_fibres_are_rejected() {
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let behind = Light::from(EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::Back,
+    });
+    let scene = scene(cloth(true), vec![behind], flat);
+    let settings = settings(0..2 * samples(), u32::MAX);
+    let (oracle, _) = film(&scene, &settings, None);
+    assert!(
+        agree(&by_cells(&scene, &settings, Backend::widest()).0, &oracle)
+            .1
+            .p_value
+            > 1e-4
+    );
+    for fault in [PackedFault::Extinction(0.8), PackedFault::StartAtEntry] {
+        let (spread, mean) = agree(&faulty(&scene, &settings, fault), &oracle);
+        let least = spread.p_value.min(mean.p_value);
+        assert!(least < 1e-9, "{fault:?}, seed 9: {spread:?}, {mean:?}");
+    }
+}
+
+#[test]
+fn back_ends_walk_packed_fibres_alike() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..24, 40);
+        let (first, _) = by_cells(&scene, &settings, Backend::Scalar);
+        for backend in vector_backends() {
+            let (film, _) = by_cells(&scene, &settings, backend);
+            assert!(film == first, "{name}: {backend:?}");
+        }
+        // Samples in other portions, by another number of threads.
+        let walks = engine(&scene, &settings, EngineChoice::Fastest, u64::MAX).unwrap();
+        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let film = pool.unwrap().install(|| {
+            let mut rendering = rendering.with_engine(walks);
+            while rendering.left() > 0 {
+                rendering = rendering.take(7, &|_| ControlFlow::Continue(())).unwrap();
+            }
+            rendering.into_parts().0
+        });
+        assert!(film == first, "{name}: portions");
+    }
+}
+
+/// Packed fibres that keep all light are not seen under an even sky.
+#[test]
+fn clear_packed_fibres_vanish_in_a_furnace() {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::BLACK,
+        longitudinal_rad: 0.1,
+        azimuthal_rad: 0.17,
+    };
+    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let even = Light::from(EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    });
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = AnyMedium::VirtualFibres(packed(true, vec![clear(), clear()]));
+    let scene = scene(cloth, vec![even], flat);
+    let settings = settings(0..samples(), u32::MAX);
+    let (film, stats) = by_cells(&scene, &settings, Backend::widest());
+    assert!(stats.collisions > stats.paths, "{stats:?}");
+    // The balance of the lobes keeps energy to 1e-3 an event.
+    for (mean, error) in film.mean() {
+        assert!((mean - 1.0).abs() < 3e-3 + 4.0 * error, "{mean} +- {error}");
+    }
+}
+
+/// Memory is counted before it is taken, and laying out without events is refused.
+#[test]
+fn packed_fibres_are_refused_where_they_do_not_fit() {
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let scene = scene(cloth(true), parallel(), flat);
+    let settings = settings(0..1, 1);
+    let refused = engine(&scene, &settings, EngineChoice::Fastest, 1000).err();
+    let refused = refused.map(|e| e.to_string()).unwrap_or_default();
+    assert!(refused.contains("more than 1000"), "{refused}");
+    let refused = flatten(&scene, &settings, 1 << 30).err();
+    assert_eq!(refused, Some(KernelRefusal::Packed));
+}
