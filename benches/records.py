@@ -74,7 +74,10 @@ def age(rows):
     if re.match(r"`[^`]*tests/", held):
         return 0
     redated = COMMIT.match(held)
-    commit = (redated or COMMIT.search(rows["commit"]))[1]
+    named = redated or COMMIT.search(rows["commit"])
+    if named is None or "code" not in rows:
+        sys.exit(f"a record of commit {rows['commit']} names no commit or no code")
+    commit = named[1]
     return changed_lines(commit, re.findall(r"`([^`]+)`", rows["code"]))
 
 

@@ -4,6 +4,7 @@
 
 mod bench; // speed against error, and what it chooses
 mod checkpoints; // renders that are killed or interrupted, and resumed
+mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod documents; // commands and links of README and pages
