@@ -32,6 +32,12 @@ pub trait Engine: Send + Sync {
     /// Bytes of the matter and tables.
     fn memory_bytes(&self) -> u64;
 
+    /// What memory did not suffice for, if the matter is laid out in a slower way that
+    /// takes less.
+    fn saved_memory(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Rows of pixels that a block should have, in a film of `rows` that so many threads
     /// share; at least one. Lanes of a processor run dry at the end of a block: few and
     /// large ones.
@@ -58,6 +64,10 @@ impl Engine for Box<dyn Engine> {
 
     fn memory_bytes(&self) -> u64 {
         (**self).memory_bytes()
+    }
+
+    fn saved_memory(&self) -> Option<&'static str> {
+        (**self).saved_memory()
     }
 
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {

@@ -313,7 +313,13 @@ impl Fabric {
     ) -> Result<Octree> {
         let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
         let own = &self.optics[self.optics.len() - 1..];
-        let fibres = match self.explicit_fibres_of(own, path, allowed, loader) {
+        let fibres = self.explicit_fibres_of(own, path, allowed, loader);
+        let fibres = fibres.and_then(|fibres| {
+            let checked = fibres.check_hierarchy(allowed);
+            checked.map_err(|e| input(format!("{}: {e}", path.display())))?;
+            Ok(fibres)
+        });
+        let fibres = match fibres {
             Ok(fibres) => fibres,
             Err(why) => {
                 loader.warn(

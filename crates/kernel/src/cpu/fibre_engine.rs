@@ -43,6 +43,13 @@ impl Engine for FibreEngine {
         self.scene.memory_bytes()
     }
 
+    fn saved_memory(&self) -> Option<&'static str> {
+        self.scene
+            .matter
+            .has_lists()
+            .then_some("copies of fibres in cells, which hold lists")
+    }
+
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let scene = &*self.scene;
         let mut work = FilmWork::new(block, &scene.camera, scene.seed, scene.brightness);

@@ -8,6 +8,7 @@ use crate::{
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
 use organza_basis::curve::{Segment, SegmentList};
+use organza_kernel::Refusal;
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::twisted_weave;
 use organza_transport::*;
@@ -128,6 +129,34 @@ fn back_ends_walk_fibres_alike() {
             rendering.into_parts().0
         });
         assert!(film == first, "{name}: portions");
+    }
+}
+
+/// Where memory does not suffice for copies in cells, lists of numbers give the same
+/// picture bit for bit; where it does not suffice for these either, fibres are refused.
+#[test]
+fn lists_give_the_picture_of_copies() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..24, 40);
+        let (copies, counts) = by_cells(&scene, &settings, Backend::widest());
+        let mut allowed = 1 << 14;
+        let lists = loop {
+            match engine(&scene, &settings, None, allowed) {
+                Ok(lists) => break lists,
+                Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => {
+                    assert!(needed > allowed, "{name}");
+                }
+                Err(why) => panic!("{name}: {why}"),
+            }
+            allowed += 1 << 16;
+        };
+        assert!(lists.saved_memory().is_some(), "{name}: {allowed}");
+        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
+        let rendering = rendering.with_engine(lists);
+        let rendering = rendering.take(24, &|_| ControlFlow::Continue(())).unwrap();
+        let (film, stats) = rendering.into_parts();
+        assert!(film == copies, "{name}");
+        assert_eq!(stats, counts, "{name}");
     }
 }
 

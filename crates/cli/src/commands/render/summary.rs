@@ -234,8 +234,10 @@ pub fn print(
     match peak_memory_bytes() {
         Some(peak) => {
             let tables = rendering.engine().map_or(0, |engine| engine.memory_bytes());
+            let saved = rendering.engine().and_then(|engine| engine.saved_memory());
+            let saved = saved.map_or(String::new(), |what| format!("; not enough for {what}"));
             note!(
-                "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel",
+                "memory        {:.0} MiB at most, {film_mib:.0} of them film, {:.0} laid out for the kernel{saved}",
                 mib(peak),
                 mib(tables)
             );
