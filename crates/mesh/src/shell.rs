@@ -281,7 +281,27 @@ impl Shell {
 
     /// Visits the parts of a ray inside the shell before `limit_mm`, in no strict order, but
     /// near parts early. `visit` returns the distance up to which parts are still wanted.
-    pub fn visit_spans(&self, ray: &Ray, limit_mm: f32, mut visit: impl FnMut(&ShellSpan) -> f32) {
+    pub fn visit_spans(&self, ray: &Ray, limit_mm: f32, visit: impl FnMut(&ShellSpan) -> f32) {
+        self.visit(ray, limit_mm, false, visit);
+    }
+
+    /// The same, where no part ends before `limit_mm` because a nearer one was found.
+    pub fn visit_whole_spans(
+        &self,
+        ray: &Ray,
+        limit_mm: f32,
+        visit: impl FnMut(&ShellSpan) -> f32,
+    ) {
+        self.visit(ray, limit_mm, true, visit);
+    }
+
+    fn visit(
+        &self,
+        ray: &Ray,
+        limit_mm: f32,
+        whole: bool,
+        mut visit: impl FnMut(&ShellSpan) -> f32,
+    ) {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && limit_mm > 0.0) {
             return;
         }
@@ -293,7 +313,8 @@ impl Shell {
                 let face = self.hierarchy.primitive_indices[id] as usize;
                 let mut limit = bvh_ray.tmax;
                 for tetrahedron in &self.tetrahedra[CUT * face..CUT * face + CUT] {
-                    if let Some(span) = tetrahedron.clip(ray, limit) {
+                    let end = if whole { limit_mm } else { limit };
+                    if let Some(span) = tetrahedron.clip(ray, end) {
                         limit = limit.min(visit(&span));
                     }
                 }

@@ -1,8 +1,10 @@
 //! The choice of engine: a scene laid out for an engine of the kernel, or why only the
 //! general walk can render it.
 
-use crate::{AnyMedium, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent};
-use organza_kernel::fibres::{FibreMatter, FibreScene};
+use crate::{
+    AnyMedium, Draping, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent,
+};
+use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, FibrePlane, FibreScene};
 use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter,
     Refusal, Reserve, View,
@@ -18,6 +20,9 @@ pub enum KernelRefusal {
     /// Not one medium but none or several.
     #[error("the scene has {0} media; the kernel walks through one")]
     MediumCount(usize),
+    /// Explicit fibres, and other media beside them.
+    #[error("explicit fibres and other media are mixed; the kernel walks through one kind")]
+    MixedMedia,
     /// A medium of other than micro-flakes or virtual fibres.
     #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
     NotFlakes,
@@ -108,20 +113,46 @@ fn lay_out(
     Ok(LaidOut::Fibres(Arc::new(fibres)))
 }
 
-/// Fibres with surfaces, explicit or packed, laid out in at most `max_bytes`; `None` of a
-/// scene of other matter, or of several media.
+/// Fibres with surfaces laid out in at most `max_bytes`: cloths of explicit fibres and
+/// planes, or packed fibres; `None` of a scene of other matter.
 fn fibre_matter(scene: &Scene, max_bytes: u64) -> Option<Result<FibreMatter, KernelRefusal>> {
     match &scene.media[..] {
-        [AnyMedium::ExplicitFibres(fibres)] => {
-            let matter = fibres.matter(max_bytes);
-            Some(matter.map_err(|unfit| Refusal::of_fibres(unfit, max_bytes).into()))
-        }
         [AnyMedium::VirtualFibres(m)] if m.event() == VirtualFibreEvent::Packed => {
             if m.has_local_visibility() {
                 return Some(Err(KernelRefusal::LocalVisibility));
             }
             let matter = FibreMatter::of_packed(m, max_bytes);
             Some(matter.map_err(KernelRefusal::from))
+        }
+        media if media.iter().any(|m| fibres_of(m).is_some()) => {
+            Some(explicit_matter(scene, max_bytes))
+        }
+        _ => None,
+    }
+}
+
+/// Cloths of explicit fibres, and planes, in cells.
+fn explicit_matter(scene: &Scene, max_bytes: u64) -> Result<FibreMatter, KernelRefusal> {
+    let (mut bodies, mut planes) = (Vec::new(), Vec::new());
+    for medium in &scene.media {
+        match (fibres_of(medium), medium) {
+            (Some(body), _) => bodies.push(body),
+            (None, AnyMedium::Plane(plane)) => planes.push(FibrePlane::from(plane)),
+            _ => return Err(KernelRefusal::MixedMedia),
+        }
+    }
+    let matter = FibreMatter::new(&bodies, planes, max_bytes);
+    Ok(matter.map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?)
+}
+
+/// Explicit fibres as the kernel takes them, flat or over a mesh; `None` of other matter.
+fn fibres_of(medium: &AnyMedium) -> Option<FibreBody<'_>> {
+    match medium {
+        AnyMedium::ExplicitFibres(fibres) => Some(fibres.body(None)),
+        AnyMedium::Levelled(cloth) => {
+            let (fibres, draping) = cloth.draped_fibres()?;
+            let drape: Arc<dyn Drape> = Arc::<Draping>::clone(draping);
+            Some(fibres.body(Some(drape)))
         }
         _ => None,
     }

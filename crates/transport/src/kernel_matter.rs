@@ -1,15 +1,55 @@
 //! Media described as matter of the kernel.
 //!
 //! Media do not know the kernel, and the kernel does not know media: both meet here.
-//! Explicit fibres describe themselves ([`ExplicitFibres::matter`](crate::ExplicitFibres)).
+//! Explicit fibres describe themselves ([`ExplicitFibres::body`](crate::ExplicitFibres)).
 
-use crate::{GridMedium, Medium, SggxOctreeMedium, VirtualFibreMedium};
-use glam::UVec3;
-use organza_basis::{CellGrid, FibrePopulation};
+use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMedium};
+use glam::{DVec3, UVec3, Vec3};
+use organza_basis::{CellGrid, FibrePopulation, Ray};
+use organza_kernel::fibres::{Drape, DrapeSpan, FibrePlane};
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{Matter, NO_YARN, Population, Substance, Unsuited, end_on_ratio};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
+
+impl Drape for Draping {
+    fn bounds_mm(&self) -> (DVec3, DVec3) {
+        let bounds = Draping::bounds_mm(self);
+        (bounds.min.as_dvec3(), bounds.max.as_dvec3())
+    }
+
+    fn visit_spans(
+        &self,
+        origin_mm: Vec3,
+        direction: Vec3,
+        limit_mm: f32,
+        visit: &mut dyn FnMut(&DrapeSpan) -> f32,
+    ) {
+        let ray = Ray::new(origin_mm, direction);
+        self.visit_whole_spans(&ray, limit_mm, &mut |span| {
+            visit(&DrapeSpan {
+                t0: span.t0,
+                t1: span.t1,
+                cloth_mm: span.cloth_mm,
+                step: span.step,
+                world_from_cloth: span.world_from_cloth,
+                stretch: span.stretch,
+            })
+        });
+    }
+}
+
+impl From<&Plane> for FibrePlane {
+    fn from(plane: &Plane) -> FibrePlane {
+        let (position_mm, normal) = plane.position_and_normal();
+        FibrePlane {
+            position_mm,
+            normal,
+            reflectance: plane.reflectance(),
+            radiance: plane.radiance(),
+        }
+    }
+}
 
 impl Matter for GridMedium {
     fn cell_grid(&self) -> &CellGrid {

@@ -1,9 +1,11 @@
 //! A ray on its way from cell to cell.
 
 use super::block::{BLOCK, RayLanes};
+use super::body::Body;
 use super::cells::Cells;
 use super::grid::{Grid, GridPoint};
 use super::joint_table::JointTable;
+use super::matter::FibreMatter;
 use crate::cpu::lanes::Floats;
 use crate::cpu::math::V3;
 use glam::{IVec2, IVec3, Vec3};
@@ -34,6 +36,8 @@ pub struct CellRay {
     pub(super) cell: [i32; 3],
     pub(super) period: [i32; 2],
     cells_left: u32,
+    /// The body whose cells it goes through.
+    body: u16,
 }
 
 /// What a ray meets.
@@ -74,6 +78,7 @@ impl CellRay {
             cell: [0; 3],
             period: [0; 2],
             cells_left: 0,
+            body: 0,
         }
     }
 
@@ -134,7 +139,19 @@ impl CellRay {
             cell: cell.to_array(),
             period: period.to_array(),
             cells_left: sum.saturating_mul(MAX_TILES),
+            body: 0,
         })
+    }
+
+    /// The same ray through the cells of that body.
+    pub fn of(self, body: u16) -> CellRay {
+        CellRay { body, ..self }
+    }
+
+    /// The body whose cells it goes through.
+    #[inline(always)]
+    pub fn body<'a>(&self, matter: &'a FibreMatter) -> &'a Body {
+        &matter.bodies[usize::from(self.body)]
     }
 
     /// The direction.
@@ -213,13 +230,15 @@ impl CellRay {
 
     /// Asks for the head of its cell.
     #[inline(always)]
-    pub fn prepare_head(&self, cells: &Cells) {
+    pub fn prepare_head(&self, matter: &FibreMatter) {
+        let cells = &self.body(matter).cells;
         cells.prefetch_head(cells.grid.index(IVec3::from_array(self.cell)));
     }
 
     /// Asks for the memory of its cell, whose head has been asked for.
     #[inline(always)]
-    pub fn prepare(&self, cells: &Cells) {
+    pub fn prepare(&self, matter: &FibreMatter) {
+        let cells = &self.body(matter).cells;
         let index = cells.grid.index(IVec3::from_array(self.cell));
         cells.prefetch(index);
     }

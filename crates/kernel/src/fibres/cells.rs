@@ -64,6 +64,19 @@ pub struct Cells {
     pub lists: Option<Lists>,
 }
 
+/// Where strands lie, and how their pieces are numbered.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// What joints are counted from, in the world.
+    pub origin_mm: DVec3,
+    /// The box that is divided into cells, in the world.
+    pub bounds_mm: (DVec3, DVec3),
+    /// Whether it repeats in x and y.
+    pub repeats: bool,
+    /// Number of the first piece in the table of joints.
+    pub first_piece: u32,
+}
+
 /// Why fibres cannot be sorted into cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unfit {
@@ -82,27 +95,21 @@ pub struct Reached {
 }
 
 impl Cells {
-    /// Sorts all pieces into the cells of the box `bounds_mm` (in the world, as
-    /// the strands' `origin_mm`). `max_bytes` bounds what the cells take at the peak.
+    /// Sorts all pieces into cells. `max_bytes` bounds what these take at the peak.
     ///
     /// # Errors
     /// See [`Unfit`].
-    pub fn new(
-        strands: Strands<'_>,
-        origin_mm: DVec3,
-        bounds_mm: (DVec3, DVec3),
-        repeats: bool,
-        max_bytes: u64,
-    ) -> Result<Cells, Unfit> {
+    pub fn new(strands: Strands<'_>, placed: &Placed, max_bytes: u64) -> Result<Cells, Unfit> {
         let count = strands.joints.len();
-        if count as u64 > MAX_PIECES {
+        if count as u64 + u64::from(placed.first_piece) > MAX_PIECES {
             return Err(Unfit::TooMany);
         }
         let pieces: Vec<u32> = strands.pieces().collect();
         let sum: f64 = pieces.iter().map(|&k| radius_mm(strands, k)).sum();
         let mean = sum / pieces.len().max(1) as f64;
-        let grid = Grid::new(bounds_mm, CELL_RADII * mean, pieces.len(), repeats);
-        let copies = Copies::new(strands, &grid, origin_mm);
+        let edge_mm = CELL_RADII * mean;
+        let grid = Grid::new(placed.bounds_mm, edge_mm, pieces.len(), placed.repeats);
+        let copies = Copies::new(strands, &grid, placed);
         let counting = grid.count() as u64 * size_of::<[AtomicU32; 2]>() as u64;
         if counting > max_bytes {
             return Err(Unfit::Memory(counting));

@@ -1,7 +1,7 @@
 //! Pieces of fibre on their way into cells.
 
 use super::block::{BLOCK, Block, PieceCode};
-use super::cells::Reached;
+use super::cells::{Placed, Reached};
 use super::grid::Grid;
 use super::hull::HullBlock;
 use super::lists::ListedPiece;
@@ -16,6 +16,7 @@ const MAX_MITRE_RADII: f64 = 4.0;
 pub struct Copies<'a> {
     strands: Strands<'a>,
     frame: Frame,
+    first_piece: u32,
 }
 
 /// Where strands lie in a grid.
@@ -75,14 +76,15 @@ pub fn mitre_mm(normal: DVec3, axis: DVec3, radius_mm: f64) -> f64 {
 }
 
 impl<'a> Copies<'a> {
-    pub fn new(strands: Strands<'a>, grid: &Grid, origin_mm: DVec3) -> Copies<'a> {
+    pub fn new(strands: Strands<'a>, grid: &Grid, placed: &Placed) -> Copies<'a> {
         Copies {
             strands,
             frame: Frame {
                 dims: grid.dims,
                 cell_mm: grid.cell_mm(),
-                offset_mm: origin_mm - grid.corner_mm(),
+                offset_mm: placed.origin_mm - grid.corner_mm(),
             },
+            first_piece: placed.first_piece,
         }
     }
 
@@ -164,7 +166,7 @@ impl<'a> Copies<'a> {
             mitre,
             cut: [a.cut, b.cut],
             is_plain: self.is_plain(piece),
-            code: PieceCode::new(piece, reach as f32),
+            code: PieceCode::new(self.first_piece + piece, reach as f32),
         }
     }
 }

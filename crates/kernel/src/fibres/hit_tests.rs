@@ -1,5 +1,6 @@
 //! Hits in cells against all pieces tried.
 
+use super::body::FibreBody;
 use super::cells::Unfit;
 use super::exhaustive::{Exhaustive, TriedEntry};
 use super::matter::{FibreEntry, FibreMatter};
@@ -124,7 +125,14 @@ fn matter_within(
         }
     }
     let grid = CellGrid::new(box_mm, UVec3::ONE, repeats).unwrap();
-    FibreMatter::new(heap.strands(), origin_mm, &grid, &fibres(), max_bytes)
+    let body = FibreBody {
+        strands: heap.strands(),
+        origin_mm,
+        reach: &grid,
+        fibres: &fibres(),
+        drape: None,
+    };
+    FibreMatter::new(&[body], Vec::new(), max_bytes)
 }
 
 /// A hit that rounding may decide either way: the ray grazes.
@@ -185,8 +193,11 @@ fn compare(origin_mm: Vec3, repeats: bool, seed: u64, rays: u64) -> (u64, u64) {
             let from = middle - back * d;
             let own = matter.first_hit(from, d);
             let own = own.filter(|h| h.distance_mm < 0.5);
-            let least = if matter.enter(from, d).is_some_and(|e| e.distance_mm == 0.0) {
-                f64::from(matter.start_mm)
+            let least = if matter.bodies[0]
+                .enter(from, d)
+                .is_some_and(|e| e.distance_mm == 0.0)
+            {
+                f64::from(matter.bodies[0].start_mm)
             } else {
                 0.0
             };
@@ -261,7 +272,7 @@ fn lists_find_the_hits_of_copies() {
     let heap = heap();
     for (seed, repeats) in [(4, true), (5, false)] {
         let copies = matter(&heap, Vec3::ZERO, repeats);
-        assert!(copies.cells.lists.is_none());
+        assert!(copies.bodies[0].cells.lists.is_none());
         let mut allowed = 1024;
         let lists = loop {
             match matter_within(&heap, Vec3::ZERO, repeats, allowed) {
@@ -270,11 +281,17 @@ fn lists_find_the_hits_of_copies() {
             }
             allowed += 10_240;
         };
-        assert!(lists.cells.lists.is_some(), "copies fit into {allowed}");
+        assert!(
+            lists.bodies[0].cells.lists.is_some(),
+            "copies fit into {allowed}"
+        );
         // Most cells have lists: their blocks are put together, not kept.
-        let (kept, all) = (lists.cells.blocks.len(), copies.cells.blocks.len());
+        let (kept, all) = (
+            lists.bodies[0].cells.blocks.len(),
+            copies.bodies[0].cells.blocks.len(),
+        );
         assert!(20 * kept < all, "{kept} of {all} blocks are copies");
-        assert!(lists.cells.memory_bytes() < copies.cells.memory_bytes());
+        assert!(lists.bodies[0].cells.memory_bytes() < copies.bodies[0].cells.memory_bytes());
         let mut met = 0;
         for i in 0..rays() {
             let mut rng = PathRng::new(seed, 0, i);

@@ -14,6 +14,7 @@ pub const JOINT: u32 = 8;
 /// that ends there and of the one that begins go on beyond it, one over the
 /// length of the piece that begins, the material, and the curve with a bit that
 /// is set where pieces are cut.
+#[derive(Default)]
 pub struct JointTable {
     pub words: Vec<u32>,
     strands: Vec<Strand>,
@@ -22,9 +23,16 @@ pub struct JointTable {
 const CUT: u32 = 1 << 31;
 
 impl JointTable {
-    pub fn new(strands: Strands<'_>) -> JointTable {
+    /// Joints so far.
+    pub fn count(&self) -> u32 {
+        self.words.len() as u32 / JOINT
+    }
+
+    /// Adds the joints of one body, whose materials are numbered from `first_material` on.
+    pub fn add(&mut self, strands: Strands<'_>, first_material: u16) {
         let joints = &strands.joints;
-        let mut words = Vec::with_capacity(JOINT as usize * joints.len());
+        let (words, first_strand) = (&mut self.words, self.strands.len() as u32);
+        words.reserve_exact(JOINT as usize * joints.len());
         for (k, joint) in joints.iter().enumerate() {
             let normal = joint.tangent.as_dvec3();
             let along = |i: usize, j: usize| {
@@ -43,13 +51,11 @@ impl JointTable {
             words.push(mitre(before).unwrap_or(0.0).to_bits());
             words.push(mitre(after).unwrap_or(0.0).to_bits());
             words.push((per_length as f32).to_bits());
-            words.push(u32::from(strands.strands[joint.strand as usize].material));
-            words.push(joint.strand | if joint.cut { CUT } else { 0 });
+            let material = strands.strands[joint.strand as usize].material;
+            words.push(u32::from(first_material) + u32::from(material));
+            words.push((first_strand + joint.strand) | if joint.cut { CUT } else { 0 });
         }
-        JointTable {
-            words,
-            strands: strands.strands.to_vec(),
-        }
+        self.strands.extend_from_slice(strands.strands);
     }
 
     /// Bytes in use.

@@ -4,7 +4,9 @@
 use super::grid::GridPoint;
 use super::matter::FibreMatter;
 use super::near_event::Met;
+use super::own_frame::OwnFrame;
 use super::paths::{Paths, load};
+use super::several::point_mm;
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::{LaneRng, V3};
 use crate::packed::PackedPart;
@@ -24,13 +26,13 @@ pub struct MetFibres<F: Floats> {
 }
 
 /// Fibres that the slots from `first` on have met, for the lanes of a mask, of which
-/// `packed` have met packed ones.
+/// `packed` have met packed ones; `own` are the directions of draped cloths.
 #[inline(always)]
 pub fn met_fibres<F: Floats>(
     matter: &FibreMatter,
     paths: &Paths,
     first: usize,
-    w_out: V3<F>,
+    (w_out, own): (V3<F>, &OwnFrame<F>),
     packed: F::Mask,
     rng: &mut LaneRng<F::Ints>,
 ) -> MetFibres<F> {
@@ -49,8 +51,8 @@ pub fn met_fibres<F: Floats>(
     if !matter.joints.words.is_empty() {
         let piece = F::Ints::load(&paths.met.piece[first..]);
         let along = F::load(&paths.met.along[first..]);
-        met.there.tangent = matter.joints.tangents::<F>(piece, along);
-        met.there.out_mm = load(&paths.met.out, first);
+        let tangent = matter.joints.tangents::<F>(piece, along);
+        met.there = own.met(paths, first, tangent, w_out);
         met.axis_at = load(&paths.met.axis_at, first);
         met.material = matter.joints.materials::<F>(piece);
     }
@@ -95,7 +97,7 @@ pub fn leaving_point(paths: &Paths, slot: usize, at_mm: Vec3) -> LeavingPoint {
 /// The same point in the world.
 pub fn world_mm(matter: &FibreMatter, paths: &Paths, slot: usize, from: &LeavingPoint) -> DVec3 {
     match (from, &matter.packed) {
-        (LeavingPoint::Explicit(point), _) => matter.cells.grid.world_mm(point),
+        (LeavingPoint::Explicit(point), _) => point_mm(matter, paths, slot, point),
         (LeavingPoint::Packed(at_mm), Some(part)) => {
             let at = *at_mm * part.volume.cell_grid.voxels_per_mm();
             part.volume.world_mm(at, paths.volume_rays[slot].period())
@@ -127,9 +129,10 @@ pub fn packed_ray(
         left_yarn: yarn(matter, paths, slot),
         rng,
     };
-    if matter.is_cut {
+    // Packed fibres belong to the only body.
+    if let Some(body) = matter.bodies.first().filter(|body| body.is_cut) {
         let from_mm = world_mm(matter, paths, slot, from);
-        departure.end_mm = max_mm.min(matter.way_out_from_mm(from_mm, direction));
+        departure.end_mm = max_mm.min(body.way_out_from_mm(from_mm, direction));
     }
     match from {
         LeavingPoint::Packed(at_mm) => {

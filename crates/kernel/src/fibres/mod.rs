@@ -12,11 +12,13 @@
 //! bend, up to which their sides go on; other joints and ends are round.
 
 mod block;
+mod body;
 mod cell_ray;
 mod cell_search;
 pub(crate) mod cells;
 mod copies;
 mod crossing;
+mod drape;
 pub mod exhaustive;
 pub(crate) mod fibre_scene;
 mod grid;
@@ -29,15 +31,22 @@ pub(crate) mod matter;
 mod met_fibres;
 pub(crate) mod near_event;
 mod optics;
+mod own_frame;
 mod paths;
+mod plane;
 mod reached;
+mod several;
 mod shade;
 mod shadows;
 mod strands;
+mod trip;
 pub(crate) mod walk;
 pub(crate) mod work;
 
+pub use body::FibreBody;
 pub use cells::Unfit;
+pub use drape::{Drape, DrapeSpan};
 pub use fibre_scene::FibreScene;
 pub use matter::{FibreEntry, FibreMatter};
+pub use plane::FibrePlane;
 pub use strands::{Joint, Strand, Strands};

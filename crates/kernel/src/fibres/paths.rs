@@ -1,6 +1,8 @@
 //! The paths of a wave, property by property.
 
 use super::cell_ray::{CellHit, CellRay};
+use super::matter::FibreMatter;
+use super::trip::{MetFibre, Trip};
 use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{LaneRng, V3};
@@ -20,6 +22,8 @@ pub enum State {
     Flying,
     /// At a fibre.
     Met,
+    /// At a plane.
+    MetPlane,
     /// It has left the matter.
     Left,
     /// It ends here.
@@ -47,6 +51,8 @@ pub struct Paths {
     /// Where it was drawn, in the world.
     pub drawn_at_mm: [Vec3; WAVE],
     pub met: MetColumns,
+    /// Where several bodies, draped ones or planes may be met: the ways of all rays.
+    pub trips: Vec<Trip>,
 }
 
 /// What the paths met.
@@ -58,6 +64,10 @@ pub struct MetColumns {
     pub along: Column,
     pub cell: [IVec3; WAVE],
     pub period: [IVec2; WAVE],
+    /// Of bodies among several: axes of the body in the world, and the ray's way in the
+    /// places of the body.
+    pub own_axes: [[Column; 3]; 3],
+    pub way: [Column; 3],
 }
 
 impl MetColumns {
@@ -72,11 +82,19 @@ impl MetColumns {
         self.cell[slot] = hit.cell;
         self.period[slot] = hit.period;
     }
+
+    /// What a body among several has beside the hit.
+    pub fn put_frame(&mut self, slot: usize, met: &MetFibre) {
+        for (k, columns) in self.own_axes.iter_mut().enumerate() {
+            put(columns, slot, met.world_from_own.col(k));
+        }
+        put(&mut self.way, slot, met.way);
+    }
 }
 
 impl Paths {
-    /// No paths.
-    pub fn new() -> Box<Paths> {
+    /// No paths, which will go through that matter.
+    pub fn new(matter: &FibreMatter) -> Box<Paths> {
         let zero = [0.0; WAVE];
         Box::new(Paths {
             state: [State::Idle; WAVE],
@@ -101,6 +119,12 @@ impl Paths {
                 along: zero,
                 cell: [IVec3::ZERO; WAVE],
                 period: [IVec2::ZERO; WAVE],
+                own_axes: [[zero; 3]; 3],
+                way: [zero; 3],
+            },
+            trips: match matter.is_one_body() {
+                true => Vec::new(),
+                false => vec![Trip::none(); WAVE],
             },
         })
     }

@@ -7,8 +7,11 @@ use super::met_fibres::{
     LeavingPoint, MetFibres, leaving_point, met_fibres, packed_ray, world_mm, yarn,
 };
 use super::near_event::{NearEvent, Scattered};
+use super::own_frame::OwnFrame;
 use super::paths::{Column, Paths, State, get, load, put, store};
+use super::several::{body_met, point_mm, set_out};
 use super::shadows::Shadows;
+use super::trip::TripEnd;
 use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3};
@@ -23,7 +26,7 @@ use organza_light::{KernelLight, Light, LightSearch};
 /// A shadow ray is traced surely when the light scattered toward the camera is at
 /// least a tenth of the irradiance, per steradian; fainter light is traced in
 /// proportion and weighed up.
-const SHADOW_SCALE: f32 = 10.0;
+pub const SHADOW_SCALE: f32 = 10.0;
 
 /// What events need to know.
 pub struct Shading<'a> {
@@ -32,6 +35,8 @@ pub struct Shading<'a> {
     pub max_bounces: u32,
     /// Whether some light is found by walks and shadow rays both.
     pub weighs: bool,
+    /// Whether some cloth is draped, with directions of its own.
+    pub is_draped: bool,
 }
 
 /// The events of the lanes from slot `first` on.
@@ -71,12 +76,20 @@ pub fn shade<F: Floats>(
     let direction = load::<F>(&paths.direction, first);
     let w_out = direction.scaled(F::splat(-1.0));
     let mut rng = paths.rng::<F>(first);
+    let own = OwnFrame::<F>::new(paths, first, shading.is_draped);
     let MetFibres {
         there,
         mut axis_at,
         material,
         weight,
-    } = met_fibres::<F>(shading.matter, paths, first, w_out, packed, &mut rng);
+    } = met_fibres::<F>(
+        shading.matter,
+        paths,
+        first,
+        (w_out, &own),
+        packed,
+        &mut rng,
+    );
     let material = optics.materials::<F>(material);
     let mut event = NearEvent::new(optics, material, &there, mask);
     if shading
@@ -95,7 +108,7 @@ pub fn shade<F: Floats>(
         let Some(aim) = aim::<F>(light, shading, paths, first, &mut rng, mask) else {
             continue;
         };
-        let scattered = event.toward(optics, aim.toward, mask);
+        let scattered = event.toward(optics, own.own(aim.toward), mask);
         let mut light_in = throughput.times(scattered.value).times(aim.irradiance);
         if aim.is_weighed {
             let share = F::splat(1.0) / (F::splat(1.0) + scattered.pdf / aim.pdf);
@@ -133,7 +146,8 @@ pub fn shade<F: Floats>(
         first,
         carried.or_where_not(survives, arrived),
     );
-    let turned = turn.direction.or_where_not(survives, direction);
+    let turned = own.world(turn.direction);
+    let turned = turned.or_where_not(survives, direction);
     store(&mut paths.direction, first, turned);
     let pdf = F::load(&paths.pdf[first..]);
     let pdf = turn.scattered.pdf.or_where_not(survives, pdf);
@@ -174,6 +188,13 @@ pub fn shade<F: Floats>(
         let LeavingPoint::Explicit(from) = from else {
             continue;
         };
+        if !paths.trips.is_empty() {
+            let origin = point_mm(shading.matter, paths, slot, &from);
+            let start = Some((body_met(paths, slot), from));
+            let ray = (origin, toward.as_dvec3());
+            set_out(shading.matter, paths, slot, ray, start);
+            continue;
+        }
         let ray = ray(shading.matter, &from, toward, f32::INFINITY);
         paths.state[slot] = if ray.is_some() {
             State::Flying
@@ -181,7 +202,7 @@ pub fn shade<F: Floats>(
             State::Left
         };
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
-        paths.rays[slot].prepare_head(&shading.matter.cells);
+        paths.rays[slot].prepare_head(shading.matter);
     }
 }
 
@@ -197,11 +218,12 @@ fn start<F: Floats>(
     normal.scaled_add(event.radius_mm, axis_at)
 }
 
-/// A ray that starts at a fibre.
+/// A ray that starts at a fibre of the only body.
 #[inline]
 fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, max_mm: f32) -> Option<CellRay> {
-    let end = matter.way_out_mm(from, toward).min(max_mm);
-    CellRay::new(&matter.cells.grid, from, toward, matter.start_mm, end)
+    let body = &matter.bodies[0];
+    let end = body.way_out_mm(from, toward).min(max_mm);
+    CellRay::new(&body.cells.grid, from, toward, body.start_mm, end)
 }
 
 /// Where a path met its fibre, in the world.
@@ -222,6 +244,10 @@ fn first_event(matter: &FibreMatter, paths: &Paths, slot: usize) -> FirstEvent {
             let piece = paths.met.piece[slot];
             matter.joints.tangent(piece, paths.met.along[slot])
         }
+    };
+    let axis = match paths.trips.get(slot).map(|trip| trip.met()) {
+        Some(TripEnd::Fibre(met)) => met.world_from_own * axis,
+        _ => axis,
     };
     FirstEvent {
         info: SiteInfo {
@@ -363,9 +389,17 @@ fn send<F: Floats>(
             }
             (_, None) => continue,
         };
+        if !paths.trips.is_empty() {
+            let origin = point_mm(matter, paths, slot, &from);
+            let start = Some((body_met(paths, slot), from));
+            let ray = (origin, toward.as_dvec3());
+            let added = (slot, get(&adds, lane));
+            shadows.send(matter, ray, start, f64::from(most), added);
+            continue;
+        }
         let ray = ray(matter, &from, toward, most);
         if let Some(ray) = &ray {
-            ray.prepare_head(&matter.cells);
+            ray.prepare_head(matter);
         }
         shadows.push(ray, slot, get(&adds, lane));
     }

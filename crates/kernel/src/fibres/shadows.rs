@@ -1,13 +1,15 @@
 //! Shadow rays of a wave.
 
 use super::cell_ray::{CellRay, Visit};
+use super::grid::GridPoint;
 use super::matter::FibreMatter;
+use super::trip::{Trip, TripEnd};
 use super::walk::AHEAD;
 use crate::cpu::lanes::Floats;
 use crate::packed::FibreVolume;
 use crate::packed::flight::{FlightCounts, fly};
 use crate::packed::volume_ray::{NOWHERE, VolumeRay};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use organza_film::Stats;
 
 /// Rays toward lights, and what each adds to its path when nothing is in the way.
@@ -15,6 +17,8 @@ pub struct Shadows {
     rays: Vec<CellRay>,
     adds: Vec<(u16, Vec3)>,
     active: Vec<u32>,
+    /// Where several bodies may be met: the ways of the rays.
+    trips: Vec<Trip>,
     /// Rays among packed fibres, in the same way.
     volume_rays: Vec<VolumeRay>,
     volume_adds: Vec<(u16, Vec3)>,
@@ -26,9 +30,37 @@ impl Shadows {
             rays: Vec::new(),
             adds: Vec::new(),
             active: Vec::new(),
+            trips: Vec::new(),
             volume_rays: Vec::new(),
             volume_adds: Vec::new(),
         }
+    }
+
+    /// Adds a ray through several bodies and planes, from a point along a unit direction;
+    /// see [`Trip::begin`].
+    pub fn send(
+        &mut self,
+        matter: &FibreMatter,
+        ray: (DVec3, DVec3),
+        start: Option<(u16, GridPoint)>,
+        most_mm: f64,
+        (slot, light): (usize, Vec3),
+    ) {
+        let number = self.rays.len();
+        if self.trips.len() <= number {
+            self.trips.resize(number + 1, Trip::none());
+        }
+        let trip = &mut self.trips[number];
+        trip.begin(matter, ray, start, most_mm);
+        if let TripEnd::Plane(_) = trip.met() {
+            self.push(None, slot, Vec3::ZERO);
+            return;
+        }
+        let next = trip.next(matter);
+        if let Some(ray) = &next {
+            ray.prepare_head(matter);
+        }
+        self.push(next, slot, light);
     }
 
     /// Adds a ray; `None` is one that leaves the matter at once.
@@ -86,22 +118,31 @@ impl Shadows {
         stats.shadow_rays += self.rays.len() as u64;
         while !self.active.is_empty() {
             for &number in self.active.iter().take(AHEAD) {
-                self.rays[number as usize].prepare(&matter.cells);
+                self.rays[number as usize].prepare(matter);
             }
             let mut kept = 0;
             for i in 0..self.active.len() {
                 if let Some(&next) = self.active.get(i + AHEAD) {
-                    self.rays[next as usize].prepare(&matter.cells);
+                    self.rays[next as usize].prepare(matter);
                 }
                 let number = self.active[i];
                 let ray = &mut self.rays[number as usize];
                 let steps = &mut stats.shadow_steps;
-                match ray.visit::<F>(&matter.cells, &matter.joints, true, steps) {
+                let cells = &ray.body(matter).cells;
+                match ray.visit::<F>(cells, &matter.joints, true, steps) {
                     Visit::Onward => {
                         self.active[kept] = number;
                         kept += 1;
                     }
-                    Visit::Left => {}
+                    Visit::Left => {
+                        let trip = self.trips.get_mut(number as usize);
+                        if let Some(next) = trip.and_then(|trip| trip.next(matter)) {
+                            next.prepare_head(matter);
+                            *ray = next;
+                            self.active[kept] = number;
+                            kept += 1;
+                        }
+                    }
                     Visit::Met(_) => self.adds[number as usize].1 = Vec3::ZERO,
                 }
             }

@@ -3,6 +3,7 @@
 use super::cell_ray::{CellRay, Visit};
 use super::matter::FibreMatter;
 use super::paths::{Paths, State, get, put};
+use super::several::{go_on, meet_plane, set_out};
 use super::shade::{Shading, has_place, shade};
 use super::shadows::Shadows;
 use super::work::{End, Start, WAVE, Work};
@@ -32,7 +33,7 @@ impl Walk<'_> {
     #[inline(always)]
     pub fn run<F: Floats>(&self, work: &mut dyn Work) -> Stats {
         let mut stats = Stats::default();
-        let mut paths = Paths::new();
+        let mut paths = Paths::new(self.matter);
         let mut shadows = Shadows::new();
         let mut active: Vec<u16> = Vec::with_capacity(WAVE);
         let mut packed: Vec<u32> = Vec::with_capacity(WAVE);
@@ -41,6 +42,7 @@ impl Walk<'_> {
             lights: self.lights,
             max_bounces: self.max_bounces,
             weighs: self.lights.iter().any(has_density),
+            is_draped: self.matter.is_draped(),
         };
         let has_panels = self.lights.iter().any(has_place);
         for slot in 0..WAVE {
@@ -60,7 +62,7 @@ impl Walk<'_> {
                     active.push(slot as u16);
                 }
             }
-            if active.is_empty() && packed.is_empty() {
+            if paths.state.iter().all(|state| *state == State::Idle) {
                 return stats;
             }
             if let Some(part) = &self.matter.packed {
@@ -72,13 +74,18 @@ impl Walk<'_> {
             self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
             if has_panels {
                 for slot in 0..WAVE {
-                    if paths.state[slot] == State::Met {
+                    if matches!(paths.state[slot], State::Met | State::MetPlane) {
                         self.pass_panels(&mut paths, slot);
                     }
                 }
             }
             for first in (0..WAVE).step_by(F::LANES) {
                 shade::<F>(&shading, &mut paths, first, &mut shadows, &mut stats);
+            }
+            for slot in 0..WAVE {
+                if paths.state[slot] == State::MetPlane {
+                    meet_plane(&shading, &mut paths, slot, &mut shadows, &mut stats);
+                }
             }
             let radiance = &mut paths.radiance;
             shadows.follow::<F>(self.matter, &mut stats, |slot, light| {
@@ -114,26 +121,36 @@ impl Walk<'_> {
         let matter = self.matter;
         while !active.is_empty() {
             for &slot in active.iter().take(AHEAD) {
-                paths.rays[usize::from(slot)].prepare(&matter.cells);
+                paths.rays[usize::from(slot)].prepare(matter);
             }
             let mut kept = 0;
             for i in 0..active.len() {
                 if let Some(&next) = active.get(i + AHEAD) {
-                    paths.rays[usize::from(next)].prepare(&matter.cells);
+                    paths.rays[usize::from(next)].prepare(matter);
                 }
                 let number = active[i];
                 let slot = usize::from(number);
                 let ray = &mut paths.rays[slot];
                 let tests = &mut stats.tentative;
-                match ray.visit::<F>(&matter.cells, &matter.joints, false, tests) {
+                let cells = &ray.body(matter).cells;
+                match ray.visit::<F>(cells, &matter.joints, false, tests) {
                     Visit::Onward => {}
+                    Visit::Met(hit) if !paths.trips.is_empty() => {
+                        paths.trips[slot].put(&hit);
+                        go_on(matter, paths, slot);
+                        self.pass_on(paths, slot, has_panels, work, stats);
+                    }
                     Visit::Met(hit) => {
                         matter.joints.prefetch(hit.piece);
                         paths.met.put(slot, &hit);
                         paths.state[slot] = State::Met;
                     }
                     Visit::Left => {
-                        paths.state[slot] = State::Left;
+                        if paths.trips.is_empty() {
+                            paths.state[slot] = State::Left;
+                        } else {
+                            go_on(matter, paths, slot);
+                        }
                         self.pass_on(paths, slot, has_panels, work, stats);
                     }
                 }
@@ -229,7 +246,13 @@ impl Walk<'_> {
         paths.begin(slot, key, index, way);
         paths.drawn_at_mm[slot] = origin_mm.as_vec3();
         paths.met.distance[slot] = f32::INFINITY;
-        let entry = self.matter.enter(origin_mm, direction);
+        paths.in_volume[slot] = false;
+        if !paths.trips.is_empty() {
+            set_out(self.matter, paths, slot, (origin_mm, direction), None);
+            return;
+        }
+        let body = &self.matter.bodies[0];
+        let entry = body.enter(origin_mm, direction);
         paths.before_mm[slot] = entry.map_or(0.0, |e| e.distance_mm);
         let part = self.matter.packed.as_ref();
         let part = part.filter(|p| p.switch.is_over(0, 1.0));
@@ -253,10 +276,10 @@ impl Walk<'_> {
             paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
             return;
         }
-        let grid = &self.matter.cells.grid;
+        let grid = &body.cells.grid;
         let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
-        paths.rays[slot].prepare_head(&self.matter.cells);
+        paths.rays[slot].prepare_head(self.matter);
         paths.state[slot] = if ray.is_some() {
             State::Flying
         } else {
@@ -299,7 +322,7 @@ impl Walk<'_> {
     fn pass_panels(&self, paths: &mut Paths, slot: usize) {
         let direction = get(&paths.direction, slot);
         let reach = match paths.state[slot] {
-            State::Met => {
+            State::Met | State::MetPlane => {
                 f64::from(paths.met.distance[slot])
                     + if paths.bounces[slot] == 0 {
                         paths.before_mm[slot]

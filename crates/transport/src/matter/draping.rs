@@ -44,6 +44,19 @@ impl Draping {
         self.shell.as_ref()
     }
 
+    /// The whole parts of a ray in the shell that begin before `limit_mm`; see
+    /// [`Shell::visit_whole_spans`].
+    pub(crate) fn visit_whole_spans(
+        &self,
+        ray: &Ray,
+        limit_mm: f32,
+        visit: &mut dyn FnMut(&ShellSpan) -> f32,
+    ) {
+        if let Some(shell) = &self.shell {
+            shell.visit_whole_spans(ray, limit_mm, visit);
+        }
+    }
+
     /// Distance along a ray to mesh or shell.
     pub(crate) fn distance_mm(&self, ray: &Ray) -> Option<f32> {
         match &self.shell {

@@ -33,12 +33,12 @@ use hierarchy::Hierarchy;
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::CellGrid;
 use organza_basis::{PathRng, Ray, Rgb, SegmentSource, Tile};
-use organza_kernel::fibres::{FibreMatter, Joint, Strand, Unfit};
+use organza_kernel::fibres::{Drape, FibreBody, Joint, Strand};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
 pub use overlap::Overlap;
 use piece::FibrePiece;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Why fibres cannot be traced.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -191,14 +191,15 @@ impl ExplicitFibres {
         &mut self.cell_grid
     }
 
-    /// The fibres in cells for waves of rays, which take at most `max_bytes`.
-    ///
-    /// # Errors
-    /// See [`Unfit`].
-    pub fn matter(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
-        let origin_mm = self.origin_mm.as_vec3();
-        let strands = self.curves.strands();
-        FibreMatter::new(strands, origin_mm, &self.cell_grid, &self.fibres, max_bytes)
+    /// The fibres as the kernel takes them, flat or over what they are laid over.
+    pub fn body(&self, drape: Option<Arc<dyn Drape>>) -> FibreBody<'_> {
+        FibreBody {
+            strands: self.curves.strands(),
+            origin_mm: self.origin_mm.as_vec3(),
+            reach: &self.cell_grid,
+            fibres: &self.fibres,
+            drape,
+        }
     }
 
     /// Checks that the hierarchy, which the general walk builds when it first asks for it,

@@ -2,6 +2,7 @@
 //! sheet.
 
 use crate::AnyMedium;
+use crate::ExplicitFibres;
 use crate::PixelCone;
 use crate::Stats;
 use crate::matter::collision::{AnySite, Collision};
@@ -13,6 +14,7 @@ use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::{Frame, PathRng, Ray};
 use organza_scatter::{Footprint, Surface};
+use std::sync::Arc;
 
 /// A cloth of which every path meets one representation, the one that suits the
 /// width of its pixel: endless and flat, or over a mesh.
@@ -24,7 +26,7 @@ pub struct LevelledCloth {
     /// The box of one period, of which the sheet is the middle, or the box
     /// around a draping.
     cell_grid: CellGrid,
-    draping: Option<Draping>,
+    draping: Option<Arc<Draping>>,
 }
 
 impl LevelledCloth {
@@ -67,9 +69,17 @@ impl LevelledCloth {
             && (volumes.is_empty() || draping.has_shell());
         let flat = LevelledCloth::new(volumes, sheet, steps, cell_grid)?;
         good.then_some(LevelledCloth {
-            draping: Some(draping),
+            draping: Some(Arc::new(draping)),
             ..flat
         })
+    }
+
+    /// The only volume, and what it lies over, if the cloth is explicit fibres over a mesh.
+    pub(crate) fn draped_fibres(&self) -> Option<(&ExplicitFibres, &Arc<Draping>)> {
+        match (&self.volumes[..], &self.sheet, &self.draping) {
+            ([AnyMedium::ExplicitFibres(fibres)], None, Some(draping)) => Some((fibres, draping)),
+            _ => None,
+        }
     }
 
     /// Width of a pixel where its ray comes to the cloth; `None` for a miss.

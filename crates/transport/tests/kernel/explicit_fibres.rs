@@ -31,7 +31,7 @@ pub(crate) fn segments(repeats: bool) -> SegmentList {
     weave
 }
 
-fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
+pub fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
     let source = segments(repeats);
     let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
     AnyMedium::ExplicitFibres(made)
@@ -78,21 +78,48 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
+/// Holds cells to the general walk.
+pub fn assert_agreement(name: &str, scene: &Scene) {
+    let settings = settings(0..samples(), u32::MAX);
+    let (oracle, _) = film(scene, &settings, None);
+    let (own, stats) = by_cells(scene, &settings, Backend::widest());
+    assert_eq!(stats.rejected, 0, "{name}");
+    let (spread, mean) = agree(&own, &oracle);
+    let p = spread.p_value.min(mean.p_value);
+    assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
+    let depth = |film: &Film| {
+        let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
+        depths.iter().sum::<f64>() / depths.len().max(1) as f64
+    };
+    assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+}
+
+/// Holds all back ends, numbers of threads and portions of samples to the same bits.
+pub fn assert_same_bits(name: &str, scene: &Scene) {
+    let settings = settings(0..24, 40);
+    let (first, _) = by_cells(scene, &settings, Backend::Scalar);
+    for backend in vector_backends().into_iter().chain([Backend::Scalar]) {
+        let (film, _) = by_cells(scene, &settings, backend);
+        assert!(film == first, "{name}: {backend:?}");
+    }
+    // Samples in other portions, by another number of threads.
+    let walks = engine(scene, &settings, EngineChoice::Fastest, u64::MAX).unwrap();
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let film = pool.unwrap().install(|| {
+        let mut rendering = rendering.with_engine(walks);
+        while rendering.left() > 0 {
+            rendering = rendering.take(7, &|_| ControlFlow::Continue(())).unwrap();
+        }
+        rendering.into_parts().0
+    });
+    assert!(film == first, "{name}: portions");
+}
+
 #[test]
 fn cells_agree_with_the_general_walk() {
     for (name, scene) in scenes() {
-        let settings = settings(0..samples(), u32::MAX);
-        let (oracle, _) = film(&scene, &settings, None);
-        let (own, stats) = by_cells(&scene, &settings, Backend::widest());
-        assert_eq!(stats.rejected, 0, "{name}");
-        let (spread, mean) = agree(&own, &oracle);
-        let p = spread.p_value.min(mean.p_value);
-        assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
-        let depth = |film: &Film| {
-            let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
-            depths.iter().sum::<f64>() / depths.len().max(1) as f64
-        };
-        assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+        assert_agreement(name, &scene);
     }
     // The known-bad twin: another cloth.
     let lit = |materials| {
@@ -111,24 +138,7 @@ fn cells_agree_with_the_general_walk() {
 #[test]
 fn back_ends_walk_fibres_alike() {
     for (name, scene) in scenes() {
-        let settings = settings(0..24, 40);
-        let (first, _) = by_cells(&scene, &settings, Backend::Scalar);
-        for backend in vector_backends().into_iter().chain([Backend::Scalar]) {
-            let (film, _) = by_cells(&scene, &settings, backend);
-            assert!(film == first, "{name}: {backend:?}");
-        }
-        // Samples in other portions, by another number of threads.
-        let walks = engine(&scene, &settings, EngineChoice::Fastest, u64::MAX).unwrap();
-        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let film = pool.unwrap().install(|| {
-            let mut rendering = rendering.with_engine(walks);
-            while rendering.left() > 0 {
-                rendering = rendering.take(7, &|_| ControlFlow::Continue(())).unwrap();
-            }
-            rendering.into_parts().0
-        });
-        assert!(film == first, "{name}: portions");
+        assert_same_bits(name, &scene);
     }
 }
 
@@ -141,7 +151,7 @@ fn lists_give_the_picture_of_copies() {
         let (copies, counts) = by_cells(&scene, &settings, Backend::widest());
         let mut allowed = 1 << 14;
         let lists = loop {
-            match engine(&scene, &settings, None, allowed) {
+            match engine(&scene, &settings, EngineChoice::Fastest, allowed) {
                 Ok(lists) => break lists,
                 Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => {
                     assert!(needed > allowed, "{name}");

@@ -9,6 +9,7 @@ mod explicit_fibres;
 mod gpu;
 mod packed_fibres;
 mod pictures;
+mod several_cloths;
 mod virtual_fibres;
 
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};

@@ -1,0 +1,66 @@
+//! An opaque plane beside fibres: the table below the cloth, or a table of light.
+
+use glam::{DVec3, Vec3};
+use organza_basis::{Frame, PathRng, Rgb, warp};
+use std::f32::consts::FRAC_1_PI;
+
+/// A ray that starts on the plane is moved off by this part of its greatest
+/// coordinate: several roundings, and far below a fibre.
+const LIFT: f64 = 2e-6;
+
+/// An endless plane that scatters light evenly on both sides (Lambert) and may shine on
+/// the side of its normal, the same in all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FibrePlane {
+    /// A point of it.
+    pub position_mm: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Share of light that it scatters, per channel, from 0 to 1.
+    pub reflectance: Rgb,
+    /// Radiance on the side of the normal.
+    pub radiance: Rgb,
+}
+
+impl FibrePlane {
+    /// Distance along a ray; infinite when it misses.
+    pub(super) fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> f64 {
+        let n = self.normal.as_dvec3();
+        let t = (self.position_mm.as_dvec3() - origin_mm).dot(n) / direction.dot(n);
+        // Rays in the plane divide by zero and miss it.
+        if t > 0.0 { t } else { f64::INFINITY }
+    }
+
+    /// Radiance that it sends along `w_out`.
+    pub(super) fn emitted(&self, w_out: Vec3) -> Rgb {
+        if w_out.dot(self.normal) > 0.0 {
+            self.radiance
+        } else {
+            Rgb::BLACK
+        }
+    }
+
+    /// Where a ray toward `w_in` starts that leaves the plane at a point.
+    pub(super) fn start_mm(&self, at_mm: DVec3, w_in: Vec3) -> DVec3 {
+        let off = LIFT * at_mm.abs().max_element().max(1.0);
+        let side = f64::from(w_in.dot(self.normal).signum());
+        at_mm + off * side * self.normal.as_dvec3()
+    }
+
+    /// Density with which directions of light are drawn, 1/sr.
+    pub(super) fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
+        let (o, i) = (w_out.dot(self.normal), w_in.dot(self.normal));
+        if o * i > 0.0 {
+            i.abs() * FRAC_1_PI
+        } else {
+            0.0
+        }
+    }
+
+    /// Draws where light comes from, on the side of `w_out`.
+    pub(super) fn draw(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
+        let side = w_out.dot(self.normal).signum() * self.normal;
+        let local = warp::cosine_hemisphere(rng.unit2());
+        Frame::from_normal(side).world_from_frame(local)
+    }
+}

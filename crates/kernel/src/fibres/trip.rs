@@ -1,0 +1,309 @@
+//! A ray's way through several cloths, draped ones and planes: one stretch after the
+//! other, of which each is walked from cell to cell.
+
+use super::body::{Body, clip};
+use super::cell_ray::{CellHit, CellRay};
+use super::drape::{Drape, DrapeSpan};
+use super::grid::GridPoint;
+use super::matter::FibreMatter;
+use glam::{DVec3, Mat3, Vec3};
+
+/// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
+/// of the places there: what is met at a face belongs to one of its sides at least.
+const FACE_ROUNDINGS: f32 = 16.0;
+
+/// Stretches through a shell are looked for so far at a time, in cells: most rays that
+/// leave a fibre meet the next one before.
+const CELLS_AHEAD: f32 = 4.0;
+
+/// A ray's way, and the nearest that it met.
+#[derive(Clone, Debug)]
+pub struct Trip {
+    origin_mm: DVec3,
+    direction: DVec3,
+    /// The body in which it starts, and where in its cells unless that is draped.
+    start: Option<(u16, Option<GridPoint>)>,
+    /// What lies farther does not count, mm.
+    reach_mm: f64,
+    met: TripEnd,
+    /// How many bodies have been looked at.
+    looked_at: u16,
+    /// The one that is walked now.
+    body: u16,
+    /// From the origin to where the ray through its cells begins, mm.
+    before_mm: f64,
+    /// Length in the world of a millimetre of that ray.
+    mm_per_own: f64,
+    over: Over,
+}
+
+/// How far a ray has come through a draped body.
+#[derive(Clone, Debug)]
+struct Over {
+    /// Where it comes to the shell's box: from the origin, mm, and the place.
+    entry_mm: f64,
+    entry: Vec3,
+    /// Parts in order, of which the next one is to be walked.
+    spans: Vec<DrapeSpan>,
+    next: usize,
+    /// Parts that begin before were looked for, mm from the entry.
+    looked_mm: f32,
+}
+
+/// What lies at the end of a ray's way.
+#[derive(Clone, Copy, Debug)]
+pub enum TripEnd {
+    /// Nothing.
+    Nothing,
+    /// The plane of this number.
+    Plane(u16),
+    /// A fibre.
+    Fibre(MetFibre),
+}
+
+/// A fibre of one of several bodies.
+#[derive(Clone, Copy, Debug)]
+pub struct MetFibre {
+    pub hit: CellHit,
+    pub body: u16,
+    /// The ray's way in the places of the body, unit.
+    pub way: Vec3,
+    /// Turns directions of the body to the world.
+    pub world_from_own: Mat3,
+    /// Takes differences of places of the body to the world.
+    pub stretch: Mat3,
+}
+
+impl Trip {
+    /// Nowhere.
+    pub fn none() -> Trip {
+        Trip {
+            origin_mm: DVec3::ZERO,
+            direction: DVec3::Z,
+            start: None,
+            reach_mm: 0.0,
+            met: TripEnd::Nothing,
+            looked_at: 0,
+            body: 0,
+            before_mm: 0.0,
+            mm_per_own: 1.0,
+            over: Over {
+                entry_mm: 0.0,
+                entry: Vec3::ZERO,
+                spans: Vec::new(),
+                next: 0,
+                looked_mm: f32::INFINITY,
+            },
+        }
+    }
+
+    /// Sets out from a point along a unit direction: what lies beyond `most_mm` does not
+    /// count. `start` is the body in which it starts, and where in its cells.
+    pub fn begin(
+        &mut self,
+        matter: &FibreMatter,
+        (origin_mm, direction): (DVec3, DVec3),
+        start: Option<(u16, GridPoint)>,
+        most_mm: f64,
+    ) {
+        (self.origin_mm, self.direction) = (origin_mm, direction);
+        let is_flat = |body: u16| matter.bodies[usize::from(body)].drape.is_none();
+        self.start = start.map(|(body, at)| (body, is_flat(body).then_some(at)));
+        (self.reach_mm, self.met) = (most_mm, TripEnd::Nothing);
+        self.looked_at = 0;
+        self.over.spans.clear();
+        (self.over.next, self.over.looked_mm) = (0, f32::INFINITY);
+        for (number, plane) in matter.planes.iter().enumerate() {
+            let t = plane.distance_mm(origin_mm, direction);
+            if t < self.reach_mm {
+                (self.reach_mm, self.met) = (t, TripEnd::Plane(number as u16));
+            }
+        }
+    }
+
+    /// The next stretch through the cells of a body; none is left when nothing nearer can
+    /// be met.
+    pub fn next(&mut self, matter: &FibreMatter) -> Option<CellRay> {
+        loop {
+            while let Some(&span) = self.over.spans.get(self.over.next) {
+                self.over.next += 1;
+                if self.over.entry_mm + f64::from(span.t0) >= self.reach_mm {
+                    // Nor does any after it count.
+                    self.over.spans.clear();
+                    self.over.looked_mm = f32::INFINITY;
+                } else if let Some(ray) = self.along(matter, &span) {
+                    return Some(ray);
+                }
+            }
+            if self.over.entry_mm + f64::from(self.over.looked_mm) < self.reach_mm {
+                let body = &matter.bodies[usize::from(self.body)];
+                if let Some(drape) = &body.drape {
+                    self.look(&**drape, CELLS_AHEAD * body.cells.min_edge_mm);
+                    continue;
+                }
+            }
+            self.over.spans.clear();
+            (self.over.next, self.over.looked_mm) = (0, f32::INFINITY);
+            self.body = self.next_body(matter)?;
+            let body = &matter.bodies[usize::from(self.body)];
+            match &body.drape {
+                Some(drape) => self.enter_box(&**drape),
+                None => {
+                    if let Some(ray) = self.enter(body) {
+                        return Some(ray);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The body in which the ray starts comes first.
+    fn next_body(&mut self, matter: &FibreMatter) -> Option<u16> {
+        let turn = self.looked_at;
+        if usize::from(turn) >= matter.bodies.len() {
+            return None;
+        }
+        self.looked_at += 1;
+        Some(match self.start {
+            Some((first, _)) if turn == 0 => first,
+            Some((first, _)) if turn <= first => turn - 1,
+            _ => turn,
+        })
+    }
+
+    /// Into a flat body.
+    fn enter(&mut self, body: &Body) -> Option<CellRay> {
+        self.mm_per_own = 1.0;
+        let way = self.direction.as_vec3().normalize();
+        let grid = &body.cells.grid;
+        if let Some((number, Some(at))) = &self.start
+            && *number == self.body
+        {
+            self.before_mm = 0.0;
+            let end = body.way_out_mm(at, way).min(self.reach_mm as f32);
+            return CellRay::new(grid, at, way, body.start_mm, end).map(|r| r.of(self.body));
+        }
+        let entry = body.enter(self.origin_mm, self.direction)?;
+        if entry.distance_mm >= self.reach_mm {
+            return None;
+        }
+        self.before_mm = entry.distance_mm;
+        let end = entry.end_mm.min((self.reach_mm - entry.distance_mm) as f32);
+        CellRay::new(grid, &entry.at, way, entry.min_mm, end).map(|r| r.of(self.body))
+    }
+
+    /// To the box around a draped body, whose parts are looked for next.
+    fn enter_box(&mut self, drape: &dyn Drape) {
+        let Some((near, _)) = clip(self.origin_mm, self.direction, drape.bounds_mm()) else {
+            return;
+        };
+        self.over.entry_mm = near.max(0.0);
+        let at = self.origin_mm + self.over.entry_mm * self.direction;
+        self.over.entry = at.as_vec3();
+        self.over.looked_mm = 0.0;
+    }
+
+    /// Looks for the nearest parts that were not looked for yet, and for those that begin
+    /// little later.
+    fn look(&mut self, drape: &dyn Drape, ahead_mm: f32) {
+        let over = &mut self.over;
+        let (from, spans) = (over.looked_mm, &mut over.spans);
+        spans.clear();
+        over.next = 0;
+        let direction = self.direction.as_vec3().normalize();
+        let limit = (self.reach_mm - over.entry_mm) as f32;
+        let mut nearest = f32::INFINITY;
+        drape.visit_spans(over.entry, direction, limit, &mut |span| {
+            if span.t0 >= from {
+                nearest = nearest.min(span.t0);
+                spans.push(*span);
+            }
+            nearest + ahead_mm
+        });
+        over.looked_mm = (nearest + ahead_mm).max(nearest.next_up());
+        spans.retain(|span| span.t0 < over.looked_mm);
+        spans.sort_by(|a, b| a.t0.total_cmp(&b.t0).then(a.t1.total_cmp(&b.t1)));
+    }
+
+    /// Through a part of the shell, as the general walk goes through it.
+    fn along(&mut self, matter: &FibreMatter, span: &DrapeSpan) -> Option<CellRay> {
+        let body = &matter.bodies[usize::from(self.body)];
+        let own_per_mm = f64::from(span.step.length());
+        let way = span.step.as_dvec3() / own_per_mm;
+        if !way.is_finite() {
+            return None;
+        }
+        let direction = self.direction.as_vec3();
+        let end = self.over.entry + span.t1 * direction;
+        let place_mm = span.cloth_mm.abs().max_element();
+        let world_mm = end.abs().max(self.over.entry.abs()).max_element();
+        let rounding_mm = f64::from(f32::EPSILON * (place_mm + world_mm));
+        let slack_mm = f64::from(FACE_ROUNDINGS) * rounding_mm;
+        // A ray that starts among fibres has left its own.
+        let is_start = span.t0 <= 0.0 && self.over.entry_mm <= 0.0;
+        let (back_mm, least_mm) = if is_start {
+            (0.0, f64::from(body.start_mm).max(slack_mm))
+        } else {
+            (slack_mm, 0.0)
+        };
+        let length_mm = back_mm + f64::from(span.t1 - span.t0) * own_per_mm + slack_mm;
+        let from = span.cloth_mm.as_dvec3() - back_mm * way;
+        let entry = body.enter(from, way)?;
+        if entry.distance_mm >= length_mm {
+            return None;
+        }
+        self.mm_per_own = 1.0 / own_per_mm;
+        let to_entry_mm = (entry.distance_mm - back_mm) * self.mm_per_own;
+        self.before_mm = self.over.entry_mm + f64::from(span.t0) + to_entry_mm;
+        let reach = (self.reach_mm - self.before_mm) * own_per_mm;
+        let most = reach.min(length_mm - entry.distance_mm) as f32;
+        let least = (least_mm - entry.distance_mm).max(0.0) as f32;
+        let ray = CellRay::new(
+            &body.cells.grid,
+            &entry.at,
+            way.as_vec3().normalize(),
+            least,
+            most.min(entry.end_mm),
+        );
+        ray.map(|r| r.of(self.body))
+    }
+
+    /// Something was met on the stretch that is walked: the ray need go no farther.
+    pub fn put(&mut self, hit: &CellHit) {
+        let t = self.before_mm + f64::from(hit.distance_mm) * self.mm_per_own;
+        if t >= self.reach_mm {
+            return;
+        }
+        let span = match self.over.next.checked_sub(1) {
+            Some(last) => self.over.spans.get(last),
+            None => None,
+        };
+        let (way, turn, stretch) = match span {
+            Some(s) => (s.step.normalize(), s.world_from_cloth, s.stretch),
+            None => (self.direction.as_vec3(), Mat3::IDENTITY, Mat3::IDENTITY),
+        };
+        self.reach_mm = t;
+        self.met = TripEnd::Fibre(MetFibre {
+            hit: *hit,
+            body: self.body,
+            way,
+            world_from_own: turn,
+            stretch,
+        });
+    }
+
+    /// What was met.
+    pub fn met(&self) -> &TripEnd {
+        &self.met
+    }
+
+    /// How far it was met, or how far was looked, mm.
+    pub fn reach_mm(&self) -> f64 {
+        self.reach_mm
+    }
+
+    /// Where it was met, in the world.
+    pub fn end_mm(&self) -> DVec3 {
+        self.origin_mm + self.reach_mm.max(0.0) * self.direction
+    }
+}

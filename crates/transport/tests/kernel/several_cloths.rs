@@ -1,0 +1,163 @@
+//! Several cloths of explicit fibres, cloths over meshes, and planes, in one walk of the
+//! kernel against the general walk.
+
+use crate::explicit_fibres::{assert_agreement, assert_same_bits, by_cells, fibres_of, segments};
+use crate::pictures::picture;
+use crate::virtual_fibres::silk_and_cotton;
+use crate::{agree, film, grid, lens, panels, parallel, samples, scene, settings, sky};
+use glam::{Vec2, Vec3};
+use organza_basis::{Aabb, Rgb};
+use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
+use organza_scatter::Fibre;
+use organza_transport::*;
+
+/// The cloth of the other tests, so much higher.
+fn higher(repeats: bool, by_mm: f32, materials: Vec<Fibre>) -> AnyMedium {
+    let mut source = segments(repeats);
+    let by = Vec3::new(0.0, 0.0, by_mm);
+    for s in &mut source.segments {
+        (s.start_mm, s.end_mm) = (s.start_mm + by, s.end_mm + by);
+    }
+    let bounds = source.tile.bounds_mm;
+    source.tile.bounds_mm = Aabb::new(bounds.min + by, bounds.max + by);
+    let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
+    AnyMedium::ExplicitFibres(made)
+}
+
+fn table(z_mm: f32, radiance: f32) -> AnyMedium {
+    let at = Vec3::new(0.0, 0.0, z_mm);
+    let normal = Vec3::new(0.1, 0.0, 1.0);
+    let plane = Plane::new(at, normal, Rgb::new(0.7, 0.5, 0.2), Rgb::splat(radiance));
+    AnyMedium::Plane(plane.unwrap())
+}
+
+/// A square of cloth about the origin of the cloth, bent about an axis, stretched and
+/// sheared.
+fn bent_mesh() -> Mesh {
+    let cells = 6;
+    let vertex = |i: u32, j: u32| {
+        let uv_mm = (Vec2::new(i as f32, j as f32) / cells as f32 - 0.5) * 0.8;
+        let radius_mm = 0.6;
+        let (sin, cos) = (1.2 * uv_mm.x / radius_mm).sin_cos();
+        let normal = Vec3::new(sin, 0.0, cos);
+        let aside = Vec3::new(0.15, 0.8 * uv_mm.y + 0.2 * uv_mm.x + 0.15, -radius_mm);
+        let vertex = Vertex {
+            position_mm: radius_mm * normal + aside,
+            normal,
+            uv_mm,
+        };
+        (vertex, j * (cells + 1) + i)
+    };
+    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
+    for (i, j) in (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j))) {
+        let quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| vertex(i, j));
+        for face in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+            triangles.push(face.map(|v| v.0));
+            corners.push(face.map(|v| v.1));
+        }
+    }
+    Mesh::new(triangles, &corners).unwrap()
+}
+
+fn draped(materials: Vec<Fibre>) -> AnyMedium {
+    let mesh = bent_mesh();
+    let shell = Shell::new(&mesh, 0.0, 0.2).unwrap();
+    let draping = Draping::new(DrapedMesh::new(mesh), Some(shell));
+    let volumes = vec![fibres_of(true, materials)];
+    let cloth = LevelledCloth::draped(volumes, None, LevelSteps::default(), draping);
+    AnyMedium::Levelled(Box::new(cloth.unwrap()))
+}
+
+fn with(first: AnyMedium, others: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
+    let wide = Projection::Orthographic { width_mm: 0.5 };
+    let mut scene = scene(first, lights, wide);
+    scene.media.extend(others);
+    scene
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
+    let mut swapped = silk_and_cotton();
+    swapped.reverse();
+    let other = |repeats, z| higher(repeats, z, swapped.clone());
+    let mut mixed = parallel();
+    mixed.push(picture());
+    let of_glass = scene(draped(silk_and_cotton()), sky(), lens());
+    vec![
+        (
+            "a table",
+            with(cloth(true), vec![table(-0.05, 0.0)], parallel()),
+        ),
+        ("light", with(cloth(false), vec![table(-0.2, 0.8)], sky())),
+        ("two", with(cloth(true), vec![other(false, 0.25)], mixed)),
+        (
+            "through each other",
+            with(
+                other(true, 0.1),
+                vec![cloth(false), table(-0.05, 0.1)],
+                panels(),
+            ),
+        ),
+        ("bent", of_glass),
+        (
+            "bent, above a cloth and a table",
+            with(
+                draped(silk_and_cotton()),
+                vec![higher(true, -0.8, swapped.clone()), table(-0.9, 0.2)],
+                parallel(),
+            ),
+        ),
+    ]
+}
+
+#[test]
+fn several_cloths_agree_with_the_general_walk() {
+    for (name, scene) in scenes() {
+        assert_agreement(name, &scene);
+    }
+    // Known-bad twins: a darker table, and other fibres over the mesh.
+    let settings = settings(0..samples(), u32::MAX);
+    let mut swapped = silk_and_cotton();
+    swapped.reverse();
+    for (name, right, wrong) in [
+        (
+            "a table",
+            with(
+                fibres_of(true, silk_and_cotton()),
+                vec![table(-0.05, 0.0)],
+                parallel(),
+            ),
+            with(
+                fibres_of(true, silk_and_cotton()),
+                vec![table(-0.05, 0.2)],
+                parallel(),
+            ),
+        ),
+        (
+            "bent",
+            with(draped(silk_and_cotton()), Vec::new(), parallel()),
+            with(draped(swapped), Vec::new(), parallel()),
+        ),
+    ] {
+        let (oracle, _) = film(&right, &settings, None);
+        let (own, _) = by_cells(&wrong, &settings, Backend::widest());
+        let (spread, mean) = agree(&own, &oracle);
+        let p = spread.p_value.min(mean.p_value);
+        assert!(p < 1e-9, "{name}, seed 9: the twin passes with {p}");
+    }
+}
+
+#[test]
+fn back_ends_walk_several_cloths_alike() {
+    for (name, scene) in scenes() {
+        assert_same_bits(name, &scene);
+    }
+}
+
+#[test]
+fn voxels_beside_fibres_are_left_to_the_general_walk() {
+    let cloth = fibres_of(true, silk_and_cotton());
+    let scene = with(cloth, vec![AnyMedium::Grid(grid(false))], parallel());
+    let refused = engine(&scene, &settings(0..1, 1), EngineChoice::Fastest, u64::MAX).err();
+    assert_eq!(refused, Some(KernelRefusal::MixedMedia));
+}
