@@ -3,13 +3,16 @@
     python3 benches/fabric_tables.py reports DIR [--spp N] [--texels N] [FABRIC ...]
     python3 benches/fabric_tables.py voxels DIR [--spp N]
     python3 benches/fabric_tables.py packed DIR [--spp N] [FABRIC ...]
+    python3 benches/fabric_tables.py hybrid DIR [--events K] [--weight W] [--spp N] [FABRIC ...]
     python3 benches/fabric_tables.py models DIR [--spp N] [FABRIC ...]
 
 `reports` fits the surface of every fabric to its volume (with eight times the paths, as
 the noise of the volume adds to the error of the fit) and compares all models of it:
 DIR/FABRIC.toml and DIR/FABRIC/report.html. `voxels` measures reflection and transmission
 of volumes by voxel size against explicit fibres. `packed` measures reflection, scattered
-and direct transmission of packed fibres in voxels of their default size, and `models` those of
+and direct transmission of packed fibres in voxels of their default size, `hybrid` those of
+explicit fibres for the first K events of a path, or while it carries at least the share W, and
+of packed ones after them, and `models` those of
 explicit fibres, plain virtual scattering and micro-flakes under light at 60 degrees. Files that
 are there already are not made again. ORGANZA names the program, THREADS the number of threads.
 """
@@ -175,17 +178,21 @@ def off_by(row, truth, part):
     return f"{b:.4f}, {100 * (a / b - 1):+.1f} ± {100 * se / b:.1f} %"
 
 
-def make_packed(folder, fabrics, spp):
+def make_packed(folder, fabrics, spp, keys=()):
+    name_of_packed = ".".join(["packed", *keys])
+    keys = [f"--set=scattering.{key}" for key in keys]
     incident = folder / "lights.csv"
     incident.write_text("theta_i,phi_i\n" + "".join(f"{t},{p}\n" for t, p in LIGHTS))
     rows = []
     for name in fabrics:
         by_model = {}
         for seed, model in enumerate(["fibres", "packed"]):
-            path = folder / f"{name}.{model}.csv"
+            shown = model if model == "fibres" else name_of_packed
+            path = folder / f"{name}.{shown}.csv"
             organza(
                 path, "measure", f"scenes/fabrics/{name}.toml", "--albedo", "--pairs", incident,
                 "--spp", spp, "--model", model, "--seed", seed, "-o", path,
+                *(keys if model == "packed" else []),
             )  # fmt: skip
             with path.open() as file:
                 by_model[model] = list(csv.DictReader(file))
@@ -220,10 +227,12 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["reports", "voxels", "packed", "models"])
+    parser.add_argument("what", choices=["reports", "voxels", "packed", "hybrid", "models"])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("fabrics", nargs="*", default=FABRICS)
     parser.add_argument("--spp", type=int, help="paths a pair or direction")
+    parser.add_argument("--events", type=int, help="first events of hybrid fibres")
+    parser.add_argument("--weight", type=float, help="while_weight of hybrid fibres")
     parser.add_argument("--texels", type=int, default=96)
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
@@ -231,6 +240,10 @@ def main():
         make_reports(given.folder, given.fabrics, given.spp or 1024, given.texels)
     elif given.what == "packed":
         make_packed(given.folder, given.fabrics, given.spp or 60_000)
+    elif given.what == "hybrid":
+        keys = [f"first_events={given.events}"] if given.events is not None else []
+        keys += [f"while_weight={given.weight}"] if given.weight is not None else []
+        make_packed(given.folder, given.fabrics, given.spp or 60_000, keys or ["first_events=1"])
     elif given.what == "models":
         make_models(given.folder, given.fabrics, given.spp or 60_000)
     else:

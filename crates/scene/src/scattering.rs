@@ -2,7 +2,7 @@
 //! keys of a scene's cloth.
 
 use crate::representation::{
-    MICROFLAKE, ModelKey, PACKED, PLAIN, Representation, Settings, ShownAs, owners,
+    MICROFLAKE, ModelKey, PACKED, PLAIN, PackedFrom, Representation, Settings, ShownAs, owners,
 };
 use organza_scatter::FlakeFamily;
 use serde::Deserialize;
@@ -17,6 +17,11 @@ pub struct ScatteringTable {
     pub flake: Option<FlakeFamily>,
     /// With the old name `virtual-scattering`: which of its two representations.
     pub event: Option<EventName>,
+    /// Packed fibres: so many events of a path are with explicit fibres.
+    pub first_events: Option<u32>,
+    /// Packed fibres: events are with explicit fibres while the path carries at least this
+    /// share of what it began with.
+    pub while_weight: Option<f32>,
 }
 
 /// `event`, the old key that selected packed or plain virtual scattering.
@@ -73,13 +78,46 @@ impl ScatteringTable {
         if self.flake.is_some() && !representation.has_key("flake") {
             return Err(format!(".flake: belongs to {}", owners("flake")));
         }
+        self.check_packed_from(&fabric, representation)?;
         Ok(ShownAs {
             representation,
             settings: Settings {
                 flake: self.flake.or(fabric.flake).unwrap_or_default(),
                 local_visibility: false,
+                packed_from: if representation.has_key("first_events") {
+                    PackedFrom {
+                        first_events: self.first_events.or(fabric.first_events),
+                        while_weight: self.while_weight.or(fabric.while_weight),
+                    }
+                } else {
+                    PackedFrom::default()
+                },
             },
         })
+    }
+
+    /// Checks the keys of packed fibres.
+    fn check_packed_from(
+        &self,
+        fabric: &ScatteringTable,
+        shown: &Representation,
+    ) -> Result<(), String> {
+        let keys = [
+            ("first_events", self.first_events.is_some()),
+            ("while_weight", self.while_weight.is_some()),
+        ];
+        let foreign = keys
+            .iter()
+            .find(|(key, is_set)| *is_set && !shown.has_key(key));
+        if let Some((key, _)) = foreign {
+            return Err(format!(".{key}: belongs to {}", owners(key)));
+        }
+        match self.while_weight.or(fabric.while_weight) {
+            Some(weight) if !(weight > 0.0 && weight <= 1.0) => Err(format!(
+                ".while_weight: expected a share above 0 and at most 1 such as 0.25, found {weight}"
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// A warning about old names, if there are any: `.key: why`.

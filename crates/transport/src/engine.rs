@@ -124,6 +124,7 @@ fn fibre_matter(scene: &Scene, max_bytes: u64) -> Option<Result<FibreMatter, Ker
             let matter = FibreMatter::of_packed(m, max_bytes);
             Some(matter.map_err(KernelRefusal::from))
         }
+        [AnyMedium::HybridFibres(m)] => Some(m.matter(max_bytes).map_err(KernelRefusal::from)),
         media if media.iter().any(|m| fibres_of(m).is_some()) => {
             Some(explicit_matter(scene, max_bytes))
         }

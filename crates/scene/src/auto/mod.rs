@@ -108,6 +108,8 @@ fn check(table: &ClothTable) -> Result<(), String> {
         ("flake", table.flake.is_some()),
         ("event", table.event.is_some()),
         ("local_visibility", table.local_visibility),
+        ("first_events", table.first_events.is_some()),
+        ("while_weight", table.while_weight.is_some()),
         ("lod", table.lod != Lod::Name(LodName::Auto)),
         ("voxel_um", table.voxel_um.is_some()),
     ];

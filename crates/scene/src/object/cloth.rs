@@ -39,6 +39,11 @@ pub struct ClothTable {
     /// its way within two voxels as tables counted from the fibres tell.
     #[serde(default)]
     pub local_visibility: bool,
+    /// Packed fibres: so many events of a path are with explicit fibres.
+    pub first_events: Option<u32>,
+    /// Packed fibres: events are with explicit fibres while the path carries at least this
+    /// share of what it began with.
+    pub while_weight: Option<f32>,
     /// How fibres scatter, before what the fabric says of it.
     #[serde(default)]
     pub optics: OpticsFile,
@@ -78,6 +83,8 @@ impl ClothTable {
             model: self.model,
             flake: self.flake,
             event: self.event,
+            first_events: self.first_events,
+            while_weight: self.while_weight,
         }
     }
 }
@@ -161,6 +168,26 @@ fn fabric_and_showing(
             owners("local_visibility")
         );
         return Err(fail(&why));
+    }
+    if shown.settings.packed_from.switch().is_some() {
+        let refused = [
+            ("mesh", table.mesh.is_some(), "a flat cloth"),
+            (
+                "lod",
+                table.lod == Lod::Name(LodName::Auto),
+                "one level, such as 0",
+            ),
+            (
+                "local_visibility",
+                table.local_visibility,
+                "a volume without tables",
+            ),
+        ];
+        if let Some((key, _, needed)) = refused.iter().find(|r| r.1) {
+            return Err(fail(&format!(
+                ".{key}: first_events and while_weight need {needed}; leave them out or this key"
+            )));
+        }
     }
     if as_fibres {
         shown = ShownAs::usual(&EXPLICIT_FIBRES);

@@ -22,7 +22,7 @@ use crate::fabric_file::Fabric;
 use crate::loader::Loader;
 use organza_scatter::FlakeFamily;
 use organza_surface::ClothSurface;
-use organza_transport::{AnyMedium, ExplicitFibres};
+use organza_transport::{AnyMedium, ExplicitFibres, Switch};
 use organza_volume::{FibreFootprint, Octree};
 use organza_weave::Material;
 use serde::de::{Error as _, Visitor};
@@ -99,13 +99,37 @@ pub struct VoxelSource<'a> {
 }
 
 /// Values of the keys that belong to single representations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     /// `flake`: the family of micro-flakes.
     pub flake: FlakeFamily,
     /// `local_visibility`: direct light of the first event sees what stands in its
     /// way within two voxels, as counted from the fibres.
     pub local_visibility: bool,
+    /// `first_events`, `while_weight`: when a path changes from explicit fibres to
+    /// packed ones.
+    pub packed_from: PackedFrom,
+}
+
+/// When a path changes from explicit fibres to packed ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PackedFrom {
+    /// So many events are with explicit fibres.
+    pub first_events: Option<u32>,
+    /// Events are with explicit fibres while the path carries at least so much, a share of
+    /// what it began with.
+    pub while_weight: Option<f32>,
+}
+
+impl PackedFrom {
+    /// In terms of the media; `None` where packed fibres are met from the camera on.
+    pub(crate) fn switch(&self) -> Option<Switch> {
+        let switch = Switch {
+            first_events: self.first_events.unwrap_or(0),
+            while_weight: self.while_weight.unwrap_or(f32::INFINITY),
+        };
+        (!switch.is_over(0, 1.0)).then_some(switch)
+    }
 }
 
 /// The optics that a fit changes.
@@ -246,7 +270,7 @@ impl<'de> Deserialize<'de> for ModelKey {
 }
 
 /// A representation with its settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShownAs {
     /// The representation.
     pub representation: &'static Representation,

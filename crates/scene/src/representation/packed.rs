@@ -17,7 +17,7 @@ pub static PACKED: Representation = Representation {
     title: "virtual scattering (packed)",
     about: "Virtual scattering off the surfaces of fibres among others",
     colour: [0x1f, 0x9e, 0x77],
-    keys: &["local_visibility"],
+    keys: &["local_visibility", "first_events", "while_weight"],
     trackers: &[Tracker::Woodcock],
     drapes: true,
     check: |fabric, path| fabric.fibre_models(path).map(|_| ()),

@@ -3,7 +3,9 @@
 
 use super::{FittedOptics, VoxelSource};
 use crate::error::{Result, input};
-use organza_transport::{AnyMedium, LocalVisibility, VirtualFibreEvent, VirtualFibreMedium};
+use organza_transport::{
+    AnyMedium, HybridFibres, LocalVisibility, VirtualFibreEvent, VirtualFibreMedium,
+};
 use std::sync::Arc;
 
 /// The optics of fibres that a fit changes.
@@ -31,6 +33,18 @@ pub(super) fn medium(
     let Some(medium) = VirtualFibreMedium::new(Arc::clone(octree), *level, fibres, event) else {
         return Ok(None);
     };
+    let own_switch = source.settings.packed_from.switch();
+    if let Some(switch) = own_switch.filter(|_| event == VirtualFibreEvent::Packed) {
+        let explicit = fabric.explicit_fibres(path, source.max_memory_bytes, source.loader)?;
+        let hybrid = HybridFibres::new(explicit, medium, switch);
+        let hybrid = hybrid.ok_or_else(|| {
+            input(format!(
+                "{}: first_events and while_weight need the cloth in its own size",
+                path.display()
+            ))
+        })?;
+        return Ok(Some(AnyMedium::HybridFibres(Box::new(hybrid))));
+    }
     if !source.settings.local_visibility {
         return Ok(Some(AnyMedium::VirtualFibres(medium)));
     }

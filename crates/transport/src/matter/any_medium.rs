@@ -4,8 +4,8 @@ use crate::matter::collision::AnySite;
 use crate::matter::ray_target::{RayTarget, SceneMedium};
 use crate::matter::site::MediumSite;
 use crate::{
-    ExplicitFibres, FlakeOctreeMedium, GridMedium, LevelledCloth, Plane, SggxOctreeMedium,
-    VirtualFibreMedium,
+    ExplicitFibres, FlakeOctreeMedium, GridMedium, HybridFibres, LevelledCloth, Plane,
+    SggxOctreeMedium, VirtualFibreMedium,
 };
 use glam::Vec2;
 use organza_basis::CellGrid;
@@ -26,6 +26,8 @@ pub enum AnyMedium {
     VirtualFibres(VirtualFibreMedium),
     /// Every fibre as a curve that rays intersect.
     ExplicitFibres(ExplicitFibres),
+    /// Explicit fibres for the first events of a path, virtual ones for the later.
+    HybridFibres(Box<HybridFibres>),
     /// A cloth in several representations, or over a mesh.
     Levelled(Box<LevelledCloth>),
     /// No medium but an opaque plane.
@@ -55,6 +57,7 @@ impl AnyMedium {
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::HybridFibres(m) => &**m,
             AnyMedium::Levelled(m) => &**m,
             AnyMedium::Plane(m) => m,
         }
@@ -67,6 +70,7 @@ impl AnyMedium {
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::HybridFibres(m) => &mut **m,
             AnyMedium::Levelled(m) => &mut **m,
             AnyMedium::Plane(m) => m,
         }

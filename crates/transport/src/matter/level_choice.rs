@@ -23,6 +23,24 @@ impl Detail {
     };
 }
 
+/// How far a path has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Events so far.
+    pub events: u32,
+    /// The least that it has carried after an event, before roulette: the mean of the
+    /// channels of its throughput.
+    pub least_weight: f32,
+}
+
+impl Progress {
+    /// At the camera.
+    pub const NONE: Progress = Progress {
+        events: 0,
+        least_weight: 1.0,
+    };
+}
+
 /// How a path finds collisions, and with what.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
@@ -30,6 +48,8 @@ pub struct Tracking {
     pub integrator: Integrator,
     /// How closely the path looks.
     pub detail: Detail,
+    /// How far it has come: cloth of several kinds of fibres shows one after the other.
+    pub progress: Progress,
 }
 
 impl From<Integrator> for Tracking {
@@ -38,6 +58,7 @@ impl From<Integrator> for Tracking {
         Tracking {
             integrator,
             detail: Detail::FINEST,
+            progress: Progress::NONE,
         }
     }
 }

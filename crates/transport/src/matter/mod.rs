@@ -8,6 +8,7 @@ pub(crate) mod explicit_fibres;
 pub(crate) mod flake_octree_medium;
 pub(crate) mod grid;
 pub(crate) mod grid_medium;
+pub(crate) mod hybrid_fibres;
 pub(crate) mod level_choice;
 pub(crate) mod levelled_cloth;
 pub(crate) mod local_visibility;
@@ -32,7 +33,8 @@ pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap
 pub use flake_octree_medium::{FamilyFlakes, FlakeOctreeMedium, FlakeSite};
 pub use grid::{Grid, GridMediumError, Interpolation, MAX_EXTINCTION_PER_MM};
 pub use grid_medium::GridMedium;
-pub use level_choice::{Detail, LevelSteps, Tracking};
+pub use hybrid_fibres::HybridFibres;
+pub use level_choice::{Detail, LevelSteps, Progress, Tracking};
 pub use levelled_cloth::LevelledCloth;
 pub use local_visibility::LocalVisibility;
 pub use majorants::BlockMajorants;

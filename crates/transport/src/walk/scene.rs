@@ -1,7 +1,7 @@
 //! A scene: its matter, lights and camera.
 
 use crate::matter::collision::Collision;
-use crate::matter::level_choice::{Detail, Tracking};
+use crate::matter::level_choice::{Detail, Progress, Tracking};
 use crate::{AnyMedium, Camera, Integrator, Light, Stats};
 use glam::DVec3;
 use organza_basis::{PathRng, Ray};
@@ -91,6 +91,7 @@ impl Scene {
                 footprint_mm: width as f32,
                 choice: rng.unit(),
             }),
+            progress: Progress::NONE,
         }
     }
 

@@ -49,7 +49,7 @@ pub fn trace_from(
     rng: &mut PathRng,
     stats: &mut Stats,
 ) -> PathSample {
-    let tracking = tracking.into();
+    let mut tracking = tracking.into();
     let max_bounces = max_bounces.min(MAX_EVENTS);
     stats.paths += 1;
     // The path goes on in f32 from a point near what it meets first, so that a
@@ -119,6 +119,9 @@ pub fn trace_from(
             return sample;
         };
         sample.absorbed += throughput * (Rgb::WHITE - scatter.weight);
+        tracking.progress.events = sample.bounces;
+        let least = tracking.progress.least_weight;
+        tracking.progress.least_weight = least.min((throughput * scatter.weight).mean());
         let Some(carried) = survivor(throughput * scatter.weight, rng) else {
             return sample;
         };

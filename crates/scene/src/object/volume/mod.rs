@@ -81,6 +81,8 @@ impl VolumeTable {
             flake: self.flake,
             event: self.event,
             local_visibility: false,
+            first_events: None,
+            while_weight: None,
             optics: self.optics.clone(),
             lod: self.lod,
             tolerance: None,
