@@ -54,7 +54,10 @@ impl<W: Write> Digesting<W> {
 /// The file cannot be written.
 pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Result<()> {
     let header = serde_json::to_vec(&Header {
-        identity: identity.clone(),
+        identity: Identity {
+            engines: identity.all_engines(rendering),
+            ..identity.clone()
+        },
         samples: rendering.taken(),
         stats: rendering.stats().to_words().to_vec(),
     })?;
@@ -83,14 +86,14 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
     })
 }
 
-/// Resumes from a checkpoint of the same picture. `why_walk` is why the kernel
-/// does not take the paths of this render, if it does not.
+/// Resumes from a checkpoint of the same picture, whose engines are noted in `identity`.
+/// `why_walk` is why the kernel does not take the paths of this render, if it does not.
 ///
 /// # Errors
 /// A file that is no checkpoint, is not whole, or is of another picture.
 pub fn resume<'a>(
     path: &Path,
-    identity: &Identity,
+    identity: &mut Identity,
     why_walk: Option<&str>,
     rendering: Rendering<'a>,
 ) -> Result<Rendering<'a>> {
@@ -136,6 +139,7 @@ pub fn resume<'a>(
         *pixel = Pixel::from_words(&std::array::from_fn(|i| u32_at(bytes, 4 * i)));
     }
     let next = header.samples.end;
+    identity.engines = header.identity.engines;
     rendering
         .resume(film, Stats::from_words(&stats), next)
         .map_err(|e| fail(e.to_string()))

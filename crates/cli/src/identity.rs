@@ -3,9 +3,10 @@
 
 use crate::sample_ranges::SampleRanges;
 use organza_scene::loader::Input;
-use organza_transport::Crop;
+use organza_transport::{Crop, ENGINES, Rendering};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeSet;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -43,6 +44,19 @@ impl EngineKind {
     }
 }
 
+/// The engines of a picture of two parts. Those of the kernel draw the same random numbers,
+/// so that parts of several may stand side by side, `avx512+gpu`; `None` for others that
+/// differ.
+pub fn joined_engines(a: &str, b: &str) -> Option<String> {
+    if a == b {
+        return Some(a.to_owned());
+    }
+    let names: BTreeSet<&str> = a.split('+').chain(b.split('+')).collect();
+    let is_kernel = |name: &&str| ENGINES.iter().any(|engine| engine.name == *name);
+    let joined = names.iter().copied().collect::<Vec<_>>().join("+");
+    names.iter().all(is_kernel).then_some(joined)
+}
+
 /// An input file: its name beside the scene, and its digest in hexadecimal.
 pub type NamedDigest = (String, String);
 
@@ -57,6 +71,10 @@ pub struct Identity {
     pub crop: [u32; 4],
     /// What took the paths.
     pub engine: EngineKind,
+    /// The engines that took the samples of a checkpoint, as pictures name them. They make
+    /// no difference: samples of all engines of a kind make one picture.
+    #[serde(default)]
+    pub engines: String,
     /// The files that the scene names, in the order in which it names them.
     pub inputs: Vec<NamedDigest>,
     /// Digest of the scene, see [`scene_digest`].
@@ -90,6 +108,16 @@ impl Identity {
             .or_else(|| differ(self.engine != other.engine, Difference::Engine))
             .or_else(|| differ(self.scene != other.scene, Difference::Scene))
             .or_else(|| differing_input(&self.inputs, &other.inputs).map(Difference::Input))
+    }
+
+    /// The engines that took all samples of a rendering, those of the checkpoint that it
+    /// was resumed from among them.
+    pub fn all_engines(&self, rendering: &Rendering<'_>) -> String {
+        let own = rendering.engine().map_or("walk", |engine| engine.name());
+        match self.engines.as_str() {
+            "" => own.to_owned(),
+            before => joined_engines(before, own).unwrap_or_else(|| own.to_owned()),
+        }
     }
 
     /// What a picture file records of itself.
@@ -238,6 +266,7 @@ mod tests {
             seed: 0,
             crop: [0, 0, 4, 4],
             engine: EngineKind::Kernel,
+            engines: String::new(),
             inputs: named_inputs(scene, read),
             scene: "0".into(),
         };
@@ -254,5 +283,17 @@ mod tests {
         walked.scene = "1".into();
         assert_eq!(a.difference(&walked), Some(Difference::Engine));
         assert_eq!(a.difference(&a.clone()), None);
+    }
+
+    #[test]
+    fn parts_of_engines_of_the_kernel_join() {
+        let joined = |a, b| joined_engines(a, b);
+        assert_eq!(joined("walk", "walk").as_deref(), Some("walk"));
+        assert_eq!(joined("avx512", "avx2").as_deref(), Some("avx2+avx512"));
+        let three = joined("avx2+avx512", "scalar");
+        assert_eq!(three.as_deref(), Some("avx2+avx512+scalar"));
+        assert_eq!(joined("gpu+avx2", "gpu").as_deref(), Some("avx2+gpu"));
+        assert_eq!(joined("walk", "avx2"), None);
+        assert_eq!(joined("avx2", ""), None);
     }
 }

@@ -57,6 +57,10 @@ impl Engine for Reserve {
         self.engine.memory_bytes()
     }
 
+    fn saved_memory(&self) -> Option<&'static str> {
+        self.engine.saved_memory()
+    }
+
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
         match self.other.get() {
             Some(Some(other)) => other.rows_per_block(rows, threads),

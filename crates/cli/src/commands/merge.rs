@@ -4,7 +4,7 @@ use super::Command;
 use super::render::CLAMPED;
 use crate::error::input;
 use crate::flags::MemoryArgs;
-use crate::identity::{Difference, EngineKind, Identity};
+use crate::identity::{Difference, EngineKind, Identity, joined_engines};
 use crate::output;
 use crate::output::note;
 use crate::picture;
@@ -12,8 +12,7 @@ use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
 use organza_picture::{Attributes, Rendered};
-use organza_transport::{ENGINES, Film};
-use std::collections::BTreeSet;
+use organza_transport::Film;
 use std::path::{Path, PathBuf};
 
 /// `organza merge`
@@ -140,7 +139,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             .to_owned()
     };
     let (a, b) = (backend(&all), backend(&part));
-    let Some(both) = joined_backends(&a, &b) else {
+    let Some(both) = joined_engines(&a, &b) else {
         return Err(input(format!(
             "{second}: cannot join {first}: backend is {b}, but {a} in {first}"
         )));
@@ -184,37 +183,8 @@ fn identity(part: &Part<'_>) -> Result<Identity> {
         seed: value("seed")?.parse().map_err(|_| missing("seed"))?,
         crop: crop.try_into().map_err(|_| missing("crop"))?,
         engine: EngineKind::of_backend(value("backend")?),
+        engines: String::new(),
         inputs: serde_json::from_str(value("inputs")?).map_err(|_| missing("inputs"))?,
         scene: value("identity")?.to_owned(),
     })
-}
-
-/// The engines of a picture of two parts. Those of the kernel draw the same random numbers,
-/// so that parts of several may stand side by side, `avx512+gpu`; `None` for others that
-/// differ.
-fn joined_backends(a: &str, b: &str) -> Option<String> {
-    if a == b {
-        return Some(a.to_owned());
-    }
-    let names: BTreeSet<&str> = a.split('+').chain(b.split('+')).collect();
-    let is_kernel = |name: &&str| ENGINES.iter().any(|engine| engine.name == *name);
-    let joined = names.iter().copied().collect::<Vec<_>>().join("+");
-    names.iter().all(is_kernel).then_some(joined)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::joined_backends;
-
-    #[test]
-    fn parts_of_engines_of_the_kernel_join() {
-        let joined = |a, b| joined_backends(a, b);
-        assert_eq!(joined("walk", "walk").as_deref(), Some("walk"));
-        assert_eq!(joined("avx512", "avx2").as_deref(), Some("avx2+avx512"));
-        let three = joined("avx2+avx512", "scalar");
-        assert_eq!(three.as_deref(), Some("avx2+avx512+scalar"));
-        assert_eq!(joined("gpu+avx2", "gpu").as_deref(), Some("avx2+gpu"));
-        assert_eq!(joined("walk", "avx2"), None);
-        assert_eq!(joined("avx2", ""), None);
-    }
 }

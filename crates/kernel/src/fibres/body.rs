@@ -32,8 +32,8 @@ pub struct FibreBody<'a> {
 pub struct Body {
     pub cells: Cells,
     /// All the matter; infinite in x and y where it has no end.
-    low_mm: DVec3,
-    high_mm: DVec3,
+    pub low_mm: DVec3,
+    pub high_mm: DVec3,
     /// Whether the matter is cut within the grid.
     pub is_cut: bool,
     /// A ray that starts among fibres meets none before this distance, mm.

@@ -71,6 +71,11 @@ impl JointTable {
         prefetch(&self.words, first + 2 * JOINT as usize - 1);
     }
 
+    /// The yarns of all strands.
+    pub fn yarns(&self) -> Vec<u32> {
+        self.strands.iter().map(|strand| strand.yarn).collect()
+    }
+
     /// The yarn of a piece.
     pub fn yarn(&self, piece: u32) -> u32 {
         let strand = self.words[(piece * JOINT + 7) as usize] & !CUT;

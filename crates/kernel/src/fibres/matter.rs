@@ -109,7 +109,7 @@ impl FibreMatter {
 
     /// Whether there is nothing but one flat body: every ray has one way through its cells.
     #[inline(always)]
-    pub(super) fn is_one_body(&self) -> bool {
+    pub(crate) fn is_one_body(&self) -> bool {
         self.planes.is_empty() && self.bodies.len() == 1 && self.bodies[0].drape.is_none()
     }
 

@@ -11,8 +11,8 @@
 //! leaves it freely. Pieces of one radius meet in the plane that halves their
 //! bend, up to which their sides go on; other joints and ends are round.
 
-mod block;
-mod body;
+pub(crate) mod block;
+pub(crate) mod body;
 mod cell_ray;
 mod cell_search;
 pub(crate) mod cells;
@@ -24,7 +24,7 @@ pub(crate) mod fibre_scene;
 mod grid;
 #[cfg(test)]
 mod hit_tests;
-mod hull;
+pub(crate) mod hull;
 mod joint_table;
 mod lists;
 pub(crate) mod matter;

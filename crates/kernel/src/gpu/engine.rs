@@ -4,9 +4,10 @@ use super::device::{Device, Limits};
 use super::pass::{BRIGHT_WORDS, Division, Session};
 use super::program::{FirstEventOf, PassNumbers, ProgramScene};
 use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
-use super::voxel_scene;
+use super::{fibre_scene, voxel_scene};
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
+use crate::fibres::fibre_scene::FibreScene;
 use crate::refusal::Refusal;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::{Brightness, Stats};
@@ -14,6 +15,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Samples whose sums a slot holds for sure: as many as [`organza_film::Tally`].
 const SAMPLES_PER_SLOT: u32 = 512;
+
+/// What every adapter offers.
+const COMMON_LIMITS: Limits = Limits {
+    binding_bytes: 128 << 20,
+    table_buffers: 4,
+};
 
 /// Lanes of a card, and of a program on the processor.
 const LANES: u32 = 1 << 17;
@@ -40,7 +47,22 @@ impl GpuEngine {
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
         GpuEngine::new(
-            voxel_scene::program_scene(scene),
+            |_| Ok(voxel_scene::program_scene(scene)),
+            scene.memory_bytes(),
+            division,
+        )
+    }
+
+    /// The same for a scene of explicit fibres.
+    ///
+    /// # Errors
+    /// There is no adapter, it cannot hold the scene, or the engine does not take it.
+    pub fn for_fibres(
+        scene: &Arc<FibreScene>,
+        division: Option<Division>,
+    ) -> Result<GpuEngine, Refusal> {
+        GpuEngine::new(
+            |limits| fibre_scene::program_scene(scene, limits),
             scene.memory_bytes(),
             division,
         )
@@ -52,10 +74,7 @@ impl GpuEngine {
     /// The scene is too large for such an adapter.
     pub fn source_for_voxels(scene: &Arc<FlatScene>) -> Result<String, Refusal> {
         let scene = voxel_scene::program_scene(scene);
-        let split = scene.tables.split(&Limits {
-            binding_bytes: 128 << 20,
-            table_buffers: 4,
-        })?;
+        let split = scene.tables.split(&COMMON_LIMITS)?;
         Ok(scene.source(&split))
     }
 
@@ -65,8 +84,8 @@ impl GpuEngine {
         session.device.fail("lost on purpose");
     }
 
-    fn new(
-        scene: ProgramScene<'_>,
+    fn new<'a>(
+        scene: impl FnOnce(&Limits) -> Result<ProgramScene<'a>, Refusal>,
         memory_bytes: u64,
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
@@ -84,6 +103,7 @@ impl GpuEngine {
         if let Some(bytes) = division.table_bytes {
             limits.binding_bytes = limits.binding_bytes.min(bytes);
         }
+        let scene = scene(&limits)?;
         let split = scene.tables.split(&limits)?;
         let max_slots = Session::max_slots(&device);
         device.limits = limits;

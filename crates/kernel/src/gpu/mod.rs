@@ -13,10 +13,12 @@
 mod adapters;
 mod device;
 mod engine;
+mod fibre_scene;
 mod numbers;
 mod pass;
 mod program;
 mod record;
+mod scene_words;
 mod slots;
 mod tables;
 mod voxel_scene;

@@ -1,5 +1,5 @@
 // Without environment pictures.
 
-fn sky_radiance(whole: bool) -> vec3<f32> {
+fn sky_radiance(direction: vec3<f32>, whole: bool) -> vec3<f32> {
     return vec3<f32>(0.0);
 }

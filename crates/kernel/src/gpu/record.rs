@@ -4,7 +4,6 @@ use super::adapters;
 use super::engine::{GpuEngine, NAME, NEEDS};
 use crate::devices::DeviceKind;
 use crate::engine::EngineRecord;
-use crate::refusal::Refusal;
 use std::sync::OnceLock;
 
 /// A graphics adapter.
@@ -15,7 +14,7 @@ pub const GPU: EngineRecord = EngineRecord {
     is_available: || best().is_some(),
     is_automatic: || best().is_some_and(|kind| kind != DeviceKind::Software),
     for_voxels: |scene| Ok(Box::new(GpuEngine::for_voxels(&scene, None)?)),
-    for_fibres: |_| Err(Refusal::NotYet("explicit fibres")),
+    for_fibres: |scene| Ok(Box::new(GpuEngine::for_fibres(&scene, None)?)),
 };
 
 /// The kind of the best adapter of this computer, which does not change.

@@ -9,10 +9,10 @@
 const SKY_WORDS: u32 = 16u;
 const LAMP_WORDS: u32 = 4u;
 
-fn sky_radiance(whole: bool) -> vec3<f32> {
+fn sky_radiance(direction: vec3<f32>, whole: bool) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var i = 0u; i < sky_count(); i++) {
-        sum += picture_radiance(skies_table() + i * SKY_WORDS, path.direction, whole);
+        sum += picture_radiance(skies_table() + i * SKY_WORDS, direction, whole);
     }
     return sum;
 }

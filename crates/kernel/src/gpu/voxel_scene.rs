@@ -2,20 +2,17 @@
 
 use super::numbers::Numbers;
 use super::program::ProgramScene;
+use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put};
 use super::tables::Tables;
 use crate::voxels::environment::Sky;
 use crate::voxels::flat_scene::FlatScene;
 use crate::voxels::optical_depth_table::OpticalDepthTable;
-use glam::Vec3;
-use organza_film::PixelFilter;
 use organza_scatter::FAR_ROWS;
 use std::sync::Arc;
 
 /// Words that a lane keeps: see `load_path` in `voxel_walk.wgsl`.
 const LANE_WORDS: u32 = 28;
-/// Words of a light, of a picture and of a lamp: see `direct_lights.wgsl`, `skies.wgsl`.
-const LIGHT_WORDS: usize = 24;
-const SKY_WORDS: usize = 16;
+/// Words of a lamp: see `skies.wgsl`.
 const LAMP_WORDS: usize = 4;
 
 /// The program of a scene.
@@ -41,7 +38,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     numbers.whole("max_bounces", scene.max_bounces);
     numbers.signed("brightness_exponent", scene.brightness.exponent());
     numbers.number("brightest_summed", scene.brightness.most());
-    add_camera(&mut numbers, scene);
+    add_camera(&mut numbers, &scene.camera_rays);
     numbers.three_whole("dims", grid.dims());
     numbers.three("voxel_mm", grid.voxel_mm());
     numbers.number("scale_per_mm", medium.scale_per_mm);
@@ -118,46 +115,6 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     }
 }
 
-/// Which filter spreads samples over pixels.
-pub fn filter_constants(filter: PixelFilter) -> String {
-    let number = match filter {
-        PixelFilter::Box => 0,
-        PixelFilter::Tent => 1,
-        PixelFilter::Gaussian => 2,
-    };
-    format!(
-        "const FILTER_TENT: u32 = 1u;\nconst FILTER_GAUSSIAN: u32 = 2u;\n\
-         const FILTER: u32 = {number}u;\n"
-    )
-}
-
-fn add_camera(numbers: &mut Numbers, scene: &FlatScene) {
-    let camera = &scene.camera_rays;
-    let [half_columns, half_rows] = camera.half_size;
-    numbers.number("half_columns", half_columns);
-    numbers.number("half_rows", half_rows);
-    numbers.number("film_scale", camera.scale);
-    let [crossing, crossing_x, crossing_y] = camera.crossing;
-    let [way, way_x, way_y] = camera.way_mm;
-    let [lens_x, lens_y] = camera.lens_mm.unwrap_or_default();
-    for (name, v) in [
-        ("crossing", crossing),
-        ("crossing_x", crossing_x),
-        ("crossing_y", crossing_y),
-        ("way_mm", way),
-        ("way_x_mm", way_x),
-        ("way_y_mm", way_y),
-        ("lens_x_mm", lens_x),
-        ("lens_y_mm", lens_y),
-    ] {
-        numbers.three(name, v);
-    }
-}
-
-fn put(words: &mut [u32], at: usize, v: Vec3) {
-    words[at..at + 3].copy_from_slice(&v.to_array().map(f32::to_bits));
-}
-
 fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u32; LIGHT_WORDS] {
     let mut words = [0; LIGHT_WORDS];
     put(&mut words, 0, light.to_light);
@@ -167,13 +124,8 @@ fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u3
         None => words[8] = tables.add_numbers(&light.extinction_per_mm),
         // Toward the points of a panel there is no table.
         Some(panel) => {
-            words[7] = 1;
-            words[9] = u32::from(panel.is_two_sided);
-            put(&mut words, 10, panel.corner_mm);
-            put(&mut words, 13, panel.edges_mm[0]);
-            put(&mut words, 16, panel.edges_mm[1]);
-            put(&mut words, 19, panel.normal);
-            words[22] = panel.area_mm2.to_bits();
+            let [u, v] = panel.edges_mm;
+            panel_words(&mut words, [panel.corner_mm, u, v], panel.is_two_sided);
         }
     }
     words

@@ -207,7 +207,7 @@ fn fly() {
 fn escape() {
     var sky = select(sky_before(), sky_behind(), path.direction.z < 0.0);
     if HAS_SKIES {
-        sky += sky_radiance(path.bounces == 0u);
+        sky += sky_radiance(path.direction, path.bounces == 0u);
     }
     path.radiance += path.throughput * sky;
     path.phase = ENDED;

@@ -43,13 +43,17 @@ pub struct NewRays<F: Floats> {
 
 impl CameraRays {
     pub fn new(camera: &Camera, cell_grid: &CellGrid) -> CameraRays {
+        let bounds = cell_grid.bounds_mm();
+        let per_mm = (1.0 / cell_grid.voxel_mm()).as_dvec3();
+        let centre = bounds.centre().as_dvec3();
+        CameraRays::in_frame(camera, bounds.min.as_dvec3(), per_mm, centre)
+    }
+
+    /// The same for matter about `centre`, with crossing points counted from `min` in units
+    /// of which there are so many in a mm.
+    pub fn in_frame(camera: &Camera, min: DVec3, per_mm: DVec3, centre: DVec3) -> CameraRays {
         let parts = camera.parts();
-        let (min, per_mm) = (
-            cell_grid.bounds_mm().min.as_dvec3(),
-            (1.0 / cell_grid.voxel_mm()).as_dvec3(),
-        );
-        let ahead =
-            (cell_grid.bounds_mm().centre().as_dvec3() - parts.origin_mm).dot(parts.forward);
+        let ahead = (centre - parts.origin_mm).dot(parts.forward);
         // A camera beyond the middle of the matter looks through the same plane
         // backwards; any other will do.
         let ahead = if ahead > 0.0 { ahead } else { 1.0 };

@@ -86,12 +86,7 @@ impl Sky {
     /// Lays a picture out for lanes.
     pub fn new(medium: &FlatMedium, nodes: Nodes, image: &ImageEnvironment, parts: &Parts) -> Sky {
         let [up, centre, left] = image.frame();
-        let mut texels: Vec<u32> = parts.sky.iter().flat_map(|&p| bits(p)).collect();
-        let mut whole = 0;
-        if !parts.lamps.is_empty() {
-            whole = texels.len() as u32;
-            texels.extend(image.pixels().iter().flat_map(|&p| bits(p)));
-        }
+        let (texels, whole) = texel_words(image, parts);
         let lamps = parts.lamps.iter();
         let brightest = image.pixels().iter().map(|p| p.max_component());
         Sky {
@@ -225,22 +220,7 @@ impl Lamp {
         image: &ImageEnvironment,
         texels: &[Texel],
     ) -> Option<Lamp> {
-        let count = texels.len().next_power_of_two();
-        let mut weights: Vec<f64> = texels.iter().map(|t| t.flux).collect();
-        weights.resize(count, 0.0);
-        let table = AliasTable::new(&weights)?;
-        let size = image.size();
-        let unit = TAU / size.x as f32 * PI / size.y as f32;
-        let mut places = Vec::with_capacity(PLACE as usize * count);
-        for (i, &(own, other)) in table.slots().iter().enumerate() {
-            let mut words = [own.to_bits(), other * PLACE, 0, 0, 0, 0, 0, 0];
-            if let Some(t) = texels.get(i) {
-                words[2] = (t.index % size.x) | ((t.index / size.x) << 16);
-                let over = unit / table.probability(i);
-                words[3..6].copy_from_slice(&bits(over * t.radiance));
-            }
-            places.extend(words);
-        }
+        let (places, count) = lamp_places(image, texels)?;
         Some(Lamp {
             table: OpticalDepthTable::new(
                 medium.cell_grid,
@@ -250,9 +230,41 @@ impl Lamp {
                 extinctions(medium, middle(texels)),
             ),
             places,
-            count: count as u32,
+            count,
         })
     }
+}
+
+/// [`Sky::texels`] of a picture that was taken apart, and where the whole picture begins.
+pub fn texel_words(image: &ImageEnvironment, parts: &Parts) -> (Vec<u32>, u32) {
+    let mut texels: Vec<u32> = parts.sky.iter().flat_map(|&p| bits(p)).collect();
+    let mut whole = 0;
+    if !parts.lamps.is_empty() {
+        whole = texels.len() as u32;
+        texels.extend(image.pixels().iter().flat_map(|&p| bits(p)));
+    }
+    (texels, whole)
+}
+
+/// [`Lamp::places`] of some texels, and their number; `None` where they are dark.
+pub fn lamp_places(image: &ImageEnvironment, texels: &[Texel]) -> Option<(Vec<u32>, u32)> {
+    let count = texels.len().next_power_of_two();
+    let mut weights: Vec<f64> = texels.iter().map(|t| t.flux).collect();
+    weights.resize(count, 0.0);
+    let table = AliasTable::new(&weights)?;
+    let size = image.size();
+    let unit = TAU / size.x as f32 * PI / size.y as f32;
+    let mut places = Vec::with_capacity(PLACE as usize * count);
+    for (i, &(own, other)) in table.slots().iter().enumerate() {
+        let mut words = [own.to_bits(), other * PLACE, 0, 0, 0, 0, 0, 0];
+        if let Some(t) = texels.get(i) {
+            words[2] = (t.index % size.x) | ((t.index / size.x) << 16);
+            let over = unit / table.probability(i);
+            words[3..6].copy_from_slice(&bits(over * t.radiance));
+        }
+        places.extend(words);
+    }
+    Some((places, count as u32))
 }
 
 /// The middle of what texels shine.

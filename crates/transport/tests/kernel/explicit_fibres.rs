@@ -37,7 +37,7 @@ pub fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
     AnyMedium::ExplicitFibres(made)
 }
 
-fn cut() -> AnyMedium {
+pub(crate) fn cut() -> AnyMedium {
     let mut cloth = fibres_of(true, silk_and_cotton());
     cloth
         .cut_to(Vec2::new(-0.05, -0.11), Vec2::new(0.45, 0.23))

@@ -7,6 +7,8 @@ mod engines;
 mod explicit_fibres;
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_fibres;
 mod packed_fibres;
 mod pictures;
 mod several_cloths;

@@ -156,11 +156,12 @@ fn render(args: &RenderArgs) -> Result<()> {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
         _ => input(e.to_string()),
     })?;
-    let identity = Identity {
+    let mut identity = Identity {
         version: VERSION.into(),
         seed: file.render.seed,
         crop: crop_edges(rendering.crop()),
         engine: engine.kind(),
+        engines: String::new(),
         inputs: built.inputs.clone(),
         scene: built.digest.clone(),
     };
@@ -177,7 +178,7 @@ fn render(args: &RenderArgs) -> Result<()> {
     let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
         Some(path) => {
             let why = why_walk.as_ref().map(ToString::to_string);
-            checkpoint::resume(path, &identity, why.as_deref(), rendering)?
+            checkpoint::resume(path, &mut identity, why.as_deref(), rendering)?
         }
         None => rendering,
     };

@@ -85,7 +85,7 @@ pub fn attributes(
     let mut attributes = vec![
         ("version", VERSION.to_owned()),
         ("scene", name.to_string_lossy().into_owned()),
-        ("backend", backend_name(rendering).to_owned()),
+        ("backend", identity.all_engines(rendering)),
     ];
     attributes.extend(identity.attributes(&SampleRanges::one(rendering.taken())));
     if let Some(limit) = file.render.clamp {

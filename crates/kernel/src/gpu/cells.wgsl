@@ -1,0 +1,368 @@
+// Explicit fibres in cells, and a ray on its way through them: see `fibres/cell_ray.rs`.
+//
+// heads: for every cell the first piece, the number of plain pieces and that of hulls,
+//   which follow them elsewhere: first plain piece, first hull, numbers 16 | 16
+// plain pieces: 0 foot 3, 3 axis 3, 6 square of the radius, 7 low, 8 high, 9 code
+// hulls: 0 foot 3, 3 axis 3, 6 start, 7 end, 8 their squares 2, 10 narrowing, 11 wide,
+//   12 low, 13 high, 14 code
+
+const HEAD_WORDS: u32 = 3u;
+const PIECE_WORDS: u32 = 10u;
+const HULL_WORDS: u32 = 15u;
+const JOINT_WORDS: u32 = 8u;
+const CUT: u32 = 0x80000000u;
+// Copies of the tile that a ray may pass without meeting a fibre.
+const MAX_TILES: u32 = 4096u;
+
+const ONWARD: u32 = 0u;
+const HIT: u32 = 1u;
+const LEFT: u32 = 2u;
+
+struct CellRay {
+    // From the centre of its cell, mm.
+    at: vec3<f32>,
+    direction: vec3<f32>,
+    cell: vec3<i32>,
+    period: vec2<i32>,
+    // Way since its start, and where it ends, mm.
+    gone: f32,
+    end: f32,
+    // It meets nothing up to this distance from its start, mm.
+    least: f32,
+    cells_left: u32,
+}
+
+struct Hit {
+    piece: u32,
+    // From the ray's start, mm.
+    distance: f32,
+    // The point of the axis nearest to the place, from the centre of the cell, and from there
+    // to the surface.
+    axis_at: vec3<f32>,
+    out: vec3<f32>,
+    // From the mitre before the piece's first joint to there, along the axis.
+    along: f32,
+}
+
+var<private> ray: CellRay;
+var<private> hit: Hit;
+
+// Begins a ray at a place near a cell; false when it begins beyond a face of the grid and
+// goes on away from it.
+fn begin_ray(
+    cell: vec3<i32>,
+    period: vec2<i32>,
+    place: vec3<f32>,
+    direction: vec3<f32>,
+    least: f32,
+    end: f32,
+) -> bool {
+    ray.cell = cell;
+    ray.period = period;
+    ray.at = place;
+    ray.direction = direction;
+    ray.gone = 0.0;
+    ray.end = end;
+    ray.least = least;
+    let counts = vec3<i32>(cell_counts());
+    ray.cells_left = u32(counts.x + counts.y + counts.z) * MAX_TILES;
+    let size = cell_mm();
+    for (var axis = 0u; axis < 3u; axis++) {
+        if abs(ray.at[axis]) <= 0.5 * size[axis] {
+            continue;
+        }
+        let cells = floor((ray.at[axis] + 0.5 * size[axis]) / size[axis]);
+        var next = ray.cell[axis] + i32(cells);
+        ray.at[axis] -= cells * size[axis];
+        let count = counts[axis];
+        if next < 0 || next >= count {
+            if REPEATS && axis < 2u {
+                let by = i32(floor(f32(next) / f32(count)));
+                ray.period[axis] += by;
+                next -= by * count;
+            } else {
+                // A hair beyond the last cell: as if in it.
+                let kept = clamp(next, 0, count - 1);
+                ray.at[axis] += f32(next - kept) * size[axis];
+                if (next > kept) == (direction[axis] >= 0.0) {
+                    return false;
+                }
+                next = kept;
+            }
+        }
+        ray.cell[axis] = next;
+    }
+    return true;
+}
+
+fn per_component(d: f32) -> f32 {
+    if abs(d) > 1.0e-12 {
+        return 1.0 / d;
+    }
+    return with_sign_of(1.0e12, d);
+}
+
+// Looks into the ray's cell, and goes on to the next unless something is met there; `any`
+// stops at whatever is found first.
+fn visit(any_will_do: bool) -> u32 {
+    let half = 0.5 * cell_mm();
+    let d = ray.direction;
+    let faces = vec3<f32>(
+        with_sign_of(half.x, d.x),
+        with_sign_of(half.y, d.y),
+        with_sign_of(half.z, d.z),
+    );
+    let ways = (faces - ray.at)
+        * vec3<f32>(per_component(d.x), per_component(d.y), per_component(d.z));
+    let span = max(min(ways.x, min(ways.y, ways.z)), 0.0);
+    let counts = vec3<i32>(cell_counts());
+    let index = u32((ray.cell.z * counts.y + ray.cell.y) * counts.x + ray.cell.x);
+    let numbers = word(heads_table() + HEAD_WORDS * index + 2u);
+    if numbers != 0u {
+        if search(heads_table() + HEAD_WORDS * index, numbers, span, any_will_do) {
+            return HIT;
+        }
+    }
+    ray.gone += span;
+    ray.cells_left -= 1u;
+    if ray.gone >= ray.end || ray.cells_left == 0u {
+        return LEFT;
+    }
+    ray.at += span * d;
+    var axis = 2u;
+    if ways.x <= ways.y && ways.x <= ways.z {
+        axis = 0u;
+    } else if ways.y <= ways.z {
+        axis = 1u;
+    }
+    ray.at[axis] = -faces[axis];
+    let forth = select(-1, 1, faces[axis] > 0.0);
+    let next = ray.cell[axis] + forth;
+    if next >= 0 && next < counts[axis] {
+        ray.cell[axis] = next;
+    } else if REPEATS && axis < 2u {
+        ray.cell[axis] = select(counts[axis] - 1, 0, forth > 0);
+        ray.period[axis] += forth;
+    } else {
+        return LEFT;
+    }
+    return ONWARD;
+}
+
+// The nearest entry, or any, among the pieces of a cell.
+fn search(head: u32, numbers: u32, span: f32, any_will_do: bool) -> bool {
+    let least = max(ray.least - ray.gone, -lead_mm());
+    var most = min(span, ray.end - ray.gone);
+    var found = false;
+    var best = 0u;
+    var is_hull = false;
+    let plain = numbers & 0xffffu;
+    let hulls = numbers >> 16u;
+    tentative_count += plain + hulls;
+    let first = pieces_table() + PIECE_WORDS * word(head);
+    for (var i = 0u; i < plain; i++) {
+        let piece = first + PIECE_WORDS * i;
+        let axis = vector(piece + 3u);
+        // Across the axis: without the cancellation of 1 - cos^2 for rays along it.
+        let along = dot(ray.direction, axis);
+        let across = ray.direction - axis * along;
+        let from_foot = ray.at - vector(piece);
+        let height = dot(from_foot, axis);
+        let aside = from_foot - axis * height;
+        let a = dot(across, across);
+        let b = dot(aside, across);
+        let c = dot(aside, aside) - number(piece + 6u);
+        let discriminant = fma(b, b, -(a * c));
+        if discriminant <= 0.0 {
+            continue;
+        }
+        let t = -(b + sqrt(discriminant)) / a;
+        let place = fma(along, t, height);
+        let is_nearer = least < t && select(t <= most, t < most, found);
+        if is_nearer && place >= number(piece + 7u) && place <= number(piece + 8u) {
+            if is_kept(piece, false, t) {
+                found = true;
+                best = piece;
+                most = t;
+                if any_will_do {
+                    return true;
+                }
+            }
+        }
+    }
+    let first_hull = hulls_table() + HULL_WORDS * word(head + 1u);
+    for (var i = 0u; i < hulls; i++) {
+        let piece = first_hull + HULL_WORDS * i;
+        let t = hull_distance(piece);
+        let is_nearer = least < t && t < FAR && select(t <= most, t < most, found);
+        if is_nearer && is_kept(piece, true, t) {
+            found = true;
+            best = piece;
+            is_hull = true;
+            most = t;
+            if any_will_do {
+                return true;
+            }
+        }
+    }
+    if found {
+        note_hit(best, is_hull, most);
+    }
+    return found;
+}
+
+// Where the ray enters a hull of two spheres; FAR where it does not.
+fn hull_distance(piece: u32) -> f32 {
+    let axis = vector(piece + 3u);
+    let along = dot(ray.direction, axis);
+    let across = ray.direction - axis * along;
+    let from_foot = ray.at - vector(piece);
+    let height = dot(from_foot, axis);
+    let aside = from_foot - axis * height;
+    let s = number(piece + 10u);
+    let c_squared = 1.0 - s * s;
+    let wide = number(piece + 11u) - s * height;
+    let tilt = s * along;
+    let a = c_squared * dot(across, across) - tilt * tilt;
+    let b = fma(c_squared, dot(aside, across), tilt * wide);
+    let c = c_squared * dot(aside, aside) - wide * wide;
+    let discriminant = fma(b, b, -(a * c));
+    let low = number(piece + 12u);
+    let high = number(piece + 13u);
+    if discriminant >= 0.0 && abs(a) > 1.0e-30 {
+        let side = -(b + sqrt(discriminant)) / a;
+        let place = fma(along, side, height);
+        if low < place && place < high {
+            return side;
+        }
+    }
+    let first = sphere_distance(from_foot - axis * number(piece + 6u), number(piece + 8u));
+    let last = sphere_distance(from_foot - axis * number(piece + 7u), number(piece + 9u));
+    var nearest = FAR;
+    if first < FAR && fma(along, first, height) <= low {
+        nearest = first;
+    }
+    if last < nearest && fma(along, last, height) >= high {
+        nearest = last;
+    }
+    return nearest;
+}
+
+// Where the ray, from a place, enters a sphere about the origin; FAR where it does not.
+fn sphere_distance(from_middle: vec3<f32>, radius_squared: f32) -> f32 {
+    let square = dot(ray.direction, ray.direction);
+    let b = dot(from_middle, ray.direction);
+    let across = from_middle - ray.direction * (b / square);
+    let room = radius_squared - dot(across, across);
+    if room < 0.0 {
+        return FAR;
+    }
+    return -(b / square) - sqrt(room / square);
+}
+
+// Low and high of a piece, and its code.
+fn ends_of(piece: u32, is_hull: bool) -> vec2<f32> {
+    if is_hull {
+        return vec2<f32>(number(piece + 12u), number(piece + 13u));
+    }
+    return vec2<f32>(number(piece + 7u), number(piece + 8u));
+}
+
+fn code_of(piece: u32, is_hull: bool) -> u32 {
+    return word(piece + select(9u, 14u, is_hull));
+}
+
+fn joint_of(code: u32) -> u32 {
+    return joints_table() + JOINT_WORDS * (code & 0x1fffffffu);
+}
+
+// Whether a hit lies between the planes that cut a piece.
+fn is_kept(piece: u32, is_hull: bool, t: f32) -> bool {
+    let code = code_of(piece, is_hull);
+    let kind = code >> 29u;
+    if kind == 0u {
+        return true;
+    }
+    let axis = vector(piece + 3u);
+    let from_foot = ray.at + t * ray.direction - vector(piece);
+    let along = dot(from_foot, axis);
+    let ends = ends_of(piece, is_hull);
+    if kind < 5u {
+        // Twice the greatest extension of its class: 2^-8, 2^-6, 2^-4, 2^-2 of an edge.
+        let margin = bitcast<f32>((127u - 10u + 2u * kind) << 23u) * min_edge_mm();
+        if along - ends.x > margin && ends.y - along > margin {
+            return true;
+        }
+    }
+    let out = from_foot - along * axis;
+    let joint = joint_of(code);
+    var start = ends.x + number(joint + 4u);
+    var end = ends.y - number(joint + JOINT_WORDS + 3u);
+    if is_hull {
+        start = number(piece + 6u);
+        end = number(piece + 7u);
+    }
+    if (word(joint + 7u) & CUT) != 0u {
+        if dot(out + (along - start) * axis, vector(joint)) < -slack_mm() {
+            return false;
+        }
+    }
+    if (word(joint + JOINT_WORDS + 7u) & CUT) != 0u {
+        if dot(out + (along - end) * axis, vector(joint + JOINT_WORDS)) > slack_mm() {
+            return false;
+        }
+    }
+    return true;
+}
+
+fn note_hit(piece: u32, is_hull: bool, t: f32) {
+    let code = code_of(piece, is_hull);
+    let foot = vector(piece);
+    let axis = vector(piece + 3u);
+    let from_foot = ray.at + t * ray.direction - foot;
+    let along = dot(from_foot, axis);
+    let out = from_foot - along * axis;
+    // Where the side of the piece would begin; no look-up for most.
+    var nearest = along;
+    var low = ends_of(piece, is_hull).x;
+    if is_hull {
+        nearest = clamp(along, number(piece + 6u), number(piece + 7u));
+        low = number(piece + 6u) - number(joint_of(code) + 4u);
+    }
+    hit.piece = code & 0x1fffffffu;
+    hit.distance = ray.gone + t;
+    hit.axis_at = foot + nearest * axis;
+    hit.out = out + (along - nearest) * axis;
+    hit.along = nearest - low;
+}
+
+// The unit tangent of a piece so far from the mitre before its first joint.
+fn tangent_of(piece: u32, along: f32) -> vec3<f32> {
+    let joint = joints_table() + JOINT_WORDS * piece;
+    let share = clamp((along - number(joint + 4u)) * number(joint + 5u), 0.0, 1.0);
+    let start = vector(joint);
+    let middle = mix(start, vector(joint + JOINT_WORDS), share);
+    let square = dot(middle, middle);
+    if square <= 1.0e-12 {
+        return start;
+    }
+    return middle * (1.0 / sqrt(square));
+}
+
+// A place in a cell from the least corner of the first period, mm.
+fn world_of(cell: vec3<i32>, period: vec2<i32>, place: vec3<f32>) -> vec3<f32> {
+    let counts = vec3<i32>(cell_counts());
+    let cells = vec3<f32>(cell + vec3<i32>(period * counts.xy, 0)) + 0.5;
+    return cells * cell_mm() + place;
+}
+
+// How far a ray from a place, mm, may go before it leaves matter that is cut.
+fn way_out_mm(from_mm: vec3<f32>, direction: vec3<f32>) -> f32 {
+    if !HAS_BORDERS {
+        return FAR;
+    }
+    let d = vec3<f32>(not_zero(direction.x), not_zero(direction.y), not_zero(direction.z));
+    let border = select(matter_low_mm(), matter_high_mm(), d > vec3<f32>(0.0));
+    let way = (border - from_mm) / d;
+    return max(min(way.x, min(way.y, way.z)), 0.0);
+}

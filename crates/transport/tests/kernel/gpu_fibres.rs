@@ -1,0 +1,149 @@
+//! Explicit fibres on graphics adapters against the engine for processors, its oracle.
+
+use crate::explicit_fibres::{cut, fibres_of};
+use crate::pictures::picture;
+use crate::virtual_fibres::silk_and_cotton;
+use crate::{agree, lens, panels, parallel, scene, settings, sky};
+use organza_basis::Rgb;
+use organza_kernel::Refusal;
+use organza_scatter::Fibre;
+use organza_transport::*;
+use std::ops::ControlFlow;
+
+/// The film of an engine; `None`, with a line of its own, without adapters.
+fn film(scene: &Scene, settings: &RenderSettings, name: &str) -> Option<(Film, Stats)> {
+    let choice = EngineChoice::Named(engine_named(name).unwrap());
+    let engine = match engine(scene, settings, choice, u64::MAX) {
+        Ok(engine) => engine,
+        Err(KernelRefusal::Kernel(Refusal::Unavailable { needs, .. })) => {
+            organza_testing::skipped("engine gpu", &format!("this computer lacks {needs}"));
+            return None;
+        }
+        Err(why) => panic!("{why}"),
+    };
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    let rendering = rendering.with_engine(engine);
+    let all = settings.samples.end;
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    Some(rendering.into_parts())
+}
+
+fn samples() -> u64 {
+    organza_testing::sized(512, 16_384)
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let pinhole = Projection::Perspective { fov_rad: 0.25 };
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let wide = Projection::Orthographic { width_mm: 0.7 };
+    let fibres = |repeats| fibres_of(repeats, silk_and_cotton());
+    let all = || [parallel(), sky(), panels(), vec![picture()]].concat();
+    vec![
+        ("alone", scene(fibres(false), parallel(), pinhole)),
+        ("endless", scene(fibres(true), parallel(), flat)),
+        ("sky", scene(fibres(true), sky(), lens())),
+        ("panels", scene(fibres(false), panels(), pinhole)),
+        ("picture", scene(fibres(true), vec![picture()], lens())),
+        ("cut, all lights", scene(cut(), all(), wide)),
+    ]
+}
+
+#[test]
+fn explicit_fibres_on_an_adapter_agree_with_a_processor() {
+    for (name, scene) in scenes() {
+        let settings = settings(0..samples(), u32::MAX);
+        let other = RenderSettings {
+            seed: 10,
+            samples: 0..4 * samples(),
+            ..settings.clone()
+        };
+        let Some((own, stats)) = film(&scene, &settings, "gpu") else {
+            return;
+        };
+        let (oracle, counts) = film(&scene, &other, Backend::widest().name()).unwrap();
+        assert_eq!(stats.rejected, 0, "{name}");
+        let (spread, mean) = agree(&own, &oracle);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        let events = |s: &Stats| s.collisions as f64 / s.paths as f64;
+        let (a, b) = (events(&stats), events(&counts));
+        assert!((a / b - 1.0).abs() < 0.05, "{name}: {a} {b} events a path");
+        for (p, q) in own.pixels().iter().zip(oracle.pixels()) {
+            let n = samples() as f64;
+            let through = f64::from(q.straight_through());
+            let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
+            let apart = f64::from(p.straight_through()) - through;
+            assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
+            if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
+                && through < 0.9
+            {
+                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
+            }
+        }
+    }
+}
+
+/// The twin: fibres of which one absorbs a fiftieth more of what it transmits.
+#[test]
+fn darker_fibres_on_an_adapter_are_rejected() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let of = |absorption: f32| {
+        let fibre: Fibre = organza_testing::dielectric_fibre(Rgb::splat(absorption), 0.09, 0.17);
+        scene(fibres_of(true, vec![fibre.clone(), fibre]), sky(), flat)
+    };
+    let settings = settings(0..4 * samples(), u32::MAX);
+    let other = RenderSettings {
+        seed: 10,
+        ..settings.clone()
+    };
+    let (oracle, _) = film(&of(0.01), &other, Backend::widest().name()).unwrap();
+    let Some((own, _)) = film(&of(0.01), &settings, "gpu") else {
+        return;
+    };
+    let p_of = |film: &Film| {
+        let (spread, mean) = agree(film, &oracle);
+        spread.p_value.min(mean.p_value)
+    };
+    assert!(p_of(&own) > 1e-4, "seed 9: {}", p_of(&own));
+    let (twin, _) = film(&of(0.02), &settings, "gpu").unwrap();
+    assert!(p_of(&twin) < 1e-6, "seed 9: {}", p_of(&twin));
+}
+
+/// Clear fibres lose no light: they vanish in even light.
+#[test]
+fn clear_fibres_vanish_in_even_light_on_an_adapter() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let clear: Fibre = organza_testing::dielectric_fibre(Rgb::BLACK, 0.1, 0.17);
+    let even = Light::from(EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    });
+    let scene = scene(
+        fibres_of(true, vec![clear.clone(), clear]),
+        vec![even],
+        flat,
+    );
+    let settings = settings(0..4 * samples(), u32::MAX);
+    let Some((own, stats)) = film(&scene, &settings, "gpu") else {
+        return;
+    };
+    assert!(stats.collisions > stats.paths);
+    for (mean, error) in own.mean() {
+        assert!(
+            (mean - 1.0).abs() < 2e-3 + 4.0 * error,
+            "seed 9: {mean} {error}"
+        );
+    }
+}
+
+#[test]
+fn explicit_fibres_give_the_same_bits_twice_on_an_adapter() {
+    let all = [parallel(), sky(), panels(), vec![picture()]].concat();
+    let scene = scene(fibres_of(true, silk_and_cotton()), all, lens());
+    let settings = settings(0..6, 40);
+    let Some(first) = film(&scene, &settings, "gpu") else {
+        return;
+    };
+    assert!(first.1.collisions > 100);
+    assert!(film(&scene, &settings, "gpu").unwrap() == first);
+}
