@@ -55,7 +55,7 @@ fn help_and_version_succeed_and_show_examples() {
         for line in [
             "commit: ",
             "features: ",
-            "back ends on this computer: walk, scalar",
+            "engines on this computer: walk, scalar",
         ] {
             assert!(told.contains(&format!("\n{line}")), "{told}");
         }

@@ -6,9 +6,9 @@ use organza_transport::ENGINES;
 const COMMIT: Option<&str> = option_env!("ORGANZA_COMMIT");
 
 /// Optional features that the program was built with.
-const FEATURES: &[&str] = &[];
+const FEATURES: &[&str] = if cfg!(feature = "gpu") { &["gpu"] } else { &[] };
 
-/// Version, commit, target, features and back ends, one a line.
+/// Version, commit, target, features and engines, one a line.
 pub fn description() -> String {
     let (version, commit) = (env!("CARGO_PKG_VERSION"), COMMIT.unwrap_or("unknown"));
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
@@ -21,7 +21,7 @@ pub fn description() -> String {
     let absent = listed(&engines(false));
     format!(
         "organza {version}\ncommit: {commit}\nbuilt for: {os}, {arch}\nfeatures: {features}\n\
-         back ends on this computer: {here}\nback ends it lacks: {absent}\n"
+         engines on this computer: {here}\nengines it lacks: {absent}\n"
     )
 }
 

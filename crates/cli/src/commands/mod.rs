@@ -82,7 +82,7 @@ pub fn definition() -> clap::Command {
             clap::Arg::new(VERBOSE)
                 .long(VERBOSE)
                 .action(clap::ArgAction::SetTrue)
-                .help("With --version: print commit, features and back ends, too"),
+                .help("With --version: print commit, features and engines, too"),
         )
         .after_help("Try first:\n  organza render scenes/first_light.toml -o first_light.png\n  organza weave twill-3-1-s -o twill.png")
         .subcommands(COMMANDS.iter().map(|c| (c.define)()));
