@@ -14,6 +14,7 @@ mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
+#[cfg(feature = "gpu")]
 mod gpu; // graphics adapters, and pictures by several engines
 mod hard_cases; // degenerate geometry, views and lights through every tracker
 mod imports; // no circle of imports between rooms of a crate

@@ -149,7 +149,7 @@ impl<'a> Laboratory<'a> {
             picture.display().to_string(),
             format!("--spp={}", trial.spp),
             format!("--seed={}", trial.seed),
-            format!("--backend={}", trial.backend),
+            format!("--engine={}", trial.backend),
             "--quiet".to_owned(),
             "--json".to_owned(),
         ];

@@ -125,10 +125,11 @@ impl Choice {
         list
     }
 
-    /// The flag `--backend` for it.
+    /// The flag `--engine` for it.
     pub fn backend(&self) -> &'static str {
         match self.tracker {
-            Tracker::Kernel => "auto",
+            // By the processor: a bench counts its seconds.
+            Tracker::Kernel => "cpu",
             Tracker::Woodcock | Tracker::Regular => "walk",
         }
     }
