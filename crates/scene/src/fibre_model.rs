@@ -111,10 +111,14 @@ fn fitted(value: &FittedValue) -> Result<FittedFibre, String> {
             let colour = |key, own: Option<[f32; 3]>, preset: Option<Rgb>| {
                 own.map(Rgb::from).or(preset).ok_or_else(|| missing(key))
             };
-            let width = |key, own: Option<f32>, preset: Option<f32>| {
-                own.map(f32::to_radians)
+            let width = |key, own: Option<f32>, preset: Option<f32>, most_deg: f32| match own {
+                Some(deg) if !(0.0..=most_deg).contains(&deg) => Err(format!(
+                    ".{key}: expected a number from 0 to {most_deg}, found {deg}"
+                )),
+                _ => own
+                    .map(f32::to_radians)
                     .or(preset)
-                    .ok_or_else(|| missing(key))
+                    .ok_or_else(|| missing(key)),
             };
             FittedParameters {
                 colour_r: colour("colour_r", t.colour_r, preset.map(|p| p.colour_r))?,
@@ -123,16 +127,19 @@ fn fitted(value: &FittedValue) -> Result<FittedFibre, String> {
                     "longitudinal_r_deg",
                     t.longitudinal_r_deg,
                     preset.map(|p| p.longitudinal_r_rad),
+                    MAX_BLUR_DEG,
                 )?,
                 longitudinal_tt_rad: width(
                     "longitudinal_tt_deg",
                     t.longitudinal_tt_deg,
                     preset.map(|p| p.longitudinal_tt_rad),
+                    MAX_BLUR_DEG,
                 )?,
                 azimuthal_tt_rad: width(
                     "azimuthal_tt_deg",
                     t.azimuthal_tt_deg,
                     preset.map(|p| p.azimuthal_tt_rad),
+                    90.0,
                 )?,
             }
         }

@@ -218,13 +218,22 @@ fn plan<'a>(
     index: usize,
     options: &BuildOptions<'_>,
 ) -> Result<Plan<'a>> {
-    let plan = fabric.plan(
-        &read::beside(options.scene_path, &table.fabric),
-        voxels.footprint,
-        table.voxel_um,
-        None,
-        options.max_memory_bytes,
-    )?;
+    let plan = fabric
+        .plan(
+            &read::beside(options.scene_path, &table.fabric),
+            voxels.footprint,
+            table.voxel_um,
+            None,
+            options.max_memory_bytes,
+        )
+        .map_err(|e| match table.voxel_um {
+            // Voxels that the scene asked for are no fault of the fabric.
+            Some(um) => input(format!(
+                "{}: object[{index}].voxel_um = {um}: {e}",
+                options.scene_path.display()
+            )),
+            None => e,
+        })?;
     let level_count = plan.level_count();
     match table.lod {
         Lod::Level(level) if level >= level_count => Err(input(format!(
