@@ -9,16 +9,20 @@ A PLACE is the name of a measurement as the list prints it, `far.md#levels-again
 for instance; with it, a measurement is made again even if it is not old. Those that have a row
 `not measured again` are left out unless they are named. What the commands print is kept in
 target/records/PLACE.txt, under a head that gives commit, machine and load as rows for the
-record; a measurement whose output is of the same code is not repeated, so an interrupted run
-goes on where it stopped. The figures are then copied into the record by hand.
+record, with user time and largest memory of every command; a measurement whose output is of
+the same code is not repeated, so an interrupted run goes on where it stopped. Other files that
+the commands left in target/records are kept for that, and removed when the code is another one.
+The figures are then copied into the record by hand.
 
 Commands are the spans of code in the row `command`. They run in the root of the repository
 with `organza` of target/release, which is built first. tests/claims.rs describes the rows.
 """
 
+import hashlib
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -114,16 +118,35 @@ def measure(place, rows):
     text = head
     for command in commands:
         print(f"{place}: {command}", flush=True)
-        run = subprocess.run(
-            ["bash", "-c", command], cwd=ROOT, env=environment, text=True,
+        with subprocess.Popen(
+            ["bash", "-c", command], cwd=ROOT, env=environment, text=True, errors="replace",
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        ) as run:  # fmt: skip
+            printed = run.stdout.read()
+            _, status, used = os.wait4(run.pid, 0)
+            run.returncode = os.waitstatus_to_exitcode(status)
         if run.returncode:
-            print(f"{place}: failed\n{run.stdout[-2000:]}")
+            print(f"{place}: failed\n{printed[-2000:]}")
             return
-        text += f"$ {command}\n{run.stdout}\n"
+        cost = f"{used.ru_utime:.1f} s of user time, {used.ru_maxrss / 1024:.0f} MiB at most"
+        text += f"$ {command}\n{printed}({cost})\n\n"
     kept.write_text(text)
     print(f"{place}: {kept.relative_to(ROOT)}")
+
+
+def forget_other_code():
+    """Removes what commands left that measured other code than today's."""
+    state = f"{git('rev-parse', 'HEAD')}\n{git('diff', 'HEAD', '--', 'crates', 'benches')}"
+    state = hashlib.sha256(state.encode()).hexdigest()
+    marker = OUTPUT / "code"
+    if marker.exists() and marker.read_text() == state:
+        return
+    for path in OUTPUT.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.suffix != ".txt":
+            path.unlink()
+    marker.write_text(state)
 
 
 def main():
@@ -143,6 +166,7 @@ def main():
     if unknown:
         sys.exit(f"no such measurement: {', '.join(sorted(unknown))}")
     OUTPUT.mkdir(parents=True, exist_ok=True)
+    forget_other_code()
     subprocess.run(["cargo", "build", "--release"], cwd=ROOT, check=True)
     for place, rows in all_of_them:
         is_due = "not measured again" not in rows and age(rows) > 0
