@@ -72,6 +72,7 @@ impl JointTable {
     }
 
     /// The yarns of all strands.
+    #[cfg(feature = "gpu")] // others ask for one at a time
     pub fn yarns(&self) -> Vec<u32> {
         self.strands.iter().map(|strand| strand.yarn).collect()
     }
