@@ -8,7 +8,7 @@ use crate::scattering::ScatteringTable;
 use glam::{UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
-use organza_transport::{AnyMedium, Integrator};
+use organza_transport::{AnyMedium, ExplicitFibres, Integrator};
 use organza_volume::Octree;
 use std::path::Path;
 use std::sync::Arc;
@@ -59,14 +59,16 @@ impl PatchModel {
 
 /// What stands for a cloth, whatever its fibres' colour and roughness.
 pub enum Matter {
-    /// No voxels: fibres or a surface.
-    Whole(ShownAs),
+    /// A surface.
+    Surface(ShownAs),
+    /// Explicit fibres.
+    Fibres(Box<ExplicitFibres>, ShownAs),
     /// Voxels, how they scatter, and their level.
     Voxels(Arc<Octree>, ShownAs, u8),
 }
 
 impl Matter {
-    /// The matter of a fabric; voxels are made here.
+    /// The matter of a fabric; voxels are made and fibres are gathered here.
     ///
     /// # Errors
     /// Names the file and the key at fault.
@@ -76,8 +78,13 @@ impl Matter {
         shown: ShownAs,
         options: &PatchOptions<'_>,
     ) -> Result<Matter> {
-        let Some(voxels) = shown.representation.voxels() else {
-            return Ok(Matter::Whole(shown));
+        let voxels = match &shown.representation.build {
+            Build::Surface(_) => return Ok(Matter::Surface(shown)),
+            Build::ExplicitFibres(trace) => {
+                let fibres = trace(fabric, path, options.max_memory_bytes, options.loader)?;
+                return Ok(Matter::Fibres(Box::new(fibres), shown));
+            }
+            Build::Voxels(voxels) => voxels,
         };
         let octree = fabric.voxelize(
             path,
@@ -106,22 +113,21 @@ impl Matter {
         path: &Path,
         options: &PatchOptions<'_>,
     ) -> Result<AnyPatch> {
-        let (Matter::Whole(shown) | Matter::Voxels(_, shown, _)) = self;
-        let medium = match (&shown.representation.build, self) {
-            (Build::Surface(surface), _) => {
-                return Ok(Box::new(SurfacePatch(surface(fabric, path)?.surface)));
+        let medium = match self {
+            Matter::Surface(shown) => match &shown.representation.build {
+                Build::Surface(surface) => {
+                    return Ok(Box::new(SurfacePatch(surface(fabric, path)?.surface)));
+                }
+                _ => None,
+            },
+            Matter::Fibres(fibres, _) => {
+                let scattering = fabric.fibre_models(path)?;
+                let fibres = fibres.with_scattering(scattering);
+                let fibres = fibres.map_err(|e| input(format!("{}: {e}", path.display())))?;
+                Some(AnyMedium::ExplicitFibres(fibres))
             }
-            (Build::ExplicitFibres(trace), _) => {
-                let limit = options.max_memory_bytes;
-                Some(AnyMedium::ExplicitFibres(trace(
-                    fabric,
-                    path,
-                    limit,
-                    options.loader,
-                )?))
-            }
-            (Build::Voxels(voxels), Matter::Voxels(octree, shown, level)) => {
-                (voxels.medium)(&VoxelSource {
+            Matter::Voxels(octree, shown, level) => match shown.representation.voxels() {
+                Some(voxels) => (voxels.medium)(&VoxelSource {
                     fabric,
                     path,
                     octree: Arc::clone(octree),
@@ -129,9 +135,9 @@ impl Matter {
                     settings: shown.settings,
                     max_memory_bytes: options.max_memory_bytes,
                     loader: options.loader,
-                })?
-            }
-            (Build::Voxels(_), Matter::Whole(_)) => None,
+                })?,
+                None => None,
+            },
         };
         let medium = medium.ok_or_else(|| input(format!("{}: no voxels", path.display())))?;
         volume_patch(path, medium)

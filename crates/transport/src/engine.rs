@@ -212,6 +212,10 @@ fn flat_scene(
 /// Explicit or packed fibres of a scene, for paths of any origin; `None` when there
 /// is other matter, or the kernel does not suit it.
 pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
+    if let [AnyMedium::ExplicitFibres(fibres)] = &scene.media[..] {
+        let matter = fibres.alone_in_cells(PROBE_BYTES).ok()?;
+        return Some(FibreProbe::new(Arc::new(matter), Backend::widest()));
+    }
     let matter = fibre_matter(scene, PROBE_BYTES)?.ok()?;
     Some(FibreProbe::new(Arc::new(matter), Backend::widest()))
 }

@@ -13,13 +13,14 @@ use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
 use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
 use organza_scatter::Fibre;
+use std::sync::Arc;
 
 /// Cloths of explicit fibres, and planes, with what they scatter.
 pub struct FibreMatter {
-    pub(crate) bodies: Vec<Body>,
+    pub(crate) bodies: Arc<Vec<Body>>,
     pub(crate) planes: Vec<FibrePlane>,
     /// Of the pieces of all bodies, one body after the other.
-    pub(crate) joints: JointTable,
+    pub(crate) joints: Arc<JointTable>,
     pub(crate) optics: Optics,
     /// The fibres of the only body in voxels, for the later events of paths.
     pub(crate) packed: Option<PackedPart>,
@@ -36,24 +37,35 @@ impl FibreMatter {
         planes: Vec<FibrePlane>,
         max_bytes: u64,
     ) -> Result<FibreMatter, Unfit> {
-        let mut matter = FibreMatter {
-            bodies: Vec::new(),
-            planes,
-            joints: JointTable::default(),
-            optics: Optics::new(&[]),
-            packed: None,
-        };
+        let (mut made, mut joints) = (Vec::<Body>::new(), JointTable::default());
         let mut fibres: Vec<Fibre> = Vec::new();
         for body in bodies {
-            let left = max_bytes.saturating_sub(matter.memory_bytes());
-            let made = Body::new(body, matter.joints.count(), left)?;
-            matter.bodies.push(made);
+            let taken: u64 = made.iter().map(|b| b.cells.memory_bytes()).sum();
+            let left = max_bytes.saturating_sub(taken + joints.memory_bytes());
+            made.push(Body::new(body, joints.count(), left)?);
             let first = u16::try_from(fibres.len()).map_err(|_| Unfit::TooMany)?;
-            matter.joints.add(body.strands, first);
+            joints.add(body.strands, first);
             fibres.extend_from_slice(body.fibres);
         }
-        matter.optics = Optics::new(&fibres);
-        Ok(matter)
+        Ok(FibreMatter {
+            bodies: Arc::new(made),
+            planes,
+            joints: Arc::new(joints),
+            optics: Optics::new(&fibres),
+            packed: None,
+        })
+    }
+
+    /// The same matter without packed fibres, whose fibres scatter otherwise; `fibres` are
+    /// those of all bodies, one body after the other, as many as before.
+    pub fn with_fibres(&self, fibres: &[Fibre]) -> FibreMatter {
+        FibreMatter {
+            bodies: Arc::clone(&self.bodies),
+            planes: self.planes.clone(),
+            joints: Arc::clone(&self.joints),
+            optics: Optics::new(fibres),
+            packed: None,
+        }
     }
 
     /// Lays packed fibres out, which are met from the camera on. They take at most

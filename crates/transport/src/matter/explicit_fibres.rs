@@ -19,6 +19,7 @@
 
 mod curves;
 mod draped;
+mod fibre_hit;
 mod hierarchy;
 mod overlap;
 mod piece;
@@ -26,15 +27,16 @@ mod random_point;
 #[cfg(test)]
 mod tests;
 
-use crate::{SiteInfo, Stats};
+use crate::Stats;
 use curves::{Curves, count_joints};
-use glam::{DVec2, DVec3, UVec3, Vec3, Vec3A};
+pub use fibre_hit::FibreHit;
+use glam::{DVec2, DVec3, UVec3, Vec3A};
 use hierarchy::Hierarchy;
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::CellGrid;
-use organza_basis::{PathRng, Ray, Rgb, SegmentSource, Tile};
-use organza_kernel::fibres::{Drape, FibreBody, Joint, Strand};
-use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
+use organza_basis::{Ray, SegmentSource, Tile};
+use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, Joint, Strand, Unfit};
+use organza_scatter::Fibre;
 pub use overlap::Overlap;
 use piece::FibrePiece;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -99,7 +101,7 @@ const MAX_TILES: u32 = 65_536;
 
 /// Explicit fibres of one tile, alone or repeated without end.
 pub struct ExplicitFibres {
-    curves: Curves,
+    curves: Arc<Curves>,
     fibres: Vec<Fibre>,
     /// The tile's box as one cell.
     cell_grid: CellGrid,
@@ -109,21 +111,9 @@ pub struct ExplicitFibres {
     start_mm: f64,
     tile: Tile,
     /// Built when the general walk first asks for it: the kernel has cells.
-    hierarchy: OnceLock<Hierarchy>,
-}
-
-/// Where a ray meets a fibre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FibreHit {
-    piece: u32,
-    /// Unit tangent there.
-    tangent: Vec3,
-    /// Where across its width, in `[-1, 1]`.
-    offset: f32,
-    /// From the point met to the axis.
-    to_axis_mm: Vec3,
-    radius_mm: f32,
-    near: NearEvent,
+    hierarchy: Arc<OnceLock<Hierarchy>>,
+    /// In cells, flat and alone, once they were asked for.
+    in_cells: Arc<OnceLock<Result<FibreMatter, Unfit>>>,
 }
 
 impl ExplicitFibres {
@@ -173,11 +163,41 @@ impl ExplicitFibres {
             origin_mm: tile.bounds_mm.min.as_dvec3(),
             period_mm: tile.period_mm().as_dvec2(),
             start_mm,
-            curves,
+            curves: Arc::new(curves),
             fibres,
             cell_grid,
             tile,
-            hierarchy: OnceLock::new(),
+            hierarchy: Arc::default(),
+            in_cells: Arc::default(),
+        })
+    }
+
+    /// The same fibres with other scattering, as many materials as before: they share
+    /// their hierarchy and cells with these ones.
+    ///
+    /// # Errors
+    /// When one has no scattering.
+    pub fn with_scattering(
+        &self,
+        fibres: Vec<Fibre>,
+    ) -> Result<ExplicitFibres, ExplicitFibresError> {
+        let materials = self.fibres.len();
+        if fibres.len() < materials {
+            return Err(ExplicitFibresError::Materials {
+                materials,
+                fibres: fibres.len(),
+            });
+        }
+        Ok(ExplicitFibres {
+            curves: Arc::clone(&self.curves),
+            fibres,
+            cell_grid: self.cell_grid,
+            origin_mm: self.origin_mm,
+            period_mm: self.period_mm,
+            start_mm: self.start_mm,
+            tile: self.tile,
+            hierarchy: Arc::clone(&self.hierarchy),
+            in_cells: Arc::clone(&self.in_cells),
         })
     }
 
@@ -188,7 +208,21 @@ impl ExplicitFibres {
 
     /// Fibres that are cut with it are open at the cut, like what starts inside.
     pub(crate) fn cell_grid_mut(&mut self) -> &mut CellGrid {
+        self.in_cells = Arc::default();
         &mut self.cell_grid
+    }
+
+    /// These fibres alone in cells, which are made once, for all that share them; the
+    /// first one's `max_bytes` counts.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
+    pub(crate) fn alone_in_cells(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
+        let laid_out = || FibreMatter::new(&[self.body(None)], Vec::new(), max_bytes);
+        match self.in_cells.get_or_init(laid_out) {
+            Ok(matter) => Ok(matter.with_fibres(&self.fibres)),
+            Err(why) => Err(*why),
+        }
     }
 
     /// The fibres as the kernel takes them, flat or over what they are laid over.
@@ -354,78 +388,6 @@ impl ExplicitFibres {
                 .ray_traverse(ray, &mut RayHit::none(), &mut test);
         }
         nearest
-    }
-
-    /// A hit of a ray along `direction`. Light arrives along `light_direction`, which
-    /// differs where a map of places turns rays otherwise than directions.
-    fn describe(&self, found: &Found, direction: Vec3, light_direction: Vec3) -> FibreHit {
-        let share = found.piece.nearest(found.point);
-        let to_axis = found.piece.axis_point(share) - found.point;
-        let tangent = self.curves.tangent(found.index, share as f32);
-        let out = -to_axis.as_vec3();
-        let frame = FibreFrame::new(tangent, -direction);
-        // Across the tangent, which at a bend is not that of the cylinder.
-        let across = out - tangent * tangent.dot(out);
-        let normal = across.try_normalize().unwrap_or(-frame.forward);
-        let offset = frame.offset(normal);
-        let light_frame = FibreFrame::new(tangent, -light_direction);
-        let fibre = self.fibre(found.index);
-        FibreHit {
-            piece: found.index,
-            tangent,
-            offset,
-            to_axis_mm: to_axis.as_vec3(),
-            radius_mm: out.length(),
-            near: *fibre.near_field(light_frame, offset).event(),
-        }
-    }
-
-    fn fibre(&self, piece: u32) -> &Fibre {
-        &self.fibres[usize::from(self.curves.curve_of(piece).material)]
-    }
-
-    fn near(&self, hit: &FibreHit) -> NearField<'_> {
-        self.fibre(hit.piece).near_field_of(hit.near)
-    }
-
-    /// Light scattered, per arriving radiance and steradian.
-    pub fn eval(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.near(hit).eval(w_out, w_in)
-    }
-
-    /// Draws where light comes from.
-    pub fn sample(&self, hit: &FibreHit, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.near(hit).sample(w_out, rng)
-    }
-
-    /// Density of [`ExplicitFibres::sample`], 1/sr.
-    pub fn pdf(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.near(hit).pdf(w_out, w_in)
-    }
-
-    /// From the point met to where light leaves toward `w_in`, by a lobe drawn in
-    /// proportion to what it sends there, mm.
-    pub fn exit_mm(&self, hit: &FibreHit, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        let normal = self.near(hit).exit_normal(w_in, rng);
-        hit.to_axis_mm + hit.radius_mm * normal
-    }
-
-    /// How each material scatters.
-    pub(crate) fn fibres(&self) -> &[Fibre] {
-        &self.fibres
-    }
-
-    /// The material of the fibre that is hit.
-    pub(crate) fn material(&self, hit: &FibreHit) -> u16 {
-        self.curves.curve_of(hit.piece).material
-    }
-
-    /// What to show of a hit.
-    pub fn info(&self, hit: &FibreHit) -> SiteInfo {
-        SiteInfo {
-            axis: hit.tangent,
-            yarn: Some(self.curves.curve_of(hit.piece).yarn),
-        }
     }
 }
 

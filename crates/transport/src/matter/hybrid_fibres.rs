@@ -79,6 +79,10 @@ impl RayTarget for HybridFibres {
         false
     }
 
+    fn hierarchy_bytes(&self) -> u64 {
+        self.explicit.hierarchy_bytes()
+    }
+
     fn collide(
         &self,
         ray: &Ray,

@@ -1,8 +1,9 @@
 use super::*;
-use glam::Vec3Swizzles;
+use glam::{Vec3, Vec3Swizzles};
 use organza_basis::Aabb;
 use organza_basis::curve::SegmentList;
-use organza_basis::{Segment, warp};
+use organza_basis::{PathRng, Segment, warp};
+use organza_scatter::FibreFrame;
 use std::f32::consts::TAU;
 
 const RADIUS_MM: f32 = 0.008;
@@ -310,6 +311,25 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
             assert!(again.is_none(), "seed 14: {exit} {w_in}");
         }
     }
+}
+
+/// Other scattering needs neither other cells nor another hierarchy.
+#[test]
+fn other_scattering_shares_cells() {
+    let one = traced(true);
+    let other = one.with_scattering(vec![organza_testing::fitted_fibre("silk")]);
+    let Ok(mut other) = other else {
+        panic!("{:?}", other.err());
+    };
+    let in_cells = |fibres: &ExplicitFibres| fibres.alone_in_cells(u64::MAX).map(|_| ());
+    assert_eq!((in_cells(&one), in_cells(&other)), (Ok(()), Ok(())));
+    assert!(Arc::ptr_eq(&one.in_cells, &other.in_cells) && one.in_cells.get().is_some());
+    assert!(Arc::ptr_eq(&one.hierarchy, &other.hierarchy));
+    // Cut fibres have cells of their own.
+    other.cell_grid_mut();
+    assert!(other.in_cells.get().is_none());
+    let none = one.with_scattering(Vec::new()).err();
+    assert!(matches!(none, Some(ExplicitFibresError::Materials { .. })));
 }
 
 #[test]
