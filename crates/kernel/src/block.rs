@@ -20,6 +20,16 @@ pub struct Block<'a> {
 }
 
 impl Block<'_> {
+    /// The number of the pixel at a column and row of the block among those that are
+    /// walked: see [`Block::pixel`].
+    #[cfg(feature = "gpu")] // others go by turns
+    pub(crate) fn turn(x: usize, y: usize, width: usize, rows: usize) -> usize {
+        let strip_width = STRIP as usize;
+        let strip = x / strip_width;
+        let across = strip_width.min(width - strip * strip_width);
+        strip * strip_width * rows + y * across + x % strip_width
+    }
+
     /// The pixel that is walked as number `turn`, and its column and row in the
     /// whole picture. Neighbours in the picture follow each other in strips, so
     /// that the lanes look at the same part of the matter.
@@ -35,5 +45,28 @@ impl Block<'_> {
         let (x, y) = (strip * STRIP + within % across, within / across);
         let index = (y * width + x) as usize;
         Some((index, self.min.x + x, self.min.y + y))
+    }
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_lead_to_pixels_and_back() {
+        for (width, rows) in [(7, 5), (8, 3), (21, 4)] {
+            let mut pixels = vec![Pixel::default(); width * rows];
+            let block = Block {
+                pixels: &mut pixels,
+                width: width as u32,
+                min: UVec2::ZERO,
+                samples: 0..1,
+            };
+            for turn in 0..width * rows {
+                let (index, x, y) = block.pixel(turn).unwrap();
+                assert_eq!(index, y as usize * width + x as usize);
+                assert_eq!(Block::turn(x as usize, y as usize, width, rows), turn);
+            }
+        }
     }
 }

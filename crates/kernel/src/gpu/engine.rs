@@ -1,7 +1,7 @@
 //! The engine for graphics adapters.
 
 use super::device::{Device, Limits};
-use super::pass::{BRIGHT_WORDS, Division, Session};
+use super::pass::{BRIGHT_WORDS, Division, Found, Session};
 use super::program::{FirstEventOf, PassNumbers, ProgramScene};
 use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
 use super::{fibre_scene, voxel_scene};
@@ -11,6 +11,7 @@ use crate::fibres::fibre_scene::FibreScene;
 use crate::refusal::Refusal;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::{Brightness, Stats};
+use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Samples whose sums a slot holds for sure: as many as [`organza_film::Tally`].
@@ -118,62 +119,78 @@ impl GpuEngine {
         })
     }
 
-    /// Takes some samples of every pixel of a block, few enough for the slots.
-    fn take_some(&self, session: &mut Session, some: &mut Block<'_>) -> Result<Stats, Lost> {
-        let (pixels, samples) = (some.pixels.len() as u32, &some.samples);
-        let count = samples.end - samples.start;
+    /// Takes some samples of every pixel of a block, few enough for the slots: slots of a
+    /// pixel, and what was found.
+    fn take_some(
+        &self,
+        session: &mut Session,
+        block: &Block<'_>,
+        samples: [u32; 2],
+    ) -> Result<(u32, Found), Lost> {
+        let pixels = block.pixels.len() as u32;
         let slots_per_pixel = session
-            .slots_per_pixel(pixels, count)
+            .slots_per_pixel(pixels, samples[1] - samples[0])
             .min((self.max_slots / pixels.max(1)).max(1));
         let found = session.take(PassNumbers {
             slots: pixels * slots_per_pixel,
             slots_per_pixel,
             pixels,
-            left: some.min.x,
-            top: some.min.y,
-            width: some.width,
-            rows: pixels / some.width,
-            samples: [samples.start, samples.end],
+            left: block.min.x,
+            top: block.min.y,
+            width: block.width,
+            rows: pixels / block.width,
+            samples,
             ..PassNumbers::default()
         })?;
-        for turn in 0..pixels {
-            let Some((pixel, ..)) = some.pixel(turn as usize) else {
-                break;
-            };
-            for part in 0..slots_per_pixel {
-                let slot = (part * pixels + turn) as usize;
-                let mut own = tally(&found.slots[SLOT_WORDS * slot..][..SLOT_WORDS]);
-                own.flush(&self.brightness, &mut some.pixels[pixel]);
+        Ok((slots_per_pixel, found))
+    }
+
+    /// Adds what was found to the pixels of a block.
+    fn add(&self, block: &mut Block<'_>, slots_per_pixel: u32, found: &Found) {
+        let (pixels, width) = (block.pixels.len(), block.width as usize);
+        let rows = pixels / width;
+        let lines = block.pixels.par_chunks_mut(width).enumerate();
+        lines.for_each(|(y, line)| {
+            for (x, pixel) in line.iter_mut().enumerate() {
+                let turn = Block::turn(x, y, width, rows);
+                for part in 0..slots_per_pixel as usize {
+                    let slot = SLOT_WORDS * (part * pixels + turn);
+                    let mut own = tally(&found.slots[slot..][..SLOT_WORDS]);
+                    own.flush(&self.brightness, pixel);
+                }
             }
-        }
+        });
         for words in found.bright.chunks_exact(BRIGHT_WORDS) {
             let (slot, sample) = bright_sample(words, &self.first_event);
-            if let Some((pixel, ..)) = some.pixel((slot % pixels) as usize) {
-                add_bright(&sample, &self.brightness, &mut some.pixels[pixel]);
+            if let Some((pixel, ..)) = block.pixel(slot as usize % pixels) {
+                add_bright(&sample, &self.brightness, &mut block.pixels[pixel]);
             }
         }
-        let [
-            paths,
-            tentative,
-            collisions,
-            shadow_rays,
-            shadow_steps,
-            cut,
-            rejected,
-            majorant_violations,
-        ] = found.counts;
-        Ok(Stats {
-            paths,
-            tentative,
-            collisions,
-            shadow_rays,
-            shadow_steps,
-            cut,
-            rejected,
-            majorant_violations,
-            brightest: found.brightest,
-            ..Stats::default()
-        })
+    }
+}
+
+fn stats(found: &Found) -> Stats {
+    let [
+        paths,
+        tentative,
+        collisions,
+        shadow_rays,
+        shadow_steps,
+        cut,
+        rejected,
+        majorant_violations,
+    ] = found.counts;
+    Stats {
+        paths,
+        tentative,
+        collisions,
+        shadow_rays,
+        shadow_steps,
+        cut,
+        rejected,
+        majorant_violations,
+        brightest: found.brightest,
+        ..Stats::default()
     }
 }
 
@@ -204,25 +221,22 @@ impl Engine for GpuEngine {
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        // A copy: what a lost device leaves behind is no part of a film.
-        let mut pixels = block.pixels.to_vec();
-        let mut stats = Stats::default();
+        let mut all = Vec::new();
         let mut first = block.samples.start;
         while first < block.samples.end {
             let end = block
                 .samples
                 .end
                 .min(first.saturating_add(SAMPLES_PER_SLOT));
-            let mut some = Block {
-                pixels: &mut pixels,
-                width: block.width,
-                min: block.min,
-                samples: first..end,
-            };
-            stats.merge(&self.take_some(&mut session, &mut some)?);
+            all.push(self.take_some(&mut session, block, [first, end])?);
             first = end;
         }
-        block.pixels.copy_from_slice(&pixels);
-        Ok(stats)
+        // Only now: what a lost device leaves behind is no part of a film.
+        let mut sum = Stats::default();
+        for (slots_per_pixel, found) in &all {
+            self.add(block, *slots_per_pixel, found);
+            sum.merge(&stats(found));
+        }
+        Ok(sum)
     }
 }
