@@ -62,6 +62,9 @@ pub enum Unsuited {
     /// More albedos than there are numbers for.
     #[error("a medium has more than 65536 different albedos")]
     TooManyAlbedos,
+    /// More voxels of packed fibres than lanes can address.
+    #[error("a medium has more than 2^30 voxels of packed fibres")]
+    TooManyVoxels,
     /// More materials of packed fibres than there are numbers for.
     #[error("a medium has more than 256 materials of packed fibres")]
     TooManyMaterials,

@@ -36,7 +36,8 @@ pub struct Paths {
     pub rays: [CellRay; WAVE],
     /// Slots whose rays are among packed fibres, and those rays.
     pub in_volume: [bool; WAVE],
-    pub volume_rays: [VolumeRay; WAVE],
+    /// One a slot, then shadow rays while they are followed.
+    pub volume_rays: Vec<VolumeRay>,
     pub rng: [[u32; WAVE]; 3],
     pub direction: [Column; 3],
     pub throughput: [Column; 3],
@@ -100,7 +101,7 @@ impl Paths {
             state: [State::Idle; WAVE],
             rays: [CellRay::none(); WAVE],
             in_volume: [false; WAVE],
-            volume_rays: [VolumeRay::none(); WAVE],
+            volume_rays: vec![VolumeRay::none(); WAVE],
             rng: [[0; WAVE]; 3],
             direction: [zero; 3],
             throughput: [zero; 3],

@@ -6,8 +6,6 @@ use super::matter::FibreMatter;
 use super::trip::{Trip, TripEnd};
 use super::walk::AHEAD;
 use crate::cpu::lanes::Floats;
-use crate::packed::FibreVolume;
-use crate::packed::flight::{FlightCounts, fly};
 use crate::packed::volume_ray::{NOWHERE, VolumeRay};
 use glam::{DVec3, Vec3};
 use organza_film::Stats;
@@ -82,24 +80,20 @@ impl Shadows {
         self.volume_adds.push((slot as u16, light));
     }
 
-    /// Follows all rays among packed fibres, and calls `add` for those that arrive.
-    #[inline(always)]
-    pub fn follow_packed<F: Floats>(
-        &mut self,
-        volume: &FibreVolume,
-        stats: &mut Stats,
-        mut add: impl FnMut(usize, Vec3),
-    ) {
-        let count = self.volume_rays.len();
-        stats.shadow_rays += count as u64;
-        self.active.clear();
-        self.active.extend(0..count as u32);
-        let mut counts = FlightCounts::default();
-        fly::<F>(volume, &mut self.volume_rays, &self.active, &mut counts);
-        self.active.clear();
-        stats.shadow_steps += counts.tentative;
-        stats.majorant_violations += counts.violations;
-        for (ray, (slot, light)) in self.volume_rays.drain(..).zip(self.volume_adds.drain(..)) {
+    /// Whether there are rays among packed fibres, which are followed with those of paths.
+    pub fn has_packed(&self) -> bool {
+        !self.volume_rays.is_empty()
+    }
+
+    /// Moves the rays among packed fibres behind others.
+    pub fn move_packed(&mut self, rays: &mut Vec<VolumeRay>) {
+        rays.append(&mut self.volume_rays);
+    }
+
+    /// Calls `add` for the moved rays that have arrived, in the order in which they were
+    /// pushed.
+    pub fn add_packed(&mut self, rays: &[VolumeRay], mut add: impl FnMut(usize, Vec3)) {
+        for (ray, (slot, light)) in rays.iter().zip(self.volume_adds.drain(..)) {
             if ray.place == NOWHERE {
                 add(usize::from(slot), light);
             }

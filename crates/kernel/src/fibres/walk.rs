@@ -11,7 +11,7 @@ use crate::cpu::lanes::Floats;
 use crate::matter::NO_YARN;
 use crate::packed::PackedPart;
 use crate::packed::flight::{FlightCounts, fly};
-use crate::packed::volume_ray::{Departure, NOWHERE, VolumeRay};
+use crate::packed::volume_ray::{Departure, NOWHERE, UNDER_WAY, VolumeRay};
 use glam::Vec3;
 use organza_basis::Rgb;
 use organza_film::Stats;
@@ -51,8 +51,11 @@ impl Walk<'_> {
         loop {
             active.clear();
             packed.clear();
+            let waits = shadows.has_packed();
             for slot in 0..WAVE {
-                self.pass_on(&mut paths, slot, has_panels, work, &mut stats);
+                if !waits {
+                    self.pass_on(&mut paths, slot, has_panels, work, &mut stats);
+                }
                 if paths.state[slot] != State::Flying {
                     continue;
                 }
@@ -66,9 +69,12 @@ impl Walk<'_> {
                 return stats;
             }
             if let Some(part) = &self.matter.packed {
-                while !packed.is_empty() {
-                    let rays = (&mut packed, &mut active);
-                    self.fly_packed::<F>(part, &mut paths, rays, has_panels, work, &mut stats);
+                if waits || !packed.is_empty() {
+                    self.fly_packed::<F>(part, &mut paths, &mut shadows, &mut packed, &mut stats);
+                }
+                if waits {
+                    // Light has been added to the paths that have come to their ends.
+                    self.end_all(&mut paths, &mut active, has_panels, work, &mut stats);
                 }
             }
             self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
@@ -92,14 +98,8 @@ impl Walk<'_> {
                 let sum = get(radiance, slot) + light;
                 put(radiance, slot, sum);
             });
-            if let Some(part) = &self.matter.packed {
-                shadows.follow_packed::<F>(&part.volume, &mut stats, |slot, light| {
-                    let sum = get(radiance, slot) + light;
-                    put(radiance, slot, sum);
-                });
-            }
             for slot in 0..WAVE {
-                if paths.state[slot] == State::Ended {
+                if paths.state[slot] == State::Ended && !shadows.has_packed() {
                     self.end(&mut paths, slot, work, false, &mut stats);
                 }
             }
@@ -163,52 +163,78 @@ impl Walk<'_> {
         }
     }
 
-    /// Follows the rays of slots among packed fibres to what they meet. Where a path leaves
-    /// the matter, the next one of its slot is left in the first list, or in the second if
-    /// it begins among explicit fibres.
+    /// Follows the rays of slots among packed fibres to what they meet, with all shadow rays
+    /// among them. The last few rays of slots may stay on their way.
     #[inline(always)]
     fn fly_packed<F: Floats>(
         &self,
         part: &PackedPart,
         paths: &mut Paths,
-        (packed, active): (&mut Vec<u32>, &mut Vec<u16>),
-        has_panels: bool,
-        work: &mut dyn Work,
+        shadows: &mut Shadows,
+        packed: &mut Vec<u32>,
         stats: &mut Stats,
     ) {
         for &number in packed.iter() {
             let slot = number as usize;
             paths.volume_rays[slot].rng = [0, 1, 2].map(|k| paths.rng[k][slot]);
         }
+        let of_paths = packed.len();
+        shadows.move_packed(&mut paths.volume_rays);
+        packed.extend(WAVE as u32..paths.volume_rays.len() as u32);
+        stats.shadow_rays += (packed.len() - of_paths) as u64;
         let mut counts = FlightCounts::default();
-        fly::<F>(&part.volume, &mut paths.volume_rays, packed, &mut counts);
+        fly::<F>(
+            &part.volume,
+            &mut paths.volume_rays,
+            packed,
+            WAVE as u32,
+            &mut counts,
+        );
         stats.tentative += counts.tentative;
+        stats.shadow_steps += counts.of_shadows;
         stats.majorant_violations += counts.violations;
-        let mut kept = 0;
-        for i in 0..packed.len() {
-            let slot = packed[i] as usize;
+        let radiance = &mut paths.radiance;
+        shadows.add_packed(&paths.volume_rays[WAVE..], |slot, light| {
+            let sum = get(radiance, slot) + light;
+            put(radiance, slot, sum);
+        });
+        paths.volume_rays.truncate(WAVE);
+        for &number in &packed[..of_paths] {
+            let slot = number as usize;
             let ray = paths.volume_rays[slot];
             for (column, word) in paths.rng.iter_mut().zip(ray.rng) {
                 column[slot] = word;
             }
-            if ray.place != NOWHERE {
-                paths.met.distance[slot] = ray.gone_mm;
-                paths.state[slot] = State::Met;
-                continue;
+            paths.state[slot] = match ray.place {
+                UNDER_WAY => State::Flying,
+                NOWHERE => State::Left,
+                _ => State::Met,
+            };
+            paths.met.distance[slot] = ray.gone_mm;
+        }
+    }
+
+    /// Ends all paths that have come to their ends or left the matter; `active` takes the
+    /// slots whose next paths begin among explicit fibres.
+    fn end_all(
+        &self,
+        paths: &mut Paths,
+        active: &mut Vec<u16>,
+        has_panels: bool,
+        work: &mut dyn Work,
+        stats: &mut Stats,
+    ) {
+        for slot in 0..WAVE {
+            match paths.state[slot] {
+                State::Ended => self.end(paths, slot, work, false, stats),
+                State::Left => {}
+                _ => continue,
             }
-            paths.state[slot] = State::Left;
             self.pass_on(paths, slot, has_panels, work, stats);
-            if paths.state[slot] != State::Flying {
-                continue;
-            }
-            if paths.in_volume[slot] {
-                packed[kept] = slot as u32;
-                kept += 1;
-            } else {
+            if paths.state[slot] == State::Flying && !paths.in_volume[slot] {
                 active.push(slot as u16);
             }
         }
-        packed.truncate(kept);
     }
 
     /// Ends the path of a slot that has left the matter, and those after it that miss

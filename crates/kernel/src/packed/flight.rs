@@ -3,7 +3,7 @@
 
 use super::axis_code::decoded;
 use super::fibre_volume::{FibreVolume, NO_YARN, PLACE_BITS};
-use super::volume_ray::{NOWHERE, VolumeRay};
+use super::volume_ray::{NOWHERE, UNDER_WAY, VolumeRay};
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, beside, minus_ln, positive};
 use crate::voxels::camera_rays::inverse_of_step;
@@ -17,14 +17,18 @@ const BORDER: f32 = 1.0 / 1024.0;
 /// Steps between two looks at which rays have ended.
 const STEPS_PER_ROUND: usize = 2;
 
+/// One lane in so many may be busy when the rest of a list is left under way.
+const LEFT_SHARE: usize = 4;
+
 /// Room for rounding when the square of an extinction is held against that of its bound.
 const BOUND_SLACK: f32 = 1.0 + 4e-5;
 
 /// Counts of flights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FlightCounts {
-    /// Tentative collisions.
+    /// Tentative collisions of paths, and of shadow rays.
     pub tentative: u64,
+    pub of_shadows: u64,
     /// Those whose extinction exceeded its bound.
     pub violations: u64,
 }
@@ -46,6 +50,8 @@ struct Lanes<F: Floats> {
     place: F::Ints,
     offset: F,
     flying: F::Mask,
+    /// Lanes with shadow rays.
+    shadows: u32,
 }
 
 /// What lanes hold of rays, in memory.
@@ -59,12 +65,17 @@ const FLOATS: usize = 10;
 /// Words of a ray: its yarn and random numbers.
 const WORDS: usize = 4;
 
-/// Follows rays of these numbers until they meet a fibre or leave the volume.
+/// Follows rays of these numbers until they meet a fibre or leave the volume. Those from
+/// `first_shadow` on are shadow rays.
+///
+/// The last few rays of paths are left [under way](UNDER_WAY), so that lanes stay busy: a ray
+/// that is followed later meets the same, because it keeps its random numbers.
 #[inline(always)]
 pub fn fly<F: Floats>(
     volume: &FibreVolume,
     rays: &mut [VolumeRay],
     numbers: &[u32],
+    first_shadow: u32,
     counts: &mut FlightCounts,
 ) {
     let mut lanes = Lanes::<F>::none();
@@ -73,6 +84,7 @@ pub fn fly<F: Floats>(
         words: [[0; MAX_LANES]; WORDS],
     };
     let all = u32::MAX >> (32 - F::LANES);
+    let few = F::LANES / LEFT_SHARE;
     let (mut next, mut busy) = (0, 0u32);
     let mut owners = [0usize; MAX_LANES];
     loop {
@@ -85,12 +97,20 @@ pub fn fly<F: Floats>(
             owners[lane] = number as usize;
             columns.put(lane, &rays[number as usize]);
             begun |= 1 << lane;
+            lanes.shadows &= !(1 << lane);
+            lanes.shadows |= u32::from(number >= first_shadow) << lane;
         }
         if begun != 0 {
             lanes.begin(volume, &columns, F::Mask::from_bits(begun));
             busy |= begun;
         }
-        if busy == 0 {
+        let is_last = next >= numbers.len();
+        let is_thin = busy.count_ones() as usize <= few && numbers.len() > few;
+        if busy == 0 || is_last && is_thin && busy & lanes.shadows == 0 {
+            lanes.end(rays, &owners, busy);
+            for lane in SetBits(busy) {
+                rays[owners[lane]].place = UNDER_WAY;
+            }
             return;
         }
         for _ in 0..STEPS_PER_ROUND {
@@ -159,6 +179,7 @@ impl<F: Floats> Lanes<F> {
             place: word,
             offset: zero,
             flying: F::Mask::from_bits(0),
+            shadows: 0,
         }
     }
 
@@ -181,7 +202,7 @@ impl<F: Floats> Lanes<F> {
         self.left_yarn = words(0).or_where_not(begun, self.left_yarn);
         let rng = LaneRng::from_words([words(1), words(2), words(3)]);
         self.rng = rng.or_where_not(begun, self.rng);
-        let voxel = index(volume, self.at).gather(&volume.voxels);
+        let voxel = index(volume, self.at).shl::<1>().gather(&volume.voxels);
         self.voxel = voxel.or_where_not(begun, self.voxel);
         self.place = F::Ints::splat(NOWHERE).or_where_not(begun, self.place);
         self.flying = self.flying | begun;
@@ -245,7 +266,7 @@ impl<F: Floats> Lanes<F> {
         let mut at = self.step.scaled_add(way, self.at);
 
         let grid = &volume.cell_grid;
-        let (dims, size) = (grid.dims(), grid.dims().as_vec3());
+        let size = grid.dims().as_vec3();
         let mut outside = is_outside(at.z, size.z) | !gone_mm.below(self.end_mm);
         let mut period = self.period;
         if grid.repeats() {
@@ -258,7 +279,7 @@ impl<F: Floats> Lanes<F> {
 
         // The axis of the fibre that would be met.
         let place_of = index(volume, at);
-        let voxel = place_of.gather(&volume.voxels);
+        let voxel = place_of.shl::<1>().gather(&volume.voxels);
         let radius_mm = if volume.radii.is_empty() {
             F::splat(volume.radius_mm)
         } else {
@@ -289,8 +310,9 @@ impl<F: Floats> Lanes<F> {
         } else {
             beside_all = beside_all | is_outside(x, size.x) | is_outside(y, size.y);
         }
-        let cell = x.to_ints() + word(dims.x) * (y.to_ints() + word(dims.y) * z.to_ints());
-        let found = word(0).or_where_not(beside_all, cell.gather(&volume.places));
+        let cell = volume.index::<F>(x.to_ints(), y.to_ints(), z.to_ints());
+        let found = (cell.shl::<1>() + word(1)).gather(&volume.voxels);
+        let found = word(0).or_where_not(beside_all, found);
         let count = (found.shr::<PLACE_BITS>() + word(1)).to_floats();
         let u = u_real * count;
         let which = u.floor();
@@ -309,7 +331,9 @@ impl<F: Floats> Lanes<F> {
         let u = positive(u - which);
         let met = considered & (u * u * bound).below(extinction);
         let excess = considered & (bound * F::splat(BOUND_SLACK)).below(extinction);
-        counts.tentative += u64::from(considered.bits().count_ones());
+        let looked = considered.bits();
+        counts.tentative += u64::from((looked & !self.shadows).count_ones());
+        counts.of_shadows += u64::from((looked & self.shadows).count_ones());
         counts.violations += u64::from(excess.bits().count_ones());
 
         self.at = at;
@@ -337,9 +361,7 @@ impl<F: Floats> Lanes<F> {
 /// Index of the voxel at a place.
 #[inline(always)]
 fn index<F: Floats>(volume: &FibreVolume, at: V3<F>) -> F::Ints {
-    let (dims, word) = (volume.cell_grid.dims(), F::Ints::splat);
-    let (x, y, z) = (at.x.to_ints(), at.y.to_ints(), at.z.to_ints());
-    x + word(dims.x) * (y + word(dims.y) * z)
+    volume.index::<F>(at.x.to_ints(), at.y.to_ints(), at.z.to_ints())
 }
 
 /// From a place to where it leaves the box of `half` an edge around the middle of its

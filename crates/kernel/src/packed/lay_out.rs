@@ -1,7 +1,7 @@
 //! Laying packed fibres out for lanes, voxel by voxel.
 
 use super::axis_code::encoded;
-use super::fibre_volume::{END_ON_BITS, FibreVolume, PLACE_BITS, POPULATION};
+use super::fibre_volume::{BRICK, END_ON_BITS, FibreVolume, PLACE_BITS, POPULATION};
 use crate::matter::{MAX_DIM, Unsuited};
 use crate::voxels::fibre_tables::end_on_ratio;
 use crate::voxels::layout::check_range;
@@ -13,6 +13,9 @@ use organza_scatter::{Fibre, effective_cross_section};
 
 /// Room for what rounding does to extinctions and bounds.
 const BOUND_SLACK: f32 = 1.0 + 2e-4;
+
+/// Voxels are looked up by signed numbers, two words each.
+const MAX_VOXELS: u64 = 1 << 30;
 
 /// Most materials: their numbers have eight bits.
 const MAX_MATERIALS: usize = 256;
@@ -61,6 +64,10 @@ impl FibreVolume {
         if source.fibres().len() > MAX_MATERIALS {
             return Err(Unsuited::TooManyMaterials);
         }
+        let bricks = FibreVolume::bricks_of(&cell_grid);
+        if (bricks * BRICK).as_u64vec3().element_product() >= MAX_VOXELS {
+            return Err(Unsuited::TooManyVoxels);
+        }
         let count = dims.as_usizevec3().element_product();
         let cells =
             || (0..count as u32).map(|i| UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims);
@@ -88,15 +95,25 @@ impl FibreVolume {
         let has_one_radius = widest <= thinnest * (1.0 + 1e-4);
         let mut volume = FibreVolume {
             cell_grid,
-            voxels: Vec::with_capacity(count),
+            voxels: Vec::with_capacity(2 * count),
             radii: Vec::with_capacity(if has_one_radius { 0 } else { count }),
             radius_mm: widest,
-            places: Vec::with_capacity(count),
+            bricks,
             words: vec![0; POPULATION],
             shares: shares_of(&source.factors()),
             scale_per_mm,
         };
-        for (cell, around) in cells().zip(around) {
+        for cell in in_bricks(volume.bricks) {
+            if cell.cmpge(dims).any() {
+                // A brick goes on beyond the last voxels.
+                volume.voxels.extend([0; 2]);
+                if !has_one_radius {
+                    volume.radii.push(widest.to_bits());
+                }
+                continue;
+            }
+            let place = cell.x + dims.x * (cell.y + dims.y * cell.z);
+            let around = around[place as usize];
             let expected = source.expected(cell);
             volume.voxels.push(
                 u32::from(around.bound_code) << 24
@@ -119,14 +136,14 @@ impl FibreVolume {
     /// Adds the populations of the next voxel.
     fn add(&mut self, populations: &[FibrePopulation]) -> Result<(), Unsuited> {
         let Some(more) = populations.len().checked_sub(1) else {
-            self.places.push(0);
+            self.voxels.push(0);
             return Ok(());
         };
         let first = (self.words.len() / POPULATION) as u32;
         if first >> PLACE_BITS != 0 || more > 7 {
             return Err(Unsuited::TooManyPopulations);
         }
-        self.places.push(first | (more as u32) << PLACE_BITS);
+        self.voxels.push(first | (more as u32) << PLACE_BITS);
         for c in populations {
             let end_on = (end_on_ratio(c.spread_rad).sqrt() * 4095.0).round() as u32;
             // To the nearest: the lower bits make room.
@@ -141,6 +158,16 @@ impl FibreVolume {
         }
         Ok(())
     }
+}
+
+/// Cells of bricks, in the order of their indices.
+fn in_bricks(bricks: UVec3) -> impl Iterator<Item = UVec3> {
+    let count = bricks.element_product() * BRICK.pow(3);
+    (0..count).map(move |i| {
+        let (brick, i) = (i / BRICK.pow(3), i % BRICK.pow(3));
+        let brick = UVec3::new(brick, brick / bricks.x, brick / (bricks.x * bricks.y)) % bricks;
+        brick * BRICK + UVec3::new(i, i / BRICK, i / (BRICK * BRICK)) % BRICK
+    })
 }
 
 /// Extinction of a population across its axis, 1/mm.

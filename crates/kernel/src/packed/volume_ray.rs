@@ -6,6 +6,9 @@ use glam::{DVec3, Vec2, Vec3};
 /// The place of no population.
 pub const NOWHERE: u32 = u32::MAX;
 
+/// In the place of a population: the ray is still on its way.
+pub const UNDER_WAY: u32 = u32::MAX - 1;
+
 /// Where a ray is, where it goes, and what it has met.
 #[derive(Clone, Copy, Debug)]
 pub struct VolumeRay {
@@ -25,7 +28,7 @@ pub struct VolumeRay {
     pub left_yarn: u32,
     /// Its random numbers: [`LaneRng::words`](crate::cpu::math::LaneRng::words).
     pub rng: [u32; 3],
-    /// The population that was met, or [`NOWHERE`].
+    /// The population that was met, or [`NOWHERE`] or [`UNDER_WAY`].
     pub place: u32,
 }
 
