@@ -20,8 +20,20 @@ pub fn survivors<F: Floats>(
     u: F,
     mask: F::Mask,
 ) -> (F::Mask, V3<F>) {
+    let survival = throughput.sum() * F::splat(scale / 3.0);
+    survivors_by(throughput, survival, u, mask)
+}
+
+/// The same with the probabilities of survival given; above one they count as one.
+#[inline(always)]
+pub fn survivors_by<F: Floats>(
+    throughput: V3<F>,
+    survival: F,
+    u: F,
+    mask: F::Mask,
+) -> (F::Mask, V3<F>) {
     let one = F::splat(1.0);
-    let survival = (throughput.sum() * F::splat(scale / 3.0)).min(one);
+    let survival = survival.min(one);
     let survives = mask & u.below(survival);
     let carried = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
     (survives, carried)

@@ -57,6 +57,7 @@ impl Engine for FibreEngine {
             matter: &scene.matter,
             lights: &scene.lights,
             max_bounces: scene.max_bounces,
+            importance: scene.importance.as_ref(),
         };
         Ok(run(&walk, self.backend, &mut work))
     }

@@ -63,6 +63,8 @@ impl FibreProbe {
             matter: &self.matter,
             lights: paths.lights,
             max_bounces: MAX_EVENTS,
+            // A path escapes once.
+            importance: None,
         };
         let stats = run(&walk, self.backend, &mut work);
         (work.samples, stats)

@@ -124,6 +124,13 @@ impl Body {
         }
     }
 
+    /// The middle of all the matter; in x and y the origin where it has no end.
+    pub fn middle_mm(&self) -> Vec3 {
+        let middle = 0.5 * (self.low_mm + self.high_mm);
+        let is_infinite = middle.is_nan_mask() | !middle.is_finite_mask();
+        DVec3::select(is_infinite, DVec3::ZERO, middle).as_vec3()
+    }
+
     /// How far a ray from a point in the matter may go before it leaves it;
     /// infinite where the grid's faces decide.
     #[inline]

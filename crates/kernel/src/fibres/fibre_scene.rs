@@ -1,5 +1,6 @@
 //! Explicit fibres, what lights them and the camera, as data for any engine.
 
+use super::importance::Importance;
 use super::matter::FibreMatter;
 use organza_film::{Brightness, Camera};
 use organza_light::{KernelLight, Light};
@@ -29,6 +30,8 @@ use std::sync::Arc;
 /// - Paths meet packed fibres from the event on that [`Switch`](crate::packed::Switch)
 ///   says; an engine that cannot follow them refuses matter that
 ///   [has packed fibres](super::FibreMatter::has_packed).
+/// - An engine may divide paths and end them by the importance of their ways, or end them
+///   by what they carry alone.
 /// - An event samples every light by a shadow ray, unless only walks find it, and
 ///   weighs both where both find it: see [`organza_light::LightSearch`].
 /// - The engine for processors draws directions toward lights with a place lane by
@@ -46,6 +49,8 @@ pub struct FibreScene {
     pub(crate) max_bounces: u32,
     /// The unit in which samples are summed.
     pub(crate) brightness: Brightness,
+    /// What an engine may divide paths by.
+    pub(crate) importance: Option<Importance>,
 }
 
 impl FibreScene {
@@ -58,6 +63,7 @@ impl FibreScene {
         seed: u64,
         max_bounces: u32,
     ) -> FibreScene {
+        let importance = Importance::new(lights, matter.middle_mm());
         let brightest = lights.iter().map(brightness).fold(0.0, f32::max);
         FibreScene {
             matter,
@@ -66,6 +72,7 @@ impl FibreScene {
             seed,
             max_bounces,
             brightness: Brightness::of(brightest),
+            importance,
         }
     }
 

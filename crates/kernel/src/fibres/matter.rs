@@ -125,6 +125,16 @@ impl FibreMatter {
         self.planes.is_empty() && self.bodies.len() == 1 && self.bodies[0].drape.is_none()
     }
 
+    /// Whether there is nothing but one flat body of explicit fibres.
+    pub(super) fn is_plain(&self) -> bool {
+        self.is_one_body() && self.packed.is_none()
+    }
+
+    /// The middle of the first body; in x and y the origin where it has no end.
+    pub(super) fn middle_mm(&self) -> Vec3 {
+        self.bodies.first().map_or(Vec3::ZERO, Body::middle_mm)
+    }
+
     /// Whether some of it is draped.
     pub(super) fn is_draped(&self) -> bool {
         self.bodies.iter().any(|b| b.drape.is_some())

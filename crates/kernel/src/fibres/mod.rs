@@ -13,6 +13,7 @@
 
 pub(crate) mod block;
 pub(crate) mod body;
+mod branches;
 mod cell_ray;
 mod cell_search;
 pub(crate) mod cells;
@@ -25,6 +26,7 @@ mod grid;
 #[cfg(test)]
 mod hit_tests;
 pub(crate) mod hull;
+mod importance;
 mod joint_table;
 mod lists;
 pub(crate) mod matter;

@@ -1,5 +1,6 @@
 //! The paths of a wave, property by property.
 
+use super::branches::Branches;
 use super::cell_ray::{CellHit, CellRay};
 use super::matter::FibreMatter;
 use super::trip::{MetFibre, Trip};
@@ -54,6 +55,7 @@ pub struct Paths {
     pub met: MetColumns,
     /// Where several bodies, draped ones or planes may be met: the ways of all rays.
     pub trips: Vec<Trip>,
+    pub branches: Branches,
 }
 
 /// What the paths met.
@@ -127,6 +129,7 @@ impl Paths {
                 true => Vec::new(),
                 false => vec![Trip::none(); WAVE],
             },
+            branches: Branches::new(),
         })
     }
 

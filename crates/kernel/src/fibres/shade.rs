@@ -1,7 +1,9 @@
 //! Events of a wave: light, a new direction, roulette.
 
+use super::branches::divide;
 use super::cell_ray::CellRay;
 use super::grid::GridPoint;
+use super::importance::Importance;
 use super::matter::FibreMatter;
 use super::met_fibres::{
     LeavingPoint, MetFibres, leaving_point, met_fibres, packed_ray, world_mm, yarn,
@@ -17,7 +19,7 @@ use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3};
 use crate::packed::PackedPart;
 use crate::packed::volume_ray::VolumeRay;
-use crate::roulette::{FIBRE_SCALE, survivors};
+use crate::roulette::{FIBRE_SCALE, survivors, survivors_by};
 use glam::Vec3;
 use organza_basis::{PathRng, Ray};
 use organza_film::{FirstEvent, SiteInfo, Stats};
@@ -37,6 +39,8 @@ pub struct Shading<'a> {
     pub weighs: bool,
     /// Whether some cloth is draped, with directions of its own.
     pub is_draped: bool,
+    /// What paths are divided and ended by, beside what they carry.
+    pub importance: Option<&'a Importance>,
 }
 
 /// The events of the lanes from slot `first` on.
@@ -48,10 +52,14 @@ pub fn shade<F: Floats>(
     shadows: &mut Shadows,
     stats: &mut Stats,
 ) {
-    let (mut met, mut packed) = (0u32, 0u32);
+    let (mut met, mut new, mut packed) = (0u32, 0u32, 0u32);
     for lane in 0..F::LANES {
         let slot = first + lane;
         if paths.state[slot] != State::Met {
+            continue;
+        }
+        if std::mem::take(&mut paths.branches.resumed[slot]) {
+            met |= 1 << lane;
             continue;
         }
         stats.collisions += 1;
@@ -65,12 +73,14 @@ pub fn shade<F: Floats>(
         }
         paths.bounces[slot] += 1;
         met |= 1 << lane;
+        new |= 1 << lane;
         packed |= u32::from(paths.in_volume[slot]) << lane;
     }
     if met == 0 {
         return;
     }
     let mask = F::Mask::from_bits(met);
+    let new = F::Mask::from_bits(new);
     let packed = F::Mask::from_bits(packed);
     let optics = &shading.matter.optics;
     let direction = load::<F>(&paths.direction, first);
@@ -102,13 +112,13 @@ pub fn shade<F: Floats>(
         axis_at = axis_at + there.out_mm;
     }
     let arrived = load::<F>(&paths.throughput, first);
-    let throughput = arrived.scaled(weight);
+    let mut throughput = arrived.scaled(weight);
 
     for light in shading.lights {
-        let Some(aim) = aim::<F>(light, shading, paths, first, &mut rng, mask) else {
+        let Some(aim) = aim::<F>(light, shading, paths, first, &mut rng, new) else {
             continue;
         };
-        let scattered = event.toward(optics, own.own(aim.toward), mask);
+        let scattered = event.toward(optics, own.own(aim.toward), new);
         let mut light_in = throughput.times(scattered.value).times(aim.irradiance);
         if aim.is_weighed {
             let share = F::splat(1.0) / (F::splat(1.0) + scattered.pdf / aim.pdf);
@@ -116,8 +126,8 @@ pub fn shade<F: Floats>(
         }
         let keep = light_in.sum() / aim.irradiance.sum() * F::splat(SHADOW_SCALE);
         let keep = keep.min(F::splat(1.0));
-        let [u, v, w] = rng.units(mask);
-        let sent = mask & aim.seen & u.below(keep) & F::splat(0.0).below(keep);
+        let [u, v, w] = rng.units(new);
+        let sent = new & aim.seen & u.below(keep) & F::splat(0.0).below(keep);
         if !sent.any() {
             continue;
         }
@@ -133,12 +143,24 @@ pub fn shade<F: Floats>(
         );
     }
 
+    if let Some(importance) = shading.importance {
+        let way = (there.tangent, direction, throughput);
+        throughput = divide(importance, paths, first, way, &mut rng, new);
+    }
     let turn = event.turn(optics, &mut rng, mask);
     let [u, v, w] = rng.units(mask);
     let start = start(&event, &turn.scattered, axis_at, [v, w]);
     let kept = throughput.times(turn.weight);
     let absorbed = load::<F>(&paths.absorbed, first) + (arrived - kept);
-    let (survives, carried) = survivors(kept, FIBRE_SCALE, u, mask);
+    let (survives, carried) = match shading.importance {
+        None => survivors(kept, FIBRE_SCALE, u, mask),
+        Some(importance) => {
+            let lamps = importance.of_lamps(there.tangent, turn.direction);
+            let survival = kept.sum() * F::splat(FIBRE_SCALE / 3.0);
+            let survival = survival * (importance.base::<F>() + lamps);
+            survivors_by(kept, survival, u, mask)
+        }
+    };
     let absorbed = absorbed.or_where_not(mask, load(&paths.absorbed, first));
     store(&mut paths.absorbed, first, absorbed);
     store(

@@ -1,6 +1,8 @@
 //! The walk of waves of paths among fibres.
 
+use super::branches::{events, resume};
 use super::cell_ray::{CellRay, Visit};
+use super::importance::Importance;
 use super::matter::FibreMatter;
 use super::paths::{Paths, State, get, put};
 use super::several::{go_on, meet_plane, set_out};
@@ -26,6 +28,9 @@ pub struct Walk<'a> {
     pub matter: &'a FibreMatter,
     pub lights: &'a [Light],
     pub max_bounces: u32,
+    /// What paths are divided by, which changes what they are but not their mean. Only a
+    /// flat cloth of explicit fibres alone has its paths divided.
+    pub importance: Option<&'a Importance>,
 }
 
 impl Walk<'_> {
@@ -43,6 +48,7 @@ impl Walk<'_> {
             max_bounces: self.max_bounces,
             weighs: self.lights.iter().any(has_density),
             is_draped: self.matter.is_draped(),
+            importance: self.importance.filter(|_| self.matter.is_plain()),
         };
         let has_panels = self.lights.iter().any(has_place);
         for slot in 0..WAVE {
@@ -80,7 +86,8 @@ impl Walk<'_> {
             self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
             if has_panels {
                 for slot in 0..WAVE {
-                    if matches!(paths.state[slot], State::Met | State::MetPlane) {
+                    let is_new = !paths.branches.resumed[slot];
+                    if is_new && matches!(paths.state[slot], State::Met | State::MetPlane) {
                         self.pass_panels(&mut paths, slot);
                     }
                 }
@@ -321,9 +328,12 @@ impl Walk<'_> {
         escaped: bool,
         stats: &mut Stats,
     ) {
+        if resume(paths, slot) {
+            return;
+        }
         let end = End {
             radiance: get(&paths.radiance, slot),
-            bounces: paths.bounces[slot],
+            bounces: events(paths, slot),
             first: paths.first[slot],
             absorbed: get(&paths.absorbed, slot),
             escape: escaped.then(|| (get(&paths.direction, slot), get(&paths.throughput, slot))),
