@@ -41,7 +41,7 @@ impl Frame {
 
     /// From the centre of a cell to what strands moved by some periods are counted from.
     #[inline(always)]
-    pub fn from_cell(&self, at: IVec3, [x, y]: [i16; 2]) -> DVec3 {
+    pub fn offset_in_cell(&self, at: IVec3, [x, y]: [i16; 2]) -> DVec3 {
         let beyond = IVec3::new(i32::from(x), i32::from(y), 0) * self.dims;
         let centre = ((at - beyond).as_dvec3() + 0.5) * self.cell_mm;
         self.offset_mm - centre
@@ -110,7 +110,10 @@ impl<'a> Copies<'a> {
 
     /// A piece in the frame of the centre of a cell that it reaches.
     pub fn ends_in(&self, reached: &Reached, cell: IVec3) -> Ends {
-        self.place(reached.piece, self.frame.from_cell(cell, reached.shift))
+        self.place(
+            reached.piece,
+            self.frame.offset_in_cell(cell, reached.shift),
+        )
     }
 
     /// Up to sixteen plain pieces in the frame of a cell.

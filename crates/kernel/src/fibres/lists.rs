@@ -177,18 +177,18 @@ impl Lists {
         let mut block = Block::empty();
         let (mut at, mut axis) = ([[0.0f64; BLOCK]; 3], [[0.0f64; BLOCK]; 3]);
         let (mut length, mut mitre) = ([0.0f64; BLOCK], [[0.0f64; BLOCK]; 2]);
-        let here = self.frame.from_cell(cell, [0; 2]);
+        let here = self.frame.offset_in_cell(cell, [0; 2]);
         for (i, entry) in entries.iter().enumerate().take(BLOCK) {
             let piece = &self.pieces[entry.piece as usize];
             let by = match entry.shift {
                 [0, 0] => here,
-                shift => self.frame.from_cell(cell, shift),
+                shift => self.frame.offset_in_cell(cell, shift),
             };
             at[0][i] = f64::from(piece.position[0]) + by.x;
             at[1][i] = f64::from(piece.position[1]) + by.y;
             at[2][i] = f64::from(piece.position[2]) + by.z;
-            for k in 0..3 {
-                axis[k][i] = piece.axis[k];
+            for (lanes, axis) in axis.iter_mut().zip(piece.axis) {
+                lanes[i] = axis;
             }
             length[i] = piece.length;
             (mitre[0][i], mitre[1][i]) = (piece.mitre[0], piece.mitre[1]);
@@ -213,7 +213,7 @@ impl Lists {
     pub fn hulls(&self, entries: &[Reached], cell: IVec3) -> HullBlock {
         let mut hulls = HullBlock::empty();
         for (i, entry) in entries.iter().enumerate().take(BLOCK) {
-            let by = self.frame.from_cell(cell, entry.shift);
+            let by = self.frame.offset_in_cell(cell, entry.shift);
             let ends = self.pieces[entry.piece as usize].ends(by);
             ends.write_hull(&mut hulls, i);
         }
