@@ -102,7 +102,7 @@ impl LoadedScene {
         file.render
             .check()
             .map_err(|why| input(format!("{}: render.{why}", path.display())))?;
-        scene_build::check(&file, path)?;
+        scene_build::check(&file, path, loader)?;
         let chosen = auto::resolve(&mut file, path, loader)?;
         Ok(LoadedScene {
             file,
@@ -161,5 +161,33 @@ mod tests {
         scene.build(None, &loader).unwrap();
         let old = |w: &&crate::loader::Warning| w.message.contains("is an old name");
         assert_eq!(loader.warnings().iter().filter(old).count(), 1);
+    }
+
+    #[test]
+    fn a_file_that_was_given_takes_the_place_of_one_on_the_disk() {
+        let path = Path::new("no/such/folder/scene.toml");
+        let text = "[[object]]\nkind = 'cloth'\nfabric = 'a.toml'\nvoxel_um = 60.0";
+        let fabric = |per_cm: &str| {
+            format!(
+                "[draft]\nwif = 'a.wif'\n[warp]\nper_cm = {per_cm}\n[weft]\nper_cm = 20.0\n\
+                 [yarn.cotton]\ntex = 20.0"
+            )
+        };
+        let wif = "[WIF]\n[WARP]\nThreads=2\n[WEFT]\nThreads=2\n[THREADING]\n1=1\n2=2\n\
+                   [LIFTPLAN]\n1=1\n2=2\n";
+        let mut loader = Loader::new();
+        let missing = from_str(text, path, &[], &loader).unwrap_err();
+        assert!(missing.to_string().contains("no such file"), "{missing}");
+        loader.give("no/such/folder/a.toml", "[draft]\nweave = 'plain'");
+        loader.give("no/such/folder/a.toml", fabric("20.0"));
+        loader.give("no/such/folder/a.wif", wif);
+        let scene = from_str(text, path, &[], &loader).unwrap();
+        scene.build(None, &loader).unwrap();
+        loader.give("no/such/folder/a.toml", fabric("'many'"));
+        let wrong = scene.build(None, &loader).err().unwrap().to_string();
+        assert!(
+            wrong.starts_with("no/such/folder/a.toml:4:10: warp.per_cm"),
+            "{wrong}"
+        );
     }
 }

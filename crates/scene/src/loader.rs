@@ -77,6 +77,7 @@ pub type OnEvent<'p> = &'p (dyn Fn(Event<'_>) + Sync);
 #[derive(Default)]
 pub struct Loader<'p> {
     on_event: Option<OnEvent<'p>>,
+    given: Vec<(PathBuf, Vec<u8>)>,
     inputs: Mutex<Vec<Input>>,
     warnings: Mutex<Vec<Warning>>,
 }
@@ -105,6 +106,29 @@ impl<'p> Loader<'p> {
         Loader {
             on_event: Some(on_event),
             ..Loader::default()
+        }
+    }
+
+    /// From now on a file of this path has these bytes, whatever is on the disk. The path is
+    /// compared as scenes and fabrics make it: the folder of the file that names it, joined
+    /// with the name.
+    pub fn give(&mut self, path: impl Into<PathBuf>, bytes: impl Into<Vec<u8>>) {
+        let path = path.into();
+        self.given.retain(|(known, _)| *known != path);
+        self.given.push((path, bytes.into()));
+    }
+
+    fn given(&self, path: &Path) -> Option<&[u8]> {
+        let found = self.given.iter().find(|(known, _)| known == path);
+        found.map(|(_, bytes)| bytes.as_slice())
+    }
+
+    /// Why a file that is named somewhere cannot be read, if that is known without
+    /// reading it.
+    pub fn unreachable(&self, path: &Path) -> Option<String> {
+        match self.given(path) {
+            Some(_) => None,
+            None => read::unreachable(path),
         }
     }
 
@@ -161,7 +185,10 @@ impl<'p> Loader<'p> {
     /// # Errors
     /// As [`read::bytes_or_why`].
     pub fn bytes_or_why(&self, path: &Path) -> std::io::Result<Vec<u8>> {
-        let bytes = read::bytes_or_why(path)?;
+        let bytes = match self.given(path) {
+            Some(bytes) => bytes.to_vec(),
+            None => read::bytes_or_why(path)?,
+        };
         self.record(path, &bytes);
         Ok(bytes)
     }
@@ -171,7 +198,10 @@ impl<'p> Loader<'p> {
     /// # Errors
     /// As [`read::text_of`].
     pub fn text_of(&self, path: &Path, wanted: Wanted) -> Result<String> {
-        let text = read::text_of(path, wanted)?;
+        let text = match self.given(path) {
+            Some(bytes) => read::text_in(path, bytes.to_vec(), wanted)?,
+            None => read::text_of(path, wanted)?,
+        };
         self.record(path, text.as_bytes());
         Ok(text)
     }

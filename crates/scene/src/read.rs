@@ -90,7 +90,15 @@ pub fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
             wanted.description()
         )));
     }
-    let bytes = bytes(path)?;
+    text_in(path, bytes(path)?, wanted)
+}
+
+/// The text of bytes that are in the place of a file of this path.
+///
+/// # Errors
+/// As [`text_of`].
+pub(crate) fn text_in(path: &Path, bytes: Vec<u8>, wanted: Wanted) -> Result<String> {
+    let fail = |why: &str| input(format!("{}: {why}", path.display()));
     if let Some(what) = file_kind::of_bytes(&bytes) {
         return Err(fail(&format!(
             "is {what}; expected {}",

@@ -17,7 +17,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Names the file and key at fault.
-pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
+pub fn check(file: &SceneFile, scene_path: &Path, loader: &Loader<'_>) -> Result<()> {
     camera(file, scene_path)?;
     let as_fibres = file.render.integrator == IntegratorName::Fibres;
     for (index, table) in file.object.iter().enumerate() {
@@ -25,6 +25,7 @@ pub fn check(file: &SceneFile, scene_path: &Path) -> Result<()> {
             index,
             as_fibres,
             scene_path,
+            loader,
         };
         table.check(&at)?;
         if let Some([x0, y0, x1, y1]) = table.extent_mm()
@@ -66,7 +67,7 @@ pub fn warn_of_emptiness(file: &SceneFile, scene_path: &Path, loader: &Loader<'_
 /// # Errors
 /// Names the file and key at fault.
 pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
-    check(file, options.scene_path)?;
+    check(file, options.scene_path, options.loader)?;
     let camera = camera(file, options.scene_path)?;
     let lights = light_pictures::lights(
         &file.light,
@@ -83,6 +84,7 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
             index,
             as_fibres,
             scene_path: options.scene_path,
+            loader: options.loader,
         };
         let mut medium = table.medium(&at, &camera, options, &mut budget)?;
         if let Some([x0, y0, x1, y1]) = table.extent_mm() {

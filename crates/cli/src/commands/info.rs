@@ -210,6 +210,7 @@ fn scene_info(path: &Path, overrides: &[String]) -> Result<Value> {
                 index,
                 as_fibres,
                 scene_path: path,
+                loader,
             };
             Ok(table.describe(&at, &options)?)
         })

@@ -92,7 +92,7 @@ impl ClothTable {
 impl ObjectKind for ClothTable {
     fn check(&self, at: &At<'_>) -> Result<()> {
         let fabric = read::beside(at.scene_path, &self.fabric);
-        if let Some(why) = read::unreachable(&fabric) {
+        if let Some(why) = at.loader.unreachable(&fabric) {
             return Err(at.fail(format!(".fabric: {why}")));
         }
         if self.extent_mm.is_some() && self.mesh.is_some() {

@@ -16,6 +16,7 @@ pub use volume::VolumeTable;
 
 use crate::build_options::BuildOptions;
 use crate::error::{InputError, Result, input};
+use crate::loader::Loader;
 use organza_basis::Budget;
 use organza_transport::{AnyMedium, Camera};
 use serde::Deserialize;
@@ -30,6 +31,8 @@ pub struct At<'a> {
     pub as_fibres: bool,
     /// The scene file; paths are relative to its folder.
     pub scene_path: &'a Path,
+    /// Opens the files that the scene names.
+    pub loader: &'a Loader<'a>,
 }
 
 impl At<'_> {

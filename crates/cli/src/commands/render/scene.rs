@@ -85,7 +85,7 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
 fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()> {
     let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
     file.render.check().map_err(fail)?;
-    scene_build::check(file, &args.scene)?;
+    scene_build::check(file, &args.scene, loader)?;
     let size = UVec2::from(file.camera(&args.scene)?.resolution);
     let crop = args.crop.unwrap_or(Crop {
         min: UVec2::ZERO,
