@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 mod bench; // speed against error, and what it chooses
+mod cache; // volumes that are kept from run to run
 mod checkpoints; // renders that are killed or interrupted, and resumed
 mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages

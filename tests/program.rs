@@ -15,6 +15,7 @@ pub fn folder(test: &str) -> PathBuf {
 pub fn organza(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(folder)
+        .env_remove("ORGANZA_CACHE")
         .args(arguments)
         .output()
         .unwrap()

@@ -1,7 +1,9 @@
 //! Messages and progress while fabrics and scenes are loaded and built.
 
+use crate::flags::CacheArgs;
 use crate::output::note;
 use crate::progress::Progress;
+use crate::result_cache;
 use anyhow::Result;
 use organza_scene::loader::{Event, Loader, Task};
 use std::sync::{Mutex, PoisonError};
@@ -10,11 +12,16 @@ use std::sync::{Mutex, PoisonError};
 const UNITS: f32 = 1000.0;
 
 /// Runs `work` with a loader whose progress and warnings go to the standard error,
-/// unless `quiet`.
+/// unless `quiet`, and whose cache is the one that flags or the environment name.
 ///
 /// # Errors
-/// Those of `work`.
-pub fn watched<T>(quiet: bool, work: impl FnOnce(&Loader<'_>) -> Result<T>) -> Result<T> {
+/// Those of `work`; a cache that cannot be used.
+pub fn watched<T>(
+    quiet: bool,
+    cache: &CacheArgs,
+    work: impl FnOnce(&Loader<'_>) -> Result<T>,
+) -> Result<T> {
+    let cache = result_cache::in_use(cache)?;
     let bar: Mutex<Option<Progress>> = Mutex::new(None);
     let on_event = |event: Event<'_>| {
         let mut bar = bar.lock().unwrap_or_else(PoisonError::into_inner);
@@ -34,7 +41,14 @@ pub fn watched<T>(quiet: bool, work: impl FnOnce(&Loader<'_>) -> Result<T>) -> R
             }
         }
     };
-    work(&Loader::watched(&on_event))
+    let loader = Loader::watched(&on_event).with_cache(cache);
+    let result = work(&loader)?;
+    if !quiet {
+        for fabric in loader.reused() {
+            note!("{}: its volume is from the cache", fabric.display());
+        }
+    }
+    Ok(result)
 }
 
 fn begin(task: &Task, quiet: bool) -> Progress {

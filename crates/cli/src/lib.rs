@@ -22,6 +22,7 @@ mod output;
 mod picture;
 mod process_usage;
 mod progress;
+mod result_cache;
 mod sample_ranges;
 mod schedule;
 mod version;

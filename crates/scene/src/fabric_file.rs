@@ -8,6 +8,7 @@ use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
 use crate::read;
+use crate::volume_cache::{self, VolumePlan};
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
@@ -277,18 +278,31 @@ impl Fabric {
         self.voxelize_planned(path, &plan, max_memory_bytes, loader)
     }
 
-    /// Voxelizes as planned. Packing factors are measured if the voxels are for packed
-    /// fibres. If memory does not suffice for that, the loader warns.
+    /// Voxelizes as planned, or takes the result from the loader's cache. Packing factors
+    /// are measured if the voxels are for packed fibres. If memory does not suffice for
+    /// that, the loader warns.
     ///
     /// # Errors
     /// Segments that cannot be placed.
     pub fn voxelize_planned(
         &self,
         path: &Path,
-        plan: &Plan<'_>,
+        plan: &VolumePlan<'_>,
         max_memory_bytes: Option<u64>,
         loader: &Loader<'_>,
     ) -> Result<Octree> {
+        let build = || self.build_volume(path, plan, max_memory_bytes, loader);
+        volume_cache::cached(&self.sources, path, plan, max_memory_bytes, loader, build)
+    }
+
+    /// Voxelizes as planned. False if something is left out for want of memory.
+    fn build_volume(
+        &self,
+        path: &Path,
+        plan: &VolumePlan<'_>,
+        max_memory_bytes: Option<u64>,
+        loader: &Loader<'_>,
+    ) -> Result<(Octree, bool)> {
         let task = Task::Voxelizing {
             fabric: path.to_owned(),
             memory_bytes: plan.memory_bytes(),
@@ -297,9 +311,11 @@ impl Fabric {
             .run(&task, |done| plan.run(done))
             .map_err(|e| input(format!("{}: {e}", path.display())))?;
         if octree.footprint() == FibreFootprint::Covered {
-            return Ok(octree);
+            return Ok((octree, true));
         }
-        self.with_measured_packing(octree, path, max_memory_bytes, loader)
+        let octree = self.with_measured_packing(octree, path, max_memory_bytes, loader)?;
+        let is_measured = octree.packing().is_some();
+        Ok((octree, is_measured))
     }
 
     /// The octree of this cloth with packing factors that are measured under the optics
@@ -372,7 +388,7 @@ impl Fabric {
         voxel_um: Option<f32>,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
-    ) -> Result<Plan<'_>> {
+    ) -> Result<VolumePlan<'_>> {
         let size_um = voxel_um.unwrap_or_else(|| self.voxel_um(footprint));
         if !(size_um.is_finite() && size_um > 0.0) {
             return Err(input(format!(
@@ -386,7 +402,9 @@ impl Fabric {
             footprint,
             max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
         };
-        Plan::new(&self.cloth, &options).map_err(|e| input(format!("{}: {e}", path.display())))
+        let plan = Plan::new(&self.cloth, &options)
+            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        Ok(VolumePlan::new(plan, &options))
     }
 }
 

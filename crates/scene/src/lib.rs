@@ -31,8 +31,10 @@ pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;
 mod toml_reader;
+mod volume_cache;
 pub mod volume_file;
 
 pub use build_options::BuildOptions;
 pub use error::{InputError, Result};
 pub use loaded_scene::{LoadedScene, from_str, load};
+pub use volume_cache::{ResultCache, VolumePlan};

@@ -3,6 +3,7 @@
 use crate::error::{InputError, Result, input};
 use crate::file_kind::Wanted;
 use crate::read;
+use crate::volume_cache::ResultCache;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 use std::fmt;
@@ -80,6 +81,8 @@ pub struct Loader<'p> {
     given: Vec<(PathBuf, Vec<u8>)>,
     inputs: Mutex<Vec<Input>>,
     warnings: Mutex<Vec<Warning>>,
+    cache: Option<ResultCache>,
+    reused: Mutex<Vec<PathBuf>>,
 }
 
 impl fmt::Debug for Loader<'_> {
@@ -87,6 +90,7 @@ impl fmt::Debug for Loader<'_> {
         f.debug_struct("Loader")
             .field("inputs", &self.inputs)
             .field("warnings", &self.warnings)
+            .field("cache", &self.cache)
             .finish_non_exhaustive()
     }
 }
@@ -130,6 +134,26 @@ impl<'p> Loader<'p> {
             Some(_) => None,
             None => read::unreachable(path),
         }
+    }
+
+    /// The same loader with a cache for what it builds.
+    pub fn with_cache(self, cache: Option<ResultCache>) -> Loader<'p> {
+        Loader { cache, ..self }
+    }
+
+    /// The cache for what it builds, if there is one.
+    pub fn cache(&self) -> Option<&ResultCache> {
+        self.cache.as_ref()
+    }
+
+    /// The fabrics whose volumes came from the cache, in order.
+    pub fn reused(&self) -> Vec<PathBuf> {
+        locked(&self.reused).clone()
+    }
+
+    /// Records that the volume of a fabric came from the cache.
+    pub(crate) fn note_reused(&self, fabric: &Path) {
+        locked(&self.reused).push(fabric.to_owned());
     }
 
     /// The files read so far, in order.

@@ -5,7 +5,7 @@ use crate::building::watched;
 use crate::error::{InputError, input};
 use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
-use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
@@ -64,6 +64,8 @@ pub struct CompareArgs {
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -98,7 +100,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     }
     let data = args.data.as_deref().map(read_data).transpose()?;
     with_threads(&args.common, || {
-        let fabric = watched(args.common.quiet, |loader| {
+        let fabric = watched(args.common.quiet, &args.cache, |loader| {
             Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
         })?;
         let models_are_chosen = !models.is_empty();
@@ -132,7 +134,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
                 continue;
             }
             seen.push(shown);
-            let patch = watched(args.common.quiet, |loader| {
+            let patch = watched(args.common.quiet, &args.cache, |loader| {
                 let build = PatchOptions {
                     loader,
                     voxel_um: args.voxel.voxel_um,

@@ -4,7 +4,7 @@ use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::values::parse_repeats;
-use crate::flags::{CommonArgs, MemoryArgs, set_help};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::output;
 use crate::output::{WriteFile, note};
 use anyhow::{Context, Result};
@@ -53,6 +53,8 @@ pub struct MitsubaArgs {
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 use organza_scene::memory::free_memory_bytes;
@@ -77,7 +79,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     if folder.exists() {
         output::check_writable(&scene_path)?;
     }
-    let (file, scene, read) = watched(args.common.quiet, |loader| {
+    let (file, scene, read) = watched(args.common.quiet, &args.cache, |loader| {
         let loaded = organza_scene::load(&args.scene, &args.common.set, loader)?;
         loaded.file.camera(&args.scene)?;
         let scene = loaded.build(args.memory.max_memory, loader)?;

@@ -4,6 +4,7 @@
 //! and a line in [`COMMANDS`]. Help, completions and manual pages follow.
 
 mod bench;
+mod cache;
 mod compare;
 mod completions;
 mod difference;
@@ -36,6 +37,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<weave::WeaveArgs>(),
     Registration::of::<export::ExportArgs>(),
     Registration::of::<info::InfoArgs>(),
+    Registration::of::<cache::CacheCommand>(),
     Registration::of::<completions::CompletionsArgs>(),
     Registration::of::<man::ManArgs>(),
 ];

@@ -4,7 +4,7 @@ use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::values::{parse_level, whole};
-use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
 use crate::output::note;
 use anyhow::{Context, Result};
@@ -49,6 +49,8 @@ pub struct VoxelizeArgs {
     pub levels: Option<u8>,
     #[command(flatten)]
     pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub cache: CacheArgs,
     #[command(flatten)]
     pub common: CommonArgs,
 }
@@ -129,7 +131,9 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
 
 fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     let started = std::time::Instant::now();
-    let (fabric, octree) = watched(args.common.quiet, |loader| octree(args, format, loader))?;
+    let (fabric, octree) = watched(args.common.quiet, &args.cache, |loader| {
+        octree(args, format, loader)
+    })?;
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();

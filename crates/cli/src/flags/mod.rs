@@ -6,6 +6,7 @@ pub mod set_help;
 pub mod values;
 
 use clap::Args;
+use std::ffi::OsString;
 use values::{parse_bytes, parse_micrometres, whole};
 
 /// Flags that every command takes.
@@ -28,6 +29,14 @@ pub struct MemoryArgs {
     /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
     #[arg(long, value_name = "SIZE", allow_hyphen_values = true, value_parser = parse_bytes)]
     pub max_memory: Option<u64>,
+}
+
+/// Where results are kept from run to run.
+#[derive(Debug, Default, Args)]
+pub struct CacheArgs {
+    /// Keep built volumes in this folder, and take them from there: a folder, "auto" (the user's cache folder) or "off" [default: the variable ORGANZA_CACHE, off without it]; see `organza cache`
+    #[arg(long, value_name = "FOLDER")]
+    pub cache: Option<OsString>,
 }
 
 /// How fine a fabric is voxelized.

@@ -125,7 +125,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// A time from "60s", "500ms", "1.5m", "2h" or a plain number of seconds.
+/// A time from "60s", "500ms", "1.5m", "2h", "30d" or a plain number of seconds.
 pub fn parse_duration(text: &str) -> Result<Duration, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let seconds = match &text[digits.len()..] {
@@ -133,6 +133,7 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
         "" | "s" => 1.0,
         "m" | "min" => 60.0,
         "h" => 3600.0,
+        "d" => 86400.0,
         _ => f64::NAN,
     };
     digits
@@ -140,7 +141,7 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
         .parse()
         .ok()
         .and_then(|n: f64| Duration::try_from_secs_f64(n * seconds).ok())
-        .ok_or_else(|| "expected a time such as 60s, 500ms, 5m or 2h".into())
+        .ok_or_else(|| "expected a time such as 60s, 500ms, 5m, 2h or 30d".into())
 }
 
 pub fn parse_repeats(text: &str) -> Result<UVec2, String> {

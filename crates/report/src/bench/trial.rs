@@ -115,6 +115,7 @@ impl<'a> Laboratory<'a> {
         }
         let run = Command::new(&self.program)
             .args(&arguments)
+            .env_remove("ORGANZA_CACHE") // building counts
             .output()
             .map_err(|e| ReportError::Run(format!("cannot run {}: {e}", self.program.display())))?;
         let mut note = Note {

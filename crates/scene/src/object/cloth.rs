@@ -14,10 +14,11 @@ use crate::representation::{
     Build, EXPLICIT_FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
 };
 use crate::scattering::{EventName, ScatteringTable};
+use crate::volume_cache::VolumePlan;
 use organza_basis::{Budget, SegmentSource};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
-use organza_volume::{Octree, Plan};
+use organza_volume::Octree;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -217,7 +218,7 @@ fn plan<'a>(
     table: &ClothTable,
     index: usize,
     options: &BuildOptions<'_>,
-) -> Result<Plan<'a>> {
+) -> Result<VolumePlan<'a>> {
     let plan = fabric
         .plan(
             &read::beside(options.scene_path, &table.fabric),

@@ -112,7 +112,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let observed = Observed::read(path)?;
     let values = observed.values();
     let unwatched = Loader::new();
-    let (fabric, read) = watched(args.common.quiet, |loader| {
+    let (fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;

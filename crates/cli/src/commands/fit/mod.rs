@@ -2,7 +2,7 @@
 
 use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
-use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
 mod fibres;
@@ -79,6 +79,8 @@ pub struct FitArgs {
     /// Print the figures as JSON
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub cache: CacheArgs,
     #[command(flatten)]
     pub common: CommonArgs,
 }

@@ -47,7 +47,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
             return Err(input(format!("{flag}: {why}")));
         }
     }
-    let (fabric, read) = watched(args.common.quiet, |loader| {
+    let (fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
@@ -72,7 +72,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
     }
     let (shown, fitted) = model(args, &fabric)?;
-    let matter = watched(args.common.quiet, |loader| {
+    let matter = watched(args.common.quiet, &args.cache, |loader| {
         let options = options(args, loader);
         Ok(Matter::new(&fabric, &args.fabric, shown, &options)?)
     })?;

@@ -30,7 +30,7 @@ const STRIDE: f64 = 1e-3;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
-    let (mut fabric, read) = watched(args.common.quiet, |loader| {
+    let (mut fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
@@ -45,7 +45,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let data = match &args.data {
         Some(path) => read_data(path)?,
         None => {
-            let patch = watched(args.common.quiet, |loader| {
+            let patch = watched(args.common.quiet, &args.cache, |loader| {
                 let options = options(args, loader);
                 let shown = args.model.model.of(&fabric, &args.fabric)?;
                 Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)

@@ -11,7 +11,7 @@ use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_rows, parse_seed, parse_share,
     whole,
 };
-use crate::flags::{CommonArgs, MemoryArgs, VoxelArgs, set_help};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs, set_help};
 use crate::progress::Progress;
 use crate::{btf_file, output};
 use anyhow::Result;
@@ -90,6 +90,8 @@ pub struct MeasureArgs {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -111,7 +113,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let rows = wanted.rows(args.rows.as_ref())?;
     warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
-        let (patch, grid, shown) = watched(args.common.quiet, |loader| {
+        let (patch, grid, shown) = watched(args.common.quiet, &args.cache, |loader| {
             if is_scene(&args.file)? {
                 let patch = scene_patch(args, loader)?;
                 check_outfile(args, loader)?;

@@ -14,7 +14,7 @@ use crate::error::input;
 use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
-use crate::flags::{CommonArgs, MemoryArgs, set_help};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::identity::{Identity, VERSION, crop_edges};
 use crate::interrupt;
 use crate::output;
@@ -88,6 +88,8 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -147,7 +149,9 @@ fn targets(args: &RenderArgs) -> Targets {
 
 fn render(args: &RenderArgs) -> Result<()> {
     let started = Instant::now();
-    let built = watched(args.common.quiet, |loader| scene::build(args, loader))?;
+    let built = watched(args.common.quiet, &args.cache, |loader| {
+        scene::build(args, loader)
+    })?;
     let Built { file, scene, .. } = &built;
     let settings = scene::settings(args, file, scene)?;
     let engine = engine::choose(args, file, scene, &settings, built.max_bytes)?;
