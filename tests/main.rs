@@ -4,6 +4,7 @@
 
 mod bench; // speed against error, and what it chooses
 mod cache; // volumes that are kept from run to run
+mod calls; // commands run by other programs, in memory
 mod checkpoints; // renders that are killed or interrupted, and resumed
 mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages

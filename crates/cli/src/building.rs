@@ -1,6 +1,7 @@
 //! Messages and progress while fabrics and scenes are loaded and built.
 
 use crate::flags::CacheArgs;
+use crate::host::{Host, Watch};
 use crate::output::note;
 use crate::progress::Progress;
 use crate::result_cache;
@@ -11,24 +12,30 @@ use std::sync::{Mutex, PoisonError};
 /// Units of a bar of shares.
 const UNITS: f32 = 1000.0;
 
-/// Runs `work` with a loader whose progress and warnings go to the standard error,
-/// unless `quiet`, and whose cache is the one that flags or the environment name.
+/// Runs `work` with a loader whose progress and warnings go to the standard error, unless
+/// `watch` is quiet, or to the program that runs the command, and whose cache is the one that
+/// flags or the environment name.
 ///
 /// # Errors
 /// Those of `work`; a cache that cannot be used.
-pub fn watched<T>(
-    quiet: bool,
+pub fn watched<'w, T>(
+    watch: impl Into<Watch<'w>>,
     cache: &CacheArgs,
     work: impl FnOnce(&Loader<'_>) -> Result<T>,
 ) -> Result<T> {
+    let watch = watch.into();
+    let caller = watch.host.and_then(Host::caller);
     let cache = result_cache::in_use(cache)?;
     let bar: Mutex<Option<Progress>> = Mutex::new(None);
     let on_event = |event: Event<'_>| {
         let mut bar = bar.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
-            Event::Warning(_) if quiet => {}
+            Event::Warning(warning) if caller.is_some() => {
+                caller.iter().for_each(|c| c.warn(&warning.to_string()));
+            }
+            Event::Warning(_) if watch.is_quiet => {}
             Event::Warning(warning) => note!("organza: warning: {warning}"),
-            Event::Begin(task) => *bar = Some(begin(task, quiet)),
+            Event::Begin(task) => *bar = Some(begin(task, watch)),
             Event::Done(share) => {
                 if let Some(bar) = bar.as_ref() {
                     bar.at((share * UNITS) as u64);
@@ -42,8 +49,12 @@ pub fn watched<T>(
         }
     };
     let loader = Loader::watched(&on_event).with_cache(cache);
+    let loader = match watch.host {
+        Some(host) => host.with_given(loader),
+        None => loader,
+    };
     let result = work(&loader)?;
-    if !quiet {
+    if !watch.is_quiet {
         for fabric in loader.reused() {
             note!("{}: its volume is from the cache", fabric.display());
         }
@@ -51,13 +62,13 @@ pub fn watched<T>(
     Ok(result)
 }
 
-fn begin(task: &Task, quiet: bool) -> Progress {
+fn begin(task: &Task, watch: Watch<'_>) -> Progress {
     let label = match task {
         Task::Voxelizing {
             fabric,
             memory_bytes,
         } => {
-            if !quiet {
+            if !watch.is_quiet {
                 note!(
                     "{}: voxelizing takes about {} MiB of memory",
                     fabric.display(),
@@ -69,5 +80,5 @@ fn begin(task: &Task, quiet: bool) -> Progress {
         Task::GatheringFibres { .. } => "gathering fibres",
         Task::MeasuringPacking { .. } => "measuring packing",
     };
-    Progress::new(label, UNITS as u64, quiet)
+    Progress::new(label, UNITS as u64, watch)
 }

@@ -11,10 +11,12 @@
 
 mod btf_file;
 mod building;
+mod call;
 mod checkpoint;
 mod commands;
 mod error;
 mod flags;
+mod host;
 mod identity;
 mod interrupt;
 mod journal;
@@ -23,11 +25,15 @@ mod picture;
 mod process_usage;
 mod progress;
 mod result_cache;
+mod results;
 mod sample_ranges;
 mod schedule;
 mod version;
 
+pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;
+pub use host::Caller;
+pub use results::{Array, Numbers, Results};
 
 use clap::error::ErrorKind;
 use std::ffi::OsString;
@@ -35,12 +41,17 @@ use std::process::ExitCode;
 
 /// Runs the program on its arguments (the first is the program's name).
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    ExitCode::from(status(arguments))
+}
+
+/// The same; returns the exit status as a number.
+pub fn status(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let matches = match command().try_get_matches_from(&arguments) {
         Ok(m) => m,
         Err(e) if e.kind() == ErrorKind::DisplayVersion && commands::is_verbose(&arguments) => {
             return match output::print(&version::description()) {
-                Ok(()) => ExitCode::SUCCESS,
+                Ok(()) => 0,
                 Err(e) => {
                     error::print(&e);
                     error::exit_code(&e)
@@ -54,7 +65,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(e) => return print_usage_error(&e),
     };
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(e) => {
             error::print(&e);
             error::exit_code(&e)
@@ -62,9 +73,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-fn print_usage_error(e: &clap::Error) -> ExitCode {
+fn print_usage_error(e: &clap::Error) -> u8 {
     // Help and version come this way too, with status 0.
     let code = u8::try_from(e.exit_code()).unwrap_or(2);
     let _ = e.print();
-    ExitCode::from(code)
+    code
 }

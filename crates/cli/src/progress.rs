@@ -1,6 +1,7 @@
 //! Progress on stderr: a bar with rate and time left on a terminal, silence
 //! elsewhere.
 
+use crate::host::{Host, Watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::Instant;
@@ -8,13 +9,18 @@ use std::time::Instant;
 /// A running task that a person may be watching.
 pub struct Progress {
     bar: ProgressBar,
+    label: &'static str,
+    host: Host,
     started: Instant,
 }
 
 impl Progress {
     /// Starts a task of `total` units (paths, segments).
-    pub fn new(label: &'static str, total: u64, quiet: bool) -> Progress {
-        let shown = !quiet && std::io::stderr().is_terminal();
+    pub fn new<'w>(label: &'static str, total: u64, watch: impl Into<Watch<'w>>) -> Progress {
+        let watch = watch.into();
+        let host = watch.host.cloned().unwrap_or_default();
+        let is_program = host.caller().is_some();
+        let shown = !watch.is_quiet && !is_program && std::io::stderr().is_terminal();
         let target = if shown {
             ProgressDrawTarget::stderr()
         } else {
@@ -28,12 +34,20 @@ impl Progress {
         bar.set_message(label);
         Progress {
             bar,
+            label,
+            host,
             started: Instant::now(),
         }
     }
 
-    /// Reports the progress.
+    /// Reports the progress. A program that runs the command may end it here, see
+    /// [`Host::stop_if_asked`].
     pub fn at(&self, done: u64) {
+        if let Some(caller) = self.host.caller() {
+            let total = self.bar.length().unwrap_or(0);
+            caller.progress(self.label, done.min(total), total);
+            self.host.stop_if_asked();
+        }
         // Threads report out of order; the bar only moves on.
         if done > self.bar.position() {
             self.bar.set_position(done);

@@ -35,9 +35,10 @@ pub const FORMAT: Format = Format {
 /// Channel name and how to compute it. Depth, yarn and tangent are of the
 /// first event; `through` is the fraction of samples seen straight through,
 /// `variance.*` that of the estimated pixel value.
-type Channel = (&'static str, fn(&Pixel) -> f32);
+pub type Channel = (&'static str, fn(&Pixel) -> f32);
 
-const CHANNELS: [Channel; 13] = [
+/// The channels of a render for people; beside them its file holds exact sums.
+pub const CHANNELS: [Channel; 13] = [
     ("R", |p| p.mean().0.x),
     ("G", |p| p.mean().0.y),
     ("B", |p| p.mean().0.z),

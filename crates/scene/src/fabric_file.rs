@@ -51,8 +51,9 @@ pub fn load_changed(
     loader: &Loader<'_>,
 ) -> Result<Fabric> {
     let source = loader.text_of(path, Wanted::Fabric)?;
-    let file: FabricFile = read::toml_changed(path, &source, removed, overrides, Wanted::Fabric)?;
-    let table: toml::Table = read::toml_changed(path, &source, removed, overrides, Wanted::Fabric)?;
+    let wanted = Wanted::Fabric;
+    let file: FabricFile = loader.parse_changed(path, &source, removed, overrides, wanted)?;
+    let table: toml::Table = loader.parse_changed(path, &source, removed, overrides, wanted)?;
     let text = toml::to_string(&table).map_err(|e| input(format!("{}: {e}", path.display())))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let sources = RefCell::new(vec![SourceFile {

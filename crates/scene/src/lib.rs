@@ -15,6 +15,7 @@ pub mod fabric_file;
 mod fabric_table;
 mod fibre_model;
 pub mod file_kind;
+mod given_files;
 pub mod level;
 pub mod light_pictures;
 mod loaded_scene;
@@ -36,5 +37,6 @@ pub mod volume_file;
 
 pub use build_options::BuildOptions;
 pub use error::{InputError, Result};
+pub use given_files::GivenFiles;
 pub use loaded_scene::{LoadedScene, from_str, load};
 pub use volume_cache::{ResultCache, VolumePlan};

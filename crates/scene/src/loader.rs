@@ -2,13 +2,14 @@
 
 use crate::error::{InputError, Result, input};
 use crate::file_kind::Wanted;
+use crate::given_files::GivenFiles;
 use crate::read;
 use crate::volume_cache::ResultCache;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A file that was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,7 +79,7 @@ pub type OnEvent<'p> = &'p (dyn Fn(Event<'_>) + Sync);
 #[derive(Default)]
 pub struct Loader<'p> {
     on_event: Option<OnEvent<'p>>,
-    given: Vec<(PathBuf, Vec<u8>)>,
+    given: Arc<GivenFiles>,
     inputs: Mutex<Vec<Input>>,
     warnings: Mutex<Vec<Warning>>,
     cache: Option<ResultCache>,
@@ -117,20 +118,18 @@ impl<'p> Loader<'p> {
     /// compared as scenes and fabrics make it: the folder of the file that names it, joined
     /// with the name.
     pub fn give(&mut self, path: impl Into<PathBuf>, bytes: impl Into<Vec<u8>>) {
-        let path = path.into();
-        self.given.retain(|(known, _)| *known != path);
-        self.given.push((path, bytes.into()));
+        Arc::make_mut(&mut self.given).insert(path.into(), bytes.into());
     }
 
-    fn given(&self, path: &Path) -> Option<&[u8]> {
-        let found = self.given.iter().find(|(known, _)| known == path);
-        found.map(|(_, bytes)| bytes.as_slice())
+    /// The loader with files that are given all at once, as by [`Loader::give`].
+    pub fn with_given(self, given: Arc<GivenFiles>) -> Loader<'p> {
+        Loader { given, ..self }
     }
 
     /// Why a file that is named somewhere cannot be read, if that is known without
     /// reading it.
     pub fn unreachable(&self, path: &Path) -> Option<String> {
-        match self.given(path) {
+        match self.given.get(path) {
             Some(_) => None,
             None => read::unreachable(path),
         }
@@ -154,6 +153,16 @@ impl<'p> Loader<'p> {
     /// Records that the volume of a fabric came from the cache.
     pub(crate) fn note_reused(&self, fabric: &Path) {
         locked(&self.reused).push(fabric.to_owned());
+    }
+
+    /// Length of a file, bytes; `None` where there is none.
+    pub(crate) fn file_bytes(&self, path: &Path) -> Option<u64> {
+        if let Some(bytes) = self.given.get(path) {
+            return Some(bytes.len() as u64);
+        }
+        let about = std::fs::metadata(path).ok()?;
+        // A folder or a device is refused by whoever reads it.
+        Some(if about.is_file() { about.len() } else { 0 })
     }
 
     /// The files read so far, in order.
@@ -209,7 +218,7 @@ impl<'p> Loader<'p> {
     /// # Errors
     /// As [`read::bytes_or_why`].
     pub fn bytes_or_why(&self, path: &Path) -> std::io::Result<Vec<u8>> {
-        let bytes = match self.given(path) {
+        let bytes = match self.given.get(path) {
             Some(bytes) => bytes.to_vec(),
             None => read::bytes_or_why(path)?,
         };
@@ -222,7 +231,7 @@ impl<'p> Loader<'p> {
     /// # Errors
     /// As [`read::text_of`].
     pub fn text_of(&self, path: &Path, wanted: Wanted) -> Result<String> {
-        let text = match self.given(path) {
+        let text = match self.given.get(path) {
             Some(bytes) => read::text_in(path, bytes.to_vec(), wanted)?,
             None => read::text_of(path, wanted)?,
         };
@@ -263,6 +272,26 @@ impl<'p> Loader<'p> {
         wanted: Wanted,
     ) -> Result<T, InputError> {
         let source = self.text_of(path, wanted)?;
-        read::toml_changed(path, &source, removed, overrides, wanted)
+        self.parse_changed(path, &source, removed, overrides, wanted)
+    }
+
+    /// The same for text that [`Loader::text_of`] returned. Messages about files that are
+    /// given in memory name no line, for nobody has seen their lines.
+    ///
+    /// # Errors
+    /// As [`read::toml_changed`].
+    pub(crate) fn parse_changed<T: DeserializeOwned>(
+        &self,
+        path: &Path,
+        source: &str,
+        removed: &[String],
+        overrides: &[String],
+        wanted: Wanted,
+    ) -> Result<T, InputError> {
+        let parsed = read::toml_changed(path, source, removed, overrides, wanted);
+        match self.given.get(path) {
+            Some(_) => parsed.map_err(|e| read::without_line(path, e)),
+            None => parsed,
+        }
     }
 }

@@ -223,6 +223,18 @@ fn with_place(path: &Path, source: &str, e: TomlError) -> InputError {
     input(format!("{place}: {key}: {}", e.message))
 }
 
+/// A mistake of [`toml_changed`] without the line and column of the file.
+pub(crate) fn without_line(path: &Path, e: InputError) -> InputError {
+    let file = path.display().to_string();
+    let place_and_rest =
+        e.0.strip_prefix(&file)
+            .and_then(|rest| rest.split_once(": "));
+    match place_and_rest {
+        Some((place, rest)) if place.starts_with(':') => input(format!("{file}: {rest}")),
+        _ => e,
+    }
+}
+
 /// 1-based line and column (in characters) of a byte offset.
 fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
     let before = source.get(..offset).unwrap_or(source);

@@ -16,9 +16,16 @@ use std::path::Path;
 /// # Errors
 /// Says what a file is that can be neither.
 pub fn is_scene(path: &Path) -> Result<bool> {
-    let text = read::text_of(path, Wanted::Either)?;
-    Wanted::Either.check(path, &text)?;
-    let table = toml::from_str::<toml::Table>(&text);
+    is_scene_text(path, &read::text_of(path, Wanted::Either)?)
+}
+
+/// The same of a file's text.
+///
+/// # Errors
+/// As [`is_scene`].
+pub fn is_scene_text(path: &Path, text: &str) -> Result<bool> {
+    Wanted::Either.check(path, text)?;
+    let table = toml::from_str::<toml::Table>(text);
     Ok(table.is_ok_and(|t| t.contains_key("camera") || t.contains_key("object")))
 }
 

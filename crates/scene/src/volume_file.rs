@@ -18,13 +18,12 @@ pub fn read<T>(
 ) -> Result<T> {
     let open = |name: &str, max_bytes: u64| {
         let path = path.with_file_name(name);
-        let Ok(about) = std::fs::metadata(&path) else {
+        let Some(size) = loader.file_bytes(&path) else {
             return Ok(None);
         };
-        if about.is_file() && about.len() > max_bytes {
+        if size > max_bytes {
             return Err(format!(
-                "is {} bytes long; {max_bytes} bytes of memory are allowed",
-                about.len()
+                "is {size} bytes long; {max_bytes} bytes of memory are allowed"
             ));
         }
         let bytes = loader

@@ -105,7 +105,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     )?;
     let with_scaling = args.scaling || !args.quick;
     let trials = Bench::max_trials(&plan, &samples, with_scaling);
-    let progress = Progress::new("rendering", trials as u64, args.common.quiet);
+    let progress = Progress::new("rendering", trials as u64, &args.common);
     let count = Cell::new(0);
     let done = || {
         count.set(count.get() + 1);

@@ -6,13 +6,16 @@ use crate::error::{InputError, input};
 use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
+use crate::host::Host;
 use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
+use crate::results::Results;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems};
 use organza_report::comparison::{Comparison, Measurement, Plan, judge};
+use organza_scene::file_kind::Wanted;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs};
 use organza_scene::{fabric_file, read};
@@ -71,6 +74,11 @@ pub struct CompareArgs {
 
 impl Command for CompareArgs {
     const NAME: &'static str = "compare";
+    const OUTPUT: Option<&'static str> = Some("report");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
 
     fn run(&self) -> Result<()> {
         run(self)
@@ -98,9 +106,11 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     for name in ["report.html", "report.json", "pairs.csv"] {
         output::check_not_an_input(&args.outdir.join(name), &args.data)?;
     }
-    let data = args.data.as_deref().map(read_data).transpose()?;
+    let host = &args.common.host;
+    let data = args.data.as_deref().map(|path| read_data(path, host));
+    let data = data.transpose()?;
     with_threads(&args.common, || {
-        let fabric = watched(args.common.quiet, &args.cache, |loader| {
+        let fabric = watched(&args.common, &args.cache, |loader| {
             Ok(fabric_file::load(&args.fabric, &args.common.set, loader)?)
         })?;
         let models_are_chosen = !models.is_empty();
@@ -134,7 +144,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
                 continue;
             }
             seen.push(shown);
-            let patch = watched(args.common.quiet, &args.cache, |loader| {
+            let patch = watched(&args.common, &args.cache, |loader| {
                 let build = PatchOptions {
                     loader,
                     voxel_um: args.voxel.voxel_um,
@@ -163,7 +173,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         let name = fabric.file.name.clone();
         let comparison = Comparison {
             name: name.unwrap_or_else(|| args.fabric.display().to_string()),
-            command: std::env::args().collect::<Vec<_>>().join(" "),
+            command: host.command_line(),
             judged: judge(&measured, args.seed),
             measured,
             limit: args.limit,
@@ -186,8 +196,8 @@ fn leaves_out(model: &Representation, why: &anyhow::Error, quiet: bool) -> bool 
 ///
 /// # Errors
 /// Names the file and the place.
-pub fn read_data(path: &Path) -> Result<Vec<PairValue>> {
-    let text = read::text(path)?;
+pub fn read_data(path: &Path, host: &Host) -> Result<Vec<PairValue>> {
+    let text = host.loader().text_of(path, Wanted::Text)?;
     let is_xml = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("xml"));
@@ -210,7 +220,7 @@ fn measure(
 ) -> Result<Measurement> {
     let name = shown.representation.name;
     let paths = plan.layout.len() as u64 * args.spp;
-    let progress = Progress::new(name, paths, args.common.quiet);
+    let progress = Progress::new(name, paths, &args.common);
     let done = AtomicU64::new(0);
     let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
     let measured = plan.measure(name, patch, &watch)?;
@@ -218,7 +228,23 @@ fn measure(
     Ok(measured)
 }
 
+/// The report, its values of every model, and its page.
+fn results(comparison: &Comparison) -> Results {
+    let mut results = Results::default().with_figure("report", comparison.json());
+    for measurement in &comparison.measured {
+        let of_model = super::measure::results::pairs(&measurement.layout, measurement.paths);
+        let named = of_model.arrays.into_iter();
+        let named = named.map(|(name, array)| (format!("{}.{name}", measurement.model), array));
+        results.arrays.extend(named);
+    }
+    results
+}
+
 fn write(args: &CompareArgs, comparison: &Comparison) -> Result<()> {
+    args.common.host.give(|| results(comparison));
+    if !args.common.host.writes() {
+        return Ok(());
+    }
     std::fs::create_dir_all(&args.outdir).map_err(|e| {
         input(format!(
             "{}: {}",

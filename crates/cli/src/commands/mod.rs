@@ -19,10 +19,11 @@ mod voxelize;
 mod weave;
 
 use crate::flags::CommonArgs;
+use crate::host::Host;
 use anyhow::{Context, Result};
 use clap::ArgMatches;
 use clap::error::ErrorKind;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
@@ -47,6 +48,15 @@ trait Command: clap::Args {
     /// The word after `organza`.
     const NAME: &'static str;
 
+    /// A name for the output, `-o`, of commands that another program may run without one.
+    const OUTPUT: Option<&'static str> = None;
+
+    /// The flags that it shares with other commands, for commands that another program may
+    /// run.
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        None
+    }
+
     /// Does what the flags ask for.
     ///
     /// # Errors
@@ -58,16 +68,25 @@ trait Command: clap::Args {
 /// A command without its type.
 struct Registration {
     name: &'static str,
+    output: Option<&'static str>,
     define: fn() -> clap::Command,
-    run: fn(&ArgMatches) -> Result<Result<()>, clap::Error>,
+    run: fn(&ArgMatches, Host) -> Result<Result<()>, clap::Error>,
 }
 
 impl Registration {
     const fn of<C: Command>() -> Registration {
         Registration {
             name: C::NAME,
+            output: C::OUTPUT,
             define: || C::augment_args(clap::Command::new(C::NAME)),
-            run: |matches| C::from_arg_matches(matches).map(|c| c.run()),
+            run: |matches, host| {
+                let mut command = C::from_arg_matches(matches)?;
+                if let Some(common) = command.common() {
+                    common.quiet |= host.caller().is_some();
+                    common.host = host;
+                }
+                Ok(command.run())
+            },
         }
     }
 }
@@ -104,6 +123,20 @@ pub fn is_verbose(arguments: &[OsString]) -> bool {
 /// # Errors
 /// The outer error is one of the command line, the inner one the command's.
 pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
+    run_for(matches, Host::default())
+}
+
+/// A name for the output of a command, which another program may run without one.
+pub fn output_name(command: &OsStr) -> Option<&'static str> {
+    let command = COMMANDS.iter().find(|c| command == c.name);
+    command.and_then(|c| c.output)
+}
+
+/// [`run`] for whoever runs the command.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_for(matches: &ArgMatches, host: Host) -> Result<Result<()>, clap::Error> {
     if matches.get_flag(VERBOSE) {
         return Err(definition().error(
             ErrorKind::ArgumentConflict,
@@ -112,7 +145,7 @@ pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
     }
     let (name, matches) = matches.subcommand().unwrap_or(("", matches));
     match COMMANDS.iter().find(|c| c.name == name) {
-        Some(command) => (command.run)(matches),
+        Some(command) => (command.run)(matches, host),
         None => Err(definition().error(
             ErrorKind::InvalidSubcommand,
             format!("{name}: no such command"),

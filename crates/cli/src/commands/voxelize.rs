@@ -7,13 +7,14 @@ use crate::flags::values::{parse_level, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output;
 use crate::output::note;
+use crate::results::Results;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use organza_scatter::FlakeMaterials;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
 use organza_scene::scattering::ScatteringTable;
-use organza_volume::format::{self, FORMATS, Format, Voxels, WriteOption};
+use organza_volume::format::{self, FORMATS, Format, Part, Voxels, WriteOption};
 use organza_volume::{FibreFootprint, Octree};
 use std::path::PathBuf;
 
@@ -66,6 +67,11 @@ pub enum FootprintName {
 
 impl Command for VoxelizeArgs {
     const NAME: &'static str = "voxelize";
+    const OUTPUT: Option<&'static str> = Some("volume.ovox");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
 
     fn run(&self) -> Result<()> {
         run(self)
@@ -131,9 +137,14 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
 
 fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
     let started = std::time::Instant::now();
-    let (fabric, octree) = watched(args.common.quiet, &args.cache, |loader| {
+    let (fabric, octree) = watched(&args.common, &args.cache, |loader| {
         octree(args, format, loader)
     })?;
+    let host = &args.common.host;
+    host.try_give(|| in_memory(args, format, &fabric, &octree))?;
+    if !host.writes() {
+        return Ok(());
+    }
     let written = write(args, format, &fabric, &octree)?;
     if !args.common.quiet {
         let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
@@ -193,6 +204,46 @@ fn write(
     fabric: &Fabric,
     octree: &Octree,
 ) -> Result<Vec<PathBuf>> {
+    with_parts(args, format, fabric, octree, |parts| {
+        let files = parts.into_iter().map(|(path, part)| {
+            let write = move |out: &mut dyn output::SeekWrite| {
+                (part.write)(out).context("writing the volume failed")
+            };
+            (path, Box::new(write) as output::WriteFile<'_>)
+        });
+        output::write_files(files.collect())
+    })
+}
+
+/// The bytes of the files.
+fn in_memory(
+    args: &VoxelizeArgs,
+    format: &Format,
+    fabric: &Fabric,
+    octree: &Octree,
+) -> Result<Results> {
+    with_parts(args, format, fabric, octree, |parts| {
+        let files = parts.into_iter().map(|(path, part)| {
+            let mut bytes = Vec::new();
+            (part.write)(&mut bytes).context("writing the volume failed")?;
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            Ok((name.into_owned(), bytes))
+        });
+        Ok(Results {
+            files: files.collect::<Result<_>>()?,
+            ..Results::default()
+        })
+    })
+}
+
+/// What `use_parts` makes of the files of the volume, by their paths.
+fn with_parts<T>(
+    args: &VoxelizeArgs,
+    format: &Format,
+    fabric: &Fabric,
+    octree: &Octree,
+    use_parts: impl FnOnce(Vec<(PathBuf, Part<'_>)>) -> Result<T>,
+) -> Result<T> {
     let materials = FlakeMaterials::new(fabric.flake_optics());
     let voxels = Voxels {
         octree,
@@ -203,17 +254,14 @@ fn write(
         merge: &|mixture| materials.merged(mixture),
     };
     let parts = (format.write)(&voxels).context("writing the volume failed")?;
-    let files = parts.into_iter().map(|part| {
+    let named = parts.into_iter().map(|part| {
         let path = match part.infix {
             Some(infix) => args
                 .outfile
                 .with_extension(format!("{infix}.{}", format.ending)),
             None => args.outfile.clone(),
         };
-        let write = move |out: &mut dyn output::SeekWrite| {
-            (part.write)(out).context("writing the volume failed")
-        };
-        (path, Box::new(write) as output::WriteFile<'_>)
+        (path, part)
     });
-    output::write_files(files.collect())
+    use_parts(named.collect())
 }

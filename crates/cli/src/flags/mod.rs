@@ -5,6 +5,7 @@ pub mod patch_model;
 pub mod set_help;
 pub mod values;
 
+use crate::host::{Host, Watch};
 use clap::Args;
 use std::ffi::OsString;
 use values::{parse_bytes, parse_micrometres, whole};
@@ -21,6 +22,18 @@ pub struct CommonArgs {
     /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
+    /// Who runs the command.
+    #[arg(skip)]
+    pub host: Host,
+}
+
+impl<'a> From<&'a CommonArgs> for Watch<'a> {
+    fn from(common: &'a CommonArgs) -> Watch<'a> {
+        Watch {
+            is_quiet: common.quiet,
+            host: Some(&common.host),
+        }
+    }
 }
 
 /// How much memory may be used.

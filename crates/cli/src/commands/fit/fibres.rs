@@ -4,6 +4,7 @@ use super::{FitArgs, check_outputs, effort, finish, journal_key, options, table}
 use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
+use crate::host::Host;
 use crate::journal::{FileJournal, JournalError};
 use crate::output::note;
 use crate::progress::Progress;
@@ -14,10 +15,9 @@ use organza_measure::{
 };
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
-use organza_scene::loader::Loader;
+use organza_scene::optics;
 use organza_scene::patches::{AnyPatch, Matter};
 use organza_scene::representation::{FittedOptics, ShownAs};
-use organza_scene::{optics, read};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
@@ -30,14 +30,14 @@ enum Observed {
 }
 
 impl Observed {
-    fn read(path: &std::path::Path) -> Result<Observed> {
+    fn read(path: &std::path::Path, host: &Host) -> Result<Observed> {
         let is_xml = path
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("xml"));
         if !is_xml {
-            return Ok(Observed::Pairs(read_data(path)?));
+            return Ok(Observed::Pairs(read_data(path, host)?));
         }
-        let bsdf = read_klems(&read::text(path)?)
+        let bsdf = read_klems(&host.loader().text_of(path, Wanted::Text)?)
             .map_err(|e| input(format!("{}: {e}", path.display())))?;
         let mut list = Vec::new();
         for (side, theta) in [(0, 0.0), (1, 180.0)] {
@@ -74,11 +74,18 @@ impl Observed {
         let results = match self {
             Observed::Pairs(list) => {
                 let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
-                Observed::Pairs(measure_pairs(patch, &pairs, &effort(args), &|_| ())?.list)
+                Observed::Pairs(
+                    measure_pairs(patch, &pairs, &effort(args), &|_| {
+                        args.common.host.stop_if_asked()
+                    })?
+                    .list,
+                )
             }
             Observed::Hemispheres(list) => {
                 let from: Vec<_> = list.iter().map(|l| l.0).collect();
-                let results = measure_albedos(patch, &from, &effort(args), &|_| ())?;
+                let results = measure_albedos(patch, &from, &effort(args), &|_| {
+                    args.common.host.stop_if_asked()
+                })?;
                 let parts = results.list.iter().map(|a| {
                     let through = Measured {
                         mean: std::array::from_fn(|c| a.transmitted.mean[c] + a.direct.mean[c]),
@@ -109,10 +116,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .data
         .as_deref()
         .ok_or_else(|| input("--data: expected measured values"))?;
-    let observed = Observed::read(path)?;
+    let observed = Observed::read(path, &args.common.host)?;
     let values = observed.values();
-    let unwatched = Loader::new();
-    let (fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
+    let unwatched = args.common.host.loader();
+    let (fabric, read) = watched(&args.common, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
@@ -183,7 +190,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     };
     let descents = if scan > 0 { 4 } else { 1 };
     let most = u64::from(scan) + descents * u64::from(steps);
-    let progress = Progress::new("fitting", most, args.common.quiet);
+    let progress = Progress::new("fitting", most, &args.common);
     let mut count = 0;
     let (place, least) = search(&bounds, &patience, &mut |place| {
         count += 1;
@@ -319,7 +326,11 @@ pub fn optics_given_way(
     fitted: &FittedOptics,
     yarns: &[String],
 ) -> Result<Vec<String>> {
-    let own: Table = Loader::new().toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+    let own: Table =
+        args.common
+            .host
+            .loader()
+            .toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
     let mut list = Vec::new();
     for yarn in yarns {
         let optics = own.get("optics").and_then(|o| o.get(yarn));

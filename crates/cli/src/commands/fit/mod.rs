@@ -14,6 +14,7 @@ use crate::error::input;
 use crate::identity::{self, VERSION};
 use crate::output;
 use crate::output::note;
+use crate::results::Results;
 use anyhow::{Context, Result};
 use organza_measure::Effort;
 use organza_measure::fit::Determined;
@@ -87,6 +88,11 @@ pub struct FitArgs {
 
 impl Command for FitArgs {
     const NAME: &'static str = "fit";
+    const OUTPUT: Option<&'static str> = Some("fitted.toml");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
 
     fn run(&self) -> Result<()> {
         run(self)
@@ -152,8 +158,14 @@ fn check_outputs(args: &FitArgs, read: &[Input]) -> Result<()> {
 /// every file that it names and of the measured values, each in its role, and how
 /// the places of the search are measured.
 fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
-    let fabric: Table = Loader::new().toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
-    let data = args.data.as_deref().map(read::bytes).transpose()?;
+    let fabric: Table =
+        args.common
+            .host
+            .loader()
+            .toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+    let loader = args.common.host.loader();
+    let data = args.data.as_deref().map(|path| loader.bytes(path));
+    let data = data.transpose()?;
     let key = json!({
         "version": VERSION,
         "fabric": identity::digest(&Value::Table(fabric)),
@@ -190,7 +202,10 @@ fn table(args: &FitArgs, removed: &[String], overrides: &[String]) -> Result<Tab
     let mut keys = args.common.set.clone();
     keys.extend_from_slice(overrides);
     let mut table: Table =
-        Loader::new().toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
+        args.common
+            .host
+            .loader()
+            .toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
     if let Some(Value::Table(draft)) = table.get_mut("draft") {
         for key in ["wif", "curves"] {
             if let Some(Value::String(name)) = draft.get_mut(key) {
@@ -209,8 +224,8 @@ fn comment(words: &str) -> String {
 }
 
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
-    let command: Vec<String> = std::env::args().collect();
-    let mut text = comment(&format!("Fitted by: {}", command.join(" "))) + &comment(words);
+    let host = &args.common.host;
+    let mut text = comment(&format!("Fitted by: {}", host.command_line())) + &comment(words);
     text += "#\n";
     for p in parameters {
         let loose = if p.is_fixed {
@@ -228,9 +243,20 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
         "\n{}",
         toml::to_string(table).context("the fabric cannot be written")?
     );
-    output::write_file(&args.outfile, |out| {
-        out.write_all(text.as_bytes()).context("writing failed")
-    })?;
+    host.give(|| {
+        let file = ("fitted.toml".to_owned(), text.clone().into_bytes());
+        Results {
+            files: vec![file],
+            ..Results::default()
+        }
+        .with_figure("parameters", json!(parameters))
+        .with_figure("words", words)
+    });
+    if host.writes() {
+        output::write_file(&args.outfile, |out| {
+            out.write_all(text.as_bytes()).context("writing failed")
+        })?;
+    }
     if args.json {
         let answer = json!({ "parameters": parameters, "words": words });
         output::print(&(serde_json::to_string_pretty(&answer)? + "\n"))?;

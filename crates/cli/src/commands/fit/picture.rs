@@ -4,6 +4,7 @@ use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
 use super::{FitArgs, check_outputs, finish, options, table};
 use crate::building::watched;
 use crate::error::input;
+use crate::host::Host;
 use crate::progress::Progress;
 use anyhow::Result;
 use glam::UVec2;
@@ -13,10 +14,8 @@ use organza_measure::{
     Angles, Pair, PictureSearch, PictureStatistics, TexelGrid, match_picture, measure_texture,
 };
 use organza_scene::fabric_file::{self, Fabric};
-use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{Matter, texel_grid};
-use organza_scene::read;
 use std::f64::consts::FRAC_1_PI;
 use std::path::Path;
 
@@ -47,12 +46,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
             return Err(input(format!("{flag}: {why}")));
         }
     }
-    let (fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
+    let (fabric, read) = watched(&args.common, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
     check_outputs(args, &read)?;
-    let (size, pixels) = read_picture(path, args.memory.max_memory)?;
+    let (size, pixels) = read_picture(path, &args.common.host, args.memory.max_memory)?;
     let (size, pixels) = shrunk(size, &pixels);
     let none = vec![[0.0; 3]; pixels.len()];
     // White sends 1/pi of the light on it into every direction.
@@ -72,7 +71,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
     }
     let (shown, fitted) = model(args, &fabric)?;
-    let matter = watched(args.common.quiet, &args.cache, |loader| {
+    let matter = watched(&args.common, &args.cache, |loader| {
         let options = options(args, loader);
         Ok(Matter::new(&fabric, &args.fabric, shown, &options)?)
     })?;
@@ -101,9 +100,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
         }
         keys
     };
-    let progress = Progress::new("fitting", u64::from(TURNS) * 8, args.common.quiet);
+    let progress = Progress::new("fitting", u64::from(TURNS) * 8, &args.common);
     let mut count = 0;
-    let unwatched = Loader::new();
+    let unwatched = args.common.host.loader();
     let mut simulate = |colour: [f64; 3], rough: f64| -> Result<PictureStatistics> {
         count += 1;
         progress.at(count);
@@ -149,9 +148,13 @@ fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
 }
 
 /// Linear pixels of a picture, none of them negative.
-fn read_picture(path: &Path, max_memory_bytes: Option<u64>) -> Result<(UVec2, Vec<Rgb>)> {
+fn read_picture(
+    path: &Path,
+    host: &Host,
+    max_memory_bytes: Option<u64>,
+) -> Result<(UVec2, Vec<Rgb>)> {
     let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-    let decoded = organza_picture::decode(&read::bytes(path)?, allowed);
+    let decoded = organza_picture::decode(&host.loader().bytes(path)?, allowed);
     let (picture, _) = decoded.map_err(|e| input(format!("{}: {e}", path.display())))?;
     let positive = |p: Rgb| Rgb::from(p.0.to_array().map(|x| if x < 0.0 { 0.0 } else { x }));
     Ok((

@@ -30,7 +30,7 @@ const STRIDE: f64 = 1e-3;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
-    let (mut fabric, read) = watched(args.common.quiet, &args.cache, |loader| {
+    let (mut fabric, read) = watched(&args.common, &args.cache, |loader| {
         let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
@@ -43,9 +43,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .resolved()
         .map_err(|e| input(format!("{}: surface: {e}", args.fabric.display())))?;
     let data = match &args.data {
-        Some(path) => read_data(path)?,
+        Some(path) => read_data(path, &args.common.host)?,
         None => {
-            let patch = watched(args.common.quiet, &args.cache, |loader| {
+            let patch = watched(&args.common, &args.cache, |loader| {
                 let options = options(args, loader);
                 let shown = args.model.model.of(&fabric, &args.fabric)?;
                 Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)
@@ -65,7 +65,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         stride: STRIDE,
     };
     let most = 2 * (u64::from(scan) + 4 * u64::from(steps));
-    let progress = Progress::new("fitting", most, args.common.quiet);
+    let progress = Progress::new("fitting", most, &args.common);
     let mut count = 0;
     let fitted = fit_surface(&start, &data, &patience, &mut || {
         count += 1;
@@ -101,7 +101,7 @@ fn measure(
     pairs.extend(in_plane_layout(60.0));
     let key = journal_key(args, &shown.to_string(), read)?;
     let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
-    let progress = Progress::new("measuring", pairs.len() as u64, args.common.quiet);
+    let progress = Progress::new("measuring", pairs.len() as u64, &args.common);
     let mut list = Vec::with_capacity(pairs.len());
     for (batch, pairs) in pairs.chunks(BATCH).enumerate() {
         let effort = Effort {
@@ -109,7 +109,8 @@ fn measure(
             ..effort(args)
         };
         let numbers = journal.once(&[batch as f64], 6 * pairs.len(), || {
-            let results = measure_pairs(patch, pairs, &effort, &|_| ())?.list;
+            let results =
+                measure_pairs(patch, pairs, &effort, &|_| args.common.host.stop_if_asked())?.list;
             let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
             Ok(results.iter().flat_map(numbers).collect())
         })?;
@@ -135,7 +136,10 @@ fn measure(
             paths: 16 * args.spp,
             ..effort(args)
         };
-        let results = measure_albedos(patch, &incident, &effort, &|_| ())?.list;
+        let results = measure_albedos(patch, &incident, &effort, &|_| {
+            args.common.host.stop_if_asked()
+        })?
+        .list;
         let numbers = results.iter().flat_map(|a| {
             let [r, g, b] = a.transmitted.mean;
             [a.direct.mean[1], r, g, b]

@@ -1,5 +1,6 @@
 //! `organza measure`
 
+pub mod results;
 mod summary;
 mod wanted;
 
@@ -22,10 +23,11 @@ use organza_measure::{
     measure_klems, measure_openness, measure_pair_rows, measure_sweep, measure_texture,
     write_albedos, write_klems, write_pairs, write_sweep,
 };
+use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
-use organza_scene::scene_file::{self, IntegratorName, is_scene};
+use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file};
 use serde_json::{Value, json};
 use std::ops::Range;
@@ -97,6 +99,11 @@ pub struct MeasureArgs {
 
 impl Command for MeasureArgs {
     const NAME: &'static str = "measure";
+    const OUTPUT: Option<&'static str> = Some("table.csv");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
 
     fn run(&self) -> Result<()> {
         run(self)
@@ -113,8 +120,8 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let rows = wanted.rows(args.rows.as_ref())?;
     warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
-        let (patch, grid, shown) = watched(args.common.quiet, &args.cache, |loader| {
-            if is_scene(&args.file)? {
+        let (patch, grid, shown) = watched(&args.common, &args.cache, |loader| {
+            if is_scene_text(&args.file, &loader.text_of(&args.file, FileKind::Either)?)? {
                 let patch = scene_patch(args, loader)?;
                 check_outfile(args, loader)?;
                 return Ok(patch);
@@ -202,8 +209,9 @@ fn measure(
         _ => rows.len(),
     };
     let total = args.spp.saturating_mul(count as u64);
-    let progress = Progress::new("measuring", total, args.common.quiet);
+    let progress = Progress::new("measuring", total, &args.common);
     let done = AtomicU64::new(0);
+    let host = &args.common.host;
     let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
     let failed = |e: MeasureError| anyhow::Error::new(e);
     let mut summary = Summary {
@@ -219,6 +227,7 @@ fn measure(
         Wanted::Pairs(pairs) => {
             let result = measure_pair_rows(patch, pairs, rows, &effort, &watch).map_err(failed)?;
             write(args, |out| write_pairs(&result.list, out))?;
+            host.give(|| results::pairs(&result.list, result.stats.paths));
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
             summary.result_line = median_error(&result.list);
@@ -229,6 +238,7 @@ fn measure(
             let result = result.map_err(failed)?;
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
+            host.give(|| results::albedos(&result.list, [open, se], result.stats.paths));
             summary.what = "albedo";
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
@@ -253,6 +263,7 @@ fn measure(
             summary.what = "textures";
             summary.list = listed(args, pairs);
             summary.paths = args.spp * count as u64;
+            host.give(|| results::textures(&textures, grid));
             if let Some(path) = &args.outfile {
                 btf_file::write(path, &textures, grid)?;
             }
@@ -267,6 +278,7 @@ fn measure(
             } else {
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
             }
+            host.give(|| results::klems(&bsdf, stats.paths));
             summary.dark = dark_pairs(shown, &bsdf.pairs());
             summary.what = "klems";
             summary.list = listed(args, &bsdf.pairs());
@@ -284,6 +296,7 @@ fn measure(
             let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;
             write(args, |out| write_sweep(&sweep, out))?;
             let [front, back] = front_and_back(&sweep);
+            host.give(|| results::sweep(&sweep, [front, back]));
             summary.what = "sweep";
             summary.list = listed(args, &sweep);
             summary.paths = args.spp * count as u64;

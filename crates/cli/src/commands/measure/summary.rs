@@ -61,7 +61,7 @@ pub fn write(
     table: impl FnOnce(&mut dyn output::SeekWrite) -> std::io::Result<()>,
 ) -> Result<()> {
     match &args.outfile {
-        Some(path) if !ends_in(args, "json") => {
+        Some(path) if !ends_in(args, "json") && args.common.host.writes() => {
             output::write_file(path, |out| table(out).context("writing the table failed"))
         }
         _ => Ok(()),

@@ -7,8 +7,8 @@ use organza_measure::{
     Angles, KlemsBasis, LampPosition, Pair, TexelGrid, grid_directions, grid_layout,
     irawan_incident, irawan_layout, lamp_positions, parse_incident, parse_pairs,
 };
+use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::memory::free_memory_bytes;
-use organza_scene::read;
 use std::ops::Range;
 
 /// Layouts of directions.
@@ -108,7 +108,7 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         return Err(input("a table that ends in .xml needs --layout klems"));
     }
     if let Some(path) = &args.pairs {
-        let text = read::text(path)?;
+        let text = args.common.host.loader().text_of(path, FileKind::Text)?;
         let parsed = if args.albedo {
             parse_incident(&text).map(Wanted::Incident)
         } else {

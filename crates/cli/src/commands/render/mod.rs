@@ -1,6 +1,7 @@
 //! `organza render`
 
 mod engine;
+mod results;
 mod scene;
 mod summary;
 mod tracing;
@@ -95,6 +96,11 @@ pub struct RenderArgs {
 
 impl Command for RenderArgs {
     const NAME: &'static str = "render";
+    const OUTPUT: Option<&'static str> = Some("picture.exr");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
 
     fn run(&self) -> Result<()> {
         let format = picture::format(&self.outfile)?;
@@ -111,7 +117,10 @@ impl Command for RenderArgs {
         output::check_not_an_input(&self.outfile, [&self.scene])?;
         if let Some(path) = &self.checkpoint {
             check_checkpoint(path, self)?;
-            interrupt::watch()?;
+            // A program that runs the command has its own way to stop it.
+            if self.common.host.caller().is_none() {
+                interrupt::watch()?;
+            }
         }
         with_threads(&self.common, || render(self))
     }
@@ -149,7 +158,7 @@ fn targets(args: &RenderArgs) -> Targets {
 
 fn render(args: &RenderArgs) -> Result<()> {
     let started = Instant::now();
-    let built = watched(args.common.quiet, &args.cache, |loader| {
+    let built = watched(&args.common, &args.cache, |loader| {
         scene::build(args, loader)
     })?;
     let Built { file, scene, .. } = &built;
@@ -210,7 +219,15 @@ fn render(args: &RenderArgs) -> Result<()> {
         exposure_stops: file.render.exposure,
         attributes: &attributes,
     };
-    picture::write(&args.outfile, &rendered)?;
+    let figures = || {
+        let why = why_walk.as_ref();
+        summary::figures(&rendering, why, &built.chosen, &times, times.render_s)
+    };
+    let host = &args.common.host;
+    host.give(|| results::of(rendering.film(), figures()));
+    if host.writes() {
+        picture::write(&args.outfile, &rendered)?;
+    }
     let total_s = started.elapsed().as_secs_f64();
     if !args.common.quiet {
         let paths = rendering.stats().paths - paths_before;

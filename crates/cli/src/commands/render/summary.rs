@@ -37,9 +37,22 @@ pub fn print_json(
     times: &Times,
     total_s: f64,
 ) -> Result<()> {
+    let figures = figures(rendering, why_walk, chosen, times, total_s);
+    output::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
+    Ok(())
+}
+
+/// The figures of a render.
+pub fn figures(
+    rendering: &Rendering<'_>,
+    why_walk: Option<&KernelRefusal>,
+    chosen: &[Chosen],
+    times: &Times,
+    total_s: f64,
+) -> serde_json::Value {
     let (film, stats) = (rendering.film(), rendering.stats());
     let known = has_errors(rendering);
-    let figures = json!({
+    json!({
         "backend": backend_name(rendering),
         "kernel_refused": why_walk.map(|why| why.to_string()),
         "resolution": film.size().to_array(),
@@ -60,9 +73,7 @@ pub fn print_json(
         "rejected": stats.rejected,
         "brightest": stats.brightest,
         "chosen": chosen,
-    });
-    output::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
-    Ok(())
+    })
 }
 
 /// The attribute that holds [`organza_film::Stats::clamped_radiance`]: a whole number,

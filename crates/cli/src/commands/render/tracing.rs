@@ -27,7 +27,7 @@ pub fn trace<'a>(
     let film_size = rendering.film().size();
     let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
     let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
-    let progress = Progress::new("rendering", paths, args.common.quiet);
+    let progress = Progress::new("rendering", paths, &args.common);
     let mut saved = Instant::now();
     let (mut is_reported, mut is_loss_reported) = (false, false);
     let stop = loop {

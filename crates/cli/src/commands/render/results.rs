@@ -1,0 +1,33 @@
+//! A picture as arrays.
+
+use crate::results::{Numbers, Results};
+use organza_film::Film;
+use organza_picture::exr::CHANNELS;
+use serde_json::Value;
+
+/// The channels of an EXR file: those of one name before the dot, and the colours as `rgb`,
+/// share an array of rows from the top, pixels, channels.
+pub fn of(film: &Film, figures: Value) -> Results {
+    let (rows, columns) = (film.size().y as usize, film.size().x as usize);
+    let mut results = Results::default();
+    let mut rest = &CHANNELS[..];
+    while let Some(((first, _), _)) = rest.split_first() {
+        let group = |name: &str| match name {
+            "R" | "G" | "B" => "rgb".to_owned(),
+            name => name.split('.').next().unwrap_or(name).to_owned(),
+        };
+        let name = group(first);
+        let count = rest.iter().take_while(|(n, _)| group(n) == name).count();
+        let (channels, after) = rest.split_at(count);
+        let pixels = film.pixels().iter();
+        let values = pixels.flat_map(|p| channels.iter().map(move |(_, of)| of(p)));
+        let numbers = Numbers::F32(values.collect());
+        let shape: &[usize] = match count {
+            1 => &[rows, columns],
+            count => &[rows, columns, count],
+        };
+        results.push(&name, shape, numbers);
+        rest = after;
+    }
+    results.with_figure("figures", figures)
+}
