@@ -8,7 +8,9 @@ fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let docs = std::fs::read_dir(root.join("docs")).unwrap();
     let docs = docs.map(|entry| entry.unwrap().path());
-    let mut paths: Vec<PathBuf> = docs.filter(|p| p.extension().is_some()).collect();
+    let mut paths: Vec<PathBuf> = docs
+        .filter(|p| p.extension().is_some_and(|e| e == "md"))
+        .collect();
     paths.extend([root.join("README.md"), root.join("CONTRIBUTING.md")]);
     paths.sort();
     let read = |path: PathBuf| {

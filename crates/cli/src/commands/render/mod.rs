@@ -11,6 +11,7 @@ pub use summary::CLAMPED;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::checkpoint;
+use crate::display_server::{Address, DisplayServer};
 use crate::error::input;
 use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
@@ -80,6 +81,9 @@ pub struct RenderArgs {
     /// Engine that traces the paths; auto uses a graphics card or the widest vector kernel that computer and scene allow, otherwise the general walk. The noise depends on which of the three traces, not on the width of the kernel
     #[arg(long, alias = "backend", value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Show the picture while it renders, in a viewer with tev's protocol that listens there, e.g. 127.0.0.1:14158
+    #[arg(long, value_name = "HOST:PORT", value_parser = Address::parse)]
+    pub display_server: Option<Address>,
     /// Print counts of collisions, shadow steps and rejected samples, fireflies and memory
     #[arg(long)]
     pub stats: bool,
@@ -196,7 +200,11 @@ fn render(args: &RenderArgs) -> Result<()> {
         None => rendering,
     };
     let paths_before = rendering.stats().paths;
-    let (rendering, stop) = tracing::trace(args, &identity, rendering, started)?;
+    let display = args.display_server.as_ref().map(|address| {
+        let (name, size) = (args.outfile.to_string_lossy(), rendering.film().size());
+        DisplayServer::start(address, &name, size, args.common.quiet)
+    });
+    let (rendering, stop) = tracing::trace(args, &identity, rendering, started, display.as_ref())?;
     let saved = match &args.checkpoint {
         Some(path) => checkpoint::save(path, &identity, &rendering),
         None => Ok(()),
@@ -250,6 +258,9 @@ fn render(args: &RenderArgs) -> Result<()> {
             &times,
             total_s,
         )?;
+    }
+    if let Some(display) = display {
+        display.finish(rendering.film());
     }
     // The picture is whole whatever became of the checkpoint.
     saved.with_context(|| {

@@ -2,6 +2,7 @@
 
 use super::RenderArgs;
 use crate::checkpoint;
+use crate::display_server;
 use crate::error::input;
 use crate::identity::{self, NamedDigest, describe_crop};
 use crate::output;
@@ -136,7 +137,9 @@ fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
         .crop
         .map_or(whole, |c| c.max.min(whole).saturating_sub(c.min));
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
-    let needed = Film::memory_bytes(size).saturating_mul(2);
+    let shown = args.display_server.as_ref();
+    let shown = shown.map_or(0, |_| display_server::memory_bytes(size));
+    let needed = Film::memory_bytes(size).saturating_mul(2) + shown;
     most.checked_sub(needed).ok_or_else(|| {
         input(format!(
             "{}: camera.resolution: a film of {} x {} pixels needs {needed} bytes of memory, \

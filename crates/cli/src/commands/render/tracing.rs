@@ -2,6 +2,7 @@
 
 use super::{RenderArgs, targets};
 use crate::checkpoint;
+use crate::display_server::DisplayServer;
 use crate::identity::Identity;
 use crate::interrupt;
 use crate::output::note;
@@ -12,7 +13,7 @@ use organza_transport::Rendering;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Takes samples until the schedule or the user says stop. A checkpoint that
+/// Takes samples until the schedule or the user says stop, and shows them on the way. A checkpoint that
 /// cannot be saved on the way is reported and tried again at the next time.
 ///
 /// # Errors
@@ -22,6 +23,7 @@ pub fn trace<'a>(
     identity: &Identity,
     mut rendering: Rendering<'a>,
     started: Instant,
+    display: Option<&DisplayServer>,
 ) -> Result<(Rendering<'a>, Stop)> {
     let mut schedule = Schedule::new(args.time_limit, targets(args));
     let film_size = rendering.film().size();
@@ -41,6 +43,9 @@ pub fn trace<'a>(
             ControlFlow::Continue(())
         })?;
         schedule.took(pass, pass_started.elapsed());
+        if let Some(display) = display {
+            display.show(rendering.film());
+        }
         if let Some(engine) = rendering.engine()
             && let Some(loss) = engine.loss()
             && !std::mem::replace(&mut is_loss_reported, true)
