@@ -128,6 +128,7 @@ fn build(
         yarn: file.yarn.clone(),
         relaxation: file.relaxation,
         tile: file.tile,
+        ideal: file.ideal,
     };
     let cloth = Cloth::build(&geometry, open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;

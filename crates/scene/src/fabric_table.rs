@@ -32,6 +32,9 @@ pub struct FabricFile {
     /// How much of the cloth is made.
     #[serde(default)]
     pub tile: TileSpec,
+    /// Leaves out all irregularity of threads and yarns.
+    #[serde(default)]
+    pub ideal: bool,
     /// How the fibres of a yarn scatter light, by the yarn's name.
     #[serde(default)]
     pub optics: OpticsFile,
@@ -88,6 +91,18 @@ impl FabricFile {
             (
                 "warp.spacing_mm",
                 warp.spacing_mm.is_some(),
+                is_woven,
+                woven,
+            ),
+            (
+                "warp.spacing_cv_percent",
+                warp.spacing_cv_percent.is_some(),
+                is_woven,
+                woven,
+            ),
+            (
+                "weft.spacing_cv_percent",
+                weft.spacing_cv_percent.is_some(),
                 is_woven,
                 woven,
             ),

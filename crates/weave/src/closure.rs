@@ -7,6 +7,7 @@
 //! twist then only needs to close over all windings, which changes it by a few per cent at
 //! most.
 
+use crate::evenness::Profile;
 use crate::named::gcd;
 use crate::yarn::Yarn;
 use std::f64::consts::TAU;
@@ -38,12 +39,24 @@ pub(crate) struct Closure {
 impl Closure {
     /// The closure that is nearest to the twist and fibre count of the yarn.
     pub fn new(yarn: &Yarn, length_mm: f64) -> Closure {
+        Closure::of_fibres(yarn, yarn.fibres_per_ply, length_mm)
+    }
+
+    /// The same for a thread that is uneven along its length: there are as many fibres as its
+    /// thickest place holds.
+    pub fn of_profile(yarn: &Yarn, profile: Option<&Profile>, length_mm: f64) -> Closure {
+        let most = profile.map_or(1.0, Profile::most);
+        let fibres = (f64::from(yarn.fibres_per_ply) * most).round() as u32;
+        Closure::of_fibres(yarn, fibres.max(1), length_mm)
+    }
+
+    fn of_fibres(yarn: &Yarn, fibres_per_ply: u32, length_mm: f64) -> Closure {
         let plies = i64::from(yarn.plies);
         let shift_exact = plies as f64 * yarn.ply_twist_rad_per_mm * length_mm / TAU;
         let ply_shift = shift_exact.round() as i64;
         let shift = ply_shift.rem_euclid(plies) as usize;
         let visited = (plies as usize / gcd(plies as usize, shift)) as u32;
-        let wanted = f64::from(yarn.fibres_per_ply);
+        let wanted = f64::from(fibres_per_ply);
         let close = |rounds: u32| {
             let exact = yarn.twist_rad_per_mm * length_mm / TAU * f64::from(rounds * visited);
             let turns = exact.round() as i64;
@@ -67,7 +80,7 @@ impl Closure {
             let price = slope_error + count_error + ROUND_PRICE * f64::from(rounds);
             (distinct, price, closure)
         };
-        (2..=MAX_ROUNDS.min(yarn.fibres_per_ply))
+        (2..=MAX_ROUNDS.min(fibres_per_ply))
             .map(close)
             .filter(|(distinct, ..)| *distinct)
             .fold(

@@ -4,21 +4,27 @@ mod build;
 mod drawing;
 mod figures;
 mod import;
+mod irregularity;
+mod spacing;
+mod spun;
 mod yarns;
 
 use crate::Draft;
 use crate::closure::Closure;
 use crate::curve_file::PolyCurve;
+use crate::dye::Dye;
 use crate::knit::Knit;
 use crate::path::{Hermite, Path};
 use crate::strand::Strand;
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};
+use spun::Spun;
 use std::sync::Arc;
 
 pub use build::Loader;
 pub use figures::{Figures, SystemFigures};
+pub use irregularity::{Irregularity, SystemIrregularity};
 
 /// The properties that determine the optics of a segment.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,8 +69,11 @@ enum Centreline {
 #[derive(Clone, Debug)]
 struct ThreadAtRest {
     line: Centreline,
+    /// Index of its kind of yarn.
     yarn: usize,
-    material: u16,
+    /// The yarn as spun: with the mass of this thread.
+    spun: Spun,
+    dye: Dye,
     /// Factors on the round cross-section's width and height.
     flatten: DVec2,
 }
@@ -73,7 +82,7 @@ struct ThreadAtRest {
 #[derive(Clone, Debug)]
 pub struct Cloth {
     draft: Option<Draft>,
-    yarns: Vec<Yarn>,
+    yarns: Vec<Arc<Yarn>>,
     threads: Vec<ThreadAtRest>,
     materials: Vec<Material>,
     tile: Tile,
@@ -96,7 +105,7 @@ impl Cloth {
     }
 
     /// The yarns in use.
-    pub fn yarns(&self) -> &[Yarn] {
+    pub fn yarns(&self) -> &[Arc<Yarn>] {
         &self.yarns
     }
 
@@ -113,12 +122,17 @@ impl Cloth {
 
     /// A thread's centreline in steps short enough for a level.
     fn path(&self, thread: &ThreadAtRest, level: CurveLevel) -> Path {
-        let yarn = &self.yarns[thread.yarn];
+        let yarn = &*thread.spun.yarn;
         let plies = yarn.ply_twist_rad_per_mm.powi(2) * yarn.ply_centre_mm;
         let twist = match level {
             CurveLevel::Yarn => 0.0,
             CurveLevel::Ply => plies,
-            CurveLevel::Fibre => plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm,
+            CurveLevel::Fibre => {
+                let wander = yarn.wander.map_or(0.0, |w| {
+                    BEND_OF_WANDER * w.amplitude * yarn.ply_radius_mm / w.length_mm.powi(2)
+                });
+                plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm + wander
+            }
         };
         let step = |bend: f64| (8.0 * CHORD_ERROR * yarn.fibre_radius_mm / (bend + twist)).sqrt();
         match &thread.line {
@@ -149,16 +163,19 @@ impl Cloth {
 
     fn strand<'a>(&'a self, batch: usize, path: &'a Path) -> Strand<'a> {
         let thread = &self.threads[batch];
-        let yarn = &self.yarns[thread.yarn];
+        let yarn = &*thread.spun.yarn;
+        let profile = thread.spun.profile.as_deref();
         Strand {
             yarn,
-            closure: Closure::new(yarn, path.length_mm()),
+            closure: Closure::of_profile(yarn, profile, path.length_mm()),
             path,
+            profile,
+            dye: &thread.dye,
             flatten: thread.flatten,
             seed: (self.seed, batch as u64),
             template: Segment {
                 yarn: batch as u32,
-                material: thread.material,
+                material: thread.dye.main(),
                 ..Segment::straight(Vec3::ZERO, Vec3::ZERO, 0.0)
             },
         }
@@ -174,6 +191,9 @@ pub struct Curves<'a> {
 
 /// The largest distance between a chord and the fibre, as a share of the fibre's radius.
 const CHORD_ERROR: f64 = 0.1;
+/// Typical curvature of a fibre that wanders by one unit of length over another, as the spline
+/// between independent knots has it.
+const BEND_OF_WANDER: f64 = 4.0;
 /// Where a yarn bends more sharply than its thickness allows, its cross-sections lean less than
 /// the yarn does, so that inner fibres never fold: the curvature that they follow stays below
 /// this value over the half-thickness.
@@ -190,7 +210,7 @@ impl SegmentSource for Curves<'_> {
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
         if let Centreline::Bare(curve) = &self.cloth.threads[batch].line {
-            let (yarn, material) = (batch as u32, self.cloth.threads[batch].material);
+            let (yarn, material) = (batch as u32, self.cloth.threads[batch].dye.main());
             curve.for_each_segment(&mut |s| {
                 emit(&Segment {
                     yarn,

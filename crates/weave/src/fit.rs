@@ -4,22 +4,23 @@
 use crate::yarn::{MAX_FIBRE_VOLUME_FRACTION, Yarn};
 use crate::{Draft, Error};
 use glam::DVec2;
+use std::sync::Arc;
 
 /// Narrowest cross-section that neighbours can press a yarn into, as width
 /// over height (estimated).
 const MIN_ASPECT: f64 = 0.5;
 
 /// The threads of one system before the cloth is formed.
-pub(crate) struct Threads<'a> {
+pub(crate) struct Threads {
     /// `warp` or `weft`.
     pub name: &'static str,
     /// The space that each thread takes up along the system, millimetres.
     pub spacing_mm: Vec<f64>,
     /// The yarn of each thread.
-    pub yarns: Vec<&'a Yarn>,
+    pub yarns: Vec<Arc<Yarn>>,
 }
 
-impl Threads<'_> {
+impl Threads {
     fn period_mm(&self) -> f64 {
         self.spacing_mm.iter().sum()
     }
@@ -204,7 +205,7 @@ mod tests {
         let threads = |name, n, spacing| Threads {
             name,
             spacing_mm: vec![spacing; n],
-            yarns: vec![yarn; n],
+            yarns: (0..n).map(|_| Arc::new(yarn.clone())).collect(),
         };
         fit(
             &draft,

@@ -37,23 +37,32 @@ mod closure;
 mod cloth;
 pub mod curve_file;
 pub mod draft;
+mod drawn_curve;
+mod dye;
 mod error;
+mod evenness;
 mod fit;
+mod hairs;
 mod ini;
 mod knit;
 mod named;
 mod path;
 mod picture;
 pub mod preset;
+mod protruding;
 mod push_apart;
 mod relax;
 pub mod spec;
 mod spline;
 mod strand;
+mod wander;
 mod wif;
 mod yarn;
 
-pub use cloth::{Cloth, CurveLevel, Curves, Figures, Loader, Material, SystemFigures};
+pub use cloth::{
+    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, SystemFigures,
+    SystemIrregularity,
+};
 pub use draft::{Draft, Thread};
 pub use error::Error;
 pub use picture::Picture;

@@ -207,6 +207,11 @@ impl Path {
         }
     }
 
+    /// Whether the line has a sample `i`: an open one ends.
+    pub fn has(&self, i: isize) -> bool {
+        !self.open || (0..=self.steps() as isize).contains(&i)
+    }
+
     /// Number of steps in a period.
     pub fn steps(&self) -> usize {
         self.points.len() - 1

@@ -192,8 +192,7 @@ pub fn preset(name: &str) -> Option<Preset> {
                 max_fraction: 1.0,
                 cycles_per_turn: row.migration.0,
             }),
-            hairs: None,
-            loops: None,
+            ..YarnSpec::default()
         },
     })
 }

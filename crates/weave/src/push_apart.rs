@@ -10,7 +10,7 @@
 //! a fibre that keeps its place among its neighbours has the same shift all along. Between
 //! stations they are interpolated with continuous tangents.
 
-use crate::spline::catmull_rom;
+use crate::spline::closed_spline;
 use glam::{DVec2, Vec2};
 
 /// Rounds, each of which searches neighbours again, and pushes within a round.
@@ -24,7 +24,7 @@ const REACH_RADII: f32 = 3.0;
 /// Angle of twist and migration between stations, radians.
 const STATION_RAD: f64 = 0.5;
 const MIN_STATIONS: usize = 4;
-/// Maximum number of discs, of 48 bytes each; larger bundles are not pushed apart.
+/// Maximum number of discs, of 52 bytes each; larger bundles are not pushed apart.
 const MAX_DISCS: usize = 1 << 20;
 
 /// The fibres to push apart: those of all plies, each wound through the period several times.
@@ -35,11 +35,12 @@ pub(crate) struct Bundle<'a> {
     /// Twist and migration over one period.
     pub angle_rad: f64,
     pub length_mm: f64,
+    /// The largest radius of a fibre.
     pub fibre_radius_mm: f64,
     /// Factors on the round cross-section's width and height.
     pub flatten: DVec2,
     /// The largest distance of a fibre's centre from the centre of its ply, unless it starts
-    /// farther out.
+    /// farther out, in a section of scale 1.
     pub reach_mm: f64,
     /// The place of a fibre in a winding, at a share of the period.
     pub place: &'a dyn Fn(usize, u32, f64) -> FibrePlace,
@@ -53,6 +54,10 @@ pub(crate) struct FibrePlace {
     /// Unit direction from there to the fibre.
     pub direction: DVec2,
     pub distance_mm: f64,
+    /// Radius of the fibre; 0 where there is none.
+    pub radius_mm: f64,
+    /// Linear size of the section relative to the yarn's mean.
+    pub scale: f64,
 }
 
 impl FibrePlace {
@@ -77,15 +82,7 @@ impl FibreShifts {
     /// outside 0 to 1: radial and tangential to the centre of the ply, mm.
     pub fn at(&self, fibre: usize, run: f64) -> DVec2 {
         let n = self.around;
-        let place = (run - run.floor()) * n as f64;
-        let first = (place as usize).min(n - 1);
-        let t = (place - first as f64) as f32;
-        let own = &self.shifts_mm[fibre * n..][..n];
-        let after = if first + 1 < n { first + 1 } else { 0 };
-        let last = if after + 1 < n { after + 1 } else { 0 };
-        let before = if first > 0 { first - 1 } else { n - 1 };
-        let around = [own[before], own[first], own[after], own[last]];
-        catmull_rom(around, t).as_dvec2()
+        closed_spline(&self.shifts_mm[fibre * n..][..n], run)
     }
 }
 
@@ -100,6 +97,7 @@ struct Disc {
     /// Part of the unit tangent that lies in the cross-section.
     slant: Vec2,
     reach_mm: f32,
+    radius_mm: f32,
     at_mm: Vec2,
     /// Index in the section.
     piece: u32,
@@ -168,7 +166,8 @@ impl Bundle<'_> {
                     ply_mm: flatten * place.ply_mm.as_vec2(),
                     direction: place.direction.as_vec2(),
                     slant: Vec2::ZERO,
-                    reach_mm: place.distance_mm.max(self.reach_mm) as f32,
+                    reach_mm: place.distance_mm.max(self.reach_mm * place.scale) as f32,
+                    radius_mm: place.radius_mm as f32,
                     at_mm: base_mm,
                     piece: piece as u32,
                 });
@@ -206,16 +205,19 @@ impl Bundle<'_> {
             let by_place = a.at_mm.x.total_cmp(&b.at_mm.x);
             by_place.then(a.piece.cmp(&b.piece))
         });
-        let radius = self.fibre_radius_mm as f32;
-        let (reach, least) = (REACH_RADII * radius, 2.0 * radius);
+        let reach = REACH_RADII * self.fibre_radius_mm as f32;
         pairs.clear();
         for (a, disc) in section.iter().enumerate() {
+            if disc.radius_mm == 0.0 {
+                continue;
+            }
             for (b, other) in section.iter().enumerate().skip(a + 1) {
                 let apart = other.at_mm - disc.at_mm;
                 if apart.x > reach {
                     break;
                 }
-                if apart.length_squared() < reach * reach {
+                let is_there = other.radius_mm > 0.0;
+                if is_there && apart.length_squared() < reach * reach {
                     pairs.push((a as u32, b as u32));
                 }
             }
@@ -224,7 +226,7 @@ impl Bundle<'_> {
         for _ in 0..PUSHES {
             for &(a, b) in &*pairs {
                 let (a, b) = (a as usize, b as usize);
-                let push = push(&section[a], &section[b], least);
+                let push = push(&section[a], &section[b]);
                 if push != Vec2::ZERO {
                     section[a].at_mm -= push;
                     section[b].at_mm += push;
@@ -246,7 +248,8 @@ impl Bundle<'_> {
 /// negative. Fibres cross the section at a slant, so the distance that counts is perpendicular
 /// to the fibres.
 #[inline]
-fn push(a: &Disc, b: &Disc, min_mm: f32) -> Vec2 {
+fn push(a: &Disc, b: &Disc) -> Vec2 {
+    let min_mm = a.radius_mm + b.radius_mm;
     let apart = b.at_mm - a.at_mm;
     let along = 0.5 * apart.dot(a.slant + b.slant);
     let across = apart.length_squared() - along * along;
@@ -292,6 +295,8 @@ mod tests {
             ply_mm: DVec2::ZERO,
             direction: DVec2::from_angle(TAU * (phase + TURNS * run)),
             distance_mm: (PLY_MM - RADIUS_MM) * radius.sqrt() * wander,
+            radius_mm: RADIUS_MM,
+            scale: 1.0,
         }
     }
 

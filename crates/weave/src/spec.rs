@@ -1,5 +1,9 @@
 //! The geometry tables of a fabric file.
 
+mod irregularity;
+
+pub use irregularity::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+
 use organza_basis::Rgb;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
@@ -25,6 +29,28 @@ pub struct FabricGeometry {
     /// How large the tile is.
     #[serde(default)]
     pub tile: TileSpec,
+    /// Leaves out all irregularity: see [`FabricGeometry::without_irregularity`].
+    #[serde(default)]
+    pub ideal: bool,
+}
+
+impl FabricGeometry {
+    /// The same cloth of even threads at even distances: without `evenness`, `slubs`,
+    /// `fibre_radius_cv_percent`, `wander`, `hairiness` and `spacing_cv_percent`. Hairs and
+    /// loops, migration and colours stay.
+    pub fn without_irregularity(&self) -> FabricGeometry {
+        let mut out = self.clone();
+        for yarn in out.yarn.values_mut() {
+            yarn.evenness = None;
+            yarn.slubs = None;
+            yarn.fibre_radius_cv_percent = None;
+            yarn.wander = None;
+            yarn.hairiness = None;
+        }
+        out.warp.spacing_cv_percent = None;
+        out.weft.spacing_cv_percent = None;
+        out
+    }
 }
 
 /// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`,
@@ -89,6 +115,8 @@ pub struct ThreadSetSpec {
     pub per_cm: Option<f64>,
     /// Distance of thread centres, millimetres.
     pub spacing_mm: Option<f64>,
+    /// Coefficient of variation of the distances, per cent, 0 to 30; 0 without it.
+    pub spacing_cv_percent: Option<f64>,
 }
 
 /// What a yarn consists of.
@@ -144,6 +172,22 @@ pub struct YarnSpec {
     pub hairs: Option<HairSpec>,
     /// Fibres that leave the surface and come back.
     pub loops: Option<LoopSpec>,
+    /// Mass that varies along the yarn.
+    pub evenness: Option<EvennessSpec>,
+    /// Short thick places.
+    pub slubs: Option<SlubSpec>,
+    /// Coefficient of variation of the fibres' radii, per cent, 0 to 50. `fibre_radius_um` is
+    /// then their root mean square.
+    pub fibre_radius_cv_percent: Option<f64>,
+    /// Fibres that wander among their neighbours.
+    pub wander: Option<WanderSpec>,
+    /// Fibres that protrude as random curves, in place of `hairs`.
+    pub hairiness: Option<HairinessSpec>,
+    /// Dye that does not reach the core.
+    pub ring_dye: Option<RingDyeSpec>,
+    /// Fibres of several colours.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blend: Vec<BlendSpec>,
 }
 
 /// Twist: a direction and either turns or an angle.

@@ -1,5 +1,6 @@
 //! Curves through points at equal distances.
 
+use glam::{DVec2, Vec2};
 use std::ops::{Add, Mul, Sub};
 
 /// The point at the share `t` of the way between the two middle ones of four points, on the
@@ -14,4 +15,18 @@ where
     let square = a - times(2.5, b) + times(2.0, c) - times(0.5, d);
     let cubic = times(1.5, b - c) + times(0.5, d - a);
     b + t * (times(0.5, c - a) + t * (square + t * cubic))
+}
+
+/// The point at the share `run` of a closed line through knots at equal distances. `run` may
+/// lie slightly outside 0 to 1.
+#[inline]
+pub(crate) fn closed_spline(knots: &[Vec2], run: f64) -> DVec2 {
+    let n = knots.len();
+    let place = (run - run.floor()) * n as f64;
+    let first = (place as usize).min(n - 1);
+    let t = (place - first as f64) as f32;
+    let after = if first + 1 < n { first + 1 } else { 0 };
+    let last = if after + 1 < n { after + 1 } else { 0 };
+    let before = if first > 0 { first - 1 } else { n - 1 };
+    catmull_rom([knots[before], knots[first], knots[after], knots[last]], t).as_dvec2()
 }

@@ -1,11 +1,15 @@
-//! Plies, fibres, loops and hairs along one period of a yarn [Zhao2016]. `closure.rs` says
-//! how they close over the period.
+//! Plies, fibres and loops along one period of a yarn [Zhao2016]. `closure.rs` says how they
+//! close over the period, `hairs.rs` adds hairs.
 
 use crate::closure::Closure;
+use crate::drawn_curve::Look;
+use crate::dye::{Dye, FibreDye};
+use crate::evenness::{MOST, Profile};
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts};
+use crate::wander::Wander;
 use crate::yarn::Yarn;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use organza_basis::{PathRng, Segment};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -13,8 +17,16 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 const CANDIDATES: u32 = 8;
 /// Normal deviates are clamped to this magnitude, so that no hair is endless.
 const MAX_DEVIATIONS: f64 = 2.5;
+/// The thinnest fibre of a yarn, relative to the mean.
+const MIN_RADIUS: f64 = 0.3;
+/// Length over which a fibre's end tapers, fibre radii (estimated).
+const TAPER_RADII: f64 = 12.0;
+/// Length of a fibre, millimetres, where the yarn does not give it.
+const FIBRE_LENGTH_MM: f64 = 28.0;
+/// Turns of the section over a period that wandering adds to the stations at most.
+const MAX_WANDER_TURNS: f64 = 1e4;
 /// Factor on the measured deviations of hairs; [`LOOP_SCALE`] is that of loops.
-const HAIR_SCALE: f64 = 0.75;
+pub(crate) const HAIR_SCALE: f64 = 0.75;
 const LOOP_SCALE: f64 = 0.5;
 
 /// One yarn in the tile, ready to emit curves.
@@ -28,6 +40,9 @@ pub(crate) struct Strand<'a> {
     pub seed: (u64, u64),
     /// The properties that all segments share.
     pub template: Segment,
+    /// Mass along the period; `None` for an even yarn.
+    pub profile: Option<&'a Profile>,
+    pub dye: &'a Dye,
 }
 
 /// A fibre before it is wound through the tile.
@@ -37,6 +52,12 @@ struct Fibre {
     radius_mm: f64,
     phase_rad: f64,
     swing_rad: f64,
+    /// Its own radius.
+    fibre_radius_mm: f64,
+    /// Where along its windings its ends lie, as a share of them; only in uneven yarn.
+    end: f64,
+    wander: Option<Wander>,
+    dye: FibreDye,
     /// Radius of the loop's top at each outer turning point that has one.
     loops_mm: Vec<Option<f64>>,
 }
@@ -45,24 +66,9 @@ struct Fibre {
 const PLY_PHASE: u64 = 0;
 const PLACING: u64 = 1 << 40;
 const FIBRE: u64 = 2 << 40;
-const HAIR: u64 = 3 << 40;
+pub(crate) const HAIR: u64 = 3 << 40;
 
 impl Strand<'_> {
-    /// The centreline, with the mean radius of the cross-section.
-    pub fn emit_yarn(&self, emit: &mut dyn FnMut(&Segment)) {
-        let radius = self.yarn.radius_mm() * (self.flatten.x * self.flatten.y).sqrt();
-        self.emit_period(0, radius, |_| DVec2::ZERO, emit);
-    }
-
-    /// The centres of the plies.
-    pub fn emit_plies(&self, emit: &mut dyn FnMut(&Segment)) {
-        let radius = self.yarn.ply_radius_mm * (self.flatten.x * self.flatten.y).sqrt();
-        let turned = self.ply_phase();
-        for ply in 0..self.yarn.plies {
-            self.emit_period(ply, radius, |s| self.ply_centre(ply, turned, s), emit);
-        }
-    }
-
     /// All fibres, then all hairs.
     pub fn emit_fibres(&self, emit: &mut dyn FnMut(&Segment)) {
         let orbits = self.yarn.plies / self.closure.visited;
@@ -78,8 +84,13 @@ impl Strand<'_> {
                     let shift = shifts.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
                     self.place(fibre, winding, ply_phase, s).shifted(shift)
                 };
-                self.emit_period(id, self.yarn.fibre_radius_mm, place, emit);
-                id += 1;
+                let look = |s: f64| Look {
+                    radius_mm: self.radius_mm(fibre, winding, s),
+                    material: fibre
+                        .dye
+                        .at(|| place(s).length() / (self.scale(s) * self.yarn.radius_mm())),
+                };
+                id = self.emit_period(id, place, look, emit);
             }
         }
         self.emit_hairs(id, emit);
@@ -98,6 +109,8 @@ impl Strand<'_> {
             ply_mm: DVec2::ZERO,
             direction: DVec2::X,
             distance_mm: 0.0,
+            radius_mm: 0.0,
+            scale: 1.0,
         };
         self.bundle(&|_, _, _| nowhere).is_too_large()
     }
@@ -110,13 +123,17 @@ impl Strand<'_> {
         let over_period = |turns: i64| turns.unsigned_abs() as f64 / f64::from(c.windings());
         let turns = (2.0 * flatness).min(1.0) * over_period(c.turns)
             + over_period(c.swings)
-            + c.ply_shift.unsigned_abs() as f64 / f64::from(self.yarn.plies);
+            + c.ply_shift.unsigned_abs() as f64 / f64::from(self.yarn.plies)
+            // Each length of wandering leads about a quarter of a turn away.
+            + self.yarn.wander.map_or(0.0, |w| {
+                (0.25 * self.path.length_mm() / w.length_mm).min(MAX_WANDER_TURNS)
+            });
         Bundle {
             fibres: (self.yarn.plies / c.visited * c.fibres) as usize,
             windings: c.windings() as usize,
             angle_rad: TAU * turns,
             length_mm: self.path.length_mm(),
-            fibre_radius_mm: self.yarn.fibre_radius_mm,
+            fibre_radius_mm: thickest_fibre_mm(self.yarn),
             flatten: self.flatten,
             reach_mm: self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm,
             place,
@@ -134,59 +151,55 @@ impl Strand<'_> {
     fn place(&self, fibre: &Fibre, winding: u32, ply_phase: f64, s: f64) -> FibrePlace {
         let ply = (i64::from(fibre.orbit) + i64::from(winding) * self.closure.ply_shift)
             .rem_euclid(i64::from(self.yarn.plies)) as u32;
-        let (direction, distance_mm) = self.in_ply(fibre, self.run(winding, s));
+        let (direction, distance_mm) = self.in_ply(fibre, winding, s);
+        let scale = self.scale(s);
         FibrePlace {
-            ply_mm: self.ply_centre(ply, ply_phase, s),
+            ply_mm: scale * self.ply_centre(ply, ply_phase, s),
             direction,
-            distance_mm,
+            distance_mm: scale * distance_mm,
+            radius_mm: self.radius_mm(fibre, winding, s),
+            scale,
         }
     }
 
-    /// The hairs, numbered from `first`.
-    pub fn emit_hairs(&self, first: u32, emit: &mut dyn FnMut(&Segment)) {
-        let length = self.path.length_mm();
-        let expected = self.yarn.hairs.per_mm * length;
-        let ply_phase = self.ply_phase();
-        let mut id = first;
-        for ply in 0..self.yarn.plies {
-            let mut rng = self.rng(HAIR + u64::from(ply));
-            // The mean is the expected number, even where that is below one.
-            let count = expected.floor() as u32 + u32::from(unit(&mut rng) < expected.fract());
-            for _ in 0..count {
-                self.emit_hair(id, ply, ply_phase, &mut rng, emit);
-                id += 1;
-            }
-        }
+    /// Linear size of the section at the share `s` of the period, relative to the thread's mean:
+    /// the packing is the same everywhere.
+    pub fn scale(&self, s: f64) -> f64 {
+        self.profile.map_or(1.0, |p| p.mass(s).sqrt())
     }
 
-    /// One hair. It begins inside the ply: its line is extended towards the axis, by at most
-    /// twice the length that stands out.
-    fn emit_hair(
-        &self,
-        id: u32,
-        ply: u32,
-        ply_phase: f64,
-        rng: &mut PathRng,
-        emit: &mut dyn FnMut(&Segment),
-    ) {
-        let scale = self.yarn.ply_radius_mm;
-        let hairs = self.yarn.hairs;
-        let start = scale * normal(rng, hairs.start, HAIR_SCALE).max(0.1);
-        let rise = scale * normal(rng, hairs.rise, HAIR_SCALE).max(0.1);
-        let run = scale * normal(rng, hairs.run, HAIR_SCALE);
-        let turn = normal(rng, hairs.turn_rad, HAIR_SCALE);
-        let (at, phase) = (unit(rng) * self.path.length_mm(), unit(rng) * TAU);
-        let from = -(start / rise).min(2.0);
-        let point = |t: f64| {
-            let arc = at + t * run;
-            let o = self.ply_centre(ply, ply_phase, arc / self.path.length_mm())
-                + (start + t * rise) * DVec2::from_angle(phase + t * turn);
-            self.path.at_arc(arc, self.flatten * o)
+    /// The share of the period's twist up to the share `s` of its length.
+    fn twisted(&self, s: f64) -> f64 {
+        self.profile.map_or(s, |p| p.twisted(s))
+    }
+
+    /// The radius of a fibre, 0 where it is missing. Uneven yarn has fewer fibres in thin places:
+    /// each fibre has a rank at each point, which drifts by one cycle over about a fibre's
+    /// length, and is there while its rank is below the share of fibres that are.
+    fn radius_mm(&self, fibre: &Fibre, winding: u32, s: f64) -> f64 {
+        let Some(profile) = self.profile else {
+            return fibre.fibre_radius_mm;
         };
-        let size = (1.0 - from) * run.hypot(rise).hypot(turn * (start + rise));
-        let steps = (size / self.path.mean_step_mm()).ceil().clamp(6.0, 1000.0);
-        let at_step = |i: isize| point(from + (1.0 - from) * i as f64 / steps);
-        self.emit_curve(id, self.yarn.fibre_radius_mm, steps as isize, at_step, emit);
+        let cycles = self.fibre_cycles();
+        let turn = fibre.end + cycles * self.run(winding, s);
+        let rank = (2.0 * (turn - turn.floor()) - 1.0).abs();
+        let room = profile.mass(s) / profile.most() - rank;
+        if room <= 0.0 {
+            return 0.0;
+        }
+        let length = f64::from(self.closure.windings()) * self.path.length_mm();
+        let taper = 2.0 * cycles * TAPER_RADII * fibre.fibre_radius_mm / length;
+        fibre.fibre_radius_mm * (room / taper).min(1.0).sqrt()
+    }
+
+    /// Pairs of ends on all windings of a fibre.
+    fn fibre_cycles(&self) -> f64 {
+        let fibre_mm = self
+            .yarn
+            .evenness
+            .map_or(FIBRE_LENGTH_MM, |e| e.fibre_length_mm);
+        let length = f64::from(self.closure.windings()) * self.path.length_mm();
+        (length / fibre_mm).round().max(1.0)
     }
 
     /// The fibres of one cycle of plies. Radii are stratified over their distribution. Each
@@ -220,15 +233,34 @@ impl Strand<'_> {
                     .0;
                 placed.push((radius_mm, phase_rad));
                 let mut rng = self.rng(FIBRE + (u64::from(orbit) << 24) + u64::from(i));
+                // Draws of an ideal yarn come first, so that irregularity does not change them.
+                let (swing_rad, loops_mm) = (unit(&mut rng) * TAU, self.loops(radius_mm, &mut rng));
                 Fibre {
                     orbit,
                     radius_mm,
                     phase_rad,
-                    swing_rad: unit(&mut rng) * TAU,
-                    loops_mm: self.loops(radius_mm, &mut rng),
+                    swing_rad,
+                    loops_mm,
+                    fibre_radius_mm: self.own_radius_mm(&mut rng),
+                    end: self.profile.map_or(0.0, |_| unit(&mut rng)),
+                    wander: self.yarn.wander.map(|spec| {
+                        let length = f64::from(self.closure.windings()) * self.path.length_mm();
+                        Wander::new(&spec, length, self.yarn.ply_radius_mm, &mut rng)
+                    }),
+                    dye: self.dye.of_fibre(&mut rng),
                 }
             })
             .collect()
+    }
+
+    /// The radius of a fibre. The root mean square of all is that of the yarn.
+    pub fn own_radius_mm(&self, rng: &mut PathRng) -> f64 {
+        let cv = self.yarn.fibre_radius_cv;
+        if cv == 0.0 {
+            return self.yarn.fibre_radius_mm;
+        }
+        let factor = normal(rng, [1.0, cv], 1.0).max(MIN_RADIUS);
+        self.yarn.fibre_radius_mm * factor / cv.hypot(1.0)
     }
 
     /// Which outer turning points of a fibre become loops, and how high.
@@ -251,12 +283,23 @@ impl Strand<'_> {
             .collect()
     }
 
-    /// Direction and distance of a fibre from the centre of its ply at the share
-    /// `run` of all its windings.
-    fn in_ply(&self, fibre: &Fibre, run: f64) -> (DVec2, f64) {
-        let angle = fibre.phase_rad + TAU * run * self.closure.turns as f64;
+    /// Direction and distance of a fibre from the centre of its ply at the share `s` of a
+    /// winding, in a section of scale 1.
+    fn in_ply(&self, fibre: &Fibre, winding: u32, s: f64) -> (DVec2, f64) {
+        let run = self.run(winding, s);
+        let twisted = self.run(winding, self.twisted(s));
+        let mut angle = fibre.phase_rad + TAU * twisted * self.closure.turns as f64;
         let swing = fibre.swing_rad + TAU * run * self.closure.swings as f64;
         let mut radius = fibre.radius_mm * self.yarn.migrated(swing);
+        if let Some(wander) = &fibre.wander {
+            let shift = wander.at(run);
+            // Near the centre the same displacement is a larger angle; on the surface fibres
+            // stay inside.
+            let least = 0.25 * self.yarn.ply_radius_mm;
+            let reach = (self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm).max(radius);
+            angle += shift.y / radius.max(least);
+            radius = (radius + shift.x).abs().min(reach);
+        }
         if !fibre.loops_mm.is_empty() {
             let cycle = (swing / TAU).round();
             let from_top = swing - cycle * TAU;
@@ -268,78 +311,30 @@ impl Strand<'_> {
         (DVec2::from_angle(angle), radius)
     }
 
-    fn rng(&self, stream: u64) -> PathRng {
+    pub fn rng(&self, stream: u64) -> PathRng {
         PathRng::new(self.seed.0, self.seed.1, stream)
     }
 
     /// The angle of the first ply at the start of the tile.
-    fn ply_phase(&self) -> f64 {
+    pub fn ply_phase(&self) -> f64 {
         unit(&mut self.rng(PLY_PHASE)) * TAU
     }
 
     /// Centre of a ply in the round cross-section at the fraction `s` of the
     /// period.
-    fn ply_centre(&self, ply: u32, phase: f64, s: f64) -> DVec2 {
-        let turns =
-            (f64::from(ply) + s * self.closure.ply_shift as f64) / f64::from(self.yarn.plies);
+    pub fn ply_centre(&self, ply: u32, phase: f64, s: f64) -> DVec2 {
+        let turns = (f64::from(ply) + self.twisted(s) * self.closure.ply_shift as f64)
+            / f64::from(self.yarn.plies);
         self.yarn.ply_centre_mm * DVec2::from_angle(phase + TAU * turns)
-    }
-
-    /// One curve through the period: `offset` gives its place in the round cross-section at a
-    /// fraction of the period, which may lie slightly outside 0 to 1.
-    fn emit_period(
-        &self,
-        fibre: u32,
-        radius_mm: f64,
-        offset: impl Fn(f64) -> DVec2,
-        emit: &mut dyn FnMut(&Segment),
-    ) {
-        let length = self.path.length_mm();
-        let point = |i: isize| {
-            self.path
-                .offset(i, self.flatten * offset(self.path.arc_at(i) / length))
-        };
-        self.emit_curve(fibre, radius_mm, self.path.steps() as isize, point, emit);
-    }
-
-    /// A curve through the points 0 to `steps`; the points before and after give the tangents
-    /// at its ends. A tangent is the direction of the chord over two steps, which needs no
-    /// derivative of the frame and is continuous across the border of the tile.
-    fn emit_curve(
-        &self,
-        fibre: u32,
-        radius_mm: f64,
-        steps: isize,
-        point: impl Fn(isize) -> DVec3,
-        emit: &mut dyn FnMut(&Segment),
-    ) {
-        let mut segment = Segment {
-            fibre,
-            start_radius_mm: radius_mm as f32,
-            end_radius_mm: radius_mm as f32,
-            ..self.template
-        };
-        let mut window = [point(-1), point(0), point(1)];
-        let tangent = |w: &[DVec3; 3]| (w[2] - w[0]).normalize_or(DVec3::X).as_vec3();
-        segment.end_mm = window[1].as_vec3();
-        segment.end_tangent = tangent(&window);
-        for i in 1..=steps {
-            window = [window[1], window[2], point(i + 1)];
-            segment.start_mm = segment.end_mm;
-            segment.start_tangent = segment.end_tangent;
-            segment.end_mm = window[1].as_vec3();
-            segment.end_tangent = tangent(&window);
-            emit(&segment);
-        }
     }
 }
 
-fn unit(rng: &mut PathRng) -> f64 {
+pub(crate) fn unit(rng: &mut PathRng) -> f64 {
     f64::from(rng.unit())
 }
 
 /// A normal deviate with scaled deviation and clamped tails.
-fn normal(rng: &mut PathRng, [mean, deviation]: [f64; 2], scale: f64) -> f64 {
+pub(crate) fn normal(rng: &mut PathRng, [mean, deviation]: [f64; 2], scale: f64) -> f64 {
     let deviate = f64::from(rng.normal2().x).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
     mean + scale * deviation * deviate
 }
@@ -356,5 +351,17 @@ pub(crate) fn reach_mm(yarn: &Yarn) -> f64 {
         let start = most(yarn.hairs.start, HAIR_SCALE).max(0.1);
         reach = reach.max(start + most(yarn.hairs.rise, HAIR_SCALE).max(0.1));
     }
-    yarn.ply_centre_mm + yarn.ply_radius_mm * reach
+    let uneven = yarn.evenness.is_some() || yarn.slubs.is_some();
+    let scale = if uneven { MOST.sqrt() } else { 1.0 };
+    scale * (yarn.ply_centre_mm + yarn.ply_radius_mm * reach)
+}
+
+/// Upper bound of the radius of a fibre.
+pub(crate) fn thickest_fibre_mm(yarn: &Yarn) -> f64 {
+    (1.0 + MAX_DEVIATIONS * yarn.fibre_radius_cv) * yarn.fibre_radius_mm
+}
+
+/// Upper bound of the distance of protruding fibres from the faces of the yarn.
+pub(crate) fn protruding_mm(yarn: &Yarn) -> f64 {
+    yarn.hairiness.map_or(0.0, |h| h.reach_mm)
 }

@@ -3,9 +3,13 @@
 mod complete_spec;
 
 use crate::Error;
-use crate::spec::{CrossSectionSpec, MigrationSpec, YarnKind, YarnSpec};
+use crate::spec::{
+    BlendSpec, CrossSectionSpec, EvennessSpec, HairinessSpec, MigrationSpec, RingDyeSpec, SlubSpec,
+    WanderSpec, YarnKind, YarnSpec,
+};
 use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// Densest packing of equal circles in the plane, pi / sqrt(12).
 pub const MAX_FIBRE_VOLUME_FRACTION: f64 = 0.9069;
@@ -48,9 +52,23 @@ pub struct Yarn {
     pub hairs: Hairs,
     /// Fibres that leave the surface and come back.
     pub loops: Loops,
+    /// Variation of the mass along the yarn, if any.
+    pub evenness: Option<EvennessSpec>,
+    /// Thick places, if any.
+    pub slubs: Option<SlubSpec>,
+    /// Coefficient of variation of the fibres' radii.
+    pub fibre_radius_cv: f64,
+    /// Random wandering of the fibres, if any.
+    pub wander: Option<WanderSpec>,
+    /// Protruding fibres as random curves, if any; `hairs` then has none.
+    pub hairiness: Option<HairinessSpec>,
+    /// Dye that does not reach the core, if any.
+    pub ring_dye: Option<RingDyeSpec>,
+    /// Colours of the fibres, if there are several; empty with `ring_dye`.
+    pub blend: Vec<BlendSpec>,
     /// Quantiles of the fibres' distance from the ply's centre, as shares of
     /// the largest, at equal steps from 0 to 1.
-    radial_quantiles: Vec<f64>,
+    radial_quantiles: Arc<[f64]>,
 }
 
 /// [`crate::spec::HairSpec`] with every value; pairs are mean and standard deviation.
@@ -88,6 +106,25 @@ impl Yarn {
         let straight = complete.yarn(1.0)?;
         // Twisted fibres are longer than their yarn, so fewer fibres give its tex.
         complete.yarn(straight.fibre_per_yarn_length())
+    }
+
+    /// The yarn of a thread whose mass per length is so many times the mean. It has the same
+    /// packing, and twist gathers in thin yarn.
+    pub(crate) fn with_mass(&self, mass: f64) -> Yarn {
+        if mass == 1.0 {
+            return self.clone();
+        }
+        let fibres = (f64::from(self.fibres_per_ply) * mass).round();
+        let fibres = fibres.clamp(1.0, f64::from(MAX_FIBRES_PER_PLY));
+        let mass = fibres / f64::from(self.fibres_per_ply);
+        Yarn {
+            fibres_per_ply: fibres as u32,
+            ply_radius_mm: self.ply_radius_mm * mass.sqrt(),
+            ply_centre_mm: self.ply_centre_mm * mass.sqrt(),
+            twist_rad_per_mm: self.twist_rad_per_mm / mass,
+            ply_twist_rad_per_mm: self.ply_twist_rad_per_mm / mass,
+            ..self.clone()
+        }
     }
 
     /// Distance from the centre of the ply within which the share `u` of all fibres lies,
@@ -160,7 +197,7 @@ impl Yarn {
 }
 
 /// Solves for the quantiles of `p(R) R`, with p of [Zhao2016].
-fn radial_quantiles(c: CrossSectionSpec) -> Vec<f64> {
+fn radial_quantiles(c: CrossSectionSpec) -> Arc<[f64]> {
     const STEPS: usize = 512;
     let e = std::f64::consts::E;
     let density = |r: f64| {

@@ -183,6 +183,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         "tile": box_of(&organza_basis::SegmentSource::tile(&fabric.cloth).bounds_mm),
         "draft": fabric.cloth.draft().map(Draft::summary),
         "figures": fabric.cloth.figures(),
+        "irregularity": fabric.cloth.irregularity(),
         "openness": 1.0 - fabric.cloth.figures().cover_factor,
         "yarns": yarns,
         "materials": materials,

@@ -1,6 +1,8 @@
 //! Builds threads at rest from a description.
 
 use super::import::imported;
+use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
+use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::closure::Closure;
@@ -10,8 +12,7 @@ use crate::knit::Knit;
 use crate::named::gcd;
 use crate::relax::{System, relax};
 use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec};
-use crate::strand::reach_mm;
-use crate::yarn::Yarn;
+use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::{CurveLevel, Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Tile};
@@ -26,7 +27,6 @@ const MAX_IN_TILE: usize = 1 << 22;
 /// Largest difference between realised and requested twist without a warning, as the slope of
 /// the outermost fibres or plies.
 const TWIST_WARNING: f64 = 0.06;
-
 impl Cloth {
     /// Makes a cloth from its description. `load` fetches the files that the
     /// description names; equal seeds give equal cloths.
@@ -49,10 +49,15 @@ impl Cloth {
         }
         check_colours("warp", &fabric.warp)?;
         check_colours("weft", &fabric.weft)?;
+        if fabric.ideal {
+            let mut even = fabric.without_irregularity();
+            even.ideal = false;
+            return Cloth::build(&even, load, seed);
+        }
         let mut cloth = match (&d.knit, &d.curves) {
-            (Some(name), _) => knitted(fabric, name)?,
-            (_, Some(name)) => imported(fabric, name, load)?,
-            _ => woven(fabric, load)?,
+            (Some(name), _) => knitted(fabric, name, seed)?,
+            (_, Some(name)) => imported(fabric, name, load, seed)?,
+            _ => woven(fabric, load, seed)?,
         };
         cloth.seed = seed;
         cloth.warn_of_yarns();
@@ -70,7 +75,7 @@ impl Cloth {
             if let Centreline::Bare(_) = thread.line {
                 continue;
             }
-            let yarn = &self.yarns[thread.yarn];
+            let yarn = &*thread.spun.yarn;
             let path = self.path(thread, CurveLevel::Yarn);
             let length = path.length_mm();
             let closure = Closure::new(yarn, length);
@@ -145,7 +150,7 @@ fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
     }
 }
 
-fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
+fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
     let draft = read_draft(&fabric.draft, load)?;
     let mut warnings = draft.warnings.clone();
     warn_of_loose_threads(&draft, &mut warnings);
@@ -167,8 +172,22 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
     colour(&mut draft.warp, &fabric.warp.colours);
     colour(&mut draft.weft, &fabric.weft.colours);
 
-    let warp = beside("warp", &draft.warp, &fabric.warp, &warp_yarns, &yarns)?;
-    let weft = beside("weft", &draft.weft, &fabric.weft, &weft_yarns, &yarns)?;
+    let warp_mm = spacings_mm("warp", &draft.warp, &fabric.warp, seed, WARP_SPACING)?;
+    let weft_mm = spacings_mm("weft", &draft.weft, &fabric.weft, seed, WEFT_SPACING)?;
+    // The ends are as long as the picks are wide together.
+    let spin = |system: &[usize], threads: usize, along_mm: &[f64], first| {
+        let of_thread = (0..threads).map(|i| system[i % system.len()]);
+        Spun::system(&yarns, of_thread, along_mm.iter().sum(), seed, first)
+    };
+    let warp_spun = spin(&warp_yarns, ends, &weft_mm, 0);
+    let weft_spun = spin(&weft_yarns, picks, &warp_mm, ends);
+    let beside = |name, spacing_mm, spun: &'_ [Spun]| Threads {
+        name,
+        spacing_mm,
+        yarns: spun.iter().map(|s| s.yarn.clone()).collect(),
+    };
+    let warp = beside("warp", warp_mm, &warp_spun);
+    let weft = beside("weft", weft_mm, &weft_spun);
     let fitted = fit(&draft, &warp, &weft)?;
     let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
     let rest = relax(&draft, &warp, &weft, fabric.relaxation.max_iterations)?;
@@ -190,6 +209,7 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
             DVec3::Y,
             origin,
             warp_yarns[e % warp_yarns.len()],
+            &warp_spun[e],
             draft.warp[e],
             fitted.warp[e],
         )
@@ -201,12 +221,15 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
             DVec3::X,
             origin,
             weft_yarns[p % weft_yarns.len()],
+            &weft_spun[p],
             draft.weft[p],
             fitted.weft[p],
         )
     });
-    for (curve, axis, origin, yarn, thread, flatten) in of_warp.chain(of_weft) {
-        let reach = flatten.y * reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm;
+    for (curve, axis, origin, yarn, spun, thread, flatten) in of_warp.chain(of_weft) {
+        let body = flatten.y * reach_mm(&spun.yarn);
+        let hairs = flatten.y * spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
+        let reach = body.max(hairs) + thickest_fibre_mm(&spun.yarn);
         let (low, high) = curve.range_mm();
         heights = (heights.0.min(low - reach), heights.1.max(high + reach));
         placed.push(ThreadAtRest {
@@ -216,7 +239,8 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
                 origin,
             },
             yarn,
-            material: materials.index(&yarns[yarn], thread.colour)?,
+            spun: spun.clone(),
+            dye: materials.dye(&yarns[yarn], thread.colour)?,
             flatten,
         });
     }
@@ -233,7 +257,7 @@ fn woven(fabric: &FabricGeometry, load: Loader) -> Result<Cloth, Error> {
     })
 }
 
-fn knitted(fabric: &FabricGeometry, name: &str) -> Result<Cloth, Error> {
+fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Error> {
     let draft = &fabric.draft;
     let wale_mm = match draft.wales_per_cm {
         Some(n) if n > 0.0 && n.is_finite() => 10.0 / n,
@@ -269,14 +293,19 @@ fn knitted(fabric: &FabricGeometry, name: &str) -> Result<Cloth, Error> {
         let yarn = course_yarns[course % course_yarns.len()];
         let colours = &fabric.weft.colours;
         let colour = colours.get(course % colours.len().max(1)).copied();
-        reach = reach.max(reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm);
+        let length_mm = knit.path(course, 0.25 * wale_mm).length_mm();
+        let spun = Spun::new(&yarns[yarn], length_mm, seed, course);
+        let hairs = spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
+        let out = reach_mm(&spun.yarn).max(hairs);
+        reach = reach.max(out + thickest_fibre_mm(&spun.yarn));
         placed.push(ThreadAtRest {
             line: Centreline::Knitted {
                 knit: knit.clone(),
                 course,
             },
             yarn,
-            material: materials.index(&yarns[yarn], colour)?,
+            spun,
+            dye: materials.dye(&yarns[yarn], colour)?,
             flatten: DVec2::ONE,
         });
     }
@@ -343,55 +372,6 @@ fn colour(threads: &mut [Thread], colours: &[Rgb]) {
             t.colour = Some(*c);
         }
     }
-}
-
-/// The spacing of thread `index`: from the fabric, otherwise from the draft.
-fn spacing_mm(
-    name: &str,
-    spec: &ThreadSetSpec,
-    drafted: Option<f32>,
-    index: usize,
-) -> Result<f64, Error> {
-    let spacing = match (spec.per_cm, spec.spacing_mm) {
-        (None, None) => drafted.map(f64::from),
-        (Some(n), None) if (0.01..=1e4).contains(&n) => Some(10.0 / n),
-        (Some(n), None) => {
-            let message = format!("expected 0.01 to 10000 threads per cm, found {n}");
-            return Err(Error::spec(format!("{name}.per_cm"), message));
-        }
-        (None, Some(s)) => Some(s),
-        _ => return Err(Error::spec(name, "expected per_cm or spacing_mm, not both")),
-    };
-    let spacing = spacing.ok_or_else(|| {
-        let message = format!(
-            "thread {} has no spacing; give per_cm or spacing_mm",
-            index + 1
-        );
-        Error::spec(name, message)
-    })?;
-    if !(1e-3..=1e3).contains(&spacing) {
-        let message = format!("expected a spacing from 0.001 to 1000 mm, found {spacing} mm");
-        return Err(Error::spec(format!("{name}.spacing_mm"), message));
-    }
-    Ok(spacing)
-}
-
-fn beside<'a>(
-    name: &'static str,
-    threads: &[Thread],
-    spec: &ThreadSetSpec,
-    yarn_of: &[usize],
-    yarns: &'a [Yarn],
-) -> Result<Threads<'a>, Error> {
-    let spacings = threads.iter().enumerate();
-    let spacings = spacings.map(|(i, t)| spacing_mm(name, spec, t.spacing_mm, i));
-    Ok(Threads {
-        name,
-        spacing_mm: spacings.collect::<Result<_, _>>()?,
-        yarns: (0..threads.len())
-            .map(|i| &yarns[yarn_of[i % yarn_of.len()]])
-            .collect(),
-    })
 }
 
 /// The threads of a system with their cross-sections, at their positions.

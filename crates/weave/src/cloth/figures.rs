@@ -91,7 +91,7 @@ impl Cloth {
         let (mut packing, mut covered) = (0.0f64, 0.0);
         let mut wales = 0;
         for thread in &self.threads {
-            let yarn = &self.yarns[thread.yarn];
+            let yarn = &*thread.spun.yarn;
             let mut add = |fibre: f64, radius: f64| {
                 let volume = fibre * PI * radius * radius;
                 fibre_length += fibre;
@@ -113,13 +113,16 @@ impl Cloth {
             }
             let path = self.path(thread, CurveLevel::Ply);
             let length = path.length_mm();
-            let closure = Closure::new(yarn, length);
+            let profile = thread.spun.profile.as_deref();
+            let closure = Closure::of_profile(yarn, profile, length);
+            // Of the fibres of the thickest place, those that are there on average.
+            let present = profile.map_or(1.0, |p| p.mean(|mass| mass / p.most()));
             let per_length = yarn.fibre_per_length_at(
                 closure.twist_rad_per_mm(length),
                 closure.ply_twist_rad_per_mm(yarn.plies, length),
             );
             let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
-            add(length * fibres * per_length, yarn.fibre_radius_mm);
+            add(length * present * fibres * per_length, yarn.fibre_radius_mm);
 
             let diameter = 2.0 * yarn.radius_mm() * thread.flatten;
             let sum = match &thread.line {

@@ -1,16 +1,23 @@
 //! Curves from files as yarns or fibres.
 
+use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::curve_file::CurveSet;
+use crate::protruding::longest_protruding_mm;
 use crate::spec::{CurveKind, FabricGeometry};
-use crate::strand::reach_mm;
+use crate::strand::{reach_mm, thickest_fibre_mm};
 use crate::{Error, Loader};
 use glam::{DVec2, DVec3};
 use organza_basis::{Aabb, Tile};
 
 /// A cloth of the curves in the file called `name`.
-pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Result<Cloth, Error> {
+pub(super) fn imported(
+    fabric: &FabricGeometry,
+    name: &str,
+    load: Loader,
+    seed: u64,
+) -> Result<Cloth, Error> {
     let bytes = load(name).map_err(|source| Error::Load {
         key: "draft.curves".to_owned(),
         name: name.to_owned(),
@@ -51,10 +58,14 @@ pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Res
                 closed: curve.closed,
             },
         };
+        let pieces = curve.points_mm.windows(2);
+        let length_mm: f64 = pieces.map(|p| f64::from(p[0].distance(p[1]))).sum();
+        let spun = Spun::new(&yarns[yarn], length_mm.max(f64::MIN_POSITIVE), seed, i);
         let thread = ThreadAtRest {
             line,
             yarn,
-            material: materials.index(&yarns[yarn], colour)?,
+            spun,
+            dye: materials.dye(&yarns[yarn], colour)?,
             flatten: DVec2::ONE,
         };
         match &thread.line {
@@ -64,7 +75,9 @@ pub(super) fn imported(fabric: &FabricGeometry, name: &str, load: Loader) -> Res
                 let ends = points.windows(2).map(|w| w[0].distance(w[1]));
                 let closing = points[0].distance(points[points.len() - 1]);
                 let longest = ends.fold(if *closed { closing } else { 0.0 }, f64::max);
-                let reach = reach_mm(&yarns[yarn]) + yarns[yarn].fibre_radius_mm + 0.25 * longest;
+                let spun = &thread.spun.yarn;
+                let hairs = spun.radius_mm() + longest_protruding_mm(spun);
+                let reach = reach_mm(spun).max(hairs) + thickest_fibre_mm(spun) + 0.25 * longest;
                 for &p in &curve.points_mm {
                     bounds_mm = bounds_mm.union(&Aabb::new(p, p).grown(reach as f32));
                 }

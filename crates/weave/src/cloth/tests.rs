@@ -1,4 +1,5 @@
 mod imported;
+mod irregular;
 mod reading;
 
 use super::*;

@@ -2,17 +2,19 @@
 
 use super::Material;
 use crate::Error;
+use crate::dye::Dye;
 use crate::error::did_you_mean;
 use crate::preset;
 use crate::spec::{ThreadSetSpec, YarnSpec};
 use crate::yarn::Yarn;
 use organza_basis::Rgb;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The yarns that threads use, each built once.
 pub(super) struct Yarns<'a> {
     specs: &'a BTreeMap<String, YarnSpec>,
-    pub built: Vec<Yarn>,
+    pub built: Vec<Arc<Yarn>>,
 }
 
 impl<'a> Yarns<'a> {
@@ -60,7 +62,7 @@ impl<'a> Yarns<'a> {
                 ));
             }
         };
-        self.built.push(Yarn::new(name, spec)?);
+        self.built.push(Arc::new(Yarn::new(name, spec)?));
         Ok(self.built.len() - 1)
     }
 }
@@ -69,8 +71,13 @@ impl<'a> Yarns<'a> {
 pub(super) struct Materials(pub Vec<Material>);
 
 impl Materials {
+    /// The dye of a thread of some colour.
+    pub fn dye(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<Dye, Error> {
+        Dye::new(yarn, colour, &mut |colour| self.index(yarn, colour))
+    }
+
     /// The index of the material of a yarn and a colour, new or known.
-    pub fn index(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<u16, Error> {
+    fn index(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<u16, Error> {
         let new = Material {
             yarn: yarn.name.clone(),
             colour,

@@ -1,5 +1,7 @@
 //! A yarn's specification completed by its preset and checked, and the yarn that it makes.
 
+mod irregularity;
+
 use super::{Hairs, Loops, MAX_FIBRE_VOLUME_FRACTION, MAX_FIBRES_PER_PLY, Yarn, radial_quantiles};
 use crate::Error;
 use crate::error::did_you_mean;
@@ -53,6 +55,13 @@ impl<'a> CompleteSpec<'a> {
             migration: own.migration.or(base.migration.filter(|_| is_staple)),
             hairs: own.hairs,
             loops: own.loops,
+            evenness: own.evenness,
+            slubs: own.slubs,
+            fibre_radius_cv_percent: own.fibre_radius_cv_percent,
+            wander: own.wander,
+            hairiness: own.hairiness,
+            ring_dye: own.ring_dye,
+            blend: own.blend.clone(),
         };
         Ok(Self {
             name,
@@ -128,6 +137,19 @@ impl<'a> CompleteSpec<'a> {
             migration: self.migration()?,
             hairs: self.hairs(ply_radius_mm)?,
             loops: self.loops(ply_radius_mm)?,
+            evenness: self.evenness()?,
+            slubs: self.slubs()?,
+            fibre_radius_cv: 0.01
+                * self.number(
+                    "fibre_radius_cv_percent",
+                    Some(spec.fibre_radius_cv_percent.unwrap_or(0.0)),
+                    0.0,
+                    50.0,
+                )?,
+            wander: self.wander()?,
+            hairiness: self.hairiness()?,
+            ring_dye: self.ring_dye()?,
+            blend: self.blend()?,
             radial_quantiles: radial_quantiles(cross_section),
         })
     }
@@ -202,8 +224,15 @@ impl<'a> CompleteSpec<'a> {
     }
 
     fn hairs(&self, ply_radius_mm: f64) -> Result<Hairs, Error> {
+        if self.spec.hairiness.is_some() && self.spec.hairs.is_some() {
+            let message = "give hairs or hairiness, not both";
+            return Err(Error::spec(self.key("hairs"), message));
+        }
         let own = self.spec.hairs.unwrap_or_default();
-        let per_mm = self.preset_fuzz_per_mm(ply_radius_mm).0;
+        let per_mm = match self.spec.hairiness {
+            Some(_) => 0.0,
+            None => self.preset_fuzz_per_mm(ply_radius_mm).0,
+        };
         let hairs = Hairs {
             per_mm: own.per_mm.unwrap_or(per_mm),
             start: own.start.unwrap_or(preset::HAIR_START),

@@ -1,0 +1,133 @@
+//! How irregular the threads of a cloth came out.
+
+use super::{Centreline, Cloth, CurveLevel};
+use crate::protruding::Beside;
+use crate::strand::Strand;
+use organza_basis::Segment;
+
+/// Samples along a thread.
+const SAMPLES: usize = 256;
+/// Threads of a system whose hairs are generated and measured.
+const MEASURED_THREADS: usize = 64;
+
+/// Figures of one system of threads, over all its threads in the tile. A small tile holds few
+/// threads, whose figures scatter about those that the fabric asks for.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct SystemIrregularity {
+    /// Coefficient of variation of the mass per length: the `CVm` of an evenness tester.
+    pub mass_cv_percent: f64,
+    /// Coefficient of variation of the twist of the fibres; 0 without twist.
+    pub twist_cv_percent: f64,
+    /// Length of fibre that protrudes from the yarn per length of yarn: the index `H` of a
+    /// hairiness tester. The first 64 threads count.
+    pub hairiness: f64,
+}
+
+/// Figures of warp and weft; a knit has only a weft.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Irregularity {
+    /// Warp of a woven cloth.
+    pub warp: Option<SystemIrregularity>,
+    /// Weft of a woven cloth, courses of a knit, imported yarns.
+    pub weft: Option<SystemIrregularity>,
+}
+
+/// Moments of a figure that varies along threads.
+#[derive(Default)]
+struct Moments {
+    count: f64,
+    sum: f64,
+    square: f64,
+}
+
+impl Moments {
+    fn add(&mut self, x: f64) {
+        self.count += 1.0;
+        self.sum += x;
+        self.square += x * x;
+    }
+
+    fn cv_percent(&self) -> f64 {
+        let mean = self.sum / self.count;
+        if mean == 0.0 {
+            return 0.0;
+        }
+        let variance = (self.square / self.count - mean * mean).max(0.0);
+        100.0 * variance.sqrt() / mean.abs()
+    }
+}
+
+#[derive(Default)]
+struct System {
+    threads: usize,
+    mass: Moments,
+    twist: Moments,
+    protruding_mm: f64,
+    measured_mm: f64,
+}
+
+impl System {
+    fn add(&mut self, strand: &Strand) {
+        self.threads += 1;
+        let fibres = f64::from(strand.yarn.fibres_per_ply * strand.yarn.plies);
+        let length_mm = strand.path.length_mm();
+        let twist = strand.closure.twist_rad_per_mm(length_mm);
+        let thinness = strand.profile.map_or(1.0, |p| p.mean(|m| 1.0 / m));
+        for i in 0..SAMPLES {
+            let mass = strand
+                .profile
+                .map_or(1.0, |p| p.mass(i as f64 / SAMPLES as f64));
+            self.mass.add(fibres * mass);
+            self.twist.add(twist / (mass * thinness));
+        }
+        if self.threads <= MEASURED_THREADS {
+            self.measured_mm += length_mm;
+            self.protruding_mm += protruding_mm(strand);
+        }
+    }
+
+    fn figures(&self) -> Option<SystemIrregularity> {
+        (self.threads > 0).then(|| SystemIrregularity {
+            mass_cv_percent: self.mass.cv_percent(),
+            twist_cv_percent: self.twist.cv_percent(),
+            hairiness: self.protruding_mm / self.measured_mm,
+        })
+    }
+}
+
+/// Length of all hairs outside the yarn.
+fn protruding_mm(strand: &Strand) -> f64 {
+    let mut beside = Beside { strand, nearest: 0 };
+    let mut hair = None;
+    let mut sum = 0.0;
+    strand.emit_hairs(0, &mut |s: &Segment| {
+        let middle = 0.5 * (s.start_mm + s.end_mm).as_dvec3();
+        if hair.replace(s.fibre) != Some(s.fibre) {
+            beside.search(middle);
+        }
+        if beside.follow(middle).1 > 1.0 {
+            sum += f64::from(s.length_mm());
+        }
+    });
+    sum
+}
+
+impl Cloth {
+    /// How irregular the threads came out. Their hairs are generated, their fibres are not.
+    pub fn irregularity(&self) -> Irregularity {
+        let [mut warp, mut weft] = [(); 2].map(|()| System::default());
+        for (batch, thread) in self.threads.iter().enumerate() {
+            let system = match &thread.line {
+                Centreline::Bare(_) => continue,
+                Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
+                _ => &mut weft,
+            };
+            let path = self.path(thread, CurveLevel::Fibre);
+            system.add(&self.strand(batch, &path));
+        }
+        Irregularity {
+            warp: warp.figures(),
+            weft: weft.figures(),
+        }
+    }
+}

@@ -1,0 +1,322 @@
+//! Mass per length along a yarn: uneven as spun yarn is, with thick places.
+//!
+//! Fibres that lie at random along a yarn make its mass vary. Pieces that share fibres vary
+//! together, so the correlation falls linearly with their distance and vanishes at the length
+//! of a fibre: the spectrum over the wave number `f` is `sinc^2(f * fibre_length)`
+//! [Martindale1945]. A tile holds one period of each thread, usually less than a fibre's
+//! length. Most of the variation therefore lies between the threads, and the rest along them.
+
+use crate::yarn::Yarn;
+use organza_basis::PathRng;
+use std::f64::consts::{PI, TAU};
+
+/// Waves along a period at most.
+const MAX_WAVES: u32 = 64;
+/// Samples of the profile per wave, and the fewest per period.
+const SAMPLES_PER_WAVE: usize = 16;
+const MIN_SAMPLES: usize = 256;
+/// Bounds of the mass relative to the mean, which keep yarns whole and cloth buildable.
+const LEAST: f64 = 0.4;
+pub(crate) const MOST: f64 = 2.2;
+/// Normal deviates are clamped to this magnitude.
+const MAX_DEVIATIONS: f64 = 2.5;
+
+/// Mass per length along one period, relative to the mean of the thread.
+#[derive(Clone, Debug)]
+pub(crate) struct Profile {
+    /// At equal distances along the period; the next sample after the last is the first.
+    mass: Vec<f64>,
+    /// Share of the period's twist before each sample; thin places take more of it.
+    twisted: Vec<f64>,
+    most: f64,
+}
+
+impl Profile {
+    /// The profile of one thread; `None` for an even yarn.
+    pub fn new(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> Option<Profile> {
+        let slubs = slubs(yarn, length_mm, rng);
+        let waves = waves(yarn, length_mm, rng);
+        if slubs.is_empty() && waves.is_empty() {
+            return None;
+        }
+        let samples = (SAMPLES_PER_WAVE * waves.len()).max(MIN_SAMPLES);
+        let mass: Vec<f64> = (0..samples)
+            .map(|i| {
+                let s = i as f64 / samples as f64;
+                let wavy: f64 = waves
+                    .iter()
+                    .enumerate()
+                    .map(|(k, [a, b])| {
+                        let (sin, cos) = (TAU * (k + 1) as f64 * s).sin_cos();
+                        a * cos + b * sin
+                    })
+                    .sum();
+                let thick: f64 = slubs.iter().map(|slub| slub.excess(s)).sum();
+                (1.0 + wavy + thick).clamp(LEAST, MOST)
+            })
+            .collect();
+        let mut sum = 0.0;
+        let mut twisted: Vec<f64> = mass
+            .iter()
+            .enumerate()
+            .map(|(i, m)| {
+                let before = sum;
+                sum += 0.5 * (1.0 / m + 1.0 / mass[(i + 1) % samples]);
+                before
+            })
+            .collect();
+        twisted.iter_mut().for_each(|t| *t /= sum);
+        let most = mass.iter().fold(0.0f64, |a, &b| a.max(b));
+        Some(Profile {
+            mass,
+            twisted,
+            most,
+        })
+    }
+
+    /// Mass at the share `s` of a period, which may lie outside 0 to 1.
+    pub fn mass(&self, s: f64) -> f64 {
+        let (i, t) = self.place(s);
+        let next = self.mass[(i + 1) % self.mass.len()];
+        self.mass[i] + t * (next - self.mass[i])
+    }
+
+    /// The largest mass.
+    pub fn most(&self) -> f64 {
+        self.most
+    }
+
+    /// Mean over the period of `f` of the mass.
+    pub fn mean(&self, f: impl Fn(f64) -> f64) -> f64 {
+        self.mass.iter().map(|&m| f(m)).sum::<f64>() / self.mass.len() as f64
+    }
+
+    /// Share of a period's twist between its start and the share `s` of its length; one more
+    /// for every period.
+    pub fn twisted(&self, s: f64) -> f64 {
+        let (i, t) = self.place(s);
+        let next = self.twisted.get(i + 1).copied().unwrap_or(1.0);
+        s.floor() + self.twisted[i] + t * (next - self.twisted[i])
+    }
+
+    /// The sample at or before a share of the period, and how far it is to the next.
+    fn place(&self, s: f64) -> (usize, f64) {
+        let samples = self.mass.len();
+        let at = (s - s.floor()) * samples as f64;
+        let i = (at as usize).min(samples - 1);
+        (i, at - i as f64)
+    }
+}
+
+/// The mean mass of one thread, relative to that of all threads of its yarn.
+pub(crate) fn thread_mass(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> f64 {
+    let Some(evenness) = yarn.evenness else {
+        return 1.0;
+    };
+    let share = shares(
+        evenness.fibre_length_mm / length_mm,
+        wave_count(yarn, length_mm),
+    )
+    .0;
+    let deviation = 0.01 * evenness.mass_cv_percent * share.sqrt();
+    (1.0 + deviation * normal(rng)).clamp(LEAST, MOST)
+}
+
+/// Shares of the variance between threads and in each wave along a thread, for fibres of so
+/// many periods.
+fn shares(fibre_periods: f64, waves: u32) -> (f64, Vec<f64>) {
+    let power = |k: u32| {
+        let x = PI * f64::from(k) * fibre_periods;
+        2.0 * (x.sin() / x).powi(2)
+    };
+    let along: Vec<f64> = (1..=waves).map(power).collect();
+    let sum = 1.0 + along.iter().sum::<f64>();
+    (1.0 / sum, along.into_iter().map(|p| p / sum).collect())
+}
+
+/// Waves that are longer than twice the yarn is thick.
+fn wave_count(yarn: &Yarn, length_mm: f64) -> u32 {
+    ((length_mm / (4.0 * yarn.radius_mm())) as u32).clamp(1, MAX_WAVES)
+}
+
+/// Cosine and sine amplitudes of the waves along one thread.
+fn waves(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> Vec<[f64; 2]> {
+    let Some(evenness) = yarn.evenness.filter(|e| e.mass_cv_percent > 0.0) else {
+        return Vec::new();
+    };
+    let count = wave_count(yarn, length_mm);
+    let (_, along) = shares(evenness.fibre_length_mm / length_mm, count);
+    let cv = 0.01 * evenness.mass_cv_percent;
+    // Both parts of a wave have its variance, and half of it each on average.
+    let draw = |share: f64| [0; 2].map(|_| cv * share.sqrt() * normal(rng));
+    along.into_iter().map(draw).collect()
+}
+
+/// One thick place.
+struct Slub {
+    /// Its middle and its length, as shares of the period.
+    middle: f64,
+    length: f64,
+    /// Relative mass beyond the yarn's own, in the middle.
+    excess: f64,
+}
+
+impl Slub {
+    /// Beyond the yarn's own mass: a smooth hump.
+    fn excess(&self, s: f64) -> f64 {
+        let from = s - self.middle;
+        let from = (from - from.round()) / self.length;
+        if from.abs() < 0.5 {
+            self.excess * (PI * from).cos().powi(2)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The slubs of one thread. Their number has the right mean, even where that is below one.
+fn slubs(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> Vec<Slub> {
+    let Some(spec) = yarn.slubs else {
+        return Vec::new();
+    };
+    let expected = 1e-3 * spec.per_m * length_mm;
+    let count = expected.floor() as u32 + u32::from(f64::from(rng.unit()) < expected.fract());
+    let pair = |rng: &mut PathRng, [mean, deviation]: [f64; 2]| mean + deviation * normal(rng);
+    (0..count)
+        .map(|_| Slub {
+            middle: f64::from(rng.unit()),
+            length: (pair(rng, spec.length_mm) / length_mm).clamp(1e-3, 1.0),
+            excess: pair(rng, spec.mass) - 1.0,
+        })
+        .collect()
+}
+
+fn normal(rng: &mut PathRng) -> f64 {
+    f64::from(rng.normal2().x).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::{EvennessSpec, SlubSpec, YarnSpec};
+
+    fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
+        let spec = YarnSpec {
+            evenness: Some(EvennessSpec {
+                mass_cv_percent,
+                fibre_length_mm,
+            }),
+            ..YarnSpec::default()
+        };
+        Yarn::new("cotton", &spec).unwrap()
+    }
+
+    /// Mean, variance, and covariance at a distance, over many threads of a yarn.
+    fn moments(yarn: &Yarn, length_mm: f64, apart_mm: f64) -> [f64; 3] {
+        let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
+        let threads = 4000;
+        for thread in 0..threads {
+            let mut rng = PathRng::new(11, thread, 0);
+            let mean = thread_mass(yarn, length_mm, &mut rng);
+            let profile = Profile::new(yarn, length_mm, &mut rng).unwrap();
+            let (a, b) = (profile.mass(0.3), profile.mass(0.3 + apart_mm / length_mm));
+            // Both variations are small, so they add up.
+            let (a, b) = (mean + a - 1.0, mean + b - 1.0);
+            sum += a;
+            square += a * a;
+            product += a * b;
+        }
+        let n = threads as f64;
+        let mean = sum / n;
+        [mean, square / n - mean * mean, product / n - mean * mean]
+    }
+
+    /// The variance over all threads is what was asked for, and the correlation falls as that of
+    /// fibres of the given length, on tiles that are shorter and longer than a fibre.
+    #[test]
+    fn mass_varies_as_that_of_random_fibres() {
+        let cv: f64 = 0.08;
+        for (fibre_mm, length_mm, apart_mm) in
+            [(28.0, 4.0, 2.0), (3.0, 40.0, 1.0), (3.0, 40.0, 6.0)]
+        {
+            let [mean, variance, covariance] =
+                moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
+            let wrapped = |x: f64| {
+                let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
+                copies
+                    .map(|x| (1.0 - x.abs() / fibre_mm).max(0.0))
+                    .sum::<f64>()
+            };
+            let expected = cv * cv * wrapped(apart_mm) / wrapped(0.0);
+            // Four standard errors of a variance over 4000 threads, and what clamped
+            // deviates and cut waves take away.
+            let error = cv * cv * (4.0 * (2.0f64 / 4000.0).sqrt() + 0.05);
+            assert!(
+                (mean - 1.0).abs() < 4.0 * cv / 4000f64.sqrt(),
+                "mean {mean}"
+            );
+            assert!(
+                (variance - cv * cv).abs() < error,
+                "{fibre_mm} {length_mm}: {variance}"
+            );
+            assert!(
+                (covariance - expected).abs() < error,
+                "{fibre_mm} {length_mm} at {apart_mm}: {covariance} for {expected}; seed 11"
+            );
+            // The twin: fibres of another length.
+            let twin = moments(&yarn(100.0 * cv, 10.0 * fibre_mm), length_mm, apart_mm)[2];
+            if fibre_mm < length_mm {
+                assert!((twin - expected).abs() > error, "{twin} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn twist_closes_and_gathers_in_thin_places() {
+        let yarn = yarn(20.0, 3.0);
+        let profile = Profile::new(&yarn, 10.0, &mut PathRng::new(3, 0, 0)).unwrap();
+        assert!((profile.twisted(1.25) - profile.twisted(0.25) - 1.0).abs() < 1e-12);
+        for i in 0..200 {
+            let s = f64::from(i) / 200.0;
+            let rate = (profile.twisted(s + 1e-4) - profile.twisted(s - 1e-4)) / 2e-4;
+            let normalised = rate * profile.mass(s) * profile.mean(|m| 1.0 / m);
+            assert!((normalised - 1.0).abs() < 0.02, "{s}: {normalised}");
+        }
+    }
+
+    #[test]
+    fn slubs_have_their_number_and_their_mass() {
+        let spec = YarnSpec {
+            slubs: Some(SlubSpec {
+                per_m: 50.0,
+                length_mm: [8.0, 0.0],
+                mass: [1.5, 0.0],
+            }),
+            ..YarnSpec::default()
+        };
+        let yarn = Yarn::new("cotton", &spec).unwrap();
+        let mean = |length_mm: f64| {
+            let thread = |i| Profile::new(&yarn, length_mm, &mut PathRng::new(5, i, 0));
+            let masses = (0..2000).map(|i| thread(i).map_or(1.0, |p| p.mean(|m| m)));
+            masses.sum::<f64>() / 2000.0
+        };
+        // 50 slubs of 8 mm per metre, half as heavy again in the middle and half of that on
+        // average; slubs that touch are cut at no more than the bound.
+        let expected = 1.0 + 0.05 * 8.0 * 0.5 * 0.5;
+        for length_mm in [10.0, 40.0] {
+            assert!(
+                (mean(length_mm) - expected).abs() < 0.01,
+                "{length_mm}: {}",
+                mean(length_mm)
+            );
+        }
+        assert!(
+            Profile::new(
+                &Yarn::new("silk", &YarnSpec::default()).unwrap(),
+                5.0,
+                &mut PathRng::new(1, 0, 0)
+            )
+            .is_none()
+        );
+    }
+}

@@ -1,0 +1,92 @@
+//! Keys that make a yarn irregular, as real ones are; without them it is ideal.
+
+use organza_basis::Rgb;
+use serde::{Deserialize, Serialize};
+
+/// Mass per length that varies along the yarn.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct EvennessSpec {
+    /// Coefficient of variation of the mass per length over short pieces of endless yarn, per
+    /// cent, 0 to 50: the `CVm` of an evenness tester.
+    pub mass_cv_percent: f64,
+    /// Length of the fibres, millimetres, 1 to 1e5: the mass of pieces that are farther apart
+    /// varies independently [Martindale1945].
+    #[serde(default = "staple_length_mm")]
+    pub fibre_length_mm: f64,
+}
+
+/// The length of medium cotton.
+fn staple_length_mm() -> f64 {
+    28.0
+}
+
+/// Short thick places: slubs if they are centimetres long, neps if they are millimetres.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct SlubSpec {
+    /// Mean number per metre of yarn, 0 to 1e4.
+    pub per_m: f64,
+    /// Length, mean and standard deviation, millimetres.
+    pub length_mm: [f64; 2],
+    /// Mass per length in the middle of a slub, as a multiple of the yarn's, mean and standard
+    /// deviation.
+    pub mass: [f64; 2],
+}
+
+/// Fibres that wander among their neighbours at random, beside twist and migration.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct WanderSpec {
+    /// Root mean square of the displacement in either direction across the ply, ply radii, 0
+    /// to 1.
+    pub amplitude: f64,
+    /// Length along the fibre after which it wanders elsewhere, millimetres, 0.01 to 1e5.
+    pub length_mm: f64,
+}
+
+/// Fibres that protrude from the yarn as smooth random curves. They replace the straight ones
+/// of [`super::HairSpec`].
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct HairinessSpec {
+    /// Length of protruding fibre per length of yarn, 0 to 1000: the index `H` of a hairiness
+    /// tester.
+    pub index: f64,
+    /// Mean length of a protruding fibre, millimetres, 0.01 to 100; lengths are exponentially
+    /// distributed [Barella1983].
+    pub length_mm: f64,
+    /// The largest distance from the faces of the yarn, millimetres, 0.001 to 100. Fibres bend
+    /// towards the cloth before they reach it.
+    pub reach_mm: f64,
+    /// Radius to which the fibres curl, root mean square, millimetres, 0.01 to 1000.
+    #[serde(default = "one")]
+    pub curl_mm: f64,
+    /// Share of the fibres that return into the yarn, 0 to 1.
+    #[serde(default)]
+    pub returning: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Dye that does not reach the core of the yarn, as indigo on rope-dyed warps.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct RingDyeSpec {
+    /// Linear colour of the core, 0 to 1.
+    pub core_colour: Rgb,
+    /// Depth of the dye, as a share of the yarn's radius, 0 to 1.
+    pub depth: f64,
+}
+
+/// Fibres of one colour in a yarn of several.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct BlendSpec {
+    /// Share of the fibres, above 0; shares are divided by their sum.
+    pub share: f64,
+    /// Linear colour, 0 to 1; the thread's own without it.
+    pub colour: Option<Rgb>,
+}

@@ -1,0 +1,103 @@
+//! Checks of the keys that make a yarn irregular.
+
+use super::CompleteSpec;
+use crate::Error;
+use crate::spec::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+use organza_basis::Rgb;
+
+/// The largest number of colours in a blend.
+const MAX_COLOURS: usize = 64;
+
+impl CompleteSpec<'_> {
+    pub(super) fn evenness(&self) -> Result<Option<EvennessSpec>, Error> {
+        let Some(e) = self.spec.evenness else {
+            return Ok(None);
+        };
+        self.number(
+            "evenness.mass_cv_percent",
+            Some(e.mass_cv_percent),
+            0.0,
+            50.0,
+        )?;
+        self.number(
+            "evenness.fibre_length_mm",
+            Some(e.fibre_length_mm),
+            1.0,
+            1e5,
+        )?;
+        Ok(Some(e).filter(|e| e.mass_cv_percent > 0.0))
+    }
+
+    pub(super) fn slubs(&self) -> Result<Option<SlubSpec>, Error> {
+        let Some(s) = self.spec.slubs else {
+            return Ok(None);
+        };
+        self.number("slubs.per_m", Some(s.per_m), 0.0, 1e4)?;
+        self.number("slubs.length_mm[0]", Some(s.length_mm[0]), 0.01, 1e4)?;
+        self.number("slubs.length_mm[1]", Some(s.length_mm[1]), 0.0, 1e4)?;
+        self.number("slubs.mass[0]", Some(s.mass[0]), 0.4, 2.2)?;
+        self.number("slubs.mass[1]", Some(s.mass[1]), 0.0, 1.0)?;
+        Ok(Some(s).filter(|s| s.per_m > 0.0))
+    }
+
+    pub(super) fn wander(&self) -> Result<Option<WanderSpec>, Error> {
+        let Some(w) = self.spec.wander else {
+            return Ok(None);
+        };
+        self.number("wander.amplitude", Some(w.amplitude), 0.0, 1.0)?;
+        self.number("wander.length_mm", Some(w.length_mm), 0.01, 1e5)?;
+        Ok(Some(w).filter(|w| w.amplitude > 0.0))
+    }
+
+    pub(super) fn hairiness(&self) -> Result<Option<HairinessSpec>, Error> {
+        let Some(h) = self.spec.hairiness else {
+            return Ok(None);
+        };
+        self.number("hairiness.index", Some(h.index), 0.0, 1e3)?;
+        self.number("hairiness.length_mm", Some(h.length_mm), 0.01, 100.0)?;
+        self.number("hairiness.reach_mm", Some(h.reach_mm), 1e-3, 100.0)?;
+        self.number("hairiness.curl_mm", Some(h.curl_mm), 0.01, 1e3)?;
+        self.number("hairiness.returning", Some(h.returning), 0.0, 1.0)?;
+        Ok(Some(h).filter(|h| h.index > 0.0))
+    }
+
+    pub(super) fn ring_dye(&self) -> Result<Option<RingDyeSpec>, Error> {
+        let Some(d) = self.spec.ring_dye else {
+            return Ok(None);
+        };
+        if !self.spec.blend.is_empty() {
+            let message = "give ring_dye or blend, not both";
+            return Err(Error::spec(self.key("ring_dye"), message));
+        }
+        self.number("ring_dye.depth", Some(d.depth), 0.0, 1.0)?;
+        self.colour("ring_dye.core_colour", d.core_colour)?;
+        Ok(Some(d))
+    }
+
+    pub(super) fn blend(&self) -> Result<Vec<BlendSpec>, Error> {
+        let blend = &self.spec.blend;
+        if blend.len() > MAX_COLOURS {
+            let message = format!(
+                "expected at most {MAX_COLOURS} colours, found {}",
+                blend.len()
+            );
+            return Err(Error::spec(self.key("blend"), message));
+        }
+        for (i, part) in blend.iter().enumerate() {
+            let share = format!("blend[{i}].share");
+            self.number(&share, Some(part.share), 1e-6, 1e6)?;
+            if let Some(colour) = part.colour {
+                self.colour(&format!("blend[{i}].colour"), colour)?;
+            }
+        }
+        Ok(blend.clone())
+    }
+
+    fn colour(&self, key: &str, colour: Rgb) -> Result<(), Error> {
+        let channels = <[f32; 3]>::from(colour);
+        for channel in channels {
+            self.number(key, Some(f64::from(channel)), 0.0, 1.0)?;
+        }
+        Ok(())
+    }
+}
