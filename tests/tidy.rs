@@ -46,6 +46,7 @@ const EDGES: [(&str, &[&str]); 17] = [
         ],
     ),
     ("report", &["basis", "measure", "picture", "scene"]),
+    ("view", &["picture", "scene", "transport", "weave"]),
     (
         "cli",
         &[
@@ -62,6 +63,7 @@ const EDGES: [(&str, &[&str]); 17] = [
             "scene",
             "surface",
             "transport",
+            "view",
             "volume",
             "weave",
         ],

@@ -29,6 +29,18 @@ pub fn free_memory_bytes() -> u64 {
     limits.into_iter().flatten().min().unwrap_or(u64::MAX)
 }
 
+/// Memory that this process has taken, where the system reports it.
+pub fn resident_memory_bytes() -> Option<u64> {
+    let mut system = System::new().ok()?;
+    let own = Pid::from_u32(std::process::id());
+    system.refresh_processes_specifics(
+        ProcessesToUpdate::Some(&[own]),
+        false,
+        ProcessRefreshKind::nothing().with_memory(),
+    );
+    system.process(own).map(|process| process.memory())
+}
+
 /// The limit of the address space (`RLIMIT_AS`, `ulimit -v`), if there is one.
 fn address_space_bytes() -> Option<u64> {
     #[cfg(target_os = "linux")]
@@ -52,5 +64,7 @@ mod tests {
         let free = free_memory_bytes();
         assert!(free > 1 << 20, "{free}");
         assert!(free <= system.total_memory(), "{free}");
+        let taken = resident_memory_bytes().unwrap();
+        assert!(taken > 1 << 16 && taken < system.total_memory(), "{taken}");
     }
 }

@@ -15,6 +15,7 @@ mod man;
 mod measure;
 mod merge;
 mod render;
+mod view;
 mod voxelize;
 mod weave;
 
@@ -28,6 +29,7 @@ use std::ffi::{OsStr, OsString};
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
     Registration::of::<render::RenderArgs>(),
+    Registration::of::<view::ViewArgs>(),
     Registration::of::<merge::MergeArgs>(),
     Registration::of::<voxelize::VoxelizeArgs>(),
     Registration::of::<measure::MeasureArgs>(),

@@ -1,0 +1,59 @@
+//! The live page of `organza view`: a scene in a browser, rendered while it is changed.
+//!
+//! A [`Session`] holds the [`Document`] that all pages show, its history and the newest
+//! picture. [`render()`] runs on a thread of its own: it shows the newest document, coarse
+//! first, and begins anew at a change. [`serve()`] answers the requests of browsers, on the
+//! loopback interface only. Requests change the document and wait for news; they never wait
+//! for the render.
+//!
+//! Nothing here prints. The crate opens the files that a scene names through
+//! `organza_scene`, and lists the drafts of the folder it serves; files are saved by the
+//! caller's function.
+//!
+//! ```
+//! use organza_view::{Answering, Guard, Patience, Session, open, talk};
+//! use std::path::Path;
+//! use std::sync::Arc;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/denim.toml");
+//! let session = Arc::new(Session::new(open(Path::new(fabric), &[])?));
+//! let guard = Guard::with_token(80, "secret");
+//! let answering = Arc::new(Answering::new(session, guard, Patience::default()));
+//! let request = "GET /secret/ HTTP/1.1\r\nHost: 127.0.0.1:80\r\nConnection: close\r\n\r\n";
+//! let answer = talk(&answering, request.as_bytes())?;
+//! assert!(String::from_utf8_lossy(&answer).starts_with("HTTP/1.1 200 OK"));
+//! # Ok(())
+//! # }
+//! ```
+
+mod assets;
+mod describe;
+mod document;
+mod edit;
+mod folder;
+mod guard;
+mod made_fabric;
+mod matter;
+mod news;
+mod opening;
+mod patient;
+mod render;
+mod requests;
+mod saving;
+mod server;
+mod session;
+mod talk;
+mod tracing;
+
+pub use document::{Document, FabricDocument};
+pub use edit::Edit;
+pub use guard::{Guard, Refusal};
+pub use news::{Cost, News, Phase, Shown};
+pub use opening::open;
+pub use render::{Limits, run as render};
+pub use requests::{Answering, Patience};
+pub use saving::{SavedFile, WriteFile, WriteFiles};
+pub use server::{Waits, listen, serve};
+pub use session::Session;
+pub use talk::talk;

@@ -1,0 +1,204 @@
+//! The document that a file becomes: a scene as it stands, a fabric or a draft in a scene
+//! made for it.
+
+use crate::document::{Document, FabricDocument, file_name};
+use crate::made_fabric;
+use organza_scene::file_kind::Wanted;
+use organza_scene::loader::Loader;
+use organza_scene::read::{self, beside};
+use organza_scene::scene_file::{self, is_scene};
+use organza_scene::{InputError, fabric_file};
+use std::path::Path;
+use std::sync::Arc;
+use toml_edit::DocumentMut;
+
+/// Half the side of the cloth in a scene made for a fabric, mm.
+const HALF_SIDE_MM: f32 = 40.0;
+/// Threads across the first picture of a fabric.
+const THREADS_ACROSS: f32 = 16.0;
+/// Horizontal angle of view of a scene made for a fabric, degrees.
+const FOV_DEG: f32 = 20.0;
+/// Width of the first picture of a cloth without threads that have a spacing, mm.
+const USUAL_WIDTH_MM: f32 = 8.0;
+
+/// Reads a scene, a fabric or a draft (`.wif`) with `key.path=value` overrides, which apply
+/// to scenes and fabrics.
+///
+/// # Errors
+/// Names the file, the place and the key at fault.
+pub fn open(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
+    let is_draft = path
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("wif"));
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => ".".into(),
+    };
+    let path = &folder.join(path.file_name().unwrap_or_default());
+    if is_draft {
+        if let Some(why) = overrides.first() {
+            let why = format!("--set {why}: a draft has no keys; name a fabric or a scene");
+            return Err(InputError(why));
+        }
+        let bytes = Loader::new().bytes(path)?;
+        let name = file_name(path);
+        let fabric = made_fabric::of_draft(&path.with_extension("toml"), &name, &bytes)?;
+        return around(fabric, &folder);
+    }
+    if is_scene(path)? {
+        return of_scene(path, overrides);
+    }
+    let text = changed_text(path, overrides, Wanted::Fabric)?;
+    around(
+        FabricDocument {
+            name: file_name(path),
+            path: path.clone(),
+            text,
+            dropped: None,
+            is_changed: !overrides.is_empty(),
+        },
+        &folder,
+    )
+}
+
+/// The text of a TOML file with overrides; comments stay where there are none.
+fn changed_text(
+    path: &Path,
+    overrides: &[String],
+    wanted: Wanted,
+) -> Result<DocumentMut, InputError> {
+    let loader = Loader::new();
+    let source = loader.text_of(path, wanted)?;
+    let table: toml::Table = read::toml_changed(path, &source, &[], overrides, wanted)?;
+    let text = match overrides {
+        [] => source,
+        _ => toml::to_string(&table).map_err(|e| fault(path, &e.to_string()))?,
+    };
+    text.parse()
+        .map_err(|e: toml_edit::TomlError| fault(path, &e.to_string()))
+}
+
+fn fault(path: &Path, why: &str) -> InputError {
+    InputError(format!("{}: {why}", path.display()))
+}
+
+fn of_scene(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
+    let loader = Loader::new();
+    let file = scene_file::load(path, overrides, &loader)?;
+    file.camera(path)?;
+    organza_scene::scene_build::check(&file, path, &loader)?;
+    let mut document = Document {
+        folder: path.parent().unwrap_or(Path::new(".")).to_owned(),
+        scene_path: path.to_owned(),
+        scene: changed_text(path, overrides, Wanted::Scene)?,
+        fabrics: Vec::new(),
+    };
+    for object in &file.object {
+        let organza_scene::object::ObjectTable::Cloth(cloth) = object else {
+            continue;
+        };
+        if document.fabric_named(&cloth.fabric).is_some() {
+            continue;
+        }
+        let fabric_path = beside(path, &cloth.fabric);
+        fabric_file::load(&fabric_path, &[], &loader)?;
+        document.fabrics.push(FabricDocument {
+            name: cloth.fabric.clone(),
+            text: changed_text(&fabric_path, &[], Wanted::Fabric)?,
+            path: fabric_path,
+            dropped: None,
+            is_changed: false,
+        });
+    }
+    Ok(document)
+}
+
+/// The document of a fabric in a scene that is made for it.
+fn around(fabric: FabricDocument, folder: &Path) -> Result<Document, InputError> {
+    let stem = fabric.path.file_stem().unwrap_or_default();
+    let scene_path = folder.join(format!("{}_scene.toml", stem.to_string_lossy()));
+    let mut document = Document {
+        folder: folder.to_owned(),
+        scene_path,
+        scene: DocumentMut::new(),
+        fabrics: vec![fabric],
+    };
+    let [fabric] = &document.fabrics[..] else {
+        return Ok(document);
+    };
+    let loader = document.loader(None);
+    let cloth = fabric_file::load(&fabric.path, &[], &loader)?;
+    let spacing_mm = cloth.thread_spacing_mm();
+    let text = scene_text(&fabric.name, spacing_mm);
+    let parsed = text.parse().map_err(|e: toml_edit::TomlError| {
+        let why = format!("a scene for it cannot be made: {e}");
+        fault(&fabric.path, &why)
+    })?;
+    document.scene = parsed;
+    Ok(document)
+}
+
+/// A scene that shows a fabric from above, at an angle, under a lamp and a sky.
+fn scene_text(fabric: &str, spacing_mm: f32) -> String {
+    let width_mm = match spacing_mm {
+        s if s.is_finite() => (THREADS_ACROSS * s).clamp(0.1, HALF_SIDE_MM),
+        _ => USUAL_WIDTH_MM,
+    };
+    let distance_mm = width_mm / (2.0 * (0.5 * FOV_DEG).to_radians().tan());
+    let (sin, cos) = 25.0f32.to_radians().sin_cos();
+    let (y, z) = (-distance_mm * sin, distance_mm * cos);
+    let name = toml_edit::Value::from(fabric);
+    let name = name.to_string();
+    format!(
+        "# A scene that `organza view` made for {name}.\n\n\
+         [render]\nspp = 128\nexposure = 0.5\n\n\
+         [camera]\nkind = \"perspective\"\norigin_mm = [0.0, {y:.3}, {z:.3}]\n\
+         target_mm = [0.0, 0.0, 0.0]\nup = [0.0, 1.0, 0.0]\nfov_deg = {FOV_DEG:.1}\n\
+         resolution = [640, 480]\n\n\
+         [[light]]\nkind = \"directional\"\ndirection = [0.60, -0.35, -0.72]\n\
+         irradiance = [1.7, 1.63, 1.5]\n\n\
+         [[light]]\nkind = \"environment\"\nradiance = [0.55, 0.58, 0.62]\n\n\
+         [[object]]\nkind = \"cloth\"\nfabric = {name}\nmodel = \"auto\"\n\
+         extent_mm = [-{HALF_SIDE_MM:.1}, -{HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}]\n"
+    )
+}
+
+/// A fabric for a dropped draft that takes the place of `old`.
+///
+/// # Errors
+/// The bytes are no draft, or no cloth can be woven from it.
+pub fn of_dropped(
+    old: &FabricDocument,
+    stem: &str,
+    bytes: &[u8],
+) -> Result<FabricDocument, InputError> {
+    // No file of these names is made: files get their names when they are saved.
+    let name = format!("{stem}.wif");
+    let path = old.path.with_file_name(format!("{stem}_dropped.toml"));
+    let mut made = made_fabric::of_draft(&path, &name, bytes)?;
+    let in_scene = Path::new(&old.name).with_file_name(file_name(&path));
+    made.name = in_scene.display().to_string();
+    made.dropped = Some((name, Arc::from(bytes)));
+    Ok(made)
+}
+
+/// The document with another fabric in the place of one of its own.
+///
+/// # Errors
+/// There is no such fabric.
+pub fn with_fabric(
+    document: &Document,
+    fabric: usize,
+    new: FabricDocument,
+) -> Result<Document, InputError> {
+    let mut document = document.clone();
+    let count = document.fabrics.len();
+    let Some(slot) = document.fabrics.get_mut(fabric) else {
+        let why = format!("fabric {fabric} does not exist; the scene has {count}, from 0");
+        return Err(InputError(why));
+    };
+    let old = std::mem::replace(slot, new);
+    let name = slot.name.clone();
+    crate::edit::rename_fabric(&mut document.scene, &old.name, &name);
+    Ok(document)
+}
