@@ -3,9 +3,12 @@
 #![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
+use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
 use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 /// Memory that a reader of a volume may take.
 const MAX_BYTES: u64 = 64 << 20;
@@ -14,7 +17,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 17] = [
+pub const ALL: [Entry; 18] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -32,6 +35,7 @@ pub const ALL: [Entry; 17] = [
     ("fabric", fabric),
     ("checkpoint", checkpoint),
     ("part", part),
+    ("view", view),
 ];
 
 /// A WIF draft.
@@ -172,6 +176,39 @@ pub fn checkpoint(data: &[u8]) {
 pub fn part(data: &[u8]) {
     let arguments = ["merge", "part.exr", "-o", "all.exr", "--quiet"];
     run(data, "part.exr", &arguments);
+}
+
+/// A connection to the live page: the bytes of requests to a session of its own. They are
+/// answered, none of them reaches a file outside the folder, and the document stays one that
+/// can be read.
+pub fn view(data: &[u8]) {
+    static DOCUMENT: OnceLock<Option<Document>> = OnceLock::new();
+    let document = DOCUMENT.get_or_init(|| {
+        let folder = folder().join("served");
+        let draft = "[draft]\nweave = 'plain'\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 20.0\n";
+        let wif = "[WIF]\n[TEXT]\nTitle=outside\n[WARP]\nThreads=2\n[WEFT]\nThreads=2\n\
+                   [THREADING]\n1=1\n2=2\n[LIFTPLAN]\n1=1\n2=2\n";
+        std::fs::create_dir_all(&folder).ok()?;
+        std::fs::write(folder.join("fabric.toml"), draft).ok()?;
+        std::fs::write(folder.join("inside.wif"), wif).ok()?;
+        std::fs::write(folder.with_file_name("outside.wif"), wif).ok()?;
+        organza_view::open(&folder.join("fabric.toml"), &[]).ok()
+    });
+    let document = document.as_ref().expect("the folder can be written");
+    let session = Arc::new(Session::new(document.clone()));
+    let patience = Patience {
+        body: Duration::from_secs(1),
+        news: Duration::ZERO,
+        picture: Duration::ZERO,
+    };
+    let guard = Guard::with_token(1, "token");
+    let answering = Arc::new(Answering::new(Arc::clone(&session), guard, patience));
+    let answer = organza_view::talk(&answering, data).expect("the system has resources");
+    assert!(answer.is_empty() || answer.starts_with(b"HTTP/1."));
+    let document = session.document().0;
+    session.change(&[]).expect("the document can be read");
+    let fabric = document.fabrics[0].text.to_string();
+    assert!(!fabric.contains("outside"), "{fabric}");
 }
 
 /// A folder of this process.

@@ -2,6 +2,8 @@
 //! without losing its comments.
 
 use crate::document::Document;
+use crate::keys::{FABRIC_KEYS, SCENE_KEYS, set_allowed};
+use crate::tables::{set, tables_mut};
 use organza_scene::InputError;
 use organza_scene::fabric_file::FabricFile;
 use organza_scene::file_kind::Wanted;
@@ -10,16 +12,12 @@ use organza_scene::scene_build;
 use organza_scene::scene_file::SceneFile;
 use serde::Deserialize;
 use std::path::{Component, Path};
-use toml_edit::{Array, DocumentMut, Item, Table, TableLike, Value};
+use toml_edit::{DocumentMut, Item, Table};
 
-/// Pixels along an edge of a picture of the page at most.
-pub const MAX_PIXELS: i64 = 4096;
 /// Changes in one request at most.
 pub const MAX_EDITS: usize = 64;
 /// Lights at most.
 const MAX_LIGHTS: usize = 32;
-/// Colours of a system of threads at most.
-const MAX_COLOURS: usize = 256;
 
 /// A change.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
@@ -66,94 +64,6 @@ pub enum Edit {
         light: usize,
     },
 }
-
-/// What a key holds.
-#[derive(Clone, Copy, Debug)]
-enum Holds {
-    /// A finite number.
-    Number,
-    /// A whole number of a range.
-    Whole(i64, i64),
-    /// So many finite numbers.
-    Numbers(usize),
-    /// Two whole numbers of a range.
-    Size(i64, i64),
-    /// Linear colours.
-    Colours,
-    /// One of these words.
-    Word(&'static [&'static str]),
-    /// `auto`, `volume`, `surface` or a level.
-    Level,
-}
-use Holds::*;
-
-const SCENE_KEYS: &[(&[&str], Holds)] = &[
-    (&["render", "spp"], Whole(1, 65_536)),
-    (&["render", "exposure"], Number),
-    (&["render", "seed"], Whole(0, i64::MAX)),
-    (&["render", "max_bounces"], Whole(0, 1_000_000)),
-    (&["camera", "origin_mm"], Numbers(3)),
-    (&["camera", "target_mm"], Numbers(3)),
-    (&["camera", "up"], Numbers(3)),
-    (&["camera", "width_mm"], Number),
-    (&["camera", "fov_deg"], Number),
-    (&["camera", "focus_mm"], Number),
-    (&["camera", "f_number"], Number),
-    (&["camera", "aperture_mm"], Number),
-    (&["camera", "resolution"], Size(1, MAX_PIXELS)),
-    (&["light", "#", "direction"], Numbers(3)),
-    (&["light", "#", "irradiance"], Numbers(3)),
-    (&["light", "#", "radiance"], Numbers(3)),
-    (&["light", "#", "intensity"], Numbers(3)),
-    (&["light", "#", "position_mm"], Numbers(3)),
-    (&["light", "#", "half_angle_deg"], Number),
-    (&["light", "#", "falloff_deg"], Number),
-    (&["light", "#", "corner_mm"], Numbers(3)),
-    (&["light", "#", "edge_u_mm"], Numbers(3)),
-    (&["light", "#", "edge_v_mm"], Numbers(3)),
-    (&["light", "#", "scale"], Number),
-    (&["light", "#", "rotation_deg"], Number),
-    (
-        &["light", "#", "hemisphere"],
-        Word(&["all", "front", "back"]),
-    ),
-    (&["object", "#", "lod"], Level),
-    (&["object", "#", "tolerance"], Number),
-    (&["object", "#", "voxel_um"], Number),
-];
-
-const PRESETS: &[&str] = &organza_weave::preset::NAMES;
-
-const FABRIC_KEYS: &[(&[&str], Holds)] = &[
-    (&["warp", "per_cm"], Number),
-    (&["weft", "per_cm"], Number),
-    (&["warp", "colours"], Colours),
-    (&["weft", "colours"], Colours),
-    (&["draft", "wales_per_cm"], Number),
-    (&["yarn", "*", "preset"], Word(PRESETS)),
-    (&["yarn", "*", "tex"], Number),
-    (&["yarn", "*", "plies"], Whole(1, 64)),
-    (&["yarn", "*", "aspect"], Number),
-    (&["yarn", "*", "fibre_radius_um"], Number),
-    (&["yarn", "*", "twist", "direction"], Word(&["S", "Z"])),
-    (&["yarn", "*", "twist", "turns_per_m"], Number),
-    (&["yarn", "*", "twist", "angle_deg"], Number),
-    (&["yarn", "*", "ply_twist", "direction"], Word(&["S", "Z"])),
-    (&["yarn", "*", "ply_twist", "turns_per_m"], Number),
-    (&["yarn", "*", "ply_twist", "angle_deg"], Number),
-    (&["seed"], Whole(0, i64::MAX)),
-    (&["tile", "repeats"], Size(1, 64)),
-];
-
-/// Keys that a new value makes void: the same said in other terms.
-const REPLACED: &[(&str, &str)] = &[
-    ("per_cm", "spacing_mm"),
-    ("turns_per_m", "angle_deg"),
-    ("angle_deg", "turns_per_m"),
-    ("f_number", "aperture_mm"),
-    ("aperture_mm", "f_number"),
-    ("tex", "fibres_per_ply"),
-];
 
 /// Keys of a cloth that belong to single representations, or that `auto` decides.
 const OF_A_MODEL: &[&str] = &[
@@ -252,175 +162,6 @@ fn fabric_mut(
             "fabric {fabric} does not exist; there are {count}, from 0"
         ))
     })
-}
-
-/// The tables `[[key]]` of a document, made if there are none.
-fn tables_mut<'a>(
-    document: &'a mut DocumentMut,
-    key: &str,
-) -> Outcome<&'a mut toml_edit::ArrayOfTables> {
-    let item = document
-        .entry(key)
-        .or_insert_with(|| Item::ArrayOfTables(toml_edit::ArrayOfTables::new()));
-    if let Item::Value(Value::Array(_)) = item {
-        // `light = [{ ... }]`, as no file of ours writes it.
-        let list = std::mem::take(item).into_array_of_tables();
-        *item = list.map_or_else(|old| old, Item::ArrayOfTables);
-    }
-    item.as_array_of_tables_mut()
-        .ok_or_else(|| InputError(format!("{key}: expected [[{key}]] tables")))
-}
-
-fn set_allowed(
-    document: &mut DocumentMut,
-    allowed: &[(&[&str], Holds)],
-    key: &[String],
-    value: &serde_json::Value,
-) -> Outcome {
-    let shown = key.join(".");
-    let mut known = allowed.iter().filter(|(pattern, _)| matches(pattern, key));
-    let Some((_, first)) = known.clone().next() else {
-        return fail(format!("{shown}: this key cannot be set from the page"));
-    };
-    let Some(value) = known.find_map(|(_, holds)| value_of(*holds, value)) else {
-        return fail(format!(
-            "{shown}: expected {}, found {value}",
-            described(*first)
-        ));
-    };
-    let keys: Vec<&str> = key.iter().map(String::as_str).collect();
-    if let Some((last, folder)) = keys.split_last() {
-        for (_, old) in REPLACED.iter().filter(|(new, _)| new == last) {
-            remove(document.as_table_mut(), folder, old);
-        }
-    }
-    set(document.as_table_mut(), &keys, value).map_err(|why| InputError(format!("{shown}: {why}")))
-}
-
-fn matches(pattern: &[&str], key: &[String]) -> bool {
-    let one = |(pattern, key): (&&str, &String)| match *pattern {
-        "#" => key.len() < 6 && key.parse::<usize>().is_ok(),
-        "*" => !key.is_empty() && key.len() <= 64,
-        name => name == key,
-    };
-    pattern.len() == key.len() && pattern.iter().zip(key).all(one)
-}
-
-fn described(holds: Holds) -> String {
-    match holds {
-        Number => "a number".into(),
-        Whole(least, most) => format!("a whole number from {least} to {most}"),
-        Numbers(count) => format!("a list of {count} numbers"),
-        Size(least, most) => format!("two whole numbers from {least} to {most}"),
-        Colours => format!("from 1 to {MAX_COLOURS} colours of three numbers"),
-        Word(words) => format!("one of {}", words.join(", ")),
-        Level => "auto, volume, surface or a level from 0".into(),
-    }
-}
-
-/// A value as TOML, if it is what a key holds.
-fn value_of(holds: Holds, value: &serde_json::Value) -> Option<Value> {
-    let number = |value: &serde_json::Value| value.as_f64().filter(|x| x.is_finite()).map(rounded);
-    let whole = |value: &serde_json::Value, least, most| {
-        value.as_i64().filter(|n| (least..=most).contains(n))
-    };
-    let numbers = |value: &serde_json::Value, count| {
-        let list = value.as_array().filter(|list| list.len() == count)?;
-        list.iter().map(number).collect::<Option<Array>>()
-    };
-    Some(match holds {
-        Number => number(value)?.into(),
-        Whole(least, most) => whole(value, least, most)?.into(),
-        Numbers(count) => numbers(value, count)?.into(),
-        Size(least, most) => {
-            let list = value.as_array().filter(|list| list.len() == 2)?;
-            let sizes = list.iter().map(|n| whole(n, least, most));
-            sizes.collect::<Option<Array>>()?.into()
-        }
-        Colours => {
-            let list = value.as_array()?;
-            if !(1..=MAX_COLOURS).contains(&list.len()) {
-                return None;
-            }
-            let colours = list
-                .iter()
-                .map(|colour| Some(Value::from(numbers(colour, 3)?)));
-            colours.collect::<Option<Array>>()?.into()
-        }
-        Word(words) => {
-            let word = value.as_str().filter(|word| words.contains(word))?;
-            word.into()
-        }
-        Level => match value.as_str() {
-            Some(name @ ("auto" | "volume" | "surface")) => name.into(),
-            Some(_) => return None,
-            None => whole(value, 0, 255)?.into(),
-        },
-    })
-}
-
-/// Nine digits: what a person sets, without the noise of the page's arithmetic.
-fn rounded(x: f64) -> f64 {
-    format!("{x:.9e}").parse().unwrap_or(x)
-}
-
-/// Sets a value, in tables that are made where there are none.
-fn set(table: &mut dyn TableLike, keys: &[&str], value: Value) -> Result<(), String> {
-    match keys {
-        [] => Err("expected a key".into()),
-        [last] => {
-            match table.get_mut(last) {
-                Some(Item::Value(old)) => {
-                    let decor = old.decor().clone();
-                    *old = value;
-                    *old.decor_mut() = decor;
-                }
-                _ => {
-                    table.insert(last, Item::Value(value));
-                }
-            }
-            Ok(())
-        }
-        [list, index, rest @ ..] if index.parse::<usize>().is_ok() && !rest.is_empty() => {
-            let at: usize = index.parse().unwrap_or(usize::MAX);
-            let missing = || format!("there is no [[{list}]] number {index}");
-            match table.get_mut(list).ok_or_else(missing)? {
-                Item::ArrayOfTables(tables) => {
-                    set(tables.get_mut(at).ok_or_else(missing)?, rest, value)
-                }
-                Item::Value(Value::Array(tables)) => {
-                    let table = tables.get_mut(at).and_then(Value::as_inline_table_mut);
-                    set(table.ok_or_else(missing)?, rest, value)
-                }
-                _ => Err(missing()),
-            }
-        }
-        [key, rest @ ..] => {
-            if !table.contains_key(key) {
-                let mut made = Table::new();
-                // Without a header of its own where it holds tables alone.
-                made.set_implicit(rest.len() > 1);
-                table.insert(key, Item::Table(made));
-            }
-            let inner = table.get_mut(key).and_then(Item::as_table_like_mut);
-            set(
-                inner.ok_or_else(|| format!("`{key}` is not a table"))?,
-                rest,
-                value,
-            )
-        }
-    }
-}
-
-/// Removes a key of a table, if both are there.
-fn remove(table: &mut dyn TableLike, folder: &[&str], key: &str) {
-    let Some((first, rest)) = folder.split_first() else {
-        table.remove(key);
-        return;
-    };
-    if let Some(inner) = table.get_mut(first).and_then(Item::as_table_like_mut) {
-        remove(inner, rest, key);
-    }
 }
 
 fn object_mut(scene: &mut DocumentMut, object: usize) -> Outcome<&mut Table> {

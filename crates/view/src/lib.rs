@@ -33,6 +33,7 @@ mod document;
 mod edit;
 mod folder;
 mod guard;
+mod keys;
 mod made_fabric;
 mod matter;
 mod news;
@@ -43,6 +44,7 @@ mod requests;
 mod saving;
 mod server;
 mod session;
+mod tables;
 mod talk;
 mod tracing;
 

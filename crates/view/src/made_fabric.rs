@@ -11,6 +11,9 @@ use toml_edit::DocumentMut;
 /// The most bytes of a draft that is dropped on the page.
 pub const MAX_DRAFT_BYTES: usize = 8 << 20;
 
+/// Crossings of a draft at most: the page weaves it several times to find a count.
+const MAX_CROSSINGS: usize = 1 << 18;
+
 /// Threads per centimetre of a draft that gives no spacing: a shirting.
 const USUAL_PER_CM: f64 = 24.0;
 /// Diameter of the yarn over the spacing of its threads: nearly covered cloth.
@@ -28,6 +31,13 @@ const MAX_TRIES: usize = 12;
 pub fn of_draft(path: &Path, wif: &str, bytes: &[u8]) -> Result<FabricDocument, InputError> {
     let fail = |why: String| InputError(format!("{wif}: {why}"));
     let draft = Draft::from_wif(bytes).map_err(|e| fail(e.to_string()))?;
+    let crossings = draft.ends().saturating_mul(draft.picks());
+    if crossings > MAX_CROSSINGS {
+        return Err(fail(format!(
+            "has {crossings} crossings; without a fabric a draft of at most {MAX_CROSSINGS} can be \
+             shown: name it in a fabric file"
+        )));
+    }
     let [warp, weft] = [&draft.warp, &draft.weft].map(|threads| spacing_mm(threads));
     let usual_mm = 10.0 / USUAL_PER_CM;
     let narrow_mm = warp.unwrap_or(usual_mm).min(weft.unwrap_or(usual_mm));
