@@ -8,6 +8,7 @@ pub mod auto;
 mod build_options;
 pub mod camera;
 pub mod cloth_place;
+pub mod draft_folder;
 mod drape;
 pub mod environment_file;
 mod error;

@@ -1,7 +1,7 @@
 //! A document as pages see it: its values, and what they can be changed to.
 
 use crate::document::{Document, FabricDocument};
-use crate::folder;
+use organza_scene::draft_folder;
 use organza_scene::representation::REPRESENTATIONS;
 use organza_weave::preset;
 use serde_json::{Map, Value, json};
@@ -39,7 +39,7 @@ pub fn document(document: &Document, revision: u64, [undo, redo]: [usize; 2]) ->
         "models": models.collect::<Vec<_>>(),
         "weaves": WEAVES,
         "presets": preset::NAMES,
-        "drafts": folder::drafts(&document.folder),
+        "drafts": draft_folder::drafts(&document.folder),
     })
 }
 

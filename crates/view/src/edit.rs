@@ -5,13 +5,13 @@ use crate::document::Document;
 use crate::keys::{FABRIC_KEYS, SCENE_KEYS, set_allowed};
 use crate::tables::{set, tables_mut};
 use organza_scene::InputError;
+use organza_scene::draft_folder;
 use organza_scene::fabric_file::FabricFile;
 use organza_scene::file_kind::Wanted;
 use organza_scene::read;
 use organza_scene::scene_build;
 use organza_scene::scene_file::SceneFile;
 use serde::Deserialize;
-use std::path::{Component, Path};
 use toml_edit::{DocumentMut, Item, Table};
 
 /// Changes in one request at most.
@@ -193,13 +193,6 @@ fn set_model(scene: &mut DocumentMut, object: usize, model: &str) -> Outcome {
     set(table, &["model"], model.into()).map_err(InputError)
 }
 
-/// Whether a name is that of a file of a folder, and not of one elsewhere.
-pub fn is_plain_name(name: &str) -> bool {
-    let mut parts = Path::new(name).components();
-    let is_one = matches!(parts.next(), Some(Component::Normal(_))) && parts.next().is_none();
-    is_one && name.len() <= 255 && !name.contains(['/', '\\', '\0']) && !name.starts_with('.')
-}
-
 fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
     let is_file = draft.to_ascii_lowercase().ends_with(".wif");
     let folder = document.folder.clone();
@@ -212,7 +205,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
         true if dropped => ("wif", draft.to_owned()),
         true => (
             "wif",
-            crate::folder::named_from(&fabric.path, &folder, draft)?,
+            draft_folder::named_from(&fabric.path, &folder, draft)?,
         ),
         false if draft.len() <= 64 => {
             let named = organza_weave::Draft::named(draft);

@@ -6,9 +6,8 @@
 //! loopback interface only. Requests change the document and wait for news; they never wait
 //! for the render.
 //!
-//! Nothing here prints. The crate opens the files that a scene names through
-//! `organza_scene`, and lists the drafts of the folder it serves; files are saved by the
-//! caller's function.
+//! Nothing here prints or opens a file: scenes, and the drafts of the folder that is served,
+//! are read by `organza_scene`; files are saved by the caller's function.
 //!
 //! ```
 //! use organza_view::{Answering, Guard, Patience, Session, open, talk};
@@ -31,7 +30,6 @@ mod assets;
 mod describe;
 mod document;
 mod edit;
-mod folder;
 mod guard;
 mod keys;
 mod made_fabric;
