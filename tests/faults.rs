@@ -84,6 +84,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
         "voxelize cloth.toml -o disk/cloth.vol --voxel-um 40",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.csv",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.json",
+        "measure cloth.toml --layout tensor-tree --spp 2 --model surface -o disk/out.xml",
+        "measure cloth.toml --layout rgl --spp 2 --model surface -o disk/out.bsdf",
         "export mitsuba scene.toml -o disk/scene --set object.0.extinction=big.vol",
     ] {
         let big = [0.5; 8 * 8 * 80];
@@ -102,7 +104,7 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
         );
         let left = String::from_utf8_lossy(&out.stdout);
         for name in [
-            ".tmp", ".exr", ".png", ".ovox", ".vdb", ".csv", ".json", ".xml",
+            ".tmp", ".exr", ".png", ".ovox", ".vdb", ".csv", ".json", ".xml", ".bsdf",
         ] {
             assert!(!left.contains(name), "{arguments}: left {left}");
         }
@@ -132,6 +134,7 @@ fn a_folder_that_takes_no_files_is_reported_before_the_work_begins() {
         "render scene.toml -o out.exr --checkpoint disk/state --spp 4000000000",
         "voxelize cloth.toml -o disk/cloth.ovox",
         "measure cloth.toml --layout klems --spp 4000000000 -o disk/out.xml",
+        "measure cloth.toml --layout rgl --spp 4000000000 -o disk/out.bsdf",
         "fit cloth.toml --spp 4000000000 -o disk/fitted.toml",
         "compare cloth.toml --spp 4000000000 -o disk",
         "export mitsuba scene.toml -o disk",

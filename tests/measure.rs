@@ -235,3 +235,77 @@ fn wrong_pairs_are_reported_with_line_and_column() {
     }
     assert!(!folder.join("out.csv").exists(), "nothing is written");
 }
+
+/// Tables for other programs: any number of threads gives the same bytes, and flags that do not
+/// fit are refused before anything is measured.
+#[test]
+fn tables_for_other_programs_are_written_or_refused() {
+    let folder = folder("measure-tables");
+    std::fs::write(
+        folder.join("cotton.toml"),
+        cotton("plain", "tex = 30.0", 40.0),
+    )
+    .unwrap();
+    let run = "measure cotton.toml --spp 64 --tree-depth 2 --rgl-grid 2,3,4";
+    let with = |more: &'static str| run.split(' ').chain(more.split(' ')).collect::<Vec<_>>();
+    let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    succeed(
+        &folder,
+        &with("--layout tensor-tree -o one.xml --threads 1"),
+    );
+    succeed(
+        &folder,
+        &with("--layout tensor-tree -o two.xml --threads 2"),
+    );
+    assert_eq!(bytes("one.xml"), bytes("two.xml"));
+    succeed(&folder, &with("--layout rgl -o one.bsdf --threads 1"));
+    succeed(&folder, &with("--layout rgl -o two.bsdf --threads 2"));
+    assert_eq!(bytes("one.bsdf"), bytes("two.bsdf"));
+    assert!(bytes("one.bsdf").starts_with(b"tensor_file\0"));
+    for (more, words) in [
+        (
+            "--layout rgl -o x.csv",
+            "--layout rgl needs a table that ends in .bsdf",
+        ),
+        (
+            "--layout grid -o x.bsdf",
+            "that ends in .bsdf needs --layout rgl",
+        ),
+        (
+            "--layout tensor-tree -o x.csv",
+            "needs a table that ends in .xml",
+        ),
+        (
+            "--layout tensor-tree --json",
+            "needs a table that ends in .xml",
+        ),
+        (
+            "--layout rgl --albedo -o x.bsdf",
+            "--albedo goes with pairs",
+        ),
+        ("--layout rgl --rows 0..1 -o x.bsdf", "measured all at once"),
+    ] {
+        let printed = complaint(&folder, &with(more));
+        assert!(printed.contains(words), "{more}: {printed}");
+    }
+    for (more, words) in [
+        (
+            "--layout tensor-tree --tree-depth 7 -o x.xml",
+            "expected at most 6 for --tree-rank 4",
+        ),
+        (
+            "--layout tensor-tree --tree-depth 6 --max-memory 1GiB -o x.xml",
+            "--tree-depth: the table needs",
+        ),
+        (
+            "--layout rgl --rgl-grid 90,360,256 --max-memory 1GiB -o x.bsdf",
+            "--rgl-grid: the table needs",
+        ),
+    ] {
+        let words_of = format!("measure cotton.toml {more}");
+        let printed = complaint(&folder, &words_of.split(' ').collect::<Vec<_>>());
+        assert!(printed.contains(words), "{more}: {printed}");
+    }
+    let left = std::fs::read_dir(&folder).unwrap().count();
+    assert_eq!(left, 5, "a refused table left a file");
+}

@@ -157,6 +157,20 @@ pub fn measure_pair_rows(
     watch: &(dyn Fn(u64) + Sync),
 ) -> Result<Results<PairValue>, MeasureError> {
     let (pairs, first) = rows_of(pairs, rows)?;
+    gather_pairs(patch, pairs, first, effort, watch)
+}
+
+/// Measures pairs, each with the random numbers of a stream; the first has `first_stream`.
+///
+/// # Errors
+/// See [`MeasureError`].
+pub(crate) fn gather_pairs(
+    patch: &impl PatchResponse,
+    pairs: &[Pair],
+    first_stream: u64,
+    effort: &Effort,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Results<PairValue>, MeasureError> {
     let effort = if patch.is_exact() {
         Effort {
             paths: 1,
@@ -171,12 +185,19 @@ pub fn measure_pair_rows(
     // A value of zero has not converged, whatever its error.
     let enough =
         |m: &Moments, target: f64| m.mean != 0.0 && m.standard_error() <= target * m.mean.abs();
-    gather(pairs, first, &effort, &enough, watch, &|pair: &Pair| {
-        let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
-        move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
-            patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
-        }
-    })
+    gather(
+        pairs,
+        first_stream,
+        &effort,
+        &enough,
+        watch,
+        &|pair: &Pair| {
+            let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
+            move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
+                patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
+            }
+        },
+    )
     .map(|(list, stats)| Results {
         list: pairs
             .iter()

@@ -166,7 +166,7 @@ const DIRECTIONS: [&str; 4] = [
 const BANDS: [&str; 3] = ["CIE-X", "Visible", "CIE-Z"];
 
 /// Linear sRGB to XYZ over the XYZ of its white.
-const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
+pub(crate) const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
     DVec3::new(0.433_887, 0.212_639, 0.017_750),
     DVec3::new(0.376_224, 0.715_169, 0.109_448),
     DVec3::new(0.189_889, 0.072_192, 0.872_802),

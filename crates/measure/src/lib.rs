@@ -37,6 +37,9 @@
 //! # }
 //! ```
 
+mod adaptive;
+mod adaptive_file;
+mod bilinear_warp;
 mod cost;
 pub mod fit;
 mod fit_surface;
@@ -52,9 +55,13 @@ mod picture_match;
 mod surface_patch;
 mod sweep;
 mod table;
+mod tensor_tree;
+mod tensor_tree_file;
 mod texture;
 mod volume_patch;
 
+pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive};
+pub use adaptive_file::write_adaptive;
 pub use cost::{Cost, Growth, growth, pareto_front};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
@@ -79,5 +86,7 @@ pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,
 };
 pub use table::{write_albedos, write_pairs, write_sweep};
+pub use tensor_tree::{TensorTree, TreeCell, TreeLayout, TreeRank, measure_tensor_tree};
+pub use tensor_tree_file::write_tensor_tree;
 pub use texture::{TexelGrid, Texture, measure_texture};
 pub use volume_patch::{PatchError, VolumePatch};

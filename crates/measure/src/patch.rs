@@ -115,7 +115,7 @@ pub trait PatchResponse: Sync {
     }
 
     /// [`PatchResponse::estimate_exit`] of every path, in order, from the
-    /// direction that `way` draws for it.
+    /// direction that `way` draws for it with the first random numbers of the path.
     fn each_exit(
         &self,
         way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),

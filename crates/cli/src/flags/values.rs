@@ -30,6 +30,21 @@ pub fn parse_grid(text: &str) -> Result<[u32; 2], String> {
     parse_counts(text, 1)
 }
 
+/// Numbers of polar angles, azimuths and nodes of an adaptive table.
+pub fn parse_rgl_grid(text: &str) -> Result<[u32; 3], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[polar, azimuths, side])
+            if (2..=90).contains(&polar)
+                && (3..=360).contains(&azimuths)
+                && (4..=256).contains(&side) =>
+        {
+            Ok([polar, azimuths, side])
+        }
+        _ => Err("expected POLAR,AZIMUTHS,SIDE from 2 to 90, 3 to 360 and 4 to 256".into()),
+    }
+}
+
 pub fn parse_patience(text: &str) -> Result<[u32; 2], String> {
     parse_counts(text, 0)
 }

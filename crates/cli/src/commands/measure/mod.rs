@@ -1,7 +1,9 @@
 //! `organza measure`
 
 pub mod results;
+mod rgl;
 mod summary;
+mod tensor_tree;
 mod wanted;
 
 use super::{Command, with_threads};
@@ -29,12 +31,16 @@ use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, t
 use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file};
+use rgl::RglArgs;
 use serde_json::{Value, json};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::{Summary, dark_pairs, median_error, report, write};
-use wanted::{KlemsBasisName, LayoutName, Wanted, check_texture_memory, wanted};
+use tensor_tree::TreeArgs;
+use wanted::{
+    KlemsBasisName, LayoutName, Wanted, check_table_memory, check_texture_memory, wanted,
+};
 
 /// `organza measure`
 #[derive(Debug, Args)]
@@ -54,7 +60,7 @@ pub struct MeasureArgs {
     /// Measure only these rows of the table, counted from 0; they have the values that they have in the whole table
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_rows)]
     pub rows: Option<Range<usize>>,
-    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW, with --layout klems), .exr (one picture of the tile per pair)
+    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW and Radiance, with --layout klems or tensor-tree), .bsdf (Mitsuba, with --layout rgl), .exr (one picture of the tile per pair)
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
     /// Model of the cloth
@@ -75,6 +81,10 @@ pub struct MeasureArgs {
     /// Patches of --layout klems
     #[arg(long, value_enum, default_value = "full")]
     pub klems_basis: KlemsBasisName,
+    #[command(flatten)]
+    pub tree: TreeArgs,
+    #[command(flatten)]
+    pub rgl: RglArgs,
     /// Degrees between positions of the lamp of --layout sweep
     #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_positive)]
     pub step: f64,
@@ -206,6 +216,7 @@ fn measure(
     };
     let count = match wanted {
         Wanted::Textures(_) => rows.len() * grid.texels.element_product() as usize,
+        Wanted::Rgl(grid) => grid.pairs() as usize,
         _ => rows.len(),
     };
     let total = args.spp.saturating_mul(count as u64);
@@ -291,6 +302,12 @@ fn measure(
                 "along the normal R {:.4?}, T {:.4?}",
                 along[0], along[1]
             ));
+        }
+        Wanted::TensorTree(layout) => {
+            tensor_tree::run(args, *layout, patch, &watch, &mut summary)?;
+        }
+        Wanted::Rgl(grid) => {
+            rgl::run(args, *grid, (patch, shown), (&effort, &watch), &mut summary)?;
         }
         Wanted::Sweep(lamps) => {
             let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;

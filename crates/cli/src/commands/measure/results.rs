@@ -2,8 +2,8 @@
 
 use crate::results::Results;
 use organza_measure::{
-    Albedo, Angles, KlemsBsdf, KlemsMatrix, LampAxis, Measured, PairValue, SweepValue, TexelGrid,
-    Texture,
+    Albedo, Angles, KlemsBsdf, KlemsMatrix, LampAxis, Measured, PairValue, SweepValue, TensorTree,
+    TexelGrid, Texture,
 };
 
 /// Adds polar angles and azimuths of `list` as `theta_END`, `phi_END`.
@@ -79,6 +79,25 @@ pub fn klems(bsdf: &KlemsBsdf, paths: u64) -> Results {
     results
         .with_figure("basis", bsdf.basis.name())
         .with_figure("paths", paths)
+}
+
+/// The cells of a tensor tree: where light arrives, where it leaves, channels.
+pub fn tensor_tree(tree: &TensorTree, paths: u64) -> Results {
+    let shape = [tree.layout.incident_cells(), tree.layout.exitant_cells(), 3];
+    let [reflected, reflected_back] = &tree.reflection;
+    let [transmitted, transmitted_back] = &tree.transmission;
+    let matrices = [
+        ("reflection_front", reflected),
+        ("reflection_back", reflected_back),
+        ("transmission_front", transmitted),
+        ("transmission_back", transmitted_back),
+    ];
+    let mut results = Results::default();
+    for (name, cells) in matrices {
+        let means = cells.iter().flat_map(|cell| cell.mean).collect();
+        results = results.with_f32(name, &shape, means);
+    }
+    results.with_figure("paths", paths)
 }
 
 /// A lamp that moves around the cloth; axis 0 is the weft, 1 the warp.

@@ -1,11 +1,11 @@
 //! What `organza measure` measures: the directions that its flags name.
 
-use super::{MeasureArgs, ends_in};
+use super::{MeasureArgs, ends_in, rgl, tensor_tree};
 use crate::error::input;
 use anyhow::Result;
 use organza_measure::{
-    Angles, KlemsBasis, LampPosition, Pair, TexelGrid, grid_directions, grid_layout,
-    irawan_incident, irawan_layout, lamp_positions, parse_incident, parse_pairs,
+    AdaptiveGrid, Angles, KlemsBasis, LampPosition, Pair, TexelGrid, TreeLayout, grid_directions,
+    grid_layout, irawan_incident, irawan_layout, lamp_positions, parse_incident, parse_pairs,
 };
 use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::memory::free_memory_bytes;
@@ -20,6 +20,10 @@ pub enum LayoutName {
     Grid,
     /// The four matrices of the Klems basis, one path for all exitant directions
     Klems,
+    /// The four matrices of a tensor tree for Radiance, see --tree-depth
+    TensorTree,
+    /// Reflection in the tensor format of the RGL material database, for Mitsuba, see --rgl-grid
+    Rgl,
     /// A linear light swung over face and back, seen along the normal
     Sweep,
 }
@@ -59,6 +63,10 @@ pub enum Wanted {
     Textures(Vec<Pair>),
     /// The matrices of a basis.
     Klems(KlemsBasis),
+    /// The matrices of a tensor tree.
+    TensorTree(TreeLayout),
+    /// Reflection over an adaptive parameterisation.
+    Rgl(AdaptiveGrid),
     /// A lamp swung over face and back.
     Sweep(Vec<LampPosition>),
 }
@@ -70,6 +78,8 @@ impl Wanted {
             Wanted::Pairs(list) | Wanted::Textures(list) => list.len(),
             Wanted::Incident(list) => list.len(),
             Wanted::Klems(basis) => 2 * basis.len(),
+            Wanted::TensorTree(layout) => 2 * layout.incident_cells(),
+            Wanted::Rgl(grid) => grid.incident_count(),
             Wanted::Sweep(list) => list.len(),
         }
     }
@@ -90,7 +100,7 @@ impl Wanted {
                 "the table has {count} rows; expected rows within 0..{count}"
             )),
             Wanted::Textures(_) => fail("pictures of the tile are measured all at once".into()),
-            Wanted::Klems(_) | Wanted::Sweep(_) => {
+            Wanted::Klems(_) | Wanted::TensorTree(_) | Wanted::Rgl(_) | Wanted::Sweep(_) => {
                 fail("this layout is measured all at once; take irawan, grid or --pairs".into())
             }
         }
@@ -103,9 +113,14 @@ impl Wanted {
 /// Flags that contradict each other, or a wrong file of pairs.
 pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
     let layout = args.layout.unwrap_or(LayoutName::Irawan);
-    let is_klems = args.pairs.is_none() && layout == LayoutName::Klems;
-    if ends_in(args, "xml") && !is_klems {
-        return Err(input("a table that ends in .xml needs --layout klems"));
+    let is_xml = [LayoutName::Klems, LayoutName::TensorTree].contains(&layout);
+    if ends_in(args, "bsdf") && (args.pairs.is_some() || layout != LayoutName::Rgl) {
+        return Err(input("a table that ends in .bsdf needs --layout rgl"));
+    }
+    if ends_in(args, "xml") && (args.pairs.is_some() || !is_xml) {
+        return Err(input(
+            "a table that ends in .xml needs --layout klems or --layout tensor-tree",
+        ));
     }
     if let Some(path) = &args.pairs {
         let text = args.common.host.loader().text_of(path, FileKind::Text)?;
@@ -126,7 +141,9 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         (LayoutName::Grid, true) => Wanted::Incident(grid_directions(polar, azimuths, true)),
         (LayoutName::Klems, false) => Wanted::Klems(args.klems_basis.into()),
         (LayoutName::Sweep, false) => Wanted::Sweep(lamp_positions(args.step)),
-        (LayoutName::Klems | LayoutName::Sweep, true) => {
+        (LayoutName::TensorTree, false) => Wanted::TensorTree(tensor_tree::wanted(args)?),
+        (LayoutName::Rgl, false) => Wanted::Rgl(rgl::wanted(args)?),
+        (_, true) => {
             return Err(input("--albedo goes with pairs, not with this layout"));
         }
     };
@@ -147,7 +164,7 @@ fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
         LayoutName::Grid if args.albedo => ("--grid", 2 * directions),
         LayoutName::Grid => ("--grid", (2 * directions).saturating_mul(directions)),
         LayoutName::Sweep => ("--step", (4.0 * (2.0 * 75.0 / args.step + 1.0)) as u64),
-        LayoutName::Irawan | LayoutName::Klems => return Ok(()),
+        _ => return Ok(()),
     };
     let each = if args.json || ends_in(args, "json") {
         BYTES_OF_JSON
@@ -159,6 +176,17 @@ fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
     if needed > most {
         return Err(input(format!(
             "{flag}: {count} values need {needed} bytes of memory, {most} are allowed: take fewer"
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses a table that does not fit into memory; `flag` sets its size.
+pub fn check_table_memory(args: &MeasureArgs, flag: &str, needed: u64) -> Result<()> {
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "{flag}: the table needs {needed} bytes of memory, {most} are allowed: take fewer"
         )));
     }
     Ok(())
