@@ -2,6 +2,7 @@
 //! binary.
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
+mod bake; // materials for other programs
 mod bench; // speed against error, and what it chooses
 mod cache; // volumes that are kept from run to run
 mod calls; // commands run by other programs, in memory

@@ -47,6 +47,7 @@ mod goniometer;
 mod klems;
 mod klems_file;
 mod layout;
+mod looks;
 mod metrics;
 mod pairs;
 mod patch;
@@ -73,12 +74,13 @@ pub use klems_file::{KlemsFileError, read_klems, write_klems};
 pub use layout::{
     grid_directions, grid_layout, in_plane_layout, irawan_exitant, irawan_incident, irawan_layout,
 };
+pub use looks::{LookSums, gather_looks};
 pub use metrics::{Difference, Figure, difference, reciprocity};
 pub use pairs::{
     Angles, Pair, PairsError, PairsErrorKind, distinct_incident, parse_incident, parse_pairs,
     parse_values,
 };
-pub use patch::{Energy, Exit, PatchResponse, PathNames};
+pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use surface_patch::SurfacePatch;

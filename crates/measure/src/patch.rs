@@ -58,6 +58,26 @@ impl Exit {
     }
 }
 
+/// What one path that began at a chosen place of the cloth found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Look {
+    /// Where its light goes.
+    pub exit: Exit,
+    /// What it met first; `None` when it met nothing.
+    pub first: Option<FirstSight>,
+    /// Scattering events.
+    pub events: u32,
+}
+
+/// The first thing that a path meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FirstSight {
+    /// Unit axis of the fibre, or zero where there is none.
+    pub axis: Vec3,
+    /// Height above the middle plane of the cloth, mm, towards the face.
+    pub height_mm: f32,
+}
+
 /// Identifiers of the random numbers of some paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PathNames {
@@ -130,6 +150,22 @@ pub trait PatchResponse: Sync {
         }
     }
 
+    /// One path of every number, in order, that looks down on the face along its normal at
+    /// the place of the middle plane, mm, that `place` draws for it. A patch without geometry
+    /// finds nothing.
+    fn each_look(
+        &self,
+        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Look),
+    ) {
+        let _ = (place, stats);
+        for _ in names.paths.clone() {
+            found(Look::default());
+        }
+    }
+
     /// True when [`estimate_bsdf`](Self::estimate_bsdf) uses no random numbers:
     /// one estimate is the value.
     fn is_exact(&self) -> bool;
@@ -176,6 +212,16 @@ where
         found: &mut dyn FnMut(Exit),
     ) {
         (**self).each_exit(way, names, stats, found);
+    }
+
+    fn each_look(
+        &self,
+        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Look),
+    ) {
+        (**self).each_look(place, names, stats, found);
     }
 
     fn is_exact(&self) -> bool {

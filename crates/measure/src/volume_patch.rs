@@ -1,6 +1,6 @@
 //! A patch of media, measured by paths that start all over it.
 
-use crate::{Exit, PatchResponse, PathNames};
+use crate::{Exit, FirstSight, Look, PatchResponse, PathNames};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
 use organza_transport::{
@@ -251,6 +251,46 @@ impl PatchResponse for VolumePatch {
         for sample in samples {
             found(exit_of(&sample));
         }
+    }
+
+    fn each_look(
+        &self,
+        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Look),
+    ) {
+        let face_mm = self.face_mm(Vec3::Z);
+        let look = |path: &PathSample| Look {
+            exit: exit_of(path),
+            first: path.first.map(|event| FirstSight {
+                axis: event.info.axis,
+                height_mm: (f64::from(face_mm) - event.depth_mm) as f32,
+            }),
+            events: path.bounces,
+        };
+        let Some(probe) = &self.fibres else {
+            for path in names.paths.clone() {
+                let mut rng = names.rng(path);
+                let from = place(path, &mut rng).extend(face_mm);
+                found(look(&self.trace(from, Vec3::Z, &[], &mut rng, stats)));
+            }
+            return;
+        };
+        let start = |path: u64| {
+            let from = place(path, &mut names.rng(path)).extend(face_mm);
+            (from.as_dvec3(), -Vec3::Z.as_dvec3())
+        };
+        let paths = ProbePaths {
+            lights: &[],
+            seed: names.seed,
+            stream: names.stream,
+            paths: names.paths.clone(),
+            start: &start,
+        };
+        let (samples, counts) = probe.trace(&paths);
+        stats.merge(&counts);
+        samples.iter().for_each(|sample| found(look(sample)));
     }
 
     fn is_exact(&self) -> bool {

@@ -3,6 +3,7 @@
 //! A new command is a file with a [`clap::Args`] that implements [`Command`],
 //! and a line in [`COMMANDS`]. Help, completions and manual pages follow.
 
+mod bake;
 mod bench;
 mod cache;
 mod compare;
@@ -39,6 +40,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<bench::BenchArgs>(),
     Registration::of::<weave::WeaveArgs>(),
     Registration::of::<export::ExportArgs>(),
+    Registration::of::<bake::BakeArgs>(),
     Registration::of::<info::InfoArgs>(),
     Registration::of::<cache::CacheCommand>(),
     Registration::of::<completions::CompletionsArgs>(),

@@ -1,0 +1,61 @@
+//! The material of glTF 2.0 [Khronos2021] with its extensions [Khronos2024].
+
+use super::{Surface, Target, half_vector, round};
+use crate::albedo::Albedos;
+use crate::lobe::{f0_of_index, ggx, schlick, sheen};
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// The record of the model.
+pub const GLTF: Target = Target {
+    name: "glTF 2.0",
+    file: "material.glb",
+    transmits: true,
+    is_anisotropic: true,
+    has_sheen: true,
+    squares_sheen: true,
+    has_specular_map: true,
+    limits: &[
+        "One material serves both sides: the back has the colour and highlights of the face.",
+        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
+        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "There is no height map: the relief is in the normals alone, without parallax or shadows.",
+        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
+    ],
+    bsdf,
+};
+
+/// Widths along the rough direction and across it: the rough one grows to one.
+pub fn widths(roughness: f32, strength: f32) -> (f32, f32) {
+    let (alpha, _) = round(roughness);
+    (alpha + (1.0 - alpha) * strength * strength, alpha)
+}
+
+/// A layer of sheen over microfacets over diffuse reflection and transmission. Layers are
+/// weighted so that light and eye may be exchanged, as the extension of sheen allows.
+fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
+    let (mirrored, h) = half_vector(w_in, w_out);
+    let f = schlick(f0_of_index(s.ior) * s.specular, s.specular, w_out.dot(h));
+    let reflects = w_in.z > 0.0;
+    let diffuse = match reflects {
+        true => (1.0 - s.transmission) * s.base,
+        false => s.transmission * s.transmission_colour,
+    };
+    let mut value = (1.0 - f) * FRAC_1_PI * diffuse;
+    if reflects {
+        value += f * ggx(widths(s.roughness, s.anisotropy), w_in, w_out);
+    }
+    let strength = s.sheen.max_element();
+    if strength <= 0.0 {
+        return value;
+    }
+    let alpha = s.sheen_roughness * s.sheen_roughness;
+    let taken = albedos
+        .sheen(mirrored.z, alpha)
+        .max(albedos.sheen(w_out.z, alpha));
+    value *= 1.0 - strength * taken;
+    if reflects {
+        value += s.sheen * sheen(alpha, h.z, w_in.z, w_out.z);
+    }
+    value
+}

@@ -1,0 +1,43 @@
+//! OpenPBR surface [OpenPBR2024], thin-walled.
+
+use super::standard_surface::layered;
+use super::{Surface, Target};
+use crate::albedo::Albedos;
+use crate::lobe::{f0_of_index, index_of_f0};
+use glam::Vec3;
+
+/// The record of the model.
+pub const OPENPBR: Target = Target {
+    name: "OpenPBR",
+    file: "material.mtlx",
+    transmits: true,
+    is_anisotropic: true,
+    has_sheen: true,
+    squares_sheen: false,
+    has_specular_map: true,
+    limits: &[
+        "One material serves both sides: the back has the colour and highlights of the face.",
+        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
+        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "The fit uses the sheen of standard_surface for the fuzz, whose own lobe renderers tabulate.",
+        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
+    ],
+    bsdf,
+};
+
+/// Widths along the rough direction and across it, which keep the mean of their squares.
+pub fn widths(roughness: f32, anisotropy: f32) -> (f32, f32) {
+    let alpha = (roughness * roughness).max(2e-3);
+    let narrow = 1.0 - anisotropy.clamp(0.0, 0.99);
+    let wide = alpha * (2.0 / (1.0 + narrow * narrow)).sqrt();
+    (wide, wide * narrow)
+}
+
+/// Fuzz over a dielectric interface over diffuse reflection and, by thin-walled subsurface
+/// scattering that is wholly forward, transmission. The weight of highlights acts on the
+/// index.
+fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
+    let eta = index_of_f0(s.specular * f0_of_index(s.ior));
+    let lobe = (widths(s.roughness, s.anisotropy), eta, 1.0);
+    layered(s, albedos, lobe, w_in, w_out)
+}

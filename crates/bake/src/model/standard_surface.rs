@@ -1,0 +1,72 @@
+//! Autodesk Standard Surface [Georgiev2019], thin-walled.
+
+use super::{Surface, Target, half_vector};
+use crate::albedo::Albedos;
+use crate::lobe::{dielectric, f0_of_index, ggx, sheen};
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// The record of the model.
+pub const STANDARD_SURFACE: Target = Target {
+    name: "standard_surface",
+    file: "material.mtlx",
+    transmits: true,
+    is_anisotropic: true,
+    has_sheen: true,
+    squares_sheen: false,
+    has_specular_map: true,
+    limits: &[
+        "One material serves both sides: the back has the colour and highlights of the face.",
+        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
+        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
+    ],
+    bsdf,
+};
+
+/// Widths along the rough direction and across it, whose product keeps.
+fn widths(roughness: f32, anisotropy: f32) -> (f32, f32) {
+    let alpha = (roughness * roughness).max(2e-3);
+    let aspect = (1.0 - anisotropy.clamp(0.0, 0.98)).sqrt();
+    ((alpha / aspect).min(1.0), alpha * aspect)
+}
+
+fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
+    let lobe = (widths(s.roughness, s.anisotropy), s.ior, s.specular);
+    layered(s, albedos, lobe, w_in, w_out)
+}
+
+/// Sheen over microfacets of a dielectric over diffuse light. Each layer leaves to those
+/// below it what it does not reflect from the direction of the eye, which does not let light
+/// and eye be exchanged. `lobe`: widths, index and weight of the microfacets.
+pub(super) fn layered(
+    s: &Surface,
+    albedos: &Albedos,
+    (alpha, eta, weight): ((f32, f32), f32, f32),
+    w_in: Vec3,
+    w_out: Vec3,
+) -> Vec3 {
+    let (_, h) = half_vector(w_in, w_out);
+    let reflects = w_in.z > 0.0;
+    let diffuse = match reflects {
+        true => (1.0 - s.transmission) * s.base,
+        false => s.transmission * s.transmission_colour,
+    };
+    let mean_alpha = (alpha.0 * alpha.1).sqrt();
+    // An index near one reflects little at grazing angles, too [Lagarde2014].
+    let f0 = f0_of_index(eta);
+    let taken = weight * albedos.facets(w_out.z, mean_alpha, f0, (50.0 * f0).min(1.0));
+    let mut value = (1.0 - taken) * FRAC_1_PI * diffuse;
+    if reflects {
+        value += weight * dielectric(eta, w_out.dot(h)) * ggx(alpha, w_in, w_out);
+    }
+    let strength = s.sheen.max_element();
+    if strength <= 0.0 {
+        return value;
+    }
+    value *= 1.0 - strength * albedos.sheen(w_out.z, s.sheen_roughness);
+    if reflects {
+        value += s.sheen * sheen(s.sheen_roughness, h.z, w_in.z, w_out.z);
+    }
+    value
+}

@@ -1,0 +1,193 @@
+use super::*;
+use crate::model::{OPENPBR, TARGETS};
+use crate::texel::Texel;
+use glam::{UVec2, Vec2, Vec3};
+
+/// Maps of 8 x 4 texels: every second column a hole.
+fn maps() -> Maps {
+    let texel = |k: usize| Texel {
+        coverage: if k.is_multiple_of(2) { 1.0 } else { 0.0 },
+        slope: Vec2::new(0.5, 0.0),
+        across_rad: std::f32::consts::FRAC_PI_2,
+        order: 0.8,
+        reflected: Vec3::new(0.4, 0.2, 0.1),
+        transmitted: Vec3::new(0.2, 0.1, 0.1),
+        gloss: 0.5,
+    };
+    Maps {
+        size: UVec2::new(8, 4),
+        tile_mm: Vec2::new(2.0, 1.0),
+        texels: (0..32).map(texel).collect(),
+        height_mm: (0..32).map(|k| k as f32 * 0.01).collect(),
+    }
+}
+
+fn files() -> FolderFiles {
+    let start = |target: &crate::model::Target| {
+        let place: Vec<f64> = target.bounds(Some(0.2)).iter().map(|b| b.start).collect();
+        target.parameters(&place, Some(0.2))
+    };
+    let [gltf, openpbr, standard_surface, usd_preview] = TARGETS.map(start);
+    let maps = maps();
+    let baked = Baked {
+        name: "cloth_1",
+        maps: &maps,
+        gltf: &gltf,
+        openpbr: &openpbr,
+        standard_surface: &standard_surface,
+        usd_preview: &usd_preview,
+    };
+    folder_files(&baked).unwrap()
+}
+
+fn file(name: &str) -> Vec<u8> {
+    let (files, _) = files();
+    files.into_iter().find(|(n, _)| n == name).unwrap().1
+}
+
+#[test]
+fn the_glb_is_read_back_with_its_material_and_textures() {
+    let glb = file("material.glb");
+    let read = gltf::Gltf::from_slice(&glb).unwrap();
+    let material = read.materials().next().unwrap();
+    assert_eq!(material.name(), Some("cloth_1"));
+    assert!(material.double_sided());
+    assert_eq!(material.alpha_mode(), gltf::material::AlphaMode::Blend);
+    let normal = material.normal_texture().unwrap();
+    assert!((normal.scale() - 0.4).abs() < 1e-6);
+    // Every image is a PNG of the right size inside the file.
+    let bin = read.blob.as_ref().unwrap();
+    let mut count = 0;
+    for image in read.images() {
+        let gltf::image::Source::View { view, mime_type } = image.source() else {
+            panic!("an image outside of the file");
+        };
+        assert_eq!(mime_type, "image/png");
+        let bytes = &bin[view.offset()..view.offset() + view.length()];
+        let picture = image::load_from_memory(bytes).unwrap();
+        assert_eq!((picture.width(), picture.height()), (8, 4));
+        count += 1;
+    }
+    assert_eq!(count, 7);
+    // The base colour and its coverage; the angle across the fibres as a vector.
+    let pixel = |index: usize, x: u32| {
+        let gltf::image::Source::View { view, .. } = read.images().nth(index).unwrap().source()
+        else {
+            panic!("an image outside of the file");
+        };
+        let bytes = &bin[view.offset()..view.offset() + view.length()];
+        image::load_from_memory(bytes)
+            .unwrap()
+            .to_rgba8()
+            .get_pixel(x, 0)
+            .0
+    };
+    assert_eq!((pixel(0, 0)[3], pixel(0, 1)[3]), (255, 0));
+    let across = pixel(3, 0);
+    assert!(
+        across[0].abs_diff(128) <= 1 && across[1] == 255,
+        "{across:?}"
+    );
+    // The square covers 50 x 100 repeats.
+    let primitive = read.meshes().next().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(|_| Some(bin));
+    let uv: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+    assert_eq!(uv[1], [50.0, 100.0]);
+}
+
+#[test]
+fn materialx_connects_every_input_to_what_is_there() {
+    let text = String::from_utf8(file("material.mtlx")).unwrap();
+    let (_, textures) = files();
+    let names: Vec<&str> = text
+        .split("name=\"")
+        .skip(1)
+        .map(|rest| rest.split('"').next().unwrap())
+        .collect();
+    let quoted = |key: &str| {
+        let key = format!("{key}=\"");
+        text.split(&key)
+            .skip(1)
+            .map(|rest| rest.split('"').next().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    for target in quoted("nodename").iter().chain(&quoted("output")) {
+        assert!(names.contains(&target.as_str()), "{target}");
+    }
+    for value in quoted("value").iter().filter(|v| v.ends_with(".png")) {
+        assert!(textures.iter().any(|(name, _)| name == value), "{value}");
+    }
+    assert!(text.contains("cloth_1_openpbr") && text.contains("cloth_1_standard_surface"));
+    // The text is well-formed XML: every element that is opened is closed.
+    let mut reader = quick_xml::Reader::from_str(&text);
+    let mut depth = 0;
+    loop {
+        match reader.read_event().unwrap() {
+            quick_xml::events::Event::Start(_) => depth += 1,
+            quick_xml::events::Event::End(_) => depth -= 1,
+            quick_xml::events::Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert_eq!(depth, 0);
+}
+
+#[test]
+fn usda_names_its_textures_and_connects_prims_that_are_there() {
+    let text = String::from_utf8(file("material.usda")).unwrap();
+    let (_, textures) = files();
+    for asset in text.split("@./").skip(1).step_by(1) {
+        let asset = asset.split('@').next().unwrap();
+        assert!(textures.iter().any(|(name, _)| name == asset), "{asset}");
+    }
+    let shaders: Vec<&str> = text
+        .split("def Shader \"")
+        .skip(1)
+        .map(|rest| rest.split('"').next().unwrap())
+        .collect();
+    for target in text.split("</cloth_1/Material/").skip(1) {
+        let shader = target.split('.').next().unwrap();
+        assert!(shaders.contains(&shader), "{shader}");
+    }
+    assert_eq!(text.matches('{').count(), text.matches('}').count());
+}
+
+#[test]
+fn textures_hold_what_was_measured() {
+    let place: Vec<f64> = OPENPBR.bounds(None).iter().map(|b| b.start).collect();
+    let p = OPENPBR.parameters(&place, None);
+    let surface = OPENPBR.surface(&p, &maps().texels[0]);
+    let pixel = |name: &str| {
+        let picture = image::load_from_memory(&file(&format!("{FOLDER}/{name}"))).unwrap();
+        picture.to_rgb8().get_pixel(0, 0).0
+    };
+    let near = |a: u8, b: f32| (f32::from(a) / 255.0 - b).abs() < 0.003;
+    assert!(near(pixel("roughness.png")[0], surface.roughness));
+    assert!(near(pixel("anisotropy.png")[0], 0.8));
+    assert!(near(pixel("diffuse_transmission.png")[0], 0.2));
+    assert!(near(pixel("anisotropy_rotation.png")[0], 0.75));
+    let normal = pixel("normal.png");
+    assert!(
+        near(normal[0], 0.5 - 0.5 * 0.5 / 1.25f32.sqrt()),
+        "{normal:?}"
+    );
+    let base = organza_basis::Rgb::linear_from_srgb(f32::from(pixel("base_color.png")[0]) / 255.0);
+    assert!((base - 0.5).abs() < 0.005, "{base}");
+    // 16 bits of height over its range: the last texel is the highest.
+    let height = image::load_from_memory(&file("textures/height.png"))
+        .unwrap()
+        .to_luma16();
+    assert_eq!(
+        (height.get_pixel(0, 0).0, height.get_pixel(7, 3).0),
+        ([0], [65535])
+    );
+}
+
+#[test]
+fn names_are_those_that_all_formats_allow() {
+    assert_eq!(plain_name("silk organza"), "silk_organza");
+    assert_eq!(plain_name("3/1 twill"), "cloth_3_1_twill");
+    assert_eq!(plain_name(""), "cloth_");
+    assert_eq!(number(-0.0000001), "0");
+    assert_eq!(number(1.5), "1.5");
+}

@@ -1,0 +1,194 @@
+//! The textures of a tile, as PNG files.
+
+use super::WriteError;
+use crate::maps::Maps;
+use crate::model::{OPENPBR, Parameters, Surface};
+use crate::texel::Texel;
+use glam::{UVec2, Vec3};
+use image::{ExtendedColorType, ImageEncoder};
+use organza_basis::Rgb;
+use std::f32::consts::{FRAC_PI_4, PI};
+
+/// The folder of the textures, beside the materials that name them.
+pub const FOLDER: &str = "textures";
+
+/// One texture file.
+#[derive(Clone, Debug)]
+pub struct TextureFile {
+    /// Its name in the folder of textures.
+    pub name: &'static str,
+    /// What its values mean.
+    pub meaning: &'static str,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// One 8-bit value of a share.
+fn byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+fn colour(value: Vec3) -> [u8; 3] {
+    value.to_array().map(Rgb::srgb8)
+}
+
+/// A normal as a normal map holds it, green along y.
+fn normal(value: Vec3) -> [u8; 3] {
+    (0.5 * value + Vec3::splat(0.5)).to_array().map(byte)
+}
+
+/// Encodes 8-bit channels, or 16-bit ones in the order of the machine.
+///
+/// # Errors
+/// Pixels that do not fill the size, or no memory for the file.
+pub fn png(size: UVec2, pixels: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>, WriteError> {
+    let mut bytes = Vec::new();
+    image::codecs::png::PngEncoder::new(&mut bytes)
+        .write_image(pixels, size.x, size.y, kind)
+        .map_err(|e| WriteError::Encoding(e.to_string()))?;
+    Ok(bytes)
+}
+
+/// The textures that materials beside them name: what was measured, which the materials
+/// multiply by constants. Only the roughness is that of a material, OpenPBR. `relief`: factor
+/// of the slopes of the second normal map, for programs that cannot scale one.
+///
+/// # Errors
+/// See [`png`].
+pub fn texture_files(
+    maps: &Maps,
+    parameters: &Parameters,
+    relief: f64,
+) -> Result<Vec<TextureFile>, WriteError> {
+    let surfaces: Vec<Surface> = maps
+        .texels
+        .iter()
+        .map(|t| OPENPBR.surface(parameters, t))
+        .collect();
+    let grey = |value: &dyn Fn(&Texel, &Surface) -> f32| {
+        let pairs = maps.texels.iter().zip(&surfaces);
+        let bytes: Vec<u8> = pairs.map(|(t, s)| byte(value(t, s))).collect();
+        png(maps.size, &bytes, ExtendedColorType::L8)
+    };
+    let rgb = |value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
+        let pairs = maps.texels.iter().zip(&surfaces);
+        let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
+        png(maps.size, &bytes, ExtendedColorType::Rgb8)
+    };
+    let (low, high) = maps.height_range_mm();
+    let height: Vec<u8> = maps
+        .height_mm
+        .iter()
+        .flat_map(|h| (((h - low) / (high - low) * 65535.0 + 0.5) as u16).to_ne_bytes())
+        .collect();
+    let file = |name, meaning, bytes| TextureFile {
+        name,
+        meaning,
+        bytes,
+    };
+    Ok(vec![
+        file(
+            "base_color.png",
+            "measured colour, sRGB: light reflected from a bright sky, without what is transmitted",
+            rgb(&|t, _| colour(t.base()))?,
+        ),
+        file(
+            "opacity.png",
+            "share of the texel that fibres cover, seen along the normal",
+            grey(&|t, _| t.coverage)?,
+        ),
+        file(
+            "normal.png",
+            "normal of the threads, (n + 1) / 2, green along the warp, whole relief",
+            rgb(&|t, _| normal(t.normal(1.0)))?,
+        ),
+        file(
+            "normal_preview.png",
+            "the same with the relief of the USD material",
+            rgb(&|t, _| normal(t.normal(relief as f32)))?,
+        ),
+        file(
+            "height.png",
+            "height of the threads between height_mm of bake.json, 16 bits",
+            png(maps.size, &height, ExtendedColorType::L16)?,
+        ),
+        file(
+            "roughness.png",
+            "roughness of the OpenPBR material",
+            grey(&|_, s| s.roughness)?,
+        ),
+        file(
+            "anisotropy.png",
+            "how parallel the visible fibres are: the anisotropy before its factor",
+            grey(&|t, _| t.order)?,
+        ),
+        file(
+            "anisotropy_rotation.png",
+            "angle from the weft of the direction across the fibres, in which the highlight is \
+             wide: 180 degrees times the value, less 45",
+            grey(&|t, _| (t.across_rad + FRAC_PI_4) / PI)?,
+        ),
+        file(
+            "sheen.png",
+            "colour of the sheen without its weight, sRGB",
+            rgb(&|t, _| colour(t.hue()))?,
+        ),
+        file(
+            "diffuse_transmission.png",
+            "measured share of light that is transmitted by scattering",
+            grey(&|t, _| t.transmission())?,
+        ),
+        file(
+            "diffuse_transmission_color.png",
+            "colour of the transmitted light, sRGB, its strongest channel one",
+            rgb(&|t, _| colour(t.transmission_hue()))?,
+        ),
+        file(
+            "specular.png",
+            "weight of the highlight: light reflected by one fibre",
+            grey(&|_, s| s.specular)?,
+        ),
+    ])
+}
+
+/// The textures that a glTF material holds: several maps share the channels of one.
+///
+/// # Errors
+/// See [`png`].
+pub fn gltf_textures(
+    maps: &Maps,
+    surfaces: &[Surface],
+) -> Result<Vec<(&'static str, Vec<u8>)>, WriteError> {
+    let rgba = |value: &dyn Fn(&Texel, &Surface) -> [u8; 4]| {
+        let pairs = maps.texels.iter().zip(surfaces);
+        let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
+        png(maps.size, &bytes, ExtendedColorType::Rgba8)
+    };
+    let rgb = |value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
+        let pairs = maps.texels.iter().zip(surfaces);
+        let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
+        png(maps.size, &bytes, ExtendedColorType::Rgb8)
+    };
+    let with_alpha = |c: [u8; 3], a: f32| [c[0], c[1], c[2], byte(a)];
+    Ok(vec![
+        (
+            "base_color",
+            rgba(&|t, s| with_alpha(colour(s.base), t.coverage))?,
+        ),
+        ("normal", rgb(&|t, _| normal(t.normal(1.0)))?),
+        ("roughness", rgb(&|_, s| [0, byte(s.roughness), 0])?),
+        (
+            "anisotropy",
+            rgb(&|t, s| {
+                let (sin, cos) = t.across_rad.sin_cos();
+                [0.5 + 0.5 * cos, 0.5 + 0.5 * sin, s.anisotropy].map(byte)
+            })?,
+        ),
+        ("sheen", rgb(&|t, _| colour(t.hue()))?),
+        (
+            "diffuse_transmission",
+            rgba(&|_, s| with_alpha(colour(s.transmission_colour), s.transmission))?,
+        ),
+        ("specular", rgba(&|_, s| with_alpha([255; 3], s.specular))?),
+    ])
+}

@@ -1,0 +1,348 @@
+//! `organza bake`
+
+mod summary;
+
+use super::{Command, with_threads};
+use crate::building::watched;
+use crate::error::input;
+use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
+use crate::flags::values::{parse_level, parse_paths, parse_seed, whole};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
+use crate::output::{self, WriteFile, note};
+use crate::progress::Progress;
+use crate::results::Results;
+use anyhow::{Context, Result};
+use clap::Args;
+use organza_bake::albedo::Albedos;
+use organza_bake::fit::{Fitted, SKY_WEIGHT, fit_target};
+use organza_bake::layout::{PlannedPair, planned_pairs};
+use organza_bake::maps::{BYTES_PER_TEXEL, Maps};
+use organza_bake::model::{GLTF, OPENPBR, STANDARD_SURFACE, TARGETS, Target, USD_PREVIEW};
+use organza_bake::texel::Texel;
+use organza_bake::write::{Baked, FOLDER, folder_files, plain_name};
+use organza_measure::fit::Patience;
+use organza_measure::{
+    Albedo, Angles, Effort, LookSums, Pair, PairValue, TexelGrid, gather_looks, measure_albedos,
+    measure_pairs,
+};
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::representation::SURFACE;
+use organza_scene::{fabric_file, read};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// `organza bake`
+#[derive(Debug, Args)]
+#[command(
+    about = "Make textures and materials of a fabric for other programs: glTF, MaterialX, USD",
+    after_help = "Example:\n  organza bake scenes/fabrics/denim.toml -o denim_material --resolution 1024"
+)]
+pub struct BakeArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Folder to write: material.glb, material.mtlx, material.usda, textures, and bake.json with all parameters and errors
+    #[arg(short, long, visible_alias = "outfile")]
+    pub outdir: PathBuf,
+    /// Texels of the longer side of the textures, which show one repeat; 16 to 4096
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = whole::<u32>(16..=4096))]
+    pub resolution: u32,
+    /// What is measured: explicit fibres or a volume
+    #[arg(long, default_value = "fibres", value_parser = patch_model())]
+    pub model: ModelFlag,
+    /// Paths per texel of the textures, 4 to 4096
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = whole::<u32>(4..=4096))]
+    pub texel_spp: u32,
+    /// Pairs of directions that are measured, 64 to 8192; a quarter of them judges the result
+    #[arg(long, value_name = "N", default_value_t = 320, value_parser = whole::<u32>(64..=8192))]
+    pub pairs: u32,
+    /// Paths per pair, at least 2
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = parse_paths)]
+    pub spp: u64,
+    /// Texels whose mean stands for the material while it is fitted, 16 to 65536
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole::<u32>(16..=65536))]
+    pub fit_texels: u32,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    pub seed: u64,
+    /// Level of detail of a volume; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
+    pub level: u8,
+    #[command(flatten)]
+    pub voxel: VoxelArgs,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for BakeArgs {
+    const NAME: &'static str = "bake";
+    const OUTPUT: Option<&'static str> = Some("material");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
+
+/// Polar angles at which light that passes straight through is measured, degrees, and the
+/// azimuths: along the weft, along the warp.
+const STRAIGHT_DEG: [f64; 3] = [0.0, 30.0, 60.0];
+
+/// Standard deviation of the smoothing of the relief, as a share of the narrower spacing of
+/// threads: single fibres vanish, threads stay round.
+const SMOOTHING: f32 = 1.0 / 16.0;
+
+/// The same as a share of the tile, for cloth without a draft.
+const SMOOTHING_OF_TILE: f32 = 1.0 / 100.0;
+
+/// How long parameters are searched for.
+const PATIENCE: Patience = Patience {
+    scan: 24,
+    steps: 220,
+    stride: 1e-3,
+};
+
+/// The most evaluations of a search: the scan and four descents, and the derivatives at the
+/// end.
+const EVALUATIONS: u64 = 1 + 24 + 4 * 220 + 14;
+
+/// What was measured of a fabric.
+struct Measurement {
+    plan: Vec<PlannedPair>,
+    pairs: Vec<PairValue>,
+    straight: Vec<Albedo>,
+    looks: Vec<LookSums>,
+}
+
+/// Runs the command.
+pub fn run(args: &BakeArgs) -> Result<()> {
+    warn_of_old_names("--model", &[args.model], args.common.quiet);
+    output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
+    with_threads(&args.common, || {
+        let fabric = watched(&args.common, &args.cache, |loader| {
+            let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+            for name in [
+                "bake.json",
+                "material.glb",
+                "material.mtlx",
+                "material.usda",
+            ] {
+                let inputs = loader.inputs();
+                let inputs = inputs.iter().map(|i| &i.path);
+                output::check_not_an_input(&args.outdir.join(name), inputs)?;
+            }
+            Ok(fabric)
+        })?;
+        let shown = args.model.model.of(&fabric, &args.fabric)?;
+        if shown.representation == &SURFACE {
+            return Err(input(
+                "--model surface: has no geometry to make maps of; expected fibres, packed, \
+                 plain or microflake",
+            ));
+        }
+        let grid = texel_grid(&fabric, args.resolution);
+        check_memory(args, &grid)?;
+        let patch = watched(&args.common, &args.cache, |loader| {
+            let build = PatchOptions {
+                loader,
+                voxel_um: args.voxel.voxel_um,
+                level: args.level,
+                max_memory_bytes: args.memory.max_memory,
+            };
+            Ok(fabric_patch(&fabric, &args.fabric, shown, &build)?)
+        })?;
+        let measured = measure(args, &patch, &grid)?;
+        let spacing_mm = fabric.thread_spacing_mm();
+        let smoothing_mm = if spacing_mm.is_finite() {
+            SMOOTHING * spacing_mm
+        } else {
+            SMOOTHING_OF_TILE * grid.size_mm.max_element()
+        };
+        let maps = Maps::new(&measured.looks, &grid, smoothing_mm);
+        let fits = fit(args, &maps, &measured);
+        let name = fabric.file.name.clone();
+        let name = name.unwrap_or_else(|| {
+            let stem = args.fabric.file_stem().unwrap_or_default();
+            stem.to_string_lossy().into_owned()
+        });
+        let name = plain_name(&name);
+        let by = |target: &Target| &fits[place_of(target)].parameters;
+        let baked = Baked {
+            name: &name,
+            maps: &maps,
+            gltf: by(&GLTF),
+            openpbr: by(&OPENPBR),
+            standard_surface: by(&STANDARD_SURFACE),
+            usd_preview: by(&USD_PREVIEW),
+        };
+        let (files, textures) = folder_files(&baked)?;
+        let report = summary::Report {
+            fabric: &args.fabric,
+            name: &name,
+            model: shown.representation.name,
+            seed: args.seed,
+            maps: &maps,
+            smoothing_mm,
+            fits: &fits,
+            measured: &measured,
+            textures: &textures,
+        };
+        let json = serde_json::to_string_pretty(&report.json())? + "\n";
+        let mut all = vec![("bake.json".to_owned(), json.into_bytes())];
+        all.extend(files);
+        if args.common.host.writes() {
+            write(&args.outdir, &all)?;
+        }
+        args.common.host.give(|| results(&report, &maps, all));
+        if !args.common.quiet {
+            for line in report.lines() {
+                note!("{line}");
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The place of a model among the fits, which are in the order of [`TARGETS`].
+fn place_of(target: &Target) -> usize {
+    let same = |t: &&Target| t.name == target.name;
+    TARGETS.iter().position(same).unwrap_or(0)
+}
+
+fn check_memory(args: &BakeArgs, grid: &TexelGrid) -> Result<()> {
+    let texels = grid.texels.as_u64vec2().element_product();
+    let needed = texels.saturating_mul(BYTES_PER_TEXEL);
+    let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed > most {
+        return Err(input(format!(
+            "--resolution {}: maps of {} x {} texels need {needed} bytes of memory, {most} are \
+             allowed: take fewer texels",
+            args.resolution, grid.texels.x, grid.texels.y
+        )));
+    }
+    Ok(())
+}
+
+fn measure(args: &BakeArgs, patch: &AnyPatch, grid: &TexelGrid) -> Result<Measurement> {
+    let plan = planned_pairs(args.pairs);
+    let effort = Effort {
+        paths: args.spp,
+        seed: args.seed,
+        target_error: None,
+    };
+    let pairs: Vec<Pair> = plan.iter().map(|p| p.pair).collect();
+    let straight: Vec<Angles> = STRAIGHT_DEG
+        .iter()
+        .flat_map(|&theta_deg| [0.0, 90.0].map(|phi_deg| Angles { theta_deg, phi_deg }))
+        .collect();
+    let texels = grid.texels.as_u64vec2().element_product();
+    let total =
+        texels * u64::from(args.texel_spp) + (pairs.len() + straight.len()) as u64 * args.spp;
+    let progress = Progress::new("measuring", total, &args.common);
+    let done = AtomicU64::new(0);
+    let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
+    let looks = gather_looks(patch, grid, args.texel_spp, args.seed, &watch)?;
+    let pairs = measure_pairs(patch, &pairs, &effort, &watch)?.list;
+    let straight = measure_albedos(patch, &straight, &effort, &watch)?.list;
+    progress.finish();
+    Ok(Measurement {
+        plan,
+        pairs,
+        straight,
+        looks,
+    })
+}
+
+/// Fits all models, in the order of [`TARGETS`]. OpenPBR is first, because the textures have
+/// its values; the others use its growth of roughness.
+fn fit(args: &BakeArgs, maps: &Maps, measured: &Measurement) -> Vec<Fitted> {
+    let texels = maps.sample(args.fit_texels, args.seed);
+    let albedos = Albedos::new();
+    let total = EVALUATIONS * TARGETS.len() as u64;
+    let progress = Progress::new("fitting", total, &args.common);
+    let mut done = 0;
+    let mut one = |target: &Target, roughening: Option<f64>| {
+        fit_target(
+            target,
+            &texels,
+            &measured.plan,
+            &measured.pairs,
+            &albedos,
+            SKY_WEIGHT,
+            roughening,
+            &PATIENCE,
+            &mut || {
+                done += 1;
+                progress.at(done);
+            },
+        )
+    };
+    let first = one(&OPENPBR, None);
+    let roughening = Some(first.parameters.roughening);
+    let fits = TARGETS
+        .iter()
+        .map(|target| match target.name == OPENPBR.name {
+            true => first.clone(),
+            false => one(target, roughening),
+        })
+        .collect();
+    progress.finish();
+    fits
+}
+
+/// What another program takes: the report, the maps in rows from the top, and the files.
+fn results(report: &summary::Report<'_>, maps: &Maps, files: Vec<(String, Vec<u8>)>) -> Results {
+    let [width, height] = maps.size.to_array().map(|n| n as usize);
+    let one = |value: &dyn Fn(&Texel) -> f32| maps.texels.iter().map(value).collect::<Vec<_>>();
+    let three =
+        |value: &dyn Fn(&Texel) -> [f32; 3]| maps.texels.iter().flat_map(value).collect::<Vec<_>>();
+    let plane = [height, width];
+    let colours = [height, width, 3];
+    let mut results = Results::default()
+        .with_figure("bake", report.json())
+        .with_f32("base_color", &colours, three(&|t| t.base().to_array()))
+        .with_f32("normal", &colours, three(&|t| t.normal(1.0).to_array()))
+        .with_f32(
+            "transmitted",
+            &colours,
+            three(&|t| t.transmitted.to_array()),
+        )
+        .with_f32("opacity", &plane, one(&|t| t.coverage))
+        .with_f32("height_mm", &plane, maps.height_mm.clone());
+    results.files = files;
+    results
+}
+
+/// Writes all files of the folder, which appear together; the first, `bake.json`, is the last
+/// to appear.
+fn write(outdir: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
+    let folder = outdir.join(FOLDER);
+    let was_there = (outdir.exists(), folder.exists());
+    std::fs::create_dir_all(&folder)
+        .map_err(|e| input(format!("{}: {}", folder.display(), read::io_message(&e))))?;
+    let mut list: Vec<(PathBuf, WriteFile<'_>)> = Vec::new();
+    for (name, bytes) in files {
+        list.push((
+            outdir.join(name),
+            Box::new(move |out| out.write_all(bytes).context("writing failed")),
+        ));
+    }
+    let written = output::write_files(list);
+    if written.is_err() {
+        // Folders that are not empty stay.
+        if !was_there.1 {
+            let _ = std::fs::remove_dir(&folder);
+        }
+        if !was_there.0 {
+            let _ = std::fs::remove_dir(outdir);
+        }
+    }
+    written.map(|_| ())
+}

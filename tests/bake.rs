@@ -1,0 +1,126 @@
+//! `organza bake` as its users run it: all files or none, the same on any number of threads,
+//! and clear refusals.
+
+use crate::program::{complaint, folder, succeed};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A bake that takes a second: sheer silk, few texels and pairs.
+const QUICK: [&str; 10] = [
+    "--resolution",
+    "32",
+    "--texel-spp",
+    "8",
+    "--pairs",
+    "64",
+    "--spp",
+    "128",
+    "--fit-texels",
+    "16",
+];
+
+fn fabric(name: &str) -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = root.join("scenes/fabrics").join(name);
+    path.display().to_string()
+}
+
+/// Every file below a folder, with its bytes.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(inside) = folders.pop() {
+        for entry in std::fs::read_dir(&inside).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                found.insert(name.replace('\\', "/"), std::fs::read(path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn a_bake_writes_the_same_folder_on_any_number_of_threads() {
+    let folder = folder("bake");
+    let silk = fabric("organza.toml");
+    let bake = |out: &str, threads: &str| {
+        let mut arguments = vec!["bake", &silk, "-o", out, "--threads", threads];
+        arguments.extend(QUICK);
+        succeed(&folder, &arguments)
+    };
+    let printed = bake("one", "1");
+    bake("two", "2");
+    for words in [
+        "reflected by the face: highlight",
+        "scattered through",
+        "straight through",
+        "USD Preview Surface (material.usda) cannot show:",
+        "no transmission by scattering",
+    ] {
+        assert!(printed.contains(words), "{words}: {printed}");
+    }
+    let files = contents(&folder.join("one"));
+    assert!(
+        files == contents(&folder.join("two")),
+        "threads change the files"
+    );
+    for name in [
+        "bake.json",
+        "material.glb",
+        "material.mtlx",
+        "material.usda",
+    ] {
+        assert!(files.contains_key(name), "{name} of {:?}", files.keys());
+    }
+    let json: serde_json::Value = serde_json::from_slice(&files["bake.json"]).unwrap();
+    let textures = json["textures"].as_array().unwrap();
+    for texture in textures {
+        let name = texture["file"].as_str().unwrap();
+        let picture = files.get(name).unwrap_or_else(|| panic!("{name}"));
+        assert!(picture.starts_with(b"\x89PNG"), "{name}");
+    }
+    assert_eq!(files.len(), 4 + textures.len());
+    // The sheer cloth is open where it is measured open.
+    let straight = &json["straight_through"][0];
+    let (measured, shown) = (&straight["measured"], &straight["material"]);
+    let (measured, shown) = (measured.as_f64().unwrap(), shown.as_f64().unwrap());
+    let error = straight["standard_error"].as_f64().unwrap();
+    // 32 x 32 texels of 8 paths each, which are drawn evenly.
+    let own = (shown * (1.0 - shown) / 8192.0).sqrt();
+    let within = 5.0 * error.hypot(own);
+    assert!(
+        (measured - shown).abs() < within,
+        "{measured} {shown} {within}"
+    );
+    // Errors are listed for each material, and the ones that were not seen are there.
+    for material in json["materials"].as_array().unwrap() {
+        assert!(!material["errors_held_out"].as_array().unwrap().is_empty());
+        assert!(!material["cannot_show"].as_array().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
+    let folder = folder("bake_refused");
+    let silk = fabric("organza.toml");
+    let refused = |more: &[&str]| {
+        let mut arguments = vec!["bake", &silk, "-o", "out"];
+        arguments.extend(more);
+        let words = complaint(&folder, &arguments);
+        assert!(!folder.join("out").exists(), "{words}");
+        words
+    };
+    assert!(refused(&["--model", "surface"]).contains("no geometry"));
+    let words = refused(&["--resolution", "4096", "--max-memory", "1GiB"]);
+    assert!(
+        words.contains("--resolution 4096") && words.contains("take fewer"),
+        "{words}"
+    );
+    std::fs::write(folder.join("taken"), "a file").unwrap();
+    let words = complaint(&folder, &["bake", &silk, "-o", "taken"]);
+    assert!(words.contains("taken: is a file"), "{words}");
+}
