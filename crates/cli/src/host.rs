@@ -6,6 +6,7 @@
 
 use crate::results::Results;
 use anyhow::Result;
+use organza_report::bench::Program;
 use organza_scene::GivenFiles;
 use organza_scene::loader::Loader;
 use std::sync::Arc;
@@ -36,6 +37,8 @@ pub struct Host {
     command_line: String,
     /// Whether it names an output.
     has_output: bool,
+    /// The program on the disk, where it is not the process's own.
+    renderer: Option<Program>,
 }
 
 impl std::fmt::Debug for Host {
@@ -57,7 +60,27 @@ impl Host {
             caller: Some(caller),
             command_line,
             has_output,
+            renderer: None,
         }
+    }
+
+    /// A person at a terminal who started `renderer`.
+    pub fn terminal(renderer: Option<Program>) -> Host {
+        Host {
+            renderer,
+            ..Host::default()
+        }
+    }
+
+    /// What is started for renders in processes of their own.
+    ///
+    /// # Errors
+    /// The process cannot find its own file.
+    pub fn renderer(&self) -> Result<Program> {
+        Ok(match &self.renderer {
+            Some(program) => program.clone(),
+            None => Program::this()?,
+        })
     }
 
     /// The command line, for files that record how they were made.

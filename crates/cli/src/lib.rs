@@ -34,19 +34,22 @@ mod version;
 pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;
 pub use host::Caller;
+pub use organza_report::bench::Program;
 pub use results::{Array, Numbers, Results};
 
 use clap::error::ErrorKind;
+use host::Host;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Runs the program on its arguments (the first is the program's name).
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    ExitCode::from(status(arguments))
+    ExitCode::from(status(arguments, None))
 }
 
-/// The same; returns the exit status as a number.
-pub fn status(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+/// The same; returns the exit status as a number. `program` is what was started, where it is
+/// not the process's own file: a script that an interpreter runs.
+pub fn status(arguments: impl IntoIterator<Item = OsString>, program: Option<Program>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let matches = match command().try_get_matches_from(&arguments) {
         Ok(m) => m,
@@ -61,7 +64,7 @@ pub fn status(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
         Err(e) => return print_usage_error(&e),
     };
-    let outcome = match commands::run(&matches) {
+    let outcome = match commands::run_for(&matches, Host::terminal(program)) {
         Ok(outcome) => outcome,
         Err(e) => return print_usage_error(&e),
     };

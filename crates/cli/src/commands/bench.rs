@@ -60,6 +60,10 @@ pub struct BenchArgs {
 impl Command for BenchArgs {
     const NAME: &'static str = "bench";
 
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
+
     fn run(&self) -> Result<()> {
         run(self)
     }
@@ -100,6 +104,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let laboratory = Laboratory::new(
         &write_file,
         runs,
+        args.common.host.renderer()?,
         args.common.threads,
         args.memory.max_memory,
     )?;

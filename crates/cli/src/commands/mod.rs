@@ -122,24 +122,16 @@ pub fn is_verbose(arguments: &[OsString]) -> bool {
     arguments.iter().any(|a| a == "--verbose")
 }
 
-/// Runs the command that was parsed with [`definition`].
-///
-/// # Errors
-/// The outer error is one of the command line, the inner one the command's.
-pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
-    run_for(matches, Host::default())
-}
-
 /// A name for the output of a command, which another program may run without one.
 pub fn output_name(command: &OsStr) -> Option<&'static str> {
     let command = COMMANDS.iter().find(|c| command == c.name);
     command.and_then(|c| c.output)
 }
 
-/// [`run`] for whoever runs the command.
+/// Runs the command that was parsed with [`definition`] for `host`.
 ///
 /// # Errors
-/// As [`run`].
+/// The outer error is one of the command line, the inner one the command's.
 pub fn run_for(matches: &ArgMatches, host: Host) -> Result<Result<()>, clap::Error> {
     if matches.get_flag(VERBOSE) {
         return Err(definition().error(

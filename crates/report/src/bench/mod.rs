@@ -17,7 +17,7 @@ pub use crate::write_file::{WriteError, WriteFile};
 pub use peer::Peer;
 pub use scaling::{Point, Series, Size};
 pub use stage::{Found, PIXELS_MM, QUICK_PIXELS_MM, Sample, View, distance_m, write_rooms};
-pub use trial::Laboratory;
+pub use trial::{Laboratory, Program};
 pub use try_all::{PeerResult, Plan, Refusal, Tried, ViewResult};
 
 use crate::ReportError;

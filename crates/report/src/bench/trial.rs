@@ -46,6 +46,31 @@ pub(super) struct Trial {
     pub seed: u64,
 }
 
+/// The program that renders.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// What is started.
+    pub path: PathBuf,
+    /// The file that its code is in, if that is another one.
+    pub code: PathBuf,
+}
+
+impl Program {
+    /// The program that runs.
+    ///
+    /// # Errors
+    /// When it cannot find its own file.
+    pub fn this() -> Result<Program, ReportError> {
+        let path = std::env::current_exe().map_err(unreadable)?;
+        let code = path.clone();
+        Ok(Program { path, code })
+    }
+}
+
+fn unreadable(e: std::io::Error) -> ReportError {
+    ReportError::Run(format!("cannot read the program: {e}"))
+}
+
 /// Runs trials and keeps their results, so that an interrupted bench can be resumed.
 pub struct Laboratory<'a> {
     write_file: WriteFile<'a>,
@@ -72,20 +97,20 @@ struct Note {
 impl<'a> Laboratory<'a> {
     /// Results are kept in `folder`, which must exist.
     ///
-    /// # Errors When the program cannot find or read its own file.
+    /// # Errors
+    /// When the file of the program cannot be read.
     pub fn new(
         write_file: WriteFile<'a>,
         folder: PathBuf,
+        program: Program,
         threads: Option<u16>,
         max_memory_bytes: Option<u64>,
     ) -> Result<Laboratory<'a>, ReportError> {
-        let fail = |e: std::io::Error| ReportError::Run(format!("cannot read the program: {e}"));
-        let program = std::env::current_exe().map_err(fail)?;
-        let bytes = fs::read(&program).map_err(fail)?;
+        let bytes = fs::read(&program.code).map_err(unreadable)?;
         Ok(Laboratory {
             write_file,
             folder,
-            program,
+            program: program.path,
             digest: Sha256::digest(bytes).into(),
             threads,
             max_memory_bytes,
