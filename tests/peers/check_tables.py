@@ -137,7 +137,8 @@ def check_mitsuba(organza, rng):
     found = Measured(path).brdf(w_in, w_out)
     noise = np.median(error / expected)
     median = show("measured, micro-flakes, 128 paths a pair", found / expected - 1, noise)
-    assert median < 0.15 and abs(found.mean() / expected.mean() - 1) < 0.05
+    print(f"    sum {found.sum() / expected.sum() - 1:+.1%}, noise of a pair of the table {8 * noise:.0%}")
+    assert median < 8 * noise and abs(found.mean() / expected.mean() - 1) < 0.05
     try:
         mi.set_variant("scalar_spectral")
         Measured(path)
@@ -226,13 +227,17 @@ def check_radiance(organza, rng):
             total = found[:, 1].sum() / xyz[:, 1].sum() - 1
             hue = np.median(np.abs(found / found[:, 1:2] - xyz / xyz[:, 1:2]))
             print(f"    sum {total:+.1%}, colour {hue:.3f}")
-            assert abs(total) < (0.1 if name == "klems" else 0.05) and hue < 0.05
+            assert abs(total) < limit / 2 and hue < 0.01
+            if name == "klems":
+                continue
             # The twin: the cloth mirrored in place of turned over.
             mirrored = file.luminance(w_in, w_out, lambda w: w * [1, 1, -1])
             twisted = np.median(np.abs(mirrored[:, 1] / xyz[:, 1] - 1))
             assert kind == "transmitted" or twisted > 1.3 * median, (twisted, median)
+        if name == "klems":
+            continue
         w = directions(rng, 6, 0.5)
-        cell = elsewhere_in_cell(rng, np.repeat(w, 32, axis=0), depth) if name != "klems" else np.repeat(w, 2, axis=0)
+        cell = elsewhere_in_cell(rng, np.repeat(w, 32, axis=0), depth)
         shares = [share.reshape(6, -1, 3).mean(axis=1) for share in organza.reflectance(cell, "--spp", 16384, *surface)]
         for kind, share in zip((radiance.SAMPLE_R, radiance.SAMPLE_T), shares):
             kind = int(kind) | int(radiance.SAMPLE_DF) | int(radiance.SAMPLE_SP)
@@ -241,11 +246,47 @@ def check_radiance(organza, rng):
             assert np.abs(seen / (share @ XYZ[1]) - 1).max() < 0.08
 
 
+def draw(organza, path):
+    """The plane of the weft and that of the warp, as organza measures them and as the others
+    read them from tables."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    surface = ["--model", "surface"]
+    mitsuba = Measured(organza.table("denim.bsdf", "--layout", "rgl", "--spp", 2, *surface))
+    tree = ["--layout", "tensor-tree", "--spp", 16384, "--prune", 0.05]
+    tree = Radiance(organza.table("denim.xml", *tree, *surface))
+    tilt = np.radians(np.linspace(-80, 80, 321))
+    figure, axes = pyplot.subplots(1, 2, figsize=(8.4, 3.4), sharey=True, layout="constrained")
+    for axis, name, turn in zip(axes, ("weft", "warp"), (np.eye(3), np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]))):
+        plane = lambda t: np.stack([np.sin(t), np.zeros_like(t), np.cos(t)], axis=1) @ turn.T
+        light = np.radians(45)
+        few = tilt[::16]
+        values, _ = organza.pairs(plane(np.full(len(few), light)), plane(few), *surface)
+        w_in = plane(np.full(len(tilt), light))
+        axis.plot(np.degrees(tilt), mitsuba.brdf(w_in, plane(tilt)) @ XYZ[1], color="#c1440e", label="Mitsuba, .bsdf")
+        axis.plot(np.degrees(tilt), tree.luminance(w_in, plane(tilt))[:, 1], color="#2a6f97", label="Radiance, tensor tree")
+        axis.plot(np.degrees(few), values @ XYZ[1], "k.", ms=5, label="organza")
+        axis.axvline(45, color="0.8", zorder=0)
+        axis.set_title(f"surface model of denim, light at 45 degrees along the {name}", fontsize=9)
+        axis.set_xlabel("angle of the eye, degrees")
+    axes[0].set_ylabel("BRDF (luminance), 1/sr")
+    axes[0].set_ylim(bottom=0)
+    axes[0].legend(fontsize=8, loc="upper right", bbox_to_anchor=(0.85, 1))
+    figure.savefig(path, dpi=110)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--organza", required=True)
+    parser.add_argument("--picture", help="draw the picture of docs/tables.md, in place of the checks")
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        organza = Organza(parser.parse_args().organza, folder)
+        organza = Organza(arguments.organza, folder)
+        if arguments.picture:
+            return draw(organza, arguments.picture)
         rng = np.random.default_rng(23)
         print(f"Mitsuba {mi.__version__}")
         check_mitsuba(organza, rng)
