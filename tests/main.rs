@@ -34,4 +34,5 @@ mod refusals; // what is refused before it begins, and left as it was
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
 mod tidy; // the repository itself
+mod view; // the live page as a process
 mod volumes; // volume files: what they keep, and what is refused

@@ -50,8 +50,8 @@ async function drop(file) {
     notice("draft", `${file.name}: expected a draft in the WIF format, a file that ends in .wif`);
     return;
   }
-  if (file.size > 8 * 1024 * 1024) {
-    notice("draft", `${file.name}: expected a draft of at most 8 MiB`);
+  if (file.size > 2 * 1024 * 1024) {
+    notice("draft", `${file.name}: expected a draft of at most 2 MiB`);
     return;
   }
   try {

@@ -2,7 +2,7 @@
 
 import { split } from "./colour.js";
 import * as fields from "./fields.js";
-import { change, on, state } from "./session.js";
+import { act, change, on, state } from "./session.js";
 
 const { element } = fields;
 const form = document.getElementById("panels");
@@ -92,16 +92,16 @@ function yarnPanel(document, i, name) {
 function shownPanel(document) {
   const rows = (document.scene.object || []).flatMap((object, i) => {
     if (object.kind !== "cloth") return [];
-    const options = [["auto", "auto: what suits the distance"], ...document.models.map((m) => [m.name, `${m.name}: ${m.title}`])];
+    const options = [["auto", "auto"], ...document.models.map((m) => [m.name, m.name])];
     const own = object.model === undefined ? [["", "the fabric\u2019s own"]] : [];
     const label = document.fabrics.length > 1 ? `Model ${i + 1}` : "Model";
     const about = document.models.find((m) => m.name === object.model)?.about;
     return [
       fields.choice(label, object.model ?? "", [...own, ...options], (model) => model && change([{ op: "model", object: i, model }])),
       object.model === "auto"
-        ? fields.number("Tolerance", object.tolerance ?? 0.1, { range: [0.01, 1], log: true, unit: "of the mean" }, scene("object", i, "tolerance"))
+        ? fields.number("Tolerance", object.tolerance ?? 0.1, { range: [0.01, 1], log: true }, scene("object", i, "tolerance"))
         : null,
-      about ? element("p", { class: "hint" }, about) : null,
+      element("p", { class: "hint" }, object.model === "auto" ? "The fastest that was measured to be within the tolerance at this distance." : about ?? ""),
     ];
   });
   return panel("Shown as", "", ...rows);
@@ -110,7 +110,7 @@ function shownPanel(document) {
 function lightRows(light, i, isOnly) {
   const set = (key) => scene("light", i, key);
   const remove = element("button", { type: "button", title: `Remove light ${i + 1}`, "aria-label": `Remove light ${i + 1}` }, "Remove");
-  remove.addEventListener("click", () => change([{ op: "remove-light", light: i }]));
+  remove.addEventListener("click", () => act([{ op: "remove-light", light: i }]));
   const rows = [element("h3", {}, `${i + 1}. ${light.kind}`, isOnly ? null : remove)];
   const colour = (label, key, unit) => light[key] && rows.push(fields.light(label, split(light[key]), unit, set(key)));
   colour("Irradiance", "irradiance", "");

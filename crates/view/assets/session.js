@@ -43,6 +43,11 @@ export function change(edits) {
   return sent;
 }
 
+/** Makes changes that no field stands for: what is wrong is told at the top. */
+export function act(edits) {
+  return change(edits).catch((error) => emit("failure", error));
+}
+
 /** Moves the camera; of moves that wait only the newest is sent. */
 export function moveCamera(edits) {
   const isQueued = waitingCamera !== null;

@@ -102,10 +102,16 @@ pub fn changed(document: &Document, edits: &[Edit]) -> Outcome<Document> {
     Ok(document)
 }
 
+/// Keys of a camera that moving it sets.
+const OF_A_MOVE: [&str; 5] = ["origin_mm", "target_mm", "up", "width_mm", "focus_mm"];
+
 /// Whether a change only moves the camera.
 pub fn moves_camera(edit: &Edit) -> bool {
     match edit {
-        Edit::Scene { key, .. } => key.first().is_some_and(|first| first == "camera"),
+        Edit::Scene { key, .. } => match &key[..] {
+            [table, name] => table == "camera" && OF_A_MOVE.contains(&name.as_str()),
+            _ => false,
+        },
         _ => false,
     }
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 use toml_edit::DocumentMut;
 
 /// The most bytes of a draft that is dropped on the page.
-pub const MAX_DRAFT_BYTES: usize = 8 << 20;
+pub const MAX_DRAFT_BYTES: usize = 2 << 20;
 
 /// Crossings of a draft at most: the page weaves it several times to find a count.
 const MAX_CROSSINGS: usize = 1 << 18;

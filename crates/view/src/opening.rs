@@ -156,8 +156,8 @@ fn scene_text(fabric: &str, spacing_mm: f32) -> String {
          target_mm = [0.0, 0.0, 0.0]\nup = [0.0, 1.0, 0.0]\nfov_deg = {FOV_DEG:.1}\n\
          resolution = [640, 480]\n\n\
          [[light]]\nkind = \"directional\"\ndirection = [0.60, -0.35, -0.72]\n\
-         irradiance = [1.7, 1.63, 1.5]\n\n\
-         [[light]]\nkind = \"environment\"\nradiance = [0.55, 0.58, 0.62]\n\n\
+         irradiance = [1.5, 1.42, 1.3]\n\n\
+         [[light]]\nkind = \"environment\"\nradiance = [0.60, 0.63, 0.67]\nhemisphere = \"front\"\n\n\
          [[object]]\nkind = \"cloth\"\nfabric = {name}\nmodel = \"auto\"\n\
          extent_mm = [-{HALF_SIDE_MM:.1}, -{HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}]\n"
     )

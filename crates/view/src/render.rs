@@ -13,7 +13,7 @@ use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{self, Event};
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::scene_file::SceneFile;
-use organza_scene::{fabric_file, read};
+use organza_scene::{ResultCache, fabric_file, read};
 use organza_transport::Film;
 use serde_json::Value;
 use std::any::Any;
@@ -33,6 +33,8 @@ pub struct Limits {
     pub max_memory_bytes: Option<u64>,
     /// Threads; as many as there are cores if none.
     pub threads: Option<usize>,
+    /// Where built volumes are kept.
+    pub cache: Option<ResultCache>,
 }
 
 /// Thrown through the builders of matter, whose progress cannot be answered with a stop,
@@ -128,6 +130,7 @@ impl Render<'_> {
             tell_task(session, event);
         };
         let loader = document.loader(Some(&on_event));
+        let loader = loader.with_cache(self.limits.cache.clone());
         let failed = |e: organza_scene::InputError| Stop::Failed(e.to_string());
         let read = || -> Result<SceneFile, Stop> {
             let (path, text) = (&document.scene_path, document.scene.to_string());

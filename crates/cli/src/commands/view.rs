@@ -2,10 +2,11 @@
 
 use super::Command;
 use crate::error::input;
-use crate::flags::{CommonArgs, MemoryArgs, set_help};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::interrupt;
 use crate::output;
 use crate::output::{SeekWrite, WriteFile, note};
+use crate::result_cache;
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use organza_view::{Answering, Guard, Limits, Patience, SavedFile, Session, Waits};
@@ -33,6 +34,8 @@ pub struct ViewArgs {
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -41,6 +44,7 @@ impl Command for ViewArgs {
 
     fn run(&self) -> Result<()> {
         let document = organza_view::open(&self.file, &self.common.set)?;
+        let cache = result_cache::in_use(&self.cache)?;
         let port = self.port;
         let listener = organza_view::listen(port).map_err(|e| match port {
             0 => anyhow!("cannot serve on this computer: {e}"),
@@ -62,6 +66,7 @@ impl Command for ViewArgs {
         let limits = Limits {
             max_memory_bytes: self.memory.max_memory,
             threads: self.common.threads.map(usize::from),
+            cache,
         };
         std::thread::scope(|scope| {
             let render = scope.spawn(|| organza_view::render(&session, &limits, &write));
