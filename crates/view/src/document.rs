@@ -1,8 +1,11 @@
 //! What a page shows and changes: a scene, and the fabrics that it names, as TOML that keeps
 //! its comments.
 
+use organza_scene::InputError;
+use organza_scene::fabric_file::FabricFile;
+use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{Loader, OnEvent};
-use organza_scene::read::beside;
+use organza_scene::read::{self, beside};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml_edit::DocumentMut;
@@ -87,6 +90,17 @@ impl Document {
     /// The name of the scene's file.
     pub fn title(&self) -> String {
         file_name(&self.scene_path)
+    }
+}
+
+impl FabricDocument {
+    /// The fabric's keys.
+    ///
+    /// # Errors
+    /// Names the place and the key at fault.
+    pub fn read(&self) -> Result<FabricFile, InputError> {
+        let text = self.text.to_string();
+        read::toml_changed(&self.path, &text, &[], &[], Wanted::Fabric)
     }
 }
 

@@ -6,7 +6,6 @@ use crate::keys::{FABRIC_KEYS, SCENE_KEYS, set_allowed};
 use crate::tables::{set, tables_mut};
 use organza_scene::InputError;
 use organza_scene::draft_folder;
-use organza_scene::fabric_file::FabricFile;
 use organza_scene::file_kind::Wanted;
 use organza_scene::read;
 use organza_scene::scene_build;
@@ -127,8 +126,7 @@ pub fn check(document: &Document) -> Outcome {
     file.render.check().map_err(why)?;
     scene_build::check(&file, path, &document.loader(None))?;
     for fabric in &document.fabrics {
-        let text = fabric.text.to_string();
-        let _: FabricFile = read::toml_changed(&fabric.path, &text, &[], &[], Wanted::Fabric)?;
+        fabric.read()?;
     }
     Ok(())
 }

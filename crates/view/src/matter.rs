@@ -7,7 +7,7 @@ use organza_scene::level::{Lod, LodName};
 use organza_scene::loader::Loader;
 use organza_scene::object::ObjectTable;
 use organza_scene::representation::ModelKey;
-use organza_scene::scene_file::SceneFile;
+use organza_scene::scene_file::{IntegratorName, SceneFile};
 use organza_scene::{InputError, LoadedScene, light_pictures, scene_build};
 use organza_transport::Scene;
 
@@ -97,7 +97,7 @@ impl Built {
             let warnings = loader.warnings();
             self.0.push(Matter {
                 scene,
-                shown: shown(&loaded),
+                shown: shown(document, &loaded),
                 warnings: warnings
                     .iter()
                     .map(|w| document.in_words(&w.to_string()))
@@ -164,7 +164,7 @@ fn has_levels(object: &ObjectTable) -> bool {
 }
 
 /// What the cloths of a scene are shown as.
-fn shown(loaded: &LoadedScene) -> Vec<Shown> {
+fn shown(document: &Document, loaded: &LoadedScene) -> Vec<Shown> {
     let one = |(object, table): (usize, &ObjectTable)| {
         let chosen = loaded.chosen.iter().find(|c| c.object == object);
         if let Some(chosen) = chosen {
@@ -177,10 +177,13 @@ fn shown(loaded: &LoadedScene) -> Vec<Shown> {
         let ObjectTable::Cloth(cloth) = table else {
             return None;
         };
-        let model = match &cloth.model {
-            Some(ModelKey::Is(model)) => model.title.to_owned(),
-            Some(key) => format!("{key:?}"),
-            None => "the fabric's own model".to_owned(),
+        let own = document.fabric_named(&cloth.fabric);
+        let own = own.and_then(|i| document.fabrics.get(i)?.read().ok());
+        let own = own.map(|fabric| fabric.scattering).unwrap_or_default();
+        let model = match cloth.scattering().over(own) {
+            _ if loaded.file.render.integrator == IntegratorName::Fibres => "explicit fibres",
+            Ok(shown) => shown.representation.title,
+            Err(_) => return None,
         };
         let lod = match cloth.lod {
             Lod::Level(level) => format!(", level {level}"),
@@ -189,15 +192,10 @@ fn shown(loaded: &LoadedScene) -> Vec<Shown> {
         };
         Some(Shown {
             object,
-            what: model + &lod,
+            what: model.to_owned() + &lod,
             why: None,
         })
     };
-    loaded
-        .file
-        .object
-        .iter()
-        .enumerate()
-        .filter_map(one)
-        .collect()
+    let objects = loaded.file.object.iter().enumerate();
+    objects.filter_map(one).collect()
 }

@@ -23,9 +23,9 @@ use std::path::Path;
 use std::time::Instant;
 
 /// One in so many columns and rows of the first pictures after a change.
-const COARSE: [u32; 2] = [8, 4];
-/// Seconds that the second of them may take, as estimated from the first.
-const MAX_COARSE_S: f64 = 0.6;
+const COARSE: [u32; 3] = [8, 4, 2];
+/// Seconds that the later of them may take, as estimated from the one before.
+const MAX_COARSE_S: f64 = 0.8;
 
 /// What a render may use.
 pub struct Limits {
@@ -271,10 +271,10 @@ fn coarse(
     };
     let is_walked = matter.scene.hierarchy_bytes() == 0;
     let own = matter.scene.camera;
+    // Of a picture as coarse as the next one.
     let mut seconds = 0.0;
     for coarseness in COARSE {
-        let growth = f64::from(COARSE[0] / coarseness).powi(2);
-        if seconds * growth > MAX_COARSE_S {
+        if seconds > MAX_COARSE_S {
             break;
         }
         let mut table = table.clone();
@@ -293,7 +293,8 @@ fn coarse(
             traced.and_then(|t| Ok((t.film().size(), encoded(t.film(), file.render.exposure)?)));
         matter.scene.camera = own;
         let (size, png) = png?;
-        seconds = began.elapsed().as_secs_f64();
+        // Each has four times the pixels of the one before.
+        seconds = 4.0 * began.elapsed().as_secs_f64();
         session.publish(png, |news| {
             news.picture_revision = task.revision;
             (news.size, news.coarseness) = (size.to_array(), coarseness);
