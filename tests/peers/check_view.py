@@ -119,7 +119,7 @@ def check_first_picture(page, shots):
     before = int(page.canvas("picture"))
     page.until("refinement", f"() => +document.querySelector('#picture').dataset.picture > {before + 1}")
     page.until("a noise", "() => /Noise\\s*[\\d.e+]+ %/.test(document.querySelector('#cost').innerText)")
-    for name in ["Shown as", "Samples", "Noise", "Built in", "Traced for", "1 % noise in"]:
+    for name in ["Shown as", "Samples", "Noise", "Built in", "Traced for", "5 % noise in"]:
         assert page.figure(name), name
     page.tab.screenshot(path=shots / "first.png")
     done(f"loads, first picture after {first_s:.2f} s, then refines; shown as {page.figure('Shown as')}")

@@ -41,12 +41,12 @@ on("news", (news) => {
     ...news.shown.map((s) => entry("Shown as", s.what, s.why || "")),
     entry("Seen", width(seenWidthMm()), "Width of the picture on the cloth"),
     entry("Samples", `${cost.samples} of ${news.spp}`, "Of every pixel"),
-    entry("Noise", percent(cost.noise), "Standard error of a pixel, root mean square, over the mean of the picture"),
+    entry("Noise", percent(cost.median_noise), `Standard error of the median pixel that shows cloth, over its own value; that of all pixels, root mean square, over the mean of the picture: ${percent(cost.noise)}`),
     entry("Built in", seconds(cost.build_s), "From the change to the first full picture: files, voxels, tables"),
     entry("Traced for", seconds(cost.render_s), `${Math.round(cost.paths_per_s / 1000)} thousand paths a second, by ${cost.engine || "nothing yet"}${cost.why_walk ? `: ${cost.why_walk}` : ""}`),
   ];
-  const now = cost.seconds_to_1_percent;
-  const then = previous?.seconds_to_1_percent;
+  const now = cost.seconds_to_5_percent;
+  const then = previous?.seconds_to_5_percent;
   let tone = "";
   let compared = "";
   if (now && then) {
@@ -54,7 +54,7 @@ on("news", (news) => {
     if (ratio > 1.15) [tone, compared] = ["worse", ` (before: ${seconds(then)})`];
     else if (ratio < 0.87) [tone, compared] = ["better", ` (before: ${seconds(then)})`];
   }
-  entries.push(entry("1 % noise in", seconds(now) + compared, "Tracing time to a noise of one per cent at this setting, from what was measured so far; before the last change of settings in brackets", tone));
+  entries.push(entry("5 % noise in", seconds(now) + compared, "Tracing time to a noise of 5 % at this setting, from what was measured so far; before the last change of settings in brackets", tone));
   if (news.memory_bytes) entries.push(entry("Memory", `${Math.round(news.memory_bytes / 1048576)} MiB`));
   foot.replaceChildren(...entries);
 });

@@ -34,8 +34,8 @@ pub struct Cost {
     pub noise: Option<f64>,
     /// Standard error of the median pixel that shows cloth, over its own value.
     pub median_noise: Option<f64>,
-    /// Seconds of tracing to a noise of one per cent, from what was measured so far.
-    pub seconds_to_1_percent: Option<f64>,
+    /// Seconds of tracing until that of the median pixel is 5 %, from what was measured so far.
+    pub seconds_to_5_percent: Option<f64>,
     /// Paths per second.
     pub paths_per_s: f64,
     /// What traced the paths: an engine, or `walk`.

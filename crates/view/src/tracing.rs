@@ -144,14 +144,15 @@ impl<'a> Tracing<'a> {
         let samples = self.taken();
         let film = self.rendering.film();
         let noise = (samples > 1).then(|| film.relative_error());
-        let to_1_percent = |noise: f64| self.seconds * (noise / 0.01).powi(2);
+        let median_noise = (samples > 1).then(|| film.pixel_errors().median);
+        let to_5_percent = |noise: f64| self.seconds * (noise / 0.05).powi(2);
         Cost {
             samples,
             build_s,
             render_s: self.seconds,
             noise,
-            median_noise: (samples > 1).then(|| film.pixel_errors().median),
-            seconds_to_1_percent: noise.map(to_1_percent),
+            median_noise,
+            seconds_to_5_percent: median_noise.map(to_5_percent),
             paths_per_s: self.rendering.stats().paths as f64 / self.seconds.max(1e-9),
             engine: self.rendering.engine().map_or("walk", |e| e.name()).into(),
             why_walk: self.why_walk.as_ref().map(ToString::to_string),

@@ -103,7 +103,7 @@ fn a_change_shows_a_coarse_picture_first_and_stops_the_old_one_at_once() {
     assert!(coarse_or_later, "{shown:?}, then {full:?}");
     let refined = served.news_that(|n| n.coarseness == 1 && n.cost.samples >= 2);
     assert!(refined.cost.noise.is_some_and(|noise| noise > 0.0));
-    assert!(refined.cost.seconds_to_1_percent.is_some_and(|s| s > 0.0));
+    assert!(refined.cost.seconds_to_5_percent.is_some_and(|s| s > 0.0));
     let later = served.news_that(|n| n.cost.samples > refined.cost.samples);
     assert!(later.picture > refined.picture && later.phase == Phase::Rendering);
 }
