@@ -97,6 +97,9 @@ def test_voxelized_volume(fabric, scene):
     assert np.allclose(lengths, 1, atol=1e-3)
     with pytest.raises(ValueError, match="read-only"):
         volume.density[:] = 0
+    for level in (-1, volume.level_count, 300):
+        with pytest.raises(organza.InputError, match="level"):
+            volume.level(level)
     # Shown in a scene, it is its fabric's picture.
     cloth = organza.render(scene, spp=2, set={"object.0.voxel_um": 40.0})["rgb"]
     scene["object"] = [{"kind": "volume", "file": volume}]

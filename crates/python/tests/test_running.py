@@ -42,11 +42,13 @@ def test_wrong_files_have_places(tmp_path):
     e = failure(organza.load, path)
     assert (e.file, e.line, e.column) == (str(path), 2, 1)
     assert e.key == "camera.widht_mm"
-    assert failure(organza.load, tmp_path / "none.toml").file == str(tmp_path / "none.toml")
+    for name in ["none.toml", "none.wif", "none.ovox"]:
+        assert failure(organza.load, tmp_path / name).file == str(tmp_path / name)
 
 
 def test_wrong_arguments(scene, fabric):
-    assert "spp" in str(failure(organza.render, scene, spp=0))
+    assert failure(organza.render, scene, spp=0).key == "spp"
+    assert failure(organza.voxelize, fabric, voxel_um=-1).key == "voxel_um"
     assert "frie" in str(failure(organza.measure, fabric, model="frie"))
     assert failure(organza.measure, fabric, [[1, 2, 3]]).key == "pairs"
     assert failure(organza.fit, fabric, data={"rgb": []}).key == "data"

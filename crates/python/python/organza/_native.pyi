@@ -4,7 +4,6 @@ from os import PathLike
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 VERSION: str
-__file__: str
 
 _Path = Union[str, PathLike[str]]
 _Buffer = tuple[str, tuple[int, ...], bytearray]

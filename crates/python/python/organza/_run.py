@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from typing import Any, Callable, Mapping, Optional
 
@@ -11,6 +12,8 @@ import numpy as np
 
 from . import _native, _toml
 from .errors import InputError, OrganzaWarning
+
+_FLAG = re.compile(r"--([a-z][a-z-]*)")
 
 Progress = Callable[[str, float], object]
 """Called with the name of the task and the share of it that is done, from 0 to 1."""
@@ -63,7 +66,13 @@ def run(
         warnings.warn(message, OrganzaWarning, stacklevel=4)
 
     words = [command, *flags(options), "--", *positional]
-    found = _native.call(words, dict(files), warn, progress)
+    try:
+        found = _native.call(words, dict(files), warn, progress)
+    except InputError as e:
+        flag = _FLAG.search(str(e)) if e.file is None and e.key is None else None
+        if flag:
+            e.key = flag[1].replace("-", "_")
+        raise
     results: dict[str, Any] = {name: array(b) for name, b in found["arrays"].items()}
     results.update({name: json.loads(text) for name, text in found["figures"].items()})
     results["files"] = found["files"]

@@ -12,7 +12,7 @@ def main() -> int:
     """Runs the command line of this process and returns its exit status."""
     # Python would notice Ctrl-C only when the command has ended.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return _native.run_command(sys.argv, _native.__file__)
+    return _native.run_command(sys.argv, _native.__file__ or "")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _native
 from ._run import array
+from .errors import read_bytes
 
 
 class Draft:
@@ -70,7 +71,7 @@ class Draft:
         if isinstance(source, bytes):
             name, data = "<draft>.wif", source
         else:
-            name, data = os.fspath(source), Path(source).read_bytes()
+            name, data = os.fspath(source), read_bytes(Path(source))
         draft._read(name, data, None)
         draft._wif, draft._table = data, {}
         return draft
@@ -87,12 +88,12 @@ class Draft:
     @property
     def ends(self) -> int:
         """Number of warp threads."""
-        return self.warp_up.shape[1]
+        return int(self.warp_up.shape[1])
 
     @property
     def picks(self) -> int:
         """Number of weft threads."""
-        return self.warp_up.shape[0]
+        return int(self.warp_up.shape[0])
 
     def picture(self) -> np.ndarray:
         """The drawdown as colours, float32 (picks, ends, 3), linear, the last pick first, as

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from pathlib import Path
+from typing import Any, Optional
 
 
 class _Failure(Exception):
@@ -32,7 +33,7 @@ class _Failure(Exception):
         self.file, self.line, self.column, self.key = file, line, column, key
         self.message = text if message is None else message
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         parts = (str(self), self.file, self.line, self.column, self.key, self.message)
         return type(self), parts
 
@@ -51,3 +52,12 @@ class RunError(_Failure, RuntimeError):
 
 class OrganzaWarning(UserWarning):
     """Something about a file is odd but no mistake."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file; raises :class:`InputError`."""
+    try:
+        return path.read_bytes()
+    except OSError as e:
+        message = (e.strerror or str(e)).lower()
+        raise InputError(f"{path}: {message}", file=str(path), message=message) from None

@@ -14,7 +14,7 @@ from .volumes import Volume
 AnyPath = Union[str, "os.PathLike[str]"]
 
 
-class _Table(dict):
+class _Table(dict[str, Any]):
     """A dictionary with the keys of a TOML file."""
 
     path: Optional[Path]
@@ -92,9 +92,9 @@ def load(source: Union[AnyPath, Mapping[str, Any]]) -> Union[Scene, Fabric, Draf
     """
     if isinstance(source, Mapping):
         files = GivenFiles()
-        path = files.give_table(source)
-        kind, _ = _native.read_toml(path, files.files[path])
-        return _class(kind)(source)
+        name = files.give_table(source)
+        kind, _ = _native.read_toml(name, files.files[name])
+        return _table(kind, source, None)
     path = Path(source)
     ending = path.suffix.lower()
     if ending == ".wif":
@@ -102,17 +102,19 @@ def load(source: Union[AnyPath, Mapping[str, Any]]) -> Union[Scene, Fabric, Draf
     if ending in (".ovox", ".vdb", ".vol", ".nrrd"):
         return Volume.read(path)
     kind, table = _native.read_toml(path, None)
-    return _class(kind)(json.loads(table), path=path)
+    return _table(kind, json.loads(table), path)
 
 
-def parsed(text: bytes, path: Optional[Path]) -> Union[Scene, Fabric]:
+def parsed(text: bytes, path: Optional[AnyPath]) -> Union[Scene, Fabric]:
     """The table of a file's text."""
     kind, table = _native.read_toml("<text>", text)
-    return _class(kind)(json.loads(table), path=path)
+    return _table(kind, json.loads(table), path)
 
 
-def _class(kind: str) -> type[_Table]:
-    return Scene if kind == "scene" else Fabric
+def _table(
+    kind: str, table: Mapping[str, Any], path: Optional[AnyPath]
+) -> Union[Scene, Fabric]:
+    return Scene(table, path=path) if kind == "scene" else Fabric(table, path=path)
 
 
 class GivenFiles:

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _native
 from ._run import array
-from .errors import InputError
+from .errors import InputError, read_bytes
 
 _GRID_PARTS = ("sigma_t", "sggx", "albedo")
 
@@ -107,8 +107,8 @@ class Volume:
             names += [f"{stem}.{part}.vol" for part in _GRID_PARTS]
         files = {name: path.with_name(name) for name in names}
         if not any(file.exists() for file in files.values()):
-            path.read_bytes()  # raises FileNotFoundError
-        found = {name: file.read_bytes() for name, file in files.items() if file.exists()}
+            read_bytes(path)  # raises what is wrong with it
+        found = {name: read_bytes(file) for name, file in files.items() if file.exists()}
         return cls.from_files(path.name, found)
 
     @classmethod
@@ -131,6 +131,9 @@ class Volume:
         ``radius_mm`` and ``yarns``; of grids also ``sggx`` and ``albedo``, where the file has
         them.
         """
+        if not 0 <= level <= 255:
+            message = f"expected a level from 0, found {level}"
+            raise InputError(f"level: {message}", key="level", message=message)
         if level not in self._levels:
             about, buffers = _native.read_volume(self.name, self.files, level)
             low, high, self._repeats, self._level_count = about
