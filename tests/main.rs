@@ -10,6 +10,7 @@ mod checkpoints; // renders that are killed or interrupted, and resumed
 mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
+mod denoise; // renders without noise
 mod display; // renders on a display server
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave

@@ -14,6 +14,7 @@ mod building;
 mod call;
 mod checkpoint;
 mod commands;
+mod denoising;
 mod display_server;
 mod error;
 mod flags;

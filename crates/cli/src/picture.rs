@@ -10,7 +10,7 @@ use organza_picture::{
     Attributes, Format, Picture, PictureError, Rendered, WriteSeek, exr, format_of_ending, png,
 };
 use organza_scene::read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The format that a render is written in, by the ending of its name.
 ///
@@ -49,6 +49,52 @@ pub fn write(path: &Path, rendered: &Rendered<'_>) -> Result<()> {
         Some(writer) => write_with(path, |out| writer(rendered, out)),
         None => Ok(()),
     }
+}
+
+/// The formats that a denoised picture can be written in.
+fn is_for_denoised(format: &Format) -> bool {
+    format.writer.is_some() && (format.keeps_sums || format.endings == png::FORMAT.endings)
+}
+
+/// The files that [`write_denoised`] writes.
+///
+/// # Errors
+/// An ending of another format.
+pub fn files_of_denoised(path: &Path) -> Result<Vec<PathBuf>> {
+    let format = format_that(path, is_for_denoised)?;
+    let noisy = || path.with_extension(format!("noisy.{}", format.endings[0]));
+    let mut files = vec![path.to_owned()];
+    files.extend((!format.keeps_sums).then(noisy));
+    Ok(files)
+}
+
+/// Writes a render with denoised colours, as many as pixels. Formats that keep sums keep the
+/// noisy colours beside them; others get a second file for these. Returns the files.
+///
+/// # Errors
+/// The ending is another one, or a file cannot be written.
+pub fn write_denoised(
+    path: &Path,
+    rendered: &Rendered<'_>,
+    colours: &[Rgb],
+) -> Result<Vec<PathBuf>> {
+    let files = files_of_denoised(path)?;
+    let [clean, noisy] = &files[..] else {
+        write_with(path, |out| exr::write_denoised(rendered, colours, out))?;
+        return Ok(files);
+    };
+    let picture = Picture {
+        size: rendered.size(),
+        pixels: colours.to_vec(),
+    };
+    let write = |picture: Picture| -> output::WriteFile<'_> {
+        let stops = rendered.exposure_stops;
+        Box::new(move |mut out| Ok(png::write_colours(&picture, stops, &mut out)?))
+    };
+    output::write_files(vec![
+        (clean.clone(), write(picture)),
+        (noisy.clone(), write(rendered.colours())),
+    ])
 }
 
 /// Writes colours alone, in rows from the top, as a linear EXR.

@@ -21,6 +21,11 @@ impl Attributes {
         }
     }
 
+    /// Removes the value of a name, if there is one.
+    pub fn remove(&mut self, name: &str) {
+        self.0.retain(|(n, _)| n != name);
+    }
+
     /// The value of a name.
     pub fn get(&self, name: &str) -> Option<&str> {
         let found = self.0.iter().find(|(n, _)| n == name);

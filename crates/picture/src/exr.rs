@@ -71,14 +71,55 @@ fn sum_channel(word: usize) -> String {
     format!("sums.{word:02}")
 }
 
+/// The layer that holds the colours of the film where the main channels hold denoised ones.
+const NOISY: &str = "noisy";
+
+/// The attribute of files whose main channels are denoised; it says by what.
+pub const DENOISED: &str = "denoised";
+
 fn write(rendered: &Rendered<'_>, out: &mut dyn WriteSeek) -> Result<(), PictureError> {
+    write_channels(rendered, None, out)
+}
+
+/// Writes a render with denoised colours, as many as pixels, in the channels R, G and B. Its own
+/// colours are kept in `noisy.R`, `noisy.G` and `noisy.B`, and all other channels as they are.
+///
+/// # Errors
+/// The sink fails; another number of colours.
+pub fn write_denoised(
+    rendered: &Rendered<'_>,
+    colours: &[Rgb],
+    out: &mut dyn WriteSeek,
+) -> Result<(), PictureError> {
+    if colours.len() != rendered.film.pixels().len() {
+        return Err(PictureError::write("EXR", "another number of colours"));
+    }
+    write_channels(rendered, Some(colours), out)
+}
+
+fn write_channels(
+    rendered: &Rendered<'_>,
+    denoised: Option<&[Rgb]>,
+    out: &mut dyn WriteSeek,
+) -> Result<(), PictureError> {
     let film = rendered.film;
     let size = (film.size().x as usize, film.size().y as usize);
     let pixels = film.pixels();
-    let values = CHANNELS.iter().map(|(name, value)| {
+    let own = CHANNELS.iter().map(|(name, value)| {
+        let name = match denoised {
+            Some(_) if ["R", "G", "B"].contains(name) => format!("{NOISY}.{name}"),
+            _ => (*name).to_owned(),
+        };
         let samples = pixels.iter().map(value).collect();
-        AnyChannel::new(*name, FlatSamples::F32(samples))
+        AnyChannel::new(name.as_str(), FlatSamples::F32(samples))
     });
+    let shown = denoised.into_iter().flat_map(|colours| {
+        ["R", "G", "B"].into_iter().enumerate().map(|(axis, name)| {
+            let samples = colours.iter().map(|c| c.0[axis]).collect();
+            AnyChannel::new(name, FlatSamples::F32(samples))
+        })
+    });
+    let values = own.chain(shown);
     let mut words: [Vec<u32>; Pixel::WORDS] =
         std::array::from_fn(|_| Vec::with_capacity(pixels.len()));
     for pixel in pixels {

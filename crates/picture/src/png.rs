@@ -35,14 +35,24 @@ fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
 }
 
 fn write(rendered: &Rendered<'_>, out: &mut dyn WriteSeek) -> Result<(), PictureError> {
-    let gain = rendered.exposure_stops.exp2();
-    let bytes: Vec<u8> = rendered
-        .film
-        .pixels()
-        .iter()
-        .flat_map(|p| tone_map(p.mean() * gain).map(Rgb::srgb8))
+    write_colours(&rendered.colours(), rendered.exposure_stops, out)
+}
+
+/// Writes linear colours, brightened by so many stops and tone-mapped.
+///
+/// # Errors
+/// The sink fails.
+pub fn write_colours(
+    picture: &Picture,
+    exposure_stops: f32,
+    out: &mut dyn WriteSeek,
+) -> Result<(), PictureError> {
+    let gain = exposure_stops.exp2();
+    let pixels = picture.pixels.iter();
+    let bytes: Vec<u8> = pixels
+        .flat_map(|&p| tone_map(p * gain).map(Rgb::srgb8))
         .collect();
-    write_rgb8(rendered.size(), &bytes, out)
+    write_rgb8(picture.size, &bytes, out)
 }
 
 /// Writes 8-bit sRGB, three bytes a pixel in rows from the top.

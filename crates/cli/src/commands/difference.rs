@@ -87,6 +87,14 @@ impl Measured {
         let fail = |e: PictureError| input(format!("{}: {e}", path.display()));
         let bytes = read::bytes(path)?;
         match exr::read_film(&bytes, max_memory_bytes) {
+            // Its own colours are no means of samples.
+            Ok((_, attributes)) if attributes.get(exr::DENOISED).is_some() => Ok(Measured {
+                picture: organza_picture::decode(&bytes, max_memory_bytes)
+                    .map_err(fail)?
+                    .0,
+                variance: None,
+                attributes,
+            }),
             Ok((film, attributes)) => {
                 let pixels = film.pixels();
                 let is_known = pixels.iter().all(|p| p.count() > 1);

@@ -11,7 +11,7 @@ use crate::picture;
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
-use organza_picture::{Attributes, Rendered};
+use organza_picture::{Attributes, Rendered, exr};
 use organza_transport::Film;
 use std::path::{Path, PathBuf};
 
@@ -73,6 +73,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     };
     // The order in which `render` writes them: equal pictures, equal files.
     let mut attributes = all.attributes.clone();
+    attributes.remove(exr::DENOISED); // the merged colours are those of the samples
     attributes.set("spp", all.samples.count().to_string());
     attributes.set("samples", all.samples.to_string());
     let rendered = Rendered {

@@ -8,6 +8,7 @@ mod bench;
 mod cache;
 mod compare;
 mod completions;
+mod denoise;
 mod difference;
 mod export;
 mod fit;
@@ -36,6 +37,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<measure::MeasureArgs>(),
     Registration::of::<compare::CompareArgs>(),
     Registration::of::<difference::DifferenceArgs>(),
+    Registration::of::<denoise::DenoiseArgs>(),
     Registration::of::<fit::FitArgs>(),
     Registration::of::<bench::BenchArgs>(),
     Registration::of::<weave::WeaveArgs>(),

@@ -11,6 +11,7 @@ pub use summary::CLAMPED;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::checkpoint;
+use crate::denoising::Denoiser;
 use crate::display_server::{Address, DisplayServer};
 use crate::error::input;
 use crate::flags::values::{
@@ -81,6 +82,9 @@ pub struct RenderArgs {
     /// Engine that traces the paths; auto uses a graphics card or the widest vector kernel that computer and scene allow, otherwise the general walk. The noise depends on which of the three traces, not on the width of the kernel
     #[arg(long, alias = "backend", value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Remove the noise of the picture by Open Image Denoise, where that is installed. An .exr keeps the noisy colours in noisy.R, noisy.G and noisy.B; of a .png the noisy picture is written beside it, NAME.noisy.png
+    #[arg(long)]
+    pub denoise: bool,
     /// Show the picture while it renders, in a viewer with tev's protocol that listens there, e.g. 127.0.0.1:14158
     #[arg(long, value_name = "HOST:PORT", value_parser = Address::parse)]
     pub display_server: Option<Address>,
@@ -117,8 +121,14 @@ impl Command for RenderArgs {
                 Format::list_endings(|f| f.keeps_sums)
             )));
         }
-        output::check_writable(&self.outfile)?;
-        output::check_not_an_input(&self.outfile, [&self.scene])?;
+        let mut outputs = vec![self.outfile.clone()];
+        if self.denoise {
+            outputs = picture::files_of_denoised(&self.outfile)?;
+        }
+        for path in &outputs {
+            output::check_writable(path)?;
+            output::check_not_an_input(path, [&self.scene])?;
+        }
         if let Some(path) = &self.checkpoint {
             check_checkpoint(path, self)?;
             // A program that runs the command has its own way to stop it.
@@ -162,6 +172,7 @@ fn targets(args: &RenderArgs) -> Targets {
 
 fn render(args: &RenderArgs) -> Result<()> {
     let started = Instant::now();
+    let denoiser = args.denoise.then(|| Denoiser::find(false)).transpose()?;
     let built = watched(&args.common, &args.cache, |loader| {
         scene::build(args, loader)
     })?;
@@ -233,8 +244,13 @@ fn render(args: &RenderArgs) -> Result<()> {
     };
     let host = &args.common.host;
     host.give(|| results::of(rendering.film(), figures()));
-    if host.writes() {
-        picture::write(&args.outfile, &rendered)?;
+    match &denoiser {
+        _ if !host.writes() => {}
+        Some(denoiser) => {
+            let threads = args.common.threads;
+            denoiser.write(&args.outfile, &rendered, threads, built.max_bytes)?;
+        }
+        None => picture::write(&args.outfile, &rendered)?,
     }
     let total_s = started.elapsed().as_secs_f64();
     if !args.common.quiet {

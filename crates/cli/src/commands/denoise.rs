@@ -1,0 +1,81 @@
+//! `organza denoise`
+
+use super::Command;
+use crate::denoising::Denoiser;
+use crate::flags::MemoryArgs;
+use crate::flags::values::whole;
+use crate::output;
+use crate::output::note;
+use crate::picture;
+use anyhow::Result;
+use clap::Args;
+use organza_picture::Rendered;
+use organza_scene::memory::free_memory_bytes;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// `organza denoise`
+#[derive(Debug, Args)]
+#[command(
+    about = "Remove the noise of a render by Open Image Denoise, where that is installed",
+    after_help = "Example:\n  organza render scenes/first_light.toml -o noisy.exr --spp 16\n  organza denoise noisy.exr -o clean.exr"
+)]
+pub struct DenoiseArgs {
+    /// Picture of `organza render` (.exr)
+    pub picture: PathBuf,
+    /// Picture to write: .exr, which keeps the noisy colours beside the others, or .png, with the noisy picture in NAME.noisy.png
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Pass on what the picture knows of the fibres (directions and numbers of scattering events), too; this helps at few samples only, if at all
+    #[arg(long)]
+    pub guides: bool,
+    /// Brighten a .png by so many stops
+    #[arg(
+        long,
+        value_name = "STOPS",
+        default_value_t = 0.0,
+        allow_hyphen_values = true
+    )]
+    pub exposure: f32,
+    /// Threads to use [default: all cores]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::from(u16::MAX)))]
+    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    /// Print only errors
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl Command for DenoiseArgs {
+    const NAME: &'static str = "denoise";
+
+    fn run(&self) -> Result<()> {
+        for path in picture::files_of_denoised(&self.outfile)? {
+            output::check_writable(&path)?;
+            output::check_not_an_input(&path, [&self.picture])?;
+        }
+        let denoiser = Denoiser::find(self.guides)?;
+        let started = Instant::now();
+        let allowed = self.memory.max_memory.unwrap_or_else(free_memory_bytes);
+        let (film, attributes) = picture::read_exr(&self.picture, allowed)?;
+        let rendered = Rendered {
+            film: &film,
+            exposure_stops: self.exposure,
+            attributes: &attributes,
+        };
+        let left = allowed.saturating_sub(organza_film::Film::memory_bytes(film.size()));
+        let written = denoiser.write(&self.outfile, &rendered, self.threads, left)?;
+        if !self.quiet {
+            let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+            note!(
+                "{}: {} ({}), {:.1} s",
+                names.join(", "),
+                denoiser.description(),
+                denoiser.path().display(),
+                started.elapsed().as_secs_f64()
+            );
+        }
+        Ok(())
+    }
+}
