@@ -32,6 +32,7 @@ mod measure; // the virtual goniometer
 mod merging; // sample ranges, and merging of the parts
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
+mod release; // archives of releases
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
 mod tidy; // the repository itself
