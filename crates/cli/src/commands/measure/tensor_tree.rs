@@ -6,7 +6,7 @@ use crate::error::input;
 use crate::flags::values::{parse_share, whole};
 use anyhow::Result;
 use clap::Args;
-use organza_measure::{TreeLayout, TreeRank, measure_tensor_tree, write_tensor_tree};
+use organza_measure::{TreeCell, TreeLayout, TreeRank, measure_tensor_tree, write_tensor_tree};
 use organza_scene::patches::AnyPatch;
 use serde_json::json;
 
@@ -81,8 +81,19 @@ pub fn run(
         ("transmitted_along_normal", json!(t)),
     ];
     summary.result_line = Some(format!(
-        "along the normal R {r:.4?}, T {t:.4?}; the file keeps {:.1} % of the cells",
+        "along the normal R {r:.4?}, T {t:.4?}; median standard error of a cell {:.0} % of its \
+         value; the file keeps {:.1} % of the cells",
+        100.0 * median_error(&tree.reflection[0]),
         100.0 * joined
     ));
     Ok(())
+}
+
+/// Median of the standard errors of cells as shares of their values.
+fn median_error(cells: &[TreeCell]) -> f64 {
+    let share =
+        |c: &TreeCell| f64::from(c.variance).sqrt() * 3.0 / f64::from(c.mean.iter().sum::<f32>());
+    let mut shares: Vec<f64> = cells.iter().map(share).filter(|s| s.is_finite()).collect();
+    shares.sort_by(f64::total_cmp);
+    shares.get(shares.len() / 2).copied().unwrap_or(0.0)
 }
