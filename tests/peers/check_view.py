@@ -236,7 +236,7 @@ def check_connection(context, page):
     context.set_offline(True)
     page.until("a lost connection is told", "() => /connection to organza is lost/.test(document.querySelector('#notices').innerText)")
     context.set_offline(False)
-    page.until("it goes on", "() => !document.querySelector('#notices').innerText")
+    page.until("it goes on", "() => !/connection/.test(document.querySelector('#notices').innerText)")
     page.set("Seed", 8)
     page.until("a change after it", "() => /refining|finished/.test(document.querySelector('#cost').innerText)")
     done("a dropped connection is told, and the page goes on when it is back")
