@@ -54,7 +54,7 @@ pub fn watched<'w, T>(
         None => loader,
     };
     let result = work(&loader)?;
-    if !watch.is_quiet {
+    if !watch.is_quiet && caller.is_none() {
         for fabric in loader.reused() {
             note!("{}: its volume is from the cache", fabric.display());
         }
