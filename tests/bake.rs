@@ -4,6 +4,8 @@
 use crate::program::{complaint, folder, succeed};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// A bake that takes a second: sheer silk, few texels and pairs.
 const QUICK: [&str; 10] = [
@@ -123,4 +125,41 @@ fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
     std::fs::write(folder.join("taken"), "a file").unwrap();
     let words = complaint(&folder, &["bake", &silk, "-o", "taken"]);
     assert!(words.contains("taken: is a file"), "{words}");
+}
+
+#[test]
+fn a_killed_bake_leaves_a_whole_folder_or_none() {
+    let folder = folder("bake_killed");
+    let silk = fabric("organza.toml");
+    let mut arguments = vec!["bake", &silk, "-o", "out", "--threads", "1", "--quiet"];
+    arguments.extend(QUICK);
+    let started = Instant::now();
+    succeed(&folder, &arguments);
+    let whole_s = started.elapsed().as_secs_f64();
+    let whole = contents(&folder.join("out"));
+    let kills = organza_testing::sized(3, 40);
+    for kill in 0..kills {
+        std::fs::remove_dir_all(folder.join("out")).unwrap();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
+            .current_dir(&folder)
+            .args(&arguments)
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        // Spread over the last tenth, in which the files are written.
+        let share = 0.9 + 0.15 * f64::from(kill + 1) / f64::from(kills);
+        std::thread::sleep(Duration::from_secs_f64(share * whole_s));
+        let _ = child.kill();
+        child.wait().unwrap();
+        if folder.join("out").exists() {
+            assert!(
+                contents(&folder.join("out")) == whole,
+                "kill {kill}: part of a folder"
+            );
+        }
+        // The next run removes what is left, and gives the same.
+        succeed(&folder, &arguments);
+        assert!(contents(&folder.join("out")) == whole, "kill {kill}");
+        assert_eq!(organza_testing::file_names(&folder), ["out"], "kill {kill}");
+    }
 }

@@ -18,7 +18,7 @@ const COLOUR_SIGMA: f32 = 0.7;
 const HUE_SIGMA: f32 = 2.0;
 
 /// The gloss that is kept as one, as a multiple of its mean. More is rare.
-const MOST_GLOSS: f64 = 2.5;
+const MOST_GLOSS: f64 = 1.25;
 
 /// Least transmitted share of light: less would leave no hue.
 const MIN_SHARE: f32 = 1e-4;

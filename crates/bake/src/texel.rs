@@ -17,7 +17,7 @@ pub struct Texel {
     pub reflected: Vec3,
     /// Share of light that the covered part scatters to the other side.
     pub transmitted: Vec3,
-    /// Light reflected by one fibre, as a share of two and a half times its mean; at most one.
+    /// Light reflected by one fibre, as a share of five quarters of its mean; at most one.
     pub gloss: f32,
 }
 

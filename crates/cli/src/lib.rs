@@ -23,6 +23,7 @@ mod identity;
 mod interrupt;
 mod journal;
 mod output;
+mod output_folder;
 mod picture;
 mod process_usage;
 mod progress;

@@ -1,6 +1,6 @@
 //! Sums over paths that look straight down on every texel of a tile.
 
-use crate::{MeasureError, PatchResponse, PathNames, TexelGrid};
+use crate::{Look, MeasureError, PatchResponse, PathNames, TexelGrid};
 use glam::{UVec2, Vec2};
 use organza_basis::Rgb;
 use organza_transport::Stats;
@@ -29,6 +29,9 @@ pub struct LookSums {
 /// Streams of random numbers that belong to rows of texels.
 const LOOK_STREAMS: u64 = (1 << 62) + (1 << 61);
 
+/// Paths that one thread traces at a time; this bounds the memory of their samples.
+const MAX_AT_ONCE: u64 = 1 << 15;
+
 /// Traces `paths` paths through every texel, rows of the largest y first. `watch` is called
 /// with the number of finished paths, from any thread.
 ///
@@ -46,18 +49,13 @@ pub fn gather_looks(
         let mut stats = Stats::default();
         let mut sums = vec![LookSums::default(); grid.texels.x as usize];
         let total = u64::from(grid.texels.x) * u64::from(paths);
-        let names = PathNames {
-            seed,
-            stream: LOOK_STREAMS + u64::from(y),
-            paths: 0..total,
-        };
         let place = |path: u64, rng: &mut organza_basis::PathRng| {
             let x = (path / u64::from(paths)) as u32;
             let corner = UVec2::new(x, grid.texels.y - 1 - y).as_vec2();
             grid.low_mm + (corner + rng.unit2()) * texel_mm
         };
         let (mut path, mut rejected) = (0u64, 0);
-        patch.each_look(&place, &names, &mut stats, &mut |look| {
+        let mut found = |look: Look| {
             let texel = sums.get_mut((path / u64::from(paths)) as usize);
             path += 1;
             let energy = look.exit.energy(glam::Vec3::Z);
@@ -77,7 +75,15 @@ pub fn gather_looks(
             texel.height_mm += first.height_mm;
             let (x, y) = (first.axis.x, first.axis.y);
             texel.axis += Vec2::new(x * x - y * y, 2.0 * x * y);
-        });
+        };
+        for first in (0..total).step_by(MAX_AT_ONCE as usize) {
+            let names = PathNames {
+                seed,
+                stream: LOOK_STREAMS + u64::from(y),
+                paths: first..(first + MAX_AT_ONCE).min(total),
+            };
+            patch.each_look(&place, &names, &mut stats, &mut found);
+        }
         stats.rejected += rejected;
         watch(total);
         (sums, stats)

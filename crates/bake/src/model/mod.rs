@@ -120,7 +120,7 @@ impl Target {
             list.push(bound(&format!("reflectance_{channel}"), 0.0, 1.5, 0.9));
         }
         list.push(bound("roughness", 0.1, 1.0, 0.5));
-        list.push(bound("ior", 1.05, 2.2, 1.5));
+        list.push(bound("ior", 1.05, 2.6, 1.5));
         list.push(bound("relief", 0.0, 1.0, 0.4));
         if self.transmits {
             list.push(bound("transmittance", 0.0, 2.5, 1.0));

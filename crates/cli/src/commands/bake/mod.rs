@@ -8,10 +8,11 @@ use crate::error::input;
 use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
 use crate::flags::values::{parse_level, parse_paths, parse_seed, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
-use crate::output::{self, WriteFile, note};
+use crate::output::{self, note};
+use crate::output_folder::write_folder;
 use crate::progress::Progress;
 use crate::results::Results;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use organza_bake::albedo::Albedos;
 use organza_bake::fit::{Fitted, SKY_WEIGHT, fit_target};
@@ -19,17 +20,17 @@ use organza_bake::layout::{PlannedPair, planned_pairs};
 use organza_bake::maps::{BYTES_PER_TEXEL, Maps};
 use organza_bake::model::{GLTF, OPENPBR, STANDARD_SURFACE, TARGETS, Target, USD_PREVIEW};
 use organza_bake::texel::Texel;
-use organza_bake::write::{Baked, FOLDER, folder_files, plain_name};
+use organza_bake::write::{Baked, folder_files, plain_name};
 use organza_measure::fit::Patience;
 use organza_measure::{
     Albedo, Angles, Effort, LookSums, Pair, PairValue, TexelGrid, gather_looks, measure_albedos,
     measure_pairs,
 };
+use organza_scene::fabric_file;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::SURFACE;
-use organza_scene::{fabric_file, read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// `organza bake`
@@ -198,7 +199,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         let mut all = vec![("bake.json".to_owned(), json.into_bytes())];
         all.extend(files);
         if args.common.host.writes() {
-            write(&args.outdir, &all)?;
+            write_folder(&args.outdir, &all)?;
         }
         args.common.host.give(|| results(&report, &maps, all));
         if !args.common.quiet {
@@ -318,31 +319,4 @@ fn results(report: &summary::Report<'_>, maps: &Maps, files: Vec<(String, Vec<u8
         .with_f32("height_mm", &plane, maps.height_mm.clone());
     results.files = files;
     results
-}
-
-/// Writes all files of the folder, which appear together; the first, `bake.json`, is the last
-/// to appear.
-fn write(outdir: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
-    let folder = outdir.join(FOLDER);
-    let was_there = (outdir.exists(), folder.exists());
-    std::fs::create_dir_all(&folder)
-        .map_err(|e| input(format!("{}: {}", folder.display(), read::io_message(&e))))?;
-    let mut list: Vec<(PathBuf, WriteFile<'_>)> = Vec::new();
-    for (name, bytes) in files {
-        list.push((
-            outdir.join(name),
-            Box::new(move |out| out.write_all(bytes).context("writing failed")),
-        ));
-    }
-    let written = output::write_files(list);
-    if written.is_err() {
-        // Folders that are not empty stay.
-        if !was_there.1 {
-            let _ = std::fs::remove_dir(&folder);
-        }
-        if !was_there.0 {
-            let _ = std::fs::remove_dir(outdir);
-        }
-    }
-    written.map(|_| ())
 }
