@@ -31,7 +31,7 @@ def kept(line, keys):
     return key in keys or key not in THREADS + FIBRES + HAIRS + DYE
 
 
-fabric = (HERE / "../fabrics/raw_denim.toml").read_text().splitlines()
+fabric = (HERE / "../fabrics/irregular/raw_denim.toml").read_text().splitlines()
 cells = []
 with tempfile.TemporaryDirectory() as folder:
     file, picture = Path(folder) / "fabric.toml", Path(folder) / "cell.png"
