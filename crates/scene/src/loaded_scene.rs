@@ -185,9 +185,8 @@ mod tests {
         scene.build(None, &loader).unwrap();
         loader.give("no/such/folder/a.toml", fabric("'many'"));
         let wrong = scene.build(None, &loader).err().unwrap().to_string();
-        assert!(
-            wrong.starts_with("no/such/folder/a.toml:4:10: warp.per_cm"),
-            "{wrong}"
-        );
+        // Nobody has seen the lines of a file in memory, so the message names none.
+        let expected = "no/such/folder/a.toml: warp.per_cm: expected a number";
+        assert!(wrong.starts_with(expected), "{wrong}");
     }
 }
