@@ -50,6 +50,10 @@ class Oidn:
         self.set_bool.argtypes = [handle, text, ctypes.c_bool]
         lib.oidnGetDeviceError.argtypes = [handle, handle]
         self.device = lib.oidnNewDevice(1)
+        if not hasattr(lib, "oidnSetDeviceInt"):
+            # Version 1, whose picture depends on the number of threads: organza uses one.
+            lib.oidnSetDevice1i.argtypes = [handle, ctypes.c_char_p, ctypes.c_int]
+            lib.oidnSetDevice1i(self.device, b"numThreads", 1)
         lib.oidnCommitDevice(self.device)
 
     def filtered(self, flags, **images):

@@ -141,7 +141,11 @@ impl Library {
         settings: &Settings,
     ) -> Result<Vec<[f32; 3]>, DenoiseError> {
         let device = Device::new(&self.functions)?;
-        let threads = settings.threads.map_or(0, c_int::from);
+        // With version 1 the picture depends on the number of threads.
+        let threads = match self.version[0] {
+            1 => 1,
+            _ => settings.threads.map_or(0, c_int::from),
+        };
         device.set_int(c"numThreads", threads);
         // The threads of the render stay where they are.
         device.set_bool(c"setAffinity", false);
