@@ -1,4 +1,4 @@
-//! Gives the program the digest of its sources and of how it is built, which tells two builds
+//! Gives the program the digest of its sources and of how it is built, which distinguishes two builds
 //! of one version apart.
 
 use sha2::{Digest, Sha256};

@@ -8,7 +8,7 @@ const COMMIT: Option<&str> = option_env!("ORGANZA_COMMIT");
 /// Digest of the sources, the compiler and its options, see `build.rs`.
 const SOURCES: &str = env!("ORGANZA_SOURCES");
 
-/// What tells this build from others, of the same version or not.
+/// What distinguishes this build from others, of the same version or not.
 pub fn build() -> String {
     let version = env!("CARGO_PKG_VERSION");
     match COMMIT {

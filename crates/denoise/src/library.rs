@@ -98,7 +98,7 @@ impl Library {
     pub fn open(path: &Path) -> Result<Library, DenoiseError> {
         let unusable = |e: libloading::Error| DenoiseError::Unusable(e.to_string());
         for needed in needed_beside(path) {
-            // It may be found by itself; if not, the library says so.
+            // It may be found by itself; if not, the library reports it.
             let _ = load_for_all(&needed).map(std::mem::forget);
         }
         // SAFETY: see "Loading" above.

@@ -406,7 +406,7 @@ fn once_each(
     pairs: &[Pair],
     measure: impl FnOnce(&[Pair]) -> Result<Vec<PairValue>, MeasureError>,
 ) -> Result<Vec<PairValue>, MeasureError> {
-    // Rounding tells directions apart that are the same: at the normal, any azimuth.
+    // Rounding separates directions that are the same: at the normal, any azimuth.
     let key = |a: &Angles| {
         let w = a.direction() * 1e5;
         [w.x, w.y, w.z].map(|x| x.round() as i64)

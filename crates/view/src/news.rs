@@ -1,4 +1,4 @@
-//! What a page is told of the render: its state, what it costs, what went wrong.
+//! What a page receives about the render: its state, what it costs, what went wrong.
 
 use serde::Serialize;
 use serde_json::Value;

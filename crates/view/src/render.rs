@@ -86,7 +86,7 @@ struct Render<'a> {
 }
 
 impl Render<'_> {
-    /// Shows a document; whatever goes wrong is told to the pages.
+    /// Shows a document, and reports errors to the pages.
     fn show_guarded(&mut self, task: &Task) {
         let outcome = catch_unwind(AssertUnwindSafe(|| self.show(task)));
         let why = match outcome {
@@ -246,7 +246,7 @@ fn trace(tracer: &Tracer<'_>, mut tracing: Tracing<'_>) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Saves what is shown, and tells the page that asked.
+/// Saves what is shown, and answers the page that asked.
 fn answer(tracer: &Tracer<'_>, save: Save, film: &Film) {
     let exposure = tracer.file.render.exposure;
     let (session, document) = (tracer.session, &tracer.task.document);
@@ -334,7 +334,7 @@ fn memory_beside_film(file: &SceneFile, limits: &Limits) -> Result<u64, Stop> {
     })
 }
 
-/// Tells the pages of a step of building.
+/// Reports a step of building to the pages.
 fn tell_task(session: &Session, event: Event<'_>) {
     match event {
         Event::Begin(task) => session.tell(|news| {

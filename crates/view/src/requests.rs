@@ -313,7 +313,7 @@ fn json(value: &Value) -> Answer {
 }
 
 /// Headers of every answer: nothing is kept, nothing from elsewhere is loaded, no other page
-/// shows it in a frame, and its address is told to nobody.
+/// shows it in a frame, and its address is given to nobody.
 fn guarded(answer: &mut Answer) {
     const HEADERS: [(&str, &str); 7] = [
         (

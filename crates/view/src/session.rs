@@ -268,7 +268,7 @@ impl Session {
         }
     }
 
-    /// Changes the news, and tells those that wait.
+    /// Changes the news, and wakes those that wait.
     pub(crate) fn tell(&self, change: impl FnOnce(&mut News)) {
         change(&mut self.locked().news);
         self.announce();

@@ -113,7 +113,7 @@ fn every_tab_hears_of_a_change_at_once() {
             assert_eq!(news["document"]["scene"]["light"][2]["kind"], "rectangle");
         }
     });
-    // A tab that knows all waits, and is told that there is nothing new.
+    // A tab that knows all waits, and learns that there is nothing new.
     let serial = served.session.serial();
     let began = Instant::now();
     let news = served.get(&format!("news?after={serial}&known=2")).json();
