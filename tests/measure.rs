@@ -262,10 +262,26 @@ fn tables_for_other_programs_are_written_or_refused() {
     succeed(&folder, &with("--layout rgl -o two.bsdf --threads 2"));
     assert_eq!(bytes("one.bsdf"), bytes("two.bsdf"));
     assert!(bytes("one.bsdf").starts_with(b"tensor_file\0"));
+    for (name, threads) in [("one.ptm", "1"), ("two.ptm", "2")] {
+        let run = format!(
+            "measure cotton.toml --layout ptm --spp 4 --texels 6 --ptm-lamps 12 -o {name} --threads {threads}"
+        );
+        succeed(&folder, &run.split(' ').collect::<Vec<_>>());
+    }
+    assert_eq!(bytes("one.ptm"), bytes("two.ptm"));
+    assert!(bytes("one.ptm").starts_with(b"PTM_1.2\nPTM_FORMAT_RGB\n6\n"));
     for (more, words) in [
         (
             "--layout rgl -o x.csv",
             "--layout rgl needs a table that ends in .bsdf",
+        ),
+        (
+            "--layout ptm -o x.exr",
+            "--layout ptm needs a table that ends in .ptm",
+        ),
+        (
+            "--layout grid -o x.ptm",
+            "that ends in .ptm needs --layout ptm",
         ),
         (
             "--layout grid -o x.bsdf",
@@ -307,5 +323,5 @@ fn tables_for_other_programs_are_written_or_refused() {
         assert!(printed.contains(words), "{more}: {printed}");
     }
     let left = std::fs::read_dir(&folder).unwrap().count();
-    assert_eq!(left, 5, "a refused table left a file");
+    assert_eq!(left, 7, "a refused table left a file");
 }

@@ -53,6 +53,8 @@ mod pairs;
 mod patch;
 mod picture_error;
 mod picture_match;
+mod polynomial_map;
+mod polynomial_map_file;
 mod surface_patch;
 mod sweep;
 mod table;
@@ -83,6 +85,10 @@ pub use pairs::{
 pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
+pub use polynomial_map::{
+    MapEffort, PolynomialMap, measure_polynomial_map, memory_bytes as polynomial_map_memory_bytes,
+};
+pub use polynomial_map_file::write_polynomial_map;
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,

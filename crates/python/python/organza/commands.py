@@ -130,6 +130,7 @@ def measure(
     tree_depth: Optional[int] = None,
     prune: Optional[float] = None,
     rgl_grid: Optional[Sequence[int]] = None,
+    ptm_lamps: Optional[int] = None,
     rows: Optional[range] = None,
     level: Optional[int] = None,
     voxel_um: Optional[float] = None,
@@ -156,7 +157,8 @@ def measure(
         In place of ``pairs``: ``irawan``, ``grid``, ``klems`` or ``sweep``; ``irawan`` if both
         are None. ``grid=(polar, azimuths)``, ``klems_basis`` and ``step`` belong to them. With
         an ``outfile`` also ``tensor-tree`` (``.xml``; ``tree_rank``, ``tree_depth``,
-        ``prune``) and ``rgl`` (``.bsdf``; ``rgl_grid``), see docs/tables.md.
+        ``prune``), ``rgl`` (``.bsdf``; ``rgl_grid``) and ``ptm`` (``.ptm``; ``ptm_lamps``,
+        ``texels``), see docs/tables.md.
     albedo
         Measure where light from each direction goes instead of the BSDF of pairs.
     model
@@ -193,7 +195,8 @@ def measure(
     options = dict(
         pairs=pairs, layout=layout, albedo=albedo, model=model, spp=spp, seed=seed,
         target_error=target_error, grid=grid, klems_basis=klems_basis, step=step,
-        tree_rank=tree_rank, tree_depth=tree_depth, prune=prune, rgl_grid=rgl_grid, rows=rows,
+        tree_rank=tree_rank, tree_depth=tree_depth, prune=prune, rgl_grid=rgl_grid,
+        ptm_lamps=ptm_lamps, rows=rows,
         level=level, voxel_um=voxel_um, texels=texels, outfile=outfile, set=set,
         threads=threads, max_memory=max_memory,
         cache=cache,

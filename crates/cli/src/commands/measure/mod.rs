@@ -1,5 +1,6 @@
 //! `organza measure`
 
+mod ptm;
 pub mod results;
 mod rgl;
 mod summary;
@@ -31,6 +32,7 @@ use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, t
 use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file};
+use ptm::PtmArgs;
 use rgl::RglArgs;
 use serde_json::{Value, json};
 use std::ops::Range;
@@ -60,7 +62,7 @@ pub struct MeasureArgs {
     /// Measure only these rows of the table, counted from 0; they have the values that they have in the whole table
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = parse_rows)]
     pub rows: Option<Range<usize>>,
-    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW and Radiance, with --layout klems or tensor-tree), .bsdf (Mitsuba, with --layout rgl), .exr (one picture of the tile per pair)
+    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW and Radiance, with --layout klems or tensor-tree), .bsdf (Mitsuba, with --layout rgl), .ptm (with --layout ptm), .exr (one picture of the tile per pair)
     #[arg(short, long, required_unless_present = "json")]
     pub outfile: Option<PathBuf>,
     /// Model of the cloth
@@ -85,10 +87,12 @@ pub struct MeasureArgs {
     pub tree: TreeArgs,
     #[command(flatten)]
     pub rgl: RglArgs,
+    #[command(flatten)]
+    pub ptm: PtmArgs,
     /// Degrees between positions of the lamp of --layout sweep
     #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_positive)]
     pub step: f64,
-    /// Texels of the longer side of pictures (.exr), 1 to 4096
+    /// Texels of the longer side of pictures (.exr, .ptm), 1 to 4096
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole::<u32>(1..=4096))]
     pub texels: u32,
     /// Level of detail of a fabric; 0 is the finest
@@ -217,6 +221,7 @@ fn measure(
     let count = match wanted {
         Wanted::Textures(_) => rows.len() * grid.texels.element_product() as usize,
         Wanted::Rgl(grid) => grid.pairs() as usize,
+        Wanted::Ptm(lamps) => *lamps as usize * grid.texels.element_product() as usize,
         _ => rows.len(),
     };
     let total = args.spp.saturating_mul(count as u64);
@@ -308,6 +313,9 @@ fn measure(
         }
         Wanted::Rgl(grid) => {
             rgl::run(args, *grid, (patch, shown), (&effort, &watch), &mut summary)?;
+        }
+        Wanted::Ptm(lamps) => {
+            ptm::run(args, *lamps, (patch, grid), &watch, &mut summary)?;
         }
         Wanted::Sweep(lamps) => {
             let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;

@@ -1,6 +1,6 @@
 //! What `organza measure` measures: the directions that its flags name.
 
-use super::{MeasureArgs, ends_in, rgl, tensor_tree};
+use super::{MeasureArgs, ends_in, ptm, rgl, tensor_tree};
 use crate::error::input;
 use anyhow::Result;
 use organza_measure::{
@@ -24,6 +24,8 @@ pub enum LayoutName {
     TensorTree,
     /// Reflection in the tensor format of the RGL material database, for Mitsuba, see --rgl-grid
     Rgl,
+    /// A polynomial texture map: how every texel changes with the direction of the light, see --ptm-lamps
+    Ptm,
     /// A linear light swung over face and back, seen along the normal
     Sweep,
 }
@@ -67,6 +69,8 @@ pub enum Wanted {
     TensorTree(TreeLayout),
     /// Reflection over an adaptive parameterisation.
     Rgl(AdaptiveGrid),
+    /// A polynomial texture map from so many lamps.
+    Ptm(u32),
     /// A lamp swung over face and back.
     Sweep(Vec<LampPosition>),
 }
@@ -80,6 +84,7 @@ impl Wanted {
             Wanted::Klems(basis) => 2 * basis.len(),
             Wanted::TensorTree(layout) => 2 * layout.incident_cells(),
             Wanted::Rgl(grid) => grid.incident_count(),
+            Wanted::Ptm(lamps) => *lamps as usize,
             Wanted::Sweep(list) => list.len(),
         }
     }
@@ -100,7 +105,11 @@ impl Wanted {
                 "the table has {count} rows; expected rows within 0..{count}"
             )),
             Wanted::Textures(_) => fail("pictures of the tile are measured all at once".into()),
-            Wanted::Klems(_) | Wanted::TensorTree(_) | Wanted::Rgl(_) | Wanted::Sweep(_) => {
+            Wanted::Klems(_)
+            | Wanted::TensorTree(_)
+            | Wanted::Rgl(_)
+            | Wanted::Ptm(_)
+            | Wanted::Sweep(_) => {
                 fail("this layout is measured all at once; take irawan, grid or --pairs".into())
             }
         }
@@ -116,6 +125,9 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
     let is_xml = [LayoutName::Klems, LayoutName::TensorTree].contains(&layout);
     if ends_in(args, "bsdf") && (args.pairs.is_some() || layout != LayoutName::Rgl) {
         return Err(input("a table that ends in .bsdf needs --layout rgl"));
+    }
+    if ends_in(args, "ptm") && (args.pairs.is_some() || layout != LayoutName::Ptm) {
+        return Err(input("a table that ends in .ptm needs --layout ptm"));
     }
     if ends_in(args, "xml") && (args.pairs.is_some() || !is_xml) {
         return Err(input(
@@ -143,6 +155,7 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         (LayoutName::Sweep, false) => Wanted::Sweep(lamp_positions(args.step)),
         (LayoutName::TensorTree, false) => Wanted::TensorTree(tensor_tree::wanted(args)?),
         (LayoutName::Rgl, false) => Wanted::Rgl(rgl::wanted(args)?),
+        (LayoutName::Ptm, false) => Wanted::Ptm(ptm::wanted(args)?),
         (_, true) => {
             return Err(input("--albedo goes with pairs, not with this layout"));
         }
