@@ -3,6 +3,7 @@
 mod build;
 mod drawing;
 mod figures;
+mod flattening;
 mod import;
 mod irregularity;
 mod spacing;
@@ -15,9 +16,10 @@ use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
 use crate::knit::Knit;
 use crate::path::{Hermite, Path};
+use crate::section::Section;
 use crate::strand::Strand;
 use crate::yarn::Yarn;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};
 use spun::Spun;
 use std::sync::Arc;
@@ -74,8 +76,7 @@ struct ThreadAtRest {
     /// The yarn as spun: with the mass of this thread.
     spun: Spun,
     dye: Dye,
-    /// Factors on the round cross-section's width and height.
-    flatten: DVec2,
+    section: Section,
 }
 
 /// A piece of cloth that repeats in x and y, or imported curves that do not.
@@ -142,8 +143,7 @@ impl Cloth {
                 origin,
             } => {
                 let bend = curve.max_bend_per_mm();
-                let half_height = thread.flatten.y * yarn.radius_mm();
-                let lean = (MAX_BEND / (bend * half_height)).min(1.0);
+                let lean = lean(curve, thread.section.highest() * yarn.radius_mm());
                 let interval = curve.period_mm() / curve.height_mm.len() as f64;
                 let steps = (interval / step(bend)).ceil().clamp(4.0, 4096.0);
                 Path::woven(curve, *axis, *origin, steps as usize, lean)
@@ -171,7 +171,7 @@ impl Cloth {
             path,
             profile,
             dye: &thread.dye,
-            flatten: thread.flatten,
+            section: &thread.section,
             seed: (self.seed, batch as u64),
             template: Segment {
                 yarn: batch as u32,
@@ -198,6 +198,11 @@ const BEND_OF_WANDER: f64 = 4.0;
 /// the yarn does, so that inner fibres never fold: the curvature that they follow stays below
 /// this value over the half-thickness.
 const MAX_BEND: f64 = 0.8;
+
+/// The share of a thread's slope by which its sections lean, of which half the height is given.
+fn lean(curve: &Hermite, half_height_mm: f64) -> f64 {
+    (MAX_BEND / (curve.max_bend_per_mm() * half_height_mm)).min(1.0)
+}
 
 impl SegmentSource for Curves<'_> {
     fn tile(&self) -> Tile {

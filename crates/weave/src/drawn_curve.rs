@@ -15,14 +15,14 @@ pub(crate) struct Look {
 impl Strand<'_> {
     /// The centreline, with the mean radius of the cross-section.
     pub fn emit_yarn(&self, emit: &mut dyn FnMut(&Segment)) {
-        let radius = self.yarn.radius_mm() * (self.flatten.x * self.flatten.y).sqrt();
+        let radius = self.yarn.radius_mm() * self.section.area().sqrt();
         let look = |s: f64| self.whole(self.scale(s) * radius);
         self.emit_period(0, |_| DVec2::ZERO, look, emit);
     }
 
     /// The centres of the plies.
     pub fn emit_plies(&self, emit: &mut dyn FnMut(&Segment)) {
-        let radius = self.yarn.ply_radius_mm * (self.flatten.x * self.flatten.y).sqrt();
+        let radius = self.yarn.ply_radius_mm * self.section.area().sqrt();
         let turned = self.ply_phase();
         let look = |s: f64| self.whole(self.scale(s) * radius);
         for ply in 0..self.yarn.plies {
@@ -51,7 +51,10 @@ impl Strand<'_> {
     ) -> u32 {
         let length = self.path.length_mm();
         let share = |i: isize| self.path.arc_at(i) / length;
-        let point = |i: isize| self.path.offset(i, self.flatten * offset(share(i)));
+        let point = |i: isize| {
+            self.path
+                .offset(i, self.section.at(share(i)) * offset(share(i)))
+        };
         let steps = self.path.steps() as isize;
         self.emit_curve(fibre, steps, point, |i| look(share(i)), emit)
     }

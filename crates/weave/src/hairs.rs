@@ -51,7 +51,8 @@ impl Strand<'_> {
             let s = arc / self.path.length_mm();
             let o = self.ply_centre(ply, ply_phase, s)
                 + (start + t * rise) * DVec2::from_angle(phase + t * turn);
-            self.path.at_arc(arc, self.scale(s) * self.flatten * o)
+            self.path
+                .at_arc(arc, self.scale(s) * self.section.at(s) * o)
         };
         let size = (1.0 - from) * run.hypot(rise).hypot(turn * (start + rise));
         let steps = (size / self.path.mean_step_mm()).ceil().clamp(6.0, 1000.0);

@@ -52,6 +52,7 @@ pub mod preset;
 mod protruding;
 mod push_apart;
 mod relax;
+mod section;
 pub mod spec;
 mod spline;
 mod strand;

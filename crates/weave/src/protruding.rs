@@ -82,7 +82,7 @@ struct Faces {
 
 impl Faces {
     fn new(strand: &Strand, reach_mm: f64) -> Faces {
-        let half = strand.flatten.y * strand.yarn.radius_mm();
+        let half = strand.section.highest() * strand.yarn.radius_mm();
         let heights = strand.path.points.iter().map(|p| p.z);
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| {
             (a.min(z), b.max(z))
@@ -146,7 +146,7 @@ impl Beside<'_> {
         let radius = self.strand.scale(s) * self.strand.yarn.radius_mm();
         (
             from.normalize_or(path.vertical[k]),
-            (section / self.strand.flatten).length() / radius,
+            (section / self.strand.section.at(s)).length() / radius,
         )
     }
 }
@@ -180,7 +180,7 @@ fn grow(
         let radius = yarn.ply_radius_mm * (ROOT_DEPTH + (1.0 - ROOT_DEPTH) * t);
         let angle = phase + (arc - arc_mm) * yarn.twist_rad_per_mm;
         let offset = strand.ply_centre(ply, ply_phase, s) + radius * DVec2::from_angle(angle);
-        path.at_arc(arc, strand.scale(s) * strand.flatten * offset)
+        path.at_arc(arc, strand.scale(s) * strand.section.at(s) * offset)
     };
     let mut curve: Vec<DVec3> = (0..=roots).map(root).collect();
 

@@ -37,8 +37,8 @@ pub(crate) struct Bundle<'a> {
     pub length_mm: f64,
     /// The largest radius of a fibre.
     pub fibre_radius_mm: f64,
-    /// Factors on the round cross-section's width and height.
-    pub flatten: DVec2,
+    /// Factors on the round cross-section's width and height at a share of the period.
+    pub flatten: &'a dyn Fn(f64) -> DVec2,
     /// The largest distance of a fibre's centre from the centre of its ply, unless it starts
     /// farther out, in a section of scale 1.
     pub reach_mm: f64,
@@ -109,6 +109,10 @@ impl Bundle<'_> {
         ((self.angle_rad / STATION_RAD).ceil() as usize).max(MIN_STATIONS)
     }
 
+    fn flatten_at(&self, station: usize, stations: usize) -> Vec2 {
+        (self.flatten)(station as f64 / stations as f64).as_vec2()
+    }
+
     /// Whether pushing these fibres apart takes too much memory.
     pub fn is_too_large(&self) -> bool {
         let pieces = self.fibres.saturating_mul(self.windings);
@@ -123,12 +127,12 @@ impl Bundle<'_> {
         }
         let stations = self.stations();
         let around = stations * windings;
-        let flatten = self.flatten.as_vec2();
         let mut discs = self.discs(stations);
         let mut shifts_mm = vec![Vec2::ZERO; self.fibres * around];
         let mut pairs = Vec::new();
         for round in 0..ROUNDS {
             for (station, section) in discs.chunks_exact_mut(pieces).enumerate() {
+                let flatten = self.flatten_at(station, stations);
                 let place = |piece: u32| {
                     let piece = piece as usize;
                     piece / windings * around + piece % windings * stations + station
@@ -137,7 +141,7 @@ impl Bundle<'_> {
                     let shift = shifts_mm[place(disc.piece)];
                     disc.at_mm = disc.base_mm + flatten * disc.direction.rotate(shift);
                 }
-                self.push_section(section, &mut pairs);
+                self.push_section(section, flatten, &mut pairs);
                 let turned_back = Vec2::new(1.0, -1.0);
                 for disc in &*section {
                     let moved = (disc.at_mm - disc.base_mm) / flatten;
@@ -153,11 +157,12 @@ impl Bundle<'_> {
 
     /// All discs, by station, then fibre, then winding.
     fn discs(&self, stations: usize) -> Vec<Disc> {
-        let (windings, flatten) = (self.windings, self.flatten.as_vec2());
+        let windings = self.windings;
         let pieces = self.fibres * windings;
         let mut discs = Vec::with_capacity(stations * pieces);
         for station in 0..stations {
             let s = station as f64 / stations as f64;
+            let flatten = self.flatten_at(station, stations);
             for piece in 0..pieces {
                 let place = (self.place)(piece / windings, (piece % windings) as u32, s);
                 let base_mm = flatten * place.shifted(DVec2::ZERO).as_vec2();
@@ -200,7 +205,7 @@ impl Bundle<'_> {
     }
 
     /// Moves the discs of one section and leaves them sorted by x.
-    fn push_section(&self, section: &mut [Disc], pairs: &mut Vec<(u32, u32)>) {
+    fn push_section(&self, section: &mut [Disc], flatten: Vec2, pairs: &mut Vec<(u32, u32)>) {
         section.sort_by(|a, b| {
             let by_place = a.at_mm.x.total_cmp(&b.at_mm.x);
             by_place.then(a.piece.cmp(&b.piece))
@@ -222,7 +227,6 @@ impl Bundle<'_> {
                 }
             }
         }
-        let flatten = self.flatten.as_vec2();
         for _ in 0..PUSHES {
             for &(a, b) in &*pairs {
                 let (a, b) = (a as usize, b as usize);
@@ -307,7 +311,7 @@ mod tests {
             angle_rad: 2.0 * TAU * TURNS / WINDINGS as f64,
             length_mm: 2.0,
             fibre_radius_mm: RADIUS_MM,
-            flatten: DVec2::new(1.2, 1.0 / 1.2),
+            flatten: &|_| DVec2::new(1.2, 1.0 / 1.2),
             reach_mm: PLY_MM - RADIUS_MM,
             place,
         }
@@ -327,7 +331,7 @@ mod tests {
                     let place = (bundle.place)(fibre, winding as u32, s);
                     let from_ply = place.shifted(shift) - place.ply_mm;
                     assert!(from_ply.length() < PLY_MM, "{from_ply} left its ply");
-                    at.push(bundle.flatten * from_ply);
+                    at.push((bundle.flatten)(s) * from_ply);
                 }
             }
             for (i, a) in at.iter().enumerate() {

@@ -39,6 +39,9 @@ pub(crate) struct Relaxed {
     pub weft: Vec<Hermite>,
     /// Largest overlap of two threads, as a share of the sum of their radii.
     pub compression: f64,
+    /// Force with which threads press on each other at the crossings, by end, then pick: 1
+    /// where it is at least the mean of all that touch.
+    pub pressure: Vec<f64>,
 }
 
 /// Stiffness of a contact in units of `k S^2 / D` (softer yarn, size of the
@@ -60,14 +63,16 @@ const TOLERANCE: f64 = 1e-3;
 const MIN_CROSSINGS_PER_TASK: usize = 8192;
 
 /// Finds the heights at rest. On one side of threads that do not interlace nothing holds them;
-/// they stay where they touch.
+/// they stay where they touch. `touching_mm` gives the distance between the centres of an end and a
+/// pick at which they touch, if it is not the sum of half their heights.
 pub(crate) fn relax(
     draft: &Draft,
     warp: &System,
     weft: &System,
+    touching_mm: Option<&[f64]>,
     max_iterations: u64,
 ) -> Result<Relaxed, Error> {
-    let problem = Weave::new(draft, warp, weft);
+    let problem = Weave::new(draft, warp, weft, touching_mm);
     let start = problem.start();
     let count = start.len() as f64;
     let failed = |e: argmin::core::Error| Error::Relaxation(e.to_string());
@@ -231,15 +236,29 @@ struct Side<'a> {
 }
 
 impl<'a> Weave<'a> {
-    fn new(draft: &'a Draft, warp: &'a System, weft: &'a System) -> Weave<'a> {
+    fn new(
+        draft: &'a Draft,
+        warp: &'a System,
+        weft: &'a System,
+        touching_mm: Option<&[f64]>,
+    ) -> Weave<'a> {
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
         let length_mm = mean(&warp.half_height_mm) + mean(&weft.half_height_mm);
         let spacing = |s: &System| s.period_mm / s.position_mm.len() as f64;
         let spacing_mm = 0.5 * (spacing(warp) + spacing(weft));
-        let side = |own: &'a System, other: &System, above: &dyn Fn(usize, usize) -> bool| {
+        let picks = draft.picks();
+        let of_warp = |e: usize, p: usize| match touching_mm {
+            Some(all) => all[e * picks + p],
+            None => warp.half_height_mm[e] + weft.half_height_mm[p],
+        };
+        type OfCrossing<'f, T> = &'f dyn Fn(usize, usize) -> T;
+        let side = |own: &'a System,
+                    other: &System,
+                    above: OfCrossing<bool>,
+                    touching_mm: OfCrossing<f64>| {
             let (threads, crossings) = (own.position_mm.len(), other.position_mm.len());
             let per_gap = |i: usize, j: usize| {
-                let size = (own.half_height_mm[i] + other.half_height_mm[j]) / (length_mm * REST);
+                let size = touching_mm(i, j) / (length_mm * REST);
                 if above(i, j) { 1.0 / size } else { -1.0 / size }
             };
             Side {
@@ -254,8 +273,10 @@ impl<'a> Weave<'a> {
         };
         Weave {
             draft,
-            warp: side(warp, weft, &|e, p| draft.warp_up(e, p)),
-            weft: side(weft, warp, &|p, e| !draft.warp_up(e, p)),
+            warp: side(warp, weft, &|e, p| draft.warp_up(e, p), &of_warp),
+            weft: side(weft, warp, &|p, e| !draft.warp_up(e, p), &|p, e| {
+                of_warp(e, p)
+            }),
             length_mm,
         }
     }
@@ -325,6 +346,22 @@ impl<'a> Weave<'a> {
         self.warp.per_gap[e * picks + p] * difference / REST
     }
 
+    /// See [`Relaxed::pressure`].
+    fn pressure(&self, h: &[f64]) -> Vec<f64> {
+        let (ends, picks) = (self.draft.ends(), self.draft.picks());
+        let force = |c: usize| {
+            let (e, p) = (c / picks, c % picks);
+            let (_, slope) = contact(REST * self.gap(h, e, p));
+            let (warp, weft) = (self.warp.system.stiffness[e], self.weft.system.stiffness[p]);
+            warp.min(weft) * slope.abs() / self.warp.per_gap[c].abs()
+        };
+        let forces: Vec<f64> = (0..ends * picks).map(force).collect();
+        let touching = forces.iter().filter(|f| **f > 0.0);
+        let mean = touching.clone().sum::<f64>() / touching.count().max(1) as f64;
+        let share = |f: f64| if mean > 0.0 { (f / mean).min(1.0) } else { 0.0 };
+        forces.into_iter().map(share).collect()
+    }
+
     /// Curves in millimetres, the cloth's middle at height zero.
     fn relaxed(&self, h: &[f64]) -> Result<Relaxed, Error> {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
@@ -352,6 +389,7 @@ impl<'a> Weave<'a> {
                 .map(|h| self.weft.strain.curve(h))
                 .collect(),
             compression,
+            pressure: self.pressure(h),
         };
         let all = relaxed.warp.iter_mut().chain(&mut relaxed.weft);
         let middle = 0.5

@@ -2,7 +2,9 @@
 
 mod irregularity;
 
-pub use irregularity::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+pub use irregularity::{
+    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec,
+};
 
 use organza_basis::Rgb;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -36,7 +38,7 @@ pub struct FabricGeometry {
 
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `evenness`, `slubs`,
-    /// `fibre_radius_cv_percent`, `wander`, `hairiness` and `spacing_cv_percent`. Hairs and
+    /// `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening` and `spacing_cv_percent`. Hairs and
     /// loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
@@ -46,6 +48,7 @@ impl FabricGeometry {
             yarn.fibre_radius_cv_percent = None;
             yarn.wander = None;
             yarn.hairiness = None;
+            yarn.flattening = None;
         }
         out.warp.spacing_cv_percent = None;
         out.weft.spacing_cv_percent = None;
@@ -183,6 +186,8 @@ pub struct YarnSpec {
     pub wander: Option<WanderSpec>,
     /// Fibres that protrude as random curves, in place of `hairs`.
     pub hairiness: Option<HairinessSpec>,
+    /// Flat where other threads press on it.
+    pub flattening: Option<FlatteningSpec>,
     /// Dye that does not reach the core.
     pub ring_dye: Option<RingDyeSpec>,
     /// Fibres of several colours.

@@ -18,15 +18,31 @@ where
 }
 
 /// The point at the share `run` of a closed line through knots at equal distances. `run` may
-/// lie slightly outside 0 to 1.
+/// lie outside 0 to 1.
 #[inline]
 pub(crate) fn closed_spline(knots: &[Vec2], run: f64) -> DVec2 {
+    let (around, t) = around(knots, run);
+    catmull_rom(around, t as f32).as_dvec2()
+}
+
+/// The same for numbers.
+#[inline]
+pub(crate) fn periodic_spline(knots: &[f64], run: f64) -> f64 {
+    let (around, t) = around(knots, run);
+    catmull_rom(around, t)
+}
+
+/// The two knots before and the two after the share `run` of a closed line, and the share of
+/// the way between the inner two.
+#[inline]
+fn around<V: Copy>(knots: &[V], run: f64) -> ([V; 4], f64) {
     let n = knots.len();
     let place = (run - run.floor()) * n as f64;
     let first = (place as usize).min(n - 1);
-    let t = (place - first as f64) as f32;
+    let t = place - first as f64;
     let after = if first + 1 < n { first + 1 } else { 0 };
     let last = if after + 1 < n { after + 1 } else { 0 };
     let before = if first > 0 { first - 1 } else { n - 1 };
-    catmull_rom([knots[before], knots[first], knots[after], knots[last]], t).as_dvec2()
+    let around = [knots[before], knots[first], knots[after], knots[last]];
+    (around, t)
 }

@@ -7,6 +7,7 @@ use crate::dye::{Dye, FibreDye};
 use crate::evenness::{MOST, Profile};
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts};
+use crate::section::Section;
 use crate::wander::Wander;
 use crate::yarn::Yarn;
 use glam::DVec2;
@@ -34,8 +35,8 @@ pub(crate) struct Strand<'a> {
     pub yarn: &'a Yarn,
     pub path: &'a Path,
     pub closure: Closure,
-    /// Factors on the cross-section's width and height.
-    pub flatten: DVec2,
+    /// Its cross-section.
+    pub section: &'a Section,
     /// Seed of the random numbers of the yarn.
     pub seed: (u64, u64),
     /// The properties that all segments share.
@@ -100,7 +101,7 @@ impl Strand<'_> {
     fn push_apart(&self, fibres: &[Fibre]) -> Option<FibreShifts> {
         let ply_phase = self.ply_phase();
         let place = |i: usize, winding, s| self.place(&fibres[i], winding, ply_phase, s);
-        self.bundle(&place).push_apart()
+        self.bundle(&place, &|s| self.section.at(s)).push_apart()
     }
 
     /// Whether there are too many fibres, or too long ones, to push them apart.
@@ -112,14 +113,21 @@ impl Strand<'_> {
             radius_mm: 0.0,
             scale: 1.0,
         };
-        self.bundle(&|_, _, _| nowhere).is_too_large()
+        self.bundle(&|_, _, _| nowhere, &|_| DVec2::ONE)
+            .is_too_large()
     }
 
-    fn bundle<'b>(&self, place: &'b dyn Fn(usize, u32, f64) -> FibrePlace) -> Bundle<'b> {
+    fn bundle<'b>(
+        &self,
+        place: &'b dyn Fn(usize, u32, f64) -> FibrePlace,
+        flatten: &'b dyn Fn(f64) -> DVec2,
+    ) -> Bundle<'b> {
         let c = self.closure;
         // A round section turns as a whole; the flatter it is, the more its fibres move
         // relative to each other.
-        let flatness = 1.0 - self.flatten.min_element() / self.flatten.max_element();
+        let flatness = |f: DVec2| 1.0 - f.min_element() / f.max_element();
+        let [flattest, highest] = self.section.range().map(flatness);
+        let flatness = flattest.max(highest);
         let over_period = |turns: i64| turns.unsigned_abs() as f64 / f64::from(c.windings());
         let turns = (2.0 * flatness).min(1.0) * over_period(c.turns)
             + over_period(c.swings)
@@ -134,7 +142,7 @@ impl Strand<'_> {
             angle_rad: TAU * turns,
             length_mm: self.path.length_mm(),
             fibre_radius_mm: thickest_fibre_mm(self.yarn),
-            flatten: self.flatten,
+            flatten,
             reach_mm: self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm,
             place,
         }

@@ -4,8 +4,8 @@ mod complete_spec;
 
 use crate::Error;
 use crate::spec::{
-    BlendSpec, CrossSectionSpec, EvennessSpec, HairinessSpec, MigrationSpec, RingDyeSpec, SlubSpec,
-    WanderSpec, YarnKind, YarnSpec,
+    BlendSpec, CrossSectionSpec, EvennessSpec, FlatteningSpec, HairinessSpec, MigrationSpec,
+    RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
@@ -62,6 +62,8 @@ pub struct Yarn {
     pub wander: Option<WanderSpec>,
     /// Protruding fibres as random curves, if any; `hairs` then has none.
     pub hairiness: Option<HairinessSpec>,
+    /// How much threads press it flat, if they do.
+    pub flattening: Option<FlatteningSpec>,
     /// Dye that does not reach the core, if any.
     pub ring_dye: Option<RingDyeSpec>,
     /// Colours of the fibres, if there are several; empty with `ring_dye`.

@@ -1,5 +1,6 @@
 //! Builds threads at rest from a description.
 
+use super::flattening::at_rest;
 use super::import::imported;
 use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
 use super::spun::Spun;
@@ -10,7 +11,8 @@ use crate::draft::MAX_THREADS;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
 use crate::named::gcd;
-use crate::relax::{System, relax};
+use crate::relax::System;
+use crate::section::Section;
 use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::{CurveLevel, Draft, Error, Thread};
@@ -76,6 +78,12 @@ impl Cloth {
                 continue;
             }
             let yarn = &*thread.spun.yarn;
+            if yarn.flattening.is_some() && !matches!(thread.line, Centreline::Woven { .. }) {
+                self.warnings.push(format!(
+                    "yarn.{}.flattening has no effect: only threads of weaves flatten",
+                    yarn.name,
+                ));
+            }
             let path = self.path(thread, CurveLevel::Yarn);
             let length = path.length_mm();
             let closure = Closure::new(yarn, length);
@@ -189,8 +197,11 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let warp = beside("warp", warp_mm, &warp_spun);
     let weft = beside("weft", weft_mm, &weft_spun);
     let fitted = fit(&draft, &warp, &weft)?;
+    let threads = [&warp, &weft];
     let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
-    let rest = relax(&draft, &warp, &weft, fabric.relaxation.max_iterations)?;
+    let systems = [&warp, &weft];
+    let max_iterations = fabric.relaxation.max_iterations;
+    let rest = at_rest(&draft, threads, systems, &fitted, max_iterations)?;
 
     // Less than half a percent would be printed as 100 %.
     if fitted.compaction < 0.995 {
@@ -202,7 +213,8 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let mut materials = Materials::default();
     let mut placed = Vec::with_capacity(ends + picks);
     let mut heights = (f64::INFINITY, f64::NEG_INFINITY);
-    let of_warp = rest.warp.into_iter().enumerate().map(|(e, curve)| {
+    let of_warp = rest.relaxed.warp.into_iter().zip(rest.warp).enumerate();
+    let of_warp = of_warp.map(|(e, (curve, section))| {
         let origin = warp.position_mm[e] * DVec3::X;
         (
             curve,
@@ -211,10 +223,11 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
             warp_yarns[e % warp_yarns.len()],
             &warp_spun[e],
             draft.warp[e],
-            fitted.warp[e],
+            section,
         )
     });
-    let of_weft = rest.weft.into_iter().enumerate().map(|(p, curve)| {
+    let of_weft = rest.relaxed.weft.into_iter().zip(rest.weft).enumerate();
+    let of_weft = of_weft.map(|(p, (curve, section))| {
         let origin = weft.position_mm[p] * DVec3::Y;
         (
             curve,
@@ -223,12 +236,13 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
             weft_yarns[p % weft_yarns.len()],
             &weft_spun[p],
             draft.weft[p],
-            fitted.weft[p],
+            section,
         )
     });
-    for (curve, axis, origin, yarn, spun, thread, flatten) in of_warp.chain(of_weft) {
-        let body = flatten.y * reach_mm(&spun.yarn);
-        let hairs = flatten.y * spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
+    for (curve, axis, origin, yarn, spun, thread, section) in of_warp.chain(of_weft) {
+        let highest = section.highest();
+        let body = highest * reach_mm(&spun.yarn);
+        let hairs = highest * spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
         let reach = body.max(hairs) + thickest_fibre_mm(&spun.yarn);
         let (low, high) = curve.range_mm();
         heights = (heights.0.min(low - reach), heights.1.max(high + reach));
@@ -241,7 +255,7 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
             yarn,
             spun: spun.clone(),
             dye: materials.dye(&yarns[yarn], thread.colour)?,
-            flatten,
+            section,
         });
     }
     Ok(Cloth {
@@ -252,7 +266,7 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
         tile: tile(warp.period_mm, weft.period_mm, heights),
         seed: 0,
         compaction: fitted.compaction,
-        compression: rest.compression,
+        compression: rest.relaxed.compression,
         warnings,
     })
 }
@@ -306,7 +320,7 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
             yarn,
             spun,
             dye: materials.dye(&yarns[yarn], colour)?,
-            flatten: DVec2::ONE,
+            section: Section::even(DVec2::ONE),
         });
     }
     let half = knit.depth_mm() + reach;

@@ -15,7 +15,7 @@ pub struct SystemFigures {
     pub crimp_percent: f64,
     /// Share of the cloth's surface that the threads cover.
     pub cover_factor: f64,
-    /// Width and height of the yarn's cross-section, millimetres.
+    /// Mean width and height of the yarn's cross-section, millimetres.
     pub width_mm: f64,
     /// See `width_mm`.
     pub height_mm: f64,
@@ -124,7 +124,7 @@ impl Cloth {
             let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
             add(length * present * fibres * per_length, yarn.fibre_radius_mm);
 
-            let diameter = 2.0 * yarn.radius_mm() * thread.flatten;
+            let diameter = 2.0 * yarn.radius_mm() * thread.section.mean();
             let sum = match &thread.line {
                 Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
                 Centreline::Knitted { knit, .. } => {
@@ -141,12 +141,12 @@ impl Cloth {
             sum.width_mm += diameter.x;
             sum.height_mm += diameter.y;
             covered += length * diameter.x;
-            for p in &path.points {
-                low = low.min(p.z - 0.5 * diameter.y);
-                high = high.max(p.z + 0.5 * diameter.y);
+            for (p, arc) in path.points.iter().zip(&path.arc_mm) {
+                let half = yarn.radius_mm() * thread.section.at(arc / length).y;
+                low = low.min(p.z - half);
+                high = high.max(p.z + half);
             }
-            packing =
-                packing.max(yarn.fibre_volume_fraction() / (thread.flatten.x * thread.flatten.y));
+            packing = packing.max(yarn.fibre_volume_fraction() / thread.section.area());
         }
         let area = size.x * size.y;
         let knit = wales > 0;

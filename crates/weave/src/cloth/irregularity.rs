@@ -3,6 +3,7 @@
 use super::{Centreline, Cloth, CurveLevel};
 use crate::protruding::Beside;
 use crate::strand::Strand;
+use glam::DVec2;
 use organza_basis::Segment;
 
 /// Samples along a thread.
@@ -21,6 +22,10 @@ pub struct SystemIrregularity {
     /// Length of fibre that protrudes from the yarn per length of yarn: the index `H` of a
     /// hairiness tester. The first 64 threads count.
     pub hairiness: f64,
+    /// Width of the threads' cross-sections, least and most, millimetres.
+    pub width_mm: [f64; 2],
+    /// Height of the threads' cross-sections, least and most, millimetres.
+    pub height_mm: [f64; 2],
 }
 
 /// Figures of warp and weft; a knit has only a weft.
@@ -57,16 +62,29 @@ impl Moments {
     }
 }
 
-#[derive(Default)]
 struct System {
     threads: usize,
     mass: Moments,
     twist: Moments,
     protruding_mm: f64,
     measured_mm: f64,
+    least_mm: DVec2,
+    most_mm: DVec2,
 }
 
 impl System {
+    fn new() -> System {
+        System {
+            threads: 0,
+            mass: Moments::default(),
+            twist: Moments::default(),
+            protruding_mm: 0.0,
+            measured_mm: 0.0,
+            least_mm: DVec2::INFINITY,
+            most_mm: DVec2::ZERO,
+        }
+    }
+
     fn add(&mut self, strand: &Strand) {
         self.threads += 1;
         let fibres = f64::from(strand.yarn.fibres_per_ply * strand.yarn.plies);
@@ -74,9 +92,11 @@ impl System {
         let twist = strand.closure.twist_rad_per_mm(length_mm);
         let thinness = strand.profile.map_or(1.0, |p| p.mean(|m| 1.0 / m));
         for i in 0..SAMPLES {
-            let mass = strand
-                .profile
-                .map_or(1.0, |p| p.mass(i as f64 / SAMPLES as f64));
+            let s = i as f64 / SAMPLES as f64;
+            let mass = strand.profile.map_or(1.0, |p| p.mass(s));
+            let size_mm = 2.0 * strand.scale(s) * strand.yarn.radius_mm() * strand.section.at(s);
+            self.least_mm = self.least_mm.min(size_mm);
+            self.most_mm = self.most_mm.max(size_mm);
             self.mass.add(fibres * mass);
             self.twist.add(twist / (mass * thinness));
         }
@@ -91,6 +111,8 @@ impl System {
             mass_cv_percent: self.mass.cv_percent(),
             twist_cv_percent: self.twist.cv_percent(),
             hairiness: self.protruding_mm / self.measured_mm,
+            width_mm: [self.least_mm.x, self.most_mm.x],
+            height_mm: [self.least_mm.y, self.most_mm.y],
         })
     }
 }
@@ -115,7 +137,7 @@ fn protruding_mm(strand: &Strand) -> f64 {
 impl Cloth {
     /// How irregular the threads came out. Their hairs are generated, their fibres are not.
     pub fn irregularity(&self) -> Irregularity {
-        let [mut warp, mut weft] = [(); 2].map(|()| System::default());
+        let [mut warp, mut weft] = [(); 2].map(|()| System::new());
         for (batch, thread) in self.threads.iter().enumerate() {
             let system = match &thread.line {
                 Centreline::Bare(_) => continue,

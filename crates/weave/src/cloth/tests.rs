@@ -1,3 +1,4 @@
+mod flattening;
 mod imported;
 mod irregular;
 mod reading;

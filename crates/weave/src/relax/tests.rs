@@ -91,7 +91,7 @@ fn the_gradient_agrees_with_finite_differences() {
     let (mut warp, mut weft) = (random_system(5, &mut rng), random_system(4, &mut rng));
     warp.half_height_mm[2] = 0.5;
     weft.stiffness[1] = 3.0;
-    let weave = Weave::new(&draft, &warp, &weft);
+    let weave = Weave::new(&draft, &warp, &weft, None);
     // Gaps on both sides of contact, some inside the expansion.
     let h: Vec<f64> = weave
         .start()
@@ -139,7 +139,7 @@ fn amplitude(curve: &Hermite) -> f64 {
 fn a_symmetric_plain_weave_shares_its_crimp() {
     let draft = Draft::named("plain").unwrap();
     let s = system(2, 0.5, 0.1, 1.0);
-    let r = relax(&draft, &s, &s, 1000).unwrap();
+    let r = relax(&draft, &s, &s, None, 1000).unwrap();
     let (warp, weft) = (amplitude(&r.warp[0]), amplitude(&r.weft[0]));
     assert!((warp - weft).abs() < 1e-6, "{warp} {weft}");
     // The force balance in closed form has them touch.
@@ -160,7 +160,7 @@ fn stiff_warp_straightens_and_the_weft_takes_its_crimp() {
     let mut last = 1.0;
     for stiffness in [1.0, 3.0, 10.0, 100.0] {
         let warp = system(2, 0.5, 0.1, stiffness);
-        let r = relax(&draft, &warp, &weft, 1000).unwrap();
+        let r = relax(&draft, &warp, &weft, None, 1000).unwrap();
         let share = amplitude(&r.warp[0]) / (amplitude(&r.warp[0]) + amplitude(&r.weft[0]));
         assert!(share < last);
         // Springs in series share a given gap by the inverse of stiffness.
@@ -185,7 +185,7 @@ fn no_weave_interpenetrates_more_than_three_percent_at_its_crossings() {
         let draft = Draft::named(name).unwrap();
         let warp = system(draft.ends(), 0.4, 0.15, 1.0);
         let weft = system(draft.picks(), 0.6, 0.1, 2.0);
-        let r = relax(&draft, &warp, &weft, 2000).unwrap();
+        let r = relax(&draft, &warp, &weft, None, 2000).unwrap();
         assert!(r.compression < 0.03, "{name}: {}", r.compression);
     }
 }

@@ -71,6 +71,19 @@ fn one() -> f64 {
     1.0
 }
 
+/// A cross-section that changes along the thread: flat where other threads press on it, fuller
+/// where they do not. Its area stays the same. Only in weaves.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct FlatteningSpec {
+    /// Factor on the width, by which the height is divided, where others press at least as
+    /// strongly as on average, 1 to 3. Threads become no wider than their spacing.
+    pub crossing: f64,
+    /// The same where nothing presses, 0.3 to 1.
+    #[serde(default = "one")]
+    pub float: f64,
+}
+
 /// Dye that does not reach the core of the yarn, as indigo on rope-dyed warps.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]

@@ -60,6 +60,7 @@ impl<'a> CompleteSpec<'a> {
             fibre_radius_cv_percent: own.fibre_radius_cv_percent,
             wander: own.wander,
             hairiness: own.hairiness,
+            flattening: own.flattening,
             ring_dye: own.ring_dye,
             blend: own.blend.clone(),
         };
@@ -148,6 +149,7 @@ impl<'a> CompleteSpec<'a> {
                 )?,
             wander: self.wander()?,
             hairiness: self.hairiness()?,
+            flattening: self.flattening()?,
             ring_dye: self.ring_dye()?,
             blend: self.blend()?,
             radial_quantiles: radial_quantiles(cross_section),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::spec::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+use glam::DVec2;
 
 /// A plain weave of one kind of irregular cotton.
 fn irregular(repeats: u32, yarn: YarnSpec) -> FabricGeometry {
@@ -254,7 +255,7 @@ fn protruding_fibres_have_their_length_outside_the_yarn_and_stay_in_reach() {
                 let k = nearest.rem_euclid(steps) as usize;
                 let from = middle - path.offset(nearest, DVec2::ZERO);
                 let across = DVec2::new(from.dot(path.lateral[k]), from.dot(path.vertical[k]));
-                if (across / strand.flatten).length() > strand.yarn.radius_mm() {
+                if (across / strand.section.flatten).length() > strand.yarn.radius_mm() {
                     outside += f64::from(s.length_mm());
                     if last != s.fibre {
                         lengths.push(0.0);

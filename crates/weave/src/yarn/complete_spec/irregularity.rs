@@ -2,7 +2,9 @@
 
 use super::CompleteSpec;
 use crate::Error;
-use crate::spec::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+use crate::spec::{
+    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec,
+};
 use organza_basis::Rgb;
 
 /// The largest number of colours in a blend.
@@ -59,6 +61,15 @@ impl CompleteSpec<'_> {
         self.number("hairiness.curl_mm", Some(h.curl_mm), 0.01, 1e3)?;
         self.number("hairiness.returning", Some(h.returning), 0.0, 1.0)?;
         Ok(Some(h).filter(|h| h.index > 0.0))
+    }
+
+    pub(super) fn flattening(&self) -> Result<Option<FlatteningSpec>, Error> {
+        let Some(f) = self.spec.flattening else {
+            return Ok(None);
+        };
+        self.number("flattening.crossing", Some(f.crossing), 1.0, 3.0)?;
+        self.number("flattening.float", Some(f.float), 0.3, 1.0)?;
+        Ok(Some(f).filter(|f| (f.crossing, f.float) != (1.0, 1.0)))
     }
 
     pub(super) fn ring_dye(&self) -> Result<Option<RingDyeSpec>, Error> {
