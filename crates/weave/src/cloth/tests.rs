@@ -2,6 +2,7 @@ mod flattening;
 mod imported;
 mod irregular;
 mod reading;
+mod shipped;
 
 use super::*;
 use crate::FabricGeometry;
