@@ -11,6 +11,7 @@ mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages
 mod corpora; // readers on damaged files
 mod denoise; // renders without noise
+mod development; // exposure, curves and white balance of pictures
 mod display; // renders on a display server
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave

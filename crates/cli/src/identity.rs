@@ -2,6 +2,7 @@
 //! together.
 
 use crate::sample_ranges::SampleRanges;
+use organza_picture::Display;
 use organza_scene::loader::Input;
 use organza_transport::{Crop, ENGINES, Rendering};
 use serde::{Deserialize, Serialize};
@@ -161,7 +162,7 @@ pub fn named_inputs(file: &Path, read: &[Input]) -> Vec<NamedDigest> {
 pub fn scene_digest(scene: &Table, more: &[String]) -> String {
     let mut scene = scene.clone();
     if let Some(Value::Table(render)) = scene.get_mut("render") {
-        for key in ["spp", "seed", "exposure"] {
+        for key in ["spp", "seed"].into_iter().chain(Display::KEYS) {
             render.remove(key);
         }
     }

@@ -2,12 +2,14 @@
 
 use crate::error::input;
 use crate::output;
+use crate::output::note;
 use anyhow::Result;
 use glam::UVec2;
 use organza_basis::Rgb;
 use organza_film::Film;
 use organza_picture::{
-    Attributes, Format, Picture, PictureError, Rendered, WriteSeek, exr, format_of_ending, png,
+    Attributes, Display, Exposure, Format, Picture, PictureError, Rendered, WhiteBalance,
+    WriteSeek, exr, format_of_ending, png,
 };
 use organza_scene::read;
 use std::path::{Path, PathBuf};
@@ -38,6 +40,34 @@ fn format_that(path: &Path, is_meant: fn(&Format) -> bool) -> Result<&'static Fo
             Format::list_endings(is_meant)
         ))
     })
+}
+
+/// Whether a name is that of a format for linear values.
+pub fn is_linear(path: &Path) -> bool {
+    format_that(path, |_| true).is_ok_and(|f| f.is_linear)
+}
+
+/// The settings with the numbers that a picture gets where they say `auto`, which are printed.
+/// Linear formats, which ignore the settings, leave them as they are.
+pub fn resolved(path: &Path, film: &Film, display: Display, is_quiet: bool) -> Display {
+    if !display.is_auto() || is_linear(path) {
+        return display;
+    }
+    let rendered = Rendered {
+        film,
+        display,
+        attributes: &Attributes::default(),
+    };
+    let resolved = display.resolve(&rendered.colours());
+    if !is_quiet {
+        if let (Exposure::Auto, number) = (display.exposure, resolved.exposure) {
+            note!("exposure      auto: {number} stops (--exposure {number} gives the same)");
+        }
+        if let (WhiteBalance::Auto, white) = (display.white_balance, resolved.white_balance) {
+            note!("white balance auto: {white} (--white-balance {white} gives the same)");
+        }
+    }
+    resolved
 }
 
 /// Writes a render in the format of the path's ending.
@@ -87,9 +117,11 @@ pub fn write_denoised(
         size: rendered.size(),
         pixels: colours.to_vec(),
     };
+    // Both are shown alike, so that they can be compared.
+    let display = rendered.display.resolve(&rendered.colours());
     let write = |picture: Picture| -> output::WriteFile<'_> {
-        let stops = rendered.exposure_stops;
-        Box::new(move |mut out| Ok(png::write_colours(&picture, stops, &mut out)?))
+        let display = &display;
+        Box::new(move |mut out| Ok(png::write_colours(&picture, display, &mut out)?))
     };
     output::write_files(vec![
         (clean.clone(), write(picture)),

@@ -261,7 +261,7 @@ mod tests {
             .collect();
         let rendered = Rendered {
             film: &film,
-            exposure_stops: 0.0,
+            display: crate::Display::default(),
             attributes: &attributes,
         };
         let mut out = Cursor::new(Vec::new());

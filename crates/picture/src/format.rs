@@ -164,7 +164,7 @@ mod tests {
             let size = UVec2::new(5, 3);
             let rendered = Rendered {
                 film: &film(size),
-                exposure_stops: 0.0,
+                display: crate::Display::default(),
                 attributes: &crate::Attributes::default(),
             };
             let mut out = Cursor::new(Vec::new());

@@ -24,6 +24,7 @@
 
 mod attributes;
 mod decoder;
+mod display;
 mod error;
 pub mod exr;
 mod format;
@@ -31,11 +32,16 @@ mod hdr;
 mod picture;
 pub mod png;
 mod tiff;
+mod tone_mapping;
+mod white_balance;
 
 pub use attributes::Attributes;
+pub use display::{Display, Exposure, PngBits};
 pub use error::PictureError;
 pub use format::{Format, Reader, WriteSeek, Writer, decode, format_of_bytes, format_of_ending};
 pub use picture::{Picture, Rendered};
+pub use tone_mapping::ToneMapping;
+pub use white_balance::WhiteBalance;
 
 /// Every format, in the order in which messages list them.
 pub const FORMATS: &[&Format] = &[&exr::FORMAT, &png::FORMAT, &hdr::FORMAT, &tiff::FORMAT];

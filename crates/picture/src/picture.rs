@@ -1,6 +1,6 @@
 //! Pictures in memory.
 
-use crate::Attributes;
+use crate::{Attributes, Display};
 use glam::UVec2;
 use organza_basis::Rgb;
 use organza_film::Film;
@@ -19,8 +19,8 @@ pub struct Picture {
 pub struct Rendered<'a> {
     /// What every pixel has gathered.
     pub film: &'a Film,
-    /// Gain of formats that hold display values, in stops.
-    pub exposure_stops: f32,
+    /// How formats that hold display values show it.
+    pub display: Display,
     /// What made the picture, for formats that keep it.
     pub attributes: &'a Attributes,
 }

@@ -1,12 +1,13 @@
-//! PNG pictures: 8-bit sRGB, tone-mapped when a render is written.
+//! PNG pictures: sRGB of 8 or 16 bits, tone-mapped when a render is written.
 
-use crate::PictureError;
 use crate::decoder;
 use crate::format::{Format, Reader, WriteSeek};
 use crate::picture::{Picture, Rendered};
+use crate::{Display, PictureError, PngBits};
 use glam::UVec2;
-use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use image::ImageFormat;
 use organza_basis::Rgb;
+use png::BitDepth;
 
 const NAME: &str = "PNG";
 
@@ -35,24 +36,29 @@ fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
 }
 
 fn write(rendered: &Rendered<'_>, out: &mut dyn WriteSeek) -> Result<(), PictureError> {
-    write_colours(&rendered.colours(), rendered.exposure_stops, out)
+    write_colours(&rendered.colours(), &rendered.display, out)
 }
 
-/// Writes linear colours, brightened by so many stops and tone-mapped.
+/// Writes linear colours as a display shows them.
 ///
 /// # Errors
 /// The sink fails.
 pub fn write_colours(
     picture: &Picture,
-    exposure_stops: f32,
+    display: &Display,
     out: &mut dyn WriteSeek,
 ) -> Result<(), PictureError> {
-    let gain = exposure_stops.exp2();
-    let pixels = picture.pixels.iter();
-    let bytes: Vec<u8> = pixels
-        .flat_map(|&p| tone_map(p * gain).map(Rgb::srgb8))
-        .collect();
-    write_rgb8(picture.size, &bytes, out)
+    let shown = display.apply(picture).flatten();
+    match display.png_bits {
+        PngBits::Eight => {
+            let bytes: Vec<u8> = shown.map(Rgb::srgb8).collect();
+            write_rgb8(picture.size, &bytes, out)
+        }
+        PngBits::Sixteen => {
+            let bytes: Vec<u8> = shown.flat_map(|v| srgb16(v).to_be_bytes()).collect();
+            encode(picture.size, BitDepth::Sixteen, &bytes, out)
+        }
+    }
 }
 
 /// Writes 8-bit sRGB, three bytes a pixel in rows from the top.
@@ -60,39 +66,129 @@ pub fn write_colours(
 /// # Errors
 /// The sink fails.
 pub fn write_rgb8(size: UVec2, rgb: &[u8], out: &mut dyn WriteSeek) -> Result<(), PictureError> {
-    image::codecs::png::PngEncoder::new(out)
-        .write_image(rgb, size.x, size.y, ExtendedColorType::Rgb8)
-        .map_err(|e| PictureError::write(NAME, e))
+    encode(size, BitDepth::Eight, rgb, out)
 }
 
-/// Highlights above this value are compressed; all below keep theirs.
-const SHOULDER: f32 = 0.8;
+/// `gAMA` of sRGB, in units of 1/100000 [PNG2025].
+const SRGB_GAMMA: u32 = 45_455;
+/// `cHRM` of sRGB: x and y of white, red, green and blue [PNG2025].
+const SRGB_CHROMATICITIES: [(f32, f32); 4] =
+    [(0.3127, 0.3290), (0.64, 0.33), (0.30, 0.60), (0.15, 0.06)];
 
-/// Linear below the shoulder, then bent so that any brightness stays below
-/// one; all channels are scaled alike, which keeps the hue.
-fn tone_map(c: Rgb) -> [f32; 3] {
-    let y = c.max_component();
-    if y <= SHOULDER {
-        return c.into();
-    }
-    let over = (y - SHOULDER) / (1.0 - SHOULDER);
-    let bent = SHOULDER + (1.0 - SHOULDER) * over / (1.0 + over);
-    (c * (bent / y)).into()
+/// Encodes RGB with the colour space stated: the chunk `sRGB`, and `gAMA` and `cHRM` for
+/// programs that do not know that one [PNG2025].
+fn encode(
+    size: UVec2,
+    depth: BitDepth,
+    bytes: &[u8],
+    out: &mut dyn WriteSeek,
+) -> Result<(), PictureError> {
+    let mut encoder = png::Encoder::new(out, size.x, size.y);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(depth);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_source_gamma(png::ScaledFloat::from_scaled(SRGB_GAMMA));
+    let [white, red, green, blue] = SRGB_CHROMATICITIES;
+    encoder.set_source_chromaticities(png::SourceChromaticities::new(white, red, green, blue));
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(bytes)?;
+        writer.finish()
+    });
+    written.map_err(|e| PictureError::write(NAME, e))
+}
+
+/// One 16-bit sRGB channel (IEC 61966-2-1) of a linear value, rounded.
+fn srgb16(linear: f32) -> u16 {
+    let x = f64::from(linear).clamp(0.0, 1.0);
+    let y = if x <= 0.003_130_8 {
+        12.92 * x
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    };
+    (y * 65_535.0 + 0.5) as u16
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Exposure, ToneMapping};
+    use std::io::Cursor;
+
+    fn ramp() -> Picture {
+        let value = |i: u32| Rgb::new(i as f32 / 1023.0, 0.5, 1.5 * i as f32 / 1023.0);
+        Picture {
+            size: UVec2::new(64, 16),
+            pixels: (0..1024).map(value).collect(),
+        }
+    }
+
+    fn written(picture: &Picture, display: &Display) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        write_colours(picture, display, &mut out).unwrap();
+        out.into_inner()
+    }
 
     #[test]
-    fn tone_mapping_keeps_the_dark_and_bounds_the_bright() {
-        assert_eq!(tone_map(Rgb::new(0.1, 0.5, 0.8)), [0.1, 0.5, 0.8]);
-        let mut last = 0.8;
-        for i in 1..200 {
-            let [r, g, _] = tone_map(Rgb::new(0.8 + i as f32, 0.4 + 0.5 * i as f32, 0.0));
-            assert!(r > last && r < 1.0, "monotone and below one");
-            assert!((g / r - 0.5).abs() < 1e-5, "hue kept");
-            last = r;
+    fn sixteen_bits_hold_the_values_256_times_as_finely() {
+        let picture = ramp();
+        let errors = [PngBits::Eight, PngBits::Sixteen].map(|png_bits| {
+            let display = Display {
+                png_bits,
+                ..Display::default()
+            };
+            let read = decode(&written(&picture, &display)).unwrap();
+            assert_eq!(read.size, picture.size);
+            let shown: Vec<[f32; 3]> = display.apply(&picture).collect();
+            let pairs = read.pixels.iter().zip(shown);
+            let error = pairs.map(|(r, s)| (r.0 - glam::Vec3::from(s)).abs().max_element());
+            error.fold(0.0, f32::max)
+        });
+        // Half a step of the steepest part, 2.4 / 1.055 of the encoded range.
+        assert!(errors[1] < 1.2 / 65_535.0 + 3e-7, "{errors:?}");
+        assert!(
+            errors[0] > 100.0 / 65_535.0 && errors[0] < 1.2 / 255.0,
+            "{errors:?}"
+        );
+    }
+
+    #[test]
+    fn files_state_their_colour_space_and_depth() {
+        for (png_bits, depth) in [
+            (PngBits::Eight, BitDepth::Eight),
+            (PngBits::Sixteen, BitDepth::Sixteen),
+        ] {
+            let display = Display {
+                png_bits,
+                exposure: Exposure::Auto,
+                tone_mapping: ToneMapping::Agx,
+                ..Display::default()
+            };
+            let bytes = written(&ramp(), &display);
+            let reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+            let info = reader.info();
+            assert_eq!(
+                (info.bit_depth, info.color_type),
+                (depth, png::ColorType::Rgb)
+            );
+            assert_eq!(info.srgb, Some(png::SrgbRenderingIntent::Perceptual));
+            for chunk in [b"sRGB", b"gAMA", b"cHRM"] {
+                assert!(bytes.windows(4).any(|w| w == chunk), "{chunk:?}");
+            }
         }
+    }
+
+    #[test]
+    fn sixteen_bits_round_to_the_eight() {
+        for i in 0..=4096 {
+            let linear = i as f32 / 4096.0;
+            let eight = f64::from(srgb16(linear)) / 257.0;
+            let apart = (eight - f64::from(Rgb::srgb8(linear))).abs();
+            assert!(apart <= 0.503, "{linear}: {apart}");
+        }
+        assert_eq!(
+            [srgb16(-1.0), srgb16(0.0), srgb16(1.0), srgb16(9.0)],
+            [0, 0, 65_535, 65_535]
+        );
+        assert_eq!(srgb16(f32::NAN), 0);
     }
 }

@@ -7,6 +7,7 @@ use crate::loader::Loader;
 use crate::object::ObjectTable;
 use crate::read;
 use organza_light::LightTable;
+use organza_picture::{Display, Exposure, PngBits, ToneMapping, WhiteBalance};
 use organza_transport::Integrator;
 use serde::Deserialize;
 use std::path::Path;
@@ -66,10 +67,6 @@ impl SceneFile {
     }
 }
 
-/// Stops that the factor of exposure can have: 2 to this power is the largest power
-/// of two that `f32` holds with its inverse.
-const MAX_STOPS: f32 = 126.0;
-
 /// `[render]`
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -82,8 +79,14 @@ pub struct RenderTable {
     pub max_bounces: Option<u32>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Stops of exposure for pictures that are not linear.
-    pub exposure: f32,
+    /// Exposure of pictures that are not linear.
+    pub exposure: Exposure,
+    /// Their compression of bright colours.
+    pub tone_mapping: ToneMapping,
+    /// The light that is white in them.
+    pub white_balance: WhiteBalance,
+    /// Bits of a channel in PNG files.
+    pub png_bits: PngBits,
     /// The most a channel of a sample may be; no limit if none.
     pub clamp: Option<f32>,
 }
@@ -95,7 +98,10 @@ impl Default for RenderTable {
             spp: 64,
             max_bounces: None,
             seed: 0,
-            exposure: 0.0,
+            exposure: Exposure::default(),
+            tone_mapping: ToneMapping::default(),
+            white_balance: WhiteBalance::default(),
+            png_bits: PngBits::default(),
             clamp: None,
         }
     }
@@ -113,18 +119,17 @@ impl RenderTable {
         if let Some(clamp) = self.clamp.filter(|c| !(*c > 0.0 && c.is_finite())) {
             return Err(format!("clamp: expected a positive number, found {clamp}"));
         }
-        let exposure = self.exposure;
-        if !exposure.is_finite() {
-            return Err(format!(
-                "exposure: expected a finite number, found {exposure}"
-            ));
+        self.display().check()
+    }
+
+    /// How pictures that are not linear are shown.
+    pub fn display(&self) -> Display {
+        Display {
+            exposure: self.exposure,
+            tone_mapping: self.tone_mapping,
+            white_balance: self.white_balance,
+            png_bits: self.png_bits,
         }
-        if exposure.abs() > MAX_STOPS {
-            return Err(format!(
-                "exposure: expected a number from -{MAX_STOPS} to {MAX_STOPS}, found {exposure}"
-            ));
-        }
-        Ok(())
     }
 }
 

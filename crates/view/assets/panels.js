@@ -153,13 +153,22 @@ function lightPanel(document) {
   return panel("Light", `${lights.length}`, ...lights.flatMap((light, i) => lightRows(light, i, false)), add);
 }
 
+function whiteBalance(value) {
+  const lights = [["off", "off (D65)"], ["auto", "mean of the picture"], ["3000", "warm lamp, 3000 K"], ["4000", "white lamp, 4000 K"], ["5000", "daylight, 5000 K"], ["7500", "shade, 7500 K"]];
+  const set = scene("render", "white_balance");
+  return fields.choice("White", `${value}`, lights, (name) => set(Number(name) ? Number(name) : name));
+}
+
 function picturePanel(document) {
   const render = document.scene.render || {};
   const camera = document.scene.camera || {};
   const [w, h] = camera.resolution || [512, 512];
   const size = fields.vector("Size", [w, h], "pixels", (value) => scene("camera", "resolution")(value.map(Math.round)));
   return panel("Picture", `${w} \u00d7 ${h}`,
-    fields.number("Exposure", render.exposure ?? 0, { unit: "stops", range: [-6, 6] }, scene("render", "exposure")),
+    fields.choice("Expose", render.exposure === "auto" ? "auto" : "stops", [["stops", "by stops"], ["auto", "automatically"]], (how) => scene("render", "exposure")(how === "auto" ? "auto" : 0)),
+    render.exposure === "auto" ? null : fields.number("Exposure", render.exposure ?? 0, { unit: "stops", range: [-6, 6] }, scene("render", "exposure")),
+    fields.choice("Tone mapping", render.tone_mapping ?? "plain", ["plain", ["agx", "AgX"], ["aces", "ACES"]], scene("render", "tone_mapping")),
+    whiteBalance(render.white_balance ?? "off"),
     fields.number("Samples", render.spp ?? 64, { whole: true, range: [1, 4096], log: true }, scene("render", "spp")),
     size,
     camera.fov_deg !== undefined ? fields.number("Angle of view", camera.fov_deg, { unit: "\u00b0", range: [2, 90] }, scene("camera", "fov_deg")) : null,

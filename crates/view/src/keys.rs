@@ -34,6 +34,11 @@ use Holds::{Colours, Level, Number, Numbers, Size, Whole, Word};
 pub(crate) const SCENE_KEYS: &[(&[&str], Holds)] = &[
     (&["render", "spp"], Whole(1, 65_536)),
     (&["render", "exposure"], Number),
+    (&["render", "exposure"], Word(&["auto"])),
+    (&["render", "tone_mapping"], Word(&["plain", "agx", "aces"])),
+    (&["render", "white_balance"], Number),
+    (&["render", "white_balance"], Word(&["off", "auto"])),
+    (&["render", "white_balance"], Numbers(2)),
     (&["render", "seed"], Whole(0, i64::MAX)),
     (&["render", "max_bounces"], Whole(0, 1_000_000)),
     (&["camera", "origin_mm"], Numbers(3)),

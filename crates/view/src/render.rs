@@ -8,7 +8,7 @@ use crate::session::{Save, Session, Task, Work};
 use crate::tracing::{Plan, Stop, Tracing};
 use glam::UVec2;
 use hyper::body::Bytes;
-use organza_picture::{Attributes, Rendered, png};
+use organza_picture::{Attributes, Display, Rendered, png};
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{self, Event};
 use organza_scene::memory::free_memory_bytes;
@@ -215,7 +215,7 @@ fn pass<'a>(tracer: &Tracer<'_>, tracing: Tracing<'a>) -> Result<Tracing<'a>, St
     let tracing = tracing.pass(most, tracer.is_wanted)?;
     let cost = tracing.cost(tracer.build_s);
     let film = tracing.film();
-    let png = encoded(film, file.render.exposure)?;
+    let png = encoded(film, file.render.display())?;
     session.publish(png, |news| {
         news.phase = match tracing.left() {
             0 => Phase::Done,
@@ -248,10 +248,10 @@ fn trace(tracer: &Tracer<'_>, mut tracing: Tracing<'_>) -> Result<(), Stop> {
 
 /// Saves what is shown, and answers the page that asked.
 fn answer(tracer: &Tracer<'_>, save: Save, film: &Film) {
-    let exposure = tracer.file.render.exposure;
+    let display = tracer.file.render.display();
     let (session, document) = (tracer.session, &tracer.task.document);
     let own = |path: &Path| session.has_saved(path);
-    let saved = saving::save(document, &save.name, film, exposure, &own, tracer.write);
+    let saved = saving::save(document, &save.name, film, display, &own, tracer.write);
     if let Ok(names) = &saved {
         session.note_saved(names.iter().map(|name| document.folder.join(name)));
     }
@@ -290,7 +290,7 @@ fn coarse(
         };
         let traced = Tracing::new(&matter.scene, &plan).and_then(|t| t.pass(1, is_wanted));
         let png =
-            traced.and_then(|t| Ok((t.film().size(), encoded(t.film(), file.render.exposure)?)));
+            traced.and_then(|t| Ok((t.film().size(), encoded(t.film(), file.render.display())?)));
         matter.scene.camera = own;
         let (size, png) = png?;
         // Each has four times the pixels of the one before.
@@ -305,10 +305,10 @@ fn coarse(
 }
 
 /// A film as PNG.
-fn encoded(film: &Film, exposure_stops: f32) -> Result<Bytes, Stop> {
+fn encoded(film: &Film, display: Display) -> Result<Bytes, Stop> {
     let rendered = Rendered {
         film,
-        exposure_stops,
+        display,
         attributes: &Attributes::default(),
     };
     let mut out = Cursor::new(Vec::new());

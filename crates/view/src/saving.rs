@@ -2,7 +2,7 @@
 
 use crate::document::{Document, FabricDocument};
 use crate::edit::rename_fabric;
-use organza_picture::{Attributes, Rendered, WriteSeek, exr, png};
+use organza_picture::{Attributes, Display, Rendered, WriteSeek, exr, png};
 use organza_transport::Film;
 use std::path::{Path, PathBuf};
 use toml_edit::Item;
@@ -52,7 +52,7 @@ pub fn save(
     document: &Document,
     name: &str,
     film: &Film,
-    exposure_stops: f32,
+    display: Display,
     own: &dyn Fn(&Path) -> bool,
     write: &WriteFiles<'_>,
 ) -> Result<Vec<String>, String> {
@@ -68,7 +68,7 @@ pub fn save(
     .collect();
     let rendered = Rendered {
         film,
-        exposure_stops,
+        display,
         attributes: &attributes,
     };
     let mut files: Vec<SavedFile<'_>> = texts

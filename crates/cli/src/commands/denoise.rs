@@ -3,13 +3,14 @@
 use super::Command;
 use crate::denoising::Denoiser;
 use crate::flags::MemoryArgs;
+use crate::flags::display::DisplayArgs;
 use crate::flags::values::whole;
 use crate::output;
 use crate::output::note;
 use crate::picture;
 use anyhow::Result;
 use clap::Args;
-use organza_picture::Rendered;
+use organza_picture::{Display, Rendered};
 use organza_scene::memory::free_memory_bytes;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -29,14 +30,8 @@ pub struct DenoiseArgs {
     /// Pass on what the picture knows of the fibres (directions and numbers of scattering events), too; this helps at few samples only, if at all
     #[arg(long)]
     pub guides: bool,
-    /// Brighten a .png by so many stops
-    #[arg(
-        long,
-        value_name = "STOPS",
-        default_value_t = 0.0,
-        allow_hyphen_values = true
-    )]
-    pub exposure: f32,
+    #[command(flatten)]
+    pub display: DisplayArgs,
     /// Threads to use [default: all cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::from(u16::MAX)))]
     pub threads: Option<u16>,
@@ -59,9 +54,11 @@ impl Command for DenoiseArgs {
         let started = Instant::now();
         let allowed = self.memory.max_memory.unwrap_or_else(free_memory_bytes);
         let (film, attributes) = picture::read_exr(&self.picture, allowed)?;
+        let display = self.display.over(Display::default());
+        let display = picture::resolved(&self.outfile, &film, display, self.quiet);
         let rendered = Rendered {
             film: &film,
-            exposure_stops: self.exposure,
+            display,
             attributes: &attributes,
         };
         let left = allowed.saturating_sub(organza_film::Film::memory_bytes(film.size()));

@@ -11,7 +11,7 @@ use crate::picture;
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
-use organza_picture::{Attributes, Rendered, exr};
+use organza_picture::{Attributes, Display, Rendered, exr};
 use organza_transport::Film;
 use std::path::{Path, PathBuf};
 
@@ -78,7 +78,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     attributes.set("samples", all.samples.to_string());
     let rendered = Rendered {
         film: &all.film,
-        exposure_stops: 0.0,
+        display: Display::default(), // sums are kept by linear formats alone
         attributes: &attributes,
     };
     picture::write(&args.outfile, &rendered)?;

@@ -1,6 +1,7 @@
 //! Flags that several commands share. The flags of one command stand in its
 //! own file below `commands`.
 
+pub mod display;
 pub mod patch_model;
 pub mod set_help;
 pub mod values;

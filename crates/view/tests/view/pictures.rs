@@ -31,7 +31,7 @@ fn expected(served: &Served, name: &str) -> Vec<u8> {
     let mut out = std::io::Cursor::new(Vec::new());
     let rendered = Rendered {
         film: rendering.film(),
-        exposure_stops: table.exposure,
+        display: table.display(),
         attributes: &Attributes::default(),
     };
     (png::FORMAT.writer.unwrap())(&rendered, &mut out).unwrap();

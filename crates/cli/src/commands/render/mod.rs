@@ -14,6 +14,7 @@ use crate::checkpoint;
 use crate::denoising::Denoiser;
 use crate::display_server::{Address, DisplayServer};
 use crate::error::input;
+use crate::flags::display::DisplayArgs;
 use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
@@ -94,6 +95,8 @@ pub struct RenderArgs {
     /// Print the figures as JSON
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub display: DisplayArgs,
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
@@ -233,14 +236,25 @@ fn render(args: &RenderArgs) -> Result<()> {
         render_s: began.elapsed().as_secs_f64(),
     };
     let attributes = summary::attributes(args, file, &identity, &rendering);
+    let in_file = !picture::is_linear(&args.outfile);
+    let shown = args.display.over(file.render.display());
+    let shown = picture::resolved(&args.outfile, rendering.film(), shown, args.common.quiet);
     let rendered = Rendered {
         film: rendering.film(),
-        exposure_stops: file.render.exposure,
+        display: shown,
         attributes: &attributes,
     };
     let figures = || {
         let why = why_walk.as_ref();
-        summary::figures(&rendering, why, &built.chosen, &times, times.render_s)
+        let shown = in_file.then_some(shown);
+        summary::figures(
+            &rendering,
+            why,
+            &built.chosen,
+            &times,
+            shown,
+            times.render_s,
+        )
     };
     let host = &args.common.host;
     host.give(|| results::of(rendering.film(), figures()));
@@ -272,6 +286,7 @@ fn render(args: &RenderArgs) -> Result<()> {
             why_walk.as_ref(),
             &built.chosen,
             &times,
+            in_file.then_some(shown),
             total_s,
         )?;
     }

@@ -8,7 +8,7 @@ use crate::process_usage::peak_memory_bytes;
 use crate::sample_ranges::SampleRanges;
 use crate::schedule::{Stop, Targets};
 use anyhow::Result;
-use organza_picture::Attributes;
+use organza_picture::{Attributes, Display};
 use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{Film, KernelRefusal, Pixel, Rendering};
@@ -35,19 +35,21 @@ pub fn print_json(
     why_walk: Option<&KernelRefusal>,
     chosen: &[Chosen],
     times: &Times,
+    shown: Option<Display>,
     total_s: f64,
 ) -> Result<()> {
-    let figures = figures(rendering, why_walk, chosen, times, total_s);
+    let figures = figures(rendering, why_walk, chosen, times, shown, total_s);
     output::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
     Ok(())
 }
 
-/// The figures of a render.
+/// The figures of a render; `shown` is how its file shows it, if it holds display values.
 pub fn figures(
     rendering: &Rendering<'_>,
     why_walk: Option<&KernelRefusal>,
     chosen: &[Chosen],
     times: &Times,
+    shown: Option<Display>,
     total_s: f64,
 ) -> serde_json::Value {
     let (film, stats) = (rendering.film(), rendering.stats());
@@ -73,6 +75,11 @@ pub fn figures(
         "rejected": stats.rejected,
         "brightest": stats.brightest,
         "chosen": chosen,
+        "display": shown.map(|d| json!({
+            "exposure": d.exposure.to_string(),
+            "tone_mapping": d.tone_mapping.name(),
+            "white_balance": d.white_balance.to_string(),
+        })),
     })
 }
 
