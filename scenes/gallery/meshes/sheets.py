@@ -1,0 +1,115 @@
+"""Writes the meshes of the gallery: sheets of cloth in folds and creases, in millimetres,
+with texture coordinates in centimetres of cloth. Needs Python only.
+
+Every row of a sheet is a curve whose slope is a function of the length along the weft, so
+the weft keeps its length; the warp stretches little, where slopes change from row to row.
+
+    python3 sheets.py
+"""
+from math import cos, exp, pi, sin
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def smooth(a, b, x):
+    t = min(max((x - a) / (b - a), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def row(places, slope, t):
+    """Points (x, z) of a row at the places s along the weft; (0, 0) at s = 0."""
+    found = {}
+    for side in (1, -1):
+        s, x, z = 0.0, 0.0, 0.0
+        for place in sorted((p for p in places if p * side >= 0.0), key=abs):
+            count = max(1, round(abs(place - s) / 0.3))
+            step = (place - s) / count
+            for _ in range(count):
+                angle = slope(s + step / 2, t)
+                s, x, z = s + step, x + step * cos(angle), z + step * sin(angle)
+            s = place
+            found[place] = (x, z)
+    return [found[place] for place in places]
+
+
+def write(name, span, reach, columns, count, slope, lift=lambda s, t: 0.0):
+    """A sheet whose weft spans `span` (from, to), and whose warp spans `reach`."""
+    places = [span[0] + (span[1] - span[0]) * i / columns for i in range(columns + 1)]
+    lines = ["# Written by sheets.py, millimetres; texture coordinates in centimetres."]
+    lines.append(f"o {name}")
+    warp = [reach[0] + (reach[1] - reach[0]) * j / count for j in range(count + 1)]
+    for t in warp:
+        points = zip(places, row(places, slope, t))
+        lines += [f"v {x:.2f} {t:.2f} {z + lift(s, t):.3f}" for s, (x, z) in points]
+    lines += [f"vt {(s + 100) / 10:.3f} {(t + 100) / 10:.3f}" for t in warp for s in places]
+    for j in range(count):
+        for i in range(columns):
+            a = j * (columns + 1) + i + 1
+            b, c, d = a + 1, a + columns + 2, a + columns + 1
+            lines.append(f"f {a}/{a} {b}/{b} {c}/{c} {d}/{d}")
+    (HERE / f"{name}.obj").write_text("\n".join(lines) + "\n")
+
+
+def swell(s, t):
+    """Soft waves, for cloth that lies on a table."""
+    return 0.26 * sin(2 * pi * (s + 0.45 * t) / 34.0) + 0.12 * sin(2 * pi * (s - 0.8 * t) / 23.0 + 1.0)
+
+
+def folds(s, t):
+    """Deep folds that meet and part, for supple silk."""
+    bend = 9.0 * sin(t / 34.0) + 0.42 * t + 3.0 * sin(s / 31.0 + t / 23.0)
+    deep = 1.15 + 0.25 * sin(t / 29.0 + s / 37.0)
+    return deep * sin(2 * pi * (s + bend) / (40.0 - 0.06 * t) + 0.7 * sin((s - 0.5 * t) / 28.0))
+
+
+def pleats(s, t):
+    """Crisp folds that open downwards, for taffeta."""
+    phase = 2 * pi * (s + 0.16 * t * sin(s / 31.0) + 0.3 * t) / 27.0
+    wave = sin(phase + 0.8 * sin(phase + 0.4) + 0.5 * sin(t / 19.0))
+    return (1.0 - 0.004 * t) * wave + 0.10 * sin(2 * pi * (s - 1.3 * t) / 21.0)
+
+
+def curtain(s, t):
+    """Upright folds of a hanging cloth, some deeper than others."""
+    phase = 2 * pi * (s + 1.2 * sin(t / 30.0)) / 15.0
+    return (1.15 + 0.25 * sin(s / 13.0)) * sin(phase + 0.9 * sin(s / 11.0))
+
+
+def billow(s, t):
+    """A sail in the wind: one wide curve and faint wrinkles that lead to a corner."""
+    return -0.006 * s + 0.30 * sin(2 * pi * (s + 0.8 * t) / 31.0) * smooth(60.0, -60.0, t)
+
+
+def shirt(s, t):
+    """Soft folds that fall from the shoulder and die out at the placket."""
+    away = smooth(14.0, 40.0, abs(s))
+    fall = sin(2 * pi * (s + 0.45 * t * (1 if s < 0 else -1)) / 33.0 + 1.1 * sin(t / 40.0))
+    small = 0.16 * sin(2 * pi * (s + 1.4 * t) / 29.0 + sin(t / 13.0))
+    return 0.85 * away * fall * smooth(-110.0, 50.0, t) + small * (0.3 + 0.7 * away)
+
+
+def pressed(s, t):
+    """One side of a crease along the warp: the cloth rises to it like a low roof."""
+    return -0.42 * (2.0 * smooth(-1.1, 1.1, s) - 1.0) * exp(-abs(s) / 16.0) + 0.5 * swell(s, t)
+
+
+def crosswise(s, t):
+    """The crease along the weft, sunk where the other one is raised."""
+    return -2.6 * exp(-((t - 4.0) ** 2 + 0.6) ** 0.5 / 9.0) + 0.4 * sin(s / 13.0)
+
+
+def main():
+    write("swell", (-40.0, 40.0), (-40.0, 40.0), 48, 48, swell)
+    write("folds", (-95.0, 95.0), (-75.0, 75.0), 66, 44, folds)
+    write("pleats", (-80.0, 80.0), (-55.0, 55.0), 80, 32, pleats)
+    write("curtain", (-50.0, 50.0), (-32.0, 32.0), 110, 16, curtain)
+    write("sail", (-60.0, 60.0), (-55.0, 55.0), 48, 40, billow)
+    write("sail_seam", (-6.0, 6.0), (-55.0, 55.0), 6, 40, billow, lambda s, t: -0.3)
+    write("sail_band", (-60.0, 60.0), (-15.0, -6.0), 48, 5, billow, lambda s, t: -0.6)
+    write("shirt", (-95.0, 95.0), (-75.0, 75.0), 60, 44, shirt)
+    write("placket", (-16.0, 16.0), (-75.0, 75.0), 12, 44, shirt, lambda s, t: 1.3 - 0.003 * s * s)
+    write("napkin", (-40.0, 40.0), (-40.0, 40.0), 56, 48, pressed, crosswise)
+
+
+main()
