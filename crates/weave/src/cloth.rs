@@ -1,6 +1,7 @@
 //! A cloth: threads at rest, each a strand of plies and fibres.
 
 mod build;
+mod displaced;
 mod drawing;
 mod figures;
 mod flattening;
@@ -18,6 +19,7 @@ use crate::knit::Knit;
 use crate::path::{Hermite, Path};
 use crate::section::Section;
 use crate::strand::Strand;
+use crate::sway::Sway;
 use crate::yarn::Yarn;
 use glam::{DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};
@@ -58,6 +60,7 @@ enum Centreline {
         curve: Hermite,
         axis: DVec3,
         origin: DVec3,
+        sway: Option<Sway>,
     },
     /// A course of loops.
     Knitted { knit: Arc<Knit>, course: usize },
@@ -141,12 +144,13 @@ impl Cloth {
                 curve,
                 axis,
                 origin,
+                sway,
             } => {
                 let bend = curve.max_bend_per_mm();
                 let lean = lean(curve, thread.section.highest() * yarn.radius_mm());
                 let interval = curve.period_mm() / curve.height_mm.len() as f64;
                 let steps = (interval / step(bend)).ceil().clamp(4.0, 4096.0);
-                Path::woven(curve, *axis, *origin, steps as usize, lean)
+                Path::woven(curve, *axis, *origin, steps as usize, lean, sway.as_ref())
             }
             Centreline::Knitted { knit, course } => {
                 knit.path(*course, step(knit.bend_per_mm(*course)))

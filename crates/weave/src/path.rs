@@ -1,8 +1,12 @@
 //! One period of the centreline of a yarn, with the frames of its cross-sections.
 
 use crate::spline::catmull_rom;
+use crate::sway::Sway;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
+
+/// Share of an interval over which the direction of a displaced thread is taken.
+const SWAY_STEP: f64 = 1e-3;
 
 /// Periodic C1 piecewise cubic heights over a straight axis.
 #[derive(Clone, Debug)]
@@ -93,7 +97,17 @@ impl Path {
     /// Samples a woven yarn that runs along `axis` from `origin`, `steps` per
     /// interval between knots. Cross-sections lean with the yarn by the share
     /// `lean` of its slope.
-    pub fn woven(curve: &Hermite, axis: DVec3, origin: DVec3, steps: usize, lean: f64) -> Path {
+    pub fn woven(
+        curve: &Hermite,
+        axis: DVec3,
+        origin: DVec3,
+        steps: usize,
+        lean: f64,
+        sway: Option<&Sway>,
+    ) -> Path {
+        if let Some(sway) = sway {
+            return Path::swaying(curve, axis, origin, steps, lean, sway);
+        }
         let lateral = DVec3::Z.cross(axis);
         let mut points = Vec::new();
         let mut vertical = Vec::new();
@@ -117,6 +131,49 @@ impl Path {
             vertical,
             curve.period_mm() * axis,
         )
+    }
+
+    /// The same of a thread that is displaced in the plane of the cloth.
+    fn swaying(
+        curve: &Hermite,
+        axis: DVec3,
+        origin: DVec3,
+        steps: usize,
+        lean: f64,
+        sway: &Sway,
+    ) -> Path {
+        let side = DVec3::new(axis.y, axis.x, 0.0);
+        let period = curve.period_mm();
+        let knots = curve.height_mm.len();
+        // There are two knots from each crossing to the next.
+        let place = |k: usize, t: f64| {
+            let s = curve.knots_mm[k] + t * curve.interval(k).0;
+            let along = s + sway.along_mm(k / 2, 0.5 * ((k % 2) as f64 + t));
+            let across = sway.across_mm((s - curve.knots_mm[0]) / period);
+            origin + along * axis + across * side
+        };
+        let (mut points, mut lateral, mut vertical) = (Vec::new(), Vec::new(), Vec::new());
+        let mut push = |k: usize, t: f64| {
+            let (height, slope) = curve.at(k, t);
+            // Across the border of the tile the thread goes on as it began.
+            let [before, after] = [t - SWAY_STEP, t + SWAY_STEP].map(|t| match (k, t) {
+                (0, t) if t < 0.0 => place(knots - 1, 1.0 + t) - period * axis,
+                (k, t) if t < 0.0 => place(k - 1, 1.0 + t),
+                (k, t) => place(k, t),
+            });
+            let forward = (after - before).normalize_or(axis);
+            points.push(place(k, t) + height * DVec3::Z);
+            let (sin, cos) = (lean * slope.atan()).sin_cos();
+            vertical.push(cos * DVec3::Z - sin * forward);
+            lateral.push(DVec3::Z.cross(forward));
+        };
+        for k in 0..knots {
+            (0..steps).for_each(|i| push(k, i as f64 / steps as f64));
+        }
+        points.push(points[0] + period * axis);
+        lateral.push(lateral[0]);
+        vertical.push(vertical[0]);
+        Path::new(points, lateral, vertical, period * axis)
     }
 
     /// From samples of one period, including its end.
@@ -261,19 +318,22 @@ impl Path {
         }
         let turns = (arc_mm / self.length_mm()).floor();
         let rest = arc_mm - turns * self.length_mm();
-        let k = self
-            .arc_mm
-            .partition_point(|&a| a <= rest)
-            .clamp(1, self.steps())
-            - 1;
+        let (k, t) = self.place(rest);
+        let i = turns as isize * self.steps() as isize + k as isize;
+        self.offset(i, offset).lerp(self.offset(i + 1, offset), t)
+    }
+
+    /// The sample before a length within the period, and the share of the way to the next.
+    pub fn place(&self, arc_mm: f64) -> (usize, f64) {
+        let after = self.arc_mm.partition_point(|&a| a <= arc_mm);
+        let k = after.clamp(1, self.steps()) - 1;
         let width = self.arc_mm[k + 1] - self.arc_mm[k];
         let t = if width > 0.0 {
-            (rest - self.arc_mm[k]) / width
+            (arc_mm - self.arc_mm[k]) / width
         } else {
             0.0
         };
-        let i = turns as isize * self.steps() as isize + k as isize;
-        self.offset(i, offset).lerp(self.offset(i + 1, offset), t)
+        (k, t)
     }
 
     /// Length from the first point to sample `i`, which may lie outside.

@@ -197,6 +197,7 @@ fn grow(
     let kept = (-2.0 * step_mm / hairiness.curl_mm).exp();
     let kick = (1.0 - kept * kept).sqrt() / (2f64.sqrt() * hairiness.curl_mm);
     let lead = LEAD / hairiness.curl_mm.min(yarn.radius_mm());
+    let lean = DVec3::new(hairiness.lean[0], hairiness.lean[1], 0.0);
     let (mut outside_mm, mut walked_mm) = (0.0, 0.0);
     while outside_mm < length_mm && walked_mm < MAX_DETOUR * length_mm {
         let (outwards, radii) = beside.follow(at);
@@ -212,6 +213,9 @@ fn grow(
             bend -= lead * outwards;
         } else if radii < 1.3 {
             bend += lead * outwards;
+        }
+        if !is_going_back && radii > 1.0 {
+            bend += lead * lean;
         }
         let beyond = faces.beyond(at.z);
         bend -= lead * beyond * beyond.abs() * DVec3::Z;

@@ -124,15 +124,16 @@ impl Pressed<'_> {
         free.into_iter().map(factor).collect()
     }
 
-    /// The section of a thread that follows `path`, which begins at the first crossing.
-    pub fn section(&self, flatten: DVec2, path: &Path) -> Section {
+    /// The section of a thread that follows `path`, whose samples lie at these places along the
+    /// axis before it was displaced.
+    pub fn section(&self, flatten: DVec2, path: &Path, path_mm: &[f64]) -> Section {
         let samples = (SAMPLES_PER_CROSSING * self.crossing_mm.len()).min(MAX_SAMPLES);
-        let axis = path.period.normalize_or_zero();
-        let along_mm = |i: usize| {
+        let place_mm = |i: usize| {
             let arc_mm = i as f64 / samples as f64 * path.length_mm();
-            (path.at_arc(arc_mm, DVec2::ZERO) - path.points[0]).dot(axis) + self.crossing_mm[0]
+            let (k, t) = path.place(arc_mm);
+            path_mm[k] + t * (path_mm[k + 1] - path_mm[k])
         };
-        let places_mm: Vec<f64> = (0..samples).map(along_mm).collect();
+        let places_mm: Vec<f64> = (0..samples).map(place_mm).collect();
         Section {
             flatten,
             widening: Some(self.widening(&places_mm).into()),

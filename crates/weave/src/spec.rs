@@ -3,7 +3,8 @@
 mod irregularity;
 
 pub use irregularity::{
-    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec,
+    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec,
+    ThreadWanderSpec, WanderSpec,
 };
 
 use organza_basis::Rgb;
@@ -37,12 +38,15 @@ pub struct FabricGeometry {
 }
 
 impl FabricGeometry {
-    /// The same cloth of even threads at even distances: without `evenness`, `slubs`,
-    /// `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening` and `spacing_cv_percent`. Hairs and
+    /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
+    /// `evenness`, `slubs`,
+    /// `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening`, `spacing_cv_percent` and `reed_dents`. Hairs and
     /// loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
         for yarn in out.yarn.values_mut() {
+            yarn.irregularity = None;
+            yarn.finish = Vec::new();
             yarn.evenness = None;
             yarn.slubs = None;
             yarn.fibre_radius_cv_percent = None;
@@ -50,8 +54,11 @@ impl FabricGeometry {
             yarn.hairiness = None;
             yarn.flattening = None;
         }
-        out.warp.spacing_cv_percent = None;
-        out.weft.spacing_cv_percent = None;
+        for threads in [&mut out.warp, &mut out.weft] {
+            threads.spacing_cv_percent = None;
+            threads.wander = None;
+            threads.reed_dents = None;
+        }
         out
     }
 }
@@ -120,6 +127,10 @@ pub struct ThreadSetSpec {
     pub spacing_mm: Option<f64>,
     /// Coefficient of variation of the distances, per cent, 0 to 30; 0 without it.
     pub spacing_cv_percent: Option<f64>,
+    /// Threads that wander sideways along their length.
+    pub wander: Option<ThreadWanderSpec>,
+    /// Groups of ends with wider gaps between them; only of the warp.
+    pub reed_dents: Option<ReedSpec>,
 }
 
 /// What a yarn consists of.
@@ -175,6 +186,15 @@ pub struct YarnSpec {
     pub hairs: Option<HairSpec>,
     /// Fibres that leave the surface and come back.
     pub loops: Option<LoopSpec>,
+    /// How it was spun, which gives its irregularity: see [`crate::spinning::NAMES`].
+    pub irregularity: Option<String>,
+    /// How it was finished, one after the other: see [`crate::spinning::FINISHES`].
+    #[serde(
+        default,
+        deserialize_with = "one_or_many",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub finish: Vec<String>,
     /// Mass that varies along the yarn.
     pub evenness: Option<EvennessSpec>,
     /// Short thick places.

@@ -52,6 +52,10 @@ pub struct Yarn {
     pub hairs: Hairs,
     /// Fibres that leave the surface and come back.
     pub loops: Loops,
+    /// How it was spun, if that is given.
+    pub irregularity: Option<String>,
+    /// How it was finished.
+    pub finish: Vec<String>,
     /// Variation of the mass along the yarn, if any.
     pub evenness: Option<EvennessSpec>,
     /// Thick places, if any.

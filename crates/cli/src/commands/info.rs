@@ -159,6 +159,11 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
                 "radius_mm": y.radius_mm(),
                 "tex": y.tex(),
                 "fibre_volume_fraction": y.fibre_volume_fraction(),
+                "irregularity": y.irregularity,
+                "finish": y.finish,
+                "mass_cv_percent": y.evenness.map_or(0.0, |e| e.mass_cv_percent),
+                "fibre_radius_cv_percent": 100.0 * y.fibre_radius_cv,
+                "hairiness": y.hairiness.map(|h| h.index),
             })
         })
         .collect();

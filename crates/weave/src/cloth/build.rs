@@ -1,5 +1,6 @@
 //! Builds threads at rest from a description.
 
+use super::displaced::{mark_by_reed, thread_sways};
 use super::flattening::at_rest;
 use super::import::imported;
 use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
@@ -198,10 +199,16 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let weft = beside("weft", weft_mm, &weft_spun);
     let fitted = fit(&draft, &warp, &weft)?;
     let threads = [&warp, &weft];
-    let (warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
+    let (mut warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
+    let widths_mm = [
+        widths_mm(threads[0], &fitted.warp),
+        widths_mm(threads[1], &fitted.weft),
+    ];
+    mark_by_reed(fabric, &mut warp, &widths_mm[0])?;
+    let sways = thread_sways(fabric, [&warp, &weft], widths_mm, seed)?;
     let systems = [&warp, &weft];
     let max_iterations = fabric.relaxation.max_iterations;
-    let rest = at_rest(&draft, threads, systems, &fitted, max_iterations)?;
+    let rest = at_rest(&draft, threads, systems, &fitted, &sways, max_iterations)?;
 
     // Less than half a percent would be printed as 100 %.
     if fitted.compaction < 0.995 {
@@ -224,6 +231,7 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
             &warp_spun[e],
             draft.warp[e],
             section,
+            sways[0].get(e).cloned(),
         )
     });
     let of_weft = rest.relaxed.weft.into_iter().zip(rest.weft).enumerate();
@@ -237,9 +245,10 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
             &weft_spun[p],
             draft.weft[p],
             section,
+            sways[1].get(p).cloned(),
         )
     });
-    for (curve, axis, origin, yarn, spun, thread, section) in of_warp.chain(of_weft) {
+    for (curve, axis, origin, yarn, spun, thread, section, sway) in of_warp.chain(of_weft) {
         let highest = section.highest();
         let body = highest * reach_mm(&spun.yarn);
         let hairs = highest * spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
@@ -251,6 +260,7 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
                 curve,
                 axis,
                 origin,
+                sway,
             },
             yarn,
             spun: spun.clone(),
@@ -386,6 +396,11 @@ fn colour(threads: &mut [Thread], colours: &[Rgb]) {
             t.colour = Some(*c);
         }
     }
+}
+
+fn widths_mm(threads: &Threads, flatten: &[DVec2]) -> Vec<f64> {
+    let each = threads.yarns.iter().zip(flatten);
+    each.map(|(y, f)| 2.0 * y.radius_mm() * f.x).collect()
 }
 
 /// The threads of a system with their cross-sections, at their positions.

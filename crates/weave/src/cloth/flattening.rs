@@ -6,6 +6,7 @@ use crate::fit::{Fit, Threads};
 use crate::path::{Hermite, Path};
 use crate::relax::{Relaxed, System, relax};
 use crate::section::{Pressed, Section};
+use crate::sway::Sway;
 use crate::{Draft, Error};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -39,6 +40,7 @@ pub(super) fn at_rest(
     [warp, weft]: [&Threads; 2],
     [warp_system, weft_system]: [&System; 2],
     fitted: &Fit,
+    sways: &[Vec<Sway>; 2],
     max_iterations: u64,
 ) -> Result<AtRest, Error> {
     let rest = |touching_mm: Option<&[f64]>| {
@@ -110,8 +112,8 @@ pub(super) fn at_rest(
         relaxed = rest(Some(&touching_mm))?;
     }
     Ok(AtRest {
-        warp: warp.sections(&relaxed.warp, DVec3::Y),
-        weft: weft.sections(&relaxed.weft, DVec3::X),
+        warp: warp.sections(&relaxed.warp, DVec3::Y, &sways[0]),
+        weft: weft.sections(&relaxed.weft, DVec3::X, &sways[1]),
         relaxed,
     })
 }
@@ -162,11 +164,17 @@ impl Side<'_> {
         factors.iter().enumerate().flat_map(widening).collect()
     }
 
-    fn sections(&self, curves: &[Hermite], axis: DVec3) -> Vec<Section> {
+    fn sections(&self, curves: &[Hermite], axis: DVec3, sways: &[Sway]) -> Vec<Section> {
         let each = curves.iter().zip(self.factors()).enumerate();
         each.map(|(i, (curve, factors))| {
-            let path = Path::woven(curve, axis, DVec3::ZERO, STEPS, 0.0);
-            self.pressed(i, factors).section(self.flatten[i], &path)
+            let sway = sways.get(i);
+            let path = Path::woven(curve, axis, DVec3::ZERO, STEPS, 0.0, sway);
+            let knots = 0..curve.height_mm.len();
+            let places = knots.flat_map(|k| (0..STEPS).map(move |i| (k, i as f64 / STEPS as f64)));
+            let places = places.map(|(k, t)| curve.knots_mm[k] + t * curve.interval(k).0);
+            let places_mm: Vec<f64> = places.chain(curve.knots_mm.last().copied()).collect();
+            self.pressed(i, factors)
+                .section(self.flatten[i], &path, &places_mm)
         })
         .collect()
     }

@@ -3,6 +3,7 @@
 use super::{Centreline, Cloth, CurveLevel};
 use crate::protruding::Beside;
 use crate::strand::Strand;
+use crate::sway::Sway;
 use glam::DVec2;
 use organza_basis::Segment;
 
@@ -22,6 +23,9 @@ pub struct SystemIrregularity {
     /// Length of fibre that protrudes from the yarn per length of yarn: the index `H` of a
     /// hairiness tester. The first 64 threads count.
     pub hairiness: f64,
+    /// Root mean square of the distance of threads from their straight line, sideways,
+    /// micrometres.
+    pub sideways_um: f64,
     /// Width of the threads' cross-sections, least and most, millimetres.
     pub width_mm: [f64; 2],
     /// Height of the threads' cross-sections, least and most, millimetres.
@@ -52,13 +56,17 @@ impl Moments {
         self.square += x * x;
     }
 
+    fn deviation(&self) -> f64 {
+        let mean = self.sum / self.count;
+        (self.square / self.count - mean * mean).max(0.0).sqrt()
+    }
+
     fn cv_percent(&self) -> f64 {
         let mean = self.sum / self.count;
         if mean == 0.0 {
             return 0.0;
         }
-        let variance = (self.square / self.count - mean * mean).max(0.0);
-        100.0 * variance.sqrt() / mean.abs()
+        100.0 * self.deviation() / mean.abs()
     }
 }
 
@@ -68,6 +76,7 @@ struct System {
     twist: Moments,
     protruding_mm: f64,
     measured_mm: f64,
+    sideways: Moments,
     least_mm: DVec2,
     most_mm: DVec2,
 }
@@ -80,12 +89,18 @@ impl System {
             twist: Moments::default(),
             protruding_mm: 0.0,
             measured_mm: 0.0,
+            sideways: Moments::default(),
             least_mm: DVec2::INFINITY,
             most_mm: DVec2::ZERO,
         }
     }
 
-    fn add(&mut self, strand: &Strand) {
+    fn add(&mut self, strand: &Strand, sway: Option<&Sway>) {
+        for i in 0..SAMPLES {
+            let s = i as f64 / SAMPLES as f64;
+            self.sideways
+                .add(sway.map_or(0.0, |sway| sway.across_mm(s)));
+        }
         self.threads += 1;
         let fibres = f64::from(strand.yarn.fibres_per_ply * strand.yarn.plies);
         let length_mm = strand.path.length_mm();
@@ -111,6 +126,7 @@ impl System {
             mass_cv_percent: self.mass.cv_percent(),
             twist_cv_percent: self.twist.cv_percent(),
             hairiness: self.protruding_mm / self.measured_mm,
+            sideways_um: 1e3 * self.sideways.deviation(),
             width_mm: [self.least_mm.x, self.most_mm.x],
             height_mm: [self.least_mm.y, self.most_mm.y],
         })
@@ -145,7 +161,11 @@ impl Cloth {
                 _ => &mut weft,
             };
             let path = self.path(thread, CurveLevel::Fibre);
-            system.add(&self.strand(batch, &path));
+            let sway = match &thread.line {
+                Centreline::Woven { sway, .. } => sway.as_ref(),
+                _ => None,
+            };
+            system.add(&self.strand(batch, &path), sway);
         }
         Irregularity {
             warp: warp.figures(),

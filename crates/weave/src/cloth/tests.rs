@@ -1,8 +1,10 @@
+mod displaced;
 mod flattening;
 mod imported;
 mod irregular;
 mod reading;
 mod shipped;
+mod spun;
 
 use super::*;
 use crate::FabricGeometry;

@@ -65,6 +65,10 @@ pub struct HairinessSpec {
     /// Share of the fibres that return into the yarn, 0 to 1.
     #[serde(default)]
     pub returning: f64,
+    /// Direction in the plane of the cloth, x and y, towards which the fibres lean; its length,
+    /// 0 to 1, says how strongly. 0 for none.
+    #[serde(default)]
+    pub lean: [f64; 2],
 }
 
 fn one() -> f64 {
@@ -82,6 +86,27 @@ pub struct FlatteningSpec {
     /// The same where nothing presses, 0.3 to 1.
     #[serde(default = "one")]
     pub float: f64,
+}
+
+/// Threads that wander sideways along their length. Only in weaves.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ThreadWanderSpec {
+    /// Root mean square of the displacement, micrometres; at most 15 % of the mean spacing.
+    pub amplitude_um: f64,
+    /// Length along the thread after which it wanders elsewhere, millimetres, 0.01 to 1e5.
+    pub length_mm: f64,
+}
+
+/// Marks of the reed: ends that pass through one dent lie closer together.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ReedSpec {
+    /// Ends in each dent, 2 to 64.
+    pub ends: u32,
+    /// By how much the gap between dents is wider than the mean spacing, per cent of it, 0 to
+    /// 100, as far as the ends of a dent have room to lie closer.
+    pub gap_percent: f64,
 }
 
 /// Dye that does not reach the core of the yarn, as indigo on rope-dyed warps.

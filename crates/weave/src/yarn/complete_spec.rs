@@ -7,6 +7,7 @@ use crate::Error;
 use crate::error::did_you_mean;
 use crate::preset::{self, preset};
 use crate::spec::{CrossSectionSpec, MigrationSpec, TwistDirection, TwistSpec, YarnKind, YarnSpec};
+use crate::spinning::{finish, spin};
 use std::f64::consts::{PI, TAU};
 
 /// A specification in which every key has a value, its own or that of its preset.
@@ -15,6 +16,8 @@ pub(super) struct CompleteSpec<'a> {
     preset_name: &'a str,
     kind: YarnKind,
     spec: YarnSpec,
+    /// Factor on the preset's number of hairs and loops.
+    fuzz: f64,
 }
 
 impl<'a> CompleteSpec<'a> {
@@ -35,7 +38,8 @@ impl<'a> CompleteSpec<'a> {
         let kind = own.kind.or(base.kind).unwrap_or(YarnKind::Staple);
         let is_ribbon = kind == YarnKind::Ribbon;
         let is_staple = kind == YarnKind::Staple;
-        let spec = YarnSpec {
+        Self::check_names(name, own)?;
+        let mut spec = YarnSpec {
             preset: None,
             kind: Some(kind),
             tex: own.tex.or(base.tex),
@@ -55,6 +59,8 @@ impl<'a> CompleteSpec<'a> {
             migration: own.migration.or(base.migration.filter(|_| is_staple)),
             hairs: own.hairs,
             loops: own.loops,
+            irregularity: own.irregularity.clone(),
+            finish: own.finish.clone(),
             evenness: own.evenness,
             slubs: own.slubs,
             fibre_radius_cv_percent: own.fibre_radius_cv_percent,
@@ -64,11 +70,17 @@ impl<'a> CompleteSpec<'a> {
             ring_dye: own.ring_dye,
             blend: own.blend.clone(),
         };
+        if let Some(way) = &own.irregularity {
+            spin(&mut spec, own, way);
+        }
+        let finishes = own.finish.iter();
+        let fuzz = finishes.map(|f| finish(&mut spec, own, f)).product();
         Ok(Self {
             name,
             preset_name,
             kind,
             spec,
+            fuzz,
         })
     }
 
@@ -138,6 +150,8 @@ impl<'a> CompleteSpec<'a> {
             migration: self.migration()?,
             hairs: self.hairs(ply_radius_mm)?,
             loops: self.loops(ply_radius_mm)?,
+            irregularity: spec.irregularity.clone(),
+            finish: spec.finish.clone(),
             evenness: self.evenness()?,
             slubs: self.slubs()?,
             fibre_radius_cv: 0.01
@@ -220,7 +234,10 @@ impl<'a> CompleteSpec<'a> {
     /// Hairs and loops per millimetre of ply, unless given.
     fn preset_fuzz_per_mm(&self, ply_radius_mm: f64) -> (f64, f64) {
         match self.kind {
-            YarnKind::Staple => preset::fuzz_per_mm(self.preset_name, ply_radius_mm),
+            YarnKind::Staple => {
+                let (hairs, loops) = preset::fuzz_per_mm(self.preset_name, ply_radius_mm);
+                (self.fuzz * hairs, self.fuzz * loops)
+            }
             _ => (0.0, 0.0),
         }
     }

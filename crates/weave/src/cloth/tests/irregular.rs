@@ -36,6 +36,7 @@ fn all_kinds() -> YarnSpec {
             reach_mm: 0.3,
             curl_mm: 0.4,
             returning: 0.3,
+            lean: [0.0; 2],
         }),
         ..YarnSpec::default()
     }
@@ -230,6 +231,7 @@ fn protruding_fibres_have_their_length_outside_the_yarn_and_stay_in_reach() {
             reach_mm: 0.25,
             curl_mm: 0.4,
             returning: 0.3,
+            lean: [0.0; 2],
         }),
         ..YarnSpec::default()
     };

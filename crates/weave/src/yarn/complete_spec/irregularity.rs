@@ -2,15 +2,36 @@
 
 use super::CompleteSpec;
 use crate::Error;
+use crate::error::did_you_mean;
+use crate::spec::YarnSpec;
 use crate::spec::{
     BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec,
 };
+use crate::spinning::{FINISHES, NAMES};
 use organza_basis::Rgb;
 
 /// The largest number of colours in a blend.
 const MAX_COLOURS: usize = 64;
 
 impl CompleteSpec<'_> {
+    /// Refuses names of irregularities and finishes that do not exist.
+    pub(super) fn check_names(key: &str, own: &YarnSpec) -> Result<(), Error> {
+        let irregularity = own
+            .irregularity
+            .iter()
+            .map(|n| ("irregularity", n, &NAMES[..]));
+        let finishes = own.finish.iter().map(|n| ("finish", n, &FINISHES[..]));
+        for (what, name, known) in irregularity.chain(finishes) {
+            if !known.contains(&name.as_str()) {
+                let hint = did_you_mean(name, known.iter().copied());
+                let names = known.join(", ");
+                let message = format!("no {what} \"{name}\"{hint}; there are {names}");
+                return Err(Error::spec(format!("yarn.{key}.{what}"), message));
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn evenness(&self) -> Result<Option<EvennessSpec>, Error> {
         let Some(e) = self.spec.evenness else {
             return Ok(None);
@@ -60,6 +81,8 @@ impl CompleteSpec<'_> {
         self.number("hairiness.reach_mm", Some(h.reach_mm), 1e-3, 100.0)?;
         self.number("hairiness.curl_mm", Some(h.curl_mm), 0.01, 1e3)?;
         self.number("hairiness.returning", Some(h.returning), 0.0, 1.0)?;
+        self.number("hairiness.lean[0]", Some(h.lean[0]), -1.0, 1.0)?;
+        self.number("hairiness.lean[1]", Some(h.lean[1]), -1.0, 1.0)?;
         Ok(Some(h).filter(|h| h.index > 0.0))
     }
 
