@@ -14,7 +14,7 @@ use std::f32::consts::PI;
 pub const LOBES: usize = 4;
 
 /// Least cosine of the inclination that angles are computed with.
-const MIN_COS: f32 = 1e-4;
+pub(crate) const MIN_COS: f32 = 1e-4;
 
 /// Unpolarised Fresnel reflectance for the cosine of the angle of incidence and
 /// the index of refraction `eta >= 1` behind the interface.

@@ -1,4 +1,4 @@
-//! A rough dielectric fibre of circular cross-section: R, TT, TRT and the rest
+//! A rough dielectric fibre: R, TT, TRT and the rest
 //! [Marschner2003], with blurs that keep energy and reciprocity.
 //!
 //! Per lobe p, with K the folded Gaussian of the inclination, N the wrapped
@@ -9,6 +9,11 @@
 //!
 //! The far field is the mean of this over h uniform in `[-1, 1]`, tabulated. The
 //! last lobe is the sum of the series after TRT, even in azimuth.
+//!
+//! This is a round fibre. One of another [`Section`] has the same form, with lobes traced
+//! through its outline and averaged over its rotation, which is random because fibres twist:
+//! R, TT, all that comes later, and a remainder that is even in azimuth. Which side of it a
+//! ray meets is then unknown at every offset, so that its near field is its far field.
 
 use crate::cone_table::node;
 use crate::cylinder::{Crossing, LOBES, mean_attenuations, offsets};
@@ -16,6 +21,9 @@ use crate::error::{Error, in_range};
 use crate::longitudinal::{
     Balance, Blur, Inclinations, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
 };
+use crate::near_parts::{SectionRow, SectionTable};
+use crate::section::Section;
+use crate::traced_section::Traced;
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::{PI, TAU};
@@ -26,7 +34,7 @@ pub struct DielectricParameters {
     /// Index of refraction, 1 to 3; textile fibres have 1.46 to 1.6.
     pub ior: f32,
     /// Absorption coefficient times the fibre's radius, no unit, per channel; see
-    /// [`absorption_for_colour`].
+    /// [`absorption_for_colour`](crate::absorption_for_colour).
     pub absorption_radii: Rgb,
     /// Deviation of the inclination of R, radians; TT has half, TRT and the rest
     /// twice of it, as for rough interfaces passed once and twice
@@ -49,6 +57,8 @@ const SHAPED: usize = LOBES - 1;
 #[derive(Clone, Debug)]
 pub struct DielectricFibre {
     parameters: DielectricParameters,
+    /// Of a fibre that is not round.
+    section: Option<Section>,
     blurs: [Blur; LOBES],
     /// True when no limit has changed the ratios of the blurs.
     geometric: bool,
@@ -75,8 +85,18 @@ struct Row {
 }
 
 impl DielectricFibre {
-    /// Checks the parameters and tabulates the far field.
+    /// A round fibre: checks the parameters and tabulates the far field.
     pub fn new(parameters: DielectricParameters) -> Result<DielectricFibre, Error> {
+        DielectricFibre::with_section(parameters, None)
+    }
+
+    /// A fibre of a section, or a round one: checks the parameters and tabulates the far
+    /// field. Tracing a section takes about a tenth of a second for common blurs, up to ten
+    /// times that for the narrowest.
+    pub fn with_section(
+        parameters: DielectricParameters,
+        section: Option<Section>,
+    ) -> Result<DielectricFibre, Error> {
         let p = parameters;
         in_range("ior", p.ior, [1.0, 3.0], "1 to 3")?;
         for channel in p.absorption_radii.0.to_array() {
@@ -95,17 +115,28 @@ impl DielectricFibre {
             "0 to pi / 2",
         )?;
         let blurs = [1.0, 0.5, 2.0, 2.0].map(|k| Blur::new(k * p.longitudinal_rad));
+        section.map_or(Ok(()), |s| s.check())?;
+        let azimuth_blur = p.azimuthal_rad.max(2.0 * MIN_BLUR_RAD);
+        let traced = section.map(|s| {
+            let outline = s.outline();
+            let rays = ((400.0 / azimuth_blur) as usize).clamp(1024, 8192);
+            let row = |i| Traced::new(&outline, p.ior, row_cosine(i), rays);
+            (0..ROWS).map(row).collect::<Vec<Traced>>()
+        });
         let energies: Vec<[Rgb; LOBES]> = (0..ROWS)
-            .map(|i| mean_attenuations(p.ior, Rgb::BLACK, row_cosine(i), 256))
+            .map(|i| match &traced {
+                Some(rows) => rows[i].energies(Rgb::BLACK),
+                None => mean_attenuations(p.ior, Rgb::BLACK, row_cosine(i), 256),
+            })
             .collect();
         let balance = Balance::new(blurs, |cos| {
             let (i, t) = node(cos, ROWS);
             std::array::from_fn(|p| Rgb(energies[i][p].0.lerp(energies[i + 1][p].0, t)))
         });
-        let azimuth_blur = p.azimuthal_rad.max(2.0 * MIN_BLUR_RAD);
         let azimuths = (PI * NODES_PER_BLUR / azimuth_blur).ceil().max(32.0) as usize + 1;
         let mut fibre = DielectricFibre {
             parameters,
+            section,
             blurs,
             geometric: (2.0 * MIN_BLUR_RAD..=0.5 * MAX_BLUR_RAD).contains(&p.longitudinal_rad),
             azimuth_blur,
@@ -117,7 +148,7 @@ impl DielectricFibre {
             guide: Vec::with_capacity(ROWS * SHAPED * azimuths),
         };
         for i in 0..ROWS {
-            fibre.add_row(row_cosine(i));
+            fibre.add_row(row_cosine(i), traced.as_ref().map(|rows| &rows[i]));
         }
         Ok(fibre)
     }
@@ -127,16 +158,23 @@ impl DielectricFibre {
         &self.parameters
     }
 
-    fn add_row(&mut self, cos: f32) {
+    fn add_row(&mut self, cos: f32, traced: Option<&Traced>) {
         let p = self.parameters;
-        let energies = mean_attenuations(p.ior, p.absorption_radii, cos, 256);
+        let energies = match traced {
+            Some(traced) => traced.energies(p.absorption_radii),
+            None => mean_attenuations(p.ior, p.absorption_radii, cos, 256),
+        };
+        let exits = match traced {
+            Some(traced) => self.traced_exits(traced),
+            None => self.round_exits(cos),
+        };
         // Lobes are drawn by their mean over the channels; R never vanishes.
         let grey = Vec4::from_array(energies.map(Rgb::mean));
         self.rows.push(Row {
             rest: energies[SHAPED].0.extend(1.0) / TAU,
             lobes: grey / grey.element_sum(),
         });
-        for (shape, energy) in self.blurred(cos).iter().zip(energies) {
+        for (shape, energy) in self.blurred(exits).iter().zip(energies) {
             // Trapezoidal over both signs of the azimuth.
             let step = PI / (self.azimuths - 1) as f32;
             let half: Vec3 = shape.windows(2).map(|s| 0.5 * step * (s[0] + s[1])).sum();
@@ -172,17 +210,10 @@ impl DielectricFibre {
         }
     }
 
-    /// The shaped lobes averaged over offsets, at the table's azimuths, up to
-    /// scale: histograms of the smooth cylinder's exits, convolved with the blur.
-    fn blurred(&self, cos: f32) -> [Vec<Vec3>; SHAPED] {
+    /// What leaves a round fibre by lobe: a histogram over azimuths.
+    fn round_exits(&self, cos: f32) -> [Vec<Vec3>; SHAPED] {
         let p = self.parameters;
-        let nodes = self.azimuths - 1;
-        let bins = 4 * nodes;
-        let width = TAU / bins as f32;
-        let reach = ((6.0 * self.azimuth_blur / width) as usize).min(bins / 2 - 1);
-        let kernel: Vec<f32> = (0..=reach)
-            .map(|k| wrapped_gaussian(k as f32 * width, 0.0, self.azimuth_blur))
-            .collect();
+        let bins = 4 * (self.azimuths - 1);
         let mut exits = [(); SHAPED].map(|()| vec![Vec3::ZERO; bins]);
         // Exit azimuths turn at most 8 times faster than the angle of incidence.
         for (h, weight) in offsets(2 * bins) {
@@ -190,15 +221,34 @@ impl DielectricFibre {
             let attenuations = crossing.attenuations(p.absorption_radii);
             for (lobe, exits) in exits.iter_mut().enumerate() {
                 let a = attenuations[lobe].0 * weight;
-                let azimuth = crossing.exit_azimuth_rad(lobe);
-                for angle in [azimuth, -azimuth] {
-                    let x = angle.rem_euclid(TAU) / width;
-                    let (bin, part) = (x as usize, x.fract());
-                    exits[bin % bins] += a * (1.0 - part);
-                    exits[(bin + 1) % bins] += a * part;
-                }
+                add_exit(exits, crossing.exit_azimuth_rad(lobe), a);
             }
         }
+        exits
+    }
+
+    /// The same of a traced section.
+    fn traced_exits(&self, traced: &Traced) -> [Vec<Vec3>; SHAPED] {
+        let bins = 4 * (self.azimuths - 1);
+        let mut exits = [(); SHAPED].map(|()| vec![Vec3::ZERO; bins]);
+        traced.visit(self.parameters.absorption_radii, |lobe, azimuth, light| {
+            if let Some(exits) = exits.get_mut(lobe) {
+                add_exit(exits, azimuth, light);
+            }
+        });
+        exits
+    }
+
+    /// The shaped lobes averaged over offsets, at the table's azimuths, up to
+    /// scale: histograms of exits from a smooth fibre, convolved with the blur.
+    fn blurred(&self, exits: [Vec<Vec3>; SHAPED]) -> [Vec<Vec3>; SHAPED] {
+        let nodes = self.azimuths - 1;
+        let bins = 4 * nodes;
+        let width = TAU / bins as f32;
+        let reach = ((6.0 * self.azimuth_blur / width) as usize).min(bins / 2 - 1);
+        let kernel: Vec<f32> = (0..=reach)
+            .map(|k| wrapped_gaussian(k as f32 * width, 0.0, self.azimuth_blur))
+            .collect();
         exits.map(|mut around| {
             // Once around and once more, so that no index wraps.
             around.extend_from_within(..);
@@ -212,6 +262,27 @@ impl DielectricFibre {
                 })
                 .collect()
         })
+    }
+
+    /// The outline of a fibre that is not round.
+    pub fn section(&self) -> Option<Section> {
+        self.section
+    }
+
+    /// The tables of a fibre that is not round.
+    pub(crate) fn section_table(&self) -> Option<SectionTable> {
+        self.section?;
+        let row = |(i, row): (usize, &Row)| SectionRow {
+            lobes: row.lobes.to_array(),
+            rest: row.rest.truncate().to_array(),
+            nodes: [0, 1, 2].map(|p| {
+                let start = (i * SHAPED + p) * self.azimuths;
+                let nodes = &self.table[start..start + self.azimuths];
+                nodes.iter().map(|node| node.to_array()).collect()
+            }),
+        };
+        let rows = self.rows.iter().enumerate().map(row).collect();
+        Some(SectionTable { rows })
     }
 
     /// Deviation of the azimuth.
@@ -289,7 +360,12 @@ impl DielectricFibre {
         }
     }
 
-    /// How a ray at an offset passes the fibre.
+    /// Lobes that leave where a smooth cylinder sends them.
+    pub(crate) fn resolved_lobes(&self) -> usize {
+        if self.section.is_some() { 1 } else { SHAPED }
+    }
+
+    /// How a ray at an offset passes the fibre, taken as round.
     pub(crate) fn crossing(&self, cos_theta: f32, h: f32) -> Crossing {
         Crossing::new(self.parameters.ior, cos_theta, h)
     }
@@ -323,6 +399,18 @@ impl DielectricFibre {
     }
 }
 
+/// Adds light to a histogram over azimuths, half of it with the other sign.
+fn add_exit(exits: &mut [Vec3], azimuth_rad: f32, light: Vec3) {
+    let bins = exits.len();
+    let width = TAU / bins as f32;
+    for angle in [azimuth_rad, -azimuth_rad] {
+        let x = angle.rem_euclid(TAU) / width;
+        let (bin, part) = (x as usize, x.fract());
+        exits[bin % bins] += light * (1.0 - part);
+        exits[(bin + 1) % bins] += light * part;
+    }
+}
+
 fn row_cosine(i: usize) -> f32 {
     i as f32 / (ROWS - 1) as f32
 }
@@ -334,62 +422,4 @@ fn linear_quantile(a: f32, b: f32, share: f32) -> f32 {
     // The root that neither divides by b - a nor cancels.
     let root = (a * a + 2.0 * (b - a) * area).max(0.0).sqrt();
     (2.0 * area / (a + root).max(1e-30)).min(1.0)
-}
-
-/// Absorption times radius per channel that makes a thick, loose mass of such
-/// fibres look like `colour` (its albedo under even light, each channel cut to
-/// `[0, 0.999]`).
-///
-/// Estimated: the fibre's albedo and mean scattering cosine, averaged over
-/// directions as a tangle shows them, enter the albedo of a half-space of
-/// isotropic scatterers with the same similarity parameter
-/// [vanDeHulst1980]. Against random walks in a tangle of fibres it is off by
-/// less than 0.03 (tested).
-pub fn absorption_for_colour(ior: f32, colour: Rgb) -> Rgb {
-    let channel = |target: f32| {
-        let target = target.clamp(0.0, 0.999);
-        // Albedo falls with absorption; halve on its logarithm.
-        let (mut low, mut high) = (1e-7f32.ln(), 1e3f32.ln());
-        for _ in 0..40 {
-            let mid = 0.5 * (low + high);
-            if tangle_albedo(ior, mid.exp()) > target {
-                low = mid;
-            } else {
-                high = mid;
-            }
-        }
-        (0.5 * (low + high)).exp()
-    };
-    Rgb(colour.0.map(channel))
-}
-
-/// Albedo of a half-space of tangled fibres under even light; see
-/// [`absorption_for_colour`].
-fn tangle_albedo(ior: f32, absorption_radii: f32) -> f32 {
-    let absorption = Rgb::splat(absorption_radii);
-    let (mut albedo, mut forward, mut weight) = (0.0, 0.0, 0.0);
-    for i in 0..12 {
-        let theta = (i as f32 + 0.5) / 12.0 * 0.5 * PI;
-        let (sin, cos) = theta.sin_cos();
-        // Solid angle times what is seen of the fibre.
-        let seen = cos * cos;
-        weight += seen;
-        for (h, w) in offsets(24) {
-            let crossing = Crossing::new(ior, cos, h);
-            for (p, a) in crossing.attenuations(absorption).iter().enumerate() {
-                let turn = if p == SHAPED {
-                    0.0
-                } else {
-                    crossing.exit_azimuth_rad(p).cos()
-                };
-                let a = a.0.x * w * seen;
-                albedo += a;
-                forward += a * (sin * sin + cos * cos * turn);
-            }
-        }
-    }
-    let g = forward / albedo.max(1e-12);
-    let albedo = (albedo / weight).min(1.0);
-    let s = ((1.0 - albedo) / (1.0 - albedo * g)).max(0.0).sqrt();
-    (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s)
 }

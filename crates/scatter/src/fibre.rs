@@ -274,6 +274,7 @@ impl NearEvent {
     fn new(fibre: &Fibre, frame: FibreFrame, h: f32) -> NearEvent {
         let cos = fibre.drawing_cosine(&frame);
         let (crossing, energies) = match fibre {
+            Fibre::Dielectric(f) if f.section().is_some() => (f.crossing(cos, h), f.far_lobes(cos)),
             Fibre::Dielectric(f) => {
                 let crossing = f.crossing(cos, h);
                 (crossing, grey(f.attenuations(&crossing)))
@@ -338,8 +339,8 @@ impl<'a> NearField<'a> {
     /// of one drawn in proportion to what it sends there, so that the mean over
     /// draws is that over lobes.
     ///
-    /// R, TT and TRT of a dielectric leave where a smooth cylinder sends them;
-    /// lobes whose paths are not resolved leave evenly over the width that faces
+    /// R, TT and TRT of a round dielectric leave where a smooth cylinder sends them,
+    /// and so does R of another section; lobes whose paths are not resolved leave evenly over the width that faces
     /// `w_in`. Where blur turns light into the fibre it leaves from the nearest
     /// point of the outline instead, so that no ray starts into its own fibre.
     pub fn exit_normal(&self, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
@@ -351,7 +352,7 @@ impl<'a> NearField<'a> {
             pick_among(&sent, rng)
         });
         let angle = match self.fibre {
-            Fibre::Dielectric(f) if p < LOBES - 1 => {
+            Fibre::Dielectric(f) if p < f.resolved_lobes() => {
                 f.crossing(event.frame.cos_out, event.h).exit_normal_rad(p)
             }
             _ => a.azimuth_rad + (2.0 * rng.unit() - 1.0).asin(),
@@ -366,6 +367,14 @@ impl<'a> NearField<'a> {
     /// lobe keeps of the light.
     fn lobes(&self, a: &FibreAngles, pair: &Inclinations) -> [(f32, Rgb); LOBES] {
         match self.fibre {
+            Fibre::Dielectric(f) if f.section().is_some() => {
+                let kernels = f.densities(pair);
+                let far = f.far(pair.mean_cos, a.azimuth_rad);
+                std::array::from_fn(|p| {
+                    let colour = far[p].truncate() / far[p].w.max(f32::MIN_POSITIVE);
+                    (kernels[p] * far[p].w, Rgb(colour))
+                })
+            }
             Fibre::Dielectric(f) => {
                 let mid = self.turned(f, pair);
                 let attenuations = f.attenuations(&mid);
@@ -427,6 +436,9 @@ impl Lobe for NearField<'_> {
         let mut a = self.fibre.inclination_sample(frame, p, rng);
         let pair = inclinations(frame, &a);
         let azimuth = match self.fibre {
+            Fibre::Dielectric(f) if f.section().is_some() => {
+                f.far_azimuth_sample(p, pair.mean_cos, rng)
+            }
             Fibre::Dielectric(f) => f.near_azimuth_sample(&self.turned(f, &pair), p, rng),
             Fibre::Fitted(f) => f.azimuth_sample(p, rng),
         };

@@ -1,5 +1,6 @@
 mod energy;
 mod precision;
+mod sections;
 
 use crate::cylinder::Crossing;
 use crate::fitted::PRESETS;

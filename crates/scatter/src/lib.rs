@@ -75,6 +75,7 @@
 //! | [`GaussianBand`] mirrors | [Schroeder2012] | gamma, deviation of the cosine between normal and fibre, no unit | 0.0001 to 10000, cut; areas to 1e-3 |
 //! | [`SineBand`] mirrors | [Schroeder2012] | power, no unit | 0 to 1e8, cut; areas to 1e-3 |
 //! | [`DielectricFibre`], near and far field | [Marschner2003] | index; absorption times radius; widths, radians | index 1 to 3; widths half a degree to 34 along, 1 to 90 about; energy to 1e-3, to 1e-2 within 5 degrees of the fibre |
+//! | the same of a [`Section`] that is not round | [Khungurn2017], [Aliaga2017] | and the outline | the near field is the far field at every offset |
 //! | [`FittedFibre`], R and TT | [Khungurn2015] | two colours; three widths, radians | widths half a degree to 34, 90 about; fitted, so not physical: reflectances up to 0.99 |
 //! | virtual scattering, plain ([`meet_fibre`]) | [Schroeder2011] | populations: length per volume, 1/mm^2; radius, mm; spread, radians | fibres strewn at random; cross-sections to 1e-3 |
 //! | the same, packed ([`PackedEvent`]) | this crate | and the packing | packing to 0.7; see [`packed_fibre`] |
@@ -113,6 +114,7 @@ pub mod fibre;
 pub mod fibre_frame;
 pub mod fitted;
 pub mod flake;
+pub mod heap_colour;
 mod inclination_pair;
 pub mod lobe;
 pub mod longitudinal;
@@ -121,12 +123,14 @@ mod number;
 pub mod packed_fibre;
 pub mod population;
 pub mod proofs;
+pub mod section;
 pub mod sggx;
 pub mod surface;
+mod traced_section;
 pub mod virtual_fibres;
 
 pub use bvdf::{Bvdf, BvdfBuilder};
-pub use dielectric::{DielectricFibre, DielectricParameters, absorption_for_colour};
+pub use dielectric::{DielectricFibre, DielectricParameters};
 pub use error::Error;
 pub use far_parts::{FAR_LOBES, FAR_ROWS, FarParts};
 pub use fibre::{FarField, Fibre, NearEvent, NearField};
@@ -138,12 +142,14 @@ pub use flake::{
     DiffuseFlake, FlakeScattering, GaussianBand, MicroFlake, PopulationFlakes, SineBand,
     SpecularFlakes,
 };
+pub use heap_colour::{absorption_for_colour, absorption_for_colour_of};
 pub use inclination_pair::InclinationPair;
 pub use lobe::{Lobe, LobeSample};
-pub use near_parts::{BalanceNode, NearKind, NearParts};
+pub use near_parts::{BalanceNode, NearKind, NearParts, SectionRow, SectionTable};
 pub use number::Number;
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
+pub use section::{SECTIONS, Section};
 pub use sggx::{AxialFlake, Sggx};
 pub use surface::{Footprint, Passage, Shifted, Surface};
 pub use virtual_fibres::{

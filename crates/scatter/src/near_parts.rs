@@ -25,6 +25,28 @@ pub struct NearParts {
     pub balance: Vec<BalanceNode>,
     /// No less than the mean of c over channels times `cos^2` anywhere.
     pub max_drawn: f32,
+    /// Of a dielectric that is not round, in place of ray optics at the offset.
+    pub section: Option<SectionTable>,
+}
+
+/// The azimuthal part of a fibre that is not round: R, TT and what comes later, and a
+/// remainder that is even.
+#[derive(Clone, Debug)]
+pub struct SectionTable {
+    /// At even steps of the cosine of the mean inclination, from 0 to 1.
+    pub rows: Vec<SectionRow>,
+}
+
+/// A [`SectionTable`] at a mean inclination.
+#[derive(Clone, Debug)]
+pub struct SectionRow {
+    /// Probability of each lobe.
+    pub lobes: [f32; LOBES],
+    /// Light of the remainder per radian, per channel.
+    pub rest: [f32; 3],
+    /// Of R, TT and what comes later, at even steps of the azimuth from 0 to pi: light per
+    /// radian and channel, and the density of drawing the azimuth.
+    pub nodes: [Vec<[f32; 4]>; LOBES - 1],
 }
 
 /// A node of [`NearParts::balance`].
@@ -78,6 +100,10 @@ impl Fibre {
                 (f.azimuth_blur_rad(), kind)
             }
         };
+        let section = match self {
+            Fibre::Dielectric(f) => f.section_table(),
+            Fibre::Fitted(_) => None,
+        };
         let balance = self.balance();
         let node = |i: usize| {
             let bare = balance.node(i);
@@ -92,6 +118,7 @@ impl Fibre {
             kind,
             balance: (0..balance.nodes()).map(node).collect(),
             max_drawn: balance.most(),
+            section,
         }
     }
 }

@@ -5,8 +5,8 @@ use organza_basis::Rgb;
 use organza_scatter::fitted::PRESETS;
 use organza_scatter::longitudinal::MAX_BLUR_DEG;
 use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
-    absorption_for_colour,
+    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Section,
+    absorption_for_colour_of,
 };
 use organza_weave::Material;
 
@@ -51,6 +51,7 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
     if let Some(v) = t.ior.filter(|v| !(1.0..=3.0).contains(v)) {
         return Err(format!(".ior: expected a number from 1 to 3, found {v}"));
     }
+    section(t).map_err(|why| format!(".section: {why}"))?;
     for (key, values, most) in [
         ("colour", t.colour, 1.0),
         ("absorption_per_mm", t.absorption_per_mm, 1e5),
@@ -76,11 +77,12 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
             .map_err(|why| format!("fitted{why}"));
     }
     let ior = t.ior.unwrap_or(IOR);
+    let section = section(t).map_err(|why| format!("section: {why}"))?;
     let absorption_radii = match t.absorption_per_mm {
         Some(a) => Rgb::from(a) * material.fibre_radius_mm,
         None => {
             let thread = material.colour.unwrap_or(UNDYED);
-            absorption_for_colour(ior, t.colour.map_or(thread, Rgb::from))
+            absorption_for_colour_of(section, ior, t.colour.map_or(thread, Rgb::from))
         }
     };
     let parameters = DielectricParameters {
@@ -89,8 +91,16 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
         longitudinal_rad: t.longitudinal_deg.unwrap_or(LONGITUDINAL_DEG).to_radians(),
         azimuthal_rad: t.azimuthal_deg.unwrap_or(AZIMUTHAL_DEG).to_radians(),
     };
-    let fibre = DielectricFibre::new(parameters).map_err(|e| e.to_string())?;
+    let fibre = DielectricFibre::with_section(parameters, section).map_err(|e| e.to_string())?;
     Ok(Fibre::Dielectric(fibre))
+}
+
+/// The section of the fibres; none of round ones.
+fn section(t: &OpticsTable) -> Result<Option<Section>, String> {
+    match t.section.as_deref() {
+        None | Some("round") => Ok(None),
+        Some(name) => Section::from_name(name).map(Some),
+    }
 }
 
 /// The error is `: why` or `.key: why`.

@@ -61,6 +61,8 @@ pub struct OpticsTable {
     pub longitudinal_deg: Option<f32>,
     /// Width of the lobes about the fibres.
     pub azimuthal_deg: Option<f32>,
+    /// Outline of the fibres' cross-section, where they are not round.
+    pub section: Option<String>,
     /// A fibre fitted to photographs, instead of all that.
     pub fitted: Option<FittedValue>,
 }
@@ -95,13 +97,14 @@ pub struct FittedTable {
 
 impl OpticsTable {
     /// Keys that describe a dielectric fibre, and whether they are given.
-    pub fn dielectric_keys(&self) -> [(&'static str, bool); 5] {
+    pub fn dielectric_keys(&self) -> [(&'static str, bool); 6] {
         [
             ("ior", self.ior.is_some()),
             ("colour", self.colour.is_some()),
             ("absorption_per_mm", self.absorption_per_mm.is_some()),
             ("longitudinal_deg", self.longitudinal_deg.is_some()),
             ("azimuthal_deg", self.azimuthal_deg.is_some()),
+            ("section", self.section.is_some()),
         ]
     }
 
@@ -129,6 +132,7 @@ impl OpticsTable {
                 .or(clear3(colour(under.absorption_per_mm))),
             longitudinal_deg: self.longitudinal_deg.or(clear(under.longitudinal_deg)),
             azimuthal_deg: self.azimuthal_deg.or(clear(under.azimuthal_deg)),
+            section: self.section.or(under.section.filter(|_| !fitted)),
             fitted: self.fitted.or(under.fitted.filter(|_| !dielectric)),
         }
     }
@@ -403,6 +407,10 @@ mod tests {
                 ".silk.sin_power: sets the same property as `gamma`; give one of them",
             ),
             ("[silk]\nfitted = 'coton'\n", "did you mean `cotton`?"),
+            (
+                "[silk]\nsection = 'trilobel'\n",
+                "ellipse:RATIO, found `trilobel`; did you mean `trilobal`?",
+            ),
             (
                 "[silk]\nfitted = { colour_r = [1.0, 1.0, 1.0] }\n",
                 ".silk.fitted.colour_tt: is missing, and there is no `preset`",

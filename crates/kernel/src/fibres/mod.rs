@@ -37,6 +37,7 @@ mod own_frame;
 mod paths;
 mod plane;
 mod reached;
+mod section_lobes;
 mod several;
 mod shade;
 mod shadows;

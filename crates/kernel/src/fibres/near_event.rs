@@ -1,5 +1,7 @@
 //! Light at the surface of a fibre, in lanes: the near field of
 //! [`organza_scatter::NearField`], term by term.
+//!
+//! More than 450 lines: an event has one state, which all of its terms read.
 // Loops over lobes go by index: the compiler may leave iterators of vectors without
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]
@@ -114,7 +116,14 @@ impl<F: Floats> NearEvent<F> {
             exit_normals: [F::splat(0.0); LOBES - 1],
         };
         let crossing = event.crossing(drawing);
-        let energies = event.energies(&crossing, drawing, mask);
+        let mut energies = event.energies(&crossing, drawing, mask);
+        if event.has_sections(optics, mask) {
+            let own = event.material.section.lobes(optics, drawing);
+            for p in 0..LOBES {
+                let own = V3::splat(Vec3::ONE).scaled(own[p]);
+                energies[p] = own.or_where_not(event.material.is_section, energies[p]);
+            }
+        }
         let third = F::splat(1.0 / 3.0);
         let mut sent = [F::splat(0.0); LOBES];
         for p in 0..LOBES {
@@ -137,6 +146,12 @@ impl<F: Floats> NearEvent<F> {
     #[inline(always)]
     fn crossing(&self, cos: F) -> Crossing<F> {
         Crossing::new(self.material.ior, cos, self.offset)
+    }
+
+    /// Whether lanes of a mask met fibres that are not round.
+    #[inline(always)]
+    fn has_sections(&self, optics: &Optics, mask: F::Mask) -> bool {
+        optics.has_sections && (mask & self.material.is_section).any()
     }
 
     /// What each lobe keeps of the light at a mean inclination.
@@ -263,8 +278,16 @@ impl<F: Floats> NearEvent<F> {
         mask: F::Mask,
     ) -> Scattered<F> {
         let kernels = self.densities(pair, mask);
-        let azimuths = self.azimuths(crossing, angles.azimuth, mask);
-        let colours = self.energies(crossing, pair.mean_cos, mask);
+        let mut azimuths = self.azimuths(crossing, angles.azimuth, mask);
+        let mut colours = self.energies(crossing, pair.mean_cos, mask);
+        if self.has_sections(optics, mask) {
+            let m = &self.material;
+            let own = m.section.at(optics, pair.mean_cos, angles.azimuth);
+            for p in 0..LOBES {
+                azimuths[p] = own[p].1.or_where_not(m.is_section, azimuths[p]);
+                colours[p] = own[p].0.or_where_not(m.is_section, colours[p]);
+            }
+        }
         let (mut value, mut pdf) = (V3::splat(Vec3::ZERO), F::splat(0.0));
         let mut sent = [F::splat(0.0); LOBES];
         for p in 0..LOBES {
@@ -328,7 +351,14 @@ impl<F: Floats> NearEvent<F> {
         let word = F::Ints::splat;
         let even_dielectric = m.is_dielectric & lobe.equals(word(3));
         let even_fitted = !m.is_dielectric & lobe.equals(word(0));
-        let azimuth = wrap(anywhere.or_where_not(even_dielectric | even_fitted, mean + about));
+        let mut azimuth = wrap(anywhere.or_where_not(even_dielectric | even_fitted, mean + about));
+        if self.has_sections(optics, mask) {
+            let traced = m.is_section & !lobe.equals(word(3));
+            let more = [rng.units(mask & traced), rng.units(mask & traced)];
+            let drawn = m.section.azimuth(optics, lobe, pair.mean_cos, more);
+            let drawn = drawn.or_where_not(traced, wrap(anywhere));
+            azimuth = drawn.or_where_not(m.is_section, azimuth);
+        }
 
         let (s, c) = sin_cos(azimuth);
         let across = self.forward.scaled(c * cos);
@@ -358,7 +388,10 @@ impl<F: Floats> NearEvent<F> {
         let s = u_place + u_place - one;
         let spread = atan2(s, (one - s * s).max(F::splat(0.0)).sqrt());
         let anywhere = toward.angles.azimuth + spread;
-        let resolved = self.material.is_dielectric & !lobe.equals(F::Ints::splat(3));
+        let word = F::Ints::splat;
+        // Of fibres that are not round only R.
+        let resolved = (self.material.is_dielectric & !lobe.equals(word(3)))
+            | (self.material.is_section & lobe.equals(word(0)));
         let angle = of_lobe(lobe, &[exits[0], exits[1], exits[2], anywhere])
             .or_where_not(resolved, anywhere);
         let aside = wrap(angle - toward.angles.azimuth)

@@ -1,6 +1,7 @@
 //! How fibres scatter, laid out for lanes.
 
 use super::joint_table::word_of;
+use super::section_lobes::{SectionLobes, lay_out_section};
 use crate::cpu::lanes::{Floats, Ints, Mask};
 use crate::cpu::math::V3;
 use organza_scatter::{Fibre, NearKind};
@@ -19,7 +20,7 @@ const NODE: u32 = 8;
 /// A material has 32 words, as bits of `f32` where nothing else is said:
 ///
 /// ```text
-/// 0        1 of a dielectric, 0 of a fitted fibre (a whole number)
+/// 0        1 of a round dielectric, 2 of another dielectric, 0 of a fitted fibre (a whole number)
 /// 1        refractive index
 /// 2..5     absorption times radius of a dielectric; R at normal incidence of a fitted fibre
 /// 5..8     what TT of a fitted fibre keeps
@@ -31,6 +32,7 @@ const NODE: u32 = 8;
 /// 23       greatest value that drawing an inclination is accepted by
 /// 24       nodes of the balance
 /// 25       word of the first node (a whole number)
+/// 26..28   of a dielectric that is not round: see [`SectionLobes`]
 /// ```
 ///
 /// Behind all materials stand the nodes of their balances, over even steps of the cosine
@@ -40,12 +42,17 @@ pub struct Optics {
     pub words: Vec<u32>,
     /// Materials.
     pub count: u32,
+    /// Whether some of them are not round.
+    pub has_sections: bool,
 }
 
 /// One material in every lane.
 #[derive(Clone, Copy)]
 pub struct Material<F: Floats> {
     pub is_dielectric: F::Mask,
+    /// Fibres that are not round.
+    pub is_section: F::Mask,
+    pub section: SectionLobes<F>,
     pub ior: F,
     /// Absorption times radius of a dielectric; of a fitted fibre R at normal
     /// incidence.
@@ -75,6 +82,7 @@ impl Optics {
     /// Lays fibres out in the order of their numbers.
     pub fn new(fibres: &[Fibre]) -> Optics {
         let mut words = vec![0; fibres.len().max(1) * HEAD as usize];
+        let mut has_sections = false;
         for (i, fibre) in fibres.iter().enumerate() {
             let parts = fibre.near_parts();
             let first = words.len() as u32;
@@ -88,7 +96,11 @@ impl Optics {
                 NearKind::Dielectric {
                     ior,
                     absorption_radii,
-                } => (1, ior, [absorption_radii, organza_basis::Rgb::BLACK]),
+                } => (
+                    1 + u32::from(parts.section.is_some()),
+                    ior,
+                    [absorption_radii, organza_basis::Rgb::BLACK],
+                ),
                 NearKind::Fitted {
                     colour_r,
                     colour_tt,
@@ -109,11 +121,16 @@ impl Optics {
             head.push(parts.max_drawn.to_bits());
             head.push((parts.balance.len() as f32).to_bits());
             head.push(first);
+            if let Some(table) = &parts.section {
+                has_sections = true;
+                head.extend(lay_out_section(table, &mut words));
+            }
             words[i * HEAD as usize..][..head.len()].copy_from_slice(&head);
         }
         Optics {
             words,
             count: fibres.len() as u32,
+            has_sections,
         }
     }
 
@@ -133,6 +150,11 @@ impl Optics {
         };
         Material {
             is_dielectric: at.bits(0).equals(word(1)),
+            is_section: at.bits(0).equals(word(2)),
+            section: SectionLobes {
+                first: at.bits(26),
+                azimuths: at.bits(27),
+            },
             ior: at.number(1),
             absorption: at.vector(2),
             colour_tt: at.vector(5),
@@ -191,7 +213,7 @@ impl<F: Floats> Material<F> {
         (place, scaled - lower, near_axis)
     }
 
-    /// Lanes of a mask with a dielectric, and those without.
+    /// Lanes of a mask with a round dielectric, and those without.
     #[inline(always)]
     pub fn kinds(&self, mask: F::Mask) -> (bool, bool) {
         (

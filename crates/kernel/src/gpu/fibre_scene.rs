@@ -151,6 +151,9 @@ fn only_body(matter: &FibreMatter) -> Result<&Body, Refusal> {
     if matter.has_lists() {
         return Err(Refusal::NotYet("lists of fibres in place of copies"));
     }
+    if matter.optics.has_sections {
+        return Err(Refusal::NotYet("fibres that are not round"));
+    }
     match &matter.bodies[..] {
         [body] if matter.is_one_body() => Ok(body),
         _ => Err(Refusal::NotYet(

@@ -9,7 +9,7 @@ use glam::{UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
 use organza_basis::curve::{Segment, SegmentList};
 use organza_kernel::Refusal;
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_scatter::{DielectricFibre, DielectricParameters, Fibre, Section};
 use organza_testing::twisted_weave;
 use organza_transport::*;
 use std::ops::ControlFlow;
@@ -64,6 +64,18 @@ pub(crate) fn by_cells(
     rendering.into_parts()
 }
 
+/// A fibre that is not round beside a round one.
+fn lobed_and_round() -> Vec<Fibre> {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::new(0.02, 0.1, 0.5),
+        longitudinal_rad: 0.1,
+        azimuthal_rad: 0.3,
+    };
+    let lobed = DielectricFibre::with_section(parameters, Some(Section::Trilobal)).unwrap();
+    vec![Fibre::Dielectric(lobed), silk_and_cotton().remove(0)]
+}
+
 fn scenes() -> Vec<(&'static str, Scene)> {
     let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let flat = Projection::Orthographic { width_mm: 0.4 };
@@ -75,6 +87,10 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("cut", scene(cut(), parallel(), lens())),
         ("panels", scene(cloth(true), panels(), pinhole)),
         ("picture", scene(cloth(false), vec![picture()], pinhole)),
+        (
+            "sections",
+            scene(fibres_of(true, lobed_and_round()), parallel(), pinhole),
+        ),
     ]
 }
 

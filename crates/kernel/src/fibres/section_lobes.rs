@@ -1,0 +1,261 @@
+//! Azimuthal lobes of fibres that are not round, in lanes: a table, and how to draw from it.
+//!
+//! Between nodes the lobes are linear in the cosine of the mean inclination and in the
+//! azimuth. An azimuth is drawn from one of the two rows: a node by an alias table
+//! [Walker1977], then a place in the tent that interpolation spreads it over.
+// Loops over lobes go by index: the compiler may leave iterators of vectors without
+// the back end's instructions.
+#![allow(clippy::needless_range_loop)]
+
+use super::joint_table::{vector_of, word_of};
+use super::optics::{LOBES, Optics};
+use crate::cpu::lanes::{Floats, Ints};
+use crate::cpu::math::V3;
+use organza_basis::AliasTable;
+use organza_scatter::{FAR_ROWS, SectionTable};
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// Words of a row before its nodes: light of the remainder, one of room, chances of lobes.
+const ROW_HEAD: u32 = 8;
+/// Lobes that depend on the azimuth.
+const SHAPED: usize = LOBES - 1;
+/// Words of a node: per lobe light of three channels and the density of drawing, then per
+/// lobe what of its slot is its own, and who has the rest (a whole number).
+const NODE: u32 = 6 * SHAPED as u32;
+
+/// The table of one material in every lane.
+#[derive(Clone, Copy)]
+pub struct SectionLobes<F: Floats> {
+    /// Word of the first row.
+    pub first: F::Ints,
+    /// Nodes of a row.
+    pub azimuths: F::Ints,
+}
+
+/// Appends a table to the words of the materials and gives what heads say of it.
+pub fn lay_out_section(table: &SectionTable, words: &mut Vec<u32>) -> [u32; 2] {
+    let first = words.len() as u32;
+    let azimuths = table.rows.first().map_or(0, |row| row.nodes[0].len());
+    for row in &table.rows {
+        words.extend(row.rest.map(f32::to_bits));
+        words.push(0);
+        words.extend(row.lobes.map(f32::to_bits));
+        let slots: Vec<Vec<(f32, u32)>> = row.nodes.iter().map(|nodes| slots(nodes)).collect();
+        for k in 0..azimuths {
+            for nodes in &row.nodes {
+                words.extend(nodes[k].map(f32::to_bits));
+            }
+            for slots in &slots {
+                words.extend([slots[k].0.to_bits(), slots[k].1]);
+            }
+        }
+    }
+    [first, azimuths as u32]
+}
+
+/// How a lobe draws its nodes: those at the ends have half a tent.
+fn slots(nodes: &[[f32; 4]]) -> Vec<(f32, u32)> {
+    let mut weights: Vec<f64> = nodes.iter().map(|n| f64::from(n[3])).collect();
+    if let [first, .., last] = &mut weights[..] {
+        *first *= 0.5;
+        *last *= 0.5;
+    }
+    match AliasTable::new(&weights) {
+        Some(table) => table.slots().to_vec(),
+        None => (0..nodes.len() as u32).map(|k| (1.0, k)).collect(),
+    }
+}
+
+impl<F: Floats> SectionLobes<F> {
+    /// The row before a cosine, and how far it is to the next.
+    #[inline(always)]
+    fn row(&self, mean_cos: F) -> (F::Ints, F) {
+        let last = F::splat((FAR_ROWS - 1) as f32);
+        let scaled = mean_cos * last;
+        let row = scaled.floor().max(F::splat(0.0)).min(last - F::splat(1.0));
+        (self.first + row.to_ints() * self.stride(), scaled - row)
+    }
+
+    /// Words of a row.
+    #[inline(always)]
+    fn stride(&self) -> F::Ints {
+        let word = F::Ints::splat;
+        self.azimuths * word(NODE) + word(ROW_HEAD)
+    }
+
+    /// Chances of the lobes at the cosine of an inclination.
+    #[inline(always)]
+    pub fn lobes(&self, optics: &Optics, cos: F) -> [F; LOBES] {
+        let (row, share) = self.row(cos);
+        let next = row + self.stride();
+        let mut all = [F::splat(0.0); LOBES];
+        for p in 0..LOBES {
+            let a = word_of::<F>(&optics.words, row, 4 + p as u32);
+            let b = word_of::<F>(&optics.words, next, 4 + p as u32);
+            all[p] = (b - a).mul_add(share, a);
+        }
+        all
+    }
+
+    /// Per lobe light over the density of drawing an azimuth, and that density, per radian.
+    #[inline(always)]
+    pub fn at(&self, optics: &Optics, mean_cos: F, azimuth: F) -> [(V3<F>, F); LOBES] {
+        let words = &optics.words[..];
+        let word = F::Ints::splat;
+        let (row, down) = self.row(mean_cos);
+        let next = row + self.stride();
+        let last = self.azimuths.to_floats() - F::splat(1.0);
+        let scaled = azimuth.abs().min(F::splat(PI)) * F::splat(FRAC_1_PI) * last;
+        let left = scaled.floor().min(last - F::splat(1.0));
+        let along = scaled - left;
+        let offset = left.to_ints() * word(NODE) + word(ROW_HEAD);
+        let even = F::splat(0.5 * FRAC_1_PI);
+        let [a, b] = [
+            vector_of::<F>(words, row, 0),
+            vector_of::<F>(words, next, 0),
+        ];
+        let rest = mixed(a, b, down).scaled(F::splat(2.0 * PI));
+        let mut all = [(rest, even); LOBES];
+        for p in 0..SHAPED {
+            let k = 4 * p as u32;
+            let (a, c) = between::<F>(words, row + offset, k, along);
+            let (b, d) = between::<F>(words, next + offset, k, along);
+            let density = (d - c).mul_add(down, c).max(F::splat(f32::MIN_POSITIVE));
+            let light = mixed(a, b, down);
+            all[p] = (light.scaled(F::splat(1.0) / density), density);
+        }
+        all
+    }
+
+    /// Draws the azimuth of a lobe with that density.
+    #[inline(always)]
+    pub fn azimuth(
+        &self,
+        optics: &Optics,
+        lobe: F::Ints,
+        mean_cos: F,
+        [[u_row, u_slot, u_keep], [u_place, v_place, u_sign]]: [[F; 3]; 2],
+    ) -> F {
+        let words = &optics.words[..];
+        let word = F::Ints::splat;
+        let (one, two) = (F::splat(1.0), F::splat(2.0));
+        let (row, down) = self.row(mean_cos);
+        let row = (row + self.stride()).or_where_not(u_row.below(down), row);
+        let count = self.azimuths.to_floats();
+        let slot = (u_slot * count).floor().min(count - one).to_ints();
+        let pair = row + slot * word(NODE) + lobe.shl::<1>() + word(ROW_HEAD + 4 * SHAPED as u32);
+        let own = word_of::<F>(words, pair, 0);
+        let other = (pair + word(1)).gather(words);
+        let node = slot.or_where_not(u_keep.below(own), other).to_floats();
+        // Folded at the ends.
+        let place = (node + (u_place + v_place - one)).abs();
+        let last = count - one;
+        let place = place.min(two * last - place);
+        let azimuth = place * F::splat(PI) / last;
+        azimuth.or_where_not(u_sign.below(F::splat(0.5)), -azimuth)
+    }
+}
+
+/// Light and density of a lobe between two nodes.
+#[inline(always)]
+fn between<F: Floats>(words: &[u32], place: F::Ints, k: u32, along: F) -> (V3<F>, F) {
+    let a = vector_of::<F>(words, place, k);
+    let b = vector_of::<F>(words, place, k + NODE);
+    let c = word_of::<F>(words, place, k + 3);
+    let d = word_of::<F>(words, place, k + 3 + NODE);
+    (mixed(a, b, along), (d - c).mul_add(along, c))
+}
+
+#[inline(always)]
+fn mixed<F: Floats>(a: V3<F>, b: V3<F>, share: F) -> V3<F> {
+    a.scaled_add(F::splat(1.0) - share, b.scaled(share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::lanes::one;
+    use crate::fibres::near_event::{Met, NearEvent};
+    use glam::Vec3;
+    use organza_basis::hypothesis::LineGrid;
+    use organza_basis::{PathRng, Rgb, warp};
+    use organza_scatter::{
+        DielectricFibre, DielectricParameters, Fibre, FibreFrame, Lobe, Section,
+    };
+
+    fn fibre(section: Option<Section>) -> Fibre {
+        let parameters = DielectricParameters {
+            ior: 1.55,
+            absorption_radii: Rgb::new(0.02, 0.2, 1.0),
+            longitudinal_rad: 0.1,
+            azimuthal_rad: 0.2,
+        };
+        Fibre::Dielectric(DielectricFibre::with_section(parameters, section).unwrap())
+    }
+
+    /// Every event is that of the general walk, value and density.
+    #[test]
+    fn events_are_those_of_the_general_walk() {
+        let section = fibre(Some(Section::Trilobal));
+        let all = !one::F::splat(0.0).below(one::F::splat(0.0));
+        let off = |fibre: &Fibre| {
+            let optics = Optics::new(std::slice::from_ref(fibre));
+            let mut rng = PathRng::from_seed(72);
+            let mut worst = 0.0f32;
+            for _ in 0..400 {
+                let [t, w_out, w_in] = [(); 3].map(|()| warp::uniform_sphere(rng.unit2()));
+                let frame = FibreFrame::new(t, w_out);
+                let h = 1.8 * rng.unit() - 0.9;
+                let out = frame.side * h - frame.forward * (1.0 - h * h).sqrt();
+                let near = section.near_field(frame, h);
+                let met = Met {
+                    tangent: V3::splat(t),
+                    out_mm: V3::splat(out),
+                    w_out: V3::splat(w_out),
+                };
+                let material = optics.materials::<one::F>(one::U::splat(0));
+                let event = NearEvent::new(&optics, material, &met, all);
+                let got = event.toward(&optics, V3::splat(w_in), all);
+                let value = near.eval(w_out, w_in).0;
+                let own = Vec3::new(got.value.x.0, got.value.y.0, got.value.z.0);
+                let pdf = near.pdf(w_out, w_in);
+                let apart = (own - value).abs().max_element() + (got.pdf.0 - pdf).abs();
+                worst = worst.max(apart / (value.max_element() + pdf + 1e-3));
+            }
+            worst
+        };
+        assert!(off(&section) < 2e-3, "seed 72: {}", off(&section));
+        // The twin is round.
+        assert!(off(&fibre(None)) > 0.1, "seed 72");
+    }
+
+    #[test]
+    fn azimuths_are_drawn_with_their_density() {
+        let optics = Optics::new(&[fibre(Some(Section::Ribbon))]);
+        let table = optics.materials::<one::F>(one::U::splat(0)).section;
+        let cos = one::F::splat(0.77);
+        let mut rng = PathRng::from_seed(73);
+        for lobe in 0..3 {
+            let line = LineGrid {
+                from: -f64::from(PI),
+                to: f64::from(PI),
+                cells: 48,
+            };
+            let density = |azimuth: f64| {
+                let at = table.at(&optics, cos, one::F::splat(azimuth as f32));
+                f64::from(at[lobe].1.0)
+            };
+            let mut draw = || {
+                let u = [(); 2].map(|()| [(); 3].map(|()| one::F::splat(rng.unit())));
+                let own = one::U::splat(lobe as u32);
+                Some(f64::from(table.azimuth(&optics, own, cos, u).0))
+            };
+            let verdict = line.chi_square(20_000, &mut draw, density);
+            assert!(verdict.p_value > 1e-4, "seed 73, {lobe}: {verdict:?}");
+            let twin = line.chi_square(20_000, &mut draw, |a| {
+                0.8 * density(a) + 0.1 * f64::from(FRAC_1_PI)
+            });
+            assert!(twin.p_value < 1e-6, "seed 73, {lobe}: {twin:?}");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Fibres that are not round: their lobes against those of the round fibre, and what they
+//! keep of the light.
+
+use super::*;
+use crate::{Section, absorption_for_colour_of};
+
+const ALL: [Section; 5] = [
+    Section::Bean,
+    Section::Trilobal,
+    Section::Triangle,
+    Section::Ribbon,
+    Section::Ellipse(3.0),
+];
+
+fn parameters(absorption: Rgb) -> DielectricParameters {
+    DielectricParameters {
+        ior: 1.55,
+        absorption_radii: absorption,
+        longitudinal_rad: 6f32.to_radians(),
+        azimuthal_rad: 15f32.to_radians(),
+    }
+}
+
+fn of(section: Section, absorption: Rgb) -> Fibre {
+    let fibre = DielectricFibre::with_section(parameters(absorption), Some(section));
+    Fibre::Dielectric(fibre.unwrap())
+}
+
+/// The distance of two far fields over all azimuths, as a share of the greatest value.
+fn apart(a: &Fibre, b: &Fibre, lobe: usize, cos: f32) -> f32 {
+    let (a, b) = (a.far_parts(), b.far_parts());
+    let (mut most, mut apart) = (0.0f32, 0.0f32);
+    for i in 0..=180 {
+        let azimuth = (i as f32).to_radians();
+        let [x, y] = [&a, &b].map(|parts| parts.azimuthal(lobe, cos, azimuth).0);
+        most = most.max(y.max_element());
+        apart = apart.max((x - y).abs().max_element());
+    }
+    apart / most
+}
+
+/// The tracer, given a circle, against the closed forms of the round fibre.
+#[test]
+fn a_traced_circle_scatters_as_the_round_fibre_does() {
+    let absorption = Rgb::new(0.02, 0.2, 1.0);
+    let traced = of(Section::Ellipse(1.0), absorption);
+    let round = DielectricFibre::new(parameters(absorption)).unwrap();
+    let round = Fibre::Dielectric(round);
+    for cos in [0.3, 0.7, 1.0] {
+        for lobe in [0, 1] {
+            let off = apart(&traced, &round, lobe, cos);
+            assert!(off < 0.02, "lobe {lobe}, cosine {cos}: {off}");
+        }
+        // The twin is a little flat.
+        let flat = of(Section::Ellipse(1.3), absorption);
+        assert!(apart(&flat, &round, 1, cos) > 0.04, "cosine {cos}");
+    }
+}
+
+#[test]
+fn fields_of_sections_are_proved() {
+    for (section, w_out) in ALL.into_iter().take(3).zip(oblique()) {
+        let fibre = of(section, Rgb::new(0.05, 0.3, 2.0));
+        let name = section.to_string();
+        prove_lobe(&name, &fibre.far_field(TANGENT), TANGENT, w_out, 20);
+        let near = fibre.near_field(FibreFrame::new(TANGENT, w_out), 0.4);
+        prove_lobe(&name, &near, TANGENT, w_out, 20);
+    }
+}
+
+#[test]
+fn sections_are_reciprocal() {
+    let mut rng = PathRng::from_seed(71);
+    for section in [Section::Bean, Section::Trilobal] {
+        let fibre = of(section, Rgb::splat(0.1));
+        let lobe = fibre.far_field(TANGENT);
+        for _ in 0..500 {
+            let [a, b] = [(); 2].map(|()| warp::uniform_sphere(rng.unit2()));
+            let there = lobe.eval(a, b) * TANGENT.cross(a).length();
+            let back = lobe.eval(b, a) * TANGENT.cross(b).length();
+            let off = (there - back).0.abs().max_element();
+            assert!(
+                off <= 1e-3 * there.max_component() + 1e-6,
+                "seed 71, {section}: {there:?} {back:?}"
+            );
+        }
+    }
+}
+
+/// Fibres of any section that absorb nothing lose nothing, seen from any side.
+#[test]
+fn clear_sections_keep_all_light() {
+    let albedo = |fibre: &Fibre, theta_deg: f32| {
+        let (sin, cos) = theta_deg.to_radians().sin_cos();
+        let w_out = TANGENT * sin + TANGENT.any_orthonormal_vector() * cos;
+        let lobe = fibre.far_field(TANGENT);
+        let grid = SphereGrid::new(TANGENT, 60, 24);
+        grid.integrate(|w| f64::from(lobe.eval(w_out, w).0.x))
+    };
+    for section in ALL {
+        let fibre = of(section, Rgb::BLACK);
+        for theta_deg in [0.0f32, 40.0, 80.0, 89.0] {
+            let admitted = if theta_deg > 85.0 { 1e-2 } else { 1e-3 };
+            let got = albedo(&fibre, theta_deg);
+            assert!(
+                (got - 1.0).abs() < admitted,
+                "{section}, {theta_deg} degrees: {got}"
+            );
+        }
+    }
+    // The twin absorbs a little.
+    let dim = albedo(&of(Section::Trilobal, Rgb::splat(0.003)), 0.0);
+    assert!(dim < 1.0 - 2e-3, "{dim}");
+}
+
+#[test]
+fn colours_of_heaps_know_the_section() {
+    let colour = Rgb::new(0.7, 0.4, 0.1);
+    let of = |section| absorption_for_colour_of(section, 1.55, colour).0;
+    let round = of(None);
+    let circle = of(Some(Section::Ellipse(1.0)));
+    assert!(
+        (circle / round - 1.0).abs().max_element() < 0.05,
+        "{circle} {round}"
+    );
+    // A thin fibre needs a stronger dye.
+    let flat = of(Some(Section::Ellipse(10.0)));
+    assert!(flat.z > 1.1 * round.z, "{flat} {round}");
+}
+
+/// The figures of docs/fabrics.md.
+#[test]
+fn sections_have_the_documented_areas() {
+    for (section, share) in [
+        (Section::Bean, 0.787),
+        (Section::Trilobal, 0.828),
+        (Section::Triangle, 0.969),
+        (Section::Ribbon, 0.558),
+    ] {
+        let own = section.area_share();
+        assert!((own - share).abs() < 5e-3, "{section}: {own}");
+    }
+}
