@@ -84,22 +84,23 @@ impl Lane {
         if threads < 2 {
             return all;
         }
-        for k in 0..knots {
-            for _ in 0..ROUNDS {
-                for i in 0..threads {
-                    let next = (i + 1) % threads;
-                    let gap_mm =
-                        (self.position_mm[next] - self.position_mm[i]).rem_euclid(self.period_mm);
-                    let touching_mm = 0.5 * (self.width_mm[i] + self.width_mm[next]);
-                    let lacking_mm = gap_mm.min(touching_mm) - (gap_mm + all[next][k] - all[i][k]);
-                    if lacking_mm > 0.0 {
-                        all[i][k] -= 0.5 * lacking_mm;
-                        all[next][k] += 0.5 * lacking_mm;
-                    }
-                }
+        (0..knots).for_each(|k| self.keep_apart(&mut all, k));
+        all
+    }
+
+    /// Moves threads apart at knot `k` that would lie nearer to each other than they may.
+    fn keep_apart(&self, all: &mut [Vec<f64>], k: usize) {
+        let threads = all.len();
+        for i in (0..ROUNDS).flat_map(|_| 0..threads) {
+            let next = (i + 1) % threads;
+            let gap_mm = (self.position_mm[next] - self.position_mm[i]).rem_euclid(self.period_mm);
+            let touching_mm = 0.5 * (self.width_mm[i] + self.width_mm[next]);
+            let lacking_mm = gap_mm.min(touching_mm) - (gap_mm + all[next][k] - all[i][k]);
+            if lacking_mm > 0.0 {
+                all[i][k] -= 0.5 * lacking_mm;
+                all[next][k] += 0.5 * lacking_mm;
             }
         }
-        all
     }
 }
 
