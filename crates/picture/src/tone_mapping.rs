@@ -3,6 +3,7 @@
 use glam::{Mat3, Vec3};
 use organza_basis::Rgb;
 use serde::Deserialize;
+use std::sync::LazyLock;
 
 /// How bright colours are compressed for a display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -84,10 +85,18 @@ const AGX_POWERS: [f32; 2] = [3.0, 3.25];
 /// The power with which displays of AgX decode.
 const AGX_GAMMA: f32 = 2.2;
 
+/// The inset with rows that sum to 1, which the published digits miss by 1e-4, and its
+/// inverse: greys stay grey.
+static AGX_MATRICES: LazyLock<[Mat3; 2]> = LazyLock::new(|| {
+    let inset = Mat3::from_diagonal((AGX_INSET * Vec3::ONE).recip()) * AGX_INSET;
+    [inset, inset.inverse()]
+});
+
 fn agx(colour: Rgb) -> [f32; 3] {
-    let inset = AGX_INSET * colour.0.max(Vec3::ZERO);
-    let encoded = Vec3::from(inset.to_array().map(agx_curve));
-    let displayed = AGX_INSET.inverse() * encoded;
+    let [inset, outset] = &*AGX_MATRICES;
+    let mixed = *inset * colour.0.max(Vec3::ZERO);
+    let encoded = Vec3::from(mixed.to_array().map(agx_curve));
+    let displayed = *outset * encoded;
     displayed
         .to_array()
         .map(|v| v.clamp(0.0, 1.0).powf(AGX_GAMMA))
@@ -222,14 +231,13 @@ mod tests {
             let mut last = -1.0;
             for stop in -60..=60 {
                 let value = MIDDLE_GREY * (0.25 * stop as f32).exp2();
-                // Rows of the published matrices sum to 1 within 2e-4.
                 let [r, g, b] = curve.apply(Rgb::splat(value));
                 assert!(
-                    (r - g).abs() < 5e-4 && (g - b).abs() < 5e-4,
+                    (r - g).abs() < 2e-4 && (g - b).abs() < 2e-4,
                     "{name} {r} {g} {b}"
                 );
                 assert!(
-                    r >= last && (0.0..=1.0).contains(&r),
+                    r >= last - 1e-6 && (0.0..=1.0).contains(&r),
                     "{name}: {r} at {value}"
                 );
                 last = r;
