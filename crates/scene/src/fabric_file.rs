@@ -126,6 +126,7 @@ fn build(
         warp: file.warp.clone(),
         weft: file.weft.clone(),
         yarn: file.yarn.clone(),
+        pile: file.pile.clone(),
         relaxation: file.relaxation,
         tile: file.tile,
         ideal: file.ideal,

@@ -4,7 +4,7 @@ use crate::optics::OpticsFile;
 use crate::scattering::ScatteringTable;
 use organza_surface::SurfaceTable;
 use organza_weave::spec::{
-    CurveKind, DraftSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
+    CurveKind, DraftSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -26,6 +26,8 @@ pub struct FabricFile {
     /// Yarns by name.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
+    /// Yarns that stand on the weave, if any.
+    pub pile: Option<PileSpec>,
     /// How yarns find their places.
     #[serde(default)]
     pub relaxation: RelaxationSpec,
@@ -106,6 +108,7 @@ impl FabricFile {
                 is_woven,
                 woven,
             ),
+            ("pile", self.pile.is_some(), is_woven, woven),
             ("weft.per_cm", weft.per_cm.is_some(), !is_curves, spaced),
             (
                 "weft.spacing_mm",

@@ -7,6 +7,7 @@ mod figures;
 mod flattening;
 mod import;
 mod irregularity;
+mod pile;
 mod spacing;
 mod spun;
 mod yarns;
@@ -17,6 +18,7 @@ use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
 use crate::knit::Knit;
 use crate::path::{Hermite, Path};
+use crate::pile::Tufts;
 use crate::section::Section;
 use crate::strand::Strand;
 use crate::sway::Sway;
@@ -27,7 +29,7 @@ use spun::Spun;
 use std::sync::Arc;
 
 pub use build::Loader;
-pub use figures::{Figures, SystemFigures};
+pub use figures::{Figures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
 
 /// The properties that determine the optics of a segment.
@@ -66,6 +68,8 @@ enum Centreline {
     Knitted { knit: Arc<Knit>, course: usize },
     /// Through given points, not periodic.
     Imported { points: Vec<DVec3>, closed: bool },
+    /// Smooth and periodic, through given points.
+    Laid { points: Arc<[DVec3]>, period: DVec3 },
     /// A single fibre, unchanged.
     Bare(PolyCurve),
 }
@@ -89,6 +93,7 @@ pub struct Cloth {
     yarns: Vec<Arc<Yarn>>,
     threads: Vec<ThreadAtRest>,
     materials: Vec<Material>,
+    pile: Option<pile::Pile>,
     tile: Tile,
     seed: u64,
     compaction: f64,
@@ -119,9 +124,14 @@ impl Cloth {
     }
 
     /// The curves of one level; one batch per thread, warp before weft,
-    /// courses from the bottom up.
+    /// courses from the bottom up, then one per column of loops or tuft of the pile.
     pub fn curves(&self, level: CurveLevel) -> Curves<'_> {
         Curves { cloth: self, level }
+    }
+
+    /// The tufts of cut pile.
+    fn tufts(&self) -> Option<&Tufts> {
+        self.pile.as_ref()?.tufts.as_deref()
     }
 
     /// A thread's centreline in steps short enough for a level.
@@ -157,6 +167,9 @@ impl Cloth {
             }
             Centreline::Imported { points, closed } => {
                 Path::through(points, *closed, step(import::bend_per_mm(points)))
+            }
+            Centreline::Laid { points, period } => {
+                Path::periodic_through(points, *period, step(import::bend_per_mm(points)))
             }
             Centreline::Bare(curve) => {
                 let points: Vec<DVec3> = curve.points_mm.iter().map(|p| p.as_dvec3()).collect();
@@ -214,10 +227,16 @@ impl SegmentSource for Curves<'_> {
     }
 
     fn batch_count(&self) -> usize {
-        self.cloth.threads.len()
+        self.cloth.batch_count()
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
+        let threads = self.cloth.threads.len();
+        if let Some((tufts, tuft)) = self.cloth.tufts().zip(batch.checked_sub(threads)) {
+            let as_fibres = self.level == CurveLevel::Fibre;
+            tufts.emit(tuft, as_fibres, (self.cloth.seed, batch), emit);
+            return;
+        }
         if let Centreline::Bare(curve) = &self.cloth.threads[batch].line {
             let (yarn, material) = (batch as u32, self.cloth.threads[batch].dye.main());
             curve.for_each_segment(&mut |s| {
@@ -250,7 +269,7 @@ impl SegmentSource for Cloth {
     }
 
     fn batch_count(&self) -> usize {
-        self.threads.len()
+        self.threads.len() + self.tufts().map_or(0, |t| t.tufts.len())
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {

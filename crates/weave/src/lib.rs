@@ -48,6 +48,7 @@ mod knit;
 mod named;
 mod path;
 mod picture;
+mod pile;
 pub mod preset;
 mod protruding;
 mod push_apart;
@@ -63,7 +64,7 @@ mod wif;
 mod yarn;
 
 pub use cloth::{
-    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, SystemFigures,
+    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, PileFigures, SystemFigures,
     SystemIrregularity,
 };
 pub use draft::{Draft, Thread};

@@ -37,6 +37,16 @@ impl Hermite {
         })
     }
 
+    /// Height at a place along the axis, which may lie outside one period.
+    pub fn height_at(&self, at_mm: f64) -> f64 {
+        let first = self.knots_mm[0];
+        let at = first + (at_mm - first).rem_euclid(self.period_mm());
+        let knots = self.height_mm.len();
+        let k = self.knots_mm.partition_point(|&s| s <= at).clamp(1, knots) - 1;
+        let (d, _) = self.interval(k);
+        self.at(k, (at - self.knots_mm[k]) / d).0
+    }
+
     /// Height and slope at a fraction `t` of interval `k`.
     pub fn at(&self, k: usize, t: f64) -> (f64, f64) {
         let (d, [h0, a0, h1, a1]) = self.interval(k);
@@ -262,6 +272,61 @@ impl Path {
             open: !closed,
             ..Path::new(points, lateral, vertical, DVec3::ZERO)
         }
+    }
+
+    /// A smooth line (uniform Catmull-Rom) through the given points of one period, each span in
+    /// steps of `longest_mm` at most. Frames are transported along the line without rotation;
+    /// the angle that remains over a period is distributed evenly.
+    pub fn periodic_through(given: &[DVec3], period: DVec3, longest_mm: f64) -> Path {
+        let n = given.len() as isize;
+        let at = |i: isize| given[i.rem_euclid(n) as usize] + i.div_euclid(n) as f64 * period;
+        let mut points = Vec::new();
+        for i in 0..n {
+            let around = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+            let steps = (around[1].distance(around[2]) / longest_mm).ceil();
+            let steps = steps.clamp(1.0, 64.0);
+            points.extend((0..steps as usize).map(|k| catmull_rom(around, k as f64 / steps)));
+        }
+        points.push(at(n));
+        let last = points.len() - 1;
+        let tangent = |i: usize| {
+            let before = if i == 0 {
+                points[last - 1] - period
+            } else {
+                points[i - 1]
+            };
+            let after = if i == last {
+                points[1] + period
+            } else {
+                points[i + 1]
+            };
+            (after - before).normalize_or(DVec3::X)
+        };
+        let mut lateral: Vec<DVec3> = Vec::with_capacity(points.len());
+        let first = DVec3::Z.cross(period).normalize_or(DVec3::X);
+        let mut across = first;
+        for i in 0..=last {
+            let t = tangent(i);
+            across = (across - across.dot(t) * t)
+                .try_normalize()
+                .unwrap_or(t.any_orthonormal_vector());
+            lateral.push(across);
+        }
+        let t = tangent(0);
+        let left = lateral[last]
+            .cross(lateral[0])
+            .dot(t)
+            .atan2(lateral[last].dot(lateral[0]));
+        for (i, across) in lateral.iter_mut().enumerate() {
+            let turn = left * i as f64 / last as f64;
+            *across = DQuat::from_axis_angle(tangent(i), turn) * *across;
+        }
+        let vertical = lateral
+            .iter()
+            .enumerate()
+            .map(|(i, &l)| tangent(i).cross(l))
+            .collect();
+        Path::new(points, lateral, vertical, period)
     }
 
     /// Whether the line has a sample `i`: an open one ends.

@@ -1,11 +1,13 @@
 //! The geometry tables of a fabric file.
 
 mod irregularity;
+mod pile;
 
 pub use irregularity::{
     BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec,
     ThreadWanderSpec, WanderSpec,
 };
+pub use pile::{PileKind, PileSides, PileSpec};
 
 use organza_basis::Rgb;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -26,6 +28,9 @@ pub struct FabricGeometry {
     /// Yarns by name. A name that is missing here but names a preset stands for the preset.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
+    /// Yarns that stand on the weave, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pile: Option<PileSpec>,
     /// How the threads come to rest.
     #[serde(default)]
     pub relaxation: RelaxationSpec,
@@ -39,9 +44,9 @@ pub struct FabricGeometry {
 
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
-    /// `evenness`, `slubs`,
-    /// `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening`, `spacing_cv_percent` and `reed_dents`. Hairs and
-    /// loops, migration and colours stay.
+    /// `evenness`, `slubs`, `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening`,
+    /// `spacing_cv_percent`, `reed_dents` and the variation of the pile's height and lean. Hairs
+    /// and loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
         for yarn in out.yarn.values_mut() {
@@ -58,6 +63,11 @@ impl FabricGeometry {
             threads.spacing_cv_percent = None;
             threads.wander = None;
             threads.reed_dents = None;
+        }
+        if let Some(pile) = &mut out.pile {
+            pile.height_cv_percent = None;
+            pile.lean_deviation_deg = None;
+            pile.turn_deg = Some(0.0);
         }
         out
     }

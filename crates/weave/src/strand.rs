@@ -261,14 +261,9 @@ impl Strand<'_> {
             .collect()
     }
 
-    /// The radius of a fibre. The root mean square of all is that of the yarn.
+    /// The radius of a fibre, see [`own_radius_mm`].
     pub fn own_radius_mm(&self, rng: &mut PathRng) -> f64 {
-        let cv = self.yarn.fibre_radius_cv;
-        if cv == 0.0 {
-            return self.yarn.fibre_radius_mm;
-        }
-        let factor = normal(rng, [1.0, cv], 1.0).max(MIN_RADIUS);
-        self.yarn.fibre_radius_mm * factor / cv.hypot(1.0)
+        own_radius_mm(self.yarn, rng)
     }
 
     /// Which outer turning points of a fibre become loops, and how high.
@@ -335,6 +330,16 @@ impl Strand<'_> {
             / f64::from(self.yarn.plies);
         self.yarn.ply_centre_mm * DVec2::from_angle(phase + TAU * turns)
     }
+}
+
+/// The radius of a fibre. The root mean square of all is that of the yarn.
+pub(crate) fn own_radius_mm(yarn: &Yarn, rng: &mut PathRng) -> f64 {
+    let cv = yarn.fibre_radius_cv;
+    if cv == 0.0 {
+        return yarn.fibre_radius_mm;
+    }
+    let factor = normal(rng, [1.0, cv], 1.0).max(MIN_RADIUS);
+    yarn.fibre_radius_mm * factor / cv.hypot(1.0)
 }
 
 pub(crate) fn unit(rng: &mut PathRng) -> f64 {

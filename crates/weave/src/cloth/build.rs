@@ -3,6 +3,7 @@
 use super::displaced::{mark_by_reed, thread_sways};
 use super::flattening::at_rest;
 use super::import::imported;
+use super::pile;
 use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
@@ -50,8 +51,16 @@ impl Cloth {
             let message = "expected exactly one of weave, wif, drawdown, knit, curves";
             return Err(Error::spec("draft", message));
         }
-        check_colours("warp", &fabric.warp)?;
-        check_colours("weft", &fabric.weft)?;
+        check_colours("warp", &fabric.warp.colours)?;
+        check_colours("weft", &fabric.weft.colours)?;
+        if let Some(pile) = &fabric.pile {
+            check_colours("pile", &pile.colours)?;
+            pile::check(pile)?;
+            if d.knit.is_some() || d.curves.is_some() {
+                let message = "needs a weave: draft.weave, draft.wif or draft.drawdown";
+                return Err(Error::spec("pile", message));
+            }
+        }
         if fabric.ideal {
             let mut even = fabric.without_irregularity();
             even.ideal = false;
@@ -63,6 +72,9 @@ impl Cloth {
             _ => woven(fabric, load, seed)?,
         };
         cloth.seed = seed;
+        if let Some(spec) = &fabric.pile {
+            pile::raise(&mut cloth, fabric, spec, seed)?;
+        }
         cloth.warn_of_yarns();
         Ok(cloth)
     }
@@ -125,8 +137,8 @@ impl Cloth {
 }
 
 /// No fibre reflects more light than it receives.
-fn check_colours(system: &str, spec: &ThreadSetSpec) -> Result<(), Error> {
-    for (i, colour) in spec.colours.iter().enumerate() {
+fn check_colours(system: &str, colours: &[Rgb]) -> Result<(), Error> {
+    for (i, colour) in colours.iter().enumerate() {
         let channels = <[f32; 3]>::from(*colour);
         if channels.iter().all(|c| (0.0..=1.0).contains(c)) {
             continue;
@@ -169,8 +181,13 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
     let yarns = yarns.built;
     let [rx, ry] = repeats(fabric)?;
-    let ends = threads(draft.ends(), &warp_yarns, &fabric.warp).saturating_mul(rx);
-    let picks = threads(draft.picks(), &weft_yarns, &fabric.weft).saturating_mul(ry);
+    let [pile_ends, pile_picks] = pile::repeat(fabric);
+    let ends = lcm(threads(draft.ends(), &warp_yarns, &fabric.warp), pile_ends).saturating_mul(rx);
+    let picks = lcm(
+        threads(draft.picks(), &weft_yarns, &fabric.weft),
+        pile_picks,
+    )
+    .saturating_mul(ry);
     if ends > MAX_THREADS || picks > MAX_THREADS || ends * picks > MAX_IN_TILE {
         let message = format!(
             "{ends} ends x {picks} picks in one tile are more than {MAX_IN_TILE} crossings"
@@ -273,6 +290,7 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
         yarns,
         threads: placed,
         materials: materials.0,
+        pile: None,
         tile: tile(warp.period_mm, weft.period_mm, heights),
         seed: 0,
         compaction: fitted.compaction,
@@ -339,6 +357,7 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
         yarns,
         threads: placed,
         materials: materials.0,
+        pile: None,
         tile: tile(
             wales as f64 * wale_mm,
             courses as f64 * course_mm,
@@ -386,8 +405,11 @@ fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
 
 /// Number of threads of a system after which draft, yarns and colours all repeat.
 fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
-    let lcm = |a: usize, b: usize| (a / gcd(a, b)).saturating_mul(b);
     lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
+}
+
+fn lcm(a: usize, b: usize) -> usize {
+    (a / gcd(a, b)).saturating_mul(b)
 }
 
 fn colour(threads: &mut [Thread], colours: &[Rgb]) {

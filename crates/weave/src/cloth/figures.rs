@@ -2,6 +2,9 @@
 
 use super::{Centreline, Cloth, CurveLevel};
 use crate::closure::Closure;
+use crate::pile::Tufts;
+use crate::spec::PileKind;
+use organza_basis::Segment;
 use std::f64::consts::PI;
 
 /// Figures of one system of threads, means over its threads in the tile.
@@ -21,6 +24,24 @@ pub struct SystemFigures {
     pub height_mm: f64,
 }
 
+/// Figures of the pile.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PileFigures {
+    /// Kind of pile.
+    pub kind: PileKind,
+    /// Mean height of tips, or of the centres of loops at their tops, above the ground's face,
+    /// millimetres.
+    pub height_mm: f64,
+    /// Tufts or loops per square centimetre.
+    pub tufts_per_cm2: f64,
+    /// Fibre ends per square millimetre; 0 of loops.
+    pub tips_per_mm2: f64,
+    /// Length of pile yarn in a tuft or loop, its share of the ground included, millimetres.
+    pub yarn_per_tuft_mm: f64,
+    /// Mass of the pile per area.
+    pub areal_density_g_per_m2: f64,
+}
+
 /// Figures of a cloth. Hairs are left out.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Figures {
@@ -34,6 +55,10 @@ pub struct Figures {
     pub wales_per_cm: Option<f64>,
     /// See `wales_per_cm`.
     pub loop_length_mm: Option<f64>,
+    /// The pile of a cloth that has one. `thickness_mm`, `areal_density_g_per_m2` and the
+    /// lengths include it; covers, `warp` and `weft` are those of the ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pile: Option<PileFigures>,
     /// Share of the surface that any thread covers. Where threads do not run straight, the
     /// share that the length and width of the yarn would cover without overlap, at most 1.
     pub cover_factor: f64,
@@ -81,7 +106,7 @@ impl Sum {
 
 impl Cloth {
     /// The textile figures of the cloth, from closed forms over the threads
-    /// at rest; no fibre is generated.
+    /// at rest; fibres are generated of cut pile only.
     pub fn figures(&self) -> Figures {
         let size = self.tile.bounds_mm.size().as_dvec3();
         // Imported curves have neither courses nor crimp, so they are left out.
@@ -90,6 +115,7 @@ impl Cloth {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut packing, mut covered) = (0.0f64, 0.0);
         let mut wales = 0;
+        let (mut laid_mm, mut pile_mg) = (0.0, 0.0);
         for thread in &self.threads {
             let yarn = &*thread.spun.yarn;
             let mut add = |fibre: f64, radius: f64| {
@@ -125,6 +151,12 @@ impl Cloth {
             add(length * present * fibres * per_length, yarn.fibre_radius_mm);
 
             let diameter = 2.0 * yarn.radius_mm() * thread.section.mean();
+            if let Centreline::Laid { .. } = thread.line {
+                laid_mm += length;
+                let volume =
+                    length * present * fibres * per_length * PI * yarn.fibre_radius_mm.powi(2);
+                pile_mg += volume * yarn.fibre_density_g_per_cm3;
+            }
             let sum = match &thread.line {
                 Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
                 Centreline::Knitted { knit, .. } => {
@@ -149,6 +181,30 @@ impl Cloth {
             packing = packing.max(yarn.fibre_volume_fraction() / thread.section.area());
         }
         let area = size.x * size.y;
+        let pile = self.pile.as_ref().map(|pile| {
+            let (mut height_mm, mut tips) = (pile.loop_height_mm, 0.0);
+            if let Some(tufts) = &pile.tufts {
+                let sums = self.sum_of_tufts(tufts);
+                fibre_length += sums.length_mm;
+                fibre_volume += sums.volume_mm3;
+                pile_mg = sums.volume_mm3 * tufts.yarn.fibre_density_g_per_cm3;
+                mass_mg += pile_mg;
+                low = low.min(sums.low_mm);
+                high = high.max(sums.high_mm);
+                tips = sums.tips;
+                height_mm = sums.tip_height_mm / tips.max(1.0) - pile.face_mm;
+                laid_mm = sums.length_mm / f64::from(tufts.fibres());
+                other.length_mm += laid_mm;
+            }
+            PileFigures {
+                kind: pile.kind,
+                height_mm,
+                tufts_per_cm2: 100.0 * pile.count as f64 / area,
+                tips_per_mm2: tips / area,
+                yarn_per_tuft_mm: laid_mm / pile.count.max(1) as f64,
+                areal_density_g_per_m2: 1000.0 * pile_mg / area,
+            }
+        });
         let knit = wales > 0;
         let yarn_length_mm = warp.length_mm + weft.length_mm + other.length_mm;
         let (warp_figures, weft_figures) = (warp.figures(size.x), weft.figures(size.y));
@@ -162,6 +218,7 @@ impl Cloth {
             weft: weft_figures,
             wales_per_cm: knit.then(|| 10.0 * wales as f64 / size.x),
             loop_length_mm: knit.then(|| yarn_length_mm / (weft.threads * wales as f64)),
+            pile,
             cover_factor,
             thickness_mm: high - low,
             areal_density_g_per_m2: 1000.0 * mass_mg / area,
@@ -173,4 +230,50 @@ impl Cloth {
             compression: self.compression,
         }
     }
+
+    fn sum_of_tufts(&self, tufts: &Tufts) -> TuftSums {
+        let mut sums = TuftSums {
+            low_mm: f64::INFINITY,
+            high_mm: f64::NEG_INFINITY,
+            ..TuftSums::default()
+        };
+        let first = self.threads.len();
+        for tuft in 0..tufts.tufts.len() {
+            let mut last: Option<Segment> = None;
+            let mut tip = |z: f32| {
+                sums.tips += 1.0;
+                sums.tip_height_mm += f64::from(z);
+            };
+            let seed = (self.seed, first + tuft);
+            tufts.emit(tuft, true, seed, &mut |s| {
+                if last.is_none_or(|l| l.fibre != s.fibre) {
+                    if let Some(l) = last {
+                        tip(l.end_mm.z);
+                    }
+                    tip(s.start_mm.z);
+                }
+                last = Some(*s);
+                let length = f64::from(s.length_mm());
+                sums.length_mm += length;
+                sums.volume_mm3 += length * PI * f64::from(s.start_radius_mm).powi(2);
+                sums.low_mm = sums.low_mm.min(f64::from(s.start_mm.z.min(s.end_mm.z)));
+                sums.high_mm = sums.high_mm.max(f64::from(s.start_mm.z.max(s.end_mm.z)));
+            });
+            if let Some(l) = last {
+                tip(l.end_mm.z);
+            }
+        }
+        sums
+    }
+}
+
+/// Sums over the fibres of cut pile.
+#[derive(Default)]
+struct TuftSums {
+    length_mm: f64,
+    volume_mm3: f64,
+    tips: f64,
+    tip_height_mm: f64,
+    low_mm: f64,
+    high_mm: f64,
 }

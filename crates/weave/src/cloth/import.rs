@@ -96,6 +96,7 @@ pub(super) fn imported(
         yarns,
         threads,
         materials: materials.0,
+        pile: None,
         tile: Tile {
             bounds_mm,
             repeats: false,

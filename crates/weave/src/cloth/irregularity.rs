@@ -156,7 +156,7 @@ impl Cloth {
         let [mut warp, mut weft] = [(); 2].map(|()| System::new());
         for (batch, thread) in self.threads.iter().enumerate() {
             let system = match &thread.line {
-                Centreline::Bare(_) => continue,
+                Centreline::Bare(_) | Centreline::Laid { .. } => continue,
                 Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
                 _ => &mut weft,
             };

@@ -2,6 +2,7 @@ mod displaced;
 mod flattening;
 mod imported;
 mod irregular;
+mod pile;
 mod reading;
 mod shipped;
 mod spun;

@@ -40,7 +40,8 @@ impl<'a> Yarns<'a> {
         names.iter().map(|name| self.index(system, name)).collect()
     }
 
-    fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
+    /// The index of a yarn that the key `SYSTEM.yarn` names.
+    pub fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
         if let Some(i) = self.built.iter().position(|y| y.name == name) {
             return Ok(i);
         }

@@ -1,0 +1,195 @@
+//! Pile: heights, densities and lean come out as they were asked for, inside the tile.
+
+use super::*;
+use crate::spec::PileSpec;
+use glam::DVec2;
+
+const CUT: &str = "kind = 'cut'\nyarn = 'rayon'\nheight_mm = 1.5\nevery = [2, 2]\n\
+                   height_cv_percent = 4\nlean_deviation_deg = 6";
+const LOOP: &str = "kind = 'loop'\nyarn = 'cotton'\nheight_mm = 2\nevery = [1, 3]\n\
+                    sides = 'both'\nlean_deviation_deg = 12";
+const WALE: &str = "kind = 'wale'\nyarn = 'cotton'\nheight_mm = 1\nevery = [1, 1]\n\
+                    wales_per_cm = 5";
+
+fn with_pile(pile: &str, repeats: u32) -> FabricGeometry {
+    let mut f = fabric("plain");
+    f.pile = Some(toml::from_str::<PileSpec>(pile).unwrap());
+    f.tile = TileSpec {
+        repeats: [repeats, repeats],
+    };
+    f
+}
+
+/// Mean displacement of the tips from where their fibre leaves the ground, per height.
+fn mean_lean(cloth: &Cloth) -> DVec2 {
+    let face = cloth.pile.as_ref().unwrap().face_mm;
+    let (mut sum, mut count) = (DVec2::ZERO, 0.0);
+    for batch in cloth.threads.len()..cloth.batch_count() {
+        let mut root = DVec2::ZERO;
+        let mut middle = DVec2::ZERO;
+        let mut line: Vec<DVec3> = Vec::new();
+        let mut end = |line: &[DVec3]| {
+            let (Some(a), Some(b)) = (line.first(), line.last()) else {
+                return;
+            };
+            // Both legs splay alike, so their tips' middle is above the root.
+            middle = 0.5 * (a.truncate() + b.truncate());
+            let lowest = line.iter().min_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
+            root = lowest.truncate();
+            sum += (middle - root) / (0.5 * (a.z + b.z) - face);
+            count += 1.0;
+        };
+        let mut fibre = None;
+        cloth.for_each_in_batch(batch, &mut |s| {
+            if fibre.replace(s.fibre) != Some(s.fibre) {
+                end(&std::mem::take(&mut line));
+                line.push(s.start_mm.as_dvec3());
+            }
+            line.push(s.end_mm.as_dvec3());
+        });
+        end(&line);
+    }
+    sum / count
+}
+
+/// The twin leans the other way.
+#[test]
+fn cut_pile_has_its_height_density_and_lean() {
+    for (lean_deg, direction_deg) in [(0.0f64, 90.0f64), (20.0, 90.0), (20.0, 270.0)] {
+        let text = format!("{CUT}\nlean_deg = {lean_deg}\nlean_direction_deg = {direction_deg}");
+        let cloth = build(&with_pile(&text, 8));
+        let figures = cloth.figures().pile.unwrap();
+        // 20 x 18 crossings per square centimetre, a tuft at every fourth.
+        assert!(
+            (figures.tufts_per_cm2 / 90.0 - 1.0).abs() < 1e-6,
+            "{figures:?}"
+        );
+        // 64 tufts that vary by 3 %: four standard errors are 1.4 %.
+        assert!((figures.height_mm / 1.5 - 1.0).abs() < 0.015, "{figures:?}");
+        let lean = mean_lean(&cloth);
+        let wanted = lean_deg.to_radians().tan() * DVec2::from_angle(direction_deg.to_radians());
+        // Tufts deviate by 4 degrees, so four standard errors over 64 are 0.04.
+        assert!(
+            lean.distance(wanted) < 0.04,
+            "{lean_deg}: {lean} for {wanted}"
+        );
+        if lean_deg > 0.0 {
+            assert!(lean.distance(-wanted) > 0.04);
+        }
+    }
+}
+
+#[test]
+fn pile_stays_inside_the_tile_and_is_the_same_every_time() {
+    for text in [CUT, LOOP, WALE] {
+        let cloth = build(&with_pile(text, 6));
+        let bounds = cloth.tile().bounds_mm;
+        let again = build(&with_pile(text, 6));
+        let (mut top, mut pieces) = (f32::NEG_INFINITY, 0);
+        for batch in 0..cloth.batch_count() {
+            let mut all = Vec::new();
+            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
+            let mut same = Vec::new();
+            again.for_each_in_batch(batch, &mut |s| same.push(*s));
+            assert_eq!(all, same);
+            pieces += all.len();
+            for s in all {
+                assert_eq!(s.yarn as usize, batch);
+                assert!(usize::from(s.material) < cloth.material_count());
+                let (low, high) = (s.start_mm.z.min(s.end_mm.z), s.start_mm.z.max(s.end_mm.z));
+                let r = s.start_radius_mm;
+                assert!(
+                    low - r >= bounds.min.z && high + r <= bounds.max.z,
+                    "{text}: {s:?}"
+                );
+                top = top.max(high);
+            }
+        }
+        let face = cloth.pile.as_ref().unwrap().face_mm as f32;
+        assert!(pieces > 1000 && top > face + 0.8, "{text}: {pieces}, {top}");
+    }
+}
+
+/// A pile end leaves the tile where it enters it, and rises on both sides in turns.
+#[test]
+fn loops_close_over_the_tile_and_alternate_between_the_sides() {
+    let cloth = build(&with_pile(LOOP, 4));
+    let period = f64::from(cloth.tile().bounds_mm.size().y);
+    let mut sides = [0; 2];
+    for thread in &cloth.threads {
+        let Centreline::Laid { .. } = &thread.line else {
+            continue;
+        };
+        let path = cloth.path(thread, CurveLevel::Yarn);
+        let (first, last) = (path.points[0], path.points[path.steps()]);
+        assert!((last - first).distance(period * DVec3::Y) < 1e-9);
+        let top = path
+            .points
+            .iter()
+            .fold(0.0, |a: f64, p| if p.z.abs() > a.abs() { p.z } else { a });
+        sides[usize::from(top > 0.0)] += 1;
+    }
+    assert!(sides[0] > 0 && sides[0] == sides[1], "{sides:?}");
+}
+
+#[test]
+fn without_irregularity_all_tufts_are_alike() {
+    let mut f = with_pile(CUT, 4);
+    f.ideal = true;
+    let cloth = build(&f);
+    let heights = cloth.tufts().unwrap().tufts.iter().map(|t| t.height_mm);
+    assert!(heights.into_iter().all(|h| (h - 1.5).abs() < 1e-12));
+}
+
+#[test]
+fn wrong_pile_is_refused_with_its_key() {
+    for (text, expected) in [
+        (
+            format!("{CUT}\nlean_deg = 80"),
+            "pile.lean_deg: expected a number from 0 to 70 degrees, found 80",
+        ),
+        (
+            format!("{CUT}\ntufts_per_cm2 = 100"),
+            "pile.tufts_per_cm2: pile.every gives the density already",
+        ),
+        (
+            format!("{CUT}\nsides = 'both'"),
+            "pile.sides: belongs to pile of kind \"loop\"",
+        ),
+        (
+            CUT.replace("1.5", "-1"),
+            "pile.height_mm: expected a number from 0.05 to 30 mm, found -1",
+        ),
+        (
+            CUT.replace("every = [2, 2]", ""),
+            "pile.every: expected [ends, picks]",
+        ),
+        (
+            CUT.replace("[2, 2]", "[0, 2]"),
+            "pile.every: expected two numbers from 1 to 1024",
+        ),
+        (
+            CUT.replace("rayon", "raion"),
+            "pile.yarn: there is no [yarn.raion]",
+        ),
+        (
+            WALE.replace("wales_per_cm = 5", ""),
+            "pile.wales_per_cm: pile of kind \"wale\" needs",
+        ),
+        (
+            format!("{CUT}\ncolours = [[2, 0, 0]]"),
+            "pile.colours[0]: expected linear RGB",
+        ),
+    ] {
+        let error = Cloth::build(&with_pile(&text, 2), &no_files, 1).unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+    let mut knit = with_pile(CUT, 1);
+    knit.draft = DraftSpec {
+        knit: Some("stockinette".to_owned()),
+        wales_per_cm: Some(5.0),
+        ..DraftSpec::default()
+    };
+    let error = Cloth::build(&knit, &no_files, 1).unwrap_err();
+    assert!(error.to_string().contains("pile: needs a weave"), "{error}");
+}
