@@ -107,3 +107,110 @@ fn settings_reach_the_png_and_leave_linear_files_alone() {
             .success()
     );
 }
+
+/// Bytes of a PNG of 8 bits, with its width and height.
+fn pixels(folder: &Path, name: &str) -> (Vec<u8>, usize, usize) {
+    let mut reader = png::Decoder::new(Cursor::new(bytes(folder, name)))
+        .read_info()
+        .unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    (pixels, info.width as usize, info.height as usize)
+}
+
+#[test]
+fn a_contact_sheet_shows_each_scene_as_render_does() {
+    let folder = folder("contact-sheet");
+    write_grid_scene(&folder);
+    let text = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
+    std::fs::write(folder.join("other.toml"), format!("{text}\n")).unwrap();
+    let sheet = [
+        "render",
+        "--contact-sheet",
+        "sheet.png",
+        "scene.toml",
+        "other.toml",
+        "scene.toml",
+        "--cell-px",
+        "32",
+        "--spp",
+        "2",
+        "--exposure",
+        "auto",
+    ];
+    let printed = succeed(&folder, &sheet);
+    assert!(printed.contains("sheet.png: 3 scenes"), "{printed}");
+    let (shown, width, height) = pixels(&folder, "sheet.png");
+    // Two columns and rows of 32 pixels, labels of 12 and gaps of 8.
+    assert_eq!((width, height), (2 * 40 + 8, 2 * 52 + 8));
+    let cell_size = printed.lines().find(|l| l.starts_with("other.toml: "));
+    let cell_size = cell_size.unwrap()["other.toml: ".len()..].split(',').next();
+    let (w, h) = cell_size.unwrap().split_once(" x ").unwrap();
+    let size = format!("camera.resolution=[{w},{h}]");
+    render(&folder, "one.png", &["--exposure", "auto", "--set", &size]);
+    let (one, w, h) = pixels(&folder, "one.png");
+    assert!(w.max(h) == 32 && one.iter().any(|&b| b > 20));
+    let (left, top) = (8 + (32 - w) / 2, 8 + (32 - h) / 2);
+    for (column, row) in [(0, 0), (1, 0), (0, 1)] {
+        for y in 0..h {
+            let at = ((top + row * 52 + y) * width + left + column * 40) * 3;
+            let expected = &one[y * w * 3..(y + 1) * w * 3];
+            assert!(&shown[at..at + w * 3] == expected, "row {y}");
+        }
+    }
+    succeed(&folder, &[&sheet[..], &["--threads", "1"]].concat());
+    assert!(pixels(&folder, "sheet.png").0 == shown, "threads");
+}
+
+#[test]
+fn a_contact_sheet_is_refused_before_anything_is_rendered() {
+    let folder = folder("contact-sheet-wrong");
+    write_grid_scene(&folder);
+    std::fs::write(folder.join("bad.toml"), "[render]\nspp = 0\n[camera]\n").unwrap();
+    for (wrong, why) in [
+        (&["s.png", "scene.toml", "missing.toml"][..], "missing.toml"),
+        (&["s.png", "scene.toml", "bad.toml"], "bad.toml"),
+        (
+            &["s.exr", "scene.toml"],
+            "s.exr: a contact sheet is written as .png",
+        ),
+        (
+            &["scene.toml", "scene.toml"],
+            "a contact sheet is written as .png",
+        ),
+        (
+            &["s.png", "scene.toml", "-o", "x.png"],
+            "cannot be used with",
+        ),
+        (
+            &["s.png", "scene.toml", "--crop", "0,0,1,1"],
+            "cannot be used with",
+        ),
+        (
+            &["s.png", "scene.toml", "--cell-px", "9"],
+            "from 16 to 2048",
+        ),
+        (&["s.png", "scene.toml", "--max-memory", "1k"], "a sheet of"),
+        (&["s.png"], "required"),
+    ] {
+        let out = organza(&folder, &[&["render", "--contact-sheet"], wrong].concat());
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{wrong:?}: {said}");
+        assert!(said.contains(why), "{wrong:?}: {said}");
+        assert!(!folder.join("s.png").exists() && !folder.join("s.exr").exists());
+    }
+    let out = organza(
+        &folder,
+        &["render", "scene.toml", "scene.toml", "-o", "x.png"],
+    );
+    assert_eq!(out.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(
+        said.contains("several are rendered with --contact-sheet"),
+        "{said}"
+    );
+    let out = organza(&folder, &["render", "scene.toml"]);
+    assert_eq!(out.status.code(), Some(2), "no output");
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(said.contains("--outfile"), "{said}");
+}

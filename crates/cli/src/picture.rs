@@ -8,7 +8,7 @@ use glam::UVec2;
 use organza_basis::Rgb;
 use organza_film::Film;
 use organza_picture::{
-    Attributes, Display, Exposure, Format, Picture, PictureError, Rendered, WhiteBalance,
+    Attributes, Display, Exposure, Format, Picture, PictureError, PngBits, Rendered, WhiteBalance,
     WriteSeek, exr, format_of_ending, png,
 };
 use organza_scene::read;
@@ -139,6 +139,16 @@ pub fn write_plain(path: &Path, size: UVec2, pixels: &[Rgb]) -> Result<()> {
         pixels: pixels.to_vec(),
     };
     write_with(path, |out| exr::write_colours(&picture, out))
+}
+
+/// Writes linear display values in rows from the top as PNG.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_shown_png(path: &Path, size: UVec2, pixels: &[[f32; 3]], bits: PngBits) -> Result<()> {
+    write_with(path, |out| {
+        png::write_shown(size, pixels.iter().copied(), bits, out)
+    })
 }
 
 /// Writes 8-bit RGB rows as PNG.

@@ -23,6 +23,7 @@
 //! ```
 
 mod attributes;
+pub mod contact_sheet;
 mod decoder;
 mod display;
 mod error;

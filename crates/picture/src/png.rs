@@ -48,15 +48,28 @@ pub fn write_colours(
     display: &Display,
     out: &mut dyn WriteSeek,
 ) -> Result<(), PictureError> {
-    let shown = display.apply(picture).flatten();
-    match display.png_bits {
+    write_shown(picture.size, display.apply(picture), display.png_bits, out)
+}
+
+/// Writes linear display values, which are clamped to 0 to 1, in rows from the top.
+///
+/// # Errors
+/// The sink fails.
+pub fn write_shown(
+    size: UVec2,
+    pixels: impl Iterator<Item = [f32; 3]>,
+    bits: PngBits,
+    out: &mut dyn WriteSeek,
+) -> Result<(), PictureError> {
+    let shown = pixels.flatten();
+    match bits {
         PngBits::Eight => {
             let bytes: Vec<u8> = shown.map(Rgb::srgb8).collect();
-            write_rgb8(picture.size, &bytes, out)
+            write_rgb8(size, &bytes, out)
         }
         PngBits::Sixteen => {
             let bytes: Vec<u8> = shown.flat_map(|v| srgb16(v).to_be_bytes()).collect();
-            encode(picture.size, BitDepth::Sixteen, &bytes, out)
+            encode(size, BitDepth::Sixteen, &bytes, out)
         }
     }
 }

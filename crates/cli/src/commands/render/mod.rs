@@ -1,5 +1,6 @@
 //! `organza render`
 
+mod contact_sheet;
 mod engine;
 mod results;
 mod scene;
@@ -28,9 +29,10 @@ use crate::sample_ranges::parse_range;
 use crate::schedule::{Stop, Targets};
 use anyhow::{Context, Result};
 use clap::Args;
+use clap::builder::ArgPredicate;
 use engine::{Chosen, EngineName};
 use organza_picture::{FORMATS, Format, Rendered};
-use organza_transport::{Crop, RenderError, Rendering};
+use organza_transport::{Crop, KernelRefusal, RenderError, Rendering};
 use scene::Built;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -44,9 +46,23 @@ use summary::Times;
 pub struct RenderArgs {
     /// Scene file (TOML)
     pub scene: PathBuf,
+    /// Further scenes, with --contact-sheet
+    pub more_scenes: Vec<PathBuf>,
     /// Picture to write; its ending chooses the format
-    #[arg(short, long)]
+    #[arg(
+        short,
+        long,
+        required = false,
+        required_unless_present = "contact_sheet",
+        default_value_if("contact_sheet", ArgPredicate::IsPresent, "sheet.png")
+    )]
     pub outfile: PathBuf,
+    /// Render all scenes at a small size to one labelled picture instead (.png)
+    #[arg(long, value_name = "SHEET.png", conflicts_with_all = contact_sheet::CONFLICTS)]
+    pub contact_sheet: Option<PathBuf>,
+    /// Longer edge of a picture on a contact sheet, pixels [default: 256]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(16..=2048))]
+    pub cell_px: Option<u32>,
     /// Samples per pixel, at least 1; the maximum with --target-error or --time-limit [default: the scene's]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
     pub spp: Option<u32>,
@@ -114,6 +130,17 @@ impl Command for RenderArgs {
     }
 
     fn run(&self) -> Result<()> {
+        if let Some(path) = &self.contact_sheet {
+            return contact_sheet::run(self, path);
+        }
+        if let Some(more) = self.more_scenes.first() {
+            let more = more.display();
+            let why = "expected one scene; several are rendered with --contact-sheet";
+            return Err(input(format!("{more}: {why}")));
+        }
+        if self.cell_px.is_some() {
+            return Err(input("--cell-px belongs to --contact-sheet"));
+        }
         let format = picture::format(&self.outfile)?;
         if let (Some(part), false) = (&self.samples, format.keeps_sums) {
             return Err(input(format!(
@@ -173,13 +200,16 @@ fn targets(args: &RenderArgs) -> Targets {
     }
 }
 
-fn render(args: &RenderArgs) -> Result<()> {
-    let started = Instant::now();
-    let denoiser = args.denoise.then(|| Denoiser::find(false)).transpose()?;
-    let built = watched(&args.common, &args.cache, |loader| {
-        scene::build(args, loader)
-    })?;
-    let Built { file, scene, .. } = &built;
+/// A render before its first sample.
+struct Prepared<'a> {
+    rendering: Rendering<'a>,
+    identity: Identity,
+    why_walk: Option<KernelRefusal>,
+}
+
+/// Chooses the engine of a scene and lays the scene out for it.
+fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
+    let Built { file, scene, .. } = built;
     let settings = scene::settings(args, file, scene)?;
     let engine = engine::choose(args, file, scene, &settings, built.max_bytes)?;
     engine.warn(args);
@@ -187,7 +217,7 @@ fn render(args: &RenderArgs) -> Result<()> {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
         _ => input(e.to_string()),
     })?;
-    let mut identity = Identity {
+    let identity = Identity {
         version: VERSION.into(),
         seed: file.render.seed,
         crop: crop_edges(rendering.crop()),
@@ -205,6 +235,25 @@ fn render(args: &RenderArgs) -> Result<()> {
         Some(limit) => rendering.with_clamp(limit),
         None => rendering,
     };
+    Ok(Prepared {
+        rendering,
+        identity,
+        why_walk,
+    })
+}
+
+fn render(args: &RenderArgs) -> Result<()> {
+    let started = Instant::now();
+    let denoiser = args.denoise.then(|| Denoiser::find(false)).transpose()?;
+    let built = watched(&args.common, &args.cache, |loader| {
+        scene::build(args, loader)
+    })?;
+    let file = &built.file;
+    let Prepared {
+        rendering,
+        mut identity,
+        why_walk,
+    } = prepare(args, &built)?;
     let (began, setup_cpu_s) = (Instant::now(), cpu_seconds());
     let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
         Some(path) => {
