@@ -7,6 +7,7 @@ use crate::file_kind::Wanted;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
+use crate::print_file;
 use crate::read;
 use crate::volume_cache::{self, VolumePlan};
 use organza_basis::SegmentSource;
@@ -131,8 +132,15 @@ fn build(
         tile: file.tile,
         ideal: file.ideal,
     };
-    let cloth = Cloth::build(&geometry, open, file.seed)
+    let mut cloth = Cloth::build(&geometry, open, file.seed)
         .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    if let Some(spec) = &file.print {
+        let fail = |why: String| input(format!("{}: print.image: {why}", path.display()));
+        let image = print_file::decode(&spec.image, open).map_err(fail)?;
+        cloth
+            .print(spec, &image)
+            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    }
     let optics = vec![file.optics.clone()];
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;

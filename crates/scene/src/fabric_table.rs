@@ -3,6 +3,7 @@
 use crate::optics::OpticsFile;
 use crate::scattering::ScatteringTable;
 use organza_surface::SurfaceTable;
+use organza_weave::PrintSpec;
 use organza_weave::spec::{
     CurveKind, DraftSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
 };
@@ -31,6 +32,8 @@ pub struct FabricFile {
     /// How yarns find their places.
     #[serde(default)]
     pub relaxation: RelaxationSpec,
+    /// An image printed on the cloth.
+    pub print: Option<PrintSpec>,
     /// How much of the cloth is made.
     #[serde(default)]
     pub tile: TileSpec,

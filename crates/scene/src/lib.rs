@@ -27,6 +27,7 @@ pub mod object;
 pub mod optics;
 pub mod overrides;
 pub mod patches;
+mod print_file;
 pub mod read;
 pub mod representation;
 pub mod scattering;

@@ -8,6 +8,7 @@ mod flattening;
 mod import;
 mod irregularity;
 mod pile;
+mod print;
 mod spacing;
 mod spun;
 mod yarns;
@@ -31,6 +32,8 @@ use std::sync::Arc;
 pub use build::Loader;
 pub use figures::{Figures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
+use print::Print;
+pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
 
 /// The properties that determine the optics of a segment.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,6 +98,7 @@ pub struct Cloth {
     materials: Vec<Material>,
     pile: Option<pile::Pile>,
     tile: Tile,
+    print: Option<Arc<Print>>,
     seed: u64,
     compaction: f64,
     compression: f64,
@@ -231,6 +235,20 @@ impl SegmentSource for Curves<'_> {
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
+        match &self.cloth.print {
+            Some(print) => self.emit_plain(batch, &mut |s| print.dye(s, emit)),
+            None => self.emit_plain(batch, emit),
+        }
+    }
+
+    fn material_count(&self) -> usize {
+        self.cloth.materials.len()
+    }
+}
+
+impl Curves<'_> {
+    /// The segments of a thread, without the print.
+    fn emit_plain(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
         let threads = self.cloth.threads.len();
         if let Some((tufts, tuft)) = self.cloth.tufts().zip(batch.checked_sub(threads)) {
             let as_fibres = self.level == CurveLevel::Fibre;
@@ -255,10 +273,6 @@ impl SegmentSource for Curves<'_> {
             CurveLevel::Ply => strand.emit_plies(emit),
             CurveLevel::Fibre => strand.emit_fibres(emit),
         }
-    }
-
-    fn material_count(&self) -> usize {
-        self.cloth.materials.len()
     }
 }
 

@@ -46,6 +46,7 @@ mod hairs;
 mod ini;
 mod knit;
 mod named;
+mod palette;
 mod path;
 mod picture;
 mod pile;
@@ -64,8 +65,8 @@ mod wif;
 mod yarn;
 
 pub use cloth::{
-    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, PileFigures, SystemFigures,
-    SystemIrregularity,
+    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, PileFigures, PrintImage,
+    PrintMode, PrintSide, PrintSpec, SystemFigures, SystemIrregularity,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;

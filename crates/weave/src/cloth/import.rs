@@ -102,6 +102,7 @@ pub(super) fn imported(
             repeats: false,
         },
         seed: 0,
+        print: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

@@ -3,6 +3,7 @@ mod flattening;
 mod imported;
 mod irregular;
 mod pile;
+mod printed;
 mod reading;
 mod shipped;
 mod spun;

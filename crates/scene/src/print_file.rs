@@ -1,0 +1,90 @@
+//! The picture that a fabric file prints on its cloth.
+
+use crate::memory::free_memory_bytes;
+use crate::read;
+use organza_weave::PrintImage;
+
+/// Reads the picture of `[print]` in linear colours.
+///
+/// # Errors
+/// Names the picture and what is wrong with it.
+pub(crate) fn decode(
+    name: &str,
+    open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
+) -> Result<PrintImage, String> {
+    let fail = |why: String| format!("{name}: {why}");
+    let bytes = open(name).map_err(|e| fail(read::io_message(&e)))?;
+    let decoded = organza_picture::decode(&bytes, free_memory_bytes());
+    let (picture, _) = decoded.map_err(|e| fail(e.to_string()))?;
+    Ok(PrintImage {
+        size: picture.size.to_array(),
+        pixels: picture.pixels,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::fabric_file::from_sources;
+    use glam::UVec2;
+    use organza_basis::Rgb;
+    use organza_picture::{Picture, exr};
+    use organza_volume::ovox::SourceFile;
+    use std::path::Path;
+
+    const FABRIC: &str = "[draft]\nweave = 'plain'\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 18.0\n\
+                          [print]\nimage = 'roses.exr'\n";
+
+    fn source(name: &str, bytes: &[u8]) -> SourceFile {
+        SourceFile {
+            name: name.into(),
+            bytes: bytes.to_vec(),
+        }
+    }
+
+    fn roses() -> Vec<u8> {
+        let picture = Picture {
+            size: UVec2::new(2, 1),
+            pixels: vec![Rgb::new(0.8, 0.1, 0.1), Rgb::new(0.1, 0.6, 0.1)],
+        };
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        exr::write_colours(&picture, &mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn fabrics_are_printed_and_mistakes_reported() {
+        let path = Path::new("rose.toml");
+        let fabric = source("rose.toml", FABRIC.as_bytes());
+        let read = from_sources(path, &[fabric.clone(), source("roses.exr", &roses())]).unwrap();
+        // Undyed, red and green; each with its fibre.
+        assert_eq!(read.cloth.materials().len(), 3);
+        assert_eq!(read.fibre_models(path).unwrap().len(), 3);
+        let refused = |sources: &[SourceFile]| match from_sources(path, sources) {
+            Ok(_) => String::from("read"),
+            Err(e) => e.to_string(),
+        };
+        let said = refused(std::slice::from_ref(&fabric));
+        assert!(
+            said.contains("rose.toml: print.image: roses.exr: "),
+            "{said}"
+        );
+        let said = refused(&[fabric, source("roses.exr", b"no picture")]);
+        assert!(
+            said.contains("rose.toml: print.image: roses.exr: "),
+            "{said}"
+        );
+        let wrong = FABRIC.replace("image =", "size_mm = [0.77, 0.77]\nimage =");
+        let sources = [
+            source("rose.toml", wrong.as_bytes()),
+            source("roses.exr", &roses()),
+        ];
+        let said = refused(&sources);
+        assert!(
+            said.contains("rose.toml: print.size_mm: expected a width"),
+            "{said}"
+        );
+        let wrong = FABRIC.replace("image =", "side = 'up'\nimage =");
+        let said = refused(&[source("rose.toml", wrong.as_bytes())]);
+        assert!(said.contains("face"), "{said}");
+    }
+}

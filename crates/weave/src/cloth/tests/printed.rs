@@ -1,0 +1,180 @@
+//! Printed cloth: which fibres have which colour.
+
+use super::*;
+use crate::{PrintImage, PrintMode, PrintSide, PrintSpec};
+
+const RED: Rgb = Rgb::new(0.9, 0.1, 0.1);
+const BLUE: Rgb = Rgb::new(0.1, 0.1, 0.9);
+
+/// Red on the left, blue on the right; white above both.
+fn image() -> PrintImage {
+    PrintImage {
+        size: [2, 2],
+        pixels: vec![Rgb::WHITE, Rgb::WHITE, RED, BLUE],
+    }
+}
+
+fn spec() -> PrintSpec {
+    PrintSpec {
+        image: "any.png".into(),
+        size_mm: None,
+        side: PrintSide::Face,
+        depth_um: None,
+        mode: PrintMode::Replace,
+        colours: 8,
+    }
+}
+
+fn plain() -> Cloth {
+    let mut fabric = fabric("plain");
+    fabric.tile = TileSpec { repeats: [4, 4] };
+    build(&fabric)
+}
+
+fn printed(spec: &PrintSpec) -> Cloth {
+    let mut cloth = plain();
+    cloth.print(spec, &image()).unwrap();
+    cloth
+}
+
+/// Length of fibre by colour and by half of the thickness: red, blue, other; lower, upper.
+fn lengths(cloth: &Cloth) -> [[f32; 2]; 3] {
+    let tile = cloth.tile();
+    let middle = tile.bounds_mm.centre().z;
+    let mut sums = [[0.0; 2]; 3];
+    for batch in 0..cloth.batch_count() {
+        cloth.for_each_in_batch(batch, &mut |s| {
+            let colour = cloth.materials()[usize::from(s.material)].colour;
+            let is = |c: Rgb| colour.is_some_and(|own| (own.0 - c.0).abs().max_element() < 0.01);
+            let at = 0.5 * (s.start_mm + s.end_mm);
+            let kind = [is(RED), is(BLUE)].iter().position(|k| *k).unwrap_or(2);
+            sums[kind][usize::from(at.z > middle)] += s.length_mm();
+            if kind < 2 {
+                // Where the image has it: below, red on the left.
+                let period = tile.period_mm();
+                let place = (at.truncate() - tile.bounds_mm.min.truncate()) / period;
+                let share = place - place.floor();
+                assert!(share.y < 0.51, "{share}");
+                assert!(
+                    (share.x < 0.51) == is(RED) || (share.x - 0.5).abs() < 0.01,
+                    "{share}"
+                );
+            }
+        });
+    }
+    sums
+}
+
+#[test]
+fn the_face_has_the_colours_of_the_image() {
+    let [red, blue, other] = lengths(&printed(&spec()));
+    assert!((red[1] / blue[1] - 1.0).abs() < 0.1, "{red:?} {blue:?}");
+    // The face dips between threads.
+    assert!(red[0] < 0.5 * red[1], "ink stays near the face: {red:?}");
+    assert!(other[0] > other[1], "{other:?}");
+    // All of it, to any depth, and as much fibre as before.
+    let deep = PrintSpec {
+        depth_um: Some(1e5),
+        ..spec()
+    };
+    let all = lengths(&printed(&deep));
+    let sum = |sums: &[[f32; 2]; 3]| sums.iter().flatten().sum::<f32>();
+    assert!((all[0][0] / all[0][1] - 1.0).abs() < 0.2, "{all:?}");
+    let before = sum(&lengths(&plain()));
+    assert!((sum(&all) / before - 1.0).abs() < 1e-3, "{all:?} {before}");
+    // The back instead.
+    let back = PrintSpec {
+        side: PrintSide::Back,
+        ..spec()
+    };
+    let [red, ..] = lengths(&printed(&back));
+    assert!(red[1] < 0.5 * red[0], "{red:?}");
+}
+
+#[test]
+fn dye_multiplies_and_cloth_without_print_is_the_same() {
+    let multiply = PrintSpec {
+        mode: PrintMode::Multiply,
+        ..spec()
+    };
+    let cloth = printed(&multiply);
+    let colours: Vec<Rgb> = cloth.materials().iter().filter_map(|m| m.colour).collect();
+    let darkened = RED * 0.8;
+    let has = |goal: Rgb| {
+        colours
+            .iter()
+            .any(|c| (c.0 - goal.0).abs().max_element() < 0.01)
+    };
+    assert!(has(darkened), "{colours:?}");
+    // Ink that reaches nothing leaves every segment as it was.
+    let mut sheer = plain();
+    let nowhere = PrintSpec {
+        depth_um: Some(0.0),
+        side: PrintSide::Back,
+        ..spec()
+    };
+    sheer.print(&nowhere, &image()).unwrap();
+    let segments = |cloth: &Cloth| {
+        let mut all = Vec::new();
+        cloth.for_each_in_batch(0, &mut |s| all.push((s.start_mm, s.end_mm)));
+        all
+    };
+    assert!(segments(&sheer).len() >= segments(&plain()).len());
+}
+
+#[test]
+fn images_must_fit_the_tile() {
+    let period = plain().tile().period_mm();
+    let sized = |width: f32, height: f32| PrintSpec {
+        size_mm: Some([width, height].map(f64::from)),
+        ..spec()
+    };
+    let tried = |spec: &PrintSpec, image: &PrintImage| plain().print(spec, image);
+    // Twice across, three times up, stretched by less than a hundredth.
+    let fits = sized(period.x / 2.0 * 1.005, period.y / 3.0);
+    tried(&fits, &image()).unwrap();
+    for (spec, image, words) in [
+        (
+            sized(period.x / 2.5, period.y),
+            image(),
+            "print.size_mm: expected a width",
+        ),
+        (
+            sized(period.x, f32::NAN),
+            image(),
+            "print.size_mm: expected a height",
+        ),
+        (
+            sized(period.x, 0.0),
+            image(),
+            "print.size_mm: expected a height",
+        ),
+        (
+            PrintSpec {
+                colours: 1,
+                ..spec()
+            },
+            image(),
+            "print.colours: expected 2 to 256, found 1",
+        ),
+        (
+            PrintSpec {
+                depth_um: Some(-1.0),
+                ..spec()
+            },
+            image(),
+            "print.depth_um: expected a number from 0 to 1e6, found -1",
+        ),
+        (
+            spec(),
+            PrintImage {
+                size: [0, 3],
+                pixels: Vec::new(),
+            },
+            "print.image: expected 1 to 8192 pixels along an edge, found 0 x 3",
+        ),
+    ] {
+        let said = tried(&spec, &image).unwrap_err().to_string();
+        assert!(said.starts_with(words), "{said}");
+    }
+}
