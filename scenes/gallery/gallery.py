@@ -85,6 +85,7 @@ def render(name, given):
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         sys.exit(f"{name}: {printed}")
+    # Absent where there is one sample a pixel.
     median = re.search(r"([\d.e+-]+) in the median pixel", printed)
     samples = re.search(r"(\d+) of \d+ samples a pixel", printed)
     figures = {
@@ -92,7 +93,7 @@ def render(name, given):
         "size": given.size,
         "seconds": round(time.monotonic() - start, 1),
         "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 1),
-        "median_noise": float(median[1]),
+        "median_noise": float(median[1]) if median else None,
         "samples": int(samples[1]),
         "representation": representations(scene),
         "denoised": given.denoise,
@@ -133,7 +134,7 @@ def table(figures):
         "|---|---|---|---|---|---|",
     ]
     for name, f in figures.items():
-        noise = f"{100 * f['median_noise']:.1f} %"
+        noise = f"{100 * f['median_noise']:.1f} %" if f["median_noise"] else "unknown"
         lines.append(
             f"| {name} | {f['representation']} | {f['size']} | {f['samples']} "
             f"| {f['cpu_seconds']:.0f} s | {noise} |"
@@ -158,9 +159,9 @@ def main():
                 small = small.resize((PICTURE, PICTURE), Image.Resampling.LANCZOS)
         write_jpeg(small, HERE / f"pictures/{name}.jpg", MOST_BYTES)
         print(table({name: figures[name]}).splitlines()[-1], flush=True)
+        if given.table:
+            given.table.write_text(table(figures))
     sheet()
-    if given.table:
-        given.table.write_text(table(figures))
 
 
 if __name__ == "__main__":
