@@ -215,7 +215,7 @@ fn grow(
             bend += lead * outwards;
         }
         if !is_going_back && radii > 1.0 {
-            bend += lead * lean;
+            bend += LEAD / hairiness.curl_mm * lean;
         }
         let beyond = faces.beyond(at.z);
         bend -= lead * beyond * beyond.abs() * DVec3::Z;
