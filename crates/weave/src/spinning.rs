@@ -5,8 +5,8 @@
 //! `100 sqrt(1 + 4 v^2) / sqrt(n)` per cent, for `n` fibres in the cross-section whose radii have
 //! the coefficient of variation `v` [Martindale1945]. Spinning adds to it: the index of
 //! irregularity is the quotient. Hairiness: by far most ring-spun and rotor-spun cottons lie
-//! between 3 and 10 on the scale of [Uster2013], and coarser yarn is hairier
-//! [Krupincova2013]; that it grows with the root of the count, as the surface does, is
+//! between 3 and 10 on the scale of [Uster2013] (a range from outside its charts, which were
+//! not available), and coarser yarn is hairier [Krupincova2013]; that it grows with the root of the count, as the surface does, is
 //! estimated. Indices, the hairiness of each kind of yarn at 20 tex within these ranges, the
 //! length and curl of hairs, and what finishes do are estimated.
 
