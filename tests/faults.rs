@@ -78,7 +78,7 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     let reasons = ["No space left on device", "File too large"];
     for arguments in [
         "render scene.toml -o disk/out.exr --set camera.resolution=[64,64]",
-        "render scene.toml -o disk/out.png --set camera.resolution=[256,256] --spp 1",
+        "render scene.toml -o disk/out.png --set camera.resolution=[512,512] --spp 1",
         "voxelize cloth.toml -o disk/cloth.ovox --voxel-um 40",
         "voxelize cloth.toml -o disk/cloth.vdb --voxel-um 40",
         "voxelize cloth.toml -o disk/cloth.vol --voxel-um 40",

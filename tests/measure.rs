@@ -269,7 +269,7 @@ fn tables_for_other_programs_are_written_or_refused() {
         succeed(&folder, &run.split(' ').collect::<Vec<_>>());
     }
     assert_eq!(bytes("one.ptm"), bytes("two.ptm"));
-    assert!(bytes("one.ptm").starts_with(b"PTM_1.2\nPTM_FORMAT_RGB\n6\n"));
+    assert!(bytes("one.ptm").starts_with(b"PTM_1.2\nPTM_FORMAT_RGB\n5\n6\n"));
     for (more, words) in [
         (
             "--layout rgl -o x.csv",
