@@ -97,7 +97,8 @@ pub fn memory_bytes(texels: UVec2) -> u64 {
 }
 
 /// Measures a map of the reflection that a viewer on the normal sees, lamp after lamp, and fits
-/// the polynomials by least squares. `watch` is told the paths done.
+/// the polynomials by least squares. `watch` gets the number of paths
+/// traced since its last call.
 ///
 /// # Errors
 /// See [`MeasureError`].

@@ -76,6 +76,11 @@ pub fn load_changed(
     for warning in cloth.warnings() {
         loader.warn(path, warning.to_string());
     }
+    if file.print.is_some() {
+        for warning in print_file::warnings(&file.optics) {
+            loader.warn(path, warning);
+        }
+    }
     if let Some(why) = file.scattering.old_names() {
         loader.warn(path, format!("scattering{why}"));
     }

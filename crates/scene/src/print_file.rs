@@ -1,6 +1,7 @@
 //! The picture that a fabric file prints on its cloth.
 
 use crate::memory::free_memory_bytes;
+use crate::optics::{OpticsFile, OpticsList};
 use crate::read;
 use organza_weave::PrintImage;
 
@@ -22,9 +23,34 @@ pub(crate) fn decode(
     })
 }
 
+/// Warnings of keys of `[optics.NAME]` that give all fibres of a yarn one colour: in the models
+/// that read them, a print does not show.
+pub(crate) fn warnings(optics: &OpticsFile) -> Vec<String> {
+    let of = |(name, list): (&String, &OpticsList)| {
+        let table = list.of(None);
+        let keys = [
+            ("albedo", table.albedo.is_some()),
+            ("colour", table.colour.is_some()),
+            ("absorption_per_mm", table.absorption_per_mm.is_some()),
+            ("fitted", table.fitted.is_some()),
+        ];
+        let found = keys.into_iter().filter(|k| k.1);
+        let warning = |(key, _)| {
+            format!(
+                "optics.{name}.{key} gives all fibres one colour and hides the print; leave it \
+                 out, and colour the threads by `colours` of warp and weft"
+            )
+        };
+        found.map(warning).collect::<Vec<_>>()
+    };
+    optics.iter().flat_map(of).collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use super::warnings;
     use crate::fabric_file::from_sources;
+    use crate::fabric_table::FabricFile;
     use glam::UVec2;
     use organza_basis::Rgb;
     use organza_picture::{Picture, exr};
@@ -59,6 +85,14 @@ mod tests {
         // Undyed, red and green; each with its fibre.
         assert_eq!(read.cloth.materials().len(), 3);
         assert_eq!(read.fibre_models(path).unwrap().len(), 3);
+        assert!(warnings(&read.file.optics).is_empty());
+        let recoloured = format!("{FABRIC}[optics.cotton]\ncolour = [0.7, 0.7, 0.7]\nior = 1.5\n");
+        let recoloured: FabricFile = toml::from_str(&recoloured).unwrap();
+        let said = warnings(&recoloured.optics);
+        assert!(
+            said.len() == 1 && said[0].contains("optics.cotton.colour gives"),
+            "{said:?}"
+        );
         let refused = |sources: &[SourceFile]| match from_sources(path, sources) {
             Ok(_) => String::from("read"),
             Err(e) => e.to_string(),

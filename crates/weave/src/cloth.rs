@@ -170,14 +170,15 @@ impl Cloth {
                 knit.path(*course, step(knit.bend_per_mm(*course)))
             }
             Centreline::Imported { points, closed } => {
-                Path::through(points, *closed, step(import::bend_per_mm(points)))
+                let period = closed.then_some(DVec3::ZERO);
+                Path::through(points, period, step(import::bend_per_mm(points)))
             }
             Centreline::Laid { points, period } => {
-                Path::periodic_through(points, *period, step(import::bend_per_mm(points)))
+                Path::through(points, Some(*period), step(import::bend_per_mm(points)))
             }
             Centreline::Bare(curve) => {
                 let points: Vec<DVec3> = curve.points_mm.iter().map(|p| p.as_dvec3()).collect();
-                Path::through(&points, curve.closed, f64::INFINITY)
+                Path::through(&points, curve.closed.then_some(DVec3::ZERO), f64::INFINITY)
             }
         }
     }

@@ -210,41 +210,42 @@ impl Path {
     }
 
     /// A smooth line through given points (uniform Catmull-Rom), each span in steps of
-    /// `longest_mm` at most. Frames are transported along the line without rotation; around a
-    /// closed line the remaining angle is distributed evenly.
-    pub fn through(given: &[DVec3], closed: bool, longest_mm: f64) -> Path {
+    /// `longest_mm` at most. `period` is what separates the line from its next copy, zero for a
+    /// closed line; an open line has none. Frames are transported along the line without
+    /// rotation; the angle that remains over a period is distributed evenly.
+    pub fn through(given: &[DVec3], period: Option<DVec3>, longest_mm: f64) -> Path {
         let n = given.len() as isize;
-        let at = |i: isize| match i {
-            i if closed => given[i.rem_euclid(n) as usize],
-            i if i < 0 => 2.0 * given[0] - given[1],
-            i if i >= n => 2.0 * given[n as usize - 1] - given[n as usize - 2],
-            i => given[i as usize],
+        let at = |i: isize| match (i, period) {
+            (i, Some(p)) => given[i.rem_euclid(n) as usize] + i.div_euclid(n) as f64 * p,
+            (i, None) if i < 0 => 2.0 * given[0] - given[1],
+            (i, None) if i >= n => 2.0 * given[n as usize - 1] - given[n as usize - 2],
+            (i, None) => given[i as usize],
         };
+        let spans = if period.is_some() { n } else { n - 1 };
         let mut points = Vec::new();
-        for i in 0..if closed { n } else { n - 1 } {
+        for i in 0..spans {
             let around = [at(i - 1), at(i), at(i + 1), at(i + 2)];
             let steps = (around[1].distance(around[2]) / longest_mm).ceil();
             let steps = steps.clamp(1.0, 64.0);
             points.extend((0..steps as usize).map(|k| catmull_rom(around, k as f64 / steps)));
         }
-        points.push(if closed {
-            given[0]
-        } else {
-            given[n as usize - 1]
-        });
+        points.push(at(spans));
 
         let last = points.len() - 1;
         let tangent = |i: usize| {
-            let (before, after) = match (i, closed) {
-                (0, true) => (points[last - 1], points[1]),
-                (i, true) if i == last => (points[last - 1], points[1]),
-                (0, false) => (points[0], points[1]),
-                (i, _) => (points[i - 1], points[(i + 1).min(last)]),
+            let before = match (i, period) {
+                (0, Some(p)) => points[last - 1] - p,
+                (i, _) => points[i.saturating_sub(1)],
+            };
+            let after = match (i, period) {
+                (i, Some(p)) if i == last => points[1] + p,
+                (i, _) => points[(i + 1).min(last)],
             };
             (after - before).normalize_or(DVec3::X)
         };
         let mut lateral = Vec::with_capacity(points.len());
-        let mut across = tangent(0).any_orthonormal_vector();
+        let level = DVec3::Z.cross(period.unwrap_or_default()).try_normalize();
+        let mut across = level.unwrap_or_else(|| tangent(0).any_orthonormal_vector());
         for i in 0..points.len() {
             let t = tangent(i);
             across = (across - across.dot(t) * t)
@@ -252,7 +253,7 @@ impl Path {
                 .unwrap_or(t.any_orthonormal_vector());
             lateral.push(across);
         }
-        if closed {
+        if period.is_some() {
             let t = tangent(0);
             let left = lateral[last]
                 .cross(lateral[0])
@@ -269,64 +270,9 @@ impl Path {
             .map(|(i, &l)| tangent(i).cross(l))
             .collect();
         Path {
-            open: !closed,
-            ..Path::new(points, lateral, vertical, DVec3::ZERO)
+            open: period.is_none(),
+            ..Path::new(points, lateral, vertical, period.unwrap_or_default())
         }
-    }
-
-    /// A smooth line (uniform Catmull-Rom) through the given points of one period, each span in
-    /// steps of `longest_mm` at most. Frames are transported along the line without rotation;
-    /// the angle that remains over a period is distributed evenly.
-    pub fn periodic_through(given: &[DVec3], period: DVec3, longest_mm: f64) -> Path {
-        let n = given.len() as isize;
-        let at = |i: isize| given[i.rem_euclid(n) as usize] + i.div_euclid(n) as f64 * period;
-        let mut points = Vec::new();
-        for i in 0..n {
-            let around = [at(i - 1), at(i), at(i + 1), at(i + 2)];
-            let steps = (around[1].distance(around[2]) / longest_mm).ceil();
-            let steps = steps.clamp(1.0, 64.0);
-            points.extend((0..steps as usize).map(|k| catmull_rom(around, k as f64 / steps)));
-        }
-        points.push(at(n));
-        let last = points.len() - 1;
-        let tangent = |i: usize| {
-            let before = if i == 0 {
-                points[last - 1] - period
-            } else {
-                points[i - 1]
-            };
-            let after = if i == last {
-                points[1] + period
-            } else {
-                points[i + 1]
-            };
-            (after - before).normalize_or(DVec3::X)
-        };
-        let mut lateral: Vec<DVec3> = Vec::with_capacity(points.len());
-        let first = DVec3::Z.cross(period).normalize_or(DVec3::X);
-        let mut across = first;
-        for i in 0..=last {
-            let t = tangent(i);
-            across = (across - across.dot(t) * t)
-                .try_normalize()
-                .unwrap_or(t.any_orthonormal_vector());
-            lateral.push(across);
-        }
-        let t = tangent(0);
-        let left = lateral[last]
-            .cross(lateral[0])
-            .dot(t)
-            .atan2(lateral[last].dot(lateral[0]));
-        for (i, across) in lateral.iter_mut().enumerate() {
-            let turn = left * i as f64 / last as f64;
-            *across = DQuat::from_axis_angle(tangent(i), turn) * *across;
-        }
-        let vertical = lateral
-            .iter()
-            .enumerate()
-            .map(|(i, &l)| tangent(i).cross(l))
-            .collect();
-        Path::new(points, lateral, vertical, period)
     }
 
     /// Whether the line has a sample `i`: an open one ends.

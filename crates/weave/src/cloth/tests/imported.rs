@@ -66,7 +66,7 @@ fn closed_imported_yarns_close() {
         .iter()
         .map(|p| p.as_dvec3())
         .collect();
-    let path = Path::through(&points, true, 0.05);
+    let path = Path::through(&points, Some(DVec3::ZERO), 0.05);
     let last = path.steps();
     assert!(path.points[0].distance(path.points[last]) < 1e-12);
     assert!(path.lateral[0].distance(path.lateral[last]) < 1e-9);
