@@ -5,6 +5,7 @@
 //! ([`organza_basis::Mixture`]) and a bound of their extinction.
 //!
 //! - [`voxelize()`] clips segments to voxels exactly and conserves their length.
+//! - [`octree_of_mixtures`] takes voxels whose mixtures are known already, such as a scan's.
 //! - [`Octree`] holds all levels, quantised; each level is a regular grid.
 //! - [`format`] holds the file formats, one file each: [`ovox`] keeps the whole
 //!   octree, [`vol`] is Mitsuba's grids, [`vdb`] OpenVDB.
@@ -52,6 +53,7 @@ mod error;
 mod fold;
 mod footprint;
 pub mod format;
+mod known_mixtures;
 mod lattice;
 pub mod octree;
 mod packing;
@@ -64,6 +66,7 @@ pub use footprint::FibreFootprint;
 pub use format::grid_set::GridSet;
 pub use format::vol::VolGrid;
 pub use format::{ovox, vdb, vol};
+pub use known_mixtures::{MixtureGrid, MixtureSource, octree_of_mixtures};
 pub use octree::Octree;
 pub use packing::{MaterialPacking, MeasuredPacking, PackingFactor};
 pub use voxelize::{Plan, VoxelizeOptions, voxelize};
