@@ -242,11 +242,7 @@ fn for_each_population(
 }
 
 /// The populations of a block, sorted by voxel.
-fn gather(
-    source: &dyn MixtureSource,
-    grid: &MixtureGrid,
-    block: UVec3,
-) -> Vec<GatheredPopulation> {
+fn gather(source: &dyn MixtureSource, grid: &MixtureGrid, block: UVec3) -> Vec<GatheredPopulation> {
     let volume_mm3 = grid.voxel_mm.element_product();
     let mut populations = Vec::new();
     for_each_population(source, grid, block, |voxel, p| {
