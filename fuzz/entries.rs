@@ -17,7 +17,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 18] = [
+pub const ALL: [Entry; 19] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -30,6 +30,7 @@ pub const ALL: [Entry; 18] = [
     ("gltf", gltf),
     ("picture", picture),
     ("klems", klems),
+    ("far_table", far_table),
     ("pairs", pairs),
     ("scene", scene),
     ("fabric", fabric),
@@ -129,6 +130,18 @@ pub fn picture(data: &[u8]) {
 pub fn klems(data: &[u8]) {
     if let Ok(bsdf) = organza_measure::read_klems(&String::from_utf8_lossy(data)) {
         let _ = bsdf.pairs();
+    }
+}
+
+/// A far-field table; also with a checksum that is right, so that what follows it is tried.
+pub fn far_table(data: &[u8]) {
+    use organza_surface::table::{read_table, sealed};
+    let content = &data[..data.len().saturating_sub(32)];
+    for bytes in [data.to_vec(), sealed(content.to_vec())] {
+        if let Ok((table, _)) = read_table(&bytes) {
+            let share = table.albedo(glam::Vec3::Z).max_component();
+            assert!((0.0..=1.01).contains(&share), "{share}");
+        }
     }
 }
 

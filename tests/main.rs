@@ -16,6 +16,7 @@ mod display; // renders on a display server
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave
 mod far; // surface models, meshes and levels of detail in scenes
+mod far_table; // tables of the far field
 mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp

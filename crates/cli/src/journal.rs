@@ -106,6 +106,12 @@ impl FileJournal {
         })
     }
 
+    /// Whether the numbers of a place are stored.
+    pub fn has(&self, place: &[f64]) -> bool {
+        let key: Vec<u64> = place.iter().map(|x| x.to_bits()).collect();
+        self.known.contains_key(&key)
+    }
+
     /// The `count` numbers of a place: those stored, or those that `find`
     /// returns, which are then stored.
     ///

@@ -41,9 +41,11 @@ mod adaptive;
 mod adaptive_file;
 mod bilinear_warp;
 mod cost;
+mod far_table;
 pub mod fit;
 mod fit_surface;
 mod goniometer;
+mod held_out;
 mod klems;
 mod klems_file;
 mod layout;
@@ -66,11 +68,13 @@ mod volume_patch;
 pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive};
 pub use adaptive_file::write_adaptive;
 pub use cost::{Cost, Growth, growth, pareto_front};
+pub use far_table::{NodeSums, USUAL_STEPS, far_matrix, measure_node};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,
     measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
 };
+pub use held_out::{HeldOutError, HeldOutKind, held_out_errors, held_out_pairs};
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
 pub use klems_file::{KlemsFileError, read_klems, write_klems};
 pub use layout::{

@@ -28,7 +28,7 @@ pub struct Fabric {
     /// The cloth.
     pub cloth: Cloth,
     /// Optics tables, highest precedence first.
-    optics: Vec<OpticsFile>,
+    pub(crate) optics: Vec<OpticsFile>,
     /// The file with all overrides, and those that it names.
     sources: Vec<SourceFile>,
 }

@@ -14,6 +14,7 @@ pub mod environment_file;
 mod error;
 pub mod fabric_file;
 mod fabric_table;
+pub mod far_table;
 mod fibre_model;
 pub mod file_kind;
 mod given_files;

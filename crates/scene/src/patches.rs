@@ -116,7 +116,9 @@ impl Matter {
         let medium = match self {
             Matter::Surface(shown) => match &shown.representation.build {
                 Build::Surface(surface) => {
-                    return Ok(Box::new(SurfacePatch(surface(fabric, path)?.surface)));
+                    return Ok(Box::new(SurfacePatch(
+                        surface(fabric, path, options.loader)?.surface,
+                    )));
                 }
                 _ => None,
             },

@@ -60,6 +60,7 @@ pub mod spec;
 pub mod spine;
 mod staple;
 mod stretches;
+pub mod table;
 pub mod transmission;
 pub mod transmission_fit;
 pub mod weave;

@@ -17,7 +17,7 @@ use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems
 use organza_report::comparison::{Comparison, Measurement, Plan, judge};
 use organza_scene::file_kind::Wanted;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs};
+use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs, TABLE};
 use organza_scene::{fabric_file, read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -116,8 +116,10 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         let models_are_chosen = !models.is_empty();
         if !models_are_chosen {
             models = vec![PatchModel::Is(&EXPLICIT_FIBRES), PatchModel::Own];
-            let has_surface = fabric.file.surface.is_some();
-            models.extend(has_surface.then_some(PatchModel::Is(&SURFACE)));
+            let loader = host.loader();
+            let ready = [&SURFACE, &TABLE].into_iter();
+            let ready = ready.filter(|r| (r.is_ready)(&fabric, &args.fabric, &loader));
+            models.extend(ready.map(PatchModel::Is));
         }
         let plan = Plan {
             layout: match &data {

@@ -9,12 +9,14 @@ use clap::Args;
 use organza_basis::{Aabb, Budget};
 use organza_kernel::DeviceKind;
 use organza_light::LightTable;
+use organza_scatter::Surface;
 use organza_scene::BuildOptions;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::object::At;
 use organza_scene::scene_file::{IntegratorName, is_scene};
-use organza_scene::{fabric_file, light_pictures, read, volume_file};
+use organza_scene::{fabric_file, far_table, light_pictures, read, volume_file};
+use organza_surface::table::FarTable;
 use organza_volume::format::{self, Format};
 use organza_weave::{Draft, curve_file::CurveSet};
 use serde_json::{Value, json};
@@ -25,7 +27,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it; or list graphics adapters", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
 pub struct InfoArgs {
-    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt) or picture that `render` wrote (.exr)
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt), table (.bsdf) or picture that `render` wrote (.exr)
     #[arg(required_unless_present = "devices", conflicts_with = "devices")]
     pub file: Option<PathBuf>,
     /// List the graphics adapters that `render --engine gpu` can use, the preferred one first
@@ -90,18 +92,37 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             Ok(curves_info(&set))
         }
         "exr" => picture_info(path),
+        far_table::ENDING => {
+            let (table, about) = far_table::read(path, &Loader::new())?;
+            Ok(table_info(&table, &about))
+        }
         "toml" => toml(path, &args.common.set),
         _ => Err(read::unreachable(path).map_or_else(
             || {
                 fail(
-                    "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt or \
-                     .exr"
+                    "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt, \
+                     .bsdf or .exr"
                         .into(),
                 )
             },
             input,
         )),
     }
+}
+
+/// A far-field table. Shares are those of light along the normal of the face.
+fn table_info(table: &FarTable, about: &Value) -> Value {
+    let mut listing = json!({
+        "kind": "table",
+        "nodes": table.rings().sphere(),
+        "memory_bytes": table.memory_bytes(),
+        "scattered_along_normal": table.albedo(glam::Vec3::Z).0.to_array(),
+        "straight_along_normal": table.gap(glam::Vec3::Z),
+    });
+    if let (Some(listing), Some(about)) = (listing.as_object_mut(), about.as_object()) {
+        listing.extend(about.clone());
+    }
+    listing
 }
 
 /// The graphics adapters.

@@ -17,6 +17,7 @@ mod man;
 mod measure;
 mod merge;
 mod render;
+mod table;
 mod view;
 mod voxelize;
 mod weave;
@@ -35,6 +36,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<merge::MergeArgs>(),
     Registration::of::<voxelize::VoxelizeArgs>(),
     Registration::of::<measure::MeasureArgs>(),
+    Registration::of::<table::TableArgs>(),
     Registration::of::<compare::CompareArgs>(),
     Registration::of::<difference::DifferenceArgs>(),
     Registration::of::<denoise::DenoiseArgs>(),

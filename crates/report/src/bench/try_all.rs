@@ -8,6 +8,7 @@ use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
 use organza_scene::auto::choice::Choice;
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table::{Row, Traits};
+use organza_scene::loader::Loader;
 use organza_scene::representation::Tracker;
 use std::path::PathBuf;
 
@@ -86,7 +87,10 @@ impl Plan {
 
     /// The choices for a fabric, without the reference.
     pub fn choices(&self, sample: &Sample) -> Vec<Choice> {
-        Choice::all(self.quick, sample.fabric.file.surface.is_some())
+        let loader = Loader::new();
+        Choice::all(self.quick, &|model| {
+            (model.is_ready)(&sample.fabric, &sample.path, &loader)
+        })
     }
 
     /// Tries every choice in a view; `done` is called after every render.

@@ -39,7 +39,7 @@ impl Choice {
     }
 
     /// Everything that is tried beside the truth; only the quick part of it if asked.
-    pub fn all(quick: bool, has_surface: bool) -> Vec<Choice> {
+    pub fn all(quick: bool, is_ready: &dyn Fn(&Representation) -> bool) -> Vec<Choice> {
         // The quickest to build come first.
         let built = || REPRESENTATIONS.into_iter().rev();
         let voxels: Vec<_> = built().filter(|r| r.voxels().is_some()).collect();
@@ -60,7 +60,7 @@ impl Choice {
                 ..Choice::usual(model)
             }));
         }
-        let surfaces = built().filter(|r| has_surface && matches!(r.build, Build::Surface(_)));
+        let surfaces = built().filter(|r| matches!(r.build, Build::Surface(_)) && is_ready(r));
         list.extend(surfaces.map(Choice::usual));
         let fibres = own(&&EXPLICIT_FIBRES);
         list.extend(fibres.filter(|choice| *choice != Choice::EXPLICIT_FIBRES));

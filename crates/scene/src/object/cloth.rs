@@ -6,6 +6,7 @@ use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load};
+use crate::far_table::far_sheet;
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
@@ -263,7 +264,7 @@ fn check(
     match shown.representation.voxels() {
         Some(_) if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
         Some(voxels) => plan(&fabric, voxels, table, index, options).map(|_| ())?,
-        None => (shown.representation.check)(&fabric, &path)?,
+        None => (shown.representation.check)(&fabric, &path, options.loader)?,
     }
     Ok(shown)
 }
@@ -312,7 +313,7 @@ fn medium(
             let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
             return laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"));
         }
-        Build::Surface(surface) => return alone(surface(&fabric, &path)?.into()),
+        Build::Surface(surface) => return alone(surface(&fabric, &path, options.loader)?.into()),
         Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {
             return alone(fabric.surface(&path)?.into());
         }
@@ -389,10 +390,10 @@ impl Laying<'_> {
         };
         let octree = Arc::new(octree);
         place.bounds_mm = octree.bounds_mm();
-        let sheet = match (&fabric.file.surface, lod) {
+        let sheet = match lod {
             // A surface model has the size of its fabric.
-            (Some(_), Lod::Name(LodName::Auto)) if scale == 1.0 => {
-                Some(FarSheet::from(fabric.surface(path)?))
+            Lod::Name(LodName::Auto) if scale == 1.0 => {
+                far_sheet(fabric, path, options.loader)?.map(FarSheet::from)
             }
             _ => None,
         };

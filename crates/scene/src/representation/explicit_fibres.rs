@@ -12,7 +12,8 @@ pub static EXPLICIT_FIBRES: Representation = Representation {
     keys: &[],
     trackers: &[Tracker::Kernel, Tracker::Woodcock],
     drapes: true,
-    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
+    is_ready: |_, _, _| true,
+    check: |fabric, path, _| fabric.fibre_models(path).map(|_| ()),
     build: Build::ExplicitFibres(|fabric, path, max_memory_bytes, loader| {
         fabric.explicit_fibres(path, max_memory_bytes, loader)
     }),

@@ -18,7 +18,8 @@ pub static MICROFLAKE: Representation = Representation {
     keys: &["flake"],
     trackers: &[Tracker::Kernel, Tracker::Woodcock, Tracker::Regular],
     drapes: true,
-    check: |_, _| Ok(()),
+    is_ready: |_, _, _| true,
+    check: |_, _, _| Ok(()),
     build: Build::Voxels(VoxelBuild {
         footprint: FibreFootprint::Covered,
         finest_level: |_, _| 0,

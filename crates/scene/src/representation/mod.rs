@@ -9,6 +9,7 @@ mod microflake;
 mod packed;
 mod plain;
 mod surface;
+mod table;
 mod virtual_fibres;
 
 pub use explicit_fibres::EXPLICIT_FIBRES;
@@ -16,6 +17,7 @@ pub use microflake::MICROFLAKE;
 pub use packed::PACKED;
 pub use plain::PLAIN;
 pub use surface::SURFACE;
+pub use table::TABLE;
 
 use crate::error::Result;
 use crate::fabric_file::Fabric;
@@ -32,8 +34,14 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 /// Every representation.
-pub static REPRESENTATIONS: [&Representation; 5] =
-    [&EXPLICIT_FIBRES, &PACKED, &PLAIN, &MICROFLAKE, &SURFACE];
+pub static REPRESENTATIONS: [&Representation; 6] = [
+    &EXPLICIT_FIBRES,
+    &PACKED,
+    &PLAIN,
+    &MICROFLAKE,
+    &TABLE,
+    &SURFACE,
+];
 
 /// A way to show a cloth.
 pub struct Representation {
@@ -52,8 +60,11 @@ pub struct Representation {
     pub trackers: &'static [Tracker],
     /// Whether it can lie over a mesh.
     pub drapes: bool,
+    /// Whether a fabric, with the files beside it, has what it needs, as far as that can be
+    /// told without reading them.
+    pub is_ready: fn(&Fabric, &Path, &Loader<'_>) -> bool,
     /// Refuses a fabric that lacks what it needs.
-    pub check: fn(&Fabric, &Path) -> Result<()>,
+    pub check: fn(&Fabric, &Path, &Loader<'_>) -> Result<()>,
     /// How it is built.
     pub build: Build,
     /// The optics that a fit changes; `None` for what has no fibres.
@@ -67,7 +78,7 @@ pub enum Build {
     /// From an octree of its fibres.
     Voxels(VoxelBuild),
     /// As a surface.
-    Surface(fn(&Fabric, &Path) -> Result<ClothSurface>),
+    Surface(fn(&Fabric, &Path, &Loader<'_>) -> Result<ClothSurface>),
 }
 
 /// How a representation is built from an octree.

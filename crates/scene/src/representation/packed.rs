@@ -20,7 +20,8 @@ pub static PACKED: Representation = Representation {
     keys: &["local_visibility", "first_events", "while_weight"],
     trackers: &[Tracker::Woodcock],
     drapes: true,
-    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
+    is_ready: |_, _, _| true,
+    check: |fabric, path, _| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
         footprint: FibreFootprint::Axis,
         finest_level,

@@ -14,7 +14,8 @@ pub static PLAIN: Representation = Representation {
     keys: &["local_visibility"],
     trackers: &[Tracker::Kernel, Tracker::Woodcock, Tracker::Regular],
     drapes: true,
-    check: |fabric, path| fabric.fibre_models(path).map(|_| ()),
+    is_ready: |_, _, _| true,
+    check: |fabric, path, _| fabric.fibre_models(path).map(|_| ()),
     build: Build::Voxels(VoxelBuild {
         footprint: FibreFootprint::Covered,
         finest_level: |_, _| 0,

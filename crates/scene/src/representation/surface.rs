@@ -11,7 +11,8 @@ pub static SURFACE: Representation = Representation {
     keys: &[],
     trackers: &[Tracker::Woodcock],
     drapes: true,
-    check: |fabric, path| fabric.surface(path).map(|_| ()),
-    build: Build::Surface(|fabric, path| fabric.surface(path)),
+    is_ready: |fabric, _, _| fabric.file.surface.is_some(),
+    check: |fabric, path, _| fabric.surface(path).map(|_| ()),
+    build: Build::Surface(|fabric, path, _| fabric.surface(path)),
     fitted: None,
 };

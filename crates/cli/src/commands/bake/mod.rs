@@ -29,7 +29,7 @@ use organza_measure::{
 use organza_scene::fabric_file;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::SURFACE;
+use organza_scene::representation::Build;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -142,11 +142,12 @@ pub fn run(args: &BakeArgs) -> Result<()> {
             Ok(fabric)
         })?;
         let shown = args.model.model.of(&fabric, &args.fabric)?;
-        if shown.representation == &SURFACE {
-            return Err(input(
-                "--model surface: has no geometry to make maps of; expected fibres, packed, \
-                 plain or microflake",
-            ));
+        if matches!(shown.representation.build, Build::Surface(_)) {
+            return Err(input(format!(
+                "--model {}: has no geometry to make maps of; expected fibres, packed, plain or \
+                 microflake",
+                shown.representation.name
+            )));
         }
         let grid = texel_grid(&fabric, args.resolution);
         check_memory(args, &grid)?;

@@ -22,7 +22,7 @@ use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{Input, Loader};
 use organza_scene::patches::{PatchModel, PatchOptions};
 use organza_scene::read;
-use organza_scene::representation::SURFACE;
+use organza_scene::representation::Build;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -129,7 +129,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
     }
     check_outputs(args, &[])?;
     warn_of_old_names("--model", &[args.model], args.common.quiet);
-    if args.model.model == PatchModel::Is(&SURFACE) {
+    if let PatchModel::Is(model) = args.model.model
+        && matches!(model.build, Build::Surface(_))
+    {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
     with_threads(&args.common, || match args.what {

@@ -7,7 +7,7 @@ use crate::output::note;
 use anyhow::{Context, Result};
 use organza_measure::PairValue;
 use organza_scene::patches::PatchModel;
-use organza_scene::representation::{SURFACE, ShownAs};
+use organza_scene::representation::{Build, ShownAs};
 use serde_json::{Value, json};
 
 /// Median of the standard errors as shares of their values.
@@ -25,11 +25,11 @@ pub fn median_error(list: &[PairValue]) -> Option<String> {
 }
 
 /// How many pairs of how many met no light in any path: their standard error is zero as their
-/// value is, and has no information. The surface model is exact.
+/// value is, and has no information. Surfaces are exact.
 pub fn dark_pairs(shown: Option<ShownAs>, list: &[PairValue]) -> [usize; 2] {
     let is_dark = |v: &&PairValue| [v.bsdf.mean, v.bsdf.se] == [[0.0; 3]; 2];
     match shown {
-        Some(s) if s.representation == &SURFACE => [0, list.len()],
+        Some(s) if matches!(s.representation.build, Build::Surface(_)) => [0, list.len()],
         _ => [list.iter().filter(is_dark).count(), list.len()],
     }
 }

@@ -1,0 +1,439 @@
+//! `organza table`
+
+use super::{Command, with_threads};
+use crate::building::watched;
+use crate::error::input;
+use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
+use crate::flags::values::{parse_paths, parse_seed, parse_share, whole};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
+use crate::identity::VERSION;
+use crate::journal::FileJournal;
+use crate::output;
+use crate::output::note;
+use crate::progress::Progress;
+use crate::results::Results;
+use anyhow::{Context, Result};
+use clap::Args;
+use organza_measure::{
+    Effort, HeldOutError, Measured, NodeSums, Pair, PairValue, USUAL_STEPS, far_matrix,
+    held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
+};
+use organza_scatter::{Footprint, Surface};
+use organza_scene::far_table::{self, ENDING, FABRIC_KEY};
+use organza_scene::loader::Loader;
+use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch};
+use organza_scene::representation::{ShownAs, TABLE};
+use organza_scene::{fabric_file, memory};
+use organza_surface::table::{FarTable, Rings, TableParts, balance, write_table};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// `organza table`
+#[derive(Debug, Args)]
+#[command(
+    about = "Make the far-field table of a fabric, which model = \"table\" shows",
+    after_help = "Examples:\n  organza table scenes/fabrics/denim.toml -o scenes/fabrics/denim.bsdf\n  organza table scenes/fabrics/organza.toml -o organza.bsdf --target-error 0.05 --journal organza.journal"
+)]
+pub struct TableArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// Table to write, a name that ends in .bsdf; model = "table" finds it beside the fabric under the fabric's name
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Model that light is traced through
+    #[arg(long, default_value = "fibres", value_parser = patch_model())]
+    pub model: ModelFlag,
+    /// Paths of light from each of the table's nodes; the maximum with --target-error
+    #[arg(long, value_name = "N", default_value_t = 32768, value_parser = parse_paths)]
+    pub spp: u64,
+    /// Stop when the table's error at the held-out pairs up to 80 degrees, noise taken out, is below this share, e.g. 0.05 for 5 %
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    pub target_error: Option<f64>,
+    /// Pairs of directions that are measured apart from the table, to find its error; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole::<usize>(0..=4096))]
+    pub held_out: usize,
+    /// Paths of each held-out pair
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
+    pub held_out_spp: u64,
+    /// Steps of the iteration that undoes the smoothing between the nodes; more make highlights sharper and the table noisier
+    #[arg(long, value_name = "N", default_value_t = USUAL_STEPS, value_parser = whole::<u32>(0..=100))]
+    pub sharpen: u32,
+    /// Save what was traced to this file, and resume from it
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    pub seed: u64,
+    #[command(flatten)]
+    pub voxel: VoxelArgs,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+impl Command for TableArgs {
+    const NAME: &'static str = "table";
+    const OUTPUT: Option<&'static str> = Some("table.bsdf");
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
+
+/// With a target error, the first table has one in so many of the paths.
+const FIRST_SHARE: u64 = 8;
+/// Held-out pairs that the journal keeps together.
+const PAIRS_AT_ONCE: usize = 8;
+
+/// Runs the command.
+pub fn run(args: &TableArgs) -> Result<()> {
+    let ends = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case(ENDING);
+    if !args.outfile.extension().is_some_and(ends) {
+        return Err(input(format!(
+            "{}: expected a name that ends in .{ENDING}",
+            args.outfile.display()
+        )));
+    }
+    if args.model.model == PatchModel::Is(&TABLE) {
+        return Err(input("--model: a table cannot be made from a table"));
+    }
+    if args.target_error.is_some() && args.held_out < 8 {
+        return Err(input(
+            "--target-error needs --held-out 8 or more, at which the error is measured",
+        ));
+    }
+    output::check_writable(&args.outfile)?;
+    output::check_not_an_input(&args.outfile, [&args.fabric])?;
+    if let Some(journal) = &args.journal {
+        output::check_writable(journal)?;
+        output::check_distinct(("the journal", journal), ("the table", &args.outfile))?;
+        output::check_not_an_input(journal, [&args.fabric])?;
+    }
+    warn_of_old_names("--model", &[args.model], args.common.quiet);
+    with_threads(&args.common, || {
+        let (work, about) = watched(&args.common, &args.cache, |loader| prepare(args, loader))?;
+        make(args, work, about)
+    })
+}
+
+/// What paths are traced through, and what is known of it.
+struct Work {
+    patch: AnyPatch,
+    rings: Rings,
+    shown: ShownAs,
+    journal: FileJournal,
+    paths: AtomicU64,
+    /// The surface model of the fabric, whose error at the held-out pairs is told, too.
+    surface: Option<Box<dyn Surface>>,
+}
+
+fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
+    let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+    let read = loader.inputs();
+    let read = || read.iter().map(|i| &i.path);
+    output::check_not_an_input(&args.outfile, read())?;
+    let rings = Rings::usual();
+    check_memory(args, &rings)?;
+    let shown = args.model.model.of(&fabric, &args.fabric)?;
+    let options = PatchOptions {
+        loader,
+        voxel_um: args.voxel.voxel_um,
+        level: 0,
+        max_memory_bytes: args.memory.max_memory,
+    };
+    let patch = fabric_patch(&fabric, &args.fabric, shown, &options)?;
+    let has_surface = fabric.file.surface.is_some() && args.held_out > 0;
+    let surface = has_surface.then(|| fabric.surface(&args.fabric));
+    let surface = surface.transpose()?.map(|s| s.surface);
+    let about = json!({
+        "program": format!("organza {VERSION}"),
+        "fabric": fabric.file.name.clone().unwrap_or_else(|| args.fabric.display().to_string()),
+        FABRIC_KEY: fabric.look_digest(),
+        "model": shown.to_string(),
+        "voxel_um": args.voxel.voxel_um,
+        "seed": args.seed,
+    });
+    let key = json!({ "table": 1, "of": about, "held_out": args.held_out_spp });
+    let journal = FileJournal::open(args.journal.as_deref(), &key.to_string())?;
+    let work = Work {
+        patch,
+        rings,
+        shown,
+        journal,
+        paths: AtomicU64::new(0),
+        surface,
+    };
+    Ok((work, about))
+}
+
+/// The sums of all nodes, and the matrices that are made of them.
+fn check_memory(args: &TableArgs, rings: &Rings) -> Result<()> {
+    let n = rings.sphere() as u64;
+    let needed = n * n * 8 * (2 * 3 + 3 + 6);
+    let allowed = args
+        .memory
+        .max_memory
+        .unwrap_or_else(memory::free_memory_bytes);
+    if needed > allowed {
+        return Err(input(format!(
+            "--max-memory: a table takes {} MiB while it is made; {} MiB are allowed",
+            needed >> 20,
+            allowed >> 20
+        )));
+    }
+    Ok(())
+}
+
+impl Work {
+    /// Traces paths of all nodes and adds them to the sums.
+    fn trace(
+        &mut self,
+        args: &TableArgs,
+        paths: std::ops::Range<u64>,
+        sums: &mut [NodeSums],
+    ) -> Result<()> {
+        let nodes = self.rings.sphere();
+        let total = (paths.end - paths.start) * nodes as u64;
+        let progress = Progress::new("tracing", total, &args.common);
+        let done = AtomicU64::new(0);
+        let length = NodeSums::list_length(nodes);
+        let place = |node: usize| [node as f64, paths.start as f64, paths.end as f64];
+        // So many that the threads are busy, and few enough that little is lost by an
+        // interruption.
+        let at_once = 4 * rayon::current_num_threads();
+        for first in (0..nodes).step_by(at_once) {
+            let these = first..(first + at_once).min(nodes);
+            let (patch, rings) = (&self.patch, &self.rings);
+            let with_known = these
+                .clone()
+                .map(|node| (node, self.journal.has(&place(node))));
+            let found: Vec<_> = with_known
+                .collect::<Vec<_>>()
+                .into_par_iter()
+                .map(|(node, is_known)| {
+                    let result = match is_known {
+                        true => None,
+                        false => Some(measure_node(patch, rings, node, paths.clone(), args.seed)),
+                    };
+                    let more = paths.end - paths.start;
+                    progress.at(done.fetch_add(more, Ordering::Relaxed) + more);
+                    result.transpose()
+                })
+                .collect::<Result<_, _>>()?;
+            for (node, found) in these.zip(found) {
+                let list = self.journal.once(&place(node), length, || {
+                    let (sums, stats) = found.unwrap_or_default();
+                    self.paths.fetch_add(stats.paths, Ordering::Relaxed);
+                    Ok(sums.to_list())
+                })?;
+                let more = NodeSums::from_list(&list, nodes)
+                    .with_context(|| format!("the sums of node {node} have another length"))?;
+                if let Some(sum) = sums.get_mut(node) {
+                    sum.merge(&more);
+                }
+            }
+        }
+        progress.finish();
+        Ok(())
+    }
+
+    /// The truth at the held-out pairs.
+    fn truth(&mut self, args: &TableArgs, pairs: &[Pair]) -> Result<Vec<PairValue>> {
+        let total = args.held_out_spp * pairs.len() as u64;
+        let progress = Progress::new("measuring", total, &args.common);
+        let done = AtomicU64::new(0);
+        let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
+        let effort = Effort {
+            paths: args.held_out_spp,
+            seed: args.seed,
+            target_error: None,
+        };
+        let mut all = Vec::with_capacity(pairs.len());
+        for first in (0..pairs.len()).step_by(PAIRS_AT_ONCE) {
+            let rows = first..(first + PAIRS_AT_ONCE).min(pairs.len());
+            let place = [-1.0, first as f64, rows.end as f64];
+            let list = self.journal.once(&place, 6 * rows.len(), || {
+                let found = measure_pair_rows(&self.patch, pairs, rows.clone(), &effort, &watch)?;
+                self.paths.fetch_add(found.stats.paths, Ordering::Relaxed);
+                let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
+                Ok(found.list.iter().flat_map(numbers).collect())
+            })?;
+            for (pair, v) in pairs[rows].iter().zip(list.chunks_exact(6)) {
+                all.push(PairValue {
+                    pair: *pair,
+                    bsdf: Measured {
+                        mean: [v[0], v[1], v[2]],
+                        se: [v[3], v[4], v[5]],
+                    },
+                    paths: args.held_out_spp,
+                });
+            }
+        }
+        progress.finish();
+        Ok(all)
+    }
+}
+
+/// A table that was made.
+struct Made {
+    parts: TableParts,
+    table: FarTable,
+    paths_per_node: u64,
+    residual: f64,
+    errors: Vec<HeldOutError>,
+}
+
+fn make(args: &TableArgs, mut work: Work, mut about: Value) -> Result<()> {
+    let started = std::time::Instant::now();
+    let pairs = held_out_pairs(args.held_out, args.seed);
+    let truth = work.truth(args, &pairs)?;
+    let nodes = work.rings.sphere();
+    let mut sums = vec![NodeSums::default(); nodes];
+    let mut end = match args.target_error {
+        Some(_) => args.spp.div_ceil(FIRST_SHARE).max(2),
+        None => args.spp,
+    };
+    let mut begin = 0;
+    let made = loop {
+        work.trace(args, begin..end, &mut sums)?;
+        let made = solve(args, &work, &sums, &truth, end)?;
+        let worst = made.errors.iter().take(2).fold(0.0f64, |m, e| m.max(e.rms));
+        let enough = args.target_error.is_none_or(|target| worst <= target);
+        if enough || end >= args.spp {
+            break made;
+        }
+        (begin, end) = (end, (2 * end).min(args.spp));
+    };
+    let surface = work.surface.as_deref().map(|s| errors(s, &truth));
+    let worst = made.errors.iter().take(2).fold(0.0f64, |m, e| m.max(e.rms));
+    if let (Some(target), false) = (args.target_error, args.common.quiet)
+        && worst > target
+    {
+        note!(
+            "organza: warning: {}: the error {:.1} % is above --target-error; more --spp helps \
+             against noise, not against what lies between the nodes",
+            args.outfile.display(),
+            100.0 * worst
+        );
+    }
+    if let Some(map) = about.as_object_mut() {
+        map.insert("paths_per_node".into(), json!(made.paths_per_node));
+        map.insert("sharpen".into(), json!(args.sharpen));
+        map.insert("held_out_paths".into(), json!(args.held_out_spp));
+        map.insert("errors".into(), json!(made.errors));
+        if let Some(surface) = surface {
+            map.insert("errors_of_surface_model".into(), json!(surface));
+        }
+    }
+    let bytes = write_table(&made.parts, &about).context("writing the table failed")?;
+    let host = &args.common.host;
+    host.give(|| Results {
+        files: vec![("table.bsdf".to_owned(), bytes.clone())],
+        figures: vec![("about".into(), about.clone())],
+        ..Results::default()
+    });
+    if host.writes() {
+        output::write_file(&args.outfile, |out| {
+            out.write_all(&bytes).context("writing failed")
+        })?;
+    }
+    report(
+        args,
+        &work,
+        &made,
+        about,
+        (bytes.len(), started.elapsed().as_secs_f64()),
+    )
+}
+
+/// The errors of a surface at the held-out pairs.
+fn errors(surface: &dyn Surface, truth: &[PairValue]) -> Vec<HeldOutError> {
+    let value = |v: &PairValue| {
+        let (w_in, w_out) = (v.pair.incident.direction(), v.pair.exitant.direction());
+        let value = surface.eval(w_out, w_in, Footprint::FAR);
+        value.0.to_array().map(f64::from)
+    };
+    let values: Vec<[f64; 3]> = truth.iter().map(value).collect();
+    held_out_errors(&values, truth)
+}
+
+fn solve(
+    args: &TableArgs,
+    work: &Work,
+    sums: &[NodeSums],
+    truth: &[PairValue],
+    paths_per_node: u64,
+) -> Result<Made> {
+    let matrix = far_matrix(&work.rings, sums, args.sharpen).context("nodes without paths")?;
+    let balanced = balance(&matrix);
+    let table = FarTable::new(balanced.parts.clone()).context("the measured table is none")?;
+    Ok(Made {
+        errors: errors(&table, truth),
+        parts: balanced.parts,
+        residual: balanced.residual,
+        table,
+        paths_per_node,
+    })
+}
+
+fn report(
+    args: &TableArgs,
+    work: &Work,
+    made: &Made,
+    about: Value,
+    (bytes, seconds): (usize, f64),
+) -> Result<()> {
+    let paths = work.paths.load(Ordering::Relaxed);
+    if args.json {
+        let answer = json!({
+            "file": args.outfile,
+            "bytes": bytes,
+            "memory_bytes": made.table.memory_bytes(),
+            "nodes": made.table.rings().sphere(),
+            "largest_row_error": made.residual,
+            "paths": paths,
+            "seconds": seconds,
+            "about": about,
+        });
+        output::print(&(serde_json::to_string_pretty(&answer)? + "\n"))?;
+    }
+    if !args.common.quiet {
+        note!(
+            "{}: {} nodes, {} kB, from {} paths through {} in {seconds:.1} s",
+            args.outfile.display(),
+            made.table.rings().sphere(),
+            bytes / 1000,
+            paths,
+            work.shown,
+        );
+        for e in &made.errors {
+            let kind = json!(e.kind);
+            note!(
+                "{}: {} held-out pairs, error {:.1} % rms (noise taken out), {:+.1} % in sum",
+                kind.as_str().unwrap_or_default().replace('_', ", "),
+                e.pairs,
+                100.0 * e.rms,
+                100.0 * e.bias
+            );
+        }
+        if far_table::beside(&args.fabric) != args.outfile {
+            note!(
+                "model = \"table\" looks for it as {}",
+                far_table::beside(&args.fabric).display()
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,5 @@
+//! Fuzzes `far_table`, see `entries.rs`.
+#![no_main]
+#[path = "../entries.rs"]
+mod entries;
+libfuzzer_sys::fuzz_target!(|data: &[u8]| entries::far_table(data));
