@@ -203,7 +203,7 @@ pub fn far_matrix(rings: &Rings, nodes: &[NodeSums], steps: u32) -> Option<Measu
     let gap_at = |a: usize| gaps[if a < half { a } else { rings.opposite(a) }];
     let mut shares = vec![[0.0; 3]; n];
     let mut channels = Vec::with_capacity(3);
-    for c in 0..3 {
+    for c in [0, 1, 2] {
         let escaped: Vec<f64> = nodes.iter().map(|s| s.escaped[c] / s.paths).collect();
         for (a, total) in sharpened(&escaped, &overlaps).into_iter().enumerate() {
             shares[a][c] = (total.min(1.0) - gap_at(a)).max(0.0);
