@@ -2,6 +2,7 @@
 //! binary.
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
+mod appearance; // optics of volumes found from pictures and pairs
 mod bake; // materials for other programs
 mod bench; // speed against error, and what it chooses
 mod cache; // volumes that are kept from run to run

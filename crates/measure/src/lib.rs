@@ -39,6 +39,7 @@
 
 mod adaptive;
 mod adaptive_file;
+mod appearance;
 mod bilinear_warp;
 mod cost;
 mod far_table;
@@ -55,6 +56,7 @@ mod pairs;
 mod patch;
 mod picture_error;
 mod picture_match;
+mod picture_moments;
 mod polynomial_map;
 mod polynomial_map_file;
 mod surface_patch;
@@ -67,6 +69,7 @@ mod volume_patch;
 
 pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive};
 pub use adaptive_file::write_adaptive;
+pub use appearance::{Appearance, AppearanceFit, AppearanceSearch, Simulate, fit_appearance};
 pub use cost::{Cost, Growth, growth, pareto_front};
 pub use far_table::{NodeSums, USUAL_STEPS, far_matrix, measure_node};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
@@ -89,6 +92,7 @@ pub use pairs::{
 pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
+pub use picture_moments::{MIN_SIDE, MatchedPicture};
 pub use polynomial_map::{
     MapEffort, PolynomialMap, measure_polynomial_map, memory_bytes as polynomial_map_memory_bytes,
 };

@@ -31,6 +31,7 @@ pub mod patches;
 mod print_file;
 pub mod read;
 pub mod representation;
+pub mod scan_file;
 pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;

@@ -31,6 +31,7 @@ use crate::record::{
 };
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, FibrePopulation, Mixture};
+use std::collections::BTreeMap;
 
 /// Marks a brick without fibre.
 const EMPTY: u32 = u32::MAX;
@@ -145,6 +146,28 @@ impl Octree {
         self.finest_per_mm = (1.0 / self.lattice.voxel_mm).as_vec3();
         let sound = scale > 0.0 && self.lattice.is_sound() && self.check().is_ok();
         sound.then_some(self)
+    }
+
+    /// The same octree with `factor` times as much fibre in every voxel. Measured packing
+    /// factors are dropped: they belong to the density as it was. `None` unless the factor is
+    /// positive and the octree stays finite.
+    pub fn with_density(mut self, factor: f64) -> Option<Octree> {
+        self.quantum_mm *= factor;
+        for (level, l) in (0u8..).zip(&mut self.levels) {
+            l.density_per_quantum = self.lattice.density_of(self.quantum_mm, level);
+            for brick in &mut l.bricks {
+                // Rounding must not take a bound below what it bounds.
+                brick.majorant_per_mm *= factor as f32 * (1.0 + 1e-5);
+            }
+        }
+        self.packing = None;
+        let sound = factor > 0.0 && self.quantum_mm.is_finite() && self.check().is_ok();
+        sound.then_some(self)
+    }
+
+    /// The material of each yarn, by yarn.
+    pub fn materials_of_yarns(&self) -> BTreeMap<u32, u16> {
+        self.groups.iter().map(|g| (g.yarn, g.material)).collect()
     }
 
     /// The same octree, repeated in x and y or not.

@@ -155,9 +155,16 @@ fn devices_info() -> Value {
 /// A volume.
 fn volume(format: &Format, path: &Path) -> Result<Value> {
     let mut budget = Budget::new(free_memory_bytes());
-    Ok(volume_file::read(path, &Loader::new(), |source| {
+    let mut listing = volume_file::read(path, &Loader::new(), |source| {
         (format.describe)(source, &mut budget)
-    })?)
+    })?;
+    // A scan keeps its figures as TOML.
+    if let Some(text) = listing.get("scan").and_then(Value::as_str)
+        && let Ok(table) = toml::from_str::<toml::Table>(text)
+    {
+        listing["scan"] = json!(table);
+    }
+    Ok(listing)
 }
 
 /// A fabric or a scene.

@@ -12,7 +12,7 @@ mod volume;
 pub use cloth::ClothTable;
 pub use grid::{AlbedoValue, GridTable, InterpolationName};
 pub use plane::PlaneTable;
-pub use volume::VolumeTable;
+pub use volume::{VolumeMaterials, VolumeTable};
 
 use crate::build_options::BuildOptions;
 use crate::error::{InputError, Result, input};

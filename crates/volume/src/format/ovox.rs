@@ -47,6 +47,10 @@ const BLOCK: usize = 1 << 20;
 /// Maximum size of a header, bytes; names of files make up most of it.
 const MAX_HEADER: u32 = 1 << 20;
 
+/// Name of the first file of a scanned volume, instead of a fabric: how it was scanned, and its
+/// materials.
+pub const SCAN_FILE: &str = "scan.toml";
+
 /// A file that a cloth was made from. With these files a scene shows the volume exactly as it
 /// shows the cloth. The first is the fabric file, with all its overrides; then come those that
 /// it names.
@@ -193,7 +197,7 @@ fn describe(stored: &Stored) -> Value {
         least = least.min(sigma);
         most = most.max(sigma);
     });
-    json!({
+    let mut about = json!({
         "kind": "octree",
         "box": box_of(&octree.bounds_mm()),
         "repeats": octree.repeats(),
@@ -210,7 +214,13 @@ fn describe(stored: &Stored) -> Value {
         "extinction_per_mm": if most > 0.0 { json!([least, most]) } else { json!([0.0, 0.0]) },
         "memory_bytes": octree.memory_bytes(),
         "levels": levels,
-    })
+    });
+    let scan = stored.files.first().filter(|f| f.name == SCAN_FILE);
+    if let Some(scan) = scan {
+        about["kind"] = json!("scan");
+        about["scan"] = json!(String::from_utf8_lossy(&scan.bytes));
+    }
+    about
 }
 
 /// The packing factors of a level, material by material.

@@ -227,7 +227,8 @@ fn nrrd_returns_the_grids_of_a_level() {
     }
 }
 
-/// Twice as large: lengths double, what is blocked per mm halves.
+/// Twice as large: lengths double, what is blocked per mm halves. Three times as dense: three
+/// times the length in the same box.
 #[test]
 fn octrees_are_scaled_with_their_fibres() {
     let tree = cotton_octree(0.05);
@@ -243,6 +244,13 @@ fn octrees_are_scaled_with_their_fibres() {
         );
         assert!((a - 2.0 * b).abs() < 1e-5 * a, "{cell}");
     });
+    let dense = tree.clone().with_density(3.0).unwrap();
+    dense.assert_well_formed();
+    let ratio = dense.fibre_length_mm(0) / tree.fibre_length_mm(0);
+    assert!((ratio - 3.0).abs() < 1e-9, "{ratio}");
+    assert_eq!(dense.bounds_mm(), tree.bounds_mm());
+    assert!(tree.clone().with_density(-1.0).is_none());
+    assert!(tree.clone().with_density(f64::INFINITY).is_none());
     assert!(tree.clone().scaled(0.0).is_none());
     assert!(tree.clone().scaled(f64::NAN).is_none());
     assert!(!tree.with_repeats(false).repeats());

@@ -23,14 +23,19 @@ use std::collections::BTreeSet;
 use toml::{Table, Value};
 
 /// The data of a measurement, and how to simulate the same for a fabric.
-enum Observed {
+pub enum Observed {
+    /// Values of pairs.
     Pairs(Vec<PairValue>),
     /// Reflected and transmitted light of some directions.
     Hemispheres(Vec<(Angles, [Measured; 2])>),
 }
 
 impl Observed {
-    fn read(path: &std::path::Path, host: &Host) -> Result<Observed> {
+    /// Reads a table of pairs or a WINDOW file.
+    ///
+    /// # Errors
+    /// Names the file and the place.
+    pub fn read(path: &std::path::Path, host: &Host) -> Result<Observed> {
         let is_xml = path
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("xml"));
@@ -54,24 +59,47 @@ impl Observed {
         Ok(Observed::Hemispheres(list))
     }
 
-    /// The observed values with their errors, in one list.
-    fn values(&self) -> Vec<[f64; 2]> {
-        let channels = |m: &Measured| m.mean.into_iter().zip(m.se).map(|(v, s)| [v, s]).collect();
+    /// The observed values.
+    pub fn list(&self) -> Vec<Measured> {
+        match self {
+            Observed::Pairs(list) => list.iter().map(|v| v.bsdf).collect(),
+            Observed::Hemispheres(list) => list.iter().flat_map(|(_, parts)| *parts).collect(),
+        }
+    }
+
+    /// What each of them is.
+    pub fn labels(&self) -> Vec<String> {
+        let degrees = |a: &Angles| format!("{:.0},{:.0}", a.theta_deg, a.phi_deg);
         match self {
             Observed::Pairs(list) => list
                 .iter()
-                .flat_map(|v| -> Vec<_> { channels(&v.bsdf) })
+                .map(|v| {
+                    let pair = &v.pair;
+                    format!("{} to {}", degrees(&pair.incident), degrees(&pair.exitant))
+                })
                 .collect(),
             Observed::Hemispheres(list) => list
                 .iter()
-                .flat_map(|(_, parts)| parts.iter().flat_map(|m| -> Vec<_> { channels(m) }))
+                .flat_map(|(from, _)| {
+                    ["reflected", "transmitted"].map(|part| format!("{part} of {}", degrees(from)))
+                })
                 .collect(),
         }
     }
 
-    /// The same of a fabric.
-    fn simulate(&self, args: &FitArgs, patch: &AnyPatch) -> Result<Vec<[f64; 2]>> {
-        let results = match self {
+    /// The observed values with their errors, channel by channel in one list.
+    fn values(&self) -> Vec<[f64; 2]> {
+        let list = self.list();
+        let channels = list.iter().flat_map(|m| m.mean.into_iter().zip(m.se));
+        channels.map(|(v, s)| [v, s]).collect()
+    }
+
+    /// The same of a patch.
+    ///
+    /// # Errors
+    /// Those of the measurement.
+    pub fn simulate(&self, args: &FitArgs, patch: &AnyPatch) -> Result<Observed> {
+        Ok(match self {
             Observed::Pairs(list) => {
                 let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
                 Observed::Pairs(
@@ -95,8 +123,7 @@ impl Observed {
                 });
                 Observed::Hemispheres(parts.collect())
             }
-        };
-        Ok(results.values())
+        })
     }
 }
 
@@ -159,7 +186,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
                 ),
             });
             let patch = matter.patch(&changed, &args.fabric, &options)?;
-            Ok(observed.simulate(args, &patch)?.concat())
+            Ok(observed.simulate(args, &patch)?.values().concat())
         });
         // A fabric whose yarns do not fit is no answer; its error is reported
         // when there is no other.

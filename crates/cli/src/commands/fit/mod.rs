@@ -1,13 +1,18 @@
 //! `organza fit`
 
 use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
-use crate::flags::values::{parse_angles, parse_paths, parse_patience, parse_positive, parse_seed};
+use crate::flags::values::{
+    parse_angles, parse_crop, parse_paths, parse_patience, parse_positive, parse_seed,
+};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
 use std::path::PathBuf;
 mod fibres;
 mod picture;
 mod surface;
+mod volume;
+mod volume_picture;
+mod volume_scene;
 
 use super::{Command, with_threads};
 use crate::error::input;
@@ -23,6 +28,7 @@ use organza_scene::loader::{Input, Loader};
 use organza_scene::patches::{PatchModel, PatchOptions};
 use organza_scene::read;
 use organza_scene::representation::Build;
+use organza_transport::Crop;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -31,13 +37,13 @@ use toml::{Table, Value};
 /// `organza fit`
 #[derive(Debug, Args)]
 #[command(
-    about = "Find the surface or fibre parameters that match measured values",
-    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml"
+    about = "Find the surface, fibre or volume parameters that match measured values or a picture",
+    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml"
 )]
 pub struct FitArgs {
-    /// Fabric file (TOML) from which the search starts
+    /// Fabric file (TOML) from which the search starts, or a scene with one object of kind = "volume", or a volume file
     pub fabric: PathBuf,
-    /// Fabric file to write, with the fitted values
+    /// Fabric or scene file to write, with the fitted values
     #[arg(short, long)]
     pub outfile: PathBuf,
     /// What to fit
@@ -49,24 +55,39 @@ pub struct FitArgs {
     /// Model of the volume
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: ModelFlag,
-    /// Paths per pair of the volume, or per texel of a picture, at least 2
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
-    pub spp: u64,
+    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume]
+    #[arg(long, value_name = "N", value_parser = parse_paths)]
+    pub spp: Option<u64>,
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres]
     #[arg(long, value_name = "SCAN,STEPS", allow_hyphen_values = true, value_parser = parse_patience)]
     pub patience: Option<[u32; 2]>,
-    /// Direction towards the light in the picture, polar angle and azimuth from the weft, degrees
-    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles, default_value = "45,0")]
-    pub light: [f64; 2],
-    /// Direction towards the camera of the picture
-    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles, default_value = "0,0")]
-    pub view: [f64; 2],
-    /// Width of the cloth in the picture, mm [default: the fabric's tile]
+    /// Direction towards the light in the picture, polar angle and azimuth from the weft, degrees; scenes have their own [default: 45,0]
+    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
+    pub light: Option<[f64; 2]>,
+    /// Direction towards the camera of the picture; scenes have their own [default: 0,0]
+    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
+    pub view: Option<[f64; 2]>,
+    /// Width of the cloth in the picture, mm; scenes have their own [default: that of the fabric's tile or of the volume]
     #[arg(long, value_name = "MM", value_parser = parse_positive)]
     pub width_mm: Option<f64>,
-    /// Value that white paper has in the picture
-    #[arg(long, value_name = "VALUE", default_value_t = 1.0, value_parser = parse_positive)]
-    pub white: f64,
+    /// Value that white paper has in the picture [default: 1; for a scene, values are radiances]
+    #[arg(long, value_name = "VALUE", value_parser = parse_positive)]
+    pub white: Option<f64>,
+    /// Volumes: the part of the picture to match, in its pixels [default: all of it]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_crop)]
+    pub region: Option<Crop>,
+    /// Volumes: a part of the picture in which only one yarn is seen, so that pixels of its hue give it an albedo of its own; one for each yarn
+    #[arg(long, value_name = "YARN=X0,Y0,X1,Y1", value_parser = parse_named_region)]
+    pub region_of: Vec<NamedRegion>,
+    /// Volumes: standard deviation of the noise of the picture's pixels, in its values [default: 0]
+    #[arg(long, value_name = "VALUE", value_parser = parse_positive)]
+    pub noise: Option<f64>,
+    /// Volumes: blur of the picture, standard deviation in its pixels [default: none]
+    #[arg(long, value_name = "PIXELS", value_parser = parse_positive)]
+    pub blur_px: Option<f64>,
+    /// Volumes: find a factor of density, too
+    #[arg(long)]
+    pub fit_density: bool,
     /// Save every evaluation to this file, and resume from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
@@ -97,6 +118,69 @@ impl Command for FitArgs {
     fn run(&self) -> Result<()> {
         run(self)
     }
+}
+
+/// Direction towards the light of a picture by default, degrees.
+const LIGHT: [f64; 2] = [45.0, 0.0];
+
+/// Direction towards its camera by default, degrees.
+const VIEW: [f64; 2] = [0.0, 0.0];
+
+impl FitArgs {
+    /// Paths per pair or texel.
+    fn paths(&self) -> u64 {
+        self.spp.unwrap_or(1024)
+    }
+}
+
+/// A part of a picture in which only one yarn is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedRegion {
+    /// The yarn.
+    pub name: String,
+    /// The part.
+    pub crop: Crop,
+}
+
+fn parse_named_region(text: &str) -> Result<NamedRegion, String> {
+    let (name, crop) = text
+        .split_once('=')
+        .ok_or("expected YARN=X0,Y0,X1,Y1, for example weft=10,10,40,20")?;
+    Ok(NamedRegion {
+        name: name.trim().to_owned(),
+        crop: parse_crop(crop)?,
+    })
+}
+
+/// Flags that describe a picture, and whether they are given.
+fn picture_flags(args: &FitArgs) -> [(&'static str, bool); 8] {
+    [
+        ("--light", args.light.is_some()),
+        ("--view", args.view.is_some()),
+        ("--width-mm", args.width_mm.is_some()),
+        ("--white", args.white.is_some()),
+        ("--region", args.region.is_some()),
+        ("--region-of", !args.region_of.is_empty()),
+        ("--noise", args.noise.is_some()),
+        ("--blur-px", args.blur_px.is_some()),
+    ]
+}
+
+/// Refuses flags that only volumes have.
+fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
+    for (flag, is_given) in [
+        ("--region", args.region.is_some()),
+        ("--region-of", !args.region_of.is_empty()),
+        ("--noise", args.noise.is_some()),
+        ("--blur-px", args.blur_px.is_some()),
+        ("--fit-density", args.fit_density),
+    ] {
+        if is_given {
+            let why = "applies only to a scene with a volume, or to a volume file";
+            return Err(input(format!("{flag}: {why}")));
+        }
+    }
+    Ok(())
 }
 
 /// What to fit.
@@ -134,6 +218,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
+    if volume::is_volume(args)? {
+        return with_threads(&args.common, || volume::run(args));
+    }
+    refuse_volume_flags(args)?;
     with_threads(&args.common, || match args.what {
         FitWhat::Surface => surface::run(args),
         FitWhat::Fibres => fibres::run(args),
@@ -175,7 +263,7 @@ fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
         "data": data.map(|bytes| identity::hex(&Sha256::digest(&bytes))),
         "model": shown,
         "voxel_um": args.voxel.voxel_um,
-        "spp": args.spp,
+        "spp": args.paths(),
         "seed": args.seed,
     });
     Ok(key.to_string())
@@ -192,7 +280,7 @@ fn options<'a>(args: &FitArgs, loader: &'a Loader<'a>) -> PatchOptions<'a> {
 
 fn effort(args: &FitArgs) -> Effort {
     Effort {
-        paths: args.spp,
+        paths: args.paths(),
         seed: args.seed,
         target_error: None,
     }

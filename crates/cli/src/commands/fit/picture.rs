@@ -55,14 +55,14 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let (size, pixels) = shrunk(size, &pixels);
     let none = vec![[0.0; 3]; pixels.len()];
     // White sends 1/pi of the light on it into every direction.
-    let white = FRAC_1_PI as f32 / args.white as f32;
+    let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;
     let pixels: Vec<[f32; 3]> = pixels.iter().map(|p| (*p * white).0.to_array()).collect();
     let target = PictureStatistics::new(&pixels, &none);
 
     let angles = |[theta_deg, phi_deg]: [f64; 2]| Angles { theta_deg, phi_deg };
     let pair = Pair {
-        incident: angles(args.light),
-        exitant: angles(args.view),
+        incident: angles(args.light.unwrap_or(super::LIGHT)),
+        exitant: angles(args.view.unwrap_or(super::VIEW)),
     };
     let mut grid: TexelGrid = texel_grid(&fabric, 1);
     grid.texels = size;
@@ -113,7 +113,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
             &unwatched,
         )?;
         let patch = matter.patch(&changed, &args.fabric, &options(args, &unwatched))?;
-        let texture = measure_texture(&patch, pair, &grid, args.spp, args.seed)?;
+        let texture = measure_texture(&patch, pair, &grid, args.paths(), args.seed)?;
         Ok(PictureStatistics::of(&texture))
     };
     let found = match_picture(&target, &search, &mut simulate)?;
@@ -148,7 +148,10 @@ fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
 }
 
 /// Linear pixels of a picture, none of them negative.
-fn read_picture(
+///
+/// # Errors
+/// Names the file.
+pub fn read_picture(
     path: &Path,
     host: &Host,
     max_memory_bytes: Option<u64>,

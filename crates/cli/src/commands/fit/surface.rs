@@ -122,7 +122,7 @@ fn measure(
             list.push(PairValue {
                 pair,
                 bsdf,
-                paths: args.spp,
+                paths: args.paths(),
             });
         }
         progress.at(list.len() as u64);
@@ -133,7 +133,7 @@ fn measure(
         .collect();
     let passed = journal.once(&[-1.0], 4 * incident.len(), || {
         let effort = Effort {
-            paths: 16 * args.spp,
+            paths: 16 * args.paths(),
             ..effort(args)
         };
         let results = measure_albedos(patch, &incident, &effort, &|_| {

@@ -1,6 +1,9 @@
 //! `kind = "volume"`: a volume file, laid where a scene says.
 
 mod grids;
+mod materials;
+
+pub use materials::VolumeMaterials;
 
 use super::cloth::{ClothTable, Laying};
 use super::{At, ObjectKind};
@@ -11,12 +14,13 @@ use crate::error::{Result, input};
 use crate::fabric_file::{self, Fabric};
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
-use crate::optics::{self, EVERY_YARN, OpticsFile};
+use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{MICROFLAKE, ModelKey, ShownAs, VoxelBuild};
+use crate::scan_file::ScanFile;
 use crate::scattering::EventName;
 use crate::volume_file;
-use organza_basis::{Aabb, Budget, Rgb};
+use organza_basis::{Aabb, Budget};
 use organza_scatter::{FlakeFamily, FlakeOptics};
 use organza_transport::{AnyMedium, Camera, SggxOctreeMedium};
 use organza_volume::format::{self, FORMATS, Format, Volume};
@@ -40,7 +44,8 @@ pub struct VolumeTable {
     /// Millimetres to the file's unit of length; extinction is per that unit. 1 if
     /// none.
     pub scale: Option<f32>,
-    /// Extinction to the file's unit of density, 1 if none. Grids alone.
+    /// Factor of the density of fibre; of grids, extinction to the file's unit of density. 1 if
+    /// none.
     pub density_scale: Option<f32>,
     /// Single-scattering albedo, where the file has none.
     pub albedo: Option<[f32; 3]>,
@@ -187,8 +192,9 @@ struct VolumeObject<'a> {
 enum Content {
     /// A voxelized cloth with its fabric.
     Cloth(Box<Fabric>, Octree, ShownAs, &'static VoxelBuild),
-    /// A voxelized cloth whose materials are not known.
-    Bare(Octree),
+    /// Voxels without a fabric, and how their materials scatter: a scan, or a cloth whose
+    /// fabric was not kept.
+    Bare(Octree, Vec<FlakeOptics>),
     /// Grids.
     Grids(GridSet),
 }
@@ -221,7 +227,7 @@ impl<'a> VolumeObject<'a> {
         drape::mesh(self.table.mesh_keys(), self.index, self.options)?;
         Ok(match self.open(budget)? {
             Content::Cloth(_, _, shown, _) => shown.to_string(),
-            Content::Bare(_) | Content::Grids(_) => ShownAs::usual(&MICROFLAKE).to_string(),
+            Content::Bare(..) | Content::Grids(_) => ShownAs::usual(&MICROFLAKE).to_string(),
         })
     }
 
@@ -253,15 +259,13 @@ impl<'a> VolumeObject<'a> {
                 options: self.options,
             }
             .medium(place(octree.bounds_mm()), octree),
-            Content::Bare(octree) => {
+            Content::Bare(octree, optics) => {
                 let octree = match table.scale {
                     None => octree,
                     Some(scale) => octree
                         .scaled(f64::from(scale))
                         .ok_or_else(|| self.fail(".scale: the volume does not stay finite"))?,
                 };
-                let optics = self.flakes(None)?;
-                let optics = vec![optics; octree.material_count()];
                 let octree = Arc::new(octree);
                 let place = place(octree.bounds_mm());
                 let levels = match table.lod {
@@ -314,14 +318,17 @@ impl<'a> VolumeObject<'a> {
 
     fn octree(&self, stored: Stored) -> Result<Content> {
         let table = self.table;
-        if table.density_scale.is_some() {
-            return Err(self.fail(".density_scale: belongs to volumes of grids"));
-        }
         let octree = match table.repeat_xy {
             Some(repeats) if repeats != stored.octree.repeats() => {
                 stored.octree.with_repeats(repeats)
             }
             _ => stored.octree,
+        };
+        let octree = match table.density_scale {
+            None => octree,
+            Some(factor) => octree.with_density(f64::from(factor)).ok_or_else(|| {
+                self.fail(".density_scale: the density of the volume does not stay finite")
+            })?,
         };
         if table.extent_mm.is_some() && !octree.repeats() {
             return Err(self.fail(": extent_mm belongs to repeat_xy = true"));
@@ -346,8 +353,14 @@ impl<'a> VolumeObject<'a> {
                 "the file keeps no materials: voxelize its fabric again for others",
             )?;
             self.check_optics(&[])?;
-            self.flakes(None)?;
-            return Ok(Content::Bare(octree));
+            let optics = vec![self.flakes(None)?; octree.material_count()];
+            return Ok(Content::Bare(octree, optics));
+        }
+        if let Some(scan) = ScanFile::find(&self.path, &stored.files)? {
+            self.check_plain_flakes("the file is a scan, whose fibres are known voxel by voxel")?;
+            let optics = scan.flakes(&table.optics, octree.material_count());
+            let optics = optics.map_err(|why| self.fail(format!(".optics{why}")))?;
+            return Ok(Content::Bare(octree, optics));
         }
         let mut fabric = fabric_file::from_sources(&self.path, &stored.files)?;
         fabric
@@ -372,6 +385,12 @@ impl<'a> VolumeObject<'a> {
         let Some(voxels) = shown.representation.voxels() else {
             return Err(self.fail(".model: a volume has voxels alone"));
         };
+        if table.density_scale.is_some() && voxels.footprint == FibreFootprint::Axis {
+            return Err(self.fail(
+                ".density_scale: packed fibres have the density of their yarns; use model = \
+                 \"microflake\"",
+            ));
+        }
         if voxels.footprint != octree.footprint() {
             let name = |f| match f {
                 FibreFootprint::Covered => "covered",
@@ -394,43 +413,5 @@ impl<'a> VolumeObject<'a> {
             );
         }
         Ok(Content::Cloth(Box::new(fabric), octree, shown, voxels))
-    }
-
-    /// Refuses whatever is not micro-flakes of the usual family.
-    fn check_plain_flakes(&self, why: &str) -> Result<()> {
-        let table = self.table;
-        let is_flakes = table.model.is_none_or(|m| m == ModelKey::Is(&MICROFLAKE));
-        let is_sggx = table.flake.is_none_or(|f| f == FlakeFamily::SGGX_SPECULAR);
-        if is_flakes && is_sggx && table.event.is_none() {
-            return Ok(());
-        }
-        Err(self.fail(format!(
-            ".model: expected \"microflake\" with flake = \"sggx-specular\"; {why}"
-        )))
-    }
-
-    /// Optics for yarns that the file does not name.
-    fn check_optics(&self, materials: &[organza_weave::Material]) -> Result<()> {
-        optics::check(&self.table.optics, materials)
-            .map_err(|why| self.fail(format!(".optics{why}")))
-    }
-
-    /// What the scene says of fibres whose material is not known; `own` albedo is the
-    /// file's.
-    fn flakes(&self, own: Option<Rgb>) -> Result<FlakeOptics> {
-        let given = self.every_yarn();
-        let albedo = given.albedo.map(Rgb::from).or(own);
-        let albedo = albedo.or(self.table.albedo.map(Rgb::from));
-        let albedo =
-            albedo.ok_or_else(|| self.fail(".albedo: is missing; the file has no materials"))?;
-        Ok(FlakeOptics {
-            albedo,
-            ..given.flakes(None)
-        })
-    }
-
-    fn every_yarn(&self) -> optics::OpticsTable {
-        let list = self.table.optics.get(EVERY_YARN);
-        list.map(|list| list.of(None)).unwrap_or_default()
     }
 }
