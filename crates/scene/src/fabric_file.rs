@@ -132,6 +132,7 @@ fn build(
         warp: file.warp.clone(),
         weft: file.weft.clone(),
         yarn: file.yarn.clone(),
+        nonwoven: file.nonwoven.clone(),
         pile: file.pile.clone(),
         relaxation: file.relaxation,
         tile: file.tile,
@@ -227,8 +228,7 @@ impl Fabric {
 
     /// The fibres of each material of the cloth.
     ///
-    /// # Errors
-    /// Names the yarn at fault.
+    /// # Errors Names the yarn at fault.
     pub fn fibre_models(&self, path: &Path) -> Result<Vec<Fibre>> {
         self.fibre_models_of(&self.optics, path)
     }

@@ -5,7 +5,7 @@ use crate::scattering::ScatteringTable;
 use organza_surface::SurfaceTable;
 use organza_weave::PrintSpec;
 use organza_weave::spec::{
-    CurveKind, DraftSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
+    CurveKind, DraftSpec, NonwovenSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -16,7 +16,8 @@ use std::collections::BTreeMap;
 pub struct FabricFile {
     /// Name, for people.
     pub name: Option<String>,
-    /// The weave, knit or curves.
+    /// The weave, knit, openwork or curves; none of a nonwoven.
+    #[serde(default)]
     pub draft: DraftSpec,
     /// The warp.
     #[serde(default)]
@@ -27,6 +28,8 @@ pub struct FabricFile {
     /// Yarns by name.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
+    /// Fibres laid at random, in place of a draft.
+    pub nonwoven: Option<NonwovenSpec>,
     /// Yarns that stand on the weave, if any.
     pub pile: Option<PileSpec>,
     /// How yarns find their places.
@@ -68,8 +71,11 @@ impl FabricFile {
         let draft = &self.draft;
         let is_woven = draft.weave.is_some() || draft.wif.is_some() || draft.drawdown.is_some();
         let (is_knit, is_curves) = (draft.knit.is_some(), draft.curves.is_some());
+        let is_open = draft.openwork.is_some();
+        let has_warp = is_woven || is_open;
         let woven = "a weave (draft.weave, draft.wif or draft.drawdown)";
-        let spaced = "a weave or draft.knit";
+        let crossed = "a weave or draft.openwork";
+        let spaced = "a weave, draft.knit or draft.openwork";
         let (warp, weft) = (&self.warp, &self.weft);
         for (key, is_given, has_use, belongs_to) in [
             (
@@ -90,14 +96,14 @@ impl FabricFile {
                 is_curves,
                 "draft.curves",
             ),
-            ("warp.yarn", !warp.yarn.is_empty(), is_woven, woven),
-            ("warp.colours", !warp.colours.is_empty(), is_woven, woven),
-            ("warp.per_cm", warp.per_cm.is_some(), is_woven, woven),
+            ("warp.yarn", !warp.yarn.is_empty(), has_warp, crossed),
+            ("warp.colours", !warp.colours.is_empty(), has_warp, crossed),
+            ("warp.per_cm", warp.per_cm.is_some(), has_warp, crossed),
             (
                 "warp.spacing_mm",
                 warp.spacing_mm.is_some(),
-                is_woven,
-                woven,
+                has_warp,
+                crossed,
             ),
             (
                 "warp.spacing_cv_percent",
@@ -127,7 +133,7 @@ impl FabricFile {
             ),
         ] {
             // The builder reports a draft of no kind, or of two.
-            let is_one_kind = [is_woven, is_knit, is_curves]
+            let is_one_kind = [is_woven, is_knit, is_open, is_curves]
                 .iter()
                 .filter(|k| **k)
                 .count()

@@ -62,13 +62,16 @@ impl Wanted {
         let scene = ["camera", "object"]
             .iter()
             .find(|k| table.contains_key(**k));
-        match (self, table.contains_key("draft"), scene) {
+        let fabric = ["draft", "nonwoven"]
+            .iter()
+            .find(|k| table.contains_key(**k));
+        match (self, fabric, scene) {
             _ if table.is_empty() => refuse("empty", ""),
-            (Wanted::Scene, true, None) => refuse(
-                "a fabric file, it has [draft]",
+            (Wanted::Scene, Some(key), None) => refuse(
+                &format!("a fabric file, it has [{key}]"),
                 " with an object whose `fabric` names it",
             ),
-            (Wanted::Fabric, false, Some(key)) => refuse(
+            (Wanted::Fabric, None, Some(key)) => refuse(
                 &format!("a scene file, it has `{key}`"),
                 &fabric_of(&table).map_or(String::new(), |f| format!(" such as its {f}")),
             ),

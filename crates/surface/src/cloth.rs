@@ -30,9 +30,9 @@ impl Weave {
 impl SurfaceSpec {
     /// The same with the weave of a cloth, unless a weave is given.
     ///
-    /// # Errors When the cloth has no draft: knits and imported curves do not consist of the
-    /// straight visible segments that the model supports. They are not approximated, because
-    /// the weave of a preset would be another cloth.
+    /// # Errors When the cloth has no draft: knits, openwork, nonwovens and imported curves do
+    /// not consist of the straight visible segments that the model supports. They are not
+    /// approximated, because the weave of a preset would be another cloth.
     pub fn for_cloth(mut self, cloth: &Cloth) -> Result<SurfaceSpec, Error> {
         let given = self.weave.take();
         if let Some(whole) = given.as_ref().filter(|w| !w.draft.is_empty()) {
@@ -40,8 +40,8 @@ impl SurfaceSpec {
         } else {
             let draft = cloth.draft().ok_or_else(|| {
                 Error::Draft(
-                    "knits and imported curves have none, and the surface model knows woven cloth \
-                     alone; give surface.weave for a woven cloth that looks alike"
+                    "knits, openwork, nonwovens and imported curves have none, and the surface model \
+                     knows woven cloth alone; give surface.weave for a woven cloth that looks alike"
                         .into(),
                 )
             })?;

@@ -7,8 +7,11 @@ mod figures;
 mod flattening;
 mod import;
 mod irregularity;
+mod nonwoven;
+mod openwork;
 mod pile;
 mod print;
+mod repeats;
 mod spacing;
 mod spun;
 mod yarns;
@@ -30,7 +33,7 @@ use spun::Spun;
 use std::sync::Arc;
 
 pub use build::Loader;
-pub use figures::{Figures, PileFigures, SystemFigures};
+pub use figures::{Figures, NonwovenFigures, OpenworkFigures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
 use print::Print;
 pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
@@ -97,6 +100,10 @@ pub struct Cloth {
     threads: Vec<ThreadAtRest>,
     materials: Vec<Material>,
     pile: Option<pile::Pile>,
+    /// What a nonwoven has beside its fibres.
+    web: Option<nonwoven::Web>,
+    /// How the threads of openwork hold each other.
+    net: Option<openwork::Net>,
     tile: Tile,
     print: Option<Arc<Print>>,
     seed: u64,
@@ -107,7 +114,7 @@ pub struct Cloth {
 
 impl Cloth {
     /// The draft of the whole tile, with the colours of its threads; `None`
-    /// for knits and imported curves.
+    /// for knits, openwork, nonwovens and imported curves.
     pub fn draft(&self) -> Option<&Draft> {
         self.draft.as_ref()
     }
@@ -204,6 +211,43 @@ impl Cloth {
     }
 }
 
+/// Brings the segments of a fibre that is longer than the tile into it: whoever takes them looks
+/// at the neighbouring copies only. Each piece of the fibre is a curve of its own.
+struct Wrapped {
+    tile: Tile,
+    shift: Vec3,
+    pieces: Option<u32>,
+}
+
+impl Wrapped {
+    fn new(tile: Tile) -> Wrapped {
+        Wrapped {
+            tile,
+            shift: Vec3::ZERO,
+            pieces: None,
+        }
+    }
+
+    fn place(&mut self, s: &Segment) -> Segment {
+        if !self.tile.repeats {
+            return *s;
+        }
+        let period = self.tile.period_mm();
+        let middle = 0.5 * (s.start_mm + s.end_mm) - self.tile.bounds_mm.min;
+        let shift = -((middle.truncate() / period).floor() * period).extend(0.0);
+        if self.pieces.is_none() || shift != self.shift {
+            self.pieces = Some(self.pieces.map_or(0, |n| n + 1));
+            self.shift = shift;
+        }
+        Segment {
+            start_mm: s.start_mm + shift,
+            end_mm: s.end_mm + shift,
+            fibre: self.pieces.unwrap_or(0),
+            ..*s
+        }
+    }
+}
+
 /// The curves of a cloth at one level.
 #[derive(Clone, Copy, Debug)]
 pub struct Curves<'a> {
@@ -258,12 +302,13 @@ impl Curves<'_> {
         }
         if let Centreline::Bare(curve) = &self.cloth.threads[batch].line {
             let (yarn, material) = (batch as u32, self.cloth.threads[batch].dye.main());
+            let mut wrapped = Wrapped::new(self.cloth.tile);
             curve.for_each_segment(&mut |s| {
-                emit(&Segment {
+                emit(&wrapped.place(&Segment {
                     yarn,
                     material,
                     ..*s
-                })
+                }))
             });
             return;
         }

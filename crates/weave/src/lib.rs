@@ -46,6 +46,7 @@ mod hairs;
 mod ini;
 mod knit;
 mod named;
+mod openwork;
 mod palette;
 mod path;
 mod picture;
@@ -55,21 +56,25 @@ mod protruding;
 mod push_apart;
 mod relax;
 mod section;
+mod separate;
 pub mod spec;
 pub mod spinning;
 mod spline;
 mod strand;
 mod sway;
 mod wander;
+mod web;
 mod wif;
 mod yarn;
 
 pub use cloth::{
-    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, PileFigures, PrintImage,
-    PrintMode, PrintSide, PrintSpec, SystemFigures, SystemIrregularity,
+    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, NonwovenFigures,
+    OpenworkFigures, PileFigures, PrintImage, PrintMode, PrintSide, PrintSpec, SystemFigures,
+    SystemIrregularity,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;
+pub use openwork::OpenworkKind;
 pub use picture::Picture;
 pub use spec::FabricGeometry;
 pub use yarn::{Hairs, Loops, MAX_FIBRE_VOLUME_FRACTION, MAX_FIBRES_PER_PLY, Yarn};

@@ -1,12 +1,14 @@
 //! The geometry tables of a fabric file.
 
 mod irregularity;
+mod nonwoven;
 mod pile;
 
 pub use irregularity::{
     BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec,
     ThreadWanderSpec, WanderSpec,
 };
+pub use nonwoven::{BondingSpec, NeedledSides, NeedlingSpec, NonwovenSpec};
 pub use pile::{PileKind, PileSides, PileSpec};
 
 use organza_basis::Rgb;
@@ -17,7 +19,8 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FabricGeometry {
-    /// How the threads cross.
+    /// How the threads cross; empty for a nonwoven.
+    #[serde(default)]
     pub draft: DraftSpec,
     /// The warp; not used by knits.
     #[serde(default)]
@@ -28,6 +31,9 @@ pub struct FabricGeometry {
     /// Yarns by name. A name that is missing here but names a preset stands for the preset.
     #[serde(default)]
     pub yarn: BTreeMap<String, YarnSpec>,
+    /// Fibres laid at random, in place of a draft.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nonwoven: Option<NonwovenSpec>,
     /// Yarns that stand on the weave, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pile: Option<PileSpec>,
@@ -73,8 +79,7 @@ impl FabricGeometry {
     }
 }
 
-/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`,
-/// `curves`.
+/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`, `openwork`, `curves`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DraftSpec {
@@ -89,6 +94,8 @@ pub struct DraftSpec {
     pub knit: Option<String>,
     /// Loops per centimetre across a knit.
     pub wales_per_cm: Option<f64>,
+    /// A net or gauze by name: `bobbinet` (rows of holes are `[weft]`), `leno`.
+    pub openwork: Option<String>,
     /// Name of a file of curves, `.bcc` or text, see [`crate::curve_file`].
     /// Their yarns are those of `[weft]`, in the order of the file.
     pub curves: Option<String>,
@@ -113,7 +120,7 @@ pub enum CurveKind {
 }
 
 /// The threads of one system.
-#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ThreadSetSpec {
     /// Names of the yarns, which repeat along the system: one name or a list.

@@ -3,7 +3,10 @@
 use super::displaced::{mark_by_reed, thread_sways};
 use super::flattening::at_rest;
 use super::import::imported;
+use super::nonwoven;
+use super::openwork;
 use super::pile;
+use super::repeats::{lcm, repeats, threads};
 use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
@@ -12,10 +15,9 @@ use crate::closure::Closure;
 use crate::draft::MAX_THREADS;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
-use crate::named::gcd;
 use crate::relax::System;
 use crate::section::Section;
-use crate::spec::{DraftSpec, FabricGeometry, ThreadSetSpec};
+use crate::spec::{DraftSpec, FabricGeometry};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::{CurveLevel, Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
@@ -40,15 +42,20 @@ impl Cloth {
     /// or the threads do not fit.
     pub fn build(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
         let d = &fabric.draft;
+        if fabric.nonwoven.is_some() {
+            return nonwoven::build(fabric, seed);
+        }
         let ways = [
             d.weave.is_some(),
             d.wif.is_some(),
             d.drawdown.is_some(),
             d.knit.is_some(),
+            d.openwork.is_some(),
             d.curves.is_some(),
         ];
         if ways.iter().filter(|w| **w).count() != 1 {
-            let message = "expected exactly one of weave, wif, drawdown, knit, curves";
+            let message = "expected exactly one of weave, wif, drawdown, knit, openwork, curves, or a \
+                           [nonwoven] table instead of [draft]";
             return Err(Error::spec("draft", message));
         }
         check_colours("warp", &fabric.warp.colours)?;
@@ -56,7 +63,7 @@ impl Cloth {
         if let Some(pile) = &fabric.pile {
             check_colours("pile", &pile.colours)?;
             pile::check(pile)?;
-            if d.knit.is_some() || d.curves.is_some() {
+            if d.knit.is_some() || d.openwork.is_some() || d.curves.is_some() {
                 let message = "needs a weave: draft.weave, draft.wif or draft.drawdown";
                 return Err(Error::spec("pile", message));
             }
@@ -67,6 +74,7 @@ impl Cloth {
             return Cloth::build(&even, load, seed);
         }
         let mut cloth = match (&d.knit, &d.curves) {
+            _ if d.openwork.is_some() => openwork::build(fabric, seed)?,
             (Some(name), _) => knitted(fabric, name, seed)?,
             (_, Some(name)) => imported(fabric, name, load, seed)?,
             _ => woven(fabric, load, seed)?,
@@ -137,7 +145,7 @@ impl Cloth {
 }
 
 /// No fibre reflects more light than it receives.
-fn check_colours(system: &str, colours: &[Rgb]) -> Result<(), Error> {
+pub(super) fn check_colours(system: &str, colours: &[Rgb]) -> Result<(), Error> {
     for (i, colour) in colours.iter().enumerate() {
         let channels = <[f32; 3]>::from(*colour);
         if channels.iter().all(|c| (0.0..=1.0).contains(c)) {
@@ -291,6 +299,8 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
         threads: placed,
         materials: materials.0,
         pile: None,
+        web: None,
+        net: None,
         tile: tile(warp.period_mm, weft.period_mm, heights),
         seed: 0,
         print: None,
@@ -359,6 +369,8 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
         threads: placed,
         materials: materials.0,
         pile: None,
+        web: None,
+        net: None,
         tile: tile(
             wales as f64 * wale_mm,
             courses as f64 * course_mm,
@@ -396,22 +408,6 @@ fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
         }),
         Err(source) => Err(Error::Load { key, name, source }),
     }
-}
-
-fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
-    if fabric.tile.repeats.contains(&0) {
-        return Err(Error::spec("tile.repeats", "expected numbers from 1"));
-    }
-    Ok(fabric.tile.repeats.map(|r| r as usize))
-}
-
-/// Number of threads of a system after which draft, yarns and colours all repeat.
-fn threads(draft: usize, yarns: &[usize], spec: &ThreadSetSpec) -> usize {
-    lcm(draft, lcm(yarns.len(), spec.colours.len().max(1)))
-}
-
-fn lcm(a: usize, b: usize) -> usize {
-    (a / gcd(a, b)).saturating_mul(b)
 }
 
 fn colour(threads: &mut [Thread], colours: &[Rgb]) {

@@ -1,7 +1,9 @@
 //! The figures by which textile engineers describe a cloth.
 
+use super::nonwoven::Web;
 use super::{Centreline, Cloth, CurveLevel};
 use crate::closure::Closure;
+use crate::openwork::OpenworkKind;
 use crate::pile::Tufts;
 use crate::spec::PileKind;
 use organza_basis::Segment;
@@ -42,6 +44,53 @@ pub struct PileFigures {
     pub areal_density_g_per_m2: f64,
 }
 
+/// Figures of a net or gauze.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct OpenworkFigures {
+    /// Kind of openwork.
+    pub kind: OpenworkKind,
+    /// Ends per centimetre; rows of holes of a bobbinet, picks of a leno, per centimetre.
+    pub ends_per_cm: f64,
+    /// See `ends_per_cm`.
+    pub rows_per_cm: f64,
+    /// Holes per square centimetre.
+    pub holes_per_cm2: f64,
+    /// Length of thread around a hole, millimetres.
+    pub thread_per_hole_mm: f64,
+    /// By how much threads that touch still reach into each other, as a mean share of the sum
+    /// of their radii, and the largest such share.
+    pub overlap: f64,
+    /// See `overlap`.
+    pub greatest_overlap: f64,
+}
+
+/// Figures of a nonwoven.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct NonwovenFigures {
+    /// Distance of the heights between which 98 % of the fibres' length lies, millimetres.
+    pub thickness_mm: f64,
+    /// Share of the volume between those heights that is fibre.
+    pub fill: f64,
+    /// Mean of the outer product of the fibres' direction with itself over their length: xx, yy
+    /// (machine direction), zz, xy. The first three sum to 1.
+    pub orientation_tensor: [f64; 4],
+    /// Component yy over xx.
+    pub anisotropy: f64,
+    /// Fibres in the tile, and their mean length, millimetres.
+    pub fibres: usize,
+    /// See `fibres`.
+    pub mean_length_mm: f64,
+    /// Punches of needles per square centimetre.
+    pub punches_per_cm2: f64,
+    /// Share of the fibres' length in the tufts of punches, per cent.
+    pub carried_percent: f64,
+    /// Bonding points per square centimetre.
+    pub bonding_points_per_cm2: f64,
+    /// By how much touching fibres still reach into each other outside bonding points, as a mean
+    /// share of the sum of their radii.
+    pub overlap: f64,
+}
+
 /// Figures of a cloth. Hairs are left out.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Figures {
@@ -59,6 +108,12 @@ pub struct Figures {
     /// lengths include it; covers, `warp` and `weft` are those of the ground.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pile: Option<PileFigures>,
+    /// The meshes of a net or gauze.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub openwork: Option<OpenworkFigures>,
+    /// The fibres of a nonwoven.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nonwoven: Option<NonwovenFigures>,
     /// Share of the surface that any thread covers. Where threads do not run straight, the
     /// share that the length and width of the yarn would cover without overlap, at most 1.
     pub cover_factor: f64,
@@ -79,6 +134,9 @@ pub struct Figures {
     /// Largest overlap of crossing threads, as a share of the sum of their radii.
     pub compression: f64,
 }
+
+/// Steps of height in which the fibres of a nonwoven are counted.
+const HEIGHTS: usize = 4000;
 
 /// Sums over the threads of a system.
 #[derive(Default)]
@@ -210,6 +268,8 @@ impl Cloth {
         let (warp_figures, weft_figures) = (warp.figures(size.x), weft.figures(size.y));
         let cover_factor = match (&warp_figures, &weft_figures) {
             (Some(a), Some(b)) => 1.0 - (1.0 - a.cover_factor) * (1.0 - b.cover_factor),
+            // Fibres that lie anywhere leave a place free with the probability of Poisson.
+            _ if self.web.is_some() => 1.0 - (-covered / area).exp(),
             _ => (covered / area).min(1.0),
         };
         Figures {
@@ -219,6 +279,16 @@ impl Cloth {
             wales_per_cm: knit.then(|| 10.0 * wales as f64 / size.x),
             loop_length_mm: knit.then(|| yarn_length_mm / (weft.threads * wales as f64)),
             pile,
+            openwork: self.net.as_ref().map(|net| OpenworkFigures {
+                kind: net.kind,
+                ends_per_cm: 10.0 / net.end_mm,
+                rows_per_cm: 10.0 / net.row_mm,
+                holes_per_cm2: 100.0 * net.holes_per_mm2,
+                thread_per_hole_mm: yarn_length_mm / (net.holes_per_mm2 * area),
+                overlap: net.overlap.0,
+                greatest_overlap: net.overlap.1,
+            }),
+            nonwoven: self.web.as_ref().map(|w| self.nonwoven_figures(w)),
             cover_factor,
             thickness_mm: high - low,
             areal_density_g_per_m2: 1000.0 * mass_mg / area,
@@ -228,6 +298,58 @@ impl Cloth {
             fibre_length_mm: fibre_length,
             compaction: self.compaction,
             compression: self.compression,
+        }
+    }
+
+    fn nonwoven_figures(&self, web: &Web) -> NonwovenFigures {
+        let size = self.tile.bounds_mm.size().as_dvec3();
+        let (mut tensor, mut length_mm, mut volume_mm3) = ([0.0; 4], 0.0, 0.0);
+        let (low, high) = (f64::from(self.tile.bounds_mm.min.z), size.z);
+        let mut by_height = vec![0.0; HEIGHTS];
+        for thread in &self.threads {
+            let Centreline::Bare(curve) = &thread.line else {
+                continue;
+            };
+            for (p, r) in curve.points_mm.windows(2).zip(&curve.radii_mm) {
+                let [a, b] = [p[0], p[1]].map(|p| p.as_dvec3());
+                let piece_mm = a.distance(b);
+                let t = (b - a).normalize_or_zero();
+                for (sum, part) in
+                    tensor
+                        .iter_mut()
+                        .zip([t.x * t.x, t.y * t.y, t.z * t.z, t.x * t.y])
+                {
+                    *sum += piece_mm * part;
+                }
+                length_mm += piece_mm;
+                volume_mm3 += piece_mm * PI * f64::from(*r).powi(2);
+                let share = (0.5 * (a.z + b.z) - low) / high;
+                by_height[((share * HEIGHTS as f64) as usize).min(HEIGHTS - 1)] += piece_mm;
+            }
+        }
+        // The heights below which a share of the length lies.
+        let height = |share: f64| {
+            let mut below = 0.0;
+            let found = by_height.iter().position(|part| {
+                below += part;
+                below >= share * length_mm
+            });
+            found.unwrap_or(HEIGHTS) as f64 / HEIGHTS as f64 * high
+        };
+        let thickness_mm = height(0.99) - height(0.01);
+        let tensor = tensor.map(|t| t / length_mm);
+        let area = size.x * size.y;
+        NonwovenFigures {
+            thickness_mm,
+            fill: 0.98 * volume_mm3 / (area * thickness_mm),
+            orientation_tensor: tensor,
+            anisotropy: tensor[1] / tensor[0],
+            fibres: self.threads.len(),
+            mean_length_mm: length_mm / self.threads.len().max(1) as f64,
+            punches_per_cm2: 100.0 * web.punches as f64 / area,
+            carried_percent: 100.0 * web.carried,
+            bonding_points_per_cm2: 100.0 * web.points as f64 / area,
+            overlap: web.overlap,
         }
     }
 

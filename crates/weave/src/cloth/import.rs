@@ -97,6 +97,8 @@ pub(super) fn imported(
         threads,
         materials: materials.0,
         pile: None,
+        web: None,
+        net: None,
         tile: Tile {
             bounds_mm,
             repeats: false,

@@ -17,13 +17,18 @@ pub(super) struct Spun {
 }
 
 impl Spun {
+    /// The yarn as it is, whatever its unevenness.
+    pub fn even(yarn: &Arc<Yarn>) -> Spun {
+        Spun {
+            yarn: yarn.clone(),
+            profile: None,
+        }
+    }
+
     /// The yarn of thread `batch`, whose period has about the given length.
     pub fn new(yarn: &Arc<Yarn>, length_mm: f64, seed: u64, batch: usize) -> Spun {
         if yarn.evenness.is_none() && yarn.slubs.is_none() {
-            return Spun {
-                yarn: yarn.clone(),
-                profile: None,
-            };
+            return Spun::even(yarn);
         }
         let mut rng = PathRng::new(seed, batch as u64, SPINNING);
         let mass = thread_mass(yarn, length_mm, &mut rng);

@@ -2,6 +2,8 @@ mod displaced;
 mod flattening;
 mod imported;
 mod irregular;
+mod nonwoven;
+mod openwork;
 mod pile;
 mod printed;
 mod reading;

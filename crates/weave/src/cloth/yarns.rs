@@ -42,6 +42,11 @@ impl<'a> Yarns<'a> {
 
     /// The index of a yarn that the key `SYSTEM.yarn` names.
     pub fn index(&mut self, system: &str, name: &str) -> Result<usize, Error> {
+        self.index_of(&format!("{system}.yarn"), name)
+    }
+
+    /// The index of a yarn that a key names.
+    pub fn index_of(&mut self, key: &str, name: &str) -> Result<usize, Error> {
         if let Some(i) = self.built.iter().position(|y| y.name == name) {
             return Ok(i);
         }
@@ -55,7 +60,7 @@ impl<'a> Yarns<'a> {
                 let hint = did_you_mean(name, known.iter().copied());
                 known.dedup();
                 return Err(Error::spec(
-                    format!("{system}.yarn"),
+                    key,
                     format!(
                         "there is no [yarn.{name}] and no preset of that name{hint}; there are {}",
                         known.join(", ")

@@ -1,0 +1,182 @@
+//! Nets and gauzes: threads that are laid as curves and pushed apart.
+
+use super::import::bend_per_mm;
+use super::repeats::{lcm, repeats, threads};
+use super::spacing::spacing_mm;
+use super::spun::Spun;
+use super::yarns::{Materials, Yarns};
+use super::{Centreline, Cloth, ThreadAtRest};
+use crate::Error;
+use crate::draft::MAX_THREADS;
+use crate::openwork::{Openwork, OpenworkKind};
+use crate::section::Section;
+use crate::separate::{Line, Room, overlap, separate};
+use crate::spec::FabricGeometry;
+use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
+use glam::{DVec2, Vec3};
+use organza_basis::{Aabb, Tile};
+
+/// The largest number of meshes in a tile.
+const MAX_MESHES: usize = 1 << 14;
+
+/// What is known of openwork beyond its threads.
+#[derive(Clone, Debug)]
+pub(super) struct Net {
+    pub kind: OpenworkKind,
+    pub end_mm: f64,
+    pub row_mm: f64,
+    pub holes_per_mm2: f64,
+    /// By how much touching threads still reach into each other: mean and largest share of the
+    /// sum of their radii, where they touch.
+    pub overlap: (f64, f64),
+}
+
+/// The openwork that a description names.
+pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> {
+    let name = fabric.draft.openwork.as_deref().unwrap_or_default();
+    let kind = OpenworkKind::named(name)?;
+    let mut yarns = Yarns::new(&fabric.yarn);
+    let of_warp = yarns.of_system("warp", &fabric.warp)?;
+    let of_weft = yarns.of_system("weft", &fabric.weft)?;
+    let yarns = yarns.built;
+    let thickest = |used: &[usize]| {
+        let radii = used.iter().map(|&y| yarns[y].radius_mm());
+        radii.fold(0.0, f64::max)
+    };
+    let [rx, ry] = repeats(fabric)?;
+    let [ends, rows] = kind.repeat();
+    let ends = threads(ends, &of_warp, &fabric.warp).saturating_mul(rx);
+    // The colours of diagonal threads repeat over the ends.
+    let (ends, rows) = match kind {
+        OpenworkKind::Bobbinet => {
+            let ends = lcm(ends, threads(1, &of_weft, &fabric.weft));
+            (ends, ends.saturating_mul(2).saturating_mul(ry))
+        }
+        OpenworkKind::Leno => (
+            ends,
+            threads(rows, &of_weft, &fabric.weft).saturating_mul(ry),
+        ),
+    };
+    if ends > MAX_THREADS || rows > MAX_THREADS || ends.saturating_mul(rows) > MAX_MESHES {
+        let message =
+            format!("{ends} ends x {rows} rows in one tile are more than {MAX_MESHES} meshes");
+        return Err(Error::spec("tile.repeats", message));
+    }
+    let open = Openwork {
+        kind,
+        ends,
+        rows,
+        end_mm: spacing_mm("warp", &fabric.warp, None, 0)?,
+        row_mm: spacing_mm("weft", &fabric.weft, None, 0)?,
+        warp_mm: thickest(&of_warp),
+        weft_mm: thickest(&of_weft),
+    };
+    if let Some(why) = open.jam() {
+        return Err(Error::Jammed(why));
+    }
+
+    let courses = open.courses();
+    let number = |i: usize| if i < ends { i } else { i - ends };
+    let yarn_of = |i: usize| {
+        let used = if i < ends { &of_warp } else { &of_weft };
+        used[number(i) % used.len()]
+    };
+    let mut lines: Vec<Line> = courses
+        .iter()
+        .enumerate()
+        .map(|(i, c)| Line {
+            points: c.rounded(0.5 * open.warp_mm.min(open.weft_mm)),
+            radius_mm: yarns[yarn_of(i)].radius_mm(),
+            period: Some(c.period),
+        })
+        .collect();
+    let size_mm = DVec2::new(ends as f64 * open.end_mm, rows as f64 * open.row_mm);
+    let room = Room {
+        size_mm,
+        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    separate(&mut lines, room);
+    let (mean, most, _) = overlap(&lines, room);
+
+    let mut materials = Materials::default();
+    let mut placed = Vec::with_capacity(lines.len());
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (i, (line, course)) in lines.into_iter().zip(&courses).enumerate() {
+        let yarn = yarn_of(i);
+        let spec = if course.is_end {
+            &fabric.warp
+        } else {
+            &fabric.weft
+        };
+        let colour = spec
+            .colours
+            .get(number(i) % spec.colours.len().max(1))
+            .copied();
+        let spun = Spun::new(&yarns[yarn], line.length_mm(), seed, i);
+        let hairs = spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
+        let out = reach_mm(&spun.yarn).max(hairs) + 2.0 * thickest_fibre_mm(&spun.yarn);
+        // The smooth line bulges between points by less than an eighth of a step.
+        let step = line.length_mm() / line.points.len() as f64;
+        for p in &line.points {
+            low = low.min(p.z - out - step);
+            high = high.max(p.z + out + step);
+        }
+        placed.push(ThreadAtRest {
+            line: Centreline::Laid {
+                points: line.points.into(),
+                period: course.period,
+            },
+            yarn,
+            spun,
+            dye: materials.dye(&yarns[yarn], colour)?,
+            section: Section::even(DVec2::ONE),
+        });
+    }
+    let mut cloth = Cloth {
+        draft: None,
+        yarns,
+        threads: placed,
+        materials: materials.0,
+        pile: None,
+        web: None,
+        net: Some(Net {
+            kind,
+            end_mm: open.end_mm,
+            row_mm: open.row_mm,
+            holes_per_mm2: open.holes_per_mm2(),
+            overlap: (mean, most),
+        }),
+        tile: Tile {
+            bounds_mm: Aabb::new(
+                Vec3::new(0.0, 0.0, (low as f32).next_down()),
+                size_mm.extend(high).as_vec3(),
+            ),
+            repeats: true,
+        },
+        seed: 0,
+        print: None,
+        compaction: 1.0,
+        compression: 0.0,
+        warnings: Vec::new(),
+    };
+    cloth.warn_of_sharp_bends();
+    Ok(cloth)
+}
+
+impl Cloth {
+    /// Warns of threads that bend more sharply than their thickness allows.
+    fn warn_of_sharp_bends(&mut self) {
+        let sharpest = self.threads.iter().filter_map(|t| match &t.line {
+            Centreline::Laid { points, .. } => Some(bend_per_mm(points) * t.spun.yarn.radius_mm()),
+            _ => None,
+        });
+        let sharpest = sharpest.fold(0.0, f64::max);
+        if sharpest > 1.5 {
+            self.warnings.push(format!(
+                "draft.openwork: threads bend to {:.2} of their radius, where their fibres overlap; \
+                 thinner yarns or fewer threads per centimetre bend less",
+                1.0 / sharpest
+            ));
+        }
+    }
+}

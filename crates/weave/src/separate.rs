@@ -1,0 +1,449 @@
+//! Pushes curves apart in space until they touch at most: fibres of nonwovens, yarns of nets.
+//!
+//! Curves are polylines in a room that repeats in x and y. Rounds of pushes between pieces that
+//! are too near alternate with smoothing of the displacements along each curve, so that a curve
+//! bends around another and gets no kink. The last rounds only push. Pieces are visited in the
+//! order of their cells: equal lines give equal results.
+
+use glam::{DVec2, DVec3};
+use std::cmp::Ordering;
+
+/// A curve, with one radius.
+#[derive(Clone, Debug)]
+pub(crate) struct Line {
+    pub points: Vec<DVec3>,
+    pub radius_mm: f64,
+    /// What separates the line from its next copy; `None` for one that ends.
+    pub period: Option<DVec3>,
+}
+
+/// The space of the curves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Room {
+    /// Period in x and y.
+    pub size_mm: DVec2,
+    /// Heights between which points stay, unless they begin outside.
+    pub faces_mm: [f64; 2],
+}
+
+/// Rounds, those at the end that do not smooth, and pushes within a round.
+const ROUNDS: usize = 6;
+const PUSHING_ROUNDS: usize = 3;
+const PUSHES: usize = 6;
+/// Share of the differences along a curve that smoothing removes after a round.
+const SMOOTHING: f64 = 0.25;
+/// Pieces are neighbours in a round when their distance is below this many sums of radii.
+const REACH: f64 = 1.6;
+/// Pieces of one curve are neighbours when the length between them is above this many radii.
+const OWN_REACH: f64 = 8.0;
+
+/// A piece of a line: its line, its first point, and its middle.
+struct Piece {
+    line: u32,
+    first: u32,
+    middle: DVec3,
+}
+
+/// Two pieces that may touch, and the shift that brings the second next to the first.
+struct Pair {
+    pieces: [u32; 2],
+    shift: DVec2,
+}
+
+impl Line {
+    fn pieces(&self) -> usize {
+        match self.period {
+            Some(_) => self.points.len(),
+            None => self.points.len().saturating_sub(1),
+        }
+    }
+
+    /// The ends of a piece, and the index of the second.
+    fn ends(&self, first: usize) -> ([DVec3; 2], usize) {
+        let next = first + 1;
+        match self.period {
+            Some(p) if next == self.points.len() => ([self.points[first], self.points[0] + p], 0),
+            _ => ([self.points[first], self.points[next]], next),
+        }
+    }
+
+    pub fn length_mm(&self) -> f64 {
+        let pieces = (0..self.pieces()).map(|i| self.ends(i).0);
+        pieces.map(|[a, b]| a.distance(b)).sum()
+    }
+
+    /// Length between two pieces along the line, in pieces.
+    fn apart(&self, a: u32, b: u32) -> usize {
+        let apart = a.abs_diff(b) as usize;
+        match self.period {
+            Some(_) => apart.min(self.points.len() - apart),
+            None => apart,
+        }
+    }
+}
+
+/// The closest points of two pieces, as shares of their lengths.
+fn closest([a, b]: [DVec3; 2], [c, d]: [DVec3; 2]) -> (f64, f64) {
+    let (u, v, w) = (b - a, d - c, a - c);
+    let (uu, uv, vv) = (u.length_squared(), u.dot(v), v.length_squared());
+    let (uw, vw) = (u.dot(w), v.dot(w));
+    let flat = uu * vv - uv * uv;
+    let s = if flat > 1e-12 * uu * vv {
+        ((uv * vw - vv * uw) / flat).clamp(0.0, 1.0)
+    } else {
+        0.5
+    };
+    let t = if vv > 0.0 { (uv * s + vw) / vv } else { 0.0 };
+    let t = t.clamp(0.0, 1.0);
+    let s = if uu > 0.0 { (uv * t - uw) / uu } else { 0.0 };
+    (s.clamp(0.0, 1.0), t)
+}
+
+/// Cells of the room in which pieces are found.
+struct Cells {
+    counts: [usize; 3],
+    low: f64,
+    room: Room,
+    depth: f64,
+    /// Where each cell begins in `order`.
+    starts: Vec<u32>,
+    /// Pieces by cell, with their middles.
+    order: Vec<(u32, DVec3)>,
+}
+
+impl Cells {
+    fn new(pieces: &[Piece], reach_mm: f64, room: Room) -> Cells {
+        let heights = pieces.iter().map(|p| p.middle.z);
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| {
+            (l.min(z), h.max(z))
+        });
+        let depth = (high - low).max(1e-9);
+        let count = |size: f64| ((size / reach_mm) as usize).clamp(1, 512);
+        let mut cells = Cells {
+            counts: [count(room.size_mm.x), count(room.size_mm.y), count(depth)],
+            low,
+            room,
+            depth,
+            starts: Vec::new(),
+            order: vec![(0, DVec3::ZERO); pieces.len()],
+        };
+        let total: usize = cells.counts.iter().product();
+        let mut starts = vec![0u32; total + 1];
+        for p in pieces {
+            starts[cells.index(cells.cell(p.middle)) + 1] += 1;
+        }
+        for i in 0..total {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        for (i, p) in pieces.iter().enumerate() {
+            let at = &mut next[cells.index(cells.cell(p.middle))];
+            cells.order[*at as usize] = (i as u32, p.middle);
+            *at += 1;
+        }
+        cells.starts = starts;
+        cells
+    }
+
+    fn cell(&self, at: DVec3) -> [usize; 3] {
+        let [nx, ny, nz] = self.counts;
+        let wrapped =
+            |x: f64, size: f64, n: usize| ((x / size - (x / size).floor()) * n as f64) as usize % n;
+        let z = ((at.z - self.low) / self.depth * nz as f64) as usize;
+        [
+            wrapped(at.x, self.room.size_mm.x, nx),
+            wrapped(at.y, self.room.size_mm.y, ny),
+            z.min(nz - 1),
+        ]
+    }
+
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.counts[1] + y) * self.counts[0] + x
+    }
+
+    /// The cells from one before to one after along an axis, each once.
+    fn around(&self, axis: usize, at: usize) -> impl Iterator<Item = usize> + use<> {
+        let n = self.counts[axis];
+        let wraps = axis < 2;
+        let few = n < 3;
+        (0..if few { n } else { 3 }).filter_map(move |i| match (few, wraps) {
+            (true, _) => Some(i),
+            (_, true) => Some((at + n + i - 1) % n),
+            _ => (at + i).checked_sub(1).filter(|z| *z < n),
+        })
+    }
+}
+
+impl Room {
+    /// The whole periods that bring a displacement closest to zero.
+    fn nearest(&self, apart: DVec3) -> DVec2 {
+        -(apart.truncate() / self.size_mm).round() * self.size_mm
+    }
+}
+
+fn pieces_of(lines: &[Line]) -> Vec<Piece> {
+    let mut all = Vec::new();
+    for (l, line) in lines.iter().enumerate() {
+        for i in 0..line.pieces() {
+            let [a, b] = line.ends(i).0;
+            all.push(Piece {
+                line: l as u32,
+                first: i as u32,
+                middle: 0.5 * (a + b),
+            });
+        }
+    }
+    all
+}
+
+/// Pairs of pieces that are nearer than `reach` sums of their radii.
+fn pairs_of(lines: &[Line], pieces: &[Piece], room: Room, reach: f64) -> Vec<Pair> {
+    let length = |p: &Piece| {
+        let [a, b] = lines[p.line as usize].ends(p.first as usize).0;
+        a.distance(b)
+    };
+    let longest = pieces.iter().map(length).fold(0.0, f64::max);
+    let thickest = lines.iter().map(|l| l.radius_mm).fold(0.0, f64::max);
+    let farthest = longest + reach * 2.0 * thickest;
+    let cells = Cells::new(pieces, farthest, room);
+    let half = 0.5 * room.size_mm;
+    let mut pairs = Vec::new();
+    for (place, &(i, _)) in cells.order.iter().enumerate() {
+        let p = &pieces[i as usize];
+        let line = &lines[p.line as usize];
+        let [x, y, z] = cells.cell(p.middle);
+        let own = cells.index([x, y, z]);
+        for cz in cells.around(2, z) {
+            for cy in cells.around(1, y) {
+                for cx in cells.around(0, x) {
+                    let cell = cells.index([cx, cy, cz]);
+                    // Each two cells are looked at once.
+                    let from = match cell.cmp(&own) {
+                        Ordering::Less => continue,
+                        Ordering::Equal => place + 1,
+                        Ordering::Greater => cells.starts[cell] as usize,
+                    };
+                    for &(j, middle) in &cells.order[from..cells.starts[cell + 1] as usize] {
+                        let mut apart = middle - p.middle;
+                        let mut shift = DVec2::ZERO;
+                        if apart.x.abs() > half.x || apart.y.abs() > half.y {
+                            shift = room.nearest(apart);
+                            apart += shift.extend(0.0);
+                        }
+                        if apart.length_squared() > farthest * farthest {
+                            continue;
+                        }
+                        let q = &pieces[j as usize];
+                        let limit = reach * (line.radius_mm + lines[q.line as usize].radius_mm);
+                        if p.line == q.line {
+                            let between = line.apart(p.first, q.first).saturating_sub(1);
+                            let between_mm = between as f64 * line.length_mm_of_piece();
+                            if between_mm < OWN_REACH * line.radius_mm {
+                                continue;
+                            }
+                        }
+                        let pair = Pair {
+                            pieces: [i, j],
+                            shift,
+                        };
+                        if gap(lines, pieces, &pair).2.length_squared() < limit * limit {
+                            pairs.push(pair);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    pairs
+}
+
+impl Line {
+    /// Length of one of its pieces, which are all about equally long.
+    fn length_mm_of_piece(&self) -> f64 {
+        let [a, b] = self.ends(0).0;
+        a.distance(b)
+    }
+}
+
+/// Where two pieces are closest, and the way from the first to the second there.
+fn gap(lines: &[Line], pieces: &[Piece], pair: &Pair) -> (f64, f64, DVec3) {
+    let [p, q] = pair.pieces.map(|i| &pieces[i as usize]);
+    let first = lines[p.line as usize].ends(p.first as usize).0;
+    let shift = pair.shift.extend(0.0);
+    let second = lines[q.line as usize]
+        .ends(q.first as usize)
+        .0
+        .map(|at| at + shift);
+    let (s, t) = closest(first, second);
+    let apart = second[0].lerp(second[1], t) - first[0].lerp(first[1], s);
+    (s, t, apart)
+}
+
+/// Moves the point at the share `s` of a piece by `by`.
+fn shift(line: &mut Line, first: usize, s: f64, by: DVec3) {
+    let next = line.ends(first).1;
+    let scale = 1.0 / ((1.0 - s).powi(2) + s * s);
+    line.points[first] += (1.0 - s) * scale * by;
+    line.points[next] += s * scale * by;
+}
+
+/// Pushes the lines apart.
+pub(crate) fn separate(lines: &mut [Line], room: Room) {
+    let before: Vec<Vec<DVec3>> = lines.iter().map(|l| l.points.clone()).collect();
+    let mut pieces = Vec::new();
+    let mut pairs = Vec::new();
+    for round in 0..ROUNDS {
+        // Later rounds move lines less.
+        if round < 2 || round % 2 == 1 {
+            pieces = pieces_of(lines);
+            pairs = pairs_of(lines, &pieces, room, REACH);
+        }
+        for _ in 0..PUSHES {
+            let mut moved = false;
+            for pair in &pairs {
+                let (s, t, apart) = gap(lines, &pieces, pair);
+                let [p, q] = pair.pieces.map(|i| &pieces[i as usize]);
+                let (a, b) = (p.line as usize, q.line as usize);
+                let wanted = lines[a].radius_mm + lines[b].radius_mm;
+                let distance = apart.length();
+                if distance >= wanted {
+                    continue;
+                }
+                moved = true;
+                // Lines that cross in one point part along the normal of both.
+                let toward = apart.try_normalize().unwrap_or(DVec3::Z);
+                let push = 0.5 * (wanted - distance) * toward;
+                shift(&mut lines[a], p.first as usize, s, -push);
+                shift(&mut lines[b], q.first as usize, t, push);
+            }
+            for (line, before) in lines.iter_mut().zip(&before) {
+                for (at, first) in line.points.iter_mut().zip(before) {
+                    let [low, high] = room.faces_mm;
+                    at.z = at.z.clamp(low.min(first.z), high.max(first.z));
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+        if round + PUSHING_ROUNDS < ROUNDS {
+            for (line, before) in lines.iter_mut().zip(&before) {
+                smooth(line, before);
+            }
+        }
+    }
+}
+
+/// Smooths the displacements of a line.
+fn smooth(line: &mut Line, before: &[DVec3]) {
+    let n = line.points.len();
+    if n < 3 {
+        return;
+    }
+    let moved: Vec<DVec3> = line
+        .points
+        .iter()
+        .zip(before)
+        .map(|(p, b)| *p - *b)
+        .collect();
+    for i in 0..n {
+        let (a, b) = match line.period {
+            Some(_) => ((i + n - 1) % n, (i + 1) % n),
+            None => (i.saturating_sub(1), (i + 1).min(n - 1)),
+        };
+        line.points[i] += SMOOTHING * (0.5 * (moved[a] + moved[b]) - moved[i]);
+    }
+}
+
+/// The share of the sum of radii by which lines still reach into each other where they touch:
+/// the mean over pairs of pieces that are nearer than that sum, and the largest; and the number
+/// of such pairs.
+pub(crate) fn overlap(lines: &[Line], room: Room) -> (f64, f64, usize) {
+    let pieces = pieces_of(lines);
+    let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0);
+    for pair in pairs_of(lines, &pieces, room, 1.0) {
+        let [p, q] = pair
+            .pieces
+            .map(|i| &lines[pieces[i as usize].line as usize]);
+        let share = 1.0 - gap(lines, &pieces, &pair).2.length() / (p.radius_mm + q.radius_mm);
+        sum += share;
+        most = most.max(share);
+        count += 1;
+    }
+    (sum / f64::max(count as f64, 1.0), most, count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::PathRng;
+
+    const ROOM: Room = Room {
+        size_mm: DVec2::new(2.0, 1.5),
+        faces_mm: [-0.15, 0.15],
+    };
+
+    /// Straight lines at random, which cross the borders of the room; some close over it.
+    fn lines(seed: u64) -> Vec<Line> {
+        let mut rng = PathRng::from_seed(seed);
+        let mut unit = || f64::from(rng.unit());
+        (0..60)
+            .map(|i| {
+                let start = DVec3::new(2.0 * unit(), 1.5 * unit(), 0.2 * unit() - 0.1);
+                let along = DVec2::from_angle(std::f64::consts::TAU * unit());
+                let period = (i % 3 == 0).then_some(2.0 * DVec3::X);
+                let step = match period {
+                    Some(p) => p / 40.0,
+                    None => 0.05 * along.extend(0.05 * unit()),
+                };
+                Line {
+                    points: (0..40).map(|k| start + f64::from(k) * step).collect(),
+                    radius_mm: 0.01,
+                    period,
+                }
+            })
+            .collect()
+    }
+
+    /// The same lines before are the twin that fails.
+    #[test]
+    fn lines_that_share_room_are_pushed_apart() {
+        for seed in [1, 2, 3] {
+            let mut lines = lines(seed);
+            let before = overlap(&lines, ROOM);
+            separate(&mut lines, ROOM);
+            let after = overlap(&lines, ROOM);
+            assert!(before.0 > 0.3 && before.2 > 50, "seed {seed}: {before:?}");
+            let [b, a] = [before, after].map(|o| o.0 * o.2 as f64);
+            assert!(a < 0.05 * b, "seed {seed}: {before:?}, {after:?}");
+        }
+    }
+
+    #[test]
+    fn neighbours_are_found_across_the_border_and_each_pair_once() {
+        let lines = lines(4);
+        let pieces = pieces_of(&lines);
+        let found = pairs_of(&lines, &pieces, ROOM, 1.0);
+        let mut expected = 0;
+        for i in 0..pieces.len() {
+            for j in i + 1..pieces.len() {
+                let (p, q) = (&pieces[i], &pieces[j]);
+                if p.line == q.line {
+                    continue;
+                }
+                let pair = Pair {
+                    pieces: [i as u32, j as u32],
+                    shift: ROOM.nearest(q.middle - p.middle),
+                };
+                let near = gap(&lines, &pieces, &pair).2.length() < 0.02;
+                expected += usize::from(near);
+            }
+        }
+        let own = found.iter().filter(|p| {
+            let [a, b] = p.pieces.map(|i| pieces[i as usize].line);
+            a == b
+        });
+        assert!(expected > 50, "{expected}");
+        assert_eq!(found.len() - own.count(), expected);
+    }
+}
