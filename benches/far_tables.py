@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 
-FABRICS = ["denim", "charmeuse", "organza", "towel"]
+FABRICS = ["denim", "charmeuse", "organza", "towel", "polyester_lining"]
 KINDS = ["reflected", "transmitted", "reflected_grazing", "transmitted_grazing"]
 PATHS = ["--spp", "16384", "--held-out", "128", "--held-out-spp", "16384"]
 
