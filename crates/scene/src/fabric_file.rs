@@ -9,28 +9,28 @@ use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
 use crate::print_file;
 use crate::read;
-use crate::volume_cache::{self, VolumePlan};
+use glam::Vec2;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
-use organza_transport::{ExplicitFibres, FlakeOptics, PackingStudy, measure_packing};
+use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
-use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
-use organza_weave::{Cloth, FabricGeometry, Material};
+use organza_weave::{Cloth, Draft, FabricGeometry, Material, Synthesis};
 use std::cell::RefCell;
 use std::path::Path;
-use std::sync::Arc;
 
 /// A fabric file with the cloth it describes.
 pub struct Fabric {
     /// The file.
     pub file: FabricFile,
-    /// The cloth.
+    /// The cloth; of a cloth of blocks the exemplar.
     pub cloth: Cloth,
+    /// The design of a cloth of blocks.
+    pub synthesis: Option<Synthesis>,
     /// Optics tables, highest precedence first.
     pub(crate) optics: Vec<OpticsFile>,
     /// The file with all overrides, and those that it names.
-    sources: Vec<SourceFile>,
+    pub(crate) sources: Vec<SourceFile>,
 }
 
 /// Reads a fabric file and relaxes its yarns.
@@ -72,7 +72,7 @@ pub fn load_changed(
         }
         Ok(bytes)
     };
-    let (cloth, optics) = build(path, &file, &open)?;
+    let (cloth, synthesis, optics) = build(path, &file, &open)?;
     for warning in cloth.warnings() {
         loader.warn(path, warning.to_string());
     }
@@ -87,6 +87,7 @@ pub fn load_changed(
     Ok(Fabric {
         file,
         cloth,
+        synthesis,
         optics,
         sources: sources.into_inner(),
     })
@@ -110,10 +111,11 @@ pub fn from_sources(path: &Path, sources: &[SourceFile]) -> Result<Fabric> {
             .map(|s| s.bytes.clone())
             .ok_or_else(|| std::io::ErrorKind::NotFound.into())
     };
-    let (cloth, optics) = build(path, &file, &open)?;
+    let (cloth, synthesis, optics) = build(path, &file, &open)?;
     Ok(Fabric {
         file,
         cloth,
+        synthesis,
         optics,
         sources: sources.to_vec(),
     })
@@ -124,7 +126,7 @@ fn build(
     path: &Path,
     file: &FabricFile,
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<(Cloth, Vec<OpticsFile>)> {
+) -> Result<(Cloth, Option<Synthesis>, Vec<OpticsFile>)> {
     file.check()
         .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let geometry = FabricGeometry {
@@ -138,8 +140,18 @@ fn build(
         tile: file.tile,
         ideal: file.ideal,
     };
-    let mut cloth = Cloth::build(&geometry, open, file.seed)
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let failed = |e| input(format!("{}: {e}", path.display()));
+    let (mut cloth, synthesis) = match &file.synthesis {
+        None => (
+            Cloth::build(&geometry, open, file.seed).map_err(failed)?,
+            None,
+        ),
+        Some(spec) => {
+            let built = Cloth::build_exemplar(&geometry, spec, open, file.seed);
+            let (exemplar, synthesis) = built.map_err(failed)?;
+            (exemplar, Some(synthesis))
+        }
+    };
     if let Some(spec) = &file.print {
         let fail = |why: String| input(format!("{}: print.image: {why}", path.display()));
         let image = print_file::decode(&spec.image, open).map_err(fail)?;
@@ -150,7 +162,7 @@ fn build(
     let optics = vec![file.optics.clone()];
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
-    Ok((cloth, optics))
+    Ok((cloth, synthesis, optics))
 }
 
 impl Fabric {
@@ -181,7 +193,20 @@ impl Fabric {
             .map_err(|e| input(format!("{}: surface: {e}", path.display())))
     }
 
+    /// Refuses what needs every thread of a cloth, if it is made of blocks.
+    pub(crate) fn whole(&self, path: &Path, what: &str) -> Result<()> {
+        if self.synthesis.is_none() {
+            return Ok(());
+        }
+        Err(input(format!(
+            "{}: {what} need the whole cloth, and [synthesis] makes it of blocks; choose model = \
+             \"microflake\" or \"plain\", or leave [synthesis] out",
+            path.display()
+        )))
+    }
+
     fn surface_table(&self, path: &Path) -> Result<&SurfaceTable> {
+        self.whole(path, "surface models")?;
         self.file.surface.as_ref().ok_or_else(|| {
             input(format!(
                 "{}: has no [surface] section, which the surface model needs",
@@ -216,6 +241,15 @@ impl Fabric {
         optics::check(scene, self.cloth.materials())?;
         self.optics.insert(0, scene.clone());
         Ok(())
+    }
+
+    /// Width and height of what repeats: of the cloth's tile, or of the whole design.
+    pub fn tile_mm(&self) -> Vec2 {
+        let tile_mm = self.cloth.tile().bounds_mm.size().truncate();
+        self.synthesis.as_ref().map_or(tile_mm, |synthesis| {
+            let crossings = |d: &Draft| Vec2::new(d.ends() as f32, d.picks() as f32);
+            tile_mm / crossings(&synthesis.exemplar) * crossings(&synthesis.design)
+        })
     }
 
     /// The narrower spacing of threads; infinite for cloth that has no draft.
@@ -258,13 +292,14 @@ impl Fabric {
     }
 
     /// The same with other optics tables.
-    fn explicit_fibres_of(
+    pub(crate) fn explicit_fibres_of(
         &self,
         optics: &[OpticsFile],
         path: &Path,
         allowed: u64,
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
+        self.whole(path, "explicit fibres")?;
         let fibres = self.fibre_models_of(optics, path)?;
         let task = Task::GatheringFibres {
             fabric: path.to_owned(),
@@ -274,153 +309,6 @@ impl Fabric {
                 ExplicitFibres::new(&self.cloth, fibres, Some(allowed), done)
             })
             .map_err(|e| input(format!("{}: {e}", path.display())))
-    }
-
-    /// The octree of the cloth's fibres, with the length of thick ones where
-    /// `footprint` says.
-    ///
-    /// # Errors
-    /// A voxel size out of range, or more memory needed than allowed.
-    pub fn voxelize(
-        &self,
-        path: &Path,
-        footprint: FibreFootprint,
-        voxel_um: Option<f32>,
-        levels: Option<u8>,
-        max_memory_bytes: Option<u64>,
-        loader: &Loader<'_>,
-    ) -> Result<Octree> {
-        let plan = self.plan(path, footprint, voxel_um, levels, max_memory_bytes)?;
-        self.voxelize_planned(path, &plan, max_memory_bytes, loader)
-    }
-
-    /// Voxelizes as planned, or takes the result from the loader's cache. Packing factors
-    /// are measured if the voxels are for packed fibres. If memory does not suffice for
-    /// that, the loader warns.
-    ///
-    /// # Errors
-    /// Segments that cannot be placed.
-    pub fn voxelize_planned(
-        &self,
-        path: &Path,
-        plan: &VolumePlan<'_>,
-        max_memory_bytes: Option<u64>,
-        loader: &Loader<'_>,
-    ) -> Result<Octree> {
-        let build = || self.build_volume(path, plan, max_memory_bytes, loader);
-        volume_cache::cached(&self.sources, path, plan, max_memory_bytes, loader, build)
-    }
-
-    /// Voxelizes as planned. False if something is left out for want of memory.
-    fn build_volume(
-        &self,
-        path: &Path,
-        plan: &VolumePlan<'_>,
-        max_memory_bytes: Option<u64>,
-        loader: &Loader<'_>,
-    ) -> Result<(Octree, bool)> {
-        let task = Task::Voxelizing {
-            fabric: path.to_owned(),
-            memory_bytes: plan.memory_bytes(),
-        };
-        let octree = loader
-            .run(&task, |done| plan.run(done))
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
-        if octree.footprint() == FibreFootprint::Covered {
-            return Ok((octree, true));
-        }
-        let octree = self.with_measured_packing(octree, path, max_memory_bytes, loader)?;
-        let is_measured = octree.packing().is_some();
-        Ok((octree, is_measured))
-    }
-
-    /// The octree of this cloth with packing factors that are measured under the optics
-    /// of the fabric file, whatever a scene overrides: they belong to the voxels.
-    fn with_measured_packing(
-        &self,
-        octree: Octree,
-        path: &Path,
-        max_memory_bytes: Option<u64>,
-        loader: &Loader<'_>,
-    ) -> Result<Octree> {
-        let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-        let own = &self.optics[self.optics.len() - 1..];
-        let fibres = self.explicit_fibres_of(own, path, allowed, loader);
-        let fibres = fibres.and_then(|fibres| {
-            let checked = fibres.check_hierarchy(allowed);
-            checked.map_err(|e| input(format!("{}: {e}", path.display())))?;
-            Ok(fibres)
-        });
-        let fibres = match fibres {
-            Ok(fibres) => fibres,
-            Err(why) => {
-                loader.warn(
-                    path,
-                    format!("packing factors are derived, not measured: {why}"),
-                );
-                return Ok(octree);
-            }
-        };
-        let task = Task::MeasuringPacking {
-            fabric: path.to_owned(),
-        };
-        let study = PackingStudy {
-            seed: self.file.seed,
-            ..PackingStudy::default()
-        };
-        let octree = Arc::new(octree);
-        let packing = loader.run(&task, |done| measure_packing(&fibres, &octree, study, done));
-        Arc::unwrap_or_clone(octree)
-            .with_packing(packing)
-            .ok_or_else(|| {
-                input(format!(
-                    "{}: packing factors are not finite",
-                    path.display()
-                ))
-            })
-    }
-
-    /// Edge of the finest voxels unless something else is asked for.
-    fn voxel_um(&self, footprint: FibreFootprint) -> f32 {
-        let voxel = &self.file.voxel;
-        match footprint {
-            FibreFootprint::Covered => voxel.size_um,
-            FibreFootprint::Axis => voxel.packed_um.unwrap_or_else(|| {
-                let materials = self.cloth.materials();
-                let radii: f32 = materials.iter().map(|m| m.fibre_radius_mm).sum();
-                1e3 * radii / materials.len().max(1) as f32
-            }),
-        }
-    }
-
-    /// What voxelizing will take.
-    ///
-    /// # Errors
-    /// As [`Fabric::voxelize`].
-    pub fn plan(
-        &self,
-        path: &Path,
-        footprint: FibreFootprint,
-        voxel_um: Option<f32>,
-        levels: Option<u8>,
-        max_memory_bytes: Option<u64>,
-    ) -> Result<VolumePlan<'_>> {
-        let size_um = voxel_um.unwrap_or_else(|| self.voxel_um(footprint));
-        if !(size_um.is_finite() && size_um > 0.0) {
-            return Err(input(format!(
-                "{}: voxel size: expected a positive number of micrometres, found {size_um}",
-                path.display()
-            )));
-        }
-        let options = VoxelizeOptions {
-            voxel_mm: size_um * 1e-3,
-            levels,
-            footprint,
-            max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
-        };
-        let plan = Plan::new(&self.cloth, &options)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
-        Ok(VolumePlan::new(plan, &options))
     }
 }
 

@@ -3,10 +3,10 @@
 use crate::optics::OpticsFile;
 use crate::scattering::ScatteringTable;
 use organza_surface::SurfaceTable;
-use organza_weave::PrintSpec;
 use organza_weave::spec::{
     CurveKind, DraftSpec, NonwovenSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
 };
+use organza_weave::{PrintSpec, SynthesisSpec};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -40,6 +40,8 @@ pub struct FabricFile {
     /// How much of the cloth is made.
     #[serde(default)]
     pub tile: TileSpec,
+    /// Makes the cloth of blocks.
+    pub synthesis: Option<SynthesisSpec>,
     /// Leaves out all irregularity of threads and yarns.
     #[serde(default)]
     pub ideal: bool,

@@ -5,6 +5,7 @@
 //! the warnings and reports progress.
 
 pub mod auto;
+mod blocks;
 mod build_options;
 pub mod camera;
 pub mod cloth_place;
@@ -15,6 +16,7 @@ mod error;
 pub mod fabric_file;
 mod fabric_table;
 pub mod far_table;
+mod fabric_volume;
 mod fibre_model;
 pub mod file_kind;
 mod given_files;

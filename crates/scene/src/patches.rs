@@ -168,7 +168,7 @@ fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
 /// Texels over one tile of a fabric, `longer` of them along its longer side.
 pub fn texel_grid(fabric: &Fabric, longer: u32) -> TexelGrid {
     let bounds = fabric.cloth.tile().bounds_mm;
-    let size: Vec2 = bounds.size().truncate();
+    let size: Vec2 = fabric.tile_mm();
     let texels = (size / size.max_element() * longer as f32).round();
     TexelGrid {
         low_mm: bounds.min.truncate(),

@@ -1,7 +1,7 @@
 //! The grid of finest voxels that a tile is cut into.
 
 use crate::Error;
-use glam::{DVec3, UVec3, Vec3};
+use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, Tile};
 
 /// Most levels of an octree: sums of 8^7 voxels still leave eleven bits of
@@ -10,6 +10,11 @@ pub const MAX_LEVELS: u8 = 8;
 
 /// Most voxels along one axis.
 const MAX_DIM: f64 = 1_048_576.0;
+
+/// By how much voxels may be larger or smaller than asked for so that a tile has more levels, as
+/// a share; and where each of many parts of a tile is to be whole voxels.
+const MOST_STRETCH: f64 = 0.1;
+const MOST_STRETCH_OF_PARTS: f64 = 0.15;
 
 /// A regular grid whose counts are multiples of the coarsest voxel, so that
 /// every level covers the same box with whole voxels.
@@ -36,6 +41,17 @@ impl Lattice {
     /// can use and that changes voxels by at most a tenth. Where only a few voxels make a
     /// period, or `levels` is given, the change may be larger.
     pub fn new(tile: &Tile, voxel_mm: f32, levels: Option<u8>) -> Result<Lattice, Error> {
+        Lattice::of_parts(tile, UVec2::ONE, voxel_mm, levels)
+    }
+
+    /// The same for a tile of so many equal parts along x and y, each of which becomes whole
+    /// voxels of the coarsest level. Voxels may change a little more.
+    pub fn of_parts(
+        tile: &Tile,
+        parts: UVec2,
+        voxel_mm: f32,
+        levels: Option<u8>,
+    ) -> Result<Lattice, Error> {
         let voxel = f64::from(voxel_mm);
         if !(voxel.is_finite() && voxel > 0.0) {
             return Err(Error::Options(format!(
@@ -54,6 +70,12 @@ impl Lattice {
             )));
         }
         let wraps = [tile.repeats, tile.repeats, false];
+        let parts_of = parts.extend(1).as_dvec3();
+        let most_stretch = if parts == UVec2::ONE {
+            MOST_STRETCH
+        } else {
+            MOST_STRETCH_OF_PARTS
+        };
         let fit = |levels: u8| -> Lattice {
             let block = f64::from(1u32 << (levels - 1));
             let mut fitted = Lattice {
@@ -66,7 +88,8 @@ impl Lattice {
             for axis in 0..3 {
                 let blocks = size[axis] / (voxel * block);
                 if wraps[axis] {
-                    let n = blocks.round().max(1.0) * block;
+                    let parts = parts_of[axis];
+                    let n = (blocks / parts).round().max(1.0) * block * parts;
                     fitted.dims[axis] = n as u32;
                     fitted.voxel_mm[axis] = size[axis] / n;
                 } else {
@@ -96,7 +119,7 @@ impl Lattice {
         }
         let near = |l: &Lattice| {
             let stretch = l.voxel_mm / voxel - 1.0;
-            stretch.abs().max_element() <= 0.1
+            stretch.abs().max_element() <= most_stretch
         };
         let useful = |l: &Lattice| (l.dims >> u32::from(l.levels - 1)).max_element() > 1;
         let chosen = (2..=6u8).rev().map(fit).find(|l| near(l) && useful(l));

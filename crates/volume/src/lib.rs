@@ -47,6 +47,7 @@
 //! ```
 
 mod block;
+mod block_layout;
 mod clip;
 mod cluster;
 mod error;
@@ -61,12 +62,13 @@ mod record;
 mod route;
 pub mod voxelize;
 
+pub use block_layout::BlockLayout;
 pub use error::Error;
 pub use footprint::FibreFootprint;
 pub use format::grid_set::GridSet;
 pub use format::vol::VolGrid;
 pub use format::{ovox, vdb, vol};
 pub use known_mixtures::{MixtureGrid, MixtureSource, octree_of_mixtures};
-pub use octree::Octree;
+pub use octree::{BlockCut, Octree};
 pub use packing::{MaterialPacking, MeasuredPacking, PackingFactor};
 pub use voxelize::{Plan, VoxelizeOptions, voxelize};

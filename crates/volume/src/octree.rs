@@ -21,8 +21,12 @@
 //! populations of the cells below.
 
 pub(crate) mod build;
+mod of_blocks;
 mod validate;
 
+pub use of_blocks::BlockCut;
+
+use crate::block_layout::BlockLayout;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
 use crate::packing::MeasuredPacking;
@@ -32,6 +36,7 @@ use crate::record::{
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, FibrePopulation, Mixture};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Marks a brick without fibre.
 const EMPTY: u32 = u32::MAX;
@@ -59,9 +64,18 @@ pub(crate) struct OctreeLevel {
 /// Fibre mixtures in the voxels of a tile, at several levels of detail.
 ///
 /// Level 0 is the finest; each next level has cells of twice the edge.
+///
+/// The octree of a cloth of [blocks](Octree::blocks) stores each of them once. Points, cells
+/// and sizes are those of the whole cloth; lengths, counts of voxels and bytes are those of
+/// what is stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Octree {
+    /// The voxels that are stored: of the box, or of all blocks on top of each other.
     pub(crate) lattice: Lattice,
+    /// Which block each crossing of the cloth shows.
+    pub(crate) blocks: Option<Arc<BlockLayout>>,
+    /// Finest voxels of the whole cloth.
+    dims: UVec3,
     bounds_mm: Aabb,
     finest_per_mm: Vec3,
     pub(crate) levels: Vec<OctreeLevel>,
@@ -85,6 +99,8 @@ impl Octree {
     ) -> Octree {
         Octree {
             lattice,
+            blocks: None,
+            dims: lattice.dims,
             bounds_mm: lattice.bounds_mm(),
             finest_per_mm: (1.0 / lattice.voxel_mm).as_vec3(),
             levels,
@@ -94,6 +110,45 @@ impl Octree {
             material_count,
             footprint: FibreFootprint::Covered,
             packing: None,
+        }
+    }
+
+    /// The same octree as the blocks of a cloth; `None` unless they are as many voxels as it
+    /// has.
+    pub(crate) fn with_blocks(mut self, blocks: BlockLayout) -> Option<Octree> {
+        let cells = blocks.block_cells(0);
+        let whole = (1 << (self.lattice.levels - 1)) - 1;
+        let dims = self.lattice.dims;
+        let stacked = u64::from(cells.z) * u64::from(blocks.count());
+        let fits = cells.truncate() == dims.truncate()
+            && stacked == u64::from(dims.z)
+            && (cells & whole) == UVec3::ZERO
+            && self.lattice.repeats;
+        self.dims = blocks.dims();
+        self.blocks = Some(Arc::new(blocks));
+        self.bounds_mm = self.cloth_bounds_mm();
+        fits.then_some(self)
+    }
+
+    fn cloth_bounds_mm(&self) -> Aabb {
+        let cloth = Lattice {
+            dims: self.dims,
+            ..self.lattice
+        };
+        cloth.bounds_mm()
+    }
+
+    /// Which block each crossing shows, of a cloth of blocks.
+    pub fn blocks(&self) -> Option<&Arc<BlockLayout>> {
+        self.blocks.as_ref()
+    }
+
+    /// The stored cell that stands for a cell of the cloth.
+    #[inline]
+    fn stored(&self, level: u8, cell: UVec3) -> UVec3 {
+        match &self.blocks {
+            None => cell,
+            Some(blocks) => blocks.stored(level, cell),
         }
     }
 
@@ -142,7 +197,7 @@ impl Octree {
                 brick.majorant_per_mm *= (1.0 / scale) as f32 * (1.0 + 1e-5);
             }
         }
-        self.bounds_mm = self.lattice.bounds_mm();
+        self.bounds_mm = self.cloth_bounds_mm();
         self.finest_per_mm = (1.0 / self.lattice.voxel_mm).as_vec3();
         let sound = scale > 0.0 && self.lattice.is_sound() && self.check().is_ok();
         sound.then_some(self)
@@ -189,7 +244,7 @@ impl Octree {
 
     /// Cells along each axis; the cells fill the box exactly.
     pub fn dims(&self, level: u8) -> UVec3 {
-        self.lattice.dims_at(level)
+        self.dims >> u32::from(level)
     }
 
     /// Number of materials that populations may name.
@@ -218,7 +273,7 @@ impl Octree {
         // Rounding may leave a coordinate slightly outside on either side; the cast clamps
         // negative values to zero.
         let cell = (q * self.finest_per_mm).as_uvec3();
-        Some(cell.min(self.lattice.dims - 1) >> u32::from(level))
+        Some(cell.min(self.dims - 1) >> u32::from(level))
     }
 
     #[inline]
@@ -230,6 +285,7 @@ impl Octree {
 
     #[inline]
     fn records(&self, level: u8, cell: UVec3) -> (f32, &[StoredPopulation]) {
+        let cell = self.stored(level, cell);
         let Some((l, brick)) = self.brick(level, cell >> 2u32) else {
             return (0.0, &[]);
         };
@@ -277,11 +333,13 @@ impl Octree {
     /// Unlike the mixture of the cell itself, which is an average, this bounds the finest
     /// voxels; since averages do not exceed it, it also bounds every level in between. From
     /// level 2 on it is a single look-up; levels 0 and 1 read one or eight voxels. `level` may
-    /// exceed the coarsest by two.
+    /// exceed the coarsest by two, but not in a cloth of blocks.
     pub fn majorant_per_mm(&self, level: u8, cell: UVec3) -> f32 {
         if level >= 2 {
+            // A brick of four cells along each edge is one cell two levels above, and blocks
+            // hold whole cells of every level.
             return self
-                .brick(level - 2, cell)
+                .brick(level - 2, self.stored(level, cell))
                 .map_or(0.0, |(_, b)| b.majorant_per_mm);
         }
         let low = cell << u32::from(level);
@@ -319,8 +377,27 @@ impl Octree {
             .sum()
     }
 
-    /// Calls `visit` with every occupied cell of a level, brick by brick.
+    /// Calls `visit` with every occupied cell of a level, brick by brick or, in a cloth of
+    /// blocks, crossing by crossing.
     pub fn for_each_occupied(&self, level: u8, mut visit: impl FnMut(UVec3)) {
+        let Some(blocks) = &self.blocks else {
+            return self.for_each_stored(level, visit);
+        };
+        let block = blocks.block_cells(level);
+        for crossing in 0..blocks.index().len() as u32 {
+            let across = blocks.crossings().x;
+            let low = UVec3::new(crossing % across, crossing / across, 0) * block;
+            for i in 0..block.element_product() {
+                let cell = low + brick_at(i, block);
+                if !self.records(level, cell).1.is_empty() {
+                    visit(cell);
+                }
+            }
+        }
+    }
+
+    /// The same, but of a cloth of blocks with the cells of one crossing for each block.
+    pub fn for_each_stored(&self, level: u8, mut visit: impl FnMut(UVec3)) {
         let l = &self.levels[usize::from(level)];
         for (i, &at) in l.brick_of.iter().enumerate() {
             if at == EMPTY {
@@ -331,7 +408,11 @@ impl Octree {
             while left != 0 {
                 let bit = left.trailing_zeros();
                 left &= left - 1;
-                visit(low + cell_of_bit(bit));
+                let cell = low + cell_of_bit(bit);
+                visit(match &self.blocks {
+                    None => cell,
+                    Some(blocks) => blocks.shown(level, cell),
+                });
             }
         }
     }
@@ -354,7 +435,8 @@ impl Octree {
         let levels: u64 = (0..self.level_count())
             .map(|l| self.level_memory_bytes(l))
             .sum();
-        levels + size_of_val(&self.groups[..]) as u64 + size_of::<Octree>() as u64
+        let blocks = self.blocks.as_ref().map_or(0, |b| b.memory_bytes());
+        levels + blocks + size_of_val(&self.groups[..]) as u64 + size_of::<Octree>() as u64
     }
 }
 

@@ -12,6 +12,7 @@ use crate::lattice::{Lattice, brick_at, bricks_across};
 use crate::octree::build::{Assembly, Scales, build_block};
 use crate::route::{RoutePiece, Routed, route};
 use crate::{Error, Octree};
+use glam::UVec2;
 use organza_basis::SegmentSource;
 use rayon::prelude::*;
 use std::sync::Mutex;
@@ -86,7 +87,21 @@ impl<'a> Plan<'a> {
         source: &'a dyn SegmentSource,
         options: &VoxelizeOptions,
     ) -> Result<Plan<'a>, Error> {
-        let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
+        Plan::of_parts(source, UVec2::ONE, options)
+    }
+
+    /// The same for a tile of so many equal parts along x and y, each of which is to be whole
+    /// voxels of every level.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn of_parts(
+        source: &'a dyn SegmentSource,
+        parts: UVec2,
+        options: &VoxelizeOptions,
+    ) -> Result<Plan<'a>, Error> {
+        let tile = source.tile();
+        let lattice = Lattice::of_parts(&tile, parts, options.voxel_mm, options.levels)?;
         let mut plan = Plan {
             source,
             options: *options,

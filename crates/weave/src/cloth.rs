@@ -3,6 +3,7 @@
 mod build;
 mod displaced;
 mod drawing;
+mod exemplar;
 mod figures;
 mod flattening;
 mod import;
@@ -14,6 +15,7 @@ mod print;
 mod repeats;
 mod spacing;
 mod spun;
+mod yarn_warnings;
 mod yarns;
 
 use crate::Draft;
@@ -33,6 +35,7 @@ use spun::Spun;
 use std::sync::Arc;
 
 pub use build::Loader;
+pub use exemplar::BorderGaps;
 pub use figures::{Figures, NonwovenFigures, OpenworkFigures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
 use print::Print;

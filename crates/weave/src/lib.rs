@@ -62,19 +62,21 @@ pub mod spinning;
 mod spline;
 mod strand;
 mod sway;
+pub mod synthesis;
 mod wander;
 mod web;
 mod wif;
 mod yarn;
 
 pub use cloth::{
-    Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material, NonwovenFigures,
-    OpenworkFigures, PileFigures, PrintImage, PrintMode, PrintSide, PrintSpec, SystemFigures,
-    SystemIrregularity,
+    BorderGaps, Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material,
+    NonwovenFigures, OpenworkFigures, PileFigures, PrintImage, PrintMode, PrintSide, PrintSpec,
+    SystemFigures, SystemIrregularity,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;
 pub use openwork::OpenworkKind;
 pub use picture::Picture;
 pub use spec::FabricGeometry;
+pub use synthesis::{Synthesis, SynthesisFigures, SynthesisSpec};
 pub use yarn::{Hairs, Loops, MAX_FIBRE_VOLUME_FRACTION, MAX_FIBRES_PER_PLY, Yarn};

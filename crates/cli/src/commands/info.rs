@@ -210,7 +210,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
             })
         })
         .collect();
-    Ok(json!({
+    let mut about = json!({
         "kind": "fabric",
         "name": fabric.file.name,
         "tile": box_of(&organza_basis::SegmentSource::tile(&fabric.cloth).bounds_mm),
@@ -221,7 +221,16 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         "yarns": yarns,
         "materials": materials,
         "warnings": fabric.cloth.warnings(),
-    }))
+    });
+    if let Some(synthesis) = &fabric.synthesis {
+        about["synthesis"] = json!({
+            "design": synthesis.design.summary(),
+            "figures": synthesis.figures(),
+            "border_gaps": fabric.cloth.border_gaps(synthesis),
+            "tile_mm": fabric.tile_mm().to_array(),
+        });
+    }
+    Ok(about)
 }
 
 /// A scene, of which everything is read that can be without making voxels:

@@ -72,7 +72,7 @@ const PACKING_CELL_RADII: f32 = 4.0;
 /// The greatest radius of a level's fibres.
 pub fn greatest_radius_mm(octree: &Octree, level: u8) -> f32 {
     let mut most = 0.0f32;
-    octree.for_each_occupied(level, |cell| {
+    octree.for_each_stored(level, |cell| {
         for c in octree.mixture(level, cell).as_slice() {
             most = most.max(c.radius_mm);
         }
@@ -90,7 +90,7 @@ fn packing_by_material(octree: &Octree, radius_mm: f32, materials: usize) -> Vec
     let level = (0..octree.level_count()).min_by(|a, b| off(a).total_cmp(&off(b)));
     let level = level.unwrap_or(0);
     let mut sums = vec![(0.0f64, 0.0f64); materials];
-    octree.for_each_occupied(level, |cell| {
+    octree.for_each_stored(level, |cell| {
         let mixture = octree.mixture(level, cell);
         let populations = mixture.as_slice();
         let fraction =

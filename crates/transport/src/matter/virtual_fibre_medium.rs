@@ -6,6 +6,7 @@
 //! what happens there.
 
 mod event;
+mod extinction;
 mod site;
 
 pub use event::VirtualFibreEvent;
@@ -19,10 +20,8 @@ use crate::matter::voxel_fibres::VoxelFibres;
 use crate::{LocalVisibility, SiteInfo};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::cell_grid::cell_below;
-use organza_basis::{Aabb, CellGrid, FibrePopulation, LocalRay, Mixture, PathRng, Rgb};
-use organza_scatter::{
-    Fibre, FibreFrame, Lobe, LobeSample, PackedEvent, meet_fibre, population_sigma_t_per_mm,
-};
+use organza_basis::{Aabb, CellGrid, FibrePopulation, LocalRay, PathRng, Rgb};
+use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, PackedEvent, meet_fibre};
 use organza_volume::Octree;
 use rayon::prelude::*;
 use site::Met;
@@ -51,10 +50,9 @@ pub struct VirtualFibres {
     voxels_per_mm: Vec3,
     node_edge: u32,
     densest: Vec<Densest>,
-    /// Of blocks of voxels and what is within reach.
-    block_majorants: BlockMajorants,
-    /// Of single voxels and those within reach.
-    voxel_majorants: VoxelMajorants,
+    /// Of blocks of voxels and of single voxels, and what is within reach; none of a cloth of
+    /// blocks, where those of the octree hold.
+    majorants: Option<(BlockMajorants, VoxelMajorants)>,
     local: Option<LocalVisibility>,
 }
 
@@ -62,7 +60,8 @@ impl VirtualFibreMedium {
     /// The cloth at a level of detail (0 the finest). `fibres` is indexed by the
     /// octree's materials. Media of several levels may share one octree.
     ///
-    /// `None` when the level does not exist or a material has no fibre.
+    /// `None` when the level does not exist, a material has no fibre, or packed fibres would
+    /// reach from block to block.
     pub fn new(
         octree: impl Into<Arc<Octree>>,
         level: u8,
@@ -87,6 +86,10 @@ impl VirtualFibreMedium {
         factors: impl FnOnce(&Octree, u8) -> Vec<PackingFactors>,
     ) -> Option<VirtualFibreMedium> {
         if level >= octree.level_count() || fibres.len() < octree.material_count() {
+            return None;
+        }
+        let is_of_blocks = octree.blocks().is_some();
+        if is_of_blocks && event == VirtualFibreEvent::Packed {
             return None;
         }
         let voxel_mm = octree.voxel_mm(level);
@@ -115,11 +118,7 @@ impl VirtualFibreMedium {
             let factors = factors.get(usize::from(c.material));
             factors.map_or(1.0, PackingFactors::largest)
         });
-        let voxel_majorants = VoxelMajorants::new(cell_grid, reach, |cell| {
-            broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
-        });
-        // At least twice the reach: bounds then cost no more than eight look-ups a
-        // voxel.
+        // At least twice the reach: bounds then cost no more than eight look-ups a voxel.
         let node_edge = NODE_VOXELS.max(2 * reach.max_element() as u32);
         let around = |node: UVec3| FibresInReach {
             voxels: &voxels,
@@ -129,9 +128,21 @@ impl VirtualFibreMedium {
             low: (node * node_edge).as_ivec3(),
             edge: node_edge as i32,
         };
-        let block_majorants =
-            BlockMajorants::new(&cell_grid, node_edge, |node| around(node).majorant_per_mm());
-        let dims = cell_grid.cell_dims(node_edge);
+        let majorants = (!is_of_blocks).then(|| {
+            let of_voxels = VoxelMajorants::new(cell_grid, reach, |cell| {
+                broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
+            });
+            let of_node = |node| around(node).majorant_per_mm();
+            (
+                BlockMajorants::new(&cell_grid, node_edge, of_node),
+                of_voxels,
+            )
+        });
+        let dims = if is_of_blocks {
+            UVec3::ZERO
+        } else {
+            cell_grid.cell_dims(node_edge)
+        };
         let densest = (0..dims.element_product())
             .into_par_iter()
             .map(|i| around(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims).densest())
@@ -145,8 +156,7 @@ impl VirtualFibreMedium {
             voxels_per_mm: 1.0 / voxel_mm,
             node_edge,
             densest,
-            block_majorants,
-            voxel_majorants,
+            majorants,
             local: None,
         };
         let level = OctreeLevel {
@@ -221,31 +231,6 @@ impl VirtualFibres {
         self.voxels.places(cell_below(p) - self.pad)
     }
 
-    /// Share of a population's extinction in the voxels that a ray sees which leaves a
-    /// yarn.
-    fn share(&self, c: &FibrePopulation, left_yarn: Option<u32>) -> f32 {
-        let factors = self.factors.get(usize::from(c.material));
-        factors.map_or(1.0, |f| f.of(c.yarn, left_yarn) / f.largest())
-    }
-
-    /// The extinction that a ray along `w` finds in a population of a site, per mm.
-    fn extinction_per_mm(&self, c: &FibrePopulation, site: &VirtualFibreSite, w: Vec3) -> f32 {
-        self.share(c, site.left_yarn) * population_sigma_t_per_mm(c, w)
-    }
-
-    /// The populations of a site as a ray sees them that leaves a yarn.
-    fn seen(&self, site: &VirtualFibreSite) -> Mixture {
-        let mut seen = Mixture::EMPTY;
-        for c in self.populations(site) {
-            let share = self.share(c, site.left_yarn);
-            seen.push(FibrePopulation {
-                length_density_per_mm2: share * c.length_density_per_mm2,
-                ..*c
-            });
-        }
-        seen
-    }
-
     /// Populations of a site.
     fn populations(&self, site: &VirtualFibreSite) -> &[FibrePopulation] {
         let [start, end] = site.places;
@@ -316,7 +301,7 @@ impl Scatterer for VirtualFibres {
     }
 
     fn block_majorants(&self) -> Option<&BlockMajorants> {
-        Some(&self.block_majorants)
+        self.majorants.as_ref().map(|(blocks, _)| blocks)
     }
 
     fn is_piecewise_constant(&self) -> bool {
@@ -324,7 +309,8 @@ impl Scatterer for VirtualFibres {
     }
 
     fn majorant_at(&self, p: Vec3) -> f32 {
-        self.voxel_majorants.at(p)
+        let of_voxels = self.majorants.as_ref();
+        of_voxels.map_or(f32::INFINITY, |(_, voxels)| voxels.at(p))
     }
 
     fn meet(

@@ -7,12 +7,15 @@
 
 use glam::{IVec3, UVec3};
 use organza_basis::FibrePopulation;
-use organza_volume::Octree;
+use organza_volume::{BlockLayout, Octree};
 use std::ops::Range;
+use std::sync::Arc;
 
-/// Populations of every voxel of a level.
+/// Populations of every voxel of a level; of a cloth of blocks once for each block.
 pub struct VoxelFibres {
     dims: UVec3,
+    /// The blocks and the level.
+    blocks: Option<(Arc<BlockLayout>, u8)>,
     repeats: bool,
     /// First population of every voxel, x fastest, and the number of all.
     starts: Vec<u32>,
@@ -22,13 +25,19 @@ pub struct VoxelFibres {
 impl VoxelFibres {
     /// Those of a level, each with its length per volume multiplied by `dense`.
     pub fn new(octree: &Octree, level: u8, dense: impl Fn(&FibrePopulation) -> f32) -> VoxelFibres {
-        let dims = octree.dims(level);
+        let blocks = octree.blocks().map(|blocks| (Arc::clone(blocks), level));
+        let dims = match &blocks {
+            None => octree.dims(level),
+            Some((blocks, _)) => blocks.stack_dims(level),
+        };
         let mut starts = vec![0];
         let mut populations: Vec<FibrePopulation> = Vec::new();
         for z in 0..dims.z {
             for y in 0..dims.y {
                 for x in 0..dims.x {
-                    let stored = octree.mixture(level, UVec3::new(x, y, z));
+                    let cell = UVec3::new(x, y, z);
+                    let shown = blocks.as_ref().map_or(cell, |(b, _)| b.shown(level, cell));
+                    let stored = octree.mixture(level, shown);
                     populations.extend(stored.iter().map(|c| FibrePopulation {
                         length_density_per_mm2: dense(c) * c.length_density_per_mm2,
                         ..*c
@@ -39,7 +48,8 @@ impl VoxelFibres {
         }
         populations.shrink_to_fit();
         VoxelFibres {
-            dims,
+            dims: octree.dims(level),
+            blocks,
             repeats: octree.repeats(),
             starts,
             populations,
@@ -65,9 +75,12 @@ impl VoxelFibres {
                 return 0..0;
             }
         }
-        let c = cell.as_uvec3();
-        let row = c.z as usize * self.dims.y as usize + c.y as usize;
-        let voxel = row * self.dims.x as usize + c.x as usize;
+        let (mut c, mut dims) = (cell.as_uvec3(), self.dims);
+        if let Some((blocks, level)) = &self.blocks {
+            (c, dims) = (blocks.stored(*level, c), blocks.block_cells(*level));
+        }
+        let row = c.z as usize * dims.y as usize + c.y as usize;
+        let voxel = row * dims.x as usize + c.x as usize;
         self.starts[voxel]..self.starts[voxel + 1]
     }
 

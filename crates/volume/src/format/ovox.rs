@@ -2,7 +2,8 @@
 //!
 //! Little-endian. `OVOX` CR LF SUB LF; version (u32); length of the header (u32), the header,
 //! its CRC-32. Then the octree's arrays one after another (yarn and material table; for each
-//! level the table of bricks, bricks, populations) and the files that the cloth was made from
+//! level the table of bricks, bricks, populations; of a cloth of blocks, which is version 5, the
+//! block of each crossing as u32, x fastest) and the files that the cloth was made from
 //! (since version 3), each cut into blocks of at most 1 MiB: stored length, raw length, CRC-32
 //! of the stored bytes (u32 each) and one LZ4 block (version 1: a zlib stream) of the raw
 //! bytes, regrouped so that bytes of equal position in their records are adjacent. Blocks are
@@ -13,6 +14,7 @@ mod header;
 
 use super::{Format, Part, Source, Volume, WriteOption, box_of};
 use crate::Error;
+use crate::block_layout::BlockLayout;
 use crate::footprint::FibreFootprint;
 use crate::lattice::bricks_across;
 use crate::octree::{Group, Octree, OctreeLevel};
@@ -41,8 +43,11 @@ pub static FORMAT: Format = Format {
 
 const ENDING: &str = ".ovox";
 const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
-/// The version that this program writes, and the newest that it reads.
-pub const VERSION: u32 = 4;
+/// The newest version that this program reads. It writes version 4, which older programs read
+/// too, unless the volume is a cloth of blocks.
+pub const VERSION: u32 = 5;
+/// The version of a volume without blocks.
+const VERSION_WITHOUT_BLOCKS: u32 = 4;
 const BLOCK: usize = 1 << 20;
 /// Maximum size of a header, bytes; names of files make up most of it.
 const MAX_HEADER: u32 = 1 << 20;
@@ -82,7 +87,11 @@ pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Resu
         return Err(wrong("the names of its files are too long"));
     }
     out.write_all(&MAGIC)?;
-    out.write_all(&VERSION.to_le_bytes())?;
+    let version = match octree.blocks() {
+        Some(_) => VERSION,
+        None => VERSION_WITHOUT_BLOCKS,
+    };
+    out.write_all(&version.to_le_bytes())?;
     out.write_all(&(header.len() as u32).to_le_bytes())?;
     out.write_all(&header)?;
     out.write_all(&crc(&header).to_le_bytes())?;
@@ -96,6 +105,9 @@ pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Resu
         write_array(&l.brick_of, out)?;
         write_array(&l.bricks, out)?;
         write_array(&l.records, out)?;
+    }
+    if let Some(blocks) = octree.blocks() {
+        write_array(blocks.index(), out)?;
     }
     for file in files {
         write_array(&file.bytes, out)?;
@@ -147,6 +159,14 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
             density_per_quantum: h.lattice.density_of(h.quantum_mm, level),
         });
     }
+    let blocks = match h.blocks {
+        Some((crossings, block)) => {
+            let count = u64::from(crossings.x) * u64::from(crossings.y);
+            let index = read_array(input, version, count)?;
+            Some(BlockLayout::new(crossings, block, index).map_err(wrong)?)
+        }
+        None => None,
+    };
     let mut files = Vec::new();
     for (name, size) in h.files {
         let bytes = read_array(input, version, size)?;
@@ -166,6 +186,10 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
     octree.footprint = h.footprint;
     octree.packing = h.packing;
     octree.check().map_err(wrong)?;
+    if let Some(blocks) = blocks {
+        let whole = octree.with_blocks(blocks);
+        octree = whole.ok_or_else(|| wrong("its blocks do not fit its voxels"))?;
+    }
     Ok(Stored { octree, files })
 }
 
@@ -192,7 +216,7 @@ fn describe(stored: &Stored) -> Value {
         })
         .collect();
     let (mut least, mut most) = (f32::INFINITY, 0.0f32);
-    octree.for_each_occupied(0, |cell| {
+    octree.for_each_stored(0, |cell| {
         let sigma = octree.broadside_per_mm(0, cell);
         least = least.min(sigma);
         most = most.max(sigma);
@@ -219,6 +243,14 @@ fn describe(stored: &Stored) -> Value {
     if let Some(scan) = scan {
         about["kind"] = json!("scan");
         about["scan"] = json!(String::from_utf8_lossy(&scan.bytes));
+    }
+    if let Some(blocks) = octree.blocks() {
+        about["blocks"] = json!({
+            "crossings": blocks.crossings().to_array(),
+            "count": blocks.count(),
+            "block_voxels": blocks.block_cells(0).to_array(),
+            "effective_voxels": octree.dims(0).as_u64vec3().element_product(),
+        });
     }
     about
 }

@@ -67,7 +67,7 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
         let why = refusal(&bad);
         match at {
             0..8 => assert!(why.contains("first bytes"), "{why}"),
-            8..12 => assert!(why.contains("this program reads versions 1 to 4"), "{why}"),
+            8..12 => assert!(why.contains("this program reads versions 1 to 5"), "{why}"),
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
     }
@@ -143,7 +143,7 @@ fn files_of_version_3_are_read() {
     let mut bytes = Vec::new();
     ovox::write(&tree, &files(), &mut bytes).unwrap();
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    assert_eq!((word(8), ovox::VERSION), (4, 4));
+    assert_eq!((word(8), ovox::VERSION), (4, 5));
     let end = 16 + word(12) as usize;
     // No walks.
     assert_eq!(word(end - 4), 0);

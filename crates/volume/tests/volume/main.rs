@@ -1,6 +1,8 @@
 //! The crate from outside.
 #![allow(clippy::unwrap_used)]
 
+/// Cloths of blocks show the voxels of their exemplar.
+mod blocks;
 /// Hand-made cloth to voxelize.
 mod cloth;
 /// A dense grid of the same data; the density estimate of the course notes.

@@ -1,6 +1,7 @@
 //! Builds threads at rest from a description.
 
 use super::displaced::{mark_by_reed, thread_sways};
+use super::exemplar::{fit_of_design, join_at_borders};
 use super::flattening::at_rest;
 use super::import::imported;
 use super::nonwoven;
@@ -11,7 +12,6 @@ use super::spacing::{WARP_SPACING, WEFT_SPACING, spacing_mm, spacings_mm};
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
-use crate::closure::Closure;
 use crate::draft::MAX_THREADS;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
@@ -19,7 +19,8 @@ use crate::relax::System;
 use crate::section::Section;
 use crate::spec::{DraftSpec, FabricGeometry};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
-use crate::{CurveLevel, Draft, Error, Thread};
+use crate::synthesis::Synthesis;
+use crate::{Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Tile};
 use std::sync::Arc;
@@ -30,9 +31,7 @@ pub type Loader<'a> = &'a dyn Fn(&str) -> std::io::Result<Vec<u8>>;
 /// The largest number of crossings or loops in a tile: the relaxation takes about 300 bytes for
 /// each.
 const MAX_IN_TILE: usize = 1 << 22;
-/// Largest difference between realised and requested twist without a warning, as the slope of
-/// the outermost fibres or plies.
-const TWIST_WARNING: f64 = 0.06;
+
 impl Cloth {
     /// Makes a cloth from its description. `load` fetches the files that the
     /// description names; equal seeds give equal cloths.
@@ -86,62 +85,6 @@ impl Cloth {
         cloth.warn_of_yarns();
         Ok(cloth)
     }
-
-    /// Warns of twist that changes so that the tile closes, and of yarns with too
-    /// many fibres to be pushed apart.
-    fn warn_of_yarns(&mut self) {
-        let mut is_checked = vec![false; self.yarns.len()];
-        for (batch, thread) in self.threads.iter().enumerate() {
-            if std::mem::replace(&mut is_checked[thread.yarn], true) {
-                continue;
-            }
-            if let Centreline::Bare(_) = thread.line {
-                continue;
-            }
-            let yarn = &*thread.spun.yarn;
-            if yarn.flattening.is_some() && !matches!(thread.line, Centreline::Woven { .. }) {
-                self.warnings.push(format!(
-                    "yarn.{}.flattening has no effect: only threads of weaves flatten",
-                    yarn.name,
-                ));
-            }
-            let path = self.path(thread, CurveLevel::Yarn);
-            let length = path.length_mm();
-            let closure = Closure::new(yarn, length);
-            if self.strand(batch, &path).is_too_large_to_push_apart() {
-                self.warnings.push(format!(
-                    "yarn.{}: too many fibres over {length:.0} mm to be pushed apart; some of them \
-                     overlap",
-                    yarn.name,
-                ));
-            }
-            for (what, wanted, got, radius) in [
-                (
-                    "twist",
-                    yarn.twist_rad_per_mm,
-                    closure.twist_rad_per_mm(length),
-                    yarn.ply_radius_mm,
-                ),
-                (
-                    "ply_twist",
-                    yarn.ply_twist_rad_per_mm,
-                    closure.ply_twist_rad_per_mm(yarn.plies, length),
-                    yarn.radius_mm(),
-                ),
-            ] {
-                if (wanted - got).abs() * radius > TWIST_WARNING {
-                    let turns = |rate: f64| (rate * 1000.0 / std::f64::consts::TAU).round();
-                    self.warnings.push(format!(
-                        "yarn.{}.{what}: {} turns per metre were changed to {} so that the tile \
-                         closes; more tile.repeats reduce the change",
-                        yarn.name,
-                        turns(wanted),
-                        turns(got)
-                    ));
-                }
-            }
-        }
-    }
 }
 
 /// No fibre reflects more light than it receives.
@@ -165,7 +108,7 @@ pub(super) fn check_colours(system: &str, colours: &[Rgb]) -> Result<(), Error> 
 }
 
 /// Threads that never interlace are seldom intended.
-fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
+pub(super) fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
     let floats = draft.floats();
     for (loose, all, what) in [
         (floats.loose_ends, draft.ends(), "ends"),
@@ -187,7 +130,6 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let mut yarns = Yarns::new(&fabric.yarn);
     let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
     let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
-    let yarns = yarns.built;
     let [rx, ry] = repeats(fabric)?;
     let [pile_ends, pile_picks] = pile::repeat(fabric);
     let ends = lcm(threads(draft.ends(), &warp_yarns, &fabric.warp), pile_ends).saturating_mul(rx);
@@ -205,7 +147,25 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let mut draft = draft.tiled(ends, picks);
     colour(&mut draft.warp, &fabric.warp.colours);
     colour(&mut draft.weft, &fabric.weft.colours);
+    let mut cloth = weave(fabric, draft, None, seed)?;
+    cloth.warnings.splice(0..0, warnings);
+    Ok(cloth)
+}
 
+/// A cloth of this very draft. Its threads have the cross-sections that they would have in the
+/// cloth of a design, if there is one, and its yarns meet at the borders of its blocks.
+pub(super) fn weave(
+    fabric: &FabricGeometry,
+    draft: Draft,
+    design: Option<&Synthesis>,
+    seed: u64,
+) -> Result<Cloth, Error> {
+    let mut warnings = Vec::new();
+    let mut yarns = Yarns::new(&fabric.yarn);
+    let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
+    let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
+    let yarns = yarns.built;
+    let (ends, picks) = (draft.ends(), draft.picks());
     let warp_mm = spacings_mm("warp", &draft.warp, &fabric.warp, seed, WARP_SPACING)?;
     let weft_mm = spacings_mm("weft", &draft.weft, &fabric.weft, seed, WEFT_SPACING)?;
     // The ends are as long as the picks are wide together.
@@ -222,7 +182,10 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     };
     let warp = beside("warp", warp_mm, &warp_spun);
     let weft = beside("weft", weft_mm, &weft_spun);
-    let fitted = fit(&draft, &warp, &weft)?;
+    let fitted = match design {
+        None => fit(&draft, &warp, &weft)?,
+        Some(synthesis) => fit_of_design(&synthesis.design, &warp, &weft)?,
+    };
     let threads = [&warp, &weft];
     let (mut warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
     let widths_mm = [
@@ -233,7 +196,10 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let sways = thread_sways(fabric, [&warp, &weft], widths_mm, seed)?;
     let systems = [&warp, &weft];
     let max_iterations = fabric.relaxation.max_iterations;
-    let rest = at_rest(&draft, threads, systems, &fitted, &sways, max_iterations)?;
+    let mut rest = at_rest(&draft, threads, systems, &fitted, &sways, max_iterations)?;
+    if let Some(synthesis) = design {
+        join_at_borders(synthesis, &mut rest.relaxed);
+    }
 
     // Less than half a percent would be printed as 100 %.
     if fitted.compaction < 0.995 {
@@ -392,7 +358,7 @@ fn tile(width_mm: f64, height_mm: f64, z: (f64, f64)) -> Tile {
     }
 }
 
-fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
+pub(super) fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
     if let Some(name) = &spec.weave {
         return Draft::named(name);
     }
@@ -410,7 +376,7 @@ fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
     }
 }
 
-fn colour(threads: &mut [Thread], colours: &[Rgb]) {
+pub(super) fn colour(threads: &mut [Thread], colours: &[Rgb]) {
     if !colours.is_empty() {
         for (t, c) in threads.iter_mut().zip(colours.iter().cycle()) {
             t.colour = Some(*c);

@@ -1,5 +1,8 @@
 //! The header: everything but the arrays.
 //!
+//! Since version 5, which only cloths of blocks have, the crossings along x and y and the
+//! finest voxels of a block along x, y and z (u32 each) stand before the packing factors.
+//!
 //! Since version 4 it ends with the packing factors: the number of walks (u32; 0 where
 //! nothing was measured, and then nothing follows), and for each level and material the
 //! factor and its standard error (f32) for rays that leave the same yarn, then another
@@ -12,7 +15,7 @@ use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
 use crate::packing::{MeasuredPacking, PackingFactor};
 use crate::record::{Brick, RadiusScale, StoredPopulation};
-use glam::{DVec3, UVec3};
+use glam::{DVec3, UVec2, UVec3};
 
 /// Names of files, and how many bytes each has.
 type FileTable = Vec<(String, u64)>;
@@ -32,6 +35,8 @@ pub struct Header {
     pub files: FileTable,
     /// Measured packing factors; since version 4.
     pub packing: Option<MeasuredPacking>,
+    /// Crossings, and voxels of a block; since version 5.
+    pub blocks: Option<(UVec2, UVec3)>,
 }
 
 impl Header {
@@ -48,7 +53,11 @@ impl Header {
                     + size_of::<StoredPopulation>() as u128 * u128::from(records)
             });
         let files = self.files.iter().map(|(_, size)| u128::from(*size));
-        levels.sum::<u128>() + files.sum::<u128>() + 8 * u128::from(self.group_count)
+        // The index, and the crossings at which blocks are found.
+        let of_blocks = self.blocks.map_or(0, |(crossings, _)| {
+            12 * u128::from(crossings.x) * u128::from(crossings.y)
+        });
+        of_blocks + levels.sum::<u128>() + files.sum::<u128>() + 8 * u128::from(self.group_count)
     }
 }
 
@@ -81,6 +90,12 @@ pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
         h.extend((file.name.len() as u32).to_le_bytes());
         h.extend(file.name.as_bytes());
         h.extend((file.bytes.len() as u64).to_le_bytes());
+    }
+    if let Some(blocks) = &o.blocks {
+        let (crossings, block) = (blocks.crossings(), blocks.block_cells(0));
+        for n in [crossings.x, crossings.y, block.x, block.y, block.z] {
+            h.extend(n.to_le_bytes());
+        }
     }
     encode_packing(o.packing.as_ref(), &mut h);
     h
@@ -169,6 +184,15 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
         3.. => decode_files(rest)?,
         _ => (Vec::new(), rest),
     };
+    let (blocks, rest) = match version {
+        5.. => {
+            let (sizes, rest) = rest.split_at_checked(20)?;
+            let n = |i: usize| word(sizes, 4 * i);
+            let sizes = (UVec2::new(n(0), n(1)), UVec3::new(n(2), n(3), n(4)));
+            (Some(sizes), rest)
+        }
+        _ => (None, rest),
+    };
     let packing = match version {
         4.. => decode_packing(rest, levels, word(h, 76))?,
         _ if rest.is_empty() => None,
@@ -194,6 +218,7 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
             .collect(),
         files,
         packing,
+        blocks,
     })
 }
 

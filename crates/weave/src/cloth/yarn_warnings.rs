@@ -1,0 +1,67 @@
+//! Warnings about the yarns of a cloth.
+
+use super::{Centreline, Cloth};
+use crate::CurveLevel;
+use crate::closure::Closure;
+
+/// Largest difference between realised and requested twist without a warning, as the slope of
+/// the outermost fibres or plies.
+const TWIST_WARNING: f64 = 0.06;
+
+impl Cloth {
+    /// Warns of twist that changes so that the tile closes, and of yarns with too
+    /// many fibres to be pushed apart.
+    pub(super) fn warn_of_yarns(&mut self) {
+        let mut is_checked = vec![false; self.yarns.len()];
+        for (batch, thread) in self.threads.iter().enumerate() {
+            if std::mem::replace(&mut is_checked[thread.yarn], true) {
+                continue;
+            }
+            if let Centreline::Bare(_) = thread.line {
+                continue;
+            }
+            let yarn = &*thread.spun.yarn;
+            if yarn.flattening.is_some() && !matches!(thread.line, Centreline::Woven { .. }) {
+                self.warnings.push(format!(
+                    "yarn.{}.flattening has no effect: only threads of weaves flatten",
+                    yarn.name,
+                ));
+            }
+            let path = self.path(thread, CurveLevel::Yarn);
+            let length = path.length_mm();
+            let closure = Closure::new(yarn, length);
+            if self.strand(batch, &path).is_too_large_to_push_apart() {
+                self.warnings.push(format!(
+                    "yarn.{}: too many fibres over {length:.0} mm to be pushed apart; some of them \
+                     overlap",
+                    yarn.name,
+                ));
+            }
+            for (what, wanted, got, radius) in [
+                (
+                    "twist",
+                    yarn.twist_rad_per_mm,
+                    closure.twist_rad_per_mm(length),
+                    yarn.ply_radius_mm,
+                ),
+                (
+                    "ply_twist",
+                    yarn.ply_twist_rad_per_mm,
+                    closure.ply_twist_rad_per_mm(yarn.plies, length),
+                    yarn.radius_mm(),
+                ),
+            ] {
+                if (wanted - got).abs() * radius > TWIST_WARNING {
+                    let turns = |rate: f64| (rate * 1000.0 / std::f64::consts::TAU).round();
+                    self.warnings.push(format!(
+                        "yarn.{}.{what}: {} turns per metre were changed to {} so that the tile \
+                         closes; more tile.repeats reduce the change",
+                        yarn.name,
+                        turns(wanted),
+                        turns(got)
+                    ));
+                }
+            }
+        }
+    }
+}

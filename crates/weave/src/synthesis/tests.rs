@@ -1,0 +1,141 @@
+use super::*;
+use crate::Thread;
+use std::collections::HashSet;
+
+/// A picture of a disk: warp satin inside, weft satin outside.
+fn disk(n: usize) -> Draft {
+    let satin = Draft::named("satin-5").unwrap();
+    let r = n as f64 / 3.0;
+    Draft::from_fn(n, n, |e, p| {
+        let (x, y) = (e as f64 - n as f64 / 2.0, p as f64 - n as f64 / 2.0);
+        satin.warp_up(e, p) == (x.hypot(y) < r)
+    })
+    .unwrap()
+}
+
+#[test]
+fn every_crossing_shows_its_own_window() {
+    for window in [3, 5] {
+        let spec = SynthesisSpec {
+            window,
+            ..SynthesisSpec::default()
+        };
+        let made = Synthesis::new(disk(60), &spec, &[], 1).unwrap();
+        assert_eq!(made.index.len(), 3600);
+        assert_eq!(made.figures().replaced_crossings, 0);
+        let (mut most, radius) = (HashMap::<_, HashSet<_>>::new(), spec.radius());
+        for (i, &number) in made.index.iter().enumerate() {
+            let [e, p] = made.blocks[number as usize].place;
+            let own = Window::around(&made.design, i % 60, i / 60, radius);
+            assert_eq!(Window::around(&made.exemplar, e, p, radius), own);
+            most.entry(own).or_default().insert(number);
+        }
+        let variants = most.values().map(HashSet::len).max();
+        assert_eq!(variants, Some(spec.variants as usize));
+        let again = Synthesis::new(disk(60), &spec, &[], 1).unwrap();
+        assert_eq!(again.index, made.index);
+        let other = Synthesis::new(disk(60), &spec, &[], 2).unwrap();
+        assert_ne!(other.index, made.index);
+    }
+}
+
+#[test]
+fn a_small_exemplar_falls_back_to_the_inner_crossings() {
+    let spec = SynthesisSpec {
+        exemplar_crossings: 14 * 256,
+        ..SynthesisSpec::default()
+    };
+    let made = Synthesis::new(disk(120), &spec, &[], 1).unwrap();
+    let figures = made.figures();
+    assert!(figures.replaced_windows > 0 && figures.replaced_windows < figures.windows);
+    for (i, &number) in made.index.iter().enumerate() {
+        let [e, p] = made.blocks[number as usize].place;
+        let own = Window::around(&made.design, i % 120, i / 120, 1);
+        assert_eq!(Window::around(&made.exemplar, e, p, 1), own);
+    }
+}
+
+#[test]
+fn windows_that_no_exemplar_has_are_drawn() {
+    let spec = SynthesisSpec::default();
+    let given = [
+        Draft::named("plain").unwrap(),
+        Draft::named("satin-5").unwrap(),
+    ];
+    let twill = Draft::named("twill-2-1-z").unwrap();
+    let why = Synthesis::new(twill, &spec, &given, 1)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        why.starts_with("synthesis.exemplars: no exemplar has 3 of the design's"),
+        "{why}"
+    );
+    assert!(why.contains("at 3 crossings, the first at end "), "{why}");
+    assert!(
+        why.lines()
+            .filter(|l| l.contains('X') && l.contains('.'))
+            .count()
+            >= 9,
+        "{why}"
+    );
+    let satin = Draft::named("satin-5").unwrap();
+    let made = Synthesis::new(satin, &spec, &given, 1).unwrap();
+    assert_eq!(made.figures().replaced_windows, 0);
+}
+
+#[test]
+fn blocks_are_kept_apart_by_colour() {
+    let mut striped = Draft::named("plain").unwrap().tiled(8, 2);
+    for (i, thread) in striped.warp.iter_mut().enumerate() {
+        *thread = Thread {
+            colour: Some(Rgb::splat(if i < 4 { 0.2 } else { 0.8 })),
+            ..Thread::default()
+        };
+    }
+    let spec = SynthesisSpec {
+        variants: 1,
+        ..SynthesisSpec::default()
+    };
+    let made = Synthesis::new(striped, &spec, &[], 1).unwrap();
+    assert_eq!(made.warp_colours.len(), 2);
+    assert_eq!(made.weft_colours.len(), 1);
+    // Two windows; inside each stripe and on either side of either border.
+    assert_eq!(made.blocks.len(), 2 * 6);
+    for (i, &number) in made.index.iter().enumerate() {
+        let colours = made.blocks[number as usize].colours.warp;
+        assert_eq!(colours[1], u16::from(i % 8 >= 4));
+        assert_eq!(colours[0], u16::from((i + 7) % 8 >= 4));
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    for (spec, key) in [
+        (
+            SynthesisSpec {
+                window: 4,
+                ..Default::default()
+            },
+            "synthesis.window",
+        ),
+        (
+            SynthesisSpec {
+                variants: 0,
+                ..Default::default()
+            },
+            "synthesis.variants",
+        ),
+        (
+            SynthesisSpec {
+                exemplar_crossings: 8,
+                ..Default::default()
+            },
+            "synthesis.exemplar_crossings",
+        ),
+    ] {
+        let why = Synthesis::new(disk(20), &spec, &[], 1)
+            .unwrap_err()
+            .to_string();
+        assert!(why.starts_with(key), "{why}");
+    }
+}
