@@ -51,7 +51,7 @@ pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
 pub use devices::{DeviceKind, DeviceSummary};
 pub use engine::{Engine, EngineRecord, Lost, MadeEngine};
 pub use laid_out::LaidOut;
-pub use matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
+pub use matter::{MAX_DIM, Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited};
 pub use refusal::Refusal;
 pub use reserve::Reserve;
 pub use voxels::fibre_tables::end_on_ratio;

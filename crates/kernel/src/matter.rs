@@ -1,8 +1,9 @@
 //! The interface through which matter is described to the kernel.
 
-use glam::UVec3;
+use glam::{UVec2, UVec3};
 use organza_basis::{CellGrid, Rgb};
 use organza_scatter::{AxialFlake, Fibre};
+use std::sync::Arc;
 
 /// Matter that can be laid out flat: constant within the voxels of a grid, in each
 /// a few populations of fibres.
@@ -14,11 +15,30 @@ pub trait Matter: Sync {
     /// `None` of micro-flakes.
     fn fibres(&self) -> Option<&[Fibre]>;
 
+    /// Which block each crossing of a cloth of blocks shows; `None` of other matter.
+    fn blocks(&self) -> Option<MatterBlocks> {
+        None
+    }
+
     /// Adds the populations of a voxel to `out`.
     ///
     /// # Errors
     /// A voxel that the kernel has no words for.
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited>;
+}
+
+/// Matter that repeats a few blocks of voxels, in any order: a crossing of its grid shows one of
+/// them.
+#[derive(Clone, Debug)]
+pub struct MatterBlocks {
+    /// Crossings along x and y.
+    pub crossings: UVec2,
+    /// Voxels of a block along each axis; the matter is one block high.
+    pub voxels: UVec3,
+    /// The block of each crossing, x fastest.
+    pub index: Arc<[u32]>,
+    /// A crossing that shows each block.
+    pub shown_at: Arc<[UVec2]>,
 }
 
 /// One population of fibres in a voxel, as micro-flakes.

@@ -41,6 +41,9 @@ pub enum Refusal {
         /// What it needs.
         needs: &'static str,
     },
+    /// A cloth of blocks, which the engine does not take.
+    #[error("the engine {0} does not take cloths of blocks")]
+    Blocks(&'static str),
     /// No engine may be chosen.
     #[error("this computer has no engine of the kernel")]
     NoEngine,

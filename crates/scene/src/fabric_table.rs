@@ -70,6 +70,9 @@ impl FabricFile {
         if self.relaxation.max_iterations == 0 {
             return Err("relaxation.max_iterations: expected at least 1, found 0".into());
         }
+        if self.print.is_some() && self.synthesis.is_some() {
+            return Err("print: does not go with [synthesis]; leave one of them out".into());
+        }
         let draft = &self.draft;
         let is_woven = draft.weave.is_some() || draft.wif.is_some() || draft.drawdown.is_some();
         let (is_knit, is_curves) = (draft.knit.is_some(), draft.curves.is_some());

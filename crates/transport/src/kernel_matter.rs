@@ -8,9 +8,13 @@ use glam::{DVec3, UVec3, Vec3};
 use organza_basis::{CellGrid, FibrePopulation, Ray};
 use organza_kernel::fibres::{Drape, DrapeSpan, FibrePlane};
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
-use organza_kernel::{Matter, NO_YARN, Population, Substance, Unsuited, end_on_ratio};
+use organza_kernel::{
+    Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited, end_on_ratio,
+};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
+use organza_volume::Octree;
+use std::sync::Arc;
 
 impl Drape for Draping {
     fn bounds_mm(&self) -> (DVec3, DVec3) {
@@ -79,6 +83,16 @@ impl Matter for GridMedium {
     }
 }
 
+/// The blocks of a level of a cloth of blocks.
+fn blocks_of(octree: &Octree, level: u8) -> Option<MatterBlocks> {
+    octree.blocks().map(|blocks| MatterBlocks {
+        crossings: blocks.crossings(),
+        voxels: blocks.block_cells(level),
+        index: Arc::clone(blocks.index()),
+        shown_at: Arc::clone(blocks.all_shown_at()),
+    })
+}
+
 impl Matter for SggxOctreeMedium {
     fn cell_grid(&self) -> &CellGrid {
         Medium::cell_grid(self)
@@ -86,6 +100,10 @@ impl Matter for SggxOctreeMedium {
 
     fn fibres(&self) -> Option<&[Fibre]> {
         None
+    }
+
+    fn blocks(&self) -> Option<MatterBlocks> {
+        blocks_of(self.octree(), self.level())
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
@@ -110,6 +128,10 @@ impl Matter for VirtualFibreMedium {
 
     fn fibres(&self) -> Option<&[Fibre]> {
         Some(VirtualFibreMedium::fibres(self))
+    }
+
+    fn blocks(&self) -> Option<MatterBlocks> {
+        blocks_of(self.octree(), self.level())
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {

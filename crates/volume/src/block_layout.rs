@@ -1,6 +1,7 @@
 //! Where the blocks of a cloth of two levels lie.
 
 use glam::{UVec2, UVec3};
+use std::sync::Arc;
 
 /// Most crossings along one axis of a cloth of blocks.
 pub const MAX_CROSSINGS: u32 = 1 << 14;
@@ -17,9 +18,9 @@ pub struct BlockLayout {
     /// Finest voxels of a block.
     block: UVec3,
     /// The block of each crossing, x fastest.
-    index: Vec<u32>,
+    index: Arc<[u32]>,
     /// A crossing that shows each block.
-    shown_at: Vec<UVec2>,
+    shown_at: Arc<[UVec2]>,
 }
 
 impl BlockLayout {
@@ -61,8 +62,8 @@ impl BlockLayout {
         Ok(BlockLayout {
             crossings,
             block,
-            index,
-            shown_at,
+            index: index.into(),
+            shown_at: shown_at.into(),
         })
     }
 
@@ -82,8 +83,13 @@ impl BlockLayout {
     }
 
     /// The block of every crossing, x fastest.
-    pub fn index(&self) -> &[u32] {
+    pub fn index(&self) -> &Arc<[u32]> {
         &self.index
+    }
+
+    /// A crossing that shows each block.
+    pub fn all_shown_at(&self) -> &Arc<[UVec2]> {
+        &self.shown_at
     }
 
     /// A crossing that shows a block.

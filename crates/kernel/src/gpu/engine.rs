@@ -47,6 +47,9 @@ impl GpuEngine {
         scene: &Arc<FlatScene>,
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
+        if scene.medium.blocks.is_some() {
+            return Err(Refusal::Blocks("gpu"));
+        }
         GpuEngine::new(
             |_| Ok(voxel_scene::program_scene(scene)),
             scene.memory_bytes(),

@@ -1,5 +1,6 @@
 //! Direct light for lanes: tabulated estimates, corrected by exact rays.
 
+use super::blocks::Blocks;
 use super::flat_scene::FlatScene;
 use super::optical_depth_table::OpticalDepthTable;
 use super::shadow_ray::ShadowRay;
@@ -82,8 +83,14 @@ impl<F: Floats> Aim<F> {
             let border_mm = scene.borders.map_or(f32::INFINITY, |borders| {
                 borders.way_out_mm(&scene.medium.cell_grid, at + beyond, toward)
             });
+            let medium = &scene.medium;
+            let blocks = medium.blocks.as_deref().map(|blocks| {
+                let block = medium.cell_grid.dims();
+                (blocks, Blocks::crossing(beyond.truncate(), block))
+            });
             let ray = ShadowRay {
-                cell_grid: &scene.medium.cell_grid,
+                cell_grid: &medium.cell_grid,
+                blocks,
                 at,
                 toward,
                 reach_mm: numbers.x.min(border_mm),

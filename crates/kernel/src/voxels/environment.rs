@@ -17,7 +17,6 @@ use super::optical_depth_table::{Nodes, OpticalDepthTable, extinctions};
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{V3, sin_cos_of_turns, turns_of};
 use glam::Vec3;
-use organza_basis::CellGrid;
 use organza_basis::{AliasTable, Rgb};
 use organza_light::ImageEnvironment;
 use std::f32::consts::{PI, TAU};
@@ -223,7 +222,7 @@ impl Lamp {
         let (places, count) = lamp_places(image, texels)?;
         Some(Lamp {
             table: OpticalDepthTable::new(
-                medium.cell_grid,
+                (medium.cell_grid, medium.blocks.clone()),
                 nodes,
                 -middle(texels),
                 Rgb::BLACK,
@@ -305,10 +304,10 @@ impl Parts {
     }
 
     /// Bytes that the picture takes in lanes at the most.
-    pub fn bytes(&self, cell_grid: &CellGrid) -> u64 {
+    pub fn bytes(&self, voxels: u64) -> u64 {
         let places: usize = self.lamps.iter().map(|l| l.len().next_power_of_two()).sum();
         4 * (u64::from(2 * TEXEL) * self.sky.len() as u64 + u64::from(PLACE) * places as u64)
-            + OpticalDepthTable::max_bytes(cell_grid, self.lamps.len() as u64)
+            + OpticalDepthTable::max_bytes(voxels, self.lamps.len() as u64)
     }
 
     /// Takes a picture apart.

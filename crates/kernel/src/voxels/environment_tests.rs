@@ -15,7 +15,7 @@ fn sky() -> (ImageEnvironment, Sky) {
     let image = environment_with_lamps();
     let medium = FlatMedium::new(&bundles(false)).unwrap();
     let parts = Parts::of(&image);
-    let nodes = Nodes::new(&medium.cell_grid, std::iter::empty());
+    let nodes = Nodes::new(&medium.cell_grid, 1, std::iter::empty());
     let sky = Sky::new(&medium, nodes, &image, &parts);
     (image, sky)
 }

@@ -16,6 +16,7 @@
 //! memory. In air far from yarns the bound is zero and the flight begins with a
 //! jump; where density varies inside yarns it is the density nearby.
 
+use super::blocks::Blocks;
 use super::fibre_tables::{WIDE_RAD, area_squared, end_on_ratio};
 use super::population_tables::populations;
 use super::voxel_words::{VoxelWords, WORDS};
@@ -24,6 +25,7 @@ use crate::matter::NO_YARN;
 use glam::Vec3;
 use organza_basis::CellGrid;
 use organza_film::{FirstEvent, SiteInfo};
+use std::sync::Arc;
 
 /// The index of no population.
 pub const NO_POPULATION: u32 = u32::MAX;
@@ -34,6 +36,9 @@ pub const PLACE_BITS: u32 = 29;
 /// A medium laid out for lanes.
 pub struct FlatMedium {
     pub cell_grid: CellGrid,
+    /// The blocks of a cloth of blocks, of which the grid is that of one. Voxels are counted
+    /// through all blocks.
+    pub blocks: Option<Arc<Blocks>>,
     /// The words of every population, or of a voxel without any.
     pub words: Vec<u32>,
     /// Where the populations of every voxel stand, and how many they are; empty
@@ -83,7 +88,7 @@ impl FlatMedium {
         const MEAN_AREA: f64 = std::f64::consts::FRAC_PI_4;
         let tables = populations();
         let (mut all, mut varied) = (0.0, 0.0);
-        for voxel in 0..self.cell_grid.dims().as_usizevec3().element_product() {
+        for voxel in 0..self.voxel_count() {
             let (first, count) = self.place(voxel);
             for place in first..first + count {
                 let words = self.words_at(place);
@@ -94,16 +99,23 @@ impl FlatMedium {
                 }
             }
         }
-        let dims = self.cell_grid.dims().as_dvec3();
+        let dims = self.cell_grid.dims();
+        let columns = self.voxel_count() as f64 / f64::from(dims.z);
         let voxel_mm = f64::from(self.cell_grid.voxel_mm().z);
-        let depth = all * MEAN_AREA * f64::from(self.scale_per_mm) * voxel_mm / (dims.x * dims.y);
+        let depth = all * MEAN_AREA * f64::from(self.scale_per_mm) * voxel_mm / columns;
         (depth, if all > 0.0 { varied / all } else { 0.0 })
     }
 
     /// Bytes that a medium with so many voxels takes at the least, all working
     /// space while it is built included.
-    pub fn min_bytes(cell_grid: &CellGrid) -> u64 {
-        28 * cell_grid.dims().as_u64vec3().element_product()
+    pub fn min_bytes(voxels: u64) -> u64 {
+        28 * voxels
+    }
+
+    /// Number of voxels, of all blocks together.
+    pub fn voxel_count(&self) -> usize {
+        let blocks = self.blocks.as_ref().map_or(1, |b| b.count());
+        blocks * self.cell_grid.dims().as_usizevec3().element_product()
     }
 
     /// The albedo of all, where there is one.
@@ -129,7 +141,7 @@ impl FlatMedium {
 
     /// Extinction of a voxel toward `w`, 1/mm; `None` beyond the last.
     pub fn extinction_per_mm(&self, voxel: usize, w: Vec3) -> Option<f32> {
-        let voxels = self.cell_grid.dims().as_usizevec3().element_product();
+        let voxels = self.voxel_count();
         let own = || self.populations_of(voxel).map(|p| p.extinction_per_mm(w));
         (voxel < voxels).then(|| own().sum())
     }

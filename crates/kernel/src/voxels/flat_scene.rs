@@ -1,5 +1,6 @@
 //! A scene of voxels laid out as plain buffers, for any engine.
 
+use super::blocks::grid_of;
 use super::borders::Borders;
 use super::camera_rays::CameraRays;
 use super::environment::Sky;
@@ -11,10 +12,9 @@ use super::optical_depth_table::{
     self, Nodes, OpticalDepthTable, RESIDUAL_FLOOR_OF_GUESSES, extinctions,
 };
 use super::panel::Panel;
-use crate::matter::Matter;
+use crate::matter::{Matter, Unsuited};
 use crate::refusal::Refusal;
 use glam::Vec3;
-use organza_basis::CellGrid;
 use organza_film::{Brightness, Camera};
 use organza_light::Light;
 
@@ -123,9 +123,11 @@ impl FlatScene {
         max_bounces: u32,
         max_bytes: u64,
     ) -> Result<FlatScene, Refusal> {
-        let cell_grid = *view.matter.cell_grid();
+        let (cell_grid, blocks) = grid_of(view.matter).ok_or(Unsuited::TooWide)?;
+        let tables = blocks.as_ref().map_or(1, |b| b.count());
+        let voxels = tables as u64 * cell_grid.dims().as_u64vec3().element_product();
         let groups = LightGroups::new(view.lights, &cell_grid)?;
-        let bytes = FlatMedium::min_bytes(&cell_grid) + groups.max_bytes(&cell_grid);
+        let bytes = FlatMedium::min_bytes(voxels) + groups.max_bytes(voxels);
         if bytes > max_bytes {
             return Err(Refusal::Memory(bytes, max_bytes));
         }
@@ -143,7 +145,7 @@ impl FlatScene {
             .map(|light| extinctions(&medium, -light.direction))
             .collect();
         // Panels are wide: a fine table toward their middles would be no better.
-        let nodes = Nodes::new(&cell_grid, extinctions.iter().map(Vec::as_slice));
+        let nodes = Nodes::new(&cell_grid, tables, extinctions.iter().map(Vec::as_slice));
         check_words(&groups, &nodes, &fibres)?;
         let skies = groups.pictures.iter();
         let skies: Vec<Sky> = skies
@@ -151,7 +153,7 @@ impl FlatScene {
             .collect();
         let brightness = Brightness::of(brightest(&groups, &skies));
         let environment = groups.environment;
-        let mut lights = optical_depth_tables(groups.direct, extinctions, &cell_grid, nodes);
+        let mut lights = optical_depth_tables(groups.direct, extinctions, &medium, nodes);
         Ok(FlatScene {
             depths: optical_depth_table::side_by_side(&mut lights),
             lights,
@@ -162,7 +164,7 @@ impl FlatScene {
             environment,
             skies,
             borders: Borders::of(&cell_grid),
-            camera_rays: CameraRays::new(view.camera, &cell_grid),
+            camera_rays: CameraRays::new(view.camera, view.matter.cell_grid()),
             film_width: view.camera.resolution().x,
             seed,
             max_bounces,
@@ -234,15 +236,21 @@ fn brightest(groups: &LightGroups<'_>, skies: &[Sky]) -> f32 {
 fn optical_depth_tables(
     lights: Vec<DirectLight>,
     extinctions: Vec<Vec<f32>>,
-    cell_grid: &CellGrid,
+    medium: &FlatMedium,
     nodes: Nodes,
 ) -> Vec<OpticalDepthTable> {
+    let cell_grid = &medium.cell_grid;
     let is_cut = cell_grid.repeats() && !cell_grid.is_endless();
     let tables = lights.into_iter().zip(extinctions);
     let tables = tables.map(|(light, extinctions)| {
         let (direction, irradiance) = (light.direction, light.irradiance);
-        let mut table =
-            OpticalDepthTable::new(*cell_grid, nodes, direction, irradiance, extinctions);
+        let mut table = OpticalDepthTable::new(
+            (*cell_grid, medium.blocks.clone()),
+            nodes,
+            direction,
+            irradiance,
+            extinctions,
+        );
         if light.panel.is_some() || is_cut {
             table.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
         }

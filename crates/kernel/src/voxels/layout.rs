@@ -1,7 +1,8 @@
 //! Laying matter out for lanes: from what is described, voxel by voxel, to words.
 
+use super::blocks::{Blocks, grid_of};
 use super::flat_medium::{FlatMedium, PLACE_BITS};
-use super::reach::{Surroundings, surroundings};
+use super::reach::{Surroundings, surroundings, surroundings_in_blocks};
 use super::voxel_words::{MOST, WORDS, pack, with_surroundings};
 use crate::matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
 use glam::{UVec3, Vec3};
@@ -28,15 +29,29 @@ impl FlatMedium {
     /// # Errors
     /// Matter that does not suit, or too much of it.
     pub fn new(matter: &impl Matter) -> Result<FlatMedium, Unsuited> {
-        let cell_grid = *matter.cell_grid();
-        let populations_at = |cell: UVec3, out: &mut Vec<Population>| matter.populations(cell, out);
+        let (cell_grid, blocks) = grid_of(matter).ok_or(Unsuited::TooWide)?;
         let dims = cell_grid.dims();
+        let populations_at = |cell: UVec3, out: &mut Vec<Population>| {
+            let shown = blocks.as_ref().map_or(cell, |b| shown(b, dims, cell));
+            matter.populations(shown, out)
+        };
+        let tables = blocks.as_ref().map_or(1, |b| b.count());
         if dims.max_element() > MAX_DIM {
             return Err(Unsuited::TooWide);
         }
-        let slices = (0..dims.z)
+        let is_gathered_again = blocks.is_some();
+        let layers = (dims.z as usize * tables) as u32;
+        let slices = (0..layers)
             .into_par_iter()
-            .map(|z| Slice::gather(dims, z, &populations_at))
+            .map(|z| {
+                let slice = Slice::gather(dims, z, &populations_at)?;
+                // Many blocks have many populations: they are gathered again to be stored.
+                Ok(if is_gathered_again {
+                    slice.without_populations()
+                } else {
+                    slice
+                })
+            })
             .collect::<Result<Vec<Slice>, Unsuited>>()?;
         let greatest = slices.iter().flat_map(|s| &s.bounds).fold(0.0, most);
         let scale_per_mm = f32::max(greatest, f32::MIN_POSITIVE * 1e12) * (BOUND_SLACK / MOST);
@@ -44,11 +59,16 @@ impl FlatMedium {
         check_range(&cell_grid, MOST * scale_per_mm, least)?;
         let shares = slices.iter().flat_map(|s| &s.bounds);
         let shares = shares.map(|bound| bound * (BOUND_SLACK / scale_per_mm));
-        let around = surroundings(&cell_grid, shares, 1.0 / (MOST * scale_per_mm));
+        let path_mm = 1.0 / (MOST * scale_per_mm);
+        let around = match &blocks {
+            None => surroundings(&cell_grid, shares, path_mm),
+            Some(_) => surroundings_in_blocks(&cell_grid, shares, path_mm),
+        };
         let has_mixtures = slices.iter().any(|s| s.counts.iter().any(|&n| n > 1));
         let mut filler = Filler {
             flat: FlatMedium {
                 cell_grid,
+                blocks: blocks.clone(),
                 words: Vec::with_capacity(WORDS * around.len()),
                 places: Vec::new(),
                 materials: Vec::new(),
@@ -59,11 +79,11 @@ impl FlatMedium {
                 is_of_fibres: false,
             },
             substance_numbers: HashMap::new(),
-            knows_yarns: slices
-                .iter()
-                .any(|s| s.populations.iter().any(|p| p.yarn != NO_YARN)),
+            knows_yarns: slices.iter().any(|s| s.knows_yarns),
         };
-        filler.fill(&slices, &around, has_mixtures)?;
+        let again = |z: u32| Slice::gather(dims, z, &populations_at);
+        let again = is_gathered_again.then_some(&again as &dyn Fn(u32) -> _);
+        filler.fill(&slices, again, &around, has_mixtures)?;
         Ok(filler.flat.finished())
     }
 
@@ -78,6 +98,14 @@ impl FlatMedium {
     }
 }
 
+/// The voxel of the matter that shows a voxel of the blocks on top of each other.
+fn shown(blocks: &Blocks, block: UVec3, stacked: UVec3) -> UVec3 {
+    let number = stacked.z / block.z;
+    let crossing = blocks.shown_at[number as usize];
+    let low = (crossing * block.truncate()).extend(0);
+    low + stacked.with_z(stacked.z - number * block.z)
+}
+
 /// A medium on its way to be laid out.
 struct Filler {
     flat: FlatMedium,
@@ -86,17 +114,20 @@ struct Filler {
 }
 
 impl Filler {
-    /// Lays out the voxels of all slices, with their surroundings.
+    /// Lays out the voxels of all slices, with their surroundings. `again` gathers the
+    /// populations of a slice that has none left.
     fn fill(
         &mut self,
         slices: &[Slice],
+        again: Option<&dyn Fn(u32) -> Result<Slice, Unsuited>>,
         around: &[Surroundings],
         has_mixtures: bool,
     ) -> Result<(), Unsuited> {
         let mut air = vec![u32::MAX; 1 << 16];
         let mut around = around.iter();
-        for slice in slices {
-            let mut left = &slice.populations[..];
+        for (z, slice) in (0..).zip(slices) {
+            let gathered = again.map(|again| again(z)).transpose()?;
+            let mut left = &gathered.as_ref().unwrap_or(slice).populations[..];
             for (&count, &around) in slice.counts.iter().zip(&mut around) {
                 let (own, rest) = left.split_at(usize::from(count));
                 left = rest;
@@ -234,9 +265,18 @@ struct Slice {
     bounds: Vec<f32>,
     /// The least that any population is taken with; infinite without any.
     least: f32,
+    /// Whether any population knows its yarn.
+    knows_yarns: bool,
 }
 
 impl Slice {
+    fn without_populations(self) -> Slice {
+        Slice {
+            populations: Vec::new(),
+            ..self
+        }
+    }
+
     fn gather(
         dims: UVec3,
         z: u32,
@@ -248,6 +288,7 @@ impl Slice {
             populations: Vec::new(),
             bounds: Vec::with_capacity(area),
             least: f32::INFINITY,
+            knows_yarns: false,
         };
         for y in 0..dims.y {
             for x in 0..dims.x {
@@ -258,6 +299,7 @@ impl Slice {
                 let dense = own.iter().map(|p| p.broadside_per_mm * own.len() as f32);
                 let dense = dense.filter(|&dense| dense > 0.0);
                 slice.least = dense.fold(slice.least, f32::min);
+                slice.knows_yarns |= own.iter().any(|p| p.yarn != NO_YARN);
                 slice.counts.push(own.len() as u8);
                 slice.bounds.push(most * own.len() as f32);
             }

@@ -96,9 +96,9 @@ impl<'a> LightGroups<'a> {
     }
 
     /// Bytes that their tables take at most, all working space included.
-    pub fn max_bytes(&self, cell_grid: &CellGrid) -> u64 {
-        let of_pictures: u64 = self.pictures.iter().map(|(_, p)| p.bytes(cell_grid)).sum();
-        OpticalDepthTable::max_bytes(cell_grid, self.direct.len() as u64) + of_pictures
+    pub fn max_bytes(&self, voxels: u64) -> u64 {
+        let of_pictures: u64 = self.pictures.iter().map(|(_, p)| p.bytes(voxels)).sum();
+        OpticalDepthTable::max_bytes(voxels, self.direct.len() as u64) + of_pictures
     }
 
     /// Words of the longest table of a picture.

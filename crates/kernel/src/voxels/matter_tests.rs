@@ -212,15 +212,21 @@ fn tables_hold_exact_depths() {
         for direction in [Vec3::new(0.5, 0.3, -0.8), Vec3::new(-0.4, 0.2, 0.9)] {
             let (direction, irradiance) = (direction.normalize(), Rgb::WHITE);
             let extinctions = extinctions(&medium, -direction);
-            let nodes = Nodes::new(&medium.cell_grid, std::iter::once(&extinctions[..]));
-            let table =
-                OpticalDepthTable::new(medium.cell_grid, nodes, direction, irradiance, extinctions);
+            let nodes = Nodes::new(&medium.cell_grid, 1, std::iter::once(&extinctions[..]));
+            let table = OpticalDepthTable::new(
+                (medium.cell_grid, None),
+                nodes,
+                direction,
+                irradiance,
+                extinctions,
+            );
             let n = table.nodes.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;
                 let c = UVec3::new(i / n.z % n.x, i / (n.z * n.x), i % n.z);
                 let p = (c.as_vec3() + 0.5) / table.nodes.per_voxel as f32;
                 let mut ray = shadow_ray::ShadowRay {
+                    blocks: None,
                     cell_grid: &medium.cell_grid,
                     at: p,
                     toward: table.to_light,

@@ -2,7 +2,8 @@
 //! of lanes through them.
 
 pub mod aim;
-pub mod borders;
+pub mod blocks;
+mod borders;
 pub mod camera_rays;
 pub mod environment;
 #[cfg(test)]
@@ -28,5 +29,6 @@ pub mod shadow_ray;
 #[cfg(test)]
 mod virtual_fibre_tests;
 pub mod virtual_fibres;
+mod voxel_walk;
 pub mod voxel_words;
 pub mod walk;

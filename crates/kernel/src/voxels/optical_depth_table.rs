@@ -6,15 +6,18 @@
 //! sum is right on average whatever the table holds; the better the table, the
 //! less there is to add.
 
+use super::blocks::Blocks;
 use super::flat_medium::FlatMedium;
 use super::panel::Panel;
 use super::shadow_ray::ShadowRay;
+use super::voxel_walk::VoxelWalk;
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::V3;
-use glam::{IVec3, UVec3, Vec3};
+use glam::{IVec2, IVec3, UVec3, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::Rgb;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Greatest optical depth in the table: the light left, 4e-5, does not matter
 /// to the difference.
@@ -46,6 +49,8 @@ pub struct Nodes {
     pub per_voxel: u32,
     /// Whether the last node of a row stands beside the first.
     pub repeats: bool,
+    /// Tables that follow each other, one for each block of a cloth of blocks.
+    pub tables: u32,
 }
 
 /// The eight nodes around a place, in every lane.
@@ -59,33 +64,44 @@ pub struct Corners<F: Floats> {
 }
 
 impl Nodes {
-    /// The nodes for lights toward which voxels have these extinctions, 1/mm.
-    pub fn new<'a>(cell_grid: &CellGrid, lights: impl Iterator<Item = &'a [f32]>) -> Nodes {
+    /// The nodes for lights toward which voxels have these extinctions, 1/mm. Tables of many
+    /// blocks have one in each voxel: they are guesses near the borders of blocks anyway.
+    pub fn new<'a>(
+        cell_grid: &CellGrid,
+        tables: usize,
+        lights: impl Iterator<Item = &'a [f32]>,
+    ) -> Nodes {
         let per_voxel = lights
             .map(|extinctions| nodes_per_voxel(cell_grid, extinctions))
             .max()
+            .filter(|_| tables == 1)
             .unwrap_or(1);
         Nodes {
             dims: cell_grid.dims() * per_voxel,
             per_voxel,
             repeats: cell_grid.repeats(),
+            tables: tables as u32,
         }
     }
 
-    /// Words of the table of one light.
+    /// Words of the tables of one light.
     pub fn words(&self) -> u64 {
-        self.dims.as_u64vec3().element_product()
+        u64::from(self.tables) * self.dims.as_u64vec3().element_product()
     }
 
     #[inline(always)]
-    pub fn around<F: Floats>(&self, at: V3<F>) -> Corners<F> {
+    pub fn around<F: Floats>(&self, at: V3<F>, table: Option<F::Ints>) -> Corners<F> {
         let word = F::Ints::splat;
         let (per_voxel, size) = (self.per_voxel as f32, self.dims.as_vec3());
         let (x, fx) = node_before(at.x, per_voxel, size.x, self.repeats);
         let (y, fy) = node_before(at.y, per_voxel, size.y, self.repeats);
         let (z, fz) = node_before(at.z, per_voxel, size.z, false);
+        let own = (x + word(self.dims.x) * y) * word(self.dims.z) + z;
         Corners {
-            word: (x + word(self.dims.x) * y) * word(self.dims.z) + z,
+            word: match table {
+                None => own,
+                Some(table) => table * word(self.dims.element_product()) + own,
+            },
             x: fx,
             y: fy,
             z: fz,
@@ -174,6 +190,7 @@ pub struct OpticalDepthTable {
     /// Extinction toward the light in every voxel, 1/mm.
     pub extinction_per_mm: Vec<f32>,
     cell_grid: CellGrid,
+    blocks: Option<Arc<Blocks>>,
 }
 
 /// A piece of the way to the light from the middle of a cell: through the voxel
@@ -187,7 +204,7 @@ impl OpticalDepthTable {
     /// The table of light that travels along `direction`, toward which voxels have
     /// these [extinctions].
     pub fn new(
-        cell_grid: CellGrid,
+        (cell_grid, blocks): (CellGrid, Option<Arc<Blocks>>),
         nodes: Nodes,
         direction: Vec3,
         irradiance: Rgb,
@@ -202,14 +219,14 @@ impl OpticalDepthTable {
             depths: Vec::new(),
             extinction_per_mm,
             cell_grid,
+            blocks,
         };
         table.depths = table.pack(&table.node_codes());
         table
     }
 
     /// Bytes that tables of so many lights take at the most.
-    pub fn max_bytes(cell_grid: &CellGrid, lights: u64) -> u64 {
-        let voxels = cell_grid.dims().as_u64vec3().element_product();
+    pub fn max_bytes(voxels: u64, lights: u64) -> u64 {
         let nodes = u64::from(MAX_PER_VOXEL).pow(3);
         // Depths once more while they are packed and put side by side.
         voxels * (lights * 4 * (1 + 2 * nodes) + 4 * nodes)
@@ -233,15 +250,20 @@ impl OpticalDepthTable {
         let ways: Vec<Vec<Piece>> = (0..per.pow(3))
             .map(|i| self.way([i % per, i / per % per, i / (per * per)]))
             .collect();
-        let mut codes = vec![0u8; n.element_product()];
+        let mut codes = vec![0u8; n.element_product() * self.nodes.tables as usize];
         codes.par_chunks_mut(n.x).enumerate().for_each_init(
             || vec![0.0f32; n.x / per],
             |sums, (at, out)| {
-                let (y, z) = (at % n.y, at / n.y);
+                let (y, z, block) = (at % n.y, at / n.y % n.z, at / n.y / n.z);
                 for x in 0..per {
                     let way = &ways[(z % per * per + y % per) * per + x];
                     sums.fill(0.0);
-                    self.add_way(way, y / per, z / per, sums);
+                    match &self.blocks {
+                        None => self.add_way(way, y / per, z / per, sums),
+                        Some(blocks) => {
+                            self.add_way_through(blocks, block, way, [y / per, z / per], sums);
+                        }
+                    }
                     for (out, &sum) in out[x..].iter_mut().step_by(per).zip(&*sums) {
                         *out = (sum.min(MAX_DEPTH) * (255.0 / MAX_DEPTH) + 0.5) as u8;
                     }
@@ -286,6 +308,47 @@ impl OpticalDepthTable {
         }
     }
 
+    /// The same in a block, and on through its neighbours at one of the crossings that show
+    /// it: at others the neighbours differ, and the table is a guess.
+    fn add_way_through(
+        &self,
+        blocks: &Blocks,
+        block: usize,
+        way: &[Piece],
+        [y, z]: [usize; 2],
+        sums: &mut [f32],
+    ) {
+        let dims = self.cell_grid.dims().as_ivec3();
+        let crossing = blocks.shown_at[block].as_ivec2();
+        for piece in way {
+            let z = z as i32 + piece.offset.z;
+            if z < 0 || z >= dims.z {
+                return;
+            }
+            let y = y as i32 + piece.offset.y;
+            let (up, y) = (y.div_euclid(dims.y), y.rem_euclid(dims.y));
+            let (right, x) = (
+                piece.offset.x.div_euclid(dims.x),
+                piece.offset.x.rem_euclid(dims.x) as usize,
+            );
+            let row = |right: i32| {
+                let number = blocks.number(crossing + IVec2::new(right, up));
+                let first = number * blocks.voxels as usize + ((z * dims.y + y) * dims.x) as usize;
+                &self.extinction_per_mm[first..first + dims.x as usize]
+            };
+            let (own, next) = sums.split_at_mut(dims.x as usize - x);
+            let add = |sums: &mut [f32], row: &[f32]| {
+                for (sum, extinction) in sums.iter_mut().zip(row) {
+                    *sum += piece.length_mm * extinction;
+                }
+            };
+            add(own, &row(right)[x..]);
+            if !next.is_empty() {
+                add(next, row(right + 1));
+            }
+        }
+    }
+
     /// The way from the middle of cell `phase` of a voxel to the farthest
     /// border there can be.
     fn way(&self, phase: [usize; 3]) -> Vec<Piece> {
@@ -308,7 +371,6 @@ impl OpticalDepthTable {
     /// Four neighbours a word.
     fn pack(&self, codes: &[u8]) -> Vec<u32> {
         let n = self.nodes.dims.as_usizevec3();
-        let code = |x: usize, y: usize, z: usize| u32::from(codes[(z * n.y + y) * n.x + x]);
         let next = |i: usize, n: usize| match (i + 1 < n, self.cell_grid.repeats()) {
             (true, _) => i + 1,
             (false, true) => 0,
@@ -316,7 +378,10 @@ impl OpticalDepthTable {
         };
         let mut words = vec![0u32; codes.len()];
         let rows = words.par_chunks_mut(n.x * n.z).enumerate();
-        rows.for_each(|(y, out)| {
+        rows.for_each(|(at, out)| {
+            let (y, table) = (at % n.y, at / n.y);
+            let codes = &codes[table * n.element_product()..];
+            let code = |x: usize, y: usize, z: usize| u32::from(codes[(z * n.y + y) * n.x + x]);
             let beyond = next(y, n.y);
             for (x, column) in out.chunks_exact_mut(n.z).enumerate() {
                 let beside = next(x, n.x);
@@ -342,8 +407,7 @@ impl OpticalDepthTable {
 
 /// Extinction toward a direction in every voxel, 1/mm.
 pub fn extinctions(medium: &FlatMedium, w: Vec3) -> Vec<f32> {
-    let voxels = medium.cell_grid.dims().as_usizevec3().element_product();
-    (0..voxels)
+    (0..medium.voxel_count())
         .into_par_iter()
         .map(|voxel| medium.extinction_per_mm(voxel, w).unwrap_or_default())
         .collect()
@@ -364,49 +428,4 @@ fn nodes_per_voxel(cell_grid: &CellGrid, extinction_per_mm: &[f32]) -> u32 {
     let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
     let depth = typical as f32 * voxel_mm;
     ((depth / DEPTH_PER_CELL).round() as u32).clamp(1, MAX_PER_VOXEL)
-}
-
-/// Steps from voxel to voxel along a ray.
-struct VoxelWalk {
-    cell: IVec3,
-    step: IVec3,
-    next_mm: Vec3,
-    per_voxel_mm: Vec3,
-    at_mm: f32,
-}
-
-impl VoxelWalk {
-    fn new(cell_grid: &CellGrid, p: Vec3, direction: Vec3) -> VoxelWalk {
-        let per_mm = direction / cell_grid.voxel_mm();
-        let cell = p.floor();
-        let forth = per_mm.cmpge(Vec3::ZERO);
-        let border = Vec3::select(forth, cell + 1.0, cell);
-        let still = per_mm.cmpeq(Vec3::ZERO);
-        let far = Vec3::INFINITY;
-        VoxelWalk {
-            cell: cell.as_ivec3(),
-            step: IVec3::select(forth, IVec3::ONE, IVec3::NEG_ONE),
-            next_mm: Vec3::select(still, far, (border - p) / per_mm),
-            per_voxel_mm: Vec3::select(still, far, per_mm.abs().recip()),
-            at_mm: 0.0,
-        }
-    }
-
-    /// Leaves the current voxel and returns the length of the path through it.
-    #[inline]
-    fn step(&mut self) -> f32 {
-        let n = self.next_mm;
-        let axis = if n.x < n.y {
-            if n.x < n.z { 0 } else { 2 }
-        } else if n.y < n.z {
-            1
-        } else {
-            2
-        };
-        let length = n[axis] - self.at_mm;
-        self.at_mm = n[axis];
-        self.cell[axis] += self.step[axis];
-        self.next_mm[axis] += self.per_voxel_mm[axis];
-        length.max(0.0)
-    }
 }

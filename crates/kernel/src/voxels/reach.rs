@@ -1,7 +1,8 @@
 //! How far around every voxel a bound on the extinction holds.
 
 use super::voxel_words::{MOST, REACH_CODES, bound_code, bound_of, steps_of};
-use organza_basis::CellGrid;
+use glam::{UVec3, Vec3};
+use organza_basis::{Aabb, CellGrid};
 use rayon::prelude::*;
 
 /// The codes of the reach of a voxel and of the bound there.
@@ -37,13 +38,76 @@ pub fn surroundings_within(
     bounds: impl Iterator<Item = f32>,
     path_mm: f32,
 ) -> Vec<Surroundings> {
-    let dims = cell_grid.dims();
-    let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
-    let per_mm = 1.0 / (path_mm * MOST);
     let mut within: Vec<u8> = bounds.map(|bound| bound_code(bound) as u8).collect();
     for _ in 0..apart {
         spread_maximum(cell_grid, &mut within, 1);
     }
+    best_reaches(cell_grid, within, path_mm, usize::MAX)
+}
+
+/// Greatest reach of a voxel of a block: voxels around a block that are looked at.
+const MOST_STEPS_IN_BLOCKS: u32 = 8;
+
+/// The surroundings of every voxel of the blocks of a cloth, of which the grid is that of one.
+/// Around a block, in x and y, any of the blocks may lie, and bounds hold for all of them.
+pub fn surroundings_in_blocks(
+    cell_grid: &CellGrid,
+    bounds: impl Iterator<Item = f32>,
+    path_mm: f32,
+) -> Vec<Surroundings> {
+    let dims = cell_grid.dims();
+    let voxels = dims.element_product() as usize;
+    let codes: Vec<u8> = bounds.map(|bound| bound_code(bound) as u8).collect();
+    let mut any = vec![0u8; voxels];
+    for block in codes.chunks_exact(voxels) {
+        for (any, &code) in any.iter_mut().zip(block) {
+            *any = code.max(*any);
+        }
+    }
+    let pad = UVec3::new(MOST_STEPS_IN_BLOCKS, MOST_STEPS_IN_BLOCKS, 0);
+    let padded = dims + 2 * pad;
+    let box_mm = Aabb::new(Vec3::ZERO, padded.as_vec3() * cell_grid.voxel_mm());
+    let Some(around) = CellGrid::new(box_mm, padded, false) else {
+        return Vec::new();
+    };
+    let place = |c: UVec3, dims: UVec3| (c.x + dims.x * (c.y + dims.y * c.z)) as usize;
+    let blocks = codes.par_chunks_exact(voxels);
+    let of_block = |block: &[u8]| {
+        let mut within = Vec::with_capacity(padded.element_product() as usize);
+        for z in 0..padded.z {
+            for y in 0..padded.y {
+                for x in 0..padded.x {
+                    let c = UVec3::new(x, y, z);
+                    let inside = c.cmpge(pad).all() && c.cmplt(pad + dims).all();
+                    let here = if inside { block } else { &any };
+                    // A whole number of blocks more, so that nothing is negative.
+                    let at = c + dims * pad - pad;
+                    within.push(here[place(at % dims, dims)]);
+                }
+            }
+        }
+        let best = best_reaches(&around, within, path_mm, MOST_STEPS_IN_BLOCKS as usize);
+        let rows = (0..dims.z).flat_map(move |z| (0..dims.y).map(move |y| UVec3::new(0, y, z)));
+        rows.flat_map(|row| {
+            let first = place(row + pad, padded);
+            best[first..first + dims.x as usize].to_vec()
+        })
+        .collect::<Vec<_>>()
+    };
+    blocks.flat_map_iter(of_block).collect()
+}
+
+/// For every voxel, of the reaches of at most `most_steps` that with the longest flight, from
+/// the codes of the voxels' bounds.
+fn best_reaches(
+    cell_grid: &CellGrid,
+    mut within: Vec<u8>,
+    path_mm: f32,
+    most_steps: usize,
+) -> Vec<Surroundings> {
+    let dims = cell_grid.dims();
+    let voxel_mm = cell_grid.voxel_mm().element_sum() / 3.0;
+    let per_mm = 1.0 / (path_mm * MOST);
     let nowhere = Surroundings {
         bound_code: 255,
         reach_code: 0,
@@ -52,7 +116,7 @@ pub fn surroundings_within(
     let mut steps_before = 1;
     for code in REACH_CODES {
         let steps = steps_of(code);
-        if steps > dims.max_element() as usize {
+        if steps > (dims.max_element() as usize).min(most_steps) {
             break;
         }
         spread_maximum(cell_grid, &mut within, steps - steps_before);

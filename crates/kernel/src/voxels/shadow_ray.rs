@@ -1,6 +1,7 @@
 //! Exact transmittance: from voxel to voxel along a ray.
 
-use glam::{IVec3, Vec3};
+use super::blocks::Blocks;
+use glam::{IVec2, IVec3, Vec3};
 use organza_basis::CellGrid;
 
 /// A ray along an endless slab without matter in its way has to end some time.
@@ -9,6 +10,8 @@ const MAX_STEPS: u64 = 1 << 20;
 /// The way of light to a place.
 pub struct ShadowRay<'a> {
     pub cell_grid: &'a CellGrid,
+    /// The blocks of a cloth of blocks, and the crossing that it arrives at.
+    pub blocks: Option<(&'a Blocks, IVec2)>,
     /// Where it arrives, in voxels of the first period.
     pub at: Vec3,
     /// Unit direction that it comes from.
@@ -44,9 +47,17 @@ impl ShadowRay<'_> {
         let strides = IVec3::select(forth, strides, -strides);
         let [dx, dy, dz] = strides.to_array();
         let mut place = (cell.z * dims.y + cell.y) * dims.x + cell.x;
+        let base = |crossing: IVec2| {
+            let block =
+                |(blocks, _): (&Blocks, IVec2)| blocks.number(crossing) * blocks.voxels as usize;
+            self.blocks.map_or(0, block)
+        };
+        let mut crossing = self.blocks.map_or(IVec2::ZERO, |(_, crossing)| crossing);
+        let mut first = base(crossing);
+        let turn = IVec2::new(if forth.x { 1 } else { -1 }, if forth.y { 1 } else { -1 });
         let stop = self.sure_depth - (1.0 - self.chance).ln();
         let (mut at_mm, mut depth, mut steps) = (0.0f32, 0.0f32, 0);
-        while let Some(extinction) = extinction_per_mm(place as usize) {
+        while let Some(extinction) = extinction_per_mm(first + place as usize) {
             let next_mm = x_mm.min(y_mm).min(z_mm);
             depth += extinction * (next_mm.min(self.reach_mm) - at_mm).max(0.0);
             at_mm = next_mm;
@@ -69,10 +80,13 @@ impl ShadowRay<'_> {
                 }
                 if x_left < 0 {
                     (x_left, place) = (dims.x - 1, place - dims.x * dx);
+                    crossing.x += turn.x;
                 }
                 if y_left < 0 {
                     (y_left, place) = (dims.y - 1, place - dims.y * dy);
+                    crossing.y += turn.y;
                 }
+                first = base(crossing);
             }
             if at_mm >= self.reach_mm {
                 break;

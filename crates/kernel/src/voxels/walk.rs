@@ -166,6 +166,10 @@ fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &
     // The voxel there; one of its populations, if it has several.
     let (x, y, z) = (at.x.to_ints(), at.y.to_ints(), at.z.to_ints());
     let mut place = x + word(dims.x) * (y + word(dims.y) * z);
+    if let Some(blocks) = &medium.blocks {
+        let block = blocks.numbers::<F>(beyond, dims);
+        place = place + block * word(blocks.voxels);
+    }
     if !medium.places.is_empty() {
         let found = place.gather(&medium.places);
         let count = found.shr::<PLACE_BITS>() + word(1);
@@ -311,7 +315,10 @@ fn scatter<F: Floats, E: Event<F>>(
 
     // What is scattered of the light that arrives.
     let mut light_in = V3::splat(Vec3::ZERO);
-    let corners = scene.nodes.around(paths.at);
+    let blocks = scene.medium.blocks.as_ref();
+    let dims = scene.medium.cell_grid.dims();
+    let table = blocks.map(|b| b.numbers::<F>(paths.beyond, dims));
+    let corners = scene.nodes.around(paths.at, table);
     let count = scene.lights.len();
     let mut units = [F::splat(0.0); 3];
     for (i, light) in scene.lights.iter().enumerate() {

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
+mod blocks;
 mod energy;
 mod engines;
 mod explicit_fibres;

@@ -1,0 +1,162 @@
+//! Cloths of blocks from fabric files.
+
+#![allow(clippy::unwrap_used)] // helpers outside test functions too
+
+use glam::UVec2;
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
+use organza_volume::{FibreFootprint, Octree};
+use std::path::{Path, PathBuf};
+
+const YARNS: &str = r#"
+[warp]
+yarn = "warp"
+per_cm = 28.0
+WARP
+[weft]
+yarn = "weft"
+per_cm = 24.0
+[yarn.warp]
+preset = "cotton"
+tex = 30.0
+[yarn.weft]
+preset = "cotton"
+tex = 36.0
+[voxel]
+size_um = 60.0
+"#;
+
+/// A fabric of a satin with a rectangle of its other face.
+fn written(name: &str, synthesis: &str, colours: &str) -> PathBuf {
+    let row = |p: usize| -> String {
+        let cell = |e: usize| (e * 2 + p) % 5 == 0 && e < 20 || (e * 2 + p) % 5 != 0 && e >= 20;
+        (0..40).map(|e| if cell(e) { 'X' } else { '.' }).collect()
+    };
+    let rows: Vec<String> = (0..30).rev().map(|p| format!("\"{}\"", row(p))).collect();
+    let text = format!(
+        "[draft]\ndrawdown = [{}]\n{}{synthesis}",
+        rows.join(", "),
+        YARNS.replace("WARP", colours)
+    );
+    let folder = std::env::temp_dir().join(format!("organza-blocks-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn fabric(path: &Path) -> Result<Fabric, String> {
+    fabric_file::load(path, &[], &Loader::new()).map_err(|e| e.to_string())
+}
+
+fn octree(path: &Path, fabric: &Fabric) -> Octree {
+    let loader = Loader::new();
+    fabric
+        .voxelize(path, FibreFootprint::Covered, None, None, None, &loader)
+        .unwrap()
+}
+
+#[test]
+fn a_design_becomes_a_cloth_of_blocks() {
+    let path = written("plain.toml", "[synthesis]\nvariants = 2\n", "");
+    let fabric = fabric(&path).unwrap();
+    let synthesis = fabric.synthesis.as_ref().unwrap();
+    // The smallest repeat of the design: 40 x 5.
+    assert_eq!(synthesis.figures().crossings, [40, 5]);
+    let cloth = octree(&path, &fabric);
+    cloth.assert_well_formed();
+    let blocks = cloth.blocks().unwrap();
+    assert_eq!(blocks.crossings(), UVec2::new(40, 5));
+    assert_eq!(blocks.count() as usize, synthesis.blocks.len());
+    let size = cloth.bounds_mm().size().truncate();
+    assert!(
+        (size - fabric.tile_mm()).abs().max_element() < 1e-3,
+        "{size}"
+    );
+    let gaps = fabric.cloth.border_gaps(synthesis);
+    assert_eq!(synthesis.figures().replaced_crossings, 0);
+    assert_eq!(gaps.borders, 400);
+    assert!(
+        gaps.position_max_mm < 1e-9 && gaps.tangent_max_rad < 1e-9,
+        "{gaps:?}"
+    );
+    for what in [
+        fabric
+            .explicit_fibres(&path, None, &Loader::new())
+            .map(|_| ()),
+        fabric
+            .plan(&path, FibreFootprint::Axis, None, None, None)
+            .map(|_| ()),
+    ] {
+        let why = what.unwrap_err().to_string();
+        assert!(why.contains("[synthesis] makes it of blocks"), "{why}");
+    }
+}
+
+#[test]
+fn blocks_have_the_colours_of_the_design() {
+    let colours = "colours = [[0.1, 0.1, 0.6], [0.6, 0.1, 0.1]]";
+    let path = written("striped.toml", "[synthesis]\nvariants = 1\n", colours);
+    let fabric = fabric(&path).unwrap();
+    let cloth = octree(&path, &fabric);
+    let block = cloth.blocks().unwrap().block_cells(0);
+    let materials = fabric.cloth.materials();
+    let colour_at = |end: u32| {
+        let low = UVec2::new(end, 1) * block.truncate();
+        let mut found = [0.0f32; 2];
+        for z in 0..block.z {
+            for y in 0..block.y {
+                let cell = (low + UVec2::new(block.x / 2, y)).extend(z);
+                for c in cloth.mixture(0, cell).iter() {
+                    let material = &materials[usize::from(c.material)];
+                    if material.yarn == "warp" {
+                        let red = material.colour.unwrap().0.x > 0.3;
+                        found[usize::from(red)] += c.length_density_per_mm2;
+                    }
+                }
+            }
+        }
+        found
+    };
+    for end in 0..40 {
+        let [blue, red] = colour_at(end);
+        let (own, other) = if end % 2 == 0 {
+            (blue, red)
+        } else {
+            (red, blue)
+        };
+        assert!(own > 20.0 * other, "end {end}: {blue} blue, {red} red");
+    }
+}
+
+#[test]
+fn what_blocks_cannot_show_is_refused() {
+    let exemplars = "[synthesis]\nexemplars = [\"plain\"]\n";
+    let why = fabric(&written("exemplars.toml", exemplars, ""))
+        .err()
+        .unwrap();
+    assert!(
+        why.contains("exemplars.toml: synthesis.exemplars: no exemplar has"),
+        "{why}"
+    );
+    assert!(why.contains("X..") || why.contains("..X"), "{why}");
+    for (name, keys, expected) in [
+        (
+            "uneven.toml",
+            "spacing_cv_percent = 3.0",
+            "warp.spacing_cv_percent: [synthesis] needs",
+        ),
+        (
+            "window.toml",
+            "",
+            "synthesis.window: expected 3 or 5, found 7",
+        ),
+    ] {
+        let synthesis = match name {
+            "window.toml" => "[synthesis]\nwindow = 7\n",
+            _ => "[synthesis]\n",
+        };
+        let why = fabric(&written(name, synthesis, keys)).err().unwrap();
+        assert!(why.contains(expected), "{why}");
+    }
+}

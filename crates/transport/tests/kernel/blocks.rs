@@ -1,0 +1,125 @@
+//! Cloths of blocks: the kernel looks the block of a crossing up, the general walk asks the
+//! octree.
+
+use super::*;
+use crate::virtual_fibres::silk_and_cotton;
+use organza_testing::twisted_weave;
+use organza_volume::voxelize::Plan;
+use organza_volume::{BlockCut, BlockLayout, Octree};
+
+/// Crossings of the exemplar each way.
+const PARTS: u32 = 3;
+/// Crossings of the cloth, no multiple of the exemplar's.
+const CROSSINGS: UVec2 = UVec2::new(5, 4);
+
+/// A cloth of nine blocks; `turned` shows them in another order.
+fn octree(turned: bool) -> Octree {
+    let options = VoxelizeOptions {
+        voxel_mm: 0.017,
+        levels: Some(2),
+        footprint: FibreFootprint::Axis,
+        max_memory_bytes: None,
+    };
+    let weave = twisted_weave();
+    let plan = Plan::of_parts(&weave, UVec2::splat(PARTS), &options).unwrap();
+    let exemplar = plan.run(&|_| ()).unwrap();
+    let dims = exemplar.dims(0);
+    let block = UVec3::new(dims.x / PARTS, dims.y / PARTS, dims.z);
+    let places = (0..PARTS * PARTS).map(|i| UVec2::new(i % PARTS, i / PARTS));
+    let cuts: Vec<BlockCut> = places
+        .map(|at| BlockCut {
+            low: at * block.truncate(),
+        })
+        .collect();
+    let step = if turned { 4 } else { 7 };
+    let numbers = (0..CROSSINGS.element_product()).map(|i| i * step % (PARTS * PARTS));
+    let layout = BlockLayout::new(CROSSINGS, block, numbers.collect()).unwrap();
+    Octree::of_blocks(&exemplar, &cuts, layout, &|_, _, material| material).unwrap()
+}
+
+fn flakes(turned: bool) -> AnyMedium {
+    let optics = [[0.9, 0.7, 0.5], [0.5, 0.8, 0.95]].map(|albedo| FlakeOptics {
+        albedo: Rgb::from(albedo),
+        end_on_ratio: 0.1,
+    });
+    AnyMedium::SggxOctree(SggxOctreeMedium::new(octree(turned), 0, optics.to_vec()).unwrap())
+}
+
+fn cut(mut medium: AnyMedium) -> AnyMedium {
+    let (low, high) = (Vec2::new(-0.13, 0.05), Vec2::new(0.61, 0.36));
+    medium.cut_to(low, high).unwrap();
+    medium
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let wide = Projection::Orthographic { width_mm: 0.7 };
+    vec![
+        ("endless", scene(flakes(false), parallel(), wide)),
+        ("sky", scene(flakes(false), sky(), lens())),
+        ("cut", scene(cut(flakes(false)), parallel(), wide)),
+    ]
+}
+
+#[test]
+fn the_kernel_agrees_with_the_general_walk_on_blocks() {
+    let settings = settings(0..samples(), 200);
+    let turned = Projection::Orthographic { width_mm: 0.7 };
+    let turned = scene(flakes(true), parallel(), turned);
+    let (other, _) = film(&turned, &settings, None);
+    for (name, scene) in scenes() {
+        let widest = kernel(&scene, &settings, Backend::widest());
+        let (a, stats) = film(&scene, &settings, Some(widest));
+        let (b, walked) = film(&scene, &settings, None);
+        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
+        assert_eq!(walked.majorant_violations, 0, "{name}");
+        let (spread, mean) = agree(&a, &b);
+        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        if name == "endless" {
+            // The same blocks in another order are another cloth.
+            let (spread, _) = agree(&a, &other);
+            assert!(spread.p_value < 1e-9, "seed 9: {spread:?}");
+        }
+    }
+}
+
+#[test]
+fn back_ends_walk_blocks_alike() {
+    let settings = settings(0..6, 40);
+    for (name, scene) in scenes() {
+        let scalar = kernel(&scene, &settings, Backend::Scalar);
+        let (first, stats) = film(&scene, &settings, Some(scalar));
+        for backend in vector_backends() {
+            let (other, counts) = film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
+            assert_eq!(
+                (other, counts),
+                (first.clone(), stats),
+                "{name}, {backend:?}"
+            );
+        }
+    }
+}
+
+/// Plain virtual fibres in blocks, both ways; packed ones reach from block to block.
+#[test]
+fn plain_fibres_live_in_blocks() {
+    let fibres = silk_and_cotton;
+    let medium = |event| VirtualFibreMedium::new(octree(false), 0, fibres(), event);
+    assert!(medium(VirtualFibreEvent::Packed).is_none());
+    let plain = AnyMedium::VirtualFibres(medium(VirtualFibreEvent::Plain).unwrap());
+    let wide = Projection::Orthographic { width_mm: 0.7 };
+    let scene = scene(plain, parallel(), wide);
+    let settings = settings(0..samples(), 40);
+    let (a, stats) = film(
+        &scene,
+        &settings,
+        Some(kernel(&scene, &settings, Backend::widest())),
+    );
+    let (b, _) = film(&scene, &settings, None);
+    assert_eq!(stats.rejected + stats.majorant_violations, 0);
+    let (spread, mean) = agree(&a, &b);
+    assert!(
+        spread.p_value > 1e-4 && mean.p_value > 1e-4,
+        "seed 9: {spread:?} {mean:?}"
+    );
+}
