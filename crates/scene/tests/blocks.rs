@@ -29,7 +29,7 @@ size_um = 60.0
 /// A fabric of a satin with a rectangle of its other face.
 fn written(name: &str, synthesis: &str, colours: &str) -> PathBuf {
     let row = |p: usize| -> String {
-        let cell = |e: usize| (e * 2 + p) % 5 == 0 && e < 20 || (e * 2 + p) % 5 != 0 && e >= 20;
+        let cell = |e: usize| (e * 2 + p).is_multiple_of(5) == (e < 20);
         (0..40).map(|e| if cell(e) { 'X' } else { '.' }).collect()
     };
     let rows: Vec<String> = (0..30).rev().map(|p| format!("\"{}\"", row(p))).collect();

@@ -53,7 +53,7 @@ pub struct VirtualFibres {
     /// Of blocks of voxels and of single voxels, and what is within reach; none of a cloth of
     /// blocks, where those of the octree hold.
     majorants: Option<(BlockMajorants, VoxelMajorants)>,
-    local: Option<LocalVisibility>,
+    local: Option<Box<LocalVisibility>>,
 }
 
 impl VirtualFibreMedium {
@@ -169,7 +169,7 @@ impl VirtualFibreMedium {
 
     /// The same with tables of local visibility, counted for its voxels.
     pub fn with_local_visibility(mut self, local: LocalVisibility) -> VirtualFibreMedium {
-        self.scatterer.local = Some(local);
+        self.scatterer.local = Some(Box::new(local));
         self
     }
 
