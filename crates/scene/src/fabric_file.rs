@@ -1,5 +1,6 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
+use crate::draft_picture;
 use crate::error::{Result, input};
 pub use crate::fabric_table::{FabricFile, VoxelTable};
 use crate::fibre_model;
@@ -129,8 +130,10 @@ fn build(
 ) -> Result<(Cloth, Option<Synthesis>, Vec<OpticsFile>)> {
     file.check()
         .map_err(|why| input(format!("{}: {why}", path.display())))?;
+    let draft = draft_picture::resolved(&file.draft, open)
+        .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let geometry = FabricGeometry {
-        draft: file.draft.clone(),
+        draft,
         warp: file.warp.clone(),
         weft: file.weft.clone(),
         yarn: file.yarn.clone(),

@@ -74,7 +74,10 @@ impl FabricFile {
             return Err("print: does not go with [synthesis]; leave one of them out".into());
         }
         let draft = &self.draft;
-        let is_woven = draft.weave.is_some() || draft.wif.is_some() || draft.drawdown.is_some();
+        let is_woven = draft.weave.is_some()
+            || draft.wif.is_some()
+            || draft.drawdown.is_some()
+            || draft.picture.is_some();
         let (is_knit, is_curves) = (draft.knit.is_some(), draft.curves.is_some());
         let is_open = draft.openwork.is_some();
         let has_warp = is_woven || is_open;

@@ -10,6 +10,7 @@ mod build_options;
 pub mod camera;
 pub mod cloth_place;
 pub mod draft_folder;
+mod draft_picture;
 mod drape;
 pub mod environment_file;
 mod error;

@@ -80,6 +80,8 @@ impl FabricGeometry {
 }
 
 /// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`, `openwork`, `curves`.
+/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `picture`, `knit`,
+/// `curves`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DraftSpec {
@@ -89,6 +91,10 @@ pub struct DraftSpec {
     pub wif: Option<String>,
     /// Rows of `X` and `.`, see [`crate::Draft::from_drawdown`].
     pub drawdown: Option<Vec<String>>,
+    /// Name of a picture of two colours, one pixel a crossing. Whoever builds the cloth replaces
+    /// it by `drawdown`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
     /// A knit by name: `stockinette`, `garter`, `rib-1-1`, `rib-2-2`. Its
     /// courses are `[weft]`.
     pub knit: Option<String>,
