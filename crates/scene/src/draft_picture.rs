@@ -22,7 +22,13 @@ pub(crate) fn resolved(
         return Ok(spec);
     };
     let fail = |why: String| format!("draft.picture: {name}: {why}");
-    let others = [&spec.weave, &spec.wif, &spec.knit, &spec.curves];
+    let others = [
+        &spec.weave,
+        &spec.wif,
+        &spec.knit,
+        &spec.openwork,
+        &spec.curves,
+    ];
     if spec.drawdown.is_some() || others.into_iter().any(Option::is_some) {
         return Err(fail("expected no other kind of draft beside it".into()));
     }

@@ -79,8 +79,7 @@ impl FabricGeometry {
     }
 }
 
-/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `knit`, `openwork`, `curves`.
-/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `picture`, `knit`,
+/// How the yarn runs: exactly one of `weave`, `wif`, `drawdown`, `picture`, `knit`, `openwork`,
 /// `curves`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
