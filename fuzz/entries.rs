@@ -3,9 +3,12 @@
 #![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
+use organza_scan::ScanError;
+use organza_scan::input::{Slices, tiff::TiffSlices, vti::VtiSlices};
 use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
+use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -17,7 +20,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 19] = [
+pub const ALL: [Entry; 21] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -25,6 +28,8 @@ pub const ALL: [Entry; 19] = [
     ("vdb", vdb),
     ("ovox", ovox),
     ("nrrd", nrrd),
+    ("ct_tiff", ct_tiff),
+    ("vti", vti),
     ("obj", obj),
     ("ply", ply),
     ("gltf", gltf),
@@ -95,6 +100,34 @@ pub fn nrrd(data: &[u8]) {
         let _ = (format.read)(&source, &mut Budget::new(MAX_BYTES));
         let _ = (format.describe)(&source, &mut Budget::new(MAX_BYTES));
     }
+}
+
+/// A grey volume: every slice that memory allows.
+fn slices(opened: Result<impl Slices, ScanError>, budget: &mut Budget) {
+    let Ok(mut slices) = opened else { return };
+    let shape = slices.shape();
+    let bytes = shape.slice_len() as u64 * 4;
+    if budget.take(bytes, "values").is_err() {
+        return;
+    }
+    let mut values = vec![0.0; shape.slice_len()];
+    for slice in 0..shape.dims.z.min(16) {
+        let _ = slices.read(slice, &mut values);
+    }
+}
+
+/// A grey volume in the pages of a TIFF.
+pub fn ct_tiff(data: &[u8]) {
+    let budget = &mut Budget::new(MAX_BYTES);
+    let opened = TiffSlices::new(Cursor::new(data.to_vec()), budget);
+    slices(opened, budget);
+}
+
+/// A grey volume as image data of VTK.
+pub fn vti(data: &[u8]) {
+    let budget = &mut Budget::new(MAX_BYTES);
+    let opened = VtiSlices::new(Cursor::new(data.to_vec()), None, budget);
+    slices(opened, budget);
 }
 
 const PLACEMENT: organza_mesh::Placement = organza_mesh::Placement {

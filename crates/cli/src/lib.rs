@@ -31,6 +31,7 @@ mod result_cache;
 mod results;
 mod sample_ranges;
 mod schedule;
+mod slab_journal;
 mod version;
 
 pub use call::{Failure, FailureKind, call};

@@ -60,6 +60,11 @@ impl StoredVoxel {
         }
     }
 
+    /// True where the fill is rounded to nothing.
+    pub fn is_empty(&self) -> bool {
+        self.fill == 0
+    }
+
     pub fn voxel(&self) -> ScannedVoxel {
         let axis = Vec3::from(self.axis.map(f32::from));
         let sine = f32::from(self.sine) / SHARE_STEPS;
@@ -168,6 +173,13 @@ impl ScannedField {
         }
         let brick = brick.get_or_insert_with(|| Box::new([StoredVoxel::default(); BRICK_VOXELS]));
         brick[place_in_brick(cell)] = StoredVoxel::new(voxel);
+    }
+
+    /// Puts a brick in its place, if there is such.
+    pub(crate) fn put_brick(&mut self, number: u32, brick: Box<StoredBrick>) {
+        if let Some(place) = self.bricks.get_mut(number as usize) {
+            *place = Some(brick);
+        }
     }
 
     /// Calls `visit` with every voxel that holds fibre, brick by brick.

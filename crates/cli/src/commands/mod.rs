@@ -17,6 +17,7 @@ mod man;
 mod measure;
 mod merge;
 mod render;
+mod scan;
 mod table;
 mod view;
 mod voxelize;
@@ -35,6 +36,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<view::ViewArgs>(),
     Registration::of::<merge::MergeArgs>(),
     Registration::of::<voxelize::VoxelizeArgs>(),
+    Registration::of::<scan::ScanArgs>(),
     Registration::of::<measure::MeasureArgs>(),
     Registration::of::<table::TableArgs>(),
     Registration::of::<compare::CompareArgs>(),

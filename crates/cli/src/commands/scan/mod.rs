@@ -1,0 +1,436 @@
+//! `organza scan`
+
+mod input;
+mod record;
+
+use super::{Command, with_threads};
+use crate::error::input;
+use crate::flags::values::{parse_positive, whole};
+use crate::flags::{CommonArgs, MemoryArgs};
+use crate::identity::{self, VERSION};
+use crate::output::{self, note};
+use crate::progress::Progress;
+use crate::slab_journal::SlabJournal;
+
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use organza_basis::Budget;
+use organza_scan::input::{SampleType, Slices};
+use organza_scan::{
+    DEFAULT_DENOISE, Denoise, Scan, ScanError, ScanSettings, ScannedField, Slab, Stage, Survey,
+};
+use organza_scene::memory::free_memory_bytes;
+use organza_volume::{Octree, ovox};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// `organza scan`
+#[derive(Debug, Args)]
+#[command(
+    about = "Turn a micro-CT volume of a cloth into a volume file",
+    after_help = "Examples:\n  organza scan CT.tif --voxel-um 1.5 -o cloth.ovox\n  organza scan slices/ --voxel-um 2 --colour 0.6,0.1,0.1 -o cloth.ovox\n  organza scan CT.raw --raw-size 512,512,400 --raw-type u16 --voxel-um 1 -o cloth.ovox"
+)]
+pub struct ScanArgs {
+    /// A multi-page TIFF, a .vti, raw data with --raw-size, several TIFF files of one slice each, or a folder of such
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Volume to write (.ovox)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Edge of a voxel, micrometres, or its edges X,Y,Z [default: the spacing of a .vti, as millimetres]
+    #[arg(long, value_name = "UM", value_parser = parse_voxel)]
+    pub voxel_um: Option<DVec3>,
+    /// Raw data: values along a row, rows of a slice, slices
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_size, requires = "raw_type")]
+    pub raw_size: Option<[u64; 3]>,
+    /// Raw data: type of the values
+    #[arg(long, value_name = "TYPE", requires = "raw_size")]
+    pub raw_type: Option<RawType>,
+    /// Raw data: bytes before the first value
+    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_size", value_parser = whole::<u64>(0..=u64::MAX))]
+    pub raw_header: u64,
+    /// Raw data: the most significant byte of a value comes first
+    #[arg(long, requires = "raw_size")]
+    pub raw_big_endian: bool,
+    /// A .vti: name of the array of values
+    #[arg(long, value_name = "NAME")]
+    pub array: Option<String>,
+    /// Grey value between air and fibre [default: Otsu's, moved to the middle between both]
+    #[arg(long, value_name = "GREY", value_parser = parse_grey)]
+    pub threshold: Option<f32>,
+    /// Grey value of air [default: the most frequent below the threshold]
+    #[arg(long, value_name = "GREY", value_parser = parse_grey)]
+    pub air: Option<f32>,
+    /// Grey value of a voxel full of fibre [default: measured in the middle of fibres]
+    #[arg(long, value_name = "GREY", value_parser = parse_grey)]
+    pub fibre: Option<f32>,
+    /// Noise filter: none, median (3 x 3 x 3), or the deviation of a Gaussian in voxels [default: 0.7]
+    #[arg(long, value_name = "FILTER", value_parser = parse_denoise)]
+    pub denoise: Option<Denoise>,
+    /// Radius of the fibres, micrometres [default: measured]
+    #[arg(long, value_name = "UM", value_parser = parse_positive)]
+    pub fibre_radius_um: Option<f64>,
+    /// Single-scattering albedo of the fibres, three numbers from 0 to 1
+    #[arg(long, value_name = "R,G,B", value_parser = parse_colour, conflicts_with = "colour")]
+    pub albedo: Option<[f32; 3]>,
+    /// Colour of a thick heap of the fibres, linear Rec.709 [default: 0.8,0.8,0.8, undyed cloth]
+    #[arg(long, visible_alias = "color", value_name = "R,G,B", value_parser = parse_colour)]
+    pub colour: Option<[f32; 3]>,
+    /// Ratio of end-on to broadside extinction of straight fibres: their roughness
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = parse_ratio)]
+    pub end_on_ratio: f32,
+    /// The volume repeats without end in x and y
+    #[arg(long)]
+    pub repeat_xy: bool,
+    /// Number of levels of detail, 1 to 8 [default: as many as fit, at most 6]
+    #[arg(long, value_name = "N", value_parser = whole::<u8>(1..=8))]
+    pub levels: Option<u8>,
+    /// Keep finished slabs in this file: the same command resumes an interrupted scan
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// `--raw-type`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RawType {
+    /// Unsigned, 8 bits
+    U8,
+    /// Signed, 8 bits
+    I8,
+    /// Unsigned, 16 bits
+    U16,
+    /// Signed, 16 bits
+    I16,
+    /// Floats of 32 bits
+    F32,
+}
+
+impl RawType {
+    fn sample(self) -> SampleType {
+        match self {
+            RawType::U8 => SampleType::U8,
+            RawType::I8 => SampleType::I8,
+            RawType::U16 => SampleType::U16,
+            RawType::I16 => SampleType::I16,
+            RawType::F32 => SampleType::F32,
+        }
+    }
+}
+
+/// Numbers between commas.
+fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
+    text.split(',').map(|n| n.trim().parse().ok()).collect()
+}
+
+fn parse_voxel(text: &str) -> Result<DVec3, String> {
+    let is_edge = |x: &f64| *x > 0.0 && x.is_finite();
+    match numbers::<f64>(text).as_deref() {
+        Some([x]) if is_edge(x) => Ok(DVec3::splat(*x)),
+        Some(&[x, y, z]) if [x, y, z].iter().all(is_edge) => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected one number of micrometres above 0, or three, X,Y,Z".into()),
+    }
+}
+
+fn parse_size(text: &str) -> Result<[u64; 3], String> {
+    match numbers::<u64>(text).as_deref() {
+        Some(&[x, y, z]) if x > 0 && y > 0 && z > 0 => Ok([x, y, z]),
+        _ => Err("expected three whole numbers above 0, X,Y,Z".into()),
+    }
+}
+
+fn parse_grey(text: &str) -> Result<f32, String> {
+    let number = text.trim().parse().ok().filter(|x: &f32| x.is_finite());
+    number.ok_or_else(|| "expected a grey value of the file, a number".into())
+}
+
+fn parse_colour(text: &str) -> Result<[f32; 3], String> {
+    match numbers::<f32>(text).as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|c| (0.0..=1.0).contains(c)) => Ok([r, g, b]),
+        _ => Err("expected three numbers from 0 to 1, R,G,B".into()),
+    }
+}
+
+fn parse_ratio(text: &str) -> Result<f32, String> {
+    let number = text.trim().parse().ok();
+    let number = number.filter(|x: &f32| (0.0..=1.0).contains(x));
+    number.ok_or_else(|| "expected a number from 0 to 1".into())
+}
+
+fn parse_denoise(text: &str) -> Result<Denoise, String> {
+    match text.trim() {
+        "none" => Ok(Denoise::None),
+        "median" => Ok(Denoise::Median),
+        other => match other.parse::<f32>() {
+            Ok(s) if (0.0..=10.0).contains(&s) => Ok(Denoise::Gaussian(s)),
+            _ => Err("expected none, median, or a number of voxels from 0 to 10".into()),
+        },
+    }
+}
+
+impl Command for ScanArgs {
+    const NAME: &'static str = "scan";
+
+    fn common(&mut self) -> Option<&mut CommonArgs> {
+        Some(&mut self.common)
+    }
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &ScanArgs) -> Result<()> {
+    let is_ovox = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("ovox");
+    if !args.outfile.extension().is_some_and(is_ovox) {
+        return Err(input(format!(
+            "{}: expected a name that ends in .ovox",
+            args.outfile.display()
+        )));
+    }
+    if let Some(key) = args.common.set.first() {
+        return Err(input(format!("--set {key}: a scan has no keys")));
+    }
+    output::check_writable(&args.outfile)?;
+    let files = input::files(&args.files)?;
+    output::check_not_an_input(&args.outfile, &files)?;
+    if let Some(journal) = &args.journal {
+        output::check_writable(journal)?;
+        output::check_not_an_input(journal, &files)?;
+        output::check_distinct(("the journal", journal), ("the volume", &args.outfile))?;
+    }
+    with_threads(&args.common, || scan(args, &files))
+}
+
+/// An error of a scan; whatever is wrong with bytes or settings is wrong input.
+fn failed(name: &str, e: ScanError) -> anyhow::Error {
+    match e {
+        ScanError::Io(e) => anyhow::Error::new(e).context(format!("cannot read {name}")),
+        e => input(format!("{name}: {e}")),
+    }
+}
+
+fn scan(args: &ScanArgs, files: &[PathBuf]) -> Result<()> {
+    let started = std::time::Instant::now();
+    let name = input::name_of(&args.files);
+    let fail = |e| failed(&name, e);
+    let allowed = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    let budget = &mut Budget::new(allowed);
+    let mut slices = input::open(args, files, budget)?;
+    let settings = settings(args, &*slices).map_err(|why| input(format!("{name}: {why}")))?;
+    let bars = Bars::new(args);
+    let survey = Scan::survey(&mut *slices, &settings, budget, &|s, d| bars.at(s, d));
+    let survey = survey.map_err(fail)?;
+    bars.finish();
+    let scan = Scan::new(&*slices, &settings, &survey, budget).map_err(fail)?;
+    if !args.common.quiet {
+        for line in record::lines(&*slices, &settings, &survey) {
+            note!("{name}: {line}");
+        }
+    }
+    let field = slabs(args, files, &mut *slices, &scan, &survey, &settings, budget)?;
+    drop(slices);
+    let octree = octree(args, &field, budget)?;
+    if octree.occupied_voxels() == 0 {
+        return Err(input(format!("{name}: no voxel holds fibre")));
+    }
+    let kept = record::files(args, &name, &settings, &survey, &field)?;
+    output::write_file(&args.outfile, |out| {
+        ovox::write(&octree, &kept, out).context("writing the volume failed")
+    })?;
+    if !args.common.quiet {
+        let seconds = started.elapsed().as_secs_f64();
+        let voxels = field.dims().as_u64vec3().element_product();
+        note!(
+            "{}: {} voxels with fibre of {voxels} at {:.3} um, {:.1} MiB in memory, {seconds:.1} s \
+             ({:.2} million voxels a second)",
+            args.outfile.display(),
+            octree.occupied_voxels(),
+            1e3 * octree.voxel_mm(0).max_element(),
+            octree.memory_bytes() as f64 / f64::from(1 << 20),
+            voxels as f64 / seconds / 1e6,
+        );
+    }
+    Ok(())
+}
+
+/// The settings of the flags.
+fn settings(args: &ScanArgs, slices: &dyn Slices) -> Result<ScanSettings, String> {
+    let voxel_mm = match (args.voxel_um, slices.shape().spacing) {
+        (Some(um), _) => um * 1e-3,
+        (None, Some(mm)) => mm,
+        (None, None) => {
+            return Err("the file names no size of voxels: give --voxel-um".into());
+        }
+    };
+    Ok(ScanSettings {
+        denoise: args.denoise.unwrap_or(DEFAULT_DENOISE),
+        threshold: args.threshold,
+        air: args.air,
+        fibre: args.fibre,
+        fibre_radius_mm: args.fibre_radius_um.map(|um| (um * 1e-3) as f32),
+        ..ScanSettings::new(voxel_mm)
+    })
+}
+
+/// The field of all slabs, from the journal or from the slices.
+fn slabs(
+    args: &ScanArgs,
+    files: &[PathBuf],
+    slices: &mut dyn Slices,
+    scan: &Scan,
+    survey: &Survey,
+    settings: &ScanSettings,
+    budget: &mut Budget,
+) -> Result<ScannedField> {
+    let name = input::name_of(&args.files);
+    let fail = |e| failed(&name, e);
+    let mut journal = match &args.journal {
+        Some(path) => {
+            let key = journal_key(args, files, scan, survey, settings)?;
+            let journal = SlabJournal::open(path, &key)?;
+            if journal.len() > 0 && !args.common.quiet {
+                note!(
+                    "{}: {} of {} slabs are finished",
+                    path.display(),
+                    journal.len(),
+                    scan.slab_count()
+                );
+            }
+            Some(journal)
+        }
+        None => None,
+    };
+    let count = scan.slab_count();
+    let bar = Progress::new("scanning", (1000 * count) as u64, &args.common);
+    let mut field = scan.field(budget).map_err(fail)?;
+    for index in 0..count {
+        let known = match &mut journal {
+            Some(journal) => journal.find(index)?,
+            None => None,
+        };
+        let known = known.and_then(|bytes| Slab::from_bytes(scan, index, &bytes));
+        let slab = match known {
+            Some(slab) => slab,
+            None => {
+                let watch = |_: Stage, share: f32| {
+                    bar.at((1000.0 * (index as f32 + share)) as u64);
+                    true
+                };
+                let slab = scan.slab(slices, index, &watch).map_err(fail)?;
+                if let Some(journal) = &mut journal {
+                    journal.add(index, &slab.to_bytes())?;
+                }
+                slab
+            }
+        };
+        budget
+            .take(slab.memory_bytes(), "voxels with fibre")
+            .map_err(|e| fail(e.into()))?;
+        slab.add_to(&mut field);
+        bar.at((1000 * (index + 1)) as u64);
+    }
+    bar.finish();
+    field.repeats = args.repeat_xy;
+    Ok(field)
+}
+
+fn octree(args: &ScanArgs, field: &ScannedField, budget: &Budget) -> Result<Octree> {
+    let bar = Progress::new("octree", 1000, &args.common);
+    let progress = |share: f32| bar.at((1000.0 * share) as u64);
+    let octree = field.octree(args.levels, Some(budget.left()), &progress);
+    bar.finish();
+    octree.map_err(|e| input(format!("{}: {e}", input::name_of(&args.files))))
+}
+
+/// What the slabs of a journal depend on: the program, the bytes of all files, the settings and
+/// what was found with them.
+fn journal_key(
+    args: &ScanArgs,
+    files: &[PathBuf],
+    scan: &Scan,
+    survey: &Survey,
+    settings: &ScanSettings,
+) -> Result<String> {
+    let digests: Result<Vec<String>> = files.iter().map(|f| digest(f)).collect();
+    let key = json!({
+        "version": VERSION,
+        "files": digests?,
+        "array": args.array,
+        "raw": format!("{:?}", (args.raw_size, args.raw_type, args.raw_header, args.raw_big_endian)),
+        "settings": format!("{settings:?}"),
+        "survey": format!("{survey:?}"),
+        "slab": scan.slab_slices(),
+    });
+    Ok(key.to_string())
+}
+
+/// The SHA-256 of a file.
+fn digest(path: &Path) -> Result<String> {
+    let cannot = || format!("cannot read {}", path.display());
+    let mut file = std::fs::File::open(path).with_context(cannot)?;
+    let mut digest = Sha256::new();
+    let mut buffer = vec![0u8; 1 << 20];
+    loop {
+        match file.read(&mut buffer).with_context(cannot)? {
+            0 => return Ok(identity::hex(&digest.finalize())),
+            n => digest.update(&buffer[..n]),
+        }
+    }
+}
+
+/// The bars of the survey, one for each stage.
+struct Bars<'a> {
+    args: &'a ScanArgs,
+    present: Mutex<Option<(Stage, Progress)>>,
+}
+
+impl<'a> Bars<'a> {
+    fn new(args: &'a ScanArgs) -> Bars<'a> {
+        Bars {
+            args,
+            present: Mutex::new(None),
+        }
+    }
+
+    fn at(&self, stage: Stage, share: f32) -> bool {
+        let mut present = self
+            .present
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        if present.as_ref().is_none_or(|(s, _)| *s != stage) {
+            let label = match stage {
+                Stage::Range => "range",
+                Stage::Levels => "levels",
+                Stage::Radius => "radius",
+                Stage::Slab => "scanning",
+            };
+            let bar = Progress::new(label, 1000, &self.args.common);
+            if let Some((_, before)) = present.replace((stage, bar)) {
+                before.finish();
+            }
+        }
+        if let Some((_, bar)) = present.as_ref() {
+            bar.at((1000.0 * share) as u64);
+        }
+        true
+    }
+
+    fn finish(&self) {
+        let mut present = self
+            .present
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, bar)) = present.take() {
+            bar.finish();
+        }
+    }
+}
