@@ -1,5 +1,6 @@
 //! `organza scan`
 
+mod cloth;
 mod input;
 mod record;
 
@@ -32,7 +33,7 @@ use std::sync::Mutex;
 #[derive(Debug, Args)]
 #[command(
     about = "Turn a micro-CT volume of a cloth into a volume file",
-    after_help = "Examples:\n  organza scan CT.tif --voxel-um 1.5 -o cloth.ovox\n  organza scan slices/ --voxel-um 2 --colour 0.6,0.1,0.1 -o cloth.ovox\n  organza scan CT.raw --raw-size 512,512,400 --raw-type u16 --voxel-um 1 -o cloth.ovox"
+    after_help = "Examples:\n  organza scan CT.tif --voxel-um 1.5 -o cloth.ovox\n  organza scan slices/ --voxel-um 2 --colour 0.6,0.1,0.1 -o cloth.ovox\n  organza scan CT.raw --raw-size 512,512,400 --raw-type u16 --voxel-um 1 -o cloth.ovox\n  organza scan CT.tif --voxel-um 1.5 --flatten --yarns --tile -o tile.ovox"
 )]
 pub struct ScanArgs {
     /// A multi-page TIFF, a .vti, raw data with --raw-size, several TIFF files of one slice each, or a folder of such
@@ -83,8 +84,8 @@ pub struct ScanArgs {
     /// Ratio of end-on to broadside extinction of straight fibres: their roughness
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = parse_ratio)]
     pub end_on_ratio: f32,
-    /// The volume repeats without end in x and y
-    #[arg(long)]
+    /// The volume repeats without end in x and y as it was scanned
+    #[arg(long, conflicts_with_all = ["flatten", "tile"])]
     pub repeat_xy: bool,
     /// Number of levels of detail, 1 to 8 [default: as many as fit, at most 6]
     #[arg(long, value_name = "N", value_parser = whole::<u8>(1..=8))]
@@ -92,6 +93,8 @@ pub struct ScanArgs {
     /// Keep finished slabs in this file: the same command resumes an interrupted scan
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
+    #[command(flatten)]
+    pub cloth: cloth::ClothArgs,
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
@@ -238,6 +241,7 @@ fn scan(args: &ScanArgs, files: &[PathBuf]) -> Result<()> {
     }
     let field = slabs(args, files, &mut *slices, &scan, &survey, &settings, budget)?;
     drop(slices);
+    let field = args.cloth.made(field, &name, budget, args.common.quiet)?;
     let octree = octree(args, &field, budget)?;
     if octree.occupied_voxels() == 0 {
         return Err(input(format!("{name}: no voxel holds fibre")));
