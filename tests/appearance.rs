@@ -202,7 +202,7 @@ fn optics_and_density_planted_in_pairs_are_found() {
         "--data",
         "measured.csv",
         "--spp",
-        "1500",
+        "700",
         "--seed",
         "1",
     ];

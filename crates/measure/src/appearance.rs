@@ -472,7 +472,8 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
             let prior = axis.prior().sqrt();
             let se = (errors[k] * widen).min(prior);
             let (value, slope) = if k < count {
-                (1.0 - x * x, 2.0 * x)
+                // Near white the square of the error counts.
+                (1.0 - x * x, (2.0 * x).max(se))
             } else {
                 (x.exp(), x.exp())
             };
@@ -482,7 +483,7 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
             Determined {
                 name: names[k].clone(),
                 value,
-                se: se * slope.max(se),
+                se: se * slope,
                 is_fixed: se < 0.5 * prior && is_inside,
             }
         });
