@@ -34,7 +34,9 @@ fn octree(turned: bool) -> Octree {
     let step = if turned { 4 } else { 7 };
     let numbers = (0..CROSSINGS.element_product()).map(|i| i * step % (PARTS * PARTS));
     let layout = BlockLayout::new(CROSSINGS, block, numbers.collect()).unwrap();
-    Octree::of_blocks(&exemplar, &cuts, layout, &|_, _, material| material).unwrap()
+    // Every other block has its colours exchanged, so that the order shows.
+    let exchanged = |block: u32, _: u32, material: u16| material ^ (block % 2) as u16;
+    Octree::of_blocks(&exemplar, &cuts, layout, &exchanged).unwrap()
 }
 
 fn flakes(turned: bool) -> AnyMedium {

@@ -67,7 +67,10 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
         let why = refusal(&bad);
         match at {
             0..8 => assert!(why.contains("first bytes"), "{why}"),
-            8..12 => assert!(why.contains("this program reads versions 1 to 5"), "{why}"),
+            // Version 5 would have another header.
+            8..12 if bad[8..12] != [5, 0, 0, 0] => {
+                assert!(why.contains("this program reads versions 1 to 5"), "{why}");
+            }
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
     }
