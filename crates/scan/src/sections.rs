@@ -71,7 +71,7 @@ impl Rays<'_> {
             Some(v) if v >= self.threshold => v,
             _ => return 0.0,
         };
-        let mut valley = (before, 0);
+        let (mut peak, mut valley) = (before, (before, 0));
         for i in 1..self.steps {
             let Some(v) = self.window.at(from + step * i as f32) else {
                 return f32::INFINITY;
@@ -80,10 +80,16 @@ impl Rays<'_> {
                 let part = (before - self.threshold) / (before - v);
                 return ((i - 1) as f32 + part) * self.step_mm;
             }
-            if v < valley.0 {
-                valley = (v, i);
-            } else if v > valley.0 + self.rise {
+            // A valley lies below what is before it and after it.
+            let rise = v.min(peak) - valley.0;
+            if rise > self.rise {
                 return valley.1 as f32 * self.step_mm;
+            }
+            if v > peak {
+                peak = v;
+                valley = (v, i);
+            } else if v < valley.0 {
+                valley = (v, i);
             }
             before = v;
         }
