@@ -41,9 +41,9 @@ pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
         source.for_each_in_batch(batch, &mut |s| {
             let pieces = division(s);
             if pieces > 0 {
-                let goes_on = last == Some((s.yarn, s.fibre, s.start_mm));
+                let goes_on = last == Some((s.yarn, s.fibre, s.material, s.start_mm));
                 joints += u64::from(pieces) + u64::from(!goes_on);
-                last = Some((s.yarn, s.fibre, s.end_mm));
+                last = Some((s.yarn, s.fibre, s.material, s.end_mm));
             }
         });
         joints
@@ -96,6 +96,9 @@ impl Curves {
     fn of_batch(source: &dyn SegmentSource, batch: usize, tile: &Tile) -> Curves {
         let mut curves = Curves::default();
         let mut last = None;
+        // Joints of the last curve at which its material changes, and to which.
+        let mut changes: Vec<(usize, u16)> = Vec::new();
+        let mut material = 0;
         let origin = tile.bounds_mm.min;
         source.for_each_in_batch(batch, &mut |s| {
             let pieces = division(s);
@@ -110,7 +113,7 @@ impl Curves {
                 cut: false,
             };
             if last != Some((s.yarn, s.fibre, s.start_mm)) {
-                curves.close(tile);
+                curves.close(tile, &mut changes);
                 curves.curves.push(Strand {
                     yarn: s.yarn,
                     fibre: s.fibre,
@@ -118,7 +121,10 @@ impl Curves {
                 });
                 let first = joint(0.0, s.start_tangent, curves.curves.len() - 1);
                 curves.joints.push(first);
+            } else if material != s.material {
+                changes.push((curves.joints.len() - 1, s.material));
             }
+            material = s.material;
             last = Some((s.yarn, s.fibre, s.end_mm));
             for i in 1..=pieces {
                 let share = i as f32 / pieces as f32;
@@ -126,12 +132,12 @@ impl Curves {
                 curves.joints.push(next);
             }
         });
-        curves.close(tile);
+        curves.close(tile, &mut changes);
         curves
     }
 
-    /// Settles tangents and cuts of the last curve.
-    fn close(&mut self, tile: &Tile) {
+    /// Settles tangents and cuts of the last curve, and divides it where its material changes.
+    fn close(&mut self, tile: &Tile, changes: &mut Vec<(usize, u16)>) {
         let Some(curve) = self.curves.len().checked_sub(1) else {
             return;
         };
@@ -164,6 +170,28 @@ impl Curves {
             end.cut = tile.repeats && on_face;
             // Tangents at ends are the source's own, which may be any.
             end.tangent = end.tangent.try_normalize().unwrap_or(Vec3::X);
+        }
+        self.divide(changes);
+    }
+
+    /// Makes a curve of each stretch of the last one that has a material of its own: a fibre
+    /// that is printed, say. Both sides of a change keep the joint between them as it is, so
+    /// that the pieces have the same shapes as before.
+    fn divide(&mut self, changes: &mut Vec<(usize, u16)>) {
+        let Some(&(first, _)) = changes.first() else {
+            return;
+        };
+        let undivided = self.joints.split_off(first);
+        let mut next = changes.drain(..).peekable();
+        for (i, mut joint) in (first..).zip(undivided) {
+            joint.strand = (self.curves.len() - 1) as u32;
+            self.joints.push(joint);
+            if let Some((_, material)) = next.next_if(|(at, _)| *at == i) {
+                let before = self.curves[joint.strand as usize];
+                self.curves.push(Strand { material, ..before });
+                joint.strand += 1;
+                self.joints.push(joint);
+            }
         }
     }
 

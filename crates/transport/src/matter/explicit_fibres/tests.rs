@@ -388,3 +388,37 @@ fn overlap_is_measured() {
         "seed 15: {got:?}"
     );
 }
+
+/// A fibre whose material changes along it, as by a print, has each material where the source
+/// has it, and the shape that it has with one material.
+#[test]
+fn materials_change_along_a_fibre_and_shapes_do_not() {
+    let plain = yarns(true);
+    let mut printed = plain.clone();
+    for s in &mut printed.segments {
+        s.material = u16::from(s.start_mm.x.midpoint(s.end_mm.x) > 0.2);
+    }
+    let [a, b] = [&plain, &printed].map(|source| Curves::gather(source, &|| ()));
+    assert_eq!(count_joints(&printed), b.joints.len() as u64);
+    assert!(b.curves.len() > a.curves.len());
+    let (of_a, of_b): (Vec<u32>, Vec<u32>) = (a.pieces().collect(), b.pieces().collect());
+    assert_eq!(of_a.len(), of_b.len());
+    let mut materials = [0, 0];
+    for (&i, &j) in of_a.iter().zip(&of_b) {
+        let shape = |curves: &Curves, k| {
+            let p = curves.piece(k, DVec2::ZERO);
+            let tangents = [0.0, 1.0].map(|share| curves.tangent(k, share));
+            (p.a, p.b, p.radius_a, p.radius_b, p.cut_a, p.cut_b, tangents)
+        };
+        assert_eq!(shape(&a, i), shape(&b, j), "piece {i}");
+        let (before, after) = (a.curve_of(i), b.curve_of(j));
+        assert_eq!((before.yarn, before.fibre), (after.yarn, after.fibre));
+        // Hairs are one segment each: their material is that of its middle.
+        if after.fibre < 100 {
+            let x = 0.5 * (shape(&b, j).0.x + shape(&b, j).1.x);
+            assert_eq!(after.material, u16::from(x > 0.2), "piece {i} at {x} mm");
+        }
+        materials[usize::from(after.material)] += 1;
+    }
+    assert!(materials[0] > 300 && materials[1] > 300, "{materials:?}");
+}
