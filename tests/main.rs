@@ -37,6 +37,7 @@ mod other_cloths; // pile, nonwovens and nets through every stage
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
 mod release; // archives of releases
+mod scan;
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
 mod tidy; // the repository itself

@@ -274,7 +274,7 @@ fn mistakes_in_volume_objects_are_reported_with_their_key() {
         ),
         ("file = \"tile.ovox\"\nscale = 0.0\n", "object[0].scale: "),
         (
-            "file = \"tile.ovox\"\ndensity_scale = 2.0\n",
+            "file = \"tile.ovox\"\ndensity_scale = 0.0\n",
             "object[0].density_scale: ",
         ),
         (
