@@ -1,4 +1,5 @@
 //! Volumes of every format, whole and damaged.
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -79,7 +80,7 @@ fn tiff(sample: SampleType, packing: Packing) -> Vec<u8> {
 #[test]
 fn tiff_pages_of_every_depth_are_slices() {
     for sample in [SampleType::U8, SampleType::U16, SampleType::F32] {
-        for packing in [Packing::Uncompressed] {
+        for packing in [Packing::Uncompressed, Packing::Lzw, Packing::Packbits] {
             let file = Cursor::new(tiff(sample, packing));
             let mut slices = TiffSlices::new(file, &mut budget()).unwrap();
             assert_is_volume(&mut slices, sample);

@@ -1,4 +1,5 @@
 //! Scans of phantoms, whose answers are known.
+#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::curve::{SegmentList, Tile};

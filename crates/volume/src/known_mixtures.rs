@@ -285,7 +285,7 @@ mod tests {
 
         fn mixture(&self, cell: UVec3) -> Mixture {
             let mut mixture = Mixture::EMPTY;
-            if cell.element_sum() % 3 == 0 {
+            if cell.element_sum().is_multiple_of(3) {
                 mixture.push(FibrePopulation {
                     length_density_per_mm2: 100.0 + cell.x as f32,
                     axis: self.axis,
