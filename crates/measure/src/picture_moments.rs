@@ -245,7 +245,7 @@ mod tests {
             (chi2[1] / (2.0 * count) - 1.15).abs() < 0.45,
             "{chi2:?}, seeds 0..40"
         );
-        // Noise that is told is no deviation; the twin is told half of it.
+        // Noise of the stated size adds no deviation; the twin states half of it.
         let told = noise(64, 0.1, 0.1, 7).moments(1, &all, false)[1].unwrap();
         assert!(told.mean[0] < 0.03, "{told:?}");
         let half = noise(64, 0.1, 0.05, 7).moments(1, &all, false)[1].unwrap();

@@ -88,7 +88,7 @@ fn planted_optics_are_found_within_their_errors() {
             "seed {seed}: {gamma:?}"
         );
     }
-    // The errors are of the size that is told: they contain the floor of half a percent,
+    // The errors are of the stated size: they contain the floor of half a percent,
     // which the noise of 0.3 % does not fill.
     let mean = chi2 / count;
     assert!((0.1..2.0).contains(&mean), "{mean}, seeds 10..18");

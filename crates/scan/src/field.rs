@@ -94,7 +94,7 @@ pub(crate) type StoredBrick = [StoredVoxel; BRICK_VOXELS];
 /// A yarn, or all fibres of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ScannedYarn {
-    /// Its name: `fibre` until yarns are told apart.
+    /// Its name: `fibre` until yarns are separated.
     pub name: String,
     /// Index of its material; yarns that look alike share one.
     pub material: u16,

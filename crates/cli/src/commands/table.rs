@@ -135,7 +135,7 @@ struct Work {
     shown: ShownAs,
     journal: FileJournal,
     paths: AtomicU64,
-    /// The surface model of the fabric, whose error at the held-out pairs is told, too.
+    /// The surface model of the fabric, whose error at the held-out pairs is printed, too.
     surface: Option<Box<dyn Surface>>,
 }
 

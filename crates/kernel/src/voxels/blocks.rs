@@ -1,5 +1,5 @@
 //! Matter of blocks: the periods of the grid that paths walk in are crossings, and an index
-//! tells which block each crossing shows.
+//! gives the block that each crossing shows.
 
 use crate::cpu::lanes::{Floats, Ints};
 use crate::matter::{Matter, MatterBlocks};

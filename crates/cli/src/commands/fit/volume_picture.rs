@@ -39,7 +39,7 @@ pub struct Photograph {
     /// The part that is matched.
     crop: Crop,
     picture: MatchedPicture,
-    /// Yarns that are told by their hue, with that hue.
+    /// Yarns that are distinguished by their hue, with that hue.
     parts: Vec<(String, [f64; 3])>,
     /// Blur of the photograph, in rendered pixels.
     blur_px: Option<f64>,

@@ -8,7 +8,7 @@ use clap::Args;
 use organza_basis::Budget;
 use organza_scan::{MAX_DEGREE, ScannedField, SheetStages, made_cloth};
 
-/// Bytes of the labels of a voxel while yarns are told apart.
+/// Bytes of the labels of a voxel while yarns are separated.
 const LABEL_BYTES: u64 = 3;
 
 /// The stages after the scan itself.

@@ -1,4 +1,4 @@
-//! What a scanned volume keeps of itself, and what a person is told of it.
+//! What a scanned volume records about itself, and what `organza scan` prints about it.
 
 use super::ScanArgs;
 use anyhow::{Context, Result};
