@@ -3,12 +3,13 @@
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
+use crate::representation::plies::fibres_and_hairs;
 use crate::representation::{Build, ModelKey, Representation, ShownAs, VoxelSource};
 use crate::scattering::ScatteringTable;
 use glam::{UVec2, Vec2};
 use organza_basis::SegmentSource;
 use organza_measure::{PatchResponse, SurfacePatch, TexelGrid, VolumePatch};
-use organza_transport::{AnyMedium, ExplicitFibres, Integrator};
+use organza_transport::{AnyMedium, ExplicitFibres, Integrator, Plies};
 use organza_volume::Octree;
 use std::path::Path;
 use std::sync::Arc;
@@ -63,6 +64,8 @@ pub enum Matter {
     Surface(ShownAs),
     /// Explicit fibres.
     Fibres(Box<ExplicitFibres>, ShownAs),
+    /// Plies.
+    Plies(Box<Plies>, ShownAs),
     /// Voxels, how they scatter, and their level.
     Voxels(Arc<Octree>, ShownAs, u8),
 }
@@ -83,6 +86,10 @@ impl Matter {
             Build::ExplicitFibres(trace) => {
                 let fibres = trace(fabric, path, options.max_memory_bytes, options.loader)?;
                 return Ok(Matter::Fibres(Box::new(fibres), shown));
+            }
+            Build::Plies(trace) => {
+                let plies = trace(fabric, path, options.max_memory_bytes, options.loader)?;
+                return Ok(Matter::Plies(Box::new(plies), shown));
             }
             Build::Voxels(voxels) => voxels,
         };
@@ -127,6 +134,11 @@ impl Matter {
                 let fibres = fibres.with_scattering(scattering);
                 let fibres = fibres.map_err(|e| input(format!("{}: {e}", path.display())))?;
                 Some(AnyMedium::ExplicitFibres(fibres))
+            }
+            Matter::Plies(plies, _) => {
+                let plies = plies.with_scattering(fibres_and_hairs(fabric, path)?);
+                let plies = plies.map_err(|e| input(format!("{}: {e}", path.display())))?;
+                Some(AnyMedium::Plies(plies))
             }
             Matter::Voxels(octree, shown, level) => match shown.representation.voxels() {
                 Some(voxels) => (voxels.medium)(&VoxelSource {

@@ -11,6 +11,7 @@ mod irregularity;
 mod nonwoven;
 mod openwork;
 mod pile;
+mod ply_strands;
 mod print;
 mod repeats;
 mod spacing;
@@ -38,6 +39,7 @@ pub use build::Loader;
 pub use exemplar::BorderGaps;
 pub use figures::{Figures, NonwovenFigures, OpenworkFigures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
+pub use ply_strands::{Plies, PlyStrand};
 use print::Print;
 pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
 

@@ -70,8 +70,8 @@ mod yarn;
 
 pub use cloth::{
     BorderGaps, Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material,
-    NonwovenFigures, OpenworkFigures, PileFigures, PrintImage, PrintMode, PrintSide, PrintSpec,
-    SystemFigures, SystemIrregularity,
+    NonwovenFigures, OpenworkFigures, PileFigures, Plies, PlyStrand, PrintImage, PrintMode,
+    PrintSide, PrintSpec, SystemFigures, SystemIrregularity,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;

@@ -174,7 +174,7 @@ impl BenchReport<'_> {
                     let um = sample.fabric.file.voxel.size_um;
                     format!("{title}, {um} um, bias {bias}")
                 }
-                Build::Surface(_) => format!("{title}, bias {bias}"),
+                Build::Plies(_) | Build::Surface(_) => format!("{title}, bias {bias}"),
             };
             list.push(show(&t.picture, caption)?);
         }

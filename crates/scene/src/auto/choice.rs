@@ -62,6 +62,8 @@ impl Choice {
         }
         let surfaces = built().filter(|r| matches!(r.build, Build::Surface(_)) && is_ready(r));
         list.extend(surfaces.map(Choice::usual));
+        let plies = built().filter(|r| matches!(r.build, Build::Plies(_)) && is_ready(r));
+        list.extend(plies.map(Choice::usual));
         let fibres = own(&&EXPLICIT_FIBRES);
         list.extend(fibres.filter(|choice| *choice != Choice::EXPLICIT_FIBRES));
         list

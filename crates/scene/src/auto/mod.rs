@@ -173,6 +173,7 @@ fn choose(
     let possible = |model: &Representation, tracker: Tracker| match &model.build {
         _ if mesh.is_some() && !model.drapes => false,
         Build::ExplicitFibres(_) => !regular && (by_kernel || tracker != Tracker::Kernel),
+        Build::Plies(_) => !regular && (model.is_ready)(&fabric, &path, loader),
         Build::Surface(_) => (model.is_ready)(&fabric, &path, loader),
         Build::Voxels(_) if regular => tracker == Tracker::Regular,
         Build::Voxels(_) if by_kernel && model.trackers.contains(&Tracker::Kernel) => {

@@ -16,7 +16,7 @@ use crate::representation::{
 };
 use crate::scattering::{EventName, ScatteringTable};
 use crate::volume_cache::VolumePlan;
-use organza_basis::{Budget, SegmentSource};
+use organza_basis::{Budget, CellGrid, SegmentSource};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
 use organza_volume::Octree;
@@ -300,18 +300,26 @@ fn medium(
             .sheet_alone(sheet)?
             .ok_or_else(|| fail(".fabric: its tile has no volume"))
     };
+    // Curves that rays meet, with the box that they take.
+    let traced = |curves: AnyMedium, mut place: ClothPlace<'_>| {
+        let reach = curves.cell_grid();
+        if place.mesh.is_some() && !reach.is_some_and(CellGrid::repeats) {
+            return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
+        }
+        place.bounds_mm = reach.map_or(place.bounds_mm, CellGrid::bounds_mm);
+        let mut once = Some(curves);
+        let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
+        laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"))
+    };
     let lod = table.lod;
     let voxels = match &shown.representation.build {
         Build::ExplicitFibres(trace) => {
             let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
-            let mut place = place;
-            place.bounds_mm = fibres.cell_grid().bounds_mm();
-            if place.mesh.is_some() && !fibres.cell_grid().repeats() {
-                return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
-            }
-            let mut once = Some(AnyMedium::ExplicitFibres(fibres));
-            let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
-            return laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"));
+            return traced(AnyMedium::ExplicitFibres(fibres), place);
+        }
+        Build::Plies(trace) => {
+            let plies = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
+            return traced(AnyMedium::Plies(plies), place);
         }
         Build::Surface(surface) => return alone(surface(&fabric, &path, options.loader)?.into()),
         Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {

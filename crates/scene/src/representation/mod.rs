@@ -8,6 +8,7 @@ mod explicit_fibres;
 mod microflake;
 mod packed;
 mod plain;
+pub(crate) mod plies;
 mod surface;
 mod table;
 mod virtual_fibres;
@@ -16,6 +17,7 @@ pub use explicit_fibres::EXPLICIT_FIBRES;
 pub use microflake::MICROFLAKE;
 pub use packed::PACKED;
 pub use plain::PLAIN;
+pub use plies::PLIES;
 pub use surface::SURFACE;
 pub use table::TABLE;
 
@@ -24,7 +26,7 @@ use crate::fabric_file::Fabric;
 use crate::loader::Loader;
 use organza_scatter::FlakeFamily;
 use organza_surface::ClothSurface;
-use organza_transport::{AnyMedium, ExplicitFibres, Switch};
+use organza_transport::{AnyMedium, ExplicitFibres, Plies, Switch};
 use organza_volume::{FibreFootprint, Octree};
 use organza_weave::Material;
 use serde::de::{Error as _, Visitor};
@@ -34,8 +36,9 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 /// Every representation.
-pub static REPRESENTATIONS: [&Representation; 6] = [
+pub static REPRESENTATIONS: [&Representation; 7] = [
     &EXPLICIT_FIBRES,
+    &PLIES,
     &PACKED,
     &PLAIN,
     &MICROFLAKE,
@@ -75,6 +78,8 @@ pub struct Representation {
 pub enum Build {
     /// From its fibres, without voxels.
     ExplicitFibres(fn(&Fabric, &Path, Option<u64>, &Loader<'_>) -> Result<ExplicitFibres>),
+    /// From its plies, without voxels.
+    Plies(fn(&Fabric, &Path, Option<u64>, &Loader<'_>) -> Result<Plies>),
     /// From an octree of its fibres.
     Voxels(VoxelBuild),
     /// As a surface.
@@ -197,7 +202,7 @@ impl Representation {
     pub fn voxels(&self) -> Option<&VoxelBuild> {
         match &self.build {
             Build::Voxels(voxels) => Some(voxels),
-            Build::ExplicitFibres(_) | Build::Surface(_) => None,
+            Build::ExplicitFibres(_) | Build::Plies(_) | Build::Surface(_) => None,
         }
     }
 
@@ -325,6 +330,6 @@ mod tests {
         }
         let wrong = toml::Value::String("packd".into()).try_into::<ModelKey>();
         let words = wrong.unwrap_err().to_string();
-        assert!(words.starts_with("unknown variant `packd`, expected one of `fibres`"));
+        assert!(words.starts_with("unknown variant `packd`, expected one of `fibres`, `plies`"));
     }
 }

@@ -4,7 +4,7 @@ use crate::matter::collision::AnySite;
 use crate::matter::ray_target::{RayTarget, SceneMedium};
 use crate::matter::site::MediumSite;
 use crate::{
-    ExplicitFibres, FlakeOctreeMedium, GridMedium, HybridFibres, LevelledCloth, Plane,
+    ExplicitFibres, FlakeOctreeMedium, GridMedium, HybridFibres, LevelledCloth, Plane, Plies,
     SggxOctreeMedium, VirtualFibreMedium,
 };
 use glam::Vec2;
@@ -26,6 +26,8 @@ pub enum AnyMedium {
     VirtualFibres(VirtualFibreMedium),
     /// Every fibre as a curve that rays intersect.
     ExplicitFibres(ExplicitFibres),
+    /// Every ply as a curve that rays intersect.
+    Plies(Plies),
     /// Explicit fibres for the first events of a path, virtual ones for the later.
     HybridFibres(Box<HybridFibres>),
     /// A cloth in several representations, or over a mesh.
@@ -57,6 +59,7 @@ impl AnyMedium {
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::Plies(m) => m,
             AnyMedium::HybridFibres(m) => &**m,
             AnyMedium::Levelled(m) => &**m,
             AnyMedium::Plane(m) => m,
@@ -70,6 +73,7 @@ impl AnyMedium {
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
+            AnyMedium::Plies(m) => m,
             AnyMedium::HybridFibres(m) => &mut **m,
             AnyMedium::Levelled(m) => &mut **m,
             AnyMedium::Plane(m) => m,

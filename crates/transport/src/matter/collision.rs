@@ -2,6 +2,7 @@
 
 use crate::matter::explicit_fibre_site::ExplicitFibreSite;
 use crate::matter::plane::PlaneSite;
+use crate::matter::plies::PlySite;
 use crate::matter::sheet::SheetSite;
 use crate::matter::site::{MediumSite, Site};
 use crate::{FlakeOctreeMedium, GridMedium, SggxOctreeMedium, SiteInfo, VirtualFibreMedium};
@@ -28,6 +29,7 @@ pub(crate) enum AnySite<'a> {
     FlakeOctree(MediumSite<'a, FlakeOctreeMedium>),
     VirtualFibres(MediumSite<'a, VirtualFibreMedium>),
     ExplicitFibres(ExplicitFibreSite<'a>),
+    Ply(PlySite<'a>),
     Sheet(SheetSite<'a>),
     Plane(PlaneSite<'a>),
 }
@@ -40,6 +42,7 @@ impl<'a> AnySite<'a> {
             AnySite::FlakeOctree(s) => s,
             AnySite::VirtualFibres(s) => s,
             AnySite::ExplicitFibres(s) => s,
+            AnySite::Ply(s) => s,
             AnySite::Sheet(s) => s,
             AnySite::Plane(s) => s,
         }
@@ -52,6 +55,7 @@ impl<'a> AnySite<'a> {
             AnySite::FlakeOctree(s) => s,
             AnySite::VirtualFibres(s) => s,
             AnySite::ExplicitFibres(s) => s,
+            AnySite::Ply(s) => s,
             AnySite::Sheet(s) => s,
             AnySite::Plane(s) => s,
         }

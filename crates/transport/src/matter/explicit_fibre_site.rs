@@ -12,8 +12,8 @@ use organza_scatter::LobeSample;
 
 /// Where a fibre is hit.
 pub(crate) struct ExplicitFibreSite<'a> {
-    fibres: &'a ExplicitFibres,
-    hit: FibreHit,
+    pub fibres: &'a ExplicitFibres,
+    pub hit: FibreHit,
 }
 
 impl RayTarget for ExplicitFibres {

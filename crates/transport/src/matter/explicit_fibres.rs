@@ -30,7 +30,7 @@ mod tests;
 use crate::Stats;
 use curves::{Curves, count_joints};
 pub use fibre_hit::FibreHit;
-use glam::{DVec2, DVec3, UVec3, Vec3A};
+use glam::{DVec2, DVec3, UVec3, Vec3, Vec3A};
 use hierarchy::Hierarchy;
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use organza_basis::CellGrid;
@@ -284,7 +284,7 @@ impl ExplicitFibres {
     }
 
     /// The nearest entry along a ray, or any.
-    fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
+    pub(crate) fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
         let clip = self.cell_grid.clip(ray, limit)?;
         let d = ray.direction.as_dvec3();
         let t_entry = f64::from(clip.t_entry);
@@ -393,14 +393,43 @@ impl ExplicitFibres {
 
 /// An entry into a piece, in the coordinates of its copy of the tile.
 #[derive(Clone, Copy, Debug)]
-struct Found {
-    distance_mm: f64,
+pub(crate) struct Found {
+    pub distance_mm: f64,
     point: DVec3,
     piece: FibrePiece,
     index: u32,
 }
 
+/// An entry as plies take it.
+pub(crate) struct Entry {
+    /// Unit tangent of the curve.
+    pub tangent: Vec3,
+    /// From its axis to the point, across the tangent, mm.
+    pub out_mm: Vec3,
+    pub radius_mm: f32,
+    pub material: u16,
+    pub yarn: u32,
+}
+
 impl Found {
+    /// What was entered, and where.
+    pub fn entry(&self, fibres: &ExplicitFibres) -> Entry {
+        let share = self.piece.nearest(self.point);
+        let tangent = fibres.curves.tangent(self.index, share as f32);
+        let out = (self.point - self.piece.axis_point(share)).as_vec3();
+        let radius_mm = out.length();
+        // Across the tangent, which at a bend is not that of the cylinder.
+        let across = out - tangent * tangent.dot(out);
+        let strand = fibres.curves.curve_of(self.index);
+        Entry {
+            tangent,
+            out_mm: radius_mm * across.normalize_or(tangent.any_orthonormal_vector()),
+            radius_mm,
+            material: strand.material,
+            yarn: strand.yarn,
+        }
+    }
+
     fn later(self, by_mm: f64) -> Found {
         Found {
             distance_mm: self.distance_mm + by_mm,

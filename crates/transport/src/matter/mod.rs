@@ -18,6 +18,7 @@ pub(crate) mod medium;
 pub(crate) mod octree_medium;
 pub(crate) mod packing;
 pub(crate) mod plane;
+pub(crate) mod plies;
 pub(crate) mod ray_target;
 pub(crate) mod sggx_octree_medium;
 pub(crate) mod sheet;
@@ -43,6 +44,7 @@ pub use medium::Medium;
 pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use packing::PackingFactors;
 pub use plane::Plane;
+pub use plies::{Plies, PliesError};
 pub use sggx_octree_medium::{SggxFlakes, SggxOctreeMedium};
 pub use tracking::{
     Integrator, exact_transmittance, sample_collision, sample_collision_exactly,

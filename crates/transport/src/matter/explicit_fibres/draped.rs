@@ -39,6 +39,27 @@ impl ExplicitFibres {
         limit: f32,
         stats: &mut Stats,
     ) -> Option<DrapedHit> {
+        let (reach, found, span) = self.nearest_draped(over, ray, limit, stats)?;
+        stats.collisions += 1;
+        let light_direction = span.world_from_cloth.transpose() * ray.direction;
+        let direction = span.step.normalize();
+        Some(DrapedHit {
+            distance_mm: reach,
+            hit: self.describe(&found, direction, light_direction.normalize()),
+            world_from_cloth: span.world_from_cloth,
+            stretch: span.stretch,
+        })
+    }
+
+    /// The first entry of a ray in a shell before `limit` mm, how far in the world, and the
+    /// tetrahedron that it lies in.
+    pub(crate) fn nearest_draped(
+        &self,
+        over: &Draping,
+        ray: &Ray,
+        limit: f32,
+        stats: &mut Stats,
+    ) -> Option<(f32, Found, ShellSpan)> {
         let mut nearest = None;
         let mut reach = limit;
         over.shell()?.visit_spans(ray, limit, |span| {
@@ -50,16 +71,7 @@ impl ExplicitFibres {
             }
             reach
         });
-        let (found, span) = nearest?;
-        stats.collisions += 1;
-        let light_direction = span.world_from_cloth.transpose() * ray.direction;
-        let direction = span.step.normalize();
-        Some(DrapedHit {
-            distance_mm: reach,
-            hit: self.describe(&found, direction, light_direction.normalize()),
-            world_from_cloth: span.world_from_cloth,
-            stretch: span.stretch,
-        })
+        nearest.map(|(found, span)| (reach, found, span))
     }
 
     /// True when a fibre in a shell stands in the ray's way before `reach` mm.

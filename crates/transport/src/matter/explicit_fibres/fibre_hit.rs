@@ -23,7 +23,7 @@ pub struct FibreHit {
 impl ExplicitFibres {
     /// A hit of a ray along `direction`. Light arrives along `light_direction`, which
     /// differs where a map of places turns rays otherwise than directions.
-    pub(super) fn describe(
+    pub(crate) fn describe(
         &self,
         found: &Found,
         direction: Vec3,

@@ -1,0 +1,75 @@
+//! Plies: every ply of the cloth as a cylinder full of fibres.
+
+use super::{Build, Representation, Tracker};
+use crate::error::{Result, input};
+use crate::fabric_file::Fabric;
+use crate::loader::{Loader, Task};
+use crate::memory::free_memory_bytes;
+use organza_scatter::{Fibre, PlyParameters};
+use organza_transport::Plies;
+use organza_weave::PlyStrand;
+use std::path::Path;
+
+/// Plies.
+pub static PLIES: Representation = Representation {
+    name: "plies",
+    title: "plies",
+    about: "Every ply of the fabric, a cylinder that scatters as its fibres do",
+    colour: [0x2b, 0x6c, 0xb8],
+    keys: &[],
+    trackers: &[Tracker::Woodcock],
+    drapes: true,
+    is_ready: |fabric, path, _| can_be_plies(fabric, path).is_ok(),
+    check: |fabric, path, _| {
+        can_be_plies(fabric, path)?;
+        fabric.fibre_models(path).map(|_| ())
+    },
+    build: Build::Plies(plies),
+    fitted: Some(&super::virtual_fibres::FITTED_FIBRES),
+};
+
+/// The fibres of each material, for plies, and again, for hairs.
+pub(crate) fn fibres_and_hairs(fabric: &Fabric, path: &Path) -> Result<Vec<Fibre>> {
+    let fibres = fabric.fibre_models(path)?;
+    Ok([fibres.clone(), fibres].concat())
+}
+
+fn can_be_plies(fabric: &Fabric, path: &Path) -> Result<()> {
+    fabric.whole(path, "plies")?;
+    match fabric.cloth.plies().unfit() {
+        Some(part) => Err(input(format!(
+            "{}: model = \"plies\" shows no {part}; choose \"fibres\"",
+            path.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+fn plies(
+    fabric: &Fabric,
+    path: &Path,
+    max_memory_bytes: Option<u64>,
+    loader: &Loader<'_>,
+) -> Result<Plies> {
+    can_be_plies(fabric, path)?;
+    let fibres = fibres_and_hairs(fabric, path)?;
+    let source = fabric.cloth.plies();
+    let of_strand = |strand: &Option<PlyStrand>| {
+        strand.map(|s| PlyParameters {
+            radius_mm: s.radius_mm as f32,
+            fibre_radius_mm: s.fibre_radius_mm as f32,
+            fibres: s.fibres as f32,
+            twist_rad_per_mm: s.twist_rad_per_mm as f32,
+        })
+    };
+    let parameters: Vec<_> = source.strands().iter().map(of_strand).collect();
+    let task = Task::GatheringFibres {
+        fabric: path.to_owned(),
+    };
+    let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    loader
+        .run(&task, |done| {
+            Plies::new(&source, &parameters, fibres, Some(allowed), done)
+        })
+        .map_err(|e| input(format!("{}: {e}", path.display())))
+}
