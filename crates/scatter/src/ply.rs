@@ -267,7 +267,7 @@ impl PlyLobe<'_> {
     /// that sends it there, drawn in proportion.
     pub fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         let once = self.once(w_out, w_in).mean();
-        let body = self.event.body.value(w_in).mean();
+        let body = self.event.body.value(&self.ply.body, w_in).mean();
         if rng.unit() * (once + body) < once {
             // Where it was met: the place lies in the ply, which it leaves freely.
             Vec3::ZERO
@@ -315,19 +315,19 @@ fn exit_from_fibre(near: &NearField<'_>, radius_mm: f32, w_in: Vec3, rng: &mut P
 
 impl Lobe for PlyLobe<'_> {
     fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.once(w_out, w_in) + self.event.body.value(w_in)
+        self.once(w_out, w_in) + self.event.body.value(&self.ply.body, w_in)
     }
 
     fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
         let body = &self.event.body;
         let share = body.share();
-        (1.0 - share) * self.near().pdf(w_out, w_in) + share * body.pdf(w_in)
+        (1.0 - share) * self.near().pdf(w_out, w_in) + share * body.pdf(&self.ply.body, w_in)
     }
 
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let body = &self.event.body;
         let w_in = if rng.unit() < body.share() {
-            body.sample(rng)
+            body.sample(&self.ply.body, rng)
         } else {
             self.near().sample(w_out, rng)?.w_in
         };

@@ -76,8 +76,9 @@ pub struct BodyEvent {
     share: f32,
     /// Turns the inclinations of the table to those of the event: 1 or -1.
     sense: f32,
-    along: Along,
-    about: About,
+    /// Cells of the tables of what leaves.
+    inclination: u8,
+    place: u8,
 }
 
 impl Body {
@@ -170,15 +171,14 @@ impl Body {
         }
         let azimuth = sense * TAU * (place as f32 + rng.unit()) / PLACES as f32;
         let sent = cell.sent[place];
-        let is_across = usize::from(azimuth.cos() > 0.0);
         BodyEvent {
             frame,
             azimuth_rad: wrap(azimuth),
             colour: sent * (total / sent.mean().max(f32::MIN_POSITIVE)),
             share: total / (total + cell.once).max(f32::MIN_POSITIVE),
             sense,
-            along: self.along[inclination][is_across],
-            about: self.about[inclination][place],
+            inclination: inclination as u8,
+            place: place as u8,
         }
     }
 }
@@ -217,24 +217,34 @@ impl BodyEvent {
         self.frame.across(self.azimuth_rad)
     }
 
-    /// Density of directions, 1/sr.
-    pub fn pdf(&self, w_in: Vec3) -> f32 {
+    /// Of the body whose event it is.
+    fn along<'a>(&self, body: &'a Body) -> &'a Along {
+        let is_across = usize::from(self.azimuth_rad.cos() > 0.0);
+        &body.along[usize::from(self.inclination)][is_across]
+    }
+
+    fn about<'a>(&self, body: &'a Body) -> &'a About {
+        &body.about[usize::from(self.inclination)][usize::from(self.place)]
+    }
+
+    /// Density of directions, 1/sr, of an event of this body.
+    pub fn pdf(&self, body: &Body, w_in: Vec3) -> f32 {
         let angles = self.frame.angles(w_in);
         let turn = wrap(self.sense * (angles.azimuth_rad - self.azimuth_rad)) / PI + 0.5;
         let along = 0.5 * (self.sense * angles.sin + 1.0);
-        hat_density(&self.about, turn) / PI * (0.5 * hat_density(&self.along, along))
+        hat_density(self.about(body), turn) / PI * (0.5 * hat_density(self.along(body), along))
     }
 
     /// What is sent, per steradian.
-    pub fn value(&self, w_in: Vec3) -> Rgb {
-        self.colour * self.pdf(w_in)
+    pub fn value(&self, body: &Body, w_in: Vec3) -> Rgb {
+        self.colour * self.pdf(body, w_in)
     }
 
     /// A direction by [`BodyEvent::pdf`].
-    pub fn sample(&self, rng: &mut PathRng) -> Vec3 {
-        let sin = 2.0 * draw_hat(&self.along, rng) - 1.0;
+    pub fn sample(&self, body: &Body, rng: &mut PathRng) -> Vec3 {
+        let sin = 2.0 * draw_hat(self.along(body), rng) - 1.0;
         let sin = self.sense * sin.clamp(-1.0, 1.0);
-        let turn = self.sense * PI * (draw_hat(&self.about, rng) - 0.5);
+        let turn = self.sense * PI * (draw_hat(self.about(body), rng) - 0.5);
         self.frame.direction(&FibreAngles {
             sin,
             cos: (1.0 - sin * sin).max(0.0).sqrt(),
