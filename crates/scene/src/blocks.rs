@@ -1,13 +1,23 @@
 //! The voxels of a cloth of blocks, from those of its exemplar.
 
 use glam::{UVec2, UVec3};
-use organza_volume::{BlockCut, BlockLayout, Error, Octree};
+use organza_volume::{BlockCut, BlockLayout, Error, Octree, Parts};
 use organza_weave::{Cloth, Synthesis};
 
+/// The crossings of the exemplar, of which those are needed that the blocks show.
+pub fn parts(synthesis: &Synthesis) -> Parts {
+    let shown = synthesis.blocks.iter().map(|b| place(b.place));
+    Parts::some(crossings(synthesis), shown)
+}
+
 /// Crossings of the exemplar along x and y.
-pub fn parts(synthesis: &Synthesis) -> UVec2 {
+fn crossings(synthesis: &Synthesis) -> UVec2 {
     let exemplar = &synthesis.exemplar;
-    UVec2::new(exemplar.ends() as u32, exemplar.picks() as u32)
+    place([exemplar.ends(), exemplar.picks()])
+}
+
+fn place([end, pick]: [usize; 2]) -> UVec2 {
+    UVec2::new(end as u32, pick as u32)
 }
 
 /// The cloth of a design, cut from the octree of its exemplar.
@@ -20,7 +30,7 @@ pub fn cut(
     synthesis: &Synthesis,
     allowed: u64,
 ) -> Result<Octree, Error> {
-    let parts = parts(synthesis);
+    let parts = crossings(synthesis);
     let dims = octree.dims(0);
     let block = UVec3::new(dims.x / parts.x, dims.y / parts.y, dims.z);
     let share = synthesis.blocks.len() as f64 / parts.as_dvec2().element_product();
@@ -36,7 +46,7 @@ pub fn cut(
     let layout = BlockLayout::new(crossings, block, synthesis.index.clone());
     let layout = layout.map_err(Error::Options)?;
     let cuts = synthesis.blocks.iter().map(|b| BlockCut {
-        low: UVec2::new(b.place[0] as u32, b.place[1] as u32) * block.truncate(),
+        low: place(b.place) * block.truncate(),
     });
     let cuts: Vec<BlockCut> = cuts.collect();
     Octree::of_blocks(octree, &cuts, layout, &|block, yarn, material| {

@@ -1,10 +1,13 @@
 //! Where the blocks of a cloth of two levels lie.
 
+use crate::division::Divisor;
 use glam::{UVec2, UVec3};
 use std::sync::Arc;
 
 /// Most crossings along one axis of a cloth of blocks.
 pub const MAX_CROSSINGS: u32 = 1 << 14;
+/// Most voxels along one axis of the whole cloth.
+const MAX_VOXELS: u64 = 1 << 31;
 
 /// A cloth of crossings, each of which shows one of a few blocks of voxels.
 ///
@@ -17,6 +20,8 @@ pub struct BlockLayout {
     crossings: UVec2,
     /// Finest voxels of a block.
     block: UVec3,
+    /// The same along x and y, to divide by.
+    per_block: [Divisor; 2],
     /// The block of each crossing, x fastest.
     index: Arc<[u32]>,
     /// A crossing that shows each block.
@@ -35,6 +40,13 @@ impl BlockLayout {
             return Err(format!(
                 "{crossings} crossings of {block} voxels; expected 1 to {MAX_CROSSINGS} along \
                  each axis"
+            ));
+        }
+        let voxels = crossings.as_u64vec2() * block.truncate().as_u64vec2();
+        if voxels.max_element() > MAX_VOXELS || u64::from(block.z) > MAX_VOXELS {
+            return Err(format!(
+                "{crossings} crossings of {block} voxels; expected at most {MAX_VOXELS} voxels \
+                 along each axis"
             ));
         }
         let count = u64::from(crossings.x) * u64::from(crossings.y);
@@ -62,6 +74,7 @@ impl BlockLayout {
         Ok(BlockLayout {
             crossings,
             block,
+            per_block: [Divisor::new(block.x), Divisor::new(block.y)],
             index: index.into(),
             shown_at: shown_at.into(),
         })
@@ -116,7 +129,10 @@ impl BlockLayout {
     #[inline]
     pub fn stored(&self, level: u8, cell: UVec3) -> UVec3 {
         let block = self.block >> u32::from(level);
-        let crossing = cell.truncate() / block.truncate();
+        // Blocks are whole cells of every level.
+        let finest = cell.truncate() << u32::from(level);
+        let [x, y] = self.per_block;
+        let crossing = UVec2::new(x.quotient(finest.x), y.quotient(finest.y));
         let number = self.index[(crossing.x + self.crossings.x * crossing.y) as usize];
         UVec3::new(
             cell.x - crossing.x * block.x,
@@ -170,5 +186,7 @@ mod tests {
             assert!(new(wrong.clone()).is_err(), "{wrong:?}");
         }
         assert!(BlockLayout::new(UVec2::ZERO, UVec3::ONE, Vec::new()).is_err());
+        let large = UVec3::new(1 << 31, 1, 1);
+        assert!(BlockLayout::new(UVec2::new(2, 1), large, vec![0, 0]).is_err());
     }
 }

@@ -6,6 +6,7 @@
 use crate::Error;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{BLOCK, Lattice};
+use crate::parts::Parts;
 use glam::{DVec3, IVec3};
 use organza_basis::{Segment, SegmentSource};
 use std::collections::HashMap;
@@ -60,16 +61,18 @@ impl Routed {
     }
 }
 
-/// Sorts all segments of a batch, whose pieces may take `max_bytes`.
+/// Sorts all segments of a batch, whose pieces may take `max_bytes`. Pieces outside the needed
+/// parts of the tile are left out.
 pub fn route(
     source: &dyn SegmentSource,
     batch: usize,
-    lattice: &Lattice,
+    (lattice, parts): (&Lattice, Option<&Parts>),
     footprint: FibreFootprint,
     max_bytes: u64,
 ) -> Result<Routed, Error> {
     let mut router = Router {
         lattice,
+        parts,
         footprint,
         max_bytes,
         pieces: Vec::new(),
@@ -86,6 +89,7 @@ pub fn route(
 
 struct Router<'a> {
     lattice: &'a Lattice,
+    parts: Option<&'a Parts>,
     footprint: FibreFootprint,
     max_bytes: u64,
     pieces: Vec<RoutePiece>,
@@ -208,6 +212,11 @@ impl Router<'_> {
         for y in first.y..=last.y {
             for x in first.x..=last.x {
                 let shift = IVec3::new(x, y, 0) * dims;
+                if let Some(parts) = self.parts
+                    && !parts.needs(self.lattice.dims, low - shift, high - shift)
+                {
+                    continue;
+                }
                 let id = self.pieces.len() as u64;
                 self.pieces.push(RoutePiece {
                     start: p.start - shift.as_dvec3(),

@@ -10,9 +10,9 @@ use crate::fold::fold;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, brick_at, bricks_across};
 use crate::octree::build::{Assembly, Scales, build_block};
+use crate::parts::Parts;
 use crate::route::{RoutePiece, Routed, route};
 use crate::{Error, Octree};
-use glam::UVec2;
 use organza_basis::SegmentSource;
 use rayon::prelude::*;
 use std::sync::Mutex;
@@ -66,7 +66,7 @@ pub fn voxelize(
     if options.max_memory_bytes.is_some() {
         return Plan::new(source, options)?.run(progress);
     }
-    run(source, &lattice, options, progress)
+    run(source, (&lattice, None), options, progress)
 }
 
 /// A voxelization that has not begun.
@@ -74,6 +74,7 @@ pub struct Plan<'a> {
     source: &'a dyn SegmentSource,
     options: VoxelizeOptions,
     lattice: Lattice,
+    parts: Option<Parts>,
     memory_bytes: u64,
 }
 
@@ -87,29 +88,40 @@ impl<'a> Plan<'a> {
         source: &'a dyn SegmentSource,
         options: &VoxelizeOptions,
     ) -> Result<Plan<'a>, Error> {
-        Plan::of_parts(source, UVec2::ONE, options)
+        let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
+        Plan::on(lattice, source, None, options)
     }
 
-    /// The same for a tile of so many equal parts along x and y, each of which is to be whole
-    /// voxels of every level.
+    /// The same for a tile of equal parts, each of which is to be whole voxels of every level.
+    /// Voxels outside the needed parts are incomplete or empty.
     ///
     /// # Errors
     /// As [`Plan::new`].
     pub fn of_parts(
         source: &'a dyn SegmentSource,
-        parts: UVec2,
+        parts: Parts,
         options: &VoxelizeOptions,
     ) -> Result<Plan<'a>, Error> {
-        let tile = source.tile();
-        let lattice = Lattice::of_parts(&tile, parts, options.voxel_mm, options.levels)?;
+        let (tile, count) = (source.tile(), parts.count());
+        let lattice = Lattice::of_parts(&tile, count, options.voxel_mm, options.levels)?;
+        Plan::on(lattice, source, Some(parts), options)
+    }
+
+    fn on(
+        lattice: Lattice,
+        source: &'a dyn SegmentSource,
+        parts: Option<Parts>,
+        options: &VoxelizeOptions,
+    ) -> Result<Plan<'a>, Error> {
         let mut plan = Plan {
             source,
             options: *options,
             lattice,
+            parts,
             memory_bytes: table_bytes(&lattice),
         };
         plan.check(options.max_memory_bytes.unwrap_or(u64::MAX))?;
-        plan.memory_bytes += sampled_bytes(source, &lattice, options)?;
+        plan.memory_bytes += sampled_bytes(source, plan.space(), options)?;
         plan.check(options.max_memory_bytes.unwrap_or(u64::MAX))?;
         Ok(plan)
     }
@@ -122,6 +134,10 @@ impl<'a> Plan<'a> {
     /// Estimated peak memory, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.memory_bytes
+    }
+
+    fn space(&self) -> Space<'_> {
+        (&self.lattice, self.parts.as_ref())
     }
 
     fn check(&self, allowed: u64) -> Result<(), Error> {
@@ -143,17 +159,20 @@ impl<'a> Plan<'a> {
     /// For segments that are not finite or lie outside a tile that does not
     /// repeat.
     pub fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
-        run(self.source, &self.lattice, &self.options, progress)
+        run(self.source, self.space(), &self.options, progress)
     }
 }
 
+/// The voxels, and the parts of the tile that are needed; all of them if none are given.
+type Space<'a> = (&'a Lattice, Option<&'a Parts>);
+
 fn run(
     source: &dyn SegmentSource,
-    lattice: &Lattice,
+    space: Space<'_>,
     options: &VoxelizeOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Octree, Error> {
-    let mut tile = Tiled::new(lattice, options.footprint);
+    let mut tile = Tiled::new(space.0, options.footprint);
     let max_bytes = options.max_memory_bytes.unwrap_or(u64::MAX);
     let threads = rayon::current_num_threads();
     let count = source.batch_count();
@@ -162,7 +181,7 @@ fn run(
     while done < count {
         let routed: Vec<Routed> = (done..count.min(done + at_a_time))
             .into_par_iter()
-            .map(|batch| route(source, batch, lattice, options.footprint, max_bytes))
+            .map(|batch| route(source, batch, space, options.footprint, max_bytes))
             .collect::<Result<_, Error>>()?;
         done += routed.len();
         let largest = routed.iter().map(|r| r.pieces.len()).max().unwrap_or(0);
@@ -332,9 +351,10 @@ fn table_bytes(lattice: &Lattice) -> u64 {
 /// Bytes of everything else, under the assumption that no two batches share a voxel.
 fn sampled_bytes(
     source: &dyn SegmentSource,
-    lattice: &Lattice,
+    space: Space<'_>,
     options: &VoxelizeOptions,
 ) -> Result<u64, Error> {
+    let lattice = space.0;
     let batches = source.batch_count();
     let sample = batches.div_ceil(16).min(8);
     let max_bytes = options.max_memory_bytes.unwrap_or(u64::MAX);
@@ -343,7 +363,7 @@ fn sampled_bytes(
     for i in 0..sample {
         // The middle of each equal part of the batches.
         let batch = (2 * i + 1) * batches / (2 * sample);
-        let routed = route(source, batch, lattice, options.footprint, max_bytes)?;
+        let routed = route(source, batch, space, options.footprint, max_bytes)?;
         waiting += routed.bytes();
         largest = largest.max(routed.bytes());
         pieces += routed.pieces.len();

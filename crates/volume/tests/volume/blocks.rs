@@ -2,17 +2,21 @@ use crate::cloth::PlainWeave;
 use glam::{UVec2, UVec3, Vec3};
 use organza_basis::Budget;
 use organza_volume::voxelize::Plan;
-use organza_volume::{BlockCut, BlockLayout, Octree, VoxelizeOptions, ovox};
+use organza_volume::{BlockCut, BlockLayout, Octree, Parts, VoxelizeOptions, ovox};
 
 const ENDS: u32 = 4;
 
 fn exemplar() -> Octree {
+    of_parts(Parts::all(UVec2::splat(ENDS)))
+}
+
+fn of_parts(parts: Parts) -> Octree {
     let weave = PlainWeave::cotton(ENDS);
     let options = VoxelizeOptions {
         voxel_mm: 0.024,
         ..VoxelizeOptions::default()
     };
-    let plan = Plan::of_parts(&weave, UVec2::splat(ENDS), &options).unwrap();
+    let plan = Plan::of_parts(&weave, parts, &options).unwrap();
     plan.run(&|_| {}).unwrap()
 }
 
@@ -150,4 +154,32 @@ fn blocks_that_do_not_fit_are_refused() {
     assert!(one(block, exemplar.dims(0).truncate()).is_err());
     assert!(one(block - UVec3::Z, UVec2::ZERO).is_err());
     assert!(one(block + UVec3::X, UVec2::ZERO).is_err());
+}
+
+#[test]
+fn needed_parts_are_those_of_the_whole() {
+    let whole = exemplar();
+    let needed = UVec2::new(2, 1);
+    let some = of_parts(Parts::some(UVec2::splat(ENDS), [needed].into_iter()));
+    let block = block_voxels(&whole);
+    let (mut inside, mut outside) = (0.0, 0.0);
+    for level in 0..whole.level_count() {
+        for_each_cell(&whole, level, |cell| {
+            let [all, part] = [&whole, &some].map(|tree| tree.broadside_per_mm(level, cell));
+            let at = (cell.truncate() << u32::from(level)) / block.truncate();
+            if at == needed {
+                // A step of stored lengths is 5.6e-5 per mm here; errors of rounding are passed on.
+                assert!((all - part).abs() <= 8.0 * 5.6e-5, "{cell}: {all}, {part}");
+                inside += all;
+            } else {
+                assert!(part <= all * 1.0001);
+                outside += part;
+            }
+        });
+    }
+    // Pieces that reach into the part are kept whole.
+    assert!(
+        inside > 0.0 && outside < 5.0 * inside,
+        "{inside}, {outside}"
+    );
 }
