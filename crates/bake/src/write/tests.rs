@@ -183,6 +183,57 @@ fn textures_hold_what_was_measured() {
     );
 }
 
+/// Names of the chunks of a PNG, which says what its values are by some of them [PNG2025].
+fn chunks(png: &[u8]) -> Vec<String> {
+    let mut rest = &png[8..];
+    let mut names = Vec::new();
+    while let Some((head, after)) = rest.split_first_chunk::<8>() {
+        names.push(String::from_utf8_lossy(&head[4..]).into_owned());
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        rest = &after[length + 4..];
+    }
+    names
+}
+
+#[test]
+fn colours_are_marked_as_srgb_and_numbers_are_not_marked() {
+    const OF_COLOUR: [&str; 6] = ["sRGB", "gAMA", "cHRM", "iCCP", "cICP", "mDCV"];
+    let stated = |bytes: &[u8]| {
+        let names = chunks(bytes).into_iter();
+        names
+            .filter(|name| OF_COLOUR.contains(&name.as_str()))
+            .collect::<Vec<_>>()
+    };
+    let (files, textures) = files();
+    assert_eq!(textures.len(), 12);
+    let mut colours = 0;
+    for (name, meaning) in &textures {
+        let (_, bytes) = files.iter().find(|(file, _)| file == name).unwrap();
+        assert_eq!(chunks(bytes).last().unwrap(), "IEND", "{name}");
+        if meaning.contains("sRGB") {
+            assert_eq!(stated(bytes), ["sRGB", "gAMA"], "{name}");
+            colours += 1;
+        } else {
+            assert!(stated(bytes).is_empty(), "{name}: {:?}", stated(bytes));
+        }
+    }
+    assert_eq!(colours, 3);
+    // The materials say the same of the same files.
+    let materialx = String::from_utf8(file("material.mtlx")).unwrap();
+    assert_eq!(materialx.matches("srgb_texture").count(), 3);
+    // A glTF material gives its images their meaning; they state nothing themselves.
+    let glb = file("material.glb");
+    let read = gltf::Gltf::from_slice(&glb).unwrap();
+    let bin = read.blob.as_ref().unwrap();
+    for image in read.images() {
+        let gltf::image::Source::View { view, .. } = image.source() else {
+            panic!("an image outside of the file");
+        };
+        let bytes = &bin[view.offset()..view.offset() + view.length()];
+        assert!(stated(bytes).is_empty(), "{:?}", image.name());
+    }
+}
+
 #[test]
 fn names_are_those_that_all_formats_allow() {
     assert_eq!(plain_name("silk organza"), "silk_organza");

@@ -5,8 +5,8 @@ use crate::maps::Maps;
 use crate::model::{OPENPBR, Parameters, Surface};
 use crate::texel::Texel;
 use glam::{UVec2, Vec3};
-use image::{ExtendedColorType, ImageEncoder};
 use organza_basis::Rgb;
+use png::{BitDepth, ColorType};
 use std::f32::consts::{FRAC_PI_4, PI};
 
 /// The folder of the textures, beside the materials that name them.
@@ -23,6 +23,11 @@ pub struct TextureFile {
     pub bytes: Vec<u8>,
 }
 
+const GREY8: (ColorType, BitDepth) = (ColorType::Grayscale, BitDepth::Eight);
+const GREY16: (ColorType, BitDepth) = (ColorType::Grayscale, BitDepth::Sixteen);
+const RGB8: (ColorType, BitDepth) = (ColorType::Rgb, BitDepth::Eight);
+const RGBA8: (ColorType, BitDepth) = (ColorType::Rgba, BitDepth::Eight);
+
 /// One 8-bit value of a share.
 fn byte(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
@@ -37,15 +42,47 @@ fn normal(value: Vec3) -> [u8; 3] {
     (0.5 * value + Vec3::splat(0.5)).to_array().map(byte)
 }
 
-/// Encodes 8-bit channels, or 16-bit ones in the order of the machine.
+/// What the values of a PNG are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Values {
+    /// Colours, encoded as sRGB: the file says so by the chunk `sRGB`, and by `gAMA` for
+    /// programs that do not know that one [PNG2025].
+    Colours,
+    /// Numbers in proportion to what they mean. The file states no colour space: a program
+    /// that obeys one would change the numbers. The material that names the file says how
+    /// to read it.
+    Numbers,
+    /// Either, inside a glTF file, whose materials fix the meaning: readers must ignore what
+    /// images state about colour [glTF2021], so they state nothing.
+    OfGltf,
+}
+
+/// `gAMA` of sRGB, in units of 1/100000 [PNG2025].
+const SRGB_GAMMA: u32 = 45_455;
+
+/// Encodes channels of 8 bits, or of 16 bits with the high byte first, in rows from the top.
 ///
 /// # Errors
 /// Pixels that do not fill the size, or no memory for the file.
-pub fn png(size: UVec2, pixels: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>, WriteError> {
+fn png(
+    size: UVec2,
+    pixels: &[u8],
+    (kind, depth): (ColorType, BitDepth),
+    values: Values,
+) -> Result<Vec<u8>, WriteError> {
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
-        .write_image(pixels, size.x, size.y, kind)
-        .map_err(|e| WriteError::Encoding(e.to_string()))?;
+    let mut encoder = png::Encoder::new(&mut bytes, size.x, size.y);
+    encoder.set_color(kind);
+    encoder.set_depth(depth);
+    if values == Values::Colours {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        encoder.set_source_gamma(png::ScaledFloat::from_scaled(SRGB_GAMMA));
+    }
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(pixels)?;
+        writer.finish()
+    });
+    written.map_err(|e| WriteError::Encoding(e.to_string()))?;
     Ok(bytes)
 }
 
@@ -68,18 +105,18 @@ pub fn texture_files(
     let grey = |value: &dyn Fn(&Texel, &Surface) -> f32| {
         let pairs = maps.texels.iter().zip(&surfaces);
         let bytes: Vec<u8> = pairs.map(|(t, s)| byte(value(t, s))).collect();
-        png(maps.size, &bytes, ExtendedColorType::L8)
+        png(maps.size, &bytes, GREY8, Values::Numbers)
     };
-    let rgb = |value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
+    let rgb = |values: Values, value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
         let pairs = maps.texels.iter().zip(&surfaces);
         let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
-        png(maps.size, &bytes, ExtendedColorType::Rgb8)
+        png(maps.size, &bytes, RGB8, values)
     };
     let (low, high) = maps.height_range_mm();
     let height: Vec<u8> = maps
         .height_mm
         .iter()
-        .flat_map(|h| (((h - low) / (high - low) * 65535.0 + 0.5) as u16).to_ne_bytes())
+        .flat_map(|h| (((h - low) / (high - low) * 65535.0 + 0.5) as u16).to_be_bytes())
         .collect();
     let file = |name, meaning, bytes| TextureFile {
         name,
@@ -90,7 +127,7 @@ pub fn texture_files(
         file(
             "base_color.png",
             "measured colour, sRGB: light reflected from a bright sky, without what is transmitted",
-            rgb(&|t, _| colour(t.base()))?,
+            rgb(Values::Colours, &|t, _| colour(t.base()))?,
         ),
         file(
             "opacity.png",
@@ -100,17 +137,17 @@ pub fn texture_files(
         file(
             "normal.png",
             "normal of the threads, (n + 1) / 2, green along the warp, whole relief",
-            rgb(&|t, _| normal(t.normal(1.0)))?,
+            rgb(Values::Numbers, &|t, _| normal(t.normal(1.0)))?,
         ),
         file(
             "normal_preview.png",
             "the same with the relief of the USD material",
-            rgb(&|t, _| normal(t.normal(relief as f32)))?,
+            rgb(Values::Numbers, &|t, _| normal(t.normal(relief as f32)))?,
         ),
         file(
             "height.png",
             "height of the threads between height_mm of bake.json, 16 bits",
-            png(maps.size, &height, ExtendedColorType::L16)?,
+            png(maps.size, &height, GREY16, Values::Numbers)?,
         ),
         file(
             "roughness.png",
@@ -131,7 +168,7 @@ pub fn texture_files(
         file(
             "sheen.png",
             "colour of the sheen without its weight, sRGB",
-            rgb(&|t, _| colour(t.hue()))?,
+            rgb(Values::Colours, &|t, _| colour(t.hue()))?,
         ),
         file(
             "diffuse_transmission.png",
@@ -141,7 +178,7 @@ pub fn texture_files(
         file(
             "diffuse_transmission_color.png",
             "colour of the transmitted light, sRGB, its strongest channel one",
-            rgb(&|t, _| colour(t.transmission_hue()))?,
+            rgb(Values::Colours, &|t, _| colour(t.transmission_hue()))?,
         ),
         file(
             "specular.png",
@@ -162,12 +199,12 @@ pub fn gltf_textures(
     let rgba = |value: &dyn Fn(&Texel, &Surface) -> [u8; 4]| {
         let pairs = maps.texels.iter().zip(surfaces);
         let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
-        png(maps.size, &bytes, ExtendedColorType::Rgba8)
+        png(maps.size, &bytes, RGBA8, Values::OfGltf)
     };
     let rgb = |value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
         let pairs = maps.texels.iter().zip(surfaces);
         let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
-        png(maps.size, &bytes, ExtendedColorType::Rgb8)
+        png(maps.size, &bytes, RGB8, Values::OfGltf)
     };
     let with_alpha = |c: [u8; 3], a: f32| [c[0], c[1], c[2], byte(a)];
     Ok(vec![
