@@ -18,6 +18,7 @@ import sys
 import tempfile
 import threading
 import time
+import zlib
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
@@ -108,6 +109,18 @@ class Page:
         field.press("Tab")
 
 
+def stripe(path):
+    """A picture of four pixels: red, white, red, white."""
+    def chunk(name, data):
+        body = name + data
+        return len(data).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+
+    head = (4).to_bytes(4, "big") + (1).to_bytes(4, "big") + bytes([8, 2, 0, 0, 0])
+    row = b"\0" + 2 * (bytes([180, 20, 20]) + bytes(3 * [255]))
+    parts = [chunk(b"IHDR", head), chunk(b"IDAT", zlib.compress(row)), chunk(b"IEND", b"")]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+
+
 def done(what):
     print(f"view: {what}", flush=True)
 
@@ -150,6 +163,48 @@ def check_controls(page):
     page.until("a message at the field", "() => [...document.querySelectorAll('.field .error')]"
                ".some(e => !e.hidden && /spp: expected a whole number from 1/.test(e.innerText))")
     done("fields change the picture; what is wrong is told where it was typed; undo")
+
+
+def check_cloth(page):
+    """Finishes, irregularity, pile, print and the exposure in use, as a person sets them."""
+    fabric = lambda: page.session()["document"]["fabrics"][0]["table"]
+
+    def choose(label, option):
+        revision = page.session()["document"]["revision"]
+        page.tab.get_by_role("combobox", name=label, exact=True).first.select_option(option)
+        page.until(f"{label}: {option}", "async () => { const { document: d } = await (await fetch('news?after=0&known=0')).json();"
+                   f"return d.revision > {revision}; }}")
+
+    page.tab.evaluate("() => { for (const d of document.querySelectorAll('details')) d.open = true; }")
+    yarn = page.session()["document"]["fabrics"][0]["table"]["warp"]["yarn"]
+    choose("Irregularity", "ring-spun cotton")
+    choose("Finish", "singed")
+    choose("Finish 2", "mercerised")
+    own = fabric()["yarn"][yarn]
+    assert (own["irregularity"], own["finish"]) == ("ring-spun cotton", ["singed", "mercerised"]), own
+    choose("Finish", "")
+    choose("Finish", "")
+    choose("Irregularity", "")
+    assert not {"irregularity", "finish"} & set(fabric()["yarn"][yarn])
+    choose("Pile", "cut")
+    page.set("Pile height", 0.8)
+    page.until("a pile", "async () => { const { document: d } = await (await fetch('news?after=0&known=0')).json();"
+               "return d.fabrics[0].table.pile?.height_mm === 0.8; }")
+    choose("Pile", "")
+    choose("Print", "stripe.png")
+    page.until_full()
+    choose("Printed side", "both")
+    assert fabric()["print"] == {"image": "stripe.png", "side": "both"}, fabric()["print"]
+    choose("Print", "")
+    assert not {"pile", "print"} & set(fabric())
+    choose("Expose", "auto")
+    page.until("the exposure in use", "() => /^[+\u2212]\\d+\\.\\d\\d stops$/.test(document.querySelector('#exposure-in-use').textContent)")
+    shown = page.tab.inner_text("#exposure-in-use")
+    choose("Expose", "stops")
+    kept = page.session()["document"]["scene"]["render"]["exposure"]
+    assert abs(kept - float(shown.removesuffix(" stops").replace("\u2212", "-"))) < 0.0051, (kept, shown)
+    page.set("Exposure", 0.5)
+    done(f"finishes, irregularity, pile and print have fields; automatic exposure shows {shown}")
 
 
 def check_camera(page):
@@ -318,6 +373,7 @@ def main():
         shots = arguments.out or folder
         shots.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "scenes/fabrics/denim.toml", folder)
+        stripe(folder / "stripe.png")
         browser = playwright.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
         print(f"Chromium {browser.version}")
         context = browser.new_context(viewport={"width": 1360, "height": 860})
@@ -329,6 +385,7 @@ def main():
             page.set("Size x", 320)
             page.set("Size y", 240)
             check_controls(page)
+            check_cloth(page)
             check_camera(page)
             check_drafts(page, folder)
             check_tabs(context, page, address)

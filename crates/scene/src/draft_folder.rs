@@ -1,14 +1,26 @@
-//! The drafts of one folder, for those who may read nothing outside it.
+//! The drafts and pictures of one folder, for those who may read nothing outside it.
 
 use crate::error::InputError;
 use std::path::{Component, Path};
 
-/// Files of the folder that are looked at, and drafts that are listed, at most.
+/// Files of the folder that are looked at, and files that are listed, at most.
 const MAX_FILES: usize = 10_000;
-const MAX_DRAFTS: usize = 500;
+const MAX_LISTED: usize = 500;
 
 /// The drafts (`.wif`) of a folder, in the order of their names.
 pub fn drafts(folder: &Path) -> Vec<String> {
+    listed(folder, &[".wif"])
+}
+
+/// The pictures of a folder that can be printed on cloth, in the order of their names.
+pub fn pictures(folder: &Path) -> Vec<String> {
+    listed(folder, &PICTURES)
+}
+
+/// Endings of the pictures that `organza_picture` reads.
+const PICTURES: [&str; 3] = [".png", ".exr", ".hdr"];
+
+fn listed(folder: &Path, endings: &[&str]) -> Vec<String> {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return Vec::new();
     };
@@ -16,12 +28,17 @@ pub fn drafts(folder: &Path) -> Vec<String> {
         .take(MAX_FILES)
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> = names
-        .filter(|name| name.to_ascii_lowercase().ends_with(".wif"))
+        .filter(|name| has_ending(name, endings))
         .filter(|name| is_inside(folder, name))
         .collect();
     names.sort();
-    names.truncate(MAX_DRAFTS);
+    names.truncate(MAX_LISTED);
     names
+}
+
+fn has_ending(name: &str, endings: &[&str]) -> bool {
+    let name = name.to_ascii_lowercase();
+    endings.iter().any(|ending| name.ends_with(ending))
 }
 
 /// Whether a name is that of a file that lies in the folder itself, links followed.
@@ -32,14 +49,37 @@ fn is_inside(folder: &Path, name: &str) -> bool {
     is_plain_name(name) && file.parent() == Some(folder.as_path()) && file.is_file()
 }
 
-/// A file of the folder, as a fabric of this path names it.
+/// A draft of the folder, as a fabric of this path names it.
 ///
 /// # Errors
 /// There is no such file in the folder.
 pub fn named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, InputError> {
+    file_named_from(fabric, folder, name, "draft")
+}
+
+/// A picture of the folder, as a fabric of this path names it.
+///
+/// # Errors
+/// There is no such picture in the folder.
+pub fn picture_named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, InputError> {
+    if !has_ending(name, &PICTURES) {
+        let expected = PICTURES.join(", ");
+        return Err(InputError(format!(
+            "{name}: expected a picture ({expected})"
+        )));
+    }
+    file_named_from(fabric, folder, name, "picture")
+}
+
+fn file_named_from(
+    fabric: &Path,
+    folder: &Path,
+    name: &str,
+    what: &str,
+) -> Result<String, InputError> {
     if !is_inside(folder, name) {
         return Err(InputError(format!(
-            "{name}: there is no such draft in {}",
+            "{name}: there is no such {what} in {}",
             folder.display()
         )));
     }
@@ -95,6 +135,26 @@ mod tests {
             "first_light.wif",
         );
         assert!(Path::new(&elsewhere.unwrap()).is_absolute());
+    }
+
+    #[test]
+    fn pictures_are_listed_by_their_endings() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["rose.PNG", "field.exr", "notes.txt", "draft.wif"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(pictures(folder.path()), ["field.exr", "rose.PNG"]);
+        let from = folder.path().join("fabric.toml");
+        let named = |name: &str| picture_named_from(&from, folder.path(), name);
+        assert_eq!(named("rose.PNG").unwrap(), "rose.PNG");
+        for (name, words) in [
+            ("notes.txt", "expected a picture (.png, .exr, .hdr)"),
+            ("../rose.PNG", "there is no such picture"),
+            ("lily.png", "there is no such picture"),
+        ] {
+            let refused = named(name).unwrap_err().to_string();
+            assert!(refused.contains(words), "{name}: {refused}");
+        }
     }
 
     #[cfg(unix)]

@@ -5,6 +5,7 @@ use crate::error::{Result, input};
 pub use crate::fabric_table::{FabricFile, VoxelTable};
 use crate::fibre_model;
 use crate::file_kind::Wanted;
+use crate::finish_optics;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
@@ -162,7 +163,10 @@ fn build(
             .print(spec, &image)
             .map_err(|e| input(format!("{}: {e}", path.display())))?;
     }
-    let optics = vec![file.optics.clone()];
+    let optics = match file.ideal {
+        true => vec![file.optics.clone()],
+        false => finish_optics::finished(&file.optics, &file.yarn),
+    };
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
     Ok((cloth, synthesis, optics))

@@ -20,6 +20,7 @@ mod fabric_volume;
 pub mod far_table;
 mod fibre_model;
 pub mod file_kind;
+mod finish_optics;
 mod given_files;
 pub mod level;
 pub mod light_pictures;

@@ -32,7 +32,7 @@ const SAME_COLOUR: f32 = 0.005;
 
 /// One table, or a list with one table per colour of thread.
 #[derive(Clone, Debug, Default)]
-pub struct OpticsList(Vec<OpticsTable>);
+pub struct OpticsList(pub(crate) Vec<OpticsTable>);
 
 /// `[optics.YARN]`: micro-flakes read `albedo` and a width, virtual scattering the
 /// others. Every key may be left out.

@@ -28,6 +28,56 @@ function draftName(table) {
   return draft.weave ?? draft.wif ?? (draft.knit && `knit: ${draft.knit}`) ?? (draft.drawdown && "drawdown") ?? (draft.curves && `curves: ${draft.curves}`);
 }
 
+/** Finishes in their order: a field for each, and one for the next. */
+function finishes(i, name, yarn, known) {
+  const own = [].concat(yarn.finish ?? []);
+  const send = (k, finish) => {
+    const list = own.slice();
+    list.splice(k, 1, ...(finish ? [finish] : []));
+    return fabric(i, "yarn", name, "finish")(list.length ? list : null);
+  };
+  return [...own, ""].map((finish, k) => {
+    const label = k === 0 ? "Finish" : `Finish ${k + 1}`;
+    return fields.choice(label, finish, [["", k === 0 ? "none" : "no other"], ...known], (chosen) => send(k, chosen));
+  });
+}
+
+function pile(document, i) {
+  const table = document.fabrics[i].table.pile;
+  const kinds = [["", "none"], ["cut", "cut: velvet"], ["loop", "loops: terry"], ["wale", "ridges: corduroy"]];
+  const set = (key) => fabric(i, "pile", key);
+  const number = (title, key, value, options) => fields.number(title, value, options, set(key));
+  return [
+    fields.choice("Pile", table?.kind ?? "", kinds, (kind) => change([{ op: "pile", fabric: i, kind }])),
+    ...(table ? [
+      number("Pile height", "height_mm", table.height_mm, { unit: "mm", range: [0.2, 6], log: true }),
+      table.every ? fields.vector("Pile at every", table.every, "ends, picks", (value) => set("every")(value.map(Math.round))) : null,
+      table.kind === "wale" ? number("Ridges", "wales_per_cm", table.wales_per_cm, { unit: "per cm", range: [1, 12], log: true }) : null,
+      table.kind === "loop" ? number("Loops turn by", "turn_deg", table.turn_deg ?? 30, { unit: "\u00b0", range: [0, 90] }) : null,
+      table.kind === "cut" ? number("Splay", "splay", table.splay ?? 1.2, { range: [0.05, 4] }) : null,
+      number("Pile leans by", "lean_deg", table.lean_deg ?? 0, { unit: "\u00b0", range: [0, 70] }),
+      number("Pile leans to", "lean_direction_deg", table.lean_direction_deg ?? 90, { unit: "\u00b0", range: [-180, 180] }),
+      number("Lean varies by", "lean_deviation_deg", table.lean_deviation_deg ?? 0, { unit: "\u00b0", range: [0, 30] }),
+      fields.colours("Pile colours", table.colours?.length ? table.colours : undyed, true, set("colours")),
+    ] : []),
+  ];
+}
+
+function print(document, i, figures) {
+  const table = document.fabrics[i].table.print;
+  const set = (key) => fabric(i, "print", key);
+  return [
+    fields.choice("Print", table?.image ?? "", [["", "none"], ...document.pictures], (image) => change([{ op: "print", fabric: i, image }])),
+    ...(table ? [
+      fields.choice("Print size", table.size_mm ? "own" : "tile", [["tile", "the tile"], ["own", "in mm"]], (how) => set("size_mm")(how === "tile" ? null : figures?.tile_mm?.slice(0, 2) ?? [10, 10])),
+      table.size_mm ? fields.vector("Print measures", table.size_mm, "mm", set("size_mm")) : null,
+      fields.choice("Printed side", table.side ?? "face", ["face", "back", "both"], set("side")),
+      fields.choice("Print colours", table.mode ?? "multiply", [["multiply", "dye the fibres"], ["replace", "replace their colours"]], set("mode")),
+    ] : []),
+    document.pictures.length || table ? null : element("p", { class: "hint" }, "Pictures in the folder of the file can be printed."),
+  ];
+}
+
 function threads(i, which, title, table, figures) {
   const set = table[which] || {};
   const own = set.per_cm ?? (set.spacing_mm ? 10 / set.spacing_mm : undefined);
@@ -51,6 +101,9 @@ function clothPanel(document, i, figures) {
     fields.word("Draft", draftName(table), suggestions, (draft) => change([{ op: "draft", fabric: i, draft }])),
     ...(isWoven ? threads(i, "warp", "Warp", table, figures) : []),
     ...(isWoven || isKnit ? threads(i, "weft", isKnit ? "Courses" : "Weft", table, figures) : []),
+    element("h3", {}, "Pile and print"),
+    ...(isWoven ? pile(document, i) : []),
+    ...print(document, i, figures),
     figures ? fields.figures([
       ["Weight", `${figures.areal_density_g_per_m2.toFixed(0)} g/m\u00b2`],
       ["Cover", `${(100 * figures.cover_factor).toFixed(1)} %`],
@@ -85,6 +138,8 @@ function yarnPanel(document, i, name) {
     ...twist(i, name, "twist", "Twist", yarn.twist),
     ...((yarn.plies ?? 1) > 1 ? twist(i, name, "ply_twist", "Ply twist", yarn.ply_twist) : []),
     fields.number("Fibre radius", yarn.fibre_radius_um, { unit: "\u00b5m", range: [3, 40], log: true }, set("fibre_radius_um")),
+    fields.choice("Irregularity", yarn.irregularity ?? "", [["", "none"], ...document.irregularities], (kind) => set("irregularity")(kind || null)),
+    ...finishes(i, name, yarn, document.finishes),
     fields.number("Flatness", yarn.aspect, { unit: "width / height", range: [1, 4] }, set("aspect")),
   );
 }
@@ -159,14 +214,28 @@ function whiteBalance(value) {
   return fields.choice("White", `${value}`, lights, (name) => set(Number(name) ? Number(name) : name));
 }
 
+/** What `auto` makes of the exposure: its text follows the pictures. */
+function exposureInUse() {
+  return element("output", { id: "exposure-in-use", "aria-label": "Exposure in use" }, stops(state.news?.exposure_stops));
+}
+
+function stops(value) {
+  return value === null || value === undefined ? "\u2013" : `${value < 0 ? "\u2212" : "+"}${Math.abs(value).toFixed(2)} stops`;
+}
+
+on("news", (news) => {
+  const shown = window.document.getElementById("exposure-in-use");
+  if (shown) shown.textContent = stops(news.exposure_stops);
+});
+
 function picturePanel(document) {
   const render = document.scene.render || {};
   const camera = document.scene.camera || {};
   const [w, h] = camera.resolution || [512, 512];
   const size = fields.vector("Size", [w, h], "pixels", (value) => scene("camera", "resolution")(value.map(Math.round)));
   return panel("Picture", `${w} \u00d7 ${h}`,
-    fields.choice("Expose", render.exposure === "auto" ? "auto" : "stops", [["stops", "by stops"], ["auto", "automatically"]], (how) => scene("render", "exposure")(how === "auto" ? "auto" : 0)),
-    render.exposure === "auto" ? null : fields.number("Exposure", render.exposure ?? 0, { unit: "stops", range: [-6, 6] }, scene("render", "exposure")),
+    fields.choice("Expose", render.exposure === "auto" ? "auto" : "stops", [["stops", "by stops"], ["auto", "automatically"]], (how) => scene("render", "exposure")(how === "auto" ? "auto" : state.news?.exposure_stops ?? 0)),
+    render.exposure === "auto" ? fields.figures([["Exposure in use", exposureInUse()]]) : fields.number("Exposure", render.exposure ?? 0, { unit: "stops", range: [-6, 6] }, scene("render", "exposure")),
     fields.choice("Tone mapping", render.tone_mapping ?? "plain", ["plain", ["agx", "AgX"], ["aces", "ACES"]], scene("render", "tone_mapping")),
     whiteBalance(render.white_balance ?? "off"),
     fields.number("Samples", render.spp ?? 64, { whole: true, range: [1, 4096], log: true }, scene("render", "spp")),

@@ -3,7 +3,7 @@
 use crate::document::{Document, FabricDocument};
 use organza_scene::draft_folder;
 use organza_scene::representation::REPRESENTATIONS;
-use organza_weave::preset;
+use organza_weave::{preset, spinning};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use toml_edit::DocumentMut;
@@ -39,7 +39,10 @@ pub fn document(document: &Document, revision: u64, [undo, redo]: [usize; 2]) ->
         "models": models.collect::<Vec<_>>(),
         "weaves": WEAVES,
         "presets": preset::NAMES,
+        "irregularities": spinning::NAMES,
+        "finishes": spinning::FINISHES,
         "drafts": draft_folder::drafts(&document.folder),
+        "pictures": draft_folder::pictures(&document.folder),
     })
 }
 

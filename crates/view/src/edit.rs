@@ -3,6 +3,7 @@
 
 use crate::document::Document;
 use crate::keys::{FABRIC_KEYS, SCENE_KEYS, set_allowed};
+use crate::pile_and_print::{set_pile, set_print};
 use crate::tables::{set, tables_mut};
 use organza_scene::InputError;
 use organza_scene::draft_folder;
@@ -51,6 +52,20 @@ pub enum Edit {
         fabric: usize,
         /// The weave's name, or the name of a `.wif` file.
         draft: String,
+    },
+    /// Gives a fabric a pile, or takes it away.
+    Pile {
+        /// Which of the document's fabrics.
+        fabric: usize,
+        /// `cut`, `loop` or `wale`; empty for none.
+        kind: String,
+    },
+    /// Prints a picture on a fabric, or takes its print away.
+    Print {
+        /// Which of the document's fabrics.
+        fabric: usize,
+        /// The name of a picture of the folder; empty for none.
+        image: String,
     },
     /// Adds a light of a kind.
     AddLight {
@@ -141,6 +156,17 @@ fn apply(document: &mut Document, edit: &Edit) -> Outcome {
         }
         Edit::Model { object, model } => set_model(&mut document.scene, *object, model),
         Edit::Draft { fabric, draft } => set_draft(document, *fabric, draft),
+        Edit::Pile { fabric, kind } => {
+            let fabric = fabric_mut(document, *fabric)?;
+            fabric.is_changed = true;
+            set_pile(fabric, kind)
+        }
+        Edit::Print { fabric, image } => {
+            let folder = document.folder.clone();
+            let fabric = fabric_mut(document, *fabric)?;
+            fabric.is_changed = true;
+            set_print(fabric, &folder, image)
+        }
         Edit::AddLight { kind } => add_light(&mut document.scene, kind),
         Edit::RemoveLight { light } => {
             let lights = tables_mut(&mut document.scene, "light")?;

@@ -9,6 +9,8 @@ use toml_edit::{Array, DocumentMut, Value};
 pub const MAX_PIXELS: i64 = 4096;
 /// Colours of a system of threads at most.
 const MAX_COLOURS: usize = 256;
+/// Words of a list at most.
+const MAX_WORDS: usize = 8;
 
 /// What a key holds.
 #[derive(Clone, Copy, Debug)]
@@ -25,10 +27,12 @@ pub(crate) enum Holds {
     Colours,
     /// One of these words.
     Word(&'static [&'static str]),
+    /// A list of these words, which may be empty.
+    Words(&'static [&'static str]),
     /// `auto`, `volume`, `surface` or a level.
     Level,
 }
-use Holds::{Colours, Level, Number, Numbers, Size, Whole, Word};
+use Holds::{Colours, Level, Number, Numbers, Size, Whole, Word, Words};
 
 /// Keys of a scene: `#` stands for a number.
 pub(crate) const SCENE_KEYS: &[(&[&str], Holds)] = &[
@@ -91,8 +95,39 @@ pub(crate) const FABRIC_KEYS: &[(&[&str], Holds)] = &[
     (&["yarn", "*", "ply_twist", "direction"], Word(&["S", "Z"])),
     (&["yarn", "*", "ply_twist", "turns_per_m"], Number),
     (&["yarn", "*", "ply_twist", "angle_deg"], Number),
+    (
+        &["yarn", "*", "irregularity"],
+        Word(&organza_weave::spinning::NAMES),
+    ),
+    (
+        &["yarn", "*", "finish"],
+        Words(&organza_weave::spinning::FINISHES),
+    ),
+    (&["pile", "height_mm"], Number),
+    (&["pile", "height_cv_percent"], Number),
+    (&["pile", "every"], Size(1, 1024)),
+    (&["pile", "colours"], Colours),
+    (&["pile", "lean_deg"], Number),
+    (&["pile", "lean_direction_deg"], Number),
+    (&["pile", "lean_deviation_deg"], Number),
+    (&["pile", "splay"], Number),
+    (&["pile", "turn_deg"], Number),
+    (&["pile", "wales_per_cm"], Number),
+    (&["print", "size_mm"], Numbers(2)),
+    (&["print", "side"], Word(&["face", "back", "both"])),
+    (&["print", "mode"], Word(&["multiply", "replace"])),
+    (&["print", "depth_um"], Number),
+    (&["print", "colours"], Whole(2, 256)),
     (&["seed"], Whole(0, i64::MAX)),
     (&["tile", "repeats"], Size(1, 64)),
+];
+
+/// Keys that `null` takes out of a file: without them their default holds.
+const OPTIONAL: &[&[&str]] = &[
+    &["yarn", "*", "irregularity"],
+    &["yarn", "*", "finish"],
+    &["print", "size_mm"],
+    &["print", "depth_um"],
 ];
 
 /// Keys that a new value makes void: the same said in other terms.
@@ -103,9 +138,10 @@ const REPLACED: &[(&str, &str)] = &[
     ("f_number", "aperture_mm"),
     ("aperture_mm", "f_number"),
     ("tex", "fibres_per_ply"),
+    ("every", "tufts_per_cm2"),
 ];
 
-/// Sets one of the allowed keys.
+/// Sets one of the allowed keys, or takes out one that may be missing.
 ///
 /// # Errors
 /// Names the key, and what it holds.
@@ -121,13 +157,19 @@ pub(crate) fn set_allowed(
         let why = "this key cannot be set from the page";
         return Err(InputError(format!("{shown}: {why}")));
     };
+    let keys: Vec<&str> = key.iter().map(String::as_str).collect();
+    if let (true, Some((last, folder))) = (value.is_null(), keys.split_last())
+        && OPTIONAL.iter().any(|pattern| matches(pattern, key))
+    {
+        remove(document.as_table_mut(), folder, last);
+        return Ok(());
+    }
     let Some(value) = known.find_map(|(_, holds)| value_of(*holds, value)) else {
         let wanted = described(*first);
         return Err(InputError(format!(
             "{shown}: expected {wanted}, found {value}"
         )));
     };
-    let keys: Vec<&str> = key.iter().map(String::as_str).collect();
     if let Some((last, folder)) = keys.split_last() {
         for (_, old) in REPLACED.iter().filter(|(new, _)| new == last) {
             remove(document.as_table_mut(), folder, old);
@@ -153,6 +195,7 @@ fn described(holds: Holds) -> String {
         Size(least, most) => format!("two whole numbers from {least} to {most}"),
         Colours => format!("from 1 to {MAX_COLOURS} colours of three numbers"),
         Word(words) => format!("one of {}", words.join(", ")),
+        Words(words) => format!("a list of {}", words.join(", ")),
         Level => "auto, volume, surface or a level from 0".into(),
     }
 }
@@ -189,6 +232,14 @@ fn value_of(holds: Holds, value: &serde_json::Value) -> Option<Value> {
         Word(words) => {
             let word = value.as_str().filter(|word| words.contains(word))?;
             word.into()
+        }
+        Words(words) => {
+            let list = value.as_array().filter(|list| list.len() <= MAX_WORDS)?;
+            let known = |word: &serde_json::Value| {
+                let word = word.as_str().filter(|word| words.contains(word))?;
+                Some(Value::from(word))
+            };
+            list.iter().map(known).collect::<Option<Array>>()?.into()
         }
         Level => match value.as_str() {
             Some(name @ ("auto" | "volume" | "surface")) => name.into(),

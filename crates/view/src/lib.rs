@@ -37,6 +37,7 @@ mod matter;
 mod news;
 mod opening;
 mod patient;
+mod pile_and_print;
 mod render;
 mod requests;
 mod saving;

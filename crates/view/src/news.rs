@@ -78,6 +78,8 @@ pub struct News {
     pub size: [u32; 2],
     /// One in so many columns and rows of the full picture: 1 when it is not coarse.
     pub coarseness: u32,
+    /// Stops of exposure that the picture has, where the scene leaves them to it.
+    pub exposure_stops: Option<f32>,
     /// Samples that the picture will have.
     pub spp: u64,
     /// What the picture costs.

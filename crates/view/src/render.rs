@@ -8,7 +8,7 @@ use crate::session::{Save, Session, Task, Work};
 use crate::tracing::{Plan, Stop, Tracing};
 use glam::UVec2;
 use hyper::body::Bytes;
-use organza_picture::{Attributes, Display, Rendered, png};
+use organza_picture::{Attributes, Display, Exposure, Rendered, png};
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{self, Event};
 use organza_scene::memory::free_memory_bytes;
@@ -215,8 +215,9 @@ fn pass<'a>(tracer: &Tracer<'_>, tracing: Tracing<'a>) -> Result<Tracing<'a>, St
     let tracing = tracing.pass(most, tracer.is_wanted)?;
     let cost = tracing.cost(tracer.build_s);
     let film = tracing.film();
-    let png = encoded(film, file.render.display())?;
+    let (png, exposure_stops) = encoded(film, file.render.display())?;
     session.publish(png, |news| {
+        news.exposure_stops = exposure_stops;
         news.phase = match tracing.left() {
             0 => Phase::Done,
             _ => Phase::Rendering,
@@ -292,11 +293,12 @@ fn coarse(
         let png =
             traced.and_then(|t| Ok((t.film().size(), encoded(t.film(), file.render.display())?)));
         matter.scene.camera = own;
-        let (size, png) = png?;
+        let (size, (png, exposure_stops)) = png?;
         // Each has four times the pixels of the one before.
         seconds = 4.0 * began.elapsed().as_secs_f64();
         session.publish(png, |news| {
             news.picture_revision = task.revision;
+            news.exposure_stops = exposure_stops;
             (news.size, news.coarseness) = (size.to_array(), coarseness);
         });
     }
@@ -304,19 +306,26 @@ fn coarse(
     Ok(())
 }
 
-/// A film as PNG.
-fn encoded(film: &Film, display: Display) -> Result<Bytes, Stop> {
-    let rendered = Rendered {
+/// A film as PNG, and the stops of exposure that it got where `display` leaves them to it.
+fn encoded(film: &Film, display: Display) -> Result<(Bytes, Option<f32>), Stop> {
+    let mut rendered = Rendered {
         film,
         display,
         attributes: &Attributes::default(),
     };
+    let mut stops = None;
+    if display.exposure == Exposure::Auto {
+        rendered.display = display.resolve(&rendered.colours());
+        if let Exposure::Stops(found) = rendered.display.exposure {
+            stops = Some(found);
+        }
+    }
     let mut out = Cursor::new(Vec::new());
     let Some(write) = png::FORMAT.writer else {
         return Err(Stop::Failed("PNG cannot be written".into()));
     };
     write(&rendered, &mut out).map_err(|e| Stop::Failed(e.to_string()))?;
-    Ok(out.into_inner().into())
+    Ok((out.into_inner().into(), stops))
 }
 
 /// Memory that the film leaves to the scene, bytes. The film is held twice when it is saved.

@@ -64,6 +64,85 @@ fn values_change_and_comments_stay() {
 }
 
 #[test]
+fn yarns_are_finished_and_cloth_gets_pile_and_print() {
+    let served = Served::new();
+    std::fs::write(served.path("rose.png"), "").unwrap();
+    let text = || served.session.document().0.fabrics[0].text.to_string();
+    let irregularity = ["yarn", "cotton", "irregularity"];
+    let finish = ["yarn", "cotton", "finish"];
+    served.edit(fabric(&irregularity, json!("ring-spun cotton")));
+    served.edit(fabric(&finish, json!(["singed", "mercerised"])));
+    assert!(text().contains("irregularity = \"ring-spun cotton\""));
+    assert!(text().contains("finish = [\"singed\", \"mercerised\"]"));
+    served.edit(fabric(&irregularity, Value::Null));
+    served.edit(fabric(&finish, Value::Null));
+    assert_eq!(text(), FABRIC);
+
+    let pile = |kind: &str| json!([{ "op": "pile", "fabric": 0, "kind": kind }]);
+    served.edit(pile("wale"));
+    served.edit(fabric(&["pile", "height_mm"], json!(0.8)));
+    assert!(text().contains("wales_per_cm"), "{}", text());
+    served.edit(pile("cut"));
+    let found = text();
+    assert!(!found.contains("wales_per_cm"), "{found}");
+    for line in ["kind = \"cut\"", "yarn = \"cotton\"", "height_mm = 0.8"] {
+        assert!(found.contains(line), "{line}: {found}");
+    }
+    served.edit(pile(""));
+    assert_eq!(text(), FABRIC);
+
+    let print = |image: &str| json!([{ "op": "print", "fabric": 0, "image": image }]);
+    served.edit(print("rose.png"));
+    served.edit(fabric(&["print", "side"], json!("both")));
+    served.edit(fabric(&["print", "size_mm"], json!([5, 5])));
+    served.edit(fabric(&["print", "size_mm"], Value::Null));
+    assert!(text().ends_with("[print]\nimage = \"rose.png\"\nside = \"both\"\n"));
+    served.edit(print(""));
+    assert_eq!(text(), FABRIC);
+
+    let revision = served.session.revision();
+    for (edits, words) in [
+        (pile("shag"), "pile.kind: expected one of cut, loop, wale"),
+        (fabric(&finish, json!(["ironed"])), "a list of mercerised"),
+        (
+            fabric(&finish, json!(vec!["singed"; 9])),
+            "a list of mercerised",
+        ),
+        (fabric(&["yarn", "cotton", "tex"], Value::Null), "a number"),
+        // A pile needs its kind, a print its image.
+        (fabric(&["pile", "height_mm"], json!(1)), "kind"),
+        (print("lily.png"), "there is no such picture"),
+        (print("../secret.txt"), "expected a picture"),
+        (print("../secret.png"), "there is no such picture"),
+        (
+            fabric(&["print", "image"], json!("/etc/passwd")),
+            "cannot be set from the page",
+        ),
+    ] {
+        let message = served.refused(edits.clone());
+        assert!(message.contains(words), "{edits}: {message}");
+    }
+    assert_eq!(served.session.revision(), revision);
+}
+
+#[test]
+fn the_exposure_in_use_gives_the_same_picture() {
+    let served = Served::of("scene.toml", true);
+    let finished = |exposure: Value| {
+        served.edit(scene(&["render", "exposure"], exposure));
+        let revision = served.session.revision();
+        let news = served.news_that(|n| n.phase == Phase::Done && n.picture_revision == revision);
+        let picture = served.request("GET", "picture.png", "", b"");
+        assert_eq!(picture.status, 200);
+        (news.exposure_stops, picture.body)
+    };
+    let (stops, automatic) = finished(json!("auto"));
+    let stops = stops.unwrap();
+    assert_eq!(finished(json!(stops)), (None, automatic.clone()));
+    assert_ne!(finished(json!(stops + 0.5)).1, automatic);
+}
+
+#[test]
 fn moves_of_the_camera_are_no_steps() {
     let served = Served::new();
     served.edit(scene(
