@@ -4,14 +4,17 @@ use glam::{UVec2, UVec3};
 use organza_volume::{BlockCut, BlockLayout, Error, Octree, Parts};
 use organza_weave::{Cloth, Synthesis};
 
-/// The crossings of the exemplar, of which those are needed that the blocks show.
+/// The crossings of the exemplar, of which those must be voxelized that blocks show, unless they
+/// are those of volumes.
 pub fn parts(synthesis: &Synthesis) -> Parts {
-    let shown = synthesis.blocks.iter().map(|b| place(b.place));
+    let is_woven = |place| synthesis.volume_at(place).is_none();
+    let shown = synthesis.blocks.iter().map(|b| b.place);
+    let shown = shown.filter(|&at| is_woven(at)).map(place);
     Parts::some(crossings(synthesis), shown)
 }
 
 /// Crossings of the exemplar along x and y.
-fn crossings(synthesis: &Synthesis) -> UVec2 {
+pub fn crossings(synthesis: &Synthesis) -> UVec2 {
     let exemplar = &synthesis.exemplar;
     place([exemplar.ends(), exemplar.picks()])
 }

@@ -11,6 +11,7 @@ use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
 use crate::print_file;
 use crate::read;
+use crate::woven_volume::{self, WovenVolume};
 use glam::Vec2;
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
@@ -29,6 +30,8 @@ pub struct Fabric {
     pub cloth: Cloth,
     /// The design of a cloth of blocks.
     pub synthesis: Option<Synthesis>,
+    /// Its exemplars that are volumes, in the order of all exemplars.
+    pub(crate) volumes: Vec<Option<WovenVolume>>,
     /// Optics tables, highest precedence first.
     pub(crate) optics: Vec<OpticsFile>,
     /// The file with all overrides, and those that it names.
@@ -74,7 +77,7 @@ pub fn load_changed(
         }
         Ok(bytes)
     };
-    let (cloth, synthesis, optics) = build(path, &file, &open)?;
+    let (cloth, synthesis, volumes, optics) = build(path, &file, &open)?;
     for warning in cloth.warnings() {
         loader.warn(path, warning.to_string());
     }
@@ -90,6 +93,7 @@ pub fn load_changed(
         file,
         cloth,
         synthesis,
+        volumes,
         optics,
         sources: sources.into_inner(),
     })
@@ -113,22 +117,31 @@ pub fn from_sources(path: &Path, sources: &[SourceFile]) -> Result<Fabric> {
             .map(|s| s.bytes.clone())
             .ok_or_else(|| std::io::ErrorKind::NotFound.into())
     };
-    let (cloth, synthesis, optics) = build(path, &file, &open)?;
+    let (cloth, synthesis, volumes, optics) = build(path, &file, &open)?;
     Ok(Fabric {
         file,
         cloth,
         synthesis,
+        volumes,
         optics,
         sources: sources.to_vec(),
     })
 }
+
+/// Cloth, design and volumes of a fabric, and its optics.
+type Parts = (
+    Cloth,
+    Option<Synthesis>,
+    Vec<Option<WovenVolume>>,
+    Vec<OpticsFile>,
+);
 
 /// The cloth of a fabric file, and its optics.
 fn build(
     path: &Path,
     file: &FabricFile,
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<(Cloth, Option<Synthesis>, Vec<OpticsFile>)> {
+) -> Result<Parts> {
     file.check()
         .map_err(|why| input(format!("{}: {why}", path.display())))?;
     let draft = draft_picture::resolved(&file.draft, open)
@@ -145,15 +158,23 @@ fn build(
         ideal: file.ideal,
     };
     let failed = |e| input(format!("{}: {e}", path.display()));
-    let (mut cloth, synthesis) = match &file.synthesis {
-        None => (
-            Cloth::build(&geometry, open, file.seed).map_err(failed)?,
-            None,
-        ),
+    let (mut cloth, synthesis, volumes) = match &file.synthesis {
+        None => {
+            let cloth = Cloth::build(&geometry, open, file.seed).map_err(failed)?;
+            (cloth, None, Vec::new())
+        }
         Some(spec) => {
-            let built = Cloth::build_exemplar(&geometry, spec, open, file.seed);
+            let fail = |why: String| input(format!("{}: {why}", path.display()));
+            let volumes = woven_volume::read_all(&spec.exemplars, open).map_err(fail)?;
+            let named = spec.exemplars.iter().zip(&volumes);
+            let named =
+                named.filter_map(|(name, v)| Some((name.clone(), v.as_ref()?.exemplar.clone())));
+            let named = named.collect();
+            let built = Cloth::build_exemplar(&geometry, spec, &named, open, file.seed);
             let (exemplar, synthesis) = built.map_err(failed)?;
-            (exemplar, Some(synthesis))
+            woven_volume::check_spacing(&exemplar, &synthesis, &spec.exemplars, &volumes)
+                .map_err(fail)?;
+            (exemplar, Some(synthesis), volumes)
         }
     };
     if let Some(spec) = &file.print {
@@ -169,7 +190,7 @@ fn build(
     };
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
-    Ok((cloth, synthesis, optics))
+    Ok((cloth, synthesis, volumes, optics))
 }
 
 impl Fabric {

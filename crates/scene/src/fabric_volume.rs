@@ -1,13 +1,14 @@
 //! The voxels of a fabric.
 
-use crate::blocks;
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::volume_cache::{self, VolumePlan};
+use crate::{blocks, exemplar_voxels};
 use organza_transport::{PackingStudy, measure_packing};
 use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
+use organza_weave::Synthesis;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -64,6 +65,8 @@ impl Fabric {
             .map_err(|e| input(format!("{}: {e}", path.display())))?;
         if let Some(synthesis) = &self.synthesis {
             let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+            let octree = self.with_volumes(octree, synthesis, allowed);
+            let octree = octree.map_err(|e| input(format!("{}: {e}", path.display())))?;
             let cloth = blocks::cut(&octree, &self.cloth, synthesis, allowed);
             let cloth = cloth.map_err(|e| input(format!("{}: {e}", path.display())))?;
             return Ok((cloth, true));
@@ -74,6 +77,20 @@ impl Fabric {
         let octree = self.with_measured_packing(octree, path, max_memory_bytes, loader)?;
         let is_measured = octree.packing().is_some();
         Ok((octree, is_measured))
+    }
+
+    /// The octree of an exemplar cloth with the voxels of volumes where they stand.
+    fn with_volumes(
+        &self,
+        woven: Octree,
+        synthesis: &Synthesis,
+        allowed: u64,
+    ) -> Result<Octree, organza_volume::Error> {
+        if self.volumes.iter().all(Option::is_none) {
+            return Ok(woven);
+        }
+        let crossings = blocks::crossings(synthesis);
+        exemplar_voxels::with_volumes(&woven, synthesis, &self.volumes, crossings, allowed)
     }
 
     /// The octree of this cloth with packing factors that are measured under the optics

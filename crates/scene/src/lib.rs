@@ -14,6 +14,7 @@ mod draft_picture;
 mod drape;
 pub mod environment_file;
 mod error;
+mod exemplar_voxels;
 pub mod fabric_file;
 mod fabric_table;
 mod fabric_volume;
@@ -42,6 +43,7 @@ pub mod scene_file;
 mod toml_reader;
 mod volume_cache;
 pub mod volume_file;
+mod woven_volume;
 
 pub use build_options::BuildOptions;
 pub use error::{InputError, Result};

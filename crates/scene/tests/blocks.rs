@@ -5,7 +5,7 @@
 use glam::UVec2;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
-use organza_volume::{FibreFootprint, Octree};
+use organza_volume::{FibreFootprint, Octree, ovox};
 use std::path::{Path, PathBuf};
 
 const YARNS: &str = r#"
@@ -159,4 +159,112 @@ fn what_blocks_cannot_show_is_refused() {
         let why = fabric(&written(name, synthesis, keys)).err().unwrap();
         assert!(why.contains(expected), "{why}");
     }
+}
+
+/// A fabric of a named weave; `tile` is its tables [tile] and [synthesis].
+fn woven(name: &str, weave: &str, tile: &str) -> PathBuf {
+    let colours = "colours = [[0.8, 0.1, 0.1]]";
+    let yarns = YARNS.replace("WARP", colours);
+    let path = written(name, "", colours);
+    std::fs::write(
+        &path,
+        format!("[draft]\nweave = \"{weave}\"\n{yarns}{tile}"),
+    )
+    .unwrap();
+    path
+}
+
+/// Fibre of each material over the area of a cloth, mm / mm^2.
+fn fibre_per_area(octree: &Octree) -> [f32; 2] {
+    let mut found = [0.0f64; 2];
+    octree.for_each_occupied(0, |cell| {
+        for c in octree.mixture(0, cell).iter() {
+            found[usize::from(c.material)] += f64::from(c.length_density_per_mm2);
+        }
+    });
+    let cells = octree.dims(0).truncate().as_dvec2().element_product();
+    found.map(|sum| (sum * f64::from(octree.voxel_mm(0).z) / cells) as f32)
+}
+
+#[test]
+fn volumes_are_exemplars() {
+    let tile = woven("tile.toml", "twill-3-1-z", "[tile]\nrepeats = [2, 1]\n");
+    let exact = octree(&tile, &fabric(&tile).unwrap());
+    let file = tile.with_file_name("tile.ovox");
+    let mut bytes = Vec::new();
+    ovox::write(&exact, &[], &mut bytes).unwrap();
+    std::fs::write(&file, &bytes).unwrap();
+    for exemplars in ["\"tile.ovox\"", "\"plain\", \"tile.ovox\""] {
+        let keys = format!("[tile]\nrepeats = [3, 5]\n[synthesis]\nexemplars = [{exemplars}]\n");
+        let path = woven("from_volume.toml", "twill-3-1-z", &keys);
+        let made = fabric(&path).unwrap();
+        let synthesis = made.synthesis.as_ref().unwrap();
+        let figures = synthesis.figures();
+        assert_eq!(figures.crossings, [12, 20]);
+        assert_eq!(figures.replaced_crossings, 0);
+        assert_eq!(figures.volume_blocks, figures.blocks);
+        let cloth = octree(&path, &made);
+        cloth.assert_well_formed();
+        let [own, expected] = [&cloth, &exact].map(fibre_per_area);
+        for (own, expected) in own.into_iter().zip(expected) {
+            // Voxels are sampled anew, and some places of the tile are shown more often.
+            assert!((own / expected - 1.0).abs() < 0.03, "{own}, {expected}");
+        }
+        let gaps = made.cloth.border_gaps(synthesis);
+        assert!(
+            gaps.borders == 480 && gaps.position_rms_mm < 0.01,
+            "{gaps:?}"
+        );
+    }
+    // Woven blocks beside those of a volume.
+    let keys = "[synthesis]\nexemplars = [\"twill-3-1-z\", \"tile.ovox\"]\nvariants = 64\n";
+    let path = woven(
+        "mixed.toml",
+        "twill-3-1-z",
+        &format!("[tile]\nrepeats = [3, 5]\n{keys}"),
+    );
+    let made = fabric(&path).unwrap();
+    let figures = made.synthesis.as_ref().unwrap().figures();
+    assert!(
+        (1..figures.blocks).contains(&figures.volume_blocks),
+        "{figures:?}"
+    );
+    let [own, expected] = [&octree(&path, &made), &exact].map(fibre_per_area);
+    assert!(
+        (own[0] / expected[0] - 1.0).abs() < 0.03,
+        "{own:?}, {expected:?}"
+    );
+    let gaps = made.cloth.border_gaps(made.synthesis.as_ref().unwrap());
+    assert!(gaps.position_rms_mm < 0.02, "{gaps:?}");
+
+    let refused = |weave: &str, tile: &str| {
+        let path = woven("refused.toml", weave, tile);
+        fabric(&path).err().unwrap()
+    };
+    let why = refused("plain", "[synthesis]\nexemplars = [\"tile.ovox\"]\n");
+    assert!(
+        why.contains("no exemplar has 2 of the design's") && why.contains("X.X"),
+        "{why}"
+    );
+    std::fs::write(file.with_file_name("cut.ovox"), &bytes[..bytes.len() / 2]).unwrap();
+    let why = refused("twill-3-1-z", "[synthesis]\nexemplars = [\"cut.ovox\"]\n");
+    assert!(
+        why.contains("refused.toml: synthesis.exemplars: cut.ovox: "),
+        "{why}"
+    );
+    let once = exact.clone().with_repeats(false);
+    let mut bytes = Vec::new();
+    ovox::write(&once, &[], &mut bytes).unwrap();
+    std::fs::write(file.with_file_name("once.ovox"), &bytes).unwrap();
+    let why = refused("twill-3-1-z", "[synthesis]\nexemplars = [\"once.ovox\"]\n");
+    assert!(why.contains("once.ovox: it does not repeat"), "{why}");
+    let keys = "[synthesis]\nexemplars = [\"tile.ovox\"]\n";
+    let path = woven("refused.toml", "twill-3-1-z", keys);
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("per_cm = 24.0", "per_cm = 30.0")).unwrap();
+    let why = fabric(&path).err().unwrap();
+    assert!(
+        why.contains("its threads of the weft are 0.41") && why.contains("weft.per_cm = 24.00"),
+        "{why}"
+    );
 }

@@ -1,5 +1,6 @@
 //! A cloth: threads at rest, each a strand of plies and fibres.
 
+mod borders;
 mod build;
 mod displaced;
 mod drawing;
@@ -35,8 +36,8 @@ use organza_basis::{Rgb, Segment, SegmentSource, Tile};
 use spun::Spun;
 use std::sync::Arc;
 
+pub use borders::BorderGaps;
 pub use build::Loader;
-pub use exemplar::BorderGaps;
 pub use figures::{Figures, NonwovenFigures, OpenworkFigures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
 pub use ply_strands::{Plies, PlyStrand};

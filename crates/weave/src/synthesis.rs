@@ -15,7 +15,7 @@ pub use window::Window;
 
 use crate::{Draft, Error};
 use organza_basis::Rgb;
-use patches::{PATCH, cut_from, cut_from_design};
+use patches::{Origin, PATCH, cut_from, cut_from_design};
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap};
 
@@ -34,7 +34,8 @@ pub struct SynthesisSpec {
     pub variants: u32,
     /// Crossings of the exemplar cloth, at most.
     pub exemplar_crossings: u32,
-    /// Weaves by name, or WIF files, that the exemplar is made of; the design itself if none.
+    /// Weaves by name, WIF files, or volumes (`.ovox`) that the exemplar is made of; the design
+    /// itself if none.
     pub exemplars: Vec<String>,
 }
 
@@ -87,6 +88,25 @@ pub struct CrossingColours {
     pub weft: [u16; 3],
 }
 
+/// A given exemplar.
+#[derive(Clone, Debug)]
+pub struct Exemplar {
+    /// How its threads interlace.
+    pub draft: Draft,
+    /// Where its yarns run, if it is a volume; others are woven.
+    pub heights: Option<YarnHeights>,
+}
+
+/// Where the yarns of a volume pass from one crossing to the next: height in mm and slope there,
+/// by crossing, ends fastest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct YarnHeights {
+    /// Of each end halfway from each pick to the next.
+    pub warp: Vec<(f64, f64)>,
+    /// Of each pick halfway from each end to the next.
+    pub weft: Vec<(f64, f64)>,
+}
+
 /// A block: a crossing of the exemplar, in the colours of the design.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Block {
@@ -112,6 +132,8 @@ pub struct SynthesisFigures {
     pub replaced_crossings: usize,
     /// Blocks.
     pub blocks: usize,
+    /// Those from volumes.
+    pub volume_blocks: usize,
     /// Crossings of the exemplar cloth along x and y.
     pub exemplar: [usize; 2],
 }
@@ -133,6 +155,11 @@ pub struct Synthesis {
     pub index: Vec<u32>,
     /// Crossings of a window beside its middle.
     pub(crate) radius: usize,
+    /// The given exemplars.
+    exemplars: Vec<Exemplar>,
+    /// Where the patches of the exemplar cloth are from, and how many lie along the x axis.
+    origins: Vec<Origin>,
+    patches_across: usize,
     figures: SynthesisFigures,
 }
 
@@ -146,7 +173,7 @@ impl Synthesis {
     pub fn new(
         design: Draft,
         spec: &SynthesisSpec,
-        exemplars: &[Draft],
+        exemplars: Vec<Exemplar>,
         seed: u64,
     ) -> Result<Synthesis, Error> {
         spec.check()?;
@@ -156,7 +183,7 @@ impl Synthesis {
         let patches = if exemplars.is_empty() {
             cut_from_design(&design, &windows, radius, room)?
         } else {
-            cut_from(exemplars, radius, room)?
+            cut_from(&exemplars, radius, room)?
         };
         let variants = spec.variants as usize;
         let found = patches.places_by_window(radius, variants);
@@ -211,9 +238,10 @@ impl Synthesis {
             replaced_windows: choices.values().filter(|c| c.is_replaced).count(),
             replaced_crossings,
             blocks: blocks.len(),
+            volume_blocks: 0,
             exemplar: [exemplar.ends(), exemplar.picks()],
         };
-        Ok(Synthesis {
+        let mut synthesis = Synthesis {
             design,
             exemplar,
             warp_colours,
@@ -221,8 +249,60 @@ impl Synthesis {
             blocks,
             index,
             radius,
+            exemplars,
+            origins: patches.origins().to_vec(),
+            patches_across: patches.across(),
             figures,
-        })
+        };
+        let of_volumes = synthesis.blocks.iter();
+        let of_volumes = of_volumes.filter(|b| synthesis.volume_at(b.place).is_some());
+        synthesis.figures.volume_blocks = of_volumes.count();
+        Ok(synthesis)
+    }
+
+    /// The given exemplar that is a volume, and the crossing of it, which stand at a crossing of
+    /// the exemplar cloth; `None` where that is woven.
+    pub fn volume_at(&self, [end, pick]: [usize; 2]) -> Option<(usize, [usize; 2])> {
+        let patch = pick / PATCH * self.patches_across + end / PATCH;
+        let origin = self.origins.get(patch % self.origins.len().max(1))?;
+        let Exemplar { draft, heights } = &self.exemplars[origin.exemplar];
+        heights.as_ref()?;
+        let [first_end, first_pick] = origin.first;
+        let place = [
+            (first_end + end % PATCH) % draft.ends(),
+            (first_pick + pick % PATCH) % draft.picks(),
+        ];
+        Some((origin.exemplar, place))
+    }
+
+    /// Height and slope of the end, or of the pick, of a volume behind a crossing of the exemplar
+    /// cloth, or before it; `None` where that is woven.
+    pub(crate) fn volume_height(
+        &self,
+        place: [usize; 2],
+        is_warp: bool,
+        is_after: bool,
+    ) -> Option<(f64, f64)> {
+        let (number, [mut end, mut pick]) = self.volume_at(place)?;
+        let Exemplar { draft, heights } = &self.exemplars[number];
+        let heights = heights.as_ref()?;
+        let (ends, picks) = (draft.ends(), draft.picks());
+        let all = if is_warp {
+            pick = if is_after {
+                pick
+            } else {
+                (pick + picks - 1) % picks
+            };
+            &heights.warp
+        } else {
+            end = if is_after {
+                end
+            } else {
+                (end + ends - 1) % ends
+            };
+            &heights.weft
+        };
+        all.get(pick * ends + end).copied()
     }
 
     /// Counts.

@@ -1,7 +1,8 @@
 //! Builds threads at rest from a description.
 
+use super::borders::join_at_borders;
 use super::displaced::{mark_by_reed, thread_sways};
-use super::exemplar::{fit_of_design, join_at_borders};
+use super::exemplar::fit_of_design;
 use super::flattening::at_rest;
 use super::import::imported;
 use super::nonwoven;

@@ -3,33 +3,17 @@
 use super::build::{check_colours, colour, read_draft, warn_of_loose_threads, weave};
 use super::repeats::{lcm, repeats, threads};
 use super::yarns::Yarns;
-use super::{Centreline, Cloth, Loader};
+use super::{Cloth, Loader};
 use crate::fit::{Fit, Threads, fit};
-use crate::path::Hermite;
-use crate::relax::Relaxed;
 use crate::spec::{FabricGeometry, ThreadSetSpec};
-use crate::synthesis::{Synthesis, SynthesisSpec};
+use crate::synthesis::{Exemplar, Synthesis, SynthesisSpec};
 use crate::{Draft, Error};
 use std::collections::HashMap;
 
-/// How well yarns go on across the borders of blocks, over all borders of a design.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct BorderGaps {
-    /// Borders between two crossings that a yarn passes.
-    pub borders: usize,
-    /// Root mean square and greatest distance of the two ends of a yarn at a border, mm.
-    pub position_rms_mm: f64,
-    /// See `position_rms_mm`.
-    pub position_max_mm: f64,
-    /// The same of the angle between the tangents, radians.
-    pub tangent_rms_rad: f64,
-    /// See `tangent_rms_rad`.
-    pub tangent_max_rad: f64,
-}
-
 impl Cloth {
     /// Chooses the blocks of a design and weaves the exemplar cloth that holds them. `load`
-    /// fetches the files that the description and `spec` name.
+    /// fetches the files that the description and `spec` name; `volumes` are those of the
+    /// exemplars that are volumes, by name. In their place the cloth is woven, too.
     ///
     /// Where yarns pass from one crossing to the next, their heights and slopes are the means
     /// over all places of the exemplar with the same interlacing around the border. The windows
@@ -42,23 +26,30 @@ impl Cloth {
     pub fn build_exemplar(
         fabric: &FabricGeometry,
         spec: &SynthesisSpec,
+        volumes: &HashMap<String, Exemplar>,
         load: Loader,
         seed: u64,
     ) -> Result<(Cloth, Synthesis), Error> {
         if fabric.ideal {
             let mut even = fabric.without_irregularity();
             even.ideal = false;
-            return Cloth::build_exemplar(&even, spec, load, seed);
+            return Cloth::build_exemplar(&even, spec, volumes, load, seed);
         }
         check(fabric)?;
         let mut even = fabric.clone();
         let (design, warnings) = design(&mut even, load)?;
-        let exemplars: Vec<Draft> = spec
+        let exemplars: Vec<Exemplar> = spec
             .exemplars
             .iter()
-            .map(|name| exemplar(name, load))
+            .map(|name| match volumes.get(name) {
+                Some(volume) => Ok(volume.clone()),
+                None => exemplar(name, load).map(|draft| Exemplar {
+                    draft,
+                    heights: None,
+                }),
+            })
             .collect::<Result<_, _>>()?;
-        let synthesis = Synthesis::new(design, spec, &exemplars, seed)?;
+        let synthesis = Synthesis::new(design, spec, exemplars, seed)?;
         let mut draft = synthesis.exemplar.clone();
         // Every colour occurs, so that the cloth has all materials of the design.
         for (threads, colours) in [
@@ -153,136 +144,6 @@ impl Cloth {
             .iter()
             .position(|m| m.yarn == *name && m.colour == colour);
         found.map_or(material, |m| m as u16)
-    }
-
-    /// The gaps of yarns at the borders of the blocks of a design that is made from this
-    /// exemplar.
-    pub fn border_gaps(&self, synthesis: &Synthesis) -> BorderGaps {
-        let (ends, picks) = (synthesis.design.ends(), synthesis.design.picks());
-        let exemplar_ends = synthesis.exemplar.ends();
-        let curve = |thread: usize| match &self.threads[thread].line {
-            Centreline::Woven { curve, .. } => Some(curve),
-            _ => None,
-        };
-        let place = |e: usize, p: usize| {
-            let number = synthesis.index[p % picks * ends + e % ends];
-            synthesis.blocks[number as usize].place
-        };
-        let mut gaps = BorderGaps::default();
-        let mut add = |before: Option<(f64, f64)>, after: Option<(f64, f64)>| {
-            let (Some(a), Some(b)) = (before, after) else {
-                return;
-            };
-            let position = (a.0 - b.0).abs();
-            let angle = (a.1.atan() - b.1.atan()).abs();
-            gaps.borders += 1;
-            gaps.position_rms_mm += position * position;
-            gaps.tangent_rms_rad += angle * angle;
-            gaps.position_max_mm = gaps.position_max_mm.max(position);
-            gaps.tangent_max_rad = gaps.tangent_max_rad.max(angle);
-        };
-        for p in 0..picks {
-            for e in 0..ends {
-                let ([end, pick], [_, above], [right, _]) =
-                    (place(e, p), place(e, p + 1), place(e + 1, p));
-                let [next_end, _] = place(e, p + 1);
-                let [_, next_pick] = place(e + 1, p);
-                add(
-                    curve(end).map(|c| after(c, pick)),
-                    curve(next_end).map(|c| before(c, above)),
-                );
-                add(
-                    curve(exemplar_ends + pick).map(|c| after(c, end)),
-                    curve(exemplar_ends + next_pick).map(|c| before(c, right)),
-                );
-            }
-        }
-        let count = gaps.borders.max(1) as f64;
-        gaps.position_rms_mm = (gaps.position_rms_mm / count).sqrt();
-        gaps.tangent_rms_rad = (gaps.tangent_rms_rad / count).sqrt();
-        gaps
-    }
-}
-
-/// The knot halfway to the crossing after `i`.
-fn knot_after(i: usize) -> usize {
-    2 * i + 1
-}
-
-/// The knot halfway to the crossing before `i`.
-fn knot_before(curve: &Hermite, i: usize) -> usize {
-    let knots = curve.height_mm.len();
-    (2 * i + knots - 1) % knots
-}
-
-fn after(curve: &Hermite, i: usize) -> (f64, f64) {
-    let k = knot_after(i);
-    (curve.height_mm[k], curve.slope[k])
-}
-
-fn before(curve: &Hermite, i: usize) -> (f64, f64) {
-    let k = knot_before(curve, i);
-    (curve.height_mm[k], curve.slope[k])
-}
-
-/// Gives yarns the same height and slope at all borders of blocks around which the interlacing
-/// is the same: the means.
-pub(super) fn join_at_borders(synthesis: &Synthesis, relaxed: &mut Relaxed) {
-    let draft = &synthesis.exemplar;
-    let (ends, picks) = (draft.ends(), draft.picks());
-    let radius = synthesis.radius;
-    // The crossings that the windows on both sides of a border share.
-    let shared = |end: usize, pick: usize, along_warp: bool| -> u32 {
-        let (width, height) = if along_warp {
-            (2 * radius + 1, 2 * radius)
-        } else {
-            (2 * radius, 2 * radius + 1)
-        };
-        let first_end = end + ends * radius - radius + usize::from(!along_warp);
-        let first_pick = pick + picks * radius - radius + usize::from(along_warp);
-        let mut bits = 0;
-        for p in 0..height {
-            for e in 0..width {
-                bits = bits << 1 | u32::from(draft.warp_up(first_end + e, first_pick + p));
-            }
-        }
-        bits
-    };
-    // Thread, knot and kind of every border of a block that is in use.
-    let mut borders: Vec<(bool, usize, usize, u32)> = Vec::new();
-    for block in &synthesis.blocks {
-        let [end, pick] = block.place;
-        let (below, left) = ((pick + picks - 1) % picks, (end + ends - 1) % ends);
-        borders.push((true, end, knot_after(pick), shared(end, pick, true)));
-        borders.push((true, end, knot_after(below), shared(end, below, true)));
-        borders.push((false, pick, knot_after(end), shared(end, pick, false)));
-        borders.push((false, pick, knot_after(left), shared(left, pick, false)));
-    }
-    borders.sort_unstable();
-    borders.dedup();
-    let mut sums: HashMap<(bool, u32), (f64, f64, f64)> = HashMap::new();
-    for &(is_warp, thread, knot, kind) in &borders {
-        let system = if is_warp {
-            &relaxed.warp
-        } else {
-            &relaxed.weft
-        };
-        let curve = &system[thread];
-        let sum = sums.entry((is_warp, kind)).or_default();
-        sum.0 += curve.height_mm[knot];
-        sum.1 += curve.slope[knot];
-        sum.2 += 1.0;
-    }
-    for (is_warp, thread, knot, kind) in borders {
-        let (height, slope, count) = sums[&(is_warp, kind)];
-        let system = if is_warp {
-            &mut relaxed.warp
-        } else {
-            &mut relaxed.weft
-        };
-        let curve = &mut system[thread];
-        curve.height_mm[knot] = height / count;
-        curve.slope[knot] = slope / count;
     }
 }
 

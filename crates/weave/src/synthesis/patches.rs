@@ -1,6 +1,6 @@
 //! The patches that an exemplar cloth is put together from.
 
-use super::{Window, Windows};
+use super::{Exemplar, Window, Windows};
 use crate::{Draft, Error};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -13,6 +13,17 @@ const MAX_TRIES: usize = 8;
 /// Patches of [`PATCH`] x [`PATCH`] crossings, side by side.
 pub struct Patches {
     patches: Vec<Draft>,
+    /// Where each is from, of patches of given exemplars.
+    origins: Vec<Origin>,
+}
+
+/// Where a patch of a given exemplar is from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// Number of the exemplar.
+    pub exemplar: usize,
+    /// End and pick of its first crossing.
+    pub first: [usize; 2],
 }
 
 impl Patches {
@@ -22,8 +33,13 @@ impl Patches {
         Ok(())
     }
 
+    /// Where the patches are from, if exemplars were given.
+    pub fn origins(&self) -> &[Origin] {
+        &self.origins
+    }
+
     /// Patches along the x axis.
-    fn across(&self) -> usize {
+    pub fn across(&self) -> usize {
         (self.patches.len() as f64).sqrt().ceil().max(1.0) as usize
     }
 
@@ -66,19 +82,28 @@ impl Patches {
 ///
 /// # Errors
 /// When they are more than there is room for.
-pub fn cut_from(exemplars: &[Draft], radius: usize, room: usize) -> Result<Patches, Error> {
+pub fn cut_from(exemplars: &[Exemplar], radius: usize, room: usize) -> Result<Patches, Error> {
     let inside = PATCH - 2 * radius;
     let mut patches = Patches {
         patches: Vec::new(),
+        origins: Vec::new(),
     };
-    for draft in exemplars {
-        let (ends, picks) = draft.repeat();
+    for (exemplar, Exemplar { draft, .. }) in exemplars.iter().enumerate() {
+        let (ends, picks) = match exemplars[exemplar].heights {
+            None => draft.repeat(),
+            // Every crossing of a volume looks different.
+            Some(_) => (draft.ends(), draft.picks()),
+        };
         for pick in (0..picks).step_by(inside) {
             for end in (0..ends).step_by(inside) {
                 if patches.patches.len() == room {
                     return Err(no_room("the exemplars need", room));
                 }
                 patches.push(draft, end, pick)?;
+                patches.origins.push(Origin {
+                    exemplar,
+                    first: [end, pick],
+                });
             }
         }
     }
@@ -103,6 +128,7 @@ pub fn cut_from_design(
         room,
         patches: Patches {
             patches: Vec::new(),
+            origins: Vec::new(),
         },
     };
     if !cutting.cover(Window::inner)? {

@@ -20,7 +20,7 @@ fn every_crossing_shows_its_own_window() {
             window,
             ..SynthesisSpec::default()
         };
-        let made = Synthesis::new(disk(60), &spec, &[], 1).unwrap();
+        let made = Synthesis::new(disk(60), &spec, Vec::new(), 1).unwrap();
         assert_eq!(made.index.len(), 3600);
         assert_eq!(made.figures().replaced_crossings, 0);
         let (mut most, radius) = (HashMap::<_, HashSet<_>>::new(), spec.radius());
@@ -32,9 +32,9 @@ fn every_crossing_shows_its_own_window() {
         }
         let variants = most.values().map(HashSet::len).max();
         assert_eq!(variants, Some(spec.variants as usize));
-        let again = Synthesis::new(disk(60), &spec, &[], 1).unwrap();
+        let again = Synthesis::new(disk(60), &spec, Vec::new(), 1).unwrap();
         assert_eq!(again.index, made.index);
-        let other = Synthesis::new(disk(60), &spec, &[], 2).unwrap();
+        let other = Synthesis::new(disk(60), &spec, Vec::new(), 2).unwrap();
         assert_ne!(other.index, made.index);
     }
 }
@@ -45,7 +45,7 @@ fn a_small_exemplar_falls_back_to_the_inner_crossings() {
         exemplar_crossings: 14 * 256,
         ..SynthesisSpec::default()
     };
-    let made = Synthesis::new(disk(120), &spec, &[], 1).unwrap();
+    let made = Synthesis::new(disk(120), &spec, Vec::new(), 1).unwrap();
     let figures = made.figures();
     assert!(figures.replaced_windows > 0 && figures.replaced_windows < figures.windows);
     for (i, &number) in made.index.iter().enumerate() {
@@ -58,12 +58,12 @@ fn a_small_exemplar_falls_back_to_the_inner_crossings() {
 #[test]
 fn windows_that_no_exemplar_has_are_drawn() {
     let spec = SynthesisSpec::default();
-    let given = [
-        Draft::named("plain").unwrap(),
-        Draft::named("satin-5").unwrap(),
-    ];
+    let given = ["plain", "satin-5"].map(|name| Exemplar {
+        draft: Draft::named(name).unwrap(),
+        heights: None,
+    });
     let twill = Draft::named("twill-2-1-z").unwrap();
-    let why = Synthesis::new(twill, &spec, &given, 1)
+    let why = Synthesis::new(twill, &spec, given.to_vec(), 1)
         .unwrap_err()
         .to_string();
     assert!(
@@ -79,8 +79,52 @@ fn windows_that_no_exemplar_has_are_drawn() {
         "{why}"
     );
     let satin = Draft::named("satin-5").unwrap();
-    let made = Synthesis::new(satin, &spec, &given, 1).unwrap();
+    let made = Synthesis::new(satin, &spec, given.to_vec(), 1).unwrap();
     assert_eq!(made.figures().replaced_windows, 0);
+}
+
+#[test]
+fn crossings_of_volumes_are_known() {
+    let twill = Draft::named("twill-2-1-z").unwrap().tiled(6, 3);
+    let numbered = |n: usize| (0..n).map(|i| (i as f64, -(i as f64))).collect();
+    let given = vec![
+        Exemplar {
+            draft: Draft::named("plain").unwrap(),
+            heights: None,
+        },
+        Exemplar {
+            draft: twill.clone(),
+            heights: Some(YarnHeights {
+                warp: numbered(18),
+                weft: numbered(18),
+            }),
+        },
+    ];
+    let made = Synthesis::new(twill, &SynthesisSpec::default(), given, 1).unwrap();
+    assert_eq!(made.figures().replaced_crossings, 0);
+    for block in &made.blocks {
+        let (volume, [end, pick]) = made.volume_at(block.place).unwrap();
+        assert_eq!(volume, 1);
+        let up = made.exemplars[1].draft.warp_up(end, pick);
+        let [e, p] = block.place;
+        assert_eq!(made.exemplar.warp_up(e, p), up);
+        let number =
+            |end: usize, pick: usize| Some(((pick * 6 + end) as f64, -((pick * 6 + end) as f64)));
+        let (left, below) = ((end + 5) % 6, (pick + 2) % 3);
+        assert_eq!(
+            made.volume_height(block.place, true, true),
+            number(end, pick)
+        );
+        assert_eq!(
+            made.volume_height(block.place, true, false),
+            number(end, below)
+        );
+        assert_eq!(
+            made.volume_height(block.place, false, false),
+            number(left, pick)
+        );
+    }
+    assert_eq!(made.volume_at([2, 2]), None);
 }
 
 #[test]
@@ -96,7 +140,7 @@ fn blocks_are_kept_apart_by_colour() {
         variants: 1,
         ..SynthesisSpec::default()
     };
-    let made = Synthesis::new(striped, &spec, &[], 1).unwrap();
+    let made = Synthesis::new(striped, &spec, Vec::new(), 1).unwrap();
     assert_eq!(made.warp_colours.len(), 2);
     assert_eq!(made.weft_colours.len(), 1);
     // Two windows; inside each stripe and on either side of either border.
@@ -133,7 +177,7 @@ fn settings_out_of_range_are_refused() {
             "synthesis.exemplar_crossings",
         ),
     ] {
-        let why = Synthesis::new(disk(20), &spec, &[], 1)
+        let why = Synthesis::new(disk(20), &spec, Vec::new(), 1)
             .unwrap_err()
             .to_string();
         assert!(why.starts_with(key), "{why}");
