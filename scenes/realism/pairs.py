@@ -1,16 +1,19 @@
 """Renders small cloths without and with one ingredient, by the light of realism.toml, and puts the
-pictures side by side in pairs.png. Needs organza in the PATH (or its name as the argument) and Pillow.
+pictures side by side in pairs.jpg.
+
+    python3 scenes/realism/pairs.py [--organza ORGANZA] [--spp N] [--denoise] [--only LABEL]
+
+Needs Pillow, and the library of `organza denoise` for --denoise.
 """
+import argparse
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 from PIL import Image, ImageDraw
 
 HERE = Path(__file__).parent
-ORGANZA = sys.argv[1] if len(sys.argv) > 1 else "organza"
-SIZE, COLUMNS, LABEL, GAP = (220, 165), 4, 14, 4
+SIZE, COLUMNS, LABEL, GAP = (230, 172), 4, 15, 4
 FABRIC = """
 name = "pair"
 [draft]
@@ -18,15 +21,21 @@ weave = "{weave}"
 [tile]
 repeats = [{repeats}, {repeats}]
 [warp]
-yarn = "yarn"
+yarn = "end"
 per_cm = {per_cm}
-colours = [[0.55, 0.50, 0.42]]
+colours = [{colour}]
 {warp}
 [weft]
-yarn = "yarn"
+yarn = "pick"
 per_cm = {per_cm}
-colours = [[0.55, 0.50, 0.42]]
-[yarn.yarn]
+colours = [{weft_colour}]
+{weft}
+[yarn.end]
+preset = "{preset}"
+tex = {tex}
+{yarn}
+{end}
+[yarn.pick]
 preset = "{preset}"
 tex = {tex}
 {yarn}
@@ -34,56 +43,93 @@ tex = {tex}
 size_um = 20.0
 {tables}
 """
-COTTON = dict(weave="plain", repeats=4, per_cm=22, preset="cotton", tex=30, warp="", yarn="", tables="")
+ECRU, INDIGO = "[0.55, 0.50, 0.42]", "[0.030, 0.048, 0.12]"
+COTTON = dict(weave="plain", repeats=4, per_cm=22, preset="cotton", tex=30, warp="", weft="", yarn="", end="",
+              tables="", colour=ECRU, weft_colour=ECRU)
 SPUN = 'irregularity = "ring-spun cotton"'
-# Name of the ingredient, what both cloths have, what only the second one has, and the angle of view.
+FINE = {"tex": 20, "repeats": 6}
+DENSE = {"per_cm": 25, "repeats": 5}
+DENIM = {"weave": "twill-3-1-z", "per_cm": 24, "repeats": 3, "colour": INDIGO,
+         "yarn": "wander = { amplitude = 0.16, length_mm = 0.6 }\nfibre_radius_cv_percent = 20.0"}
+BEAN = '[optics."*"]\nsection = "bean"'
+SATIN = {"weave": "satin-5-2", "repeats": 2, "per_cm": 26}
+DARK = {"colour": "[0.12, 0.14, 0.16]", "weft_colour": "[0.12, 0.14, 0.16]"}
+
+
+def finished(name):
+    return {"yarn": SPUN + f'\nfinish = "{name}"'}
+
+
+VELVET = ('[pile]\nkind = "cut"\nyarn = "pile"\nheight_mm = 1.1\nheight_cv_percent = 4.0\nevery = [2, 2]\n'
+          'colours = [[0.36, 0.05, 0.07]]\nlean_deg = 22.0\nlean_direction_deg = 0.0\nlean_deviation_deg = 9.0\n'
+          '[yarn.pile]\npreset = "rayon"\nkind = "filament"\ntex = 45.0')
+# Label, what both cloths have, what only the second one has, and the angle of view in degrees.
 PAIRS = [
-    ("flattening", {"weave": "satin-5-2", "repeats": 2, "per_cm": 26},
-     {"yarn": "flattening = { crossing = 1.5, float = 0.8 }"}, 8),
-    ("threads wander sideways", {"tex": 20, "repeats": 5},
-     {"warp": "wander = { amplitude_um = 55.0, length_mm = 3.0 }"}, 14),
-    ("reed marks", {"tex": 20, "repeats": 5},
-     {"warp": "reed_dents = { ends = 2, gap_percent = 45.0 }"}, 14),
-    ("finish: singed", {"yarn": SPUN}, {"yarn": SPUN + '\nfinish = "singed"'}, 8),
-    ("finish: raised", {"yarn": SPUN}, {"yarn": SPUN + '\nfinish = "raised"'}, 8),
-    ("finish: calendered", {"yarn": SPUN}, {"yarn": SPUN + '\nfinish = "calendered"'}, 8),
-    ("section: trilobal", {"preset": "polyester"},
-     {"tables": '[optics.yarn]\nsection = "trilobal"'}, 8),
-    ("pile", {},
-     {"tables": '[pile]\nkind = "cut"\nyarn = "yarn"\nheight_mm = 1.2\nevery = [2, 2]\n'
-      "colours = [[0.55, 0.50, 0.42]]\nlean_deg = 18.0\nlean_deviation_deg = 9.0"}, 14),
+    ("uneven threads", FINE, {"yarn": "evenness = { mass_cv_percent = 24.0 }",
+                              "warp": "spacing_cv_percent = 12.0", "weft": "spacing_cv_percent = 12.0"}, 14),
+    ("slubs", FINE, {"yarn": "slubs = { per_m = 90.0, length_mm = [3.0, 1.0], mass = [2.1, 0.1] }"}, 14),
+    ("uneven, wandering fibres", DARK, {"yarn": "fibre_radius_cv_percent = 22.0\n"
+                                      "wander = { amplitude = 0.2, length_mm = 0.6 }"}, 6),
+    ("protruding fibres", {"yarn": "hairs = { per_mm = 0.0 }\nloops = { per_mm = 0.0 }"},
+     {"yarn": "hairiness = { index = 6.0, length_mm = 1.0, reach_mm = 0.4, curl_mm = 0.5, returning = 0.4 }"}, 8),
+    ("flattening", SATIN, {"yarn": "flattening = { crossing = 1.5, float = 0.8 }"}, 8),
+    ("threads wander sideways", FINE, {"warp": "wander = { amplitude_um = 55.0, length_mm = 3.0 }"}, 14),
+    ("reed marks", FINE, {"warp": "reed_dents = { ends = 2, gap_percent = 45.0 }"}, 14),
+    ("ring dye", DENIM, {"end": "ring_dye = { core_colour = [0.42, 0.42, 0.39], depth = 0.4 }"}, 7),
+    ("blend (melange)", DENSE | {"yarn": SPUN},
+     {"yarn": SPUN + "\nblend = [{ share = 3.0 }, { share = 1.2, colour = [0.10, 0.11, 0.13] }, "
+      "{ share = 0.5, colour = [0.42, 0.09, 0.05] }]"}, 8),
+    ("print", DENSE | {"repeats": 6}, {"tables": '[print]\nimage = "roses.png"'}, 17),
+    ("section: bean", DENSE | DARK, {"tables": BEAN}, 8),
+    ("section: trilobal", {"preset": "polyester"} | DARK, {"tables": '[optics."*"]\nsection = "trilobal"'}, 8),
+    ("finish: singed", {"yarn": SPUN}, finished("singed"), 8),
+    ("finish: raised", {"yarn": SPUN}, finished("raised"), 8),
+    ("finish: calendered", {"yarn": SPUN}, finished("calendered"), 8),
+    ("finish: mercerised", DENSE | DARK | {"yarn": SPUN, "tables": BEAN}, finished("mercerised"), 8),
+    ("finish: brushed", {"yarn": SPUN}, finished("brushed"), 8),
+    ("pile", {}, {"tables": VELVET}, 16),
 ]
 
 
-def render(cloth, fov_deg, folder):
+def render(cloth, fov_deg, folder, options):
     file, picture = folder / "fabric.toml", folder / "cell.png"
     file.write_text(FABRIC.format(**cloth))
     sets = [f'object.1.fabric="{file}"', f"camera.fov_deg={fov_deg}", f"camera.resolution={list(SIZE)}"]
     sets = [word for one in sets for word in ("--set", one)]
-    scene = HERE / "realism.toml"
-    command = [ORGANZA, "render", scene, "-o", picture, "--quiet", "--spp", "12", "--threads", "2"]
-    subprocess.run([*command, *sets], check=True)
+    command = [options.organza, "render", HERE / "realism.toml", "-o", picture, "--quiet",
+               "--spp", str(options.spp), "--threads", str(options.threads)]
+    subprocess.run([*command, *sets, *(["--denoise"] if options.denoise else [])], check=True)
     with Image.open(picture) as cell:
         return cell.convert("RGB")
 
 
 def main():
-    rows = -(-len(PAIRS) * 2 // COLUMNS)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--organza", default="organza")
+    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--denoise", action="store_true")
+    parser.add_argument("--only", help="pairs whose label holds this")
+    parser.add_argument("-o", "--outfile", type=Path, default=HERE / "pairs.jpg")
+    options = parser.parse_args()
+    pairs = [pair for pair in PAIRS if options.only is None or options.only in pair[0]]
+    rows = -(-len(pairs) * 2 // COLUMNS)
     (width, height) = SIZE
     sheet = Image.new("RGB", (COLUMNS * (width + GAP) + GAP, rows * (height + LABEL + GAP) + GAP), "white")
     draw = ImageDraw.Draw(sheet)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for i, (label, both, added, fov_deg) in enumerate(PAIRS):
+        (folder / "roses.png").write_bytes((HERE / "../fabrics/print/roses.png").read_bytes())
+        for i, (label, both, added, fov_deg) in enumerate(pairs):
             off = COTTON | both
             for j, (word, cloth) in enumerate([("without", off), (label, off | added)]):
                 cell = 2 * i + j
                 x = GAP + cell % COLUMNS * (width + GAP)
                 y = GAP + cell // COLUMNS * (height + LABEL + GAP)
-                sheet.paste(render(cloth, fov_deg, folder), (x, y + LABEL))
-                draw.text((x + 1, y), word, fill="black")
-    # Noise does not compress; 32 colours are enough to compare by eye.
-    sheet.quantize(32, dither=Image.Dither.NONE).save(HERE / "pairs.png", optimize=True)
+                sheet.paste(render(cloth, fov_deg, folder, options), (x, y + LABEL))
+                draw.text((x + 1, y + 1), word, fill="black")
+            print(label, flush=True)
+    sheet.save(options.outfile, quality=78)
 
 
 if __name__ == "__main__":
