@@ -4,7 +4,7 @@
 
 use organza_basis::Budget;
 use organza_scan::ScanError;
-use organza_scan::input::{Slices, tiff::TiffSlices, vti::VtiSlices};
+use organza_scan::input::{Slices, png::PngSlices, tiff::TiffSlices, vti::VtiSlices};
 use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
@@ -20,7 +20,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 21] = [
+pub const ALL: [Entry; 22] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -28,6 +28,7 @@ pub const ALL: [Entry; 21] = [
     ("vdb", vdb),
     ("ovox", ovox),
     ("nrrd", nrrd),
+    ("ct_png", ct_png),
     ("ct_tiff", ct_tiff),
     ("vti", vti),
     ("obj", obj),
@@ -120,6 +121,13 @@ fn slices(opened: Result<impl Slices, ScanError>, budget: &mut Budget) {
 pub fn ct_tiff(data: &[u8]) {
     let budget = &mut Budget::new(MAX_BYTES);
     let opened = TiffSlices::new(Cursor::new(data.to_vec()), budget);
+    slices(opened, budget);
+}
+
+/// A slice of a grey volume as PNG.
+pub fn ct_png(data: &[u8]) {
+    let budget = &mut Budget::new(MAX_BYTES);
+    let opened = PngSlices::new(Cursor::new(data.to_vec()), budget);
     slices(opened, budget);
 }
 

@@ -34,6 +34,6 @@ fuzz() {
 export ASAN_OPTIONS=detect_odr_violation=0
 export -f fuzz
 export seconds out timeout bin
-printf '%s\n' wif curve_text bcc vol vdb ovox nrrd obj ply gltf \
+printf '%s\n' wif curve_text bcc vol vdb ovox nrrd obj ply gltf ct_png ct_tiff vti \
   picture klems far_table pairs scene fabric checkpoint part view |
   xargs -P "$side_by_side" -I{} bash -c 'SECONDS=0; fuzz {}'

@@ -12,14 +12,17 @@
 //! No file is opened here: slices come from bytes and from `Read + Seek`.
 
 mod cloth_frame;
+mod disk;
 mod error;
 mod field;
 mod flatten;
 pub mod input;
 mod levels;
+mod noise;
 mod orientation;
 mod periodic;
 pub mod phantom;
+mod rays;
 mod resample;
 mod scan;
 mod sections;

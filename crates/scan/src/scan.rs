@@ -4,11 +4,14 @@
 //! scales and levels.
 
 use crate::ScanError;
+use crate::disk::unblurred;
 use crate::field::{BRICK, BRICK_VOXELS, ScannedField, StoredBrick, StoredVoxel};
 use crate::input::Slices;
 use crate::levels::{Histogram, Levels};
+use crate::noise;
 use crate::orientation::{Analysed, CORE, Core, Scales, analyse};
-use crate::sections::{Section, sections, unblurred};
+use crate::rays::{Section, median};
+use crate::sections::{sections, single_fibres};
 use crate::settings::ScanSettings;
 use crate::window::{Window, window_bytes};
 use flate2::Compression;
@@ -38,8 +41,12 @@ const LEAST_LENGTH: f32 = 1.5;
 /// Voxels whose residues tell the noise.
 const RESIDUES: usize = 20_000;
 
-/// Greatest residue of straight fibres; without any direction it is near a third.
-const MOST_RESIDUE: f32 = 0.12;
+/// Difference of the grey values of fibre and air, in deviations of noise, above which it is not
+/// one of noise.
+const CLEAR: f32 = 4.0;
+
+/// Share of the voxels of noise whose residues may be below the median residue of fibre.
+const NOISE_SHARE: f32 = 0.05;
 
 /// The share of these voxels that counts as straight fibre.
 const STRAIGHT: f32 = 0.2;
@@ -152,26 +159,33 @@ impl Scan {
                 let done = round as f32 + (i + 1) as f32 / count;
                 tell(watch, Stage::Radius, 0.35 * done)?;
             }
-            survey.take_sections(settings, &mut found, tried)?;
+            survey.take_sections(settings, &found, tried)?;
         }
         let scales = survey.scales(settings);
         budget.take(scales.block_bytes(probe), "blocks")?;
-        let mut residues = Vec::new();
+        let (mut residues, mut deviation) = (Vec::new(), 0.0f32);
         for (i, range) in windows.iter().enumerate() {
             let window = Window::read(slices, range.clone(), settings.denoise)?;
+            deviation = deviation.max(noise::deviation(&window, survey.levels.air));
             residues.extend(residues_of(&window, dims, &survey, &scales));
             tell(watch, Stage::Radius, 0.7 + 0.3 * (i + 1) as f32 / count)?;
         }
         residues.sort_by(f32::total_cmp);
-        let at = (STRAIGHT * residues.len() as f32) as usize;
-        survey.residue = residues.get(at).copied().unwrap_or(0.0).min(0.3);
+        let at = |list: &[f32], share: f32| list.get((share * list.len() as f32) as usize).copied();
+        survey.residue = at(&residues, STRAIGHT).unwrap_or(0.0).min(0.3);
         budget.give_back(bytes + scales.block_bytes(probe));
-        if survey.residue > MOST_RESIDUE {
-            return Err(ScanError::Content(format!(
-                "no fibre was found at the threshold of {}: grey values vary as much along any \
-                 direction as along the others",
-                survey.levels.threshold
-            )));
+        // Crossed fibres that touch may vary along all directions, but stand out from noise.
+        let contrast = survey.levels.fibre - survey.levels.air;
+        let radius_mm = survey.fibre_radius_mm;
+        if contrast < CLEAR * deviation {
+            let noise = noise::residues(&survey.levels, &scales, settings.voxel_mm, radius_mm);
+            if at(&residues, 0.5) > at(&noise, NOISE_SHARE) {
+                return Err(ScanError::Content(format!(
+                    "no fibre was found at the threshold of {}: grey values vary along any \
+                     direction nearly as much as along the others, as in noise",
+                    survey.levels.threshold
+                )));
+            }
         }
         Ok(survey)
     }
@@ -309,7 +323,7 @@ impl Survey {
     fn take_sections(
         &mut self,
         settings: &ScanSettings,
-        found: &mut [Section],
+        found: &[Section],
         tried: usize,
     ) -> Result<(), ScanError> {
         let threshold = self.levels.threshold;
@@ -325,15 +339,14 @@ impl Survey {
                 found.len()
             ));
         }
-        let mut median = |of: &dyn Fn(&Section) -> f32| {
-            found.sort_by(|a, b| of(a).total_cmp(&of(b)));
-            of(&found[found.len() / 2])
-        };
+        let found = single_fibres(found);
+        let of = |value: &dyn Fn(&Section) -> f32| median(found.iter().map(value));
         let middle = Section {
-            length_mm: median(&|s| s.length_mm / (2.0 * s.radius_mm)),
-            middle: median(&|s| s.middle),
-            slope_per_mm: median(&|s| s.slope_per_mm),
-            radius_mm: median(&|s| s.radius_mm),
+            radius_mm: of(&|s| s.radius_mm),
+            length_mm: of(&|s| s.length_mm / (2.0 * s.radius_mm)),
+            middle: of(&|s| s.middle),
+            slope_per_mm: of(&|s| s.slope_per_mm),
+            ..found[0]
         };
         if middle.length_mm < LEAST_LENGTH {
             return none(format!(
@@ -342,7 +355,9 @@ impl Survey {
                 middle.length_mm
             ));
         }
-        let of = |share: f32| found[(share * found.len() as f32) as usize].radius_mm;
+        let mut radii: Vec<f32> = found.iter().map(|s| s.radius_mm).collect();
+        radii.sort_by(f32::total_cmp);
+        let of = |share: f32| radii[(share * radii.len() as f32) as usize];
         self.radius_deviation_mm = 0.5 * (of(0.75) - of(0.25));
         self.sections = found.len();
         let levels = &mut self.levels;

@@ -8,6 +8,7 @@ use flate2::write::ZlibEncoder;
 use glam::UVec3;
 use organza_basis::Budget;
 use organza_scan::ScanError;
+use organza_scan::input::png::PngSlices;
 use organza_scan::input::raw::{RawLayout, RawSlices};
 use organza_scan::input::stack::Stack;
 use organza_scan::input::tiff::TiffSlices;
@@ -367,5 +368,77 @@ fn vti_files_that_cannot_be_used_say_why() {
             error(lie, None).starts_with("not a usable .vti file: "),
             "{word} {value}"
         );
+    }
+}
+
+/// A slice as PNG.
+fn png(slice: usize, sample: SampleType, colour: png::ColorType, size: (u32, u32)) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size.0, size.1);
+    encoder.set_color(colour);
+    let v = &values()[20 * slice..][..20];
+    let bytes: Vec<u8> = match sample {
+        SampleType::U8 => v.iter().map(|x| *x as u8).collect(),
+        _ => v.iter().flat_map(|x| x.to_be_bytes()).collect(),
+    };
+    encoder.set_depth(match sample {
+        SampleType::U8 => png::BitDepth::Eight,
+        _ => png::BitDepth::Sixteen,
+    });
+    let channels = colour.samples() * (size.0 * size.1) as usize * sample.bytes();
+    let bytes: Vec<u8> = bytes.into_iter().cycle().take(channels).collect();
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&bytes).unwrap();
+    writer.finish().unwrap();
+    file
+}
+
+fn png_stack(files: Vec<Vec<u8>>) -> Result<Vec<f32>, ScanError> {
+    let names = (0..files.len()).map(|i| format!("s{i}.png")).collect();
+    let mut stack = Stack::new(
+        names,
+        Box::new(move |i, budget| {
+            let slices = PngSlices::new(Cursor::new(files[i].clone()), budget)?;
+            Ok(Box::new(slices) as _)
+        }),
+        &mut budget(),
+    )?;
+    all(&mut stack)
+}
+
+#[test]
+fn slices_of_png_keep_their_values() {
+    let grey = png::ColorType::Grayscale;
+    for sample in [SampleType::U8, SampleType::U16] {
+        let files = (0..3).map(|z| png(z, sample, grey, (5, 4))).collect();
+        for (i, v) in png_stack(files).unwrap().into_iter().enumerate() {
+            let want = match sample {
+                SampleType::U8 => f32::from(value(i) as u8),
+                _ => f32::from(value(i)),
+            };
+            assert_eq!(v, want, "{i}");
+        }
+    }
+}
+
+#[test]
+fn slices_of_png_that_do_not_fit_are_refused() {
+    let grey = png::ColorType::Grayscale;
+    let good = || png(0, SampleType::U16, grey, (5, 4));
+    let cut = good()[..good().len() - 20].to_vec();
+    for (bad, words) in [
+        (cut, "s2.png: not a usable PNG file"),
+        (png(0, SampleType::U8, grey, (5, 4)), "is 5 x 4 x 1 of u8"),
+        (png(0, SampleType::U16, grey, (4, 5)), "is 4 x 5 x 1 of u16"),
+        (
+            png(0, SampleType::U8, png::ColorType::Rgb, (5, 4)),
+            "it holds Rgb of 8 bits; expected one grey value",
+        ),
+        (b"no picture".to_vec(), "s2.png: not a usable PNG file"),
+    ] {
+        let why = png_stack(vec![good(), good(), bad])
+            .unwrap_err()
+            .to_string();
+        assert!(why.contains(words), "{why}");
     }
 }

@@ -3,6 +3,7 @@
 //! Every reader gives one slice at a time, in any order, so that a volume need not fit into
 //! memory. Buffers are charged to a budget before they are allocated.
 
+pub mod png;
 pub mod raw;
 pub mod stack;
 pub mod tiff;

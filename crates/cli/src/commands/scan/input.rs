@@ -6,6 +6,7 @@ use anyhow::Result;
 use organza_basis::Budget;
 use organza_scan::ScanError;
 use organza_scan::input::Slices;
+use organza_scan::input::png::PngSlices;
 use organza_scan::input::raw::{RawLayout, RawSlices};
 use organza_scan::input::stack::{Stack, natural_order};
 use organza_scan::input::tiff::TiffSlices;
@@ -32,12 +33,12 @@ pub fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     for entry in entries.take(MAX_FILES) {
         let entry = entry.map_err(|e| fail(read::io_message(&e)))?;
         let path = entry.path();
-        if is_tiff(&path) && path.is_file() {
+        if is_slice(&path) && path.is_file() {
             names.push(path);
         }
     }
     if names.is_empty() {
-        return Err(fail("the folder holds no .tif or .tiff".into()));
+        return Err(fail("the folder holds no .tif, .tiff or .png".into()));
     }
     names.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(names)
@@ -60,6 +61,15 @@ fn ending(path: &Path) -> String {
 fn is_tiff(path: &Path) -> bool {
     let format = organza_picture::format_of_ending(&ending(path));
     format.is_some_and(|f| f.name == "TIFF")
+}
+
+fn is_png(path: &Path) -> bool {
+    ending(path) == "png"
+}
+
+/// Whether a file may be one slice of several.
+fn is_slice(path: &Path) -> bool {
+    is_tiff(path) || is_png(path)
 }
 
 fn open_file(path: &Path) -> Result<BufReader<File>> {
@@ -101,9 +111,10 @@ pub fn open(args: &ScanArgs, files: &[PathBuf], budget: &mut Budget) -> Result<B
                 VtiSlices::new(file, args.array.as_deref(), budget).map(|s| Box::new(s) as _)
             }
             _ if is_tiff(path) => TiffSlices::new(file, budget).map(|s| Box::new(s) as _),
+            _ if is_png(path) => PngSlices::new(file, budget).map(|s| Box::new(s) as _),
             _ => {
                 return Err(input(format!(
-                    "{name}: expected .tif, .tiff, .vti, a folder of slices, or raw data with \
+                    "{name}: expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with \
                      --raw-size and --raw-type"
                 )));
             }
@@ -116,9 +127,9 @@ pub fn open(args: &ScanArgs, files: &[PathBuf], budget: &mut Budget) -> Result<B
         )));
     }
     for path in files {
-        if !is_tiff(path) {
+        if !is_slice(path) {
             return Err(input(format!(
-                "{}: expected .tif or .tiff: slices in several files are TIFF",
+                "{}: expected .tif, .tiff or .png: slices in several files are TIFF or PNG",
                 path.display()
             )));
         }
@@ -131,8 +142,11 @@ pub fn open(args: &ScanArgs, files: &[PathBuf], budget: &mut Budget) -> Result<B
         names,
         Box::new(move |i, budget| {
             let file = File::open(&paths[i])?;
-            let slices = TiffSlices::new(BufReader::with_capacity(1 << 16, file), budget)?;
-            Ok(Box::new(slices) as _)
+            let file = BufReader::with_capacity(1 << 16, file);
+            if is_png(&paths[i]) {
+                return PngSlices::new(file, budget).map(|s| Box::new(s) as _);
+            }
+            TiffSlices::new(file, budget).map(|s| Box::new(s) as _)
         }),
         budget,
     );
