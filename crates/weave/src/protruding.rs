@@ -19,7 +19,7 @@ const MAX_LENGTHS: f64 = 6.0;
 /// Length of the root inside the yarn, yarn radii, and how deep it begins.
 const ROOT_RADII: f64 = 1.5;
 const ROOT_DEPTH: f64 = 0.5;
-/// Steps per radius of curl.
+/// Steps per radius of curl, and per radius of the yarn where hairs are smooth.
 const STEPS_PER_CURL: f64 = 8.0;
 /// A fibre that finds no way out of the yarn ends after so many times its length.
 const MAX_DETOUR: f64 = 4.0;
@@ -165,7 +165,14 @@ fn grow(
     let (arc_mm, phase) = (unit(rng) * path.length_mm(), unit(rng) * TAU);
     let along = if unit(rng) < 0.5 { 1.0 } else { -1.0 };
     let is_returning = unit(rng) < hairiness.returning;
-    let step_mm = (hairiness.curl_mm / STEPS_PER_CURL)
+    // A fibre is led with a curvature of up to LEAD over the yarn's radius: steps by the curl
+    // alone show kinks where the yarn is fine.
+    let shortest_radius_mm = if hairiness.smooth {
+        hairiness.curl_mm.min(yarn.radius_mm())
+    } else {
+        hairiness.curl_mm
+    };
+    let step_mm = (shortest_radius_mm / STEPS_PER_CURL)
         .min(0.25 * length_mm)
         .max(yarn.fibre_radius_mm);
 

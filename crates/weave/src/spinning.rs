@@ -95,6 +95,7 @@ pub(crate) fn spin(spec: &mut YarnSpec, own: &YarnSpec, name: &str) {
                 curl_mm,
                 returning,
                 lean: [0.0; 2],
+                smooth: false,
             },
         ));
     }
@@ -194,6 +195,7 @@ const BEFORE_RAISING: HairinessSpec = HairinessSpec {
     curl_mm: 0.7,
     returning: 0.3,
     lean: [0.0; 2],
+    smooth: false,
 };
 
 /// Changes a yarn as a finish does; keys that it sets itself stay. Returns the factor on the

@@ -69,6 +69,10 @@ pub struct HairinessSpec {
     /// 0 to 1, says how strongly. 0 for none.
     #[serde(default)]
     pub lean: [f64; 2],
+    /// Whether the curves are followed in steps of at most an eighth of the yarn's radius, too,
+    /// so that fibres of fine yarns turn at its surface without kinks. It takes more segments.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub smooth: bool,
 }
 
 fn one() -> f64 {

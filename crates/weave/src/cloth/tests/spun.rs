@@ -95,6 +95,7 @@ fn every_name_makes_a_cloth_and_own_keys_win() {
         curl_mm: 1.0,
         returning: 0.0,
         lean: [0.0; 2],
+        smooth: false,
     };
     let spec = YarnSpec {
         hairiness: Some(own),
