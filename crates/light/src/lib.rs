@@ -18,6 +18,7 @@ mod image_environment;
 mod light;
 pub mod mitsuba;
 mod rectangle;
+mod spherical_rectangle;
 mod spot;
 
 pub use catalogue::{LIGHT_KINDS, LightError, LightKind, LightTable, LoadPicture, LoadedPicture};

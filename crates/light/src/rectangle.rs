@@ -4,6 +4,7 @@
 use crate::catalogue::{LightError, LightKind, LoadPicture, brightness};
 use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
+use crate::spherical_rectangle::SphericalRectangle;
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 use serde::Deserialize;
@@ -114,10 +115,21 @@ impl RectangleLight {
         self.distance_mm(o, d).map(|t| t as f32)
     }
 
-    /// A direction toward a uniformly drawn point of the rectangle, with its
-    /// density.
+    /// The rectangle as it is seen from a point; `None` when it is too small there for
+    /// directions drawn evenly from its solid angle.
+    fn seen_from(&self, from_mm: Vec3) -> Option<SphericalRectangle> {
+        SphericalRectangle::new(from_mm, self.corner_and_edges_mm(), self.normal)
+    }
+
+    /// A direction drawn evenly from the solid angle, or, of a rectangle that is seen very
+    /// small, toward an evenly drawn point, with its density.
     pub fn sample_toward(&self, from_mm: Vec3, rng: &mut PathRng) -> Option<(Vec3, f32)> {
         let s = rng.unit2();
+        if let Some(seen) = self.seen_from(from_mm) {
+            let w_in = seen.direction(s);
+            let pdf = (1.0 / seen.solid_angle()) as f32;
+            return (!self.radiance_toward(w_in).is_black()).then_some((w_in, pdf));
+        }
         let to = self.corner_mm + s.x * self.u_mm + s.y * self.v_mm - from_mm;
         let w_in = to.try_normalize()?;
         let pdf = self.pdf_at(to.length_squared(), w_in);
@@ -130,7 +142,10 @@ impl RectangleLight {
             return 0.0;
         }
         match self.distance_along(&Ray::new(from_mm, w_in)) {
-            Some(t) => self.pdf_at(t * t, w_in),
+            Some(t) => match self.seen_from(from_mm) {
+                Some(seen) => (1.0 / seen.solid_angle()) as f32,
+                None => self.pdf_at(t * t, w_in),
+            },
             None => 0.0,
         }
     }

@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
+use glam::Vec3;
+use organza_basis::{Moments, PathRng, Rgb};
 use organza_scene::loader::Loader;
 use organza_scene::scene_file;
 use organza_scene::{BuildOptions, scene_build};
-use organza_transport::{Integrator, RenderSettings, render};
+use organza_transport::{
+    Integrator, Light, LightSearch, RectangleLight, RenderSettings, Stats, render, trace_path,
+};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -119,5 +123,84 @@ fn mistakes_in_a_spot_name_the_light() {
     );
     let message = picture(&folder, &scene(50.0, "half_angle = 20.0")).unwrap_err();
     assert!(message.contains("unknown field `half_angle`"), "{message}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// A folded satin under a large panel, with interreflection: the panel found by shadow rays and
+/// walks together has the brightness that it has when walks alone find it. The twins are a
+/// twentieth too dark, and count what both find.
+#[test]
+fn a_panel_on_a_satin_is_what_walks_alone_find() {
+    let folder = folder("satin");
+    let satin =
+        "[surface]\npreset = \"silk-charmeuse\"\n[surface.warp]\nspecular = [0.6, 0.6, 0.6]\n";
+    let weave = FABRIC.split("[surface]").next().unwrap();
+    let weave = weave.replace("\"plain\"", "\"satin-5-3\"");
+    std::fs::write(folder.join("cloth.toml"), format!("{weave}{satin}")).unwrap();
+    // A valley of two faces.
+    let valley = "v -9 -9 5\nv 0 -9 0\nv 9 -9 5\nv -9 9 5\nv 0 9 0\nv 9 9 5\n\
+                  vt 0 0\nvt 1 0\nvt 2 0\nvt 0 2\nvt 1 2\nvt 2 2\n\
+                  f 1/1 2/2 5/5 4/4\nf 2/2 3/3 6/6 5/5\n";
+    std::fs::write(folder.join("valley.obj"), valley).unwrap();
+    let path = folder.join("scene.toml");
+    let text = scene(50.0, "")
+        .replace("width_mm = 0.01", "width_mm = 6.0")
+        .replace(
+            "model = \"surface\"",
+            "model = \"surface\"\nmesh = \"valley.obj\"\nmm_per_uv = 10.0",
+        );
+    std::fs::write(&path, text).unwrap();
+    let loader = Loader::new();
+    let file = scene_file::load(&path, &[], &loader).unwrap();
+    let options = BuildOptions {
+        scene_path: &path,
+        loader: &loader,
+        max_memory_bytes: None,
+    };
+    let mut scene = scene_build::scene(&file, &options).unwrap();
+    let mut lit = |search, seed| {
+        let (corner, u, v) = (
+            Vec3::new(-20.0, -15.0, 12.0),
+            30.0 * Vec3::Y,
+            Vec3::new(12.0, 0.0, 16.0),
+        );
+        let panel = RectangleLight::new(corner, u, v, Rgb::WHITE, true).unwrap();
+        scene.lights = vec![Light::from(panel.with_search(search))];
+        let (mut moments, mut stats) = (Moments::default(), Stats::default());
+        for path in 0..60_000u64 {
+            let mut rng = PathRng::new(seed, path % 4, path / 4);
+            let pixel = glam::UVec2::new((path % 2) as u32, (path / 2 % 2) as u32);
+            let traced = trace_path(
+                &scene,
+                pixel,
+                Integrator::Woodcock,
+                u32::MAX,
+                &mut rng,
+                &mut stats,
+            );
+            moments.add(f64::from(traced.radiance.mean()));
+        }
+        moments
+    };
+    let walks = lit(LightSearch::Walk, 81);
+    let both = lit(LightSearch::Both, 82);
+    let rays = lit(LightSearch::ShadowRays, 83);
+    for (name, found) in [("both", both), ("shadow rays", rays)] {
+        let sigma = found.standard_error().hypot(walks.standard_error());
+        let off = |mean: f64| (mean - walks.mean).abs() / sigma;
+        assert!(
+            off(found.mean) < 4.5,
+            "{name}: {} for {}",
+            found.mean,
+            walks.mean
+        );
+        assert!(
+            off(0.95 * found.mean) > 4.5,
+            "{name}: sigma {sigma} of {}",
+            walks.mean
+        );
+    }
+    let twice = rays.mean + walks.mean;
+    assert!((twice - walks.mean).abs() > 4.5 * walks.standard_error());
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -2,11 +2,12 @@
 //! light is drawn from the cones on which they reflect.
 
 use crate::filament::Ring;
+use crate::phase::CircularPhase;
 use crate::real::{Direction, Real};
 use crate::segment::{Pair, YarnSegment};
 use crate::staple::Inclination;
 use organza_basis::PathRng;
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI};
 
 type Vector = Direction<f32>;
 
@@ -28,6 +29,41 @@ pub(crate) struct Fibres {
     /// Sine and cosine of the angle that is fixed.
     sin: f32,
     cos: f32,
+    /// Shares of the draws in each half of the fibres.
+    halves: [f32; 2],
+    around: [AroundCone; 2],
+    /// About the light that the highlight returns, without gain and colour.
+    albedo: f32,
+}
+
+impl Fibres {
+    /// About the light that the highlight returns to the direction, without gain and colour.
+    pub(crate) fn albedo(&self) -> f32 {
+        self.albedo
+    }
+
+    /// The half that an angle lies in.
+    #[inline]
+    fn half(&self, angle: f32) -> usize {
+        usize::from(angle >= 0.5 * (self.low + self.high))
+    }
+
+    /// Draws an angle, and the half that it lies in.
+    #[inline]
+    fn draw(&self, even: f32) -> (f32, usize) {
+        let half = usize::from(even >= self.halves[0]);
+        let before = if half == 0 { 0.0 } else { self.halves[0] };
+        let within = ((even - before) / self.halves[half]).smaller(1.0);
+        let angle = self.low + (self.high - self.low) * 0.5 * (half as f32 + within);
+        (angle, half)
+    }
+
+    /// Density of an angle and of the sine around its cone.
+    #[inline]
+    fn density(&self, angle: f32, sin: f32) -> f32 {
+        let half = self.half(angle);
+        2.0 * self.halves[half] / (self.high - self.low) * self.around[half].density(sin)
+    }
 }
 
 impl YarnSegment<f32> {
@@ -56,11 +92,52 @@ impl YarnSegment<f32> {
                 FRAC_PI_2,
             )
         };
-        Fibres {
+        let mut fibres = Fibres {
             low: band.0.larger(middle - reach),
             high: band.1.smaller(middle + reach),
             sin,
             cos,
+            halves: [0.5; 2],
+            around: [AroundCone::EVEN; 2],
+            albedo: 0.0,
+        };
+        if fibres.low < fibres.high {
+            self.follow_highlight(&mut fibres, w_out);
+        }
+        fibres
+    }
+
+    /// Has the draws follow the light of the highlight, estimated at the middle of each half.
+    #[inline]
+    fn follow_highlight(&self, fibres: &mut Fibres, w_out: Vector) {
+        let width = fibres.high - fibres.low;
+        let mut albedos = [0.0; 2];
+        for (half, albedo) in albedos.iter_mut().enumerate() {
+            let angle = fibres.low + width * (0.25 + 0.5 * half as f32);
+            let cone = self.cone(fibres, angle, w_out);
+            if !(cone.cos_out > 0.0) {
+                continue;
+            }
+            let (around, light) = AroundCone::new(&cone, w_out, &self.phase);
+            fibres.around[half] = around;
+            *albedo = light * cone.cos_out * cone.radius * cone.strength * 0.5 * width;
+        }
+        fibres.albedo = albedos[0] + albedos[1];
+        if fibres.albedo > 0.0 {
+            let first = albedos[0] / fibres.albedo;
+            let first = 0.5 * EVEN_SHARE + (1.0 - EVEN_SHARE) * first;
+            fibres.halves = [first, 1.0 - first];
+        }
+    }
+
+    /// The cone of the fibre at an angle.
+    #[inline]
+    fn cone(&self, fibres: &Fibres, angle: f32, w_out: Vector) -> Cone {
+        let (drawn, fixed) = (angle.sin_cos_acute(), (fibres.sin, fibres.cos));
+        if self.is_filament() {
+            Cone::new(self, drawn, fixed, w_out)
+        } else {
+            Cone::new(self, fixed, drawn, w_out)
         }
     }
 
@@ -73,19 +150,74 @@ impl YarnSegment<f32> {
         fibres: &Fibres,
         rng: &mut PathRng,
     ) -> Option<Vector> {
-        let angle = fibres.low + (fibres.high - fibres.low) * rng.unit();
-        let drawn = angle.sin_cos_acute();
-        let ((sin_u, cos_u), (sin_v, cos_v)) = if self.is_filament() {
-            (drawn, (fibres.sin, fibres.cos))
-        } else {
-            ((fibres.sin, fibres.cos), drawn)
-        };
-        let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
+        let (angle, half) = fibres.draw(rng.unit());
+        let cone = self.cone(fibres, angle, w_out);
         // Otherwise the highlight of the pair may lie at the other solution for v.
-        if !(fibres.low < fibres.high && w_out.dot(normal) > 0.0) {
+        if !(fibres.low < fibres.high && cone.cos_out > 0.0) {
             return None;
         }
-        let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
+        Some(cone.direction(fibres.around[half].draw(rng.unit())))
+    }
+
+    /// Density of [`sample_cone`](Self::sample_cone), 1/sr; both directions
+    /// above the horizon.
+    #[inline]
+    pub(crate) fn cone_pdf(&self, pair: &Pair<f32>, fibres: &Fibres) -> f32 {
+        let (angle, u, v, n_i, n_r, width) = if self.is_filament() {
+            let ring = Ring::new(pair);
+            let toward =
+                |w: Vector| w.x * fibres.sin + (w.y * ring.sin_u + w.z * ring.cos_u) * fibres.cos;
+            let (n_i, n_r) = (toward(pair.w_in), toward(pair.w_out));
+            let (u, v) = ((ring.sin_u, ring.cos_u), (fibres.sin, fibres.cos));
+            (ring.u, u, v, n_i, n_r, ring.inv_p)
+        } else {
+            let (sin_u, cos_u) = (fibres.sin, fibres.cos);
+            let m = self.mirror(pair, &Inclination::new(pair, sin_u, cos_u));
+            // The other solution is not a sample.
+            let angle = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
+            // Where no fibre mirrors, the cosines of the two normals cancel.
+            let width = 1.0 / ((m.n_i + m.n_r) * self.sin_psi.abs());
+            let (u, v) = ((sin_u, cos_u), (m.sin_v, m.cos_v));
+            (angle, u, v, m.n_i, m.n_r, width)
+        };
+        if angle > fibres.low && angle < fibres.high && n_i.smaller(n_r) > 0.0 {
+            let cone = Cone::new(self, u, v, pair.w_out);
+            let radius = radius(pair.w_in.dot(cone.fibre));
+            let sin = pair.w_in.dot(cone.side) / radius;
+            n_i * width * fibres.density(angle, sin) / radius
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The directions that one fibre mirrors to `w_out`.
+struct Cone {
+    fibre: Vector,
+    /// Of the yarn, and beside the fibre in its surface.
+    normal: Vector,
+    side: Vector,
+    /// Sine of the inclination to the fibre's cross-section, and its cosine: the radius.
+    sin_theta: f32,
+    radius: f32,
+    /// Cosine of `w_out` to the normal.
+    cos_out: f32,
+    /// What light that arrives within the cone is multiplied by, besides the phase function
+    /// and the cosines.
+    strength: f32,
+}
+
+impl Cone {
+    /// The cone of the fibre at sines and cosines of u and v.
+    #[inline]
+    fn new(
+        yarn: &YarnSegment<f32>,
+        (sin_u, cos_u): (f32, f32),
+        (sin_v, cos_v): (f32, f32),
+        w_out: Vector,
+    ) -> Cone {
+        let normal = Direction::new(sin_v, sin_u * cos_v, cos_u * cos_v);
+        let (sin_p, cos_p) = (yarn.sin_psi, yarn.cos_psi);
         let fibre = Direction::new(
             -cos_v * sin_p,
             cos_u * cos_p + sin_u * sin_v * sin_p,
@@ -96,50 +228,160 @@ impl YarnSegment<f32> {
             fibre.z * normal.x - fibre.x * normal.z,
             fibre.x * normal.y - fibre.y * normal.x,
         );
-        // Around the cone with the cosine to the normal.
         let sin_theta = -w_out.dot(fibre);
-        let ring = (1.0 - sin_theta * sin_theta).larger(0.0).sqrt();
-        let sin_phi = 2.0 * rng.unit() - 1.0;
-        let cos_phi = (1.0 - sin_phi * sin_phi).larger(0.0).sqrt();
-        Some(combine(
-            sin_theta,
+        let spread = if yarn.is_filament() {
+            yarn.fade(2.0 * (sin_u / (1.0 + cos_u)).atan_unit())
+        } else {
+            sin_p.abs()
+        };
+        let spine_mm = yarn.spine.radius_mm(sin_u, cos_u);
+        let strength = spread * (spine_mm + yarn.radius_mm * cos_v) * yarn.texture_factor;
+        Cone {
+            strength,
             fibre,
-            ring * cos_phi,
             normal,
-            ring * sin_phi,
             side,
-        ))
+            sin_theta,
+            radius: (1.0 - sin_theta * sin_theta).larger(0.0).sqrt(),
+            cos_out: w_out.dot(normal),
+        }
     }
 
-    /// Density of [`sample_cone`](Self::sample_cone), 1/sr; both directions
-    /// above the horizon.
+    /// The direction at the sine and cosine of the angle from the normal around the fibre.
     #[inline]
-    pub(crate) fn cone_pdf(&self, pair: &Pair<f32>, fibres: &Fibres) -> f32 {
-        let (angle, along, n_i, n_r, width) = if self.is_filament() {
-            let ring = Ring::new(pair);
-            let toward =
-                |w: Vector| w.x * fibres.sin + (w.y * ring.sin_u + w.z * ring.cos_u) * fibres.cos;
-            let along = pair.w_in.y * ring.cos_u - pair.w_in.z * ring.sin_u;
-            let (n_i, n_r) = (toward(pair.w_in), toward(pair.w_out));
-            (ring.u, along, n_i, n_r, ring.inv_p)
-        } else {
-            let (sin_u, cos_u) = (fibres.sin, fibres.cos);
-            let m = self.mirror(pair, &Inclination::new(pair, sin_u, cos_u));
-            let (sin_p, cos_p) = (self.sin_psi, self.cos_psi);
-            let along = -pair.w_in.x * m.cos_v * sin_p
-                + pair.w_in.y * (cos_u * cos_p + sin_u * m.sin_v * sin_p)
-                + pair.w_in.z * (-sin_u * cos_p + cos_u * m.sin_v * sin_p);
-            // The other solution is not a sample.
-            let v = if m.cos_v > 0.0 { m.angle() } else { f32::NAN };
-            // Where no fibre mirrors, the cosines of the two normals cancel.
-            let width = 1.0 / ((m.n_i + m.n_r) * sin_p.abs());
-            (v, along, m.n_i, m.n_r, width)
-        };
-        if angle > fibres.low && angle < fibres.high && n_i.smaller(n_r) > 0.0 {
-            n_i * width / (2.0 * radius(along) * (fibres.high - fibres.low))
-        } else {
-            0.0
+    fn direction(&self, (sin, cos): (f32, f32)) -> Vector {
+        combine(
+            self.sin_theta,
+            self.fibre,
+            self.radius * cos,
+            self.normal,
+            self.radius * sin,
+            self.side,
+        )
+    }
+}
+
+/// Sectors around a cone, of 15 degrees each.
+const SECTORS: usize = 12;
+
+/// Sines of their bounds, and sines and cosines of their middles.
+const BOUNDS: [f32; SECTORS + 1] = [
+    -1.0,
+    -0.965_925_8,
+    -0.866_025_4,
+    -FRAC_1_SQRT_2,
+    -0.5,
+    -0.258_819_05,
+    0.0,
+    0.258_819_05,
+    0.5,
+    FRAC_1_SQRT_2,
+    0.866_025_4,
+    0.965_925_8,
+    1.0,
+];
+const SINES: [f32; SECTORS] = [
+    -0.991_444_9,
+    -0.923_879_5,
+    -0.793_353_3,
+    -0.608_761_4,
+    -0.382_683_4,
+    -0.130_526_2,
+    0.130_526_2,
+    0.382_683_4,
+    0.608_761_4,
+    0.793_353_3,
+    0.923_879_5,
+    0.991_444_9,
+];
+const COSINES: [f32; SECTORS] = [
+    0.130_526_2,
+    0.382_683_4,
+    0.608_761_4,
+    0.793_353_3,
+    0.923_879_5,
+    0.991_444_9,
+    0.991_444_9,
+    0.923_879_5,
+    0.793_353_3,
+    0.608_761_4,
+    0.382_683_4,
+    0.130_526_2,
+];
+
+/// Share of the draws that is even in the sine, whatever the sectors send.
+const EVEN_SHARE: f32 = 0.1;
+
+/// A sector whose middle is below the horizon or close to it counts as this high: part of it
+/// may be above.
+const MIN_HEIGHT: f32 = 0.05;
+
+/// Least light of a sector, far below any that matters: shares need a sum above zero.
+const MIN_LIGHT: f32 = 1e-20;
+
+/// A density over the sine of the angle around a cone, constant in each sector.
+#[derive(Clone, Copy, Debug)]
+struct AroundCone {
+    /// Density in each sector.
+    densities: [f32; SECTORS],
+}
+
+impl AroundCone {
+    const EVEN: AroundCone = AroundCone {
+        densities: [0.5; SECTORS],
+    };
+
+    /// Follows the light that arrives within a cone with the phase function; gives its
+    /// integral over the sine, without the cone's strength and the cosine of `w_out`, too.
+    #[inline]
+    fn new(cone: &Cone, w_out: Vector, phase: &CircularPhase<f32>) -> (AroundCone, f32) {
+        // Components are linear in the sine and the cosine: a loop without branches.
+        let [along, up, beside] = [cone.fibre, cone.normal, cone.side].map(|v| (v.z, v.dot(w_out)));
+        let middle = (cone.sin_theta * along.0, cone.sin_theta * along.1);
+        let by_cos = (cone.radius * up.0, cone.radius * up.1);
+        let by_sin = (cone.radius * beside.0, cone.radius * beside.1);
+        let mut densities = [0.0; SECTORS];
+        for k in 0..SECTORS {
+            let (sin, cos) = (SINES[k], COSINES[k]);
+            let height = middle.0 + by_cos.0 * cos + by_sin.0 * sin;
+            let cos_io = middle.1 + by_cos.1 * cos + by_sin.1 * sin;
+            let facing = cone.cos_out + cone.radius * cos;
+            densities[k] = phase.eval(cos_io) * height.larger(MIN_HEIGHT) / facing;
         }
+        let mut total = 0.0;
+        for k in 0..SECTORS {
+            densities[k] = densities[k].larger(MIN_LIGHT);
+            total += densities[k] * (BOUNDS[k + 1] - BOUNDS[k]);
+        }
+        let scale = (1.0 - EVEN_SHARE) / total;
+        for density in &mut densities {
+            *density = *density * scale + 0.5 * EVEN_SHARE;
+        }
+        (AroundCone { densities }, total)
+    }
+
+    /// Sine and cosine of the angle for an even number in `[0, 1)`.
+    #[inline]
+    fn draw(&self, even: f32) -> (f32, f32) {
+        let mut left = even;
+        let mut k = 0;
+        loop {
+            let share = self.densities[k] * (BOUNDS[k + 1] - BOUNDS[k]);
+            if left < share || k + 1 == SECTORS {
+                break;
+            }
+            left -= share;
+            k += 1;
+        }
+        let sin = (BOUNDS[k] + left / self.densities[k]).smaller(BOUNDS[k + 1]);
+        (sin, (1.0 - sin * sin).larger(0.0).sqrt())
+    }
+
+    /// Density of a sine.
+    #[inline]
+    fn density(&self, sin: f32) -> f32 {
+        let above = BOUNDS[1..SECTORS].iter().filter(|&&bound| sin >= bound);
+        self.densities[above.count()]
     }
 }
 

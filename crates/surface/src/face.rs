@@ -1,5 +1,6 @@
 //! One side of the cloth: its segments, their scattering, their mean.
 
+use crate::cone::Fibres;
 use crate::error::Error;
 use crate::filament::Ring;
 use crate::local::{Local, segment_from_face};
@@ -342,6 +343,14 @@ impl Face {
             value += thread.specular * (drawn * self.grain(local) * self.gain);
         }
         value * seen
+    }
+
+    /// The same at a place; the specular part is an estimate.
+    #[inline]
+    pub fn specular_and_diffuse_at(&self, local: &Local<'_>, fibres: &Fibres) -> (f32, f32) {
+        let (specular, diffuse) = self.specular_and_diffuse(Some(local.yarn));
+        let shape = fibres.albedo() * self.grain(local) * self.gain;
+        (specular * shape, diffuse)
     }
 
     /// Weights of the specular and the diffuse part for choosing between them.

@@ -113,7 +113,7 @@ impl<T: Real> YarnSegment<T> {
     /// Smoothstep from one to zero over the last `smoothing` share before
     /// u_max (equation 7.10).
     #[inline(always)]
-    fn fade(&self, u: T) -> T {
+    pub(crate) fn fade(&self, u: T) -> T {
         let x = (u.abs() * self.fade_slope + self.fade_start)
             .larger(T::zero())
             .smaller(T::one());

@@ -88,6 +88,11 @@ impl<'a> Collision<'a> {
         }
     }
 
+    /// Whether it is with cloth without thickness.
+    pub(crate) fn is_on_sheet(&self) -> bool {
+        matches!(self.site, AnySite::Sheet(_))
+    }
+
     /// A direction of the world in the matter's own frame.
     fn own(&self, w: Vec3) -> Vec3 {
         self.turn.map_or(w, |turn| turn.transpose() * w)
