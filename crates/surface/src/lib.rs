@@ -35,6 +35,7 @@
 // Negated comparisons are intended: a NaN takes the safe branch.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod around_cone;
 mod band;
 pub mod catalogue;
 mod cloth;

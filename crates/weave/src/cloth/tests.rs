@@ -8,6 +8,7 @@ mod pile;
 mod printed;
 mod reading;
 mod shipped;
+mod smooth_hairs;
 mod spun;
 
 use super::*;

@@ -5,7 +5,7 @@ use crate::spec::{BlendSpec, EvennessSpec, HairinessSpec, RingDyeSpec, SlubSpec,
 use glam::DVec2;
 
 /// A plain weave of one kind of irregular cotton.
-fn irregular(repeats: u32, yarn: YarnSpec) -> FabricGeometry {
+pub(super) fn irregular(repeats: u32, yarn: YarnSpec) -> FabricGeometry {
     let mut f = fabric("plain");
     f.yarn.insert("cotton".to_owned(), yarn);
     f.tile = TileSpec {
@@ -14,7 +14,7 @@ fn irregular(repeats: u32, yarn: YarnSpec) -> FabricGeometry {
     f
 }
 
-fn all_kinds() -> YarnSpec {
+pub(super) fn all_kinds() -> YarnSpec {
     YarnSpec {
         evenness: Some(EvennessSpec {
             mass_cv_percent: 15.0,
@@ -287,45 +287,6 @@ fn protruding_fibres_have_their_length_outside_the_yarn_and_stay_in_reach() {
     // The twin: two fifths fewer hairs.
     let (twin, ..) = measured(3.0);
     assert!((twin / 5.0 - 1.0).abs() > error, "{twin}");
-}
-
-/// Smooth hairs of a fine yarn turn gently from segment to segment; the twin, which follows the
-/// curl alone, has kinks. Both have the length that was asked for.
-#[test]
-fn smooth_hairs_of_fine_yarns_have_no_kinks() {
-    let turns = |smooth| {
-        let mut spec = YarnSpec {
-            tex: Some(5.0),
-            ..all_kinds()
-        };
-        let hairiness = spec.hairiness.as_mut().unwrap();
-        (hairiness.smooth, hairiness.curl_mm) = (smooth, 1.0);
-        let cloth = build(&irregular(4, spec));
-        let (mut turns, mut length_mm) = (Vec::new(), 0.0);
-        for batch in 0..cloth.batch_count() {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-            let mut last: Option<(u32, DVec3)> = None;
-            cloth.strand(batch, &path).emit_hairs(0, &mut |s| {
-                let along = (s.end_mm - s.start_mm).as_dvec3().normalize();
-                length_mm += f64::from(s.length_mm());
-                if let Some((fibre, before)) = last
-                    && fibre == s.fibre
-                {
-                    turns.push(before.angle_between(along).to_degrees());
-                }
-                last = Some((s.fibre, along));
-            });
-        }
-        turns.sort_by(f64::total_cmp);
-        (turns[turns.len() * 99 / 100], length_mm)
-    };
-    let ((fine, fine_mm), (coarse, coarse_mm)) = (turns(true), turns(false));
-    // An eighth of a radius at LEAD over the radius is 21 degrees; curl and faces add to it.
-    assert!(fine < 35.0 && coarse > 60.0, "{fine} {coarse} degrees");
-    assert!(
-        (fine_mm / coarse_mm - 1.0).abs() < 0.2,
-        "{fine_mm} {coarse_mm}"
-    );
 }
 
 #[test]
