@@ -6,11 +6,20 @@ use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::volume_cache::{self, VolumePlan};
 use crate::{blocks, exemplar_voxels};
+use organza_basis::SegmentSource;
 use organza_transport::{PackingStudy, measure_packing};
 use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
 use organza_weave::Synthesis;
 use std::path::Path;
 use std::sync::Arc;
+
+/// Voxels of packed fibres in the box of a cloth at most, unless the user gives their size:
+/// thick pile has more at one fibre radius, most of them empty.
+const MOST_VOXELS_BY_DEFAULT: f64 = 128e6;
+
+/// Bytes that tables of packed fibres take for every voxel, empty or not, and about as much for
+/// what lies in those that are not. The kernel takes more, and checks that itself.
+const PACKED_BYTES: f64 = 10.0;
 
 impl Fabric {
     /// The octree of the cloth's fibres, with the length of thick ones where
@@ -44,6 +53,16 @@ impl Fabric {
         max_memory_bytes: Option<u64>,
         loader: &Loader<'_>,
     ) -> Result<Octree> {
+        if let Some(wanted_um) = plan.wanted_um() {
+            let used_um = plan.voxel_mm() * 1e3;
+            let message = format!(
+                "voxels for packed fibres are {used_um:.1} um wide: with voxels of one fibre radius \
+                 ({wanted_um:.1} um) more than {:.0} million would fill the tile; voxel.packed_um \
+                 sets their size",
+                1e-6 * MOST_VOXELS_BY_DEFAULT
+            );
+            loader.warn(path, message);
+        }
         let build = || self.build_volume(path, plan, max_memory_bytes, loader);
         volume_cache::cached(&self.sources, path, plan, max_memory_bytes, loader, build)
     }
@@ -139,17 +158,56 @@ impl Fabric {
             })
     }
 
-    /// Edge of the finest voxels unless something else is asked for.
-    fn voxel_um(&self, footprint: FibreFootprint) -> f32 {
+    /// Edge of the finest voxels unless something else is asked for, um; and where they had to
+    /// be larger, the edge that the fibres want.
+    fn voxel_um(&self, footprint: FibreFootprint) -> (f32, Option<f32>) {
         let voxel = &self.file.voxel;
-        match footprint {
-            FibreFootprint::Covered => voxel.size_um,
-            FibreFootprint::Axis => voxel.packed_um.unwrap_or_else(|| {
+        match (footprint, voxel.packed_um) {
+            (FibreFootprint::Covered, _) => (voxel.size_um, None),
+            (FibreFootprint::Axis, Some(packed_um)) => (packed_um, None),
+            (FibreFootprint::Axis, None) => {
                 let materials = self.cloth.materials();
                 let radii: f32 = materials.iter().map(|m| m.fibre_radius_mm).sum();
-                1e3 * radii / materials.len().max(1) as f32
-            }),
+                let radius_um = 1e3 * radii / materials.len().max(1) as f32;
+                let least_um = self.voxel_um_of(MOST_VOXELS_BY_DEFAULT);
+                if radius_um < least_um {
+                    return (least_um, Some(radius_um));
+                }
+                (radius_um, None)
+            }
         }
+    }
+
+    /// Edge of voxels of which so many fill the box of the cloth, um.
+    fn voxel_um_of(&self, count: f64) -> f32 {
+        let volume_mm3 = self
+            .cloth
+            .tile()
+            .bounds_mm
+            .size()
+            .as_dvec3()
+            .element_product();
+        (1e3 * (volume_mm3 / count).cbrt()) as f32
+    }
+
+    /// Refuses voxels of packed fibres whose tables do not fit in memory.
+    fn check_packed(&self, path: &Path, size_um: f32, allowed_bytes: u64) -> Result<()> {
+        let most = allowed_bytes as f64 / PACKED_BYTES;
+        let least_um = self.voxel_um_of(most);
+        if size_um >= least_um {
+            return Ok(());
+        }
+        let count = most * f64::from(least_um / size_um).powi(3);
+        Err(input(format!(
+            "{}: voxels of {size_um} um for packed fibres: {:.0} million of them fill the tile, \
+             which take about {} MiB of memory, and {} MiB are free or allowed; use voxels of at \
+             least {:.0} um (voxel.packed_um, --voxel-um) or a smaller tile",
+            path.display(),
+            1e-6 * count,
+            (count * PACKED_BYTES) as u64 >> 20,
+            allowed_bytes >> 20,
+            least_um.ceil(),
+        )))
     }
 
     /// What voxelizing will take.
@@ -164,19 +222,24 @@ impl Fabric {
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
     ) -> Result<VolumePlan<'_>> {
-        let size_um = voxel_um.unwrap_or_else(|| self.voxel_um(footprint));
+        let (size_um, wanted_um) =
+            voxel_um.map_or_else(|| self.voxel_um(footprint), |um| (um, None));
         if !(size_um.is_finite() && size_um > 0.0) {
             return Err(input(format!(
                 "{}: voxel size: expected a positive number of micrometres, found {size_um}",
                 path.display()
             )));
         }
+        let allowed_bytes = max_memory_bytes.unwrap_or_else(free_memory_bytes);
         let options = VoxelizeOptions {
             voxel_mm: size_um * 1e-3,
             levels,
             footprint,
-            max_memory_bytes: Some(max_memory_bytes.unwrap_or_else(free_memory_bytes)),
+            max_memory_bytes: Some(allowed_bytes),
         };
+        if footprint == FibreFootprint::Axis {
+            self.check_packed(path, size_um, allowed_bytes)?;
+        }
         let plan = match &self.synthesis {
             None => Plan::new(&self.cloth, &options),
             Some(synthesis) => {
@@ -187,6 +250,6 @@ impl Fabric {
             }
         };
         let plan = plan.map_err(|e| input(format!("{}: {e}", path.display())))?;
-        Ok(VolumePlan::new(plan, &options))
+        Ok(VolumePlan::new(plan, &options, wanted_um))
     }
 }

@@ -27,16 +27,33 @@ pub struct VolumePlan<'a> {
     plan: Plan<'a>,
     voxel_mm: f32,
     footprint: FibreFootprint,
+    wanted_um: Option<f32>,
 }
 
 impl<'a> VolumePlan<'a> {
-    /// A plan with the options that it was made with.
-    pub(crate) fn new(plan: Plan<'a>, options: &VoxelizeOptions) -> VolumePlan<'a> {
+    /// A plan with the options that it was made with, and the voxels' edge that fibres want if
+    /// they had to be larger.
+    pub(crate) fn new(
+        plan: Plan<'a>,
+        options: &VoxelizeOptions,
+        wanted_um: Option<f32>,
+    ) -> VolumePlan<'a> {
         VolumePlan {
             plan,
             voxel_mm: options.voxel_mm,
             footprint: options.footprint,
+            wanted_um,
         }
+    }
+
+    /// Edge of the finest voxels that was asked for, mm.
+    pub fn voxel_mm(&self) -> f32 {
+        self.voxel_mm
+    }
+
+    /// The edge that fibres want if voxels had to be larger, um.
+    pub(crate) fn wanted_um(&self) -> Option<f32> {
+        self.wanted_um
     }
 
     /// Levels that the octree will have.

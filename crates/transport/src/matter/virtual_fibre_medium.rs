@@ -13,7 +13,7 @@ pub use event::VirtualFibreEvent;
 pub use site::VirtualFibreSite;
 
 use crate::matter::majorants::fibres_in_reach::{Densest, FibresInReach, broadside_per_mm};
-use crate::matter::majorants::{BlockMajorants, VoxelMajorants};
+use crate::matter::majorants::{BlockMajorants, VoxelMajorants, blocks_of};
 use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 use crate::matter::packing::{PackingFactors, greatest_radius_mm};
 use crate::matter::voxel_fibres::VoxelFibres;
@@ -23,7 +23,7 @@ use organza_basis::cell_grid::cell_below;
 use organza_basis::{Aabb, CellGrid, FibrePopulation, LocalRay, PathRng, Rgb};
 use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, PackedEvent, meet_fibre};
 use organza_volume::Octree;
-use rayon::prelude::*;
+use rayon::iter::ParallelIterator;
 use site::Met;
 use std::ops::Range;
 use std::sync::Arc;
@@ -128,25 +128,17 @@ impl VirtualFibreMedium {
             low: (node * node_edge).as_ivec3(),
             edge: node_edge as i32,
         };
-        let majorants = (!is_of_blocks).then(|| {
+        let (majorants, densest) = if is_of_blocks {
+            (None, Vec::new())
+        } else {
             let of_voxels = VoxelMajorants::new(cell_grid, reach, |cell| {
                 broadside_per_mm(voxels.of(cell.as_ivec3() - pad))
             });
-            let of_node = |node| around(node).majorant_per_mm();
-            (
-                BlockMajorants::new(&cell_grid, node_edge, of_node),
-                of_voxels,
-            )
-        });
-        let dims = if is_of_blocks {
-            UVec3::ZERO
-        } else {
-            cell_grid.cell_dims(node_edge)
+            let nodes = blocks_of(&cell_grid, node_edge);
+            let (bounds_per_mm, densest) = nodes.map(|node| around(node).bound()).unzip();
+            let of_nodes = BlockMajorants::of(&cell_grid, node_edge, bounds_per_mm);
+            (Some((of_nodes, of_voxels)), densest)
         };
-        let densest = (0..dims.element_product())
-            .into_par_iter()
-            .map(|i| around(UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims).densest())
-            .collect();
         let scatterer = VirtualFibres {
             fibres,
             event,

@@ -8,6 +8,7 @@
 use glam::{IVec3, UVec3};
 use organza_basis::FibrePopulation;
 use organza_volume::{BlockLayout, Octree};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -24,29 +25,45 @@ pub struct VoxelFibres {
 
 impl VoxelFibres {
     /// Those of a level, each with its length per volume multiplied by `dense`.
-    pub fn new(octree: &Octree, level: u8, dense: impl Fn(&FibrePopulation) -> f32) -> VoxelFibres {
+    pub fn new(
+        octree: &Octree,
+        level: u8,
+        dense: impl Fn(&FibrePopulation) -> f32 + Sync,
+    ) -> VoxelFibres {
         let blocks = octree.blocks().map(|blocks| (Arc::clone(blocks), level));
         let dims = match &blocks {
             None => octree.dims(level),
             Some((blocks, _)) => blocks.stack_dims(level),
         };
-        let mut starts = vec![0];
-        let mut populations: Vec<FibrePopulation> = Vec::new();
-        for z in 0..dims.z {
-            for y in 0..dims.y {
-                for x in 0..dims.x {
-                    let cell = UVec3::new(x, y, z);
-                    let shown = blocks.as_ref().map_or(cell, |(b, _)| b.shown(level, cell));
-                    let stored = octree.mixture(level, shown);
-                    populations.extend(stored.iter().map(|c| FibrePopulation {
-                        length_density_per_mm2: dense(c) * c.length_density_per_mm2,
-                        ..*c
-                    }));
-                    starts.push(populations.len() as u32);
+        let layers: Vec<(Vec<u32>, Vec<FibrePopulation>)> = (0..dims.z)
+            .into_par_iter()
+            .map(|z| {
+                let mut ends = Vec::with_capacity(dims.x as usize * dims.y as usize);
+                let mut populations: Vec<FibrePopulation> = Vec::new();
+                for y in 0..dims.y {
+                    for x in 0..dims.x {
+                        let cell = UVec3::new(x, y, z);
+                        let shown = blocks.as_ref().map_or(cell, |(b, _)| b.shown(level, cell));
+                        let stored = octree.mixture(level, shown);
+                        populations.extend(stored.iter().map(|c| FibrePopulation {
+                            length_density_per_mm2: dense(c) * c.length_density_per_mm2,
+                            ..*c
+                        }));
+                        ends.push(populations.len() as u32);
+                    }
                 }
-            }
+                (ends, populations)
+            })
+            .collect();
+        let count = layers.iter().map(|(_, populations)| populations.len());
+        let mut populations = Vec::with_capacity(count.sum());
+        let mut starts = Vec::with_capacity(dims.as_usizevec3().element_product() + 1);
+        starts.push(0);
+        for (ends, of_layer) in layers {
+            let before = populations.len() as u32;
+            starts.extend(ends.into_iter().map(|end| before + end));
+            populations.extend(of_layer);
         }
-        populations.shrink_to_fit();
         VoxelFibres {
             dims: octree.dims(level),
             blocks,
@@ -82,6 +99,40 @@ impl VoxelFibres {
         let row = c.z as usize * dims.y as usize + c.y as usize;
         let voxel = row * dims.x as usize + c.x as usize;
         self.starts[voxel]..self.starts[voxel + 1]
+    }
+
+    /// Visits the populations of every voxel that holds any, from `low` up to before `high`,
+    /// rows of x first. Rows without any cost a look-up or two. Not for a cloth of blocks.
+    pub fn for_each(&self, low: IVec3, high: IVec3, mut visit: impl FnMut(&[FibrePopulation])) {
+        let dims = self.dims.as_ivec3();
+        let wrapped = |at: i32, axis: usize| match self.repeats && axis < 2 {
+            true => Some(at.rem_euclid(dims[axis])),
+            false => (0..dims[axis]).contains(&at).then_some(at),
+        };
+        for z in low.z..high.z {
+            let Some(z) = wrapped(z, 2) else { continue };
+            for y in low.y..high.y {
+                let Some(y) = wrapped(y, 1) else { continue };
+                let row = (z as usize * dims.y as usize + y as usize) * dims.x as usize;
+                let mut x = low.x;
+                while x < high.x {
+                    // As far as the row goes on in memory.
+                    let Some(first) = wrapped(x, 0) else {
+                        x += 1;
+                        continue;
+                    };
+                    let count = (high.x - x).min(dims.x - first);
+                    x += count;
+                    let voxels = &self.starts[row + first as usize..][..=count as usize];
+                    if voxels[0] == voxels[count as usize] {
+                        continue;
+                    }
+                    for ends in voxels.windows(2).filter(|ends| ends[0] < ends[1]) {
+                        visit(self.at(&(ends[0]..ends[1])));
+                    }
+                }
+            }
+        }
     }
 
     /// Populations at some [`VoxelFibres::places`].

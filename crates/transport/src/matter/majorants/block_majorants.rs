@@ -19,15 +19,18 @@ impl BlockMajorants {
     pub fn new(
         grid: &CellGrid,
         edge: u32,
-        majorant_per_mm: impl Fn(UVec3) -> f32 + Sync,
+        majorant_per_mm: impl Fn(UVec3) -> f32 + Sync + Send,
     ) -> BlockMajorants {
-        let dims = grid.cell_dims(edge);
-        let blocks = (0..dims.element_product()).into_par_iter();
-        let block = |i: u32| UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims;
+        let bounds_per_mm = blocks_of(grid, edge).map(majorant_per_mm).collect();
+        BlockMajorants::of(grid, edge, bounds_per_mm)
+    }
+
+    /// Those of every block, in the order of [`blocks_of`].
+    pub fn of(grid: &CellGrid, edge: u32, majorants_per_mm: Vec<f32>) -> BlockMajorants {
         BlockMajorants {
             edge,
-            dims,
-            majorants_per_mm: blocks.map(|i| majorant_per_mm(block(i))).collect(),
+            dims: grid.cell_dims(edge),
+            majorants_per_mm,
         }
     }
 
@@ -49,4 +52,11 @@ impl BlockMajorants {
         }
         ControlFlow::Continue(())
     }
+}
+
+/// The blocks of `edge` cells of a grid, x fastest.
+pub fn blocks_of(grid: &CellGrid, edge: u32) -> impl IndexedParallelIterator<Item = UVec3> {
+    let dims = grid.cell_dims(edge);
+    let blocks = (0..dims.element_product()).into_par_iter();
+    blocks.map(move |i| UVec3::new(i, i / dims.x, i / (dims.x * dims.y)) % dims)
 }

@@ -38,39 +38,27 @@ pub struct FibresInReach<'a> {
 }
 
 impl FibresInReach<'_> {
-    fn for_each(&self, mut visit: impl FnMut(&[FibrePopulation])) {
-        let high = (self.low + self.edge).min(self.dims);
-        let (low, high) = (self.low - self.reach, high + self.reach);
-        for z in low.z..high.z {
-            for y in low.y..high.y {
-                for x in low.x..high.x {
-                    visit(self.voxels.of(IVec3::new(x, y, z) - self.pad));
-                }
-            }
-        }
-    }
-
-    /// A bound of the extinction, over all directions.
-    pub fn majorant_per_mm(&self) -> f32 {
-        let mut most = 0.0f32;
-        self.for_each(|here| most = most.max(broadside_per_mm(here)));
-        most
-    }
-
-    /// The densest population.
-    pub fn densest(&self) -> Densest {
-        let (mut found, mut most) = (Densest::default(), 0.0);
-        self.for_each(|here| {
+    /// A bound of the extinction, over all directions, and the densest population.
+    pub fn bound(&self) -> (f32, Densest) {
+        let high = (self.low + self.edge).min(self.dims) + self.reach;
+        let (low, shift) = (self.low - self.reach, self.pad);
+        let mut majorant_per_mm = 0.0f32;
+        let (mut densest, mut most) = (Densest::default(), 0.0);
+        self.voxels.for_each(low - shift, high - shift, |here| {
+            let mut sum = 0.0;
             for c in here {
-                if c.broadside_per_mm() > most {
-                    most = c.broadside_per_mm();
-                    found = Densest {
+                let broadside_per_mm = c.broadside_per_mm();
+                sum += broadside_per_mm;
+                if broadside_per_mm > most {
+                    most = broadside_per_mm;
+                    densest = Densest {
                         axis: c.axis,
                         radius_mm: c.radius_mm,
                     };
                 }
             }
+            majorant_per_mm = majorant_per_mm.max(sum);
         });
-        found
+        (majorant_per_mm, densest)
     }
 }

@@ -14,5 +14,5 @@ pub mod grid_majorants;
 pub mod octree_majorants;
 mod voxel_majorants;
 
-pub use block_majorants::BlockMajorants;
+pub use block_majorants::{BlockMajorants, blocks_of};
 pub use voxel_majorants::VoxelMajorants;

@@ -29,14 +29,11 @@ impl VoxelMajorants {
     ) -> VoxelMajorants {
         let dims = cell_grid.dims();
         let area = dims.x as usize * dims.y as usize;
-        let mut values = vec![0.0f32; area * dims.z as usize];
-        let layers = values.par_chunks_mut(area).zip(0..dims.z);
-        layers.for_each(|(layer, z)| {
-            for (i, out) in (0u32..).zip(layer) {
-                *out = extinction_per_mm(UVec3::new(i % dims.x, i / dims.x, z));
-            }
-        });
-        let greatest = values.iter().copied().fold(0.0f32, f32::max);
+        let cells = |z| (0..area as u32).map(move |i| UVec3::new(i % dims.x, i / dims.x, z));
+        let greatest = (0..dims.z)
+            .into_par_iter()
+            .map(|z| cells(z).map(&extinction_per_mm).fold(0.0f32, f32::max))
+            .reduce(|| 0.0, f32::max);
         // A hair above, so that the last code bounds the greatest.
         let most = greatest * (1.0 + 1e-5);
         let mut majorants_per_mm: Vec<f32> = (0..=255)
@@ -50,8 +47,13 @@ impl VoxelMajorants {
             let below_most = ((most / value).log2() * PER_OCTAVE).floor();
             255 - below_most.clamp(0.0, 254.0) as u8
         };
-        let mut codes: Vec<u8> = values.par_iter().map(|&v| code(v)).collect();
-        drop(values);
+        let mut codes = vec![0u8; area * dims.z as usize];
+        let layers = codes.par_chunks_mut(area).zip(0..dims.z);
+        layers.for_each(|(layer, z)| {
+            for (out, cell) in layer.iter_mut().zip(cells(z)) {
+                *out = code(extinction_per_mm(cell));
+            }
+        });
         for axis in 0..3 {
             spread(&cell_grid, &mut codes, axis, reach[axis]);
         }
@@ -76,26 +78,46 @@ fn spread(cell_grid: &CellGrid, codes: &mut Vec<u8>, axis: usize, reach: i32) {
     if reach == 0 {
         return;
     }
-    let dims = cell_grid.dims();
-    let stride = [1, dims.x as usize, (dims.x * dims.y) as usize][axis];
-    let n = dims[axis] as i32;
+    let dims = cell_grid.dims().as_usizevec3();
+    let n = dims[axis];
+    let wraps = cell_grid.repeats() && axis < 2;
     let old = &codes[..];
-    let new = (0..old.len()).into_par_iter().map(|place| {
-        let at = (place / stride % n as usize) as i32;
-        let start = place - at as usize * stride;
-        let around = (at - reach..=at + reach).filter_map(|c| {
-            let c = if cell_grid.repeats() && axis < 2 {
-                c.rem_euclid(n)
-            } else {
-                c
-            };
-            (0..n)
-                .contains(&c)
-                .then(|| old[start + c as usize * stride])
-        });
-        around.max().unwrap_or(0)
+    let row = |y: usize, z: usize| &old[(z * dims.y + y) * dims.x..][..dims.x];
+    let mut new = vec![0u8; old.len()];
+    let rows = new.par_chunks_mut(dims.x).enumerate();
+    rows.for_each(|(at, out)| {
+        let (y, z) = (at % dims.y, at / dims.y);
+        if axis == 0 {
+            let own = row(y, z);
+            raise(out, own);
+            for by in 1..=reach as usize {
+                let by = if wraps { by % n } else { by.min(n) };
+                raise(&mut out[..n - by], &own[by..]);
+                raise(&mut out[by..], &own[..n - by]);
+                if wraps {
+                    raise(&mut out[n - by..], &own[..by]);
+                    raise(&mut out[..by], &own[n - by..]);
+                }
+            }
+            return;
+        }
+        let here = if axis == 1 { y } else { z } as i32;
+        for c in here - reach..=here + reach {
+            let c = if wraps { c.rem_euclid(n as i32) } else { c };
+            if (0..n as i32).contains(&c) {
+                let c = c as usize;
+                raise(out, if axis == 1 { row(c, z) } else { row(y, c) });
+            }
+        }
     });
-    *codes = new.collect();
+    *codes = new;
+}
+
+/// Raises every value to at least that of the same place in `to`.
+fn raise(values: &mut [u8], to: &[u8]) {
+    for (value, &to) in values.iter_mut().zip(to) {
+        *value = to.max(*value);
+    }
 }
 
 #[cfg(test)]
