@@ -2,10 +2,16 @@
 //! is refused.
 
 use crate::program::{complaint, exr_channels, folder, organza, succeed};
+use organza_basis::{Aabb, Budget, SegmentSource};
+use organza_scan::input::Slices;
+use organza_scan::input::tiff::TiffSlices;
+use organza_scan::phantom::{Phantom, PhantomLook, write_tiff};
+use organza_scene::fabric_file;
+use organza_scene::loader::Loader;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Gauze as a micro-CT scanner would see it; its fibres touch, so their radius and grey value are
-/// given.
+/// Gauze as a micro-CT scanner would see it, with its radius and grey value given.
 const GAUZE: [&str; 7] = [
     "scan",
     "--voxel-um",
@@ -70,6 +76,10 @@ fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
     let ct = std::fs::read(gauze()).unwrap();
     std::fs::write(folder.join("cut.tif"), &ct[..ct.len() / 2]).unwrap();
     std::fs::write(folder.join("flat.raw"), [7u8; 1000]).unwrap();
+    let noise: Vec<u8> = (0..64_000u64)
+        .map(|i| (organza_basis::rng::mix64(i) >> 56) as u8)
+        .collect();
+    std::fs::write(folder.join("noise.raw"), noise).unwrap();
     std::fs::create_dir(folder.join("none")).unwrap();
     std::fs::write(folder.join("whole.tif"), &ct).unwrap();
     let raw = |name: &'static str, size: &'static str| {
@@ -91,6 +101,10 @@ fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
         (
             raw("flat.raw", "10,10,10"),
             "flat.raw: every voxel has the grey value 7",
+        ),
+        (
+            raw("noise.raw", "40,40,40"),
+            "noise.raw: no fibre was found",
         ),
         (raw("flat.raw", "10,10,9"), "make 900 bytes; it has 1000"),
         (vec!["none", "--voxel-um", "2"], "the folder holds no .tif"),
@@ -140,4 +154,84 @@ fn a_journal_gives_the_volume_of_an_unbroken_scan() {
     let out = organza(&folder, &other);
     assert_eq!(out.status.code(), Some(2));
     assert!(!folder.join("d.ovox").exists());
+}
+
+/// What `volumes/gauze_ct.tif` is drawn from: fibres of 9 um in voxels of 3.5 um.
+const GAUZE_FABRIC: &str = "[draft]\nweave = \"plain\"\n[warp]\nper_cm = 62.0\n[weft]\n\
+    per_cm = 62.0\n[yarn.default]\npreset = \"silk\"\ntex = 3.0\nfibre_radius_um = 9.0\n\
+    [tile]\nrepeats = [1, 1]\n";
+
+/// A tile of a fabric with some air above and below, in voxels of this edge.
+fn phantom(folder: &Path, fabric: &str, voxel_mm: f32, look: &PhantomLook) -> Phantom {
+    let path = folder.join("fabric.toml");
+    std::fs::write(&path, fabric).unwrap();
+    let cloth = fabric_file::load(&path, &[], &Loader::new()).unwrap().cloth;
+    let tile = cloth.tile().bounds_mm;
+    let height = 17.0 * voxel_mm;
+    let height = height.max(((tile.max.z / voxel_mm).ceil() + 3.0) * voxel_mm);
+    let bounds = Aabb::new(tile.min.with_z(-height), tile.max.with_z(height));
+    let mut phantom = Phantom::draw(&cloth, bounds, voxel_mm, &mut Budget::new(1 << 30)).unwrap();
+    phantom.look(look);
+    phantom
+}
+
+fn look(noise: f32) -> PhantomLook {
+    PhantomLook {
+        air: 70.0,
+        fibre: 170.0,
+        blur: 0.7,
+        noise,
+        seed: 21,
+    }
+}
+
+/// Deviation of the noise of the gauze, grey values.
+const NOISE: f32 = 8.0;
+
+fn values(slices: &mut dyn Slices) -> Vec<f32> {
+    let shape = slices.shape();
+    let mut all = vec![0.0; shape.slice_len() * shape.dims.z as usize];
+    for (z, slice) in all.chunks_mut(shape.slice_len()).enumerate() {
+        slices.read(z as u32, slice).unwrap();
+    }
+    all
+}
+
+/// The file less the phantom without noise is noise of the stated deviation.
+///
+/// With `ORGANZA_WRITE_PHANTOM` set, the file is written again.
+#[test]
+fn the_phantom_of_the_repository_is_drawn_from_a_fabric() {
+    let folder = folder("scan-phantom");
+    if std::env::var_os("ORGANZA_WRITE_PHANTOM").is_some() {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut drawn = phantom(&folder, GAUZE_FABRIC, 0.0035, &look(NOISE / 100.0));
+        write_tiff(&mut drawn, &mut bytes).unwrap();
+        std::fs::write(gauze(), bytes.into_inner()).unwrap();
+    }
+    let file = Cursor::new(std::fs::read(gauze()).unwrap());
+    let mut kept = TiffSlices::new(file, &mut Budget::new(1 << 30)).unwrap();
+    let mut drawn = phantom(&folder, GAUZE_FABRIC, 0.0035, &look(0.0));
+    assert_eq!(kept.shape().dims, drawn.dims());
+    let (kept, drawn) = (values(&mut kept), values(&mut drawn));
+    let noise = |shift: usize| {
+        let pairs = kept.iter().zip(&drawn[shift..]);
+        let all: Vec<f64> = pairs.map(|(k, d)| f64::from(k - d)).collect();
+        let n = all.len() as f64;
+        let mean = all.iter().sum::<f64>() / n;
+        let square = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
+        (mean, square.sqrt())
+    };
+    let n = kept.len() as f64;
+    let (mean, deviation) = noise(0);
+    // With the variance of rounding to whole numbers; five standard errors.
+    let wanted = (f64::from(NOISE).powi(2) + 1.0 / 12.0).sqrt();
+    assert!(mean.abs() < 5.0 * wanted / n.sqrt(), "mean {mean}");
+    let error = (deviation - wanted).abs();
+    assert!(
+        error < 5.0 * wanted / (2.0 * n).sqrt(),
+        "deviation {deviation}"
+    );
+    // Known bad: drawn one voxel aside.
+    assert!(noise(1).1 > 1.2 * wanted);
 }
