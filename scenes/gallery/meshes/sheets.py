@@ -101,15 +101,15 @@ def crosswise(s, t):
 
 def main():
     write("swell", (-40.0, 40.0), (-40.0, 40.0), 48, 48, swell)
-    write("folds", (-95.0, 95.0), (-75.0, 75.0), 66, 44, folds)
-    write("pleats", (-80.0, 80.0), (-55.0, 55.0), 80, 32, pleats)
+    write("folds", (-95.0, 95.0), (-75.0, 75.0), 132, 88, folds)
+    write("pleats", (-80.0, 80.0), (-55.0, 55.0), 160, 64, pleats)
     write("curtain", (-50.0, 50.0), (-32.0, 32.0), 110, 16, curtain)
     write("sail", (-60.0, 60.0), (-55.0, 55.0), 48, 40, billow)
     write("sail_seam", (-6.0, 6.0), (-55.0, 55.0), 6, 40, billow, lambda s, t: -0.3)
     write("sail_band", (-60.0, 60.0), (-15.0, -6.0), 48, 5, billow, lambda s, t: -0.6)
-    write("shirt", (-95.0, 95.0), (-75.0, 75.0), 60, 44, shirt)
-    write("placket", (-16.0, 16.0), (-75.0, 75.0), 12, 44, shirt, lambda s, t: 1.3 - 0.003 * s * s)
-    write("napkin", (-40.0, 40.0), (-40.0, 40.0), 56, 48, pressed, crosswise)
+    write("shirt", (-95.0, 95.0), (-75.0, 75.0), 120, 88, shirt)
+    write("placket", (-16.0, 16.0), (-75.0, 75.0), 24, 88, shirt, lambda s, t: 1.3 - 0.003 * s * s)
+    write("napkin", (-40.0, 40.0), (-40.0, 40.0), 112, 96, pressed, crosswise)
 
 
 main()
