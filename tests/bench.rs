@@ -45,9 +45,9 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     for view in views {
         let results = view["results"].as_array().unwrap();
         let refused = view["refused"].as_array().unwrap();
-        // Seven ways at the fabric's own voxels, three at level 1, explicit fibres in the
-        // kernel, and the reference.
-        assert_eq!(results.len() + refused.len(), 12, "{view}");
+        // Seven ways at the fabric's own voxels, three at level 1, plies, explicit fibres in
+        // the kernel, and the reference.
+        assert_eq!(results.len() + refused.len(), 13, "{view}");
         assert_eq!(results.last().unwrap()["choice"]["tracker"], "kernel");
         assert_eq!(results[0]["choice"]["model"], "fibres");
         assert_eq!(results[0]["rmse"]["value"], 0.0);

@@ -199,13 +199,12 @@ impl Fabric {
         }
         let count = most * f64::from(least_um / size_um).powi(3);
         Err(input(format!(
-            "{}: voxels of {size_um} um for packed fibres: {:.0} million of them fill the tile, \
-             which take about {} MiB of memory, and {} MiB are free or allowed; use voxels of at \
-             least {:.0} um (voxel.packed_um, --voxel-um) or a smaller tile",
+            "{}: {:.2e} voxels of {size_um} um for packed fibres need about {:.0} bytes of memory, \
+             {allowed_bytes} are allowed: use voxels of at least {:.0} um (voxel.packed_um, \
+             --voxel-um) or a smaller tile",
             path.display(),
-            1e-6 * count,
-            (count * PACKED_BYTES) as u64 >> 20,
-            allowed_bytes >> 20,
+            count,
+            count * PACKED_BYTES,
             least_um.ceil(),
         )))
     }
