@@ -56,6 +56,7 @@ mod tests {
         let of = |yarn: &str| {
             let material = Material {
                 yarn: yarn.into(),
+                fibre: None,
                 colour: None,
                 fibre_radius_mm: 0.008,
             };
@@ -65,6 +66,7 @@ mod tests {
             &[toml::from_str(optics).unwrap()],
             &Material {
                 yarn: "wool".into(),
+                fibre: None,
                 colour: None,
                 fibre_radius_mm: 0.008,
             },

@@ -41,6 +41,8 @@ pub struct OpticsList(pub(crate) Vec<OpticsTable>);
 pub struct OpticsTable {
     /// Only threads of this colour; all of the yarn's if none.
     pub thread: Option<[f32; 3]>,
+    /// Only fibres of this material in a blend; all of the yarn's if none.
+    pub fibre: Option<String>,
     /// Single-scattering albedo of the fibres. Without it the thread's colour
     /// in the draft is taken for the colour of a thick heap of its fibres.
     pub albedo: Option<[f32; 3]>,
@@ -121,6 +123,7 @@ impl OpticsTable {
         let clear3 = |under: Option<[f32; 3]>| under.filter(|_| !fitted);
         OpticsTable {
             thread: None,
+            fibre: None,
             albedo: self.albedo.or(under.albedo),
             end_on_ratio: self.end_on_ratio.or(width(under.end_on_ratio)),
             gamma: self.gamma.or(width(under.gamma)),
@@ -196,25 +199,36 @@ impl OpticsTable {
 }
 
 impl OpticsList {
-    /// What holds for threads of `colour`: the tables of that colour over the
-    /// others.
-    pub(crate) fn of(&self, colour: Option<Rgb>) -> OpticsTable {
-        let own = self.0.iter().filter(|t| t.is_for(colour, true));
-        let any = self.0.iter().filter(|t| t.is_for(colour, false));
-        own.chain(any)
+    /// What holds for a fibre of threads of `colour`: the tables of that fibre and colour over
+    /// those of one of them, and these over the others.
+    pub(crate) fn of(&self, colour: Option<Rgb>, fibre: Option<&str>) -> OpticsTable {
+        let conditions = [2, 1, 0];
+        conditions
+            .iter()
+            .flat_map(|n| self.0.iter().filter(move |t| t.conditions() == *n))
+            .filter(|t| t.is_for(colour, fibre))
             .fold(OpticsTable::default(), |sum, t| sum.over(t.clone()))
     }
 }
 
 impl OpticsTable {
-    /// True for a table of the given colour, or of none in particular.
-    fn is_for(&self, colour: Option<Rgb>, in_particular: bool) -> bool {
+    /// How many of colour and fibre the table names.
+    fn conditions(&self) -> usize {
+        usize::from(self.thread.is_some()) + usize::from(self.fibre.is_some())
+    }
+
+    /// Whether the colour and the fibre are those that the table names, if any.
+    fn is_for(&self, colour: Option<Rgb>, fibre: Option<&str>) -> bool {
+        self.is_for_colour(colour) && (self.fibre.is_none() || self.fibre.as_deref() == fibre)
+    }
+
+    fn is_for_colour(&self, colour: Option<Rgb>) -> bool {
         match (self.thread, colour) {
-            (None, _) => !in_particular,
+            (None, _) => true,
             (Some(_), None) => false,
             (Some(thread), Some(colour)) => {
                 let off = (Rgb::from(thread).0 - colour.0).abs().max_element();
-                in_particular && off <= SAME_COLOUR
+                off <= SAME_COLOUR
             }
         }
     }
@@ -228,7 +242,7 @@ pub fn of_material(files: &[OpticsFile], material: &Material) -> OpticsTable {
         .flat_map(|f| [f.get(&material.yarn), f.get(EVERY_YARN)])
         .flatten()
         .fold(OpticsTable::default(), |sum, list| {
-            sum.over(list.of(material.colour))
+            sum.over(list.of(material.colour, material.fibre.as_deref()))
         })
 }
 
@@ -251,7 +265,24 @@ pub fn check(file: &OpticsFile, materials: &[Material]) -> Result<(), String> {
                     .iter()
                     .filter(|m| yarn == EVERY_YARN || m.yarn == *yarn)
             };
-            if table.thread.is_some() && !of_yarn().any(|m| table.is_for(m.colour, true)) {
+            if let Some(fibre) = &table.fibre {
+                let mut fibres: Vec<&str> = of_yarn().filter_map(|m| m.fibre.as_deref()).collect();
+                if !fibres.contains(&fibre.as_str()) {
+                    fibres.sort_unstable();
+                    fibres.dedup();
+                    let near = nearest_name(fibre, fibres.iter().copied())
+                        .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+                    return Err(format!(
+                        ".{yarn}.fibre: no `blend` has a fibre `{fibre}`{near}; there are {}",
+                        if fibres.is_empty() {
+                            "no fibres with names".into()
+                        } else {
+                            fibres.join(", ")
+                        }
+                    ));
+                }
+            }
+            if table.thread.is_some() && !of_yarn().any(|m| table.is_for_colour(m.colour)) {
                 let mut colours: Vec<String> = of_yarn()
                     .filter_map(|m| m.colour)
                     .map(|c| format!("[{:.3}, {:.3}, {:.3}]", c.0.x, c.0.y, c.0.z))
@@ -329,122 +360,4 @@ impl<'de> Deserialize<'de> for FittedValue {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(text: &str) -> Result<OpticsFile, String> {
-        toml::from_str(text).map_err(|e| e.message().to_owned())
-    }
-
-    fn material(yarn: &str, colour: Option<[f32; 3]>) -> Material {
-        Material {
-            yarn: yarn.into(),
-            colour: colour.map(Rgb::from),
-            fibre_radius_mm: 0.008,
-        }
-    }
-
-    const RED: [f32; 3] = [0.8, 0.1, 0.1];
-
-    #[test]
-    fn tables_hold_for_all_for_a_yarn_and_for_a_colour() {
-        let fabric = read(
-            "['*']\ngamma = 0.3\nior = 1.4\n\
-             [silk]\nsin_power = 90.0\n\
-             [[wool]]\nlongitudinal_deg = 9.0\n\
-             [[wool]]\nthread = [0.8, 0.1, 0.1]\nfitted = { preset = 'silk', colour_tt = [1.0, 0.0, 0.0] }\n",
-        )
-        .unwrap();
-        let materials = [
-            material("silk", None),
-            material("wool", Some(RED)),
-            material("wool", Some([0.1; 3])),
-        ];
-        check(&fabric, &materials).unwrap();
-        let files = [fabric];
-        let [silk, red, wool] = [0, 1, 2].map(|i| of_material(&files, &materials[i]));
-        assert_eq!((silk.gamma, silk.sin_power), (None, Some(90.0)));
-        assert_eq!((silk.ior, wool.ior, red.ior), (Some(1.4), Some(1.4), None));
-        assert_eq!(wool.longitudinal_deg, Some(9.0));
-        assert_eq!(red.longitudinal_deg, None, "gives way to `fitted`");
-        assert!(wool.fitted.is_none() && red.fitted.is_some());
-        assert_eq!(red.gamma, Some(0.3));
-        let scene = read("['*']\nend_on_ratio = 0.5\n").unwrap();
-        let both = [scene, files[0].clone()];
-        assert_eq!(
-            of_material(&both, &materials[0]).flakes(None).end_on_ratio,
-            0.5
-        );
-    }
-
-    #[test]
-    fn widths_of_all_families_mean_the_same_ratio() {
-        for gamma in [0.01, 0.1, 0.5] {
-            let table = OpticsTable {
-                gamma: Some(gamma),
-                ..Default::default()
-            };
-            let ratio = table.flakes(None).end_on_ratio;
-            let back = GaussianBand::with_end_on_ratio(ratio).gamma();
-            assert!((back / gamma - 1.0).abs() < 2e-3, "{gamma} {back}");
-        }
-    }
-
-    #[test]
-    fn mistakes_are_reported() {
-        let silk = [material("silk", Some(RED))];
-        for (text, words) in [
-            (
-                "[slik]\n",
-                ".slik: no yarn of the cloth has this name; did you mean `silk`?",
-            ),
-            (
-                "[silk]\ngamma = 0.0\n",
-                ".silk.gamma: expected a number from 0.0001 to 10, found 0",
-            ),
-            (
-                "[silk]\ngamma = 0.1\nsin_power = 3.0\n",
-                ".silk.sin_power: sets the same property as `gamma`; give one of them",
-            ),
-            ("[silk]\nfitted = 'coton'\n", "did you mean `cotton`?"),
-            (
-                "[silk]\nsection = 'trilobel'\n",
-                "ellipse:RATIO, found `trilobel`; did you mean `trilobal`?",
-            ),
-            (
-                "[silk]\nfitted = { colour_r = [1.0, 1.0, 1.0] }\n",
-                ".silk.fitted.colour_tt: is missing, and there is no `preset`",
-            ),
-            (
-                "[silk]\nfitted = { preset = 'silk', colour_r = [2.0, 1.0, 1.0] }\n",
-                ".silk.fitted: colour_r is 2, expected 0 to 1 in every channel",
-            ),
-            (
-                "[[silk]]\nthread = [0.0, 0.0, 1.0]\n",
-                ".silk.thread: no thread has this colour; there are [0.800, 0.100, 0.100]",
-            ),
-            (
-                "[silk]\nfitted = 'silk'\nior = 1.5\n",
-                ".silk.ior: does not go with `fitted`, which has its own",
-            ),
-        ] {
-            let got = check(&read(text).unwrap(), &silk).unwrap_err();
-            assert!(got.ends_with(words), "{got}");
-        }
-        let got = read("[silk]\ngama = 0.1\n").unwrap_err();
-        assert!(got.starts_with("unknown field `gama`"), "{got}");
-        let got = read("[silk]\nfitted = { colour_x = 1 }\n").unwrap_err();
-        assert!(got.starts_with("unknown field `colour_x`"), "{got}");
-    }
-
-    #[test]
-    fn colours_and_albedos_invert_each_other() {
-        for i in 0..=20 {
-            let r = i as f32 / 20.0;
-            let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
-            let s = (1.0 - albedo).sqrt();
-            let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
-            assert!((back - r).abs() < 1e-4, "{r}: {albedo} gives {back}");
-        }
-    }
-}
+mod tests;

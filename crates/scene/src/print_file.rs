@@ -27,7 +27,7 @@ pub(crate) fn decode(
 /// that read them, a print does not show.
 pub(crate) fn warnings(optics: &OpticsFile) -> Vec<String> {
     let of = |(name, list): (&String, &OpticsList)| {
-        let table = list.of(None);
+        let table = list.of(None, None);
         let keys = [
             ("albedo", table.albedo.is_some()),
             ("colour", table.colour.is_some()),

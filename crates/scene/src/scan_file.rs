@@ -55,6 +55,7 @@ impl ScanFile {
     pub fn materials(&self) -> Vec<Material> {
         let material = |m: &ScanMaterial| Material {
             yarn: m.name.clone(),
+            fibre: None,
             colour: m.colour.map(Rgb::from),
             fibre_radius_mm: 0.0,
         };

@@ -49,6 +49,8 @@ pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
 pub struct Material {
     /// Name of the yarn, as in `[yarn.NAME]`.
     pub yarn: String,
+    /// Name of the fibres of a blend of materials.
+    pub fibre: Option<String>,
     /// Colour of the thread, when the fabric or the draft gives one.
     pub colour: Option<Rgb>,
     /// Mean fibre radius, millimetres.
@@ -125,7 +127,7 @@ impl Cloth {
         self.draft.as_ref()
     }
 
-    /// What [`Segment::material`] refers to: one per yarn and thread colour.
+    /// What [`Segment::material`] refers to: one per yarn, fibre of a blend and thread colour.
     pub fn materials(&self) -> &[Material] {
         &self.materials
     }

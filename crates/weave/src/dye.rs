@@ -1,6 +1,7 @@
 //! Which material each piece of a thread has: one, shells of a ring dye, or a blend.
 
 use crate::Error;
+use crate::blend::FibrePart;
 use crate::yarn::Yarn;
 use organza_basis::{PathRng, Rgb};
 
@@ -11,6 +12,9 @@ const FADE: f64 = 0.2;
 /// Colour of undyed thread.
 const UNDYED: Rgb = Rgb::new(0.8, 0.8, 0.8);
 
+/// Gives the index of the material of a colour, and of a part of a blend of materials.
+pub(crate) type IndexOf<'a> = dyn FnMut(Option<Rgb>, Option<&FibrePart>) -> Result<u16, Error> + 'a;
+
 /// The materials of one thread.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Dye {
@@ -18,17 +22,14 @@ pub(crate) enum Dye {
     Even(u16),
     /// By distance from the yarn's centre, from the core outwards.
     Ring([u16; SHELLS]),
-    /// By fibre: the share of all fibres up to each material, and the material.
+    /// By fibre: the share of all fibres up to each part of the blend, and its material.
     Blend(Vec<(f64, u16)>),
 }
 
 impl Dye {
-    /// The dye of a thread of some colour. `index` gives the material of a colour.
-    pub fn new(
-        yarn: &Yarn,
-        colour: Option<Rgb>,
-        index: &mut dyn FnMut(Option<Rgb>) -> Result<u16, Error>,
-    ) -> Result<Dye, Error> {
+    /// The dye of a thread of some colour. `index` gets the part of the blend only if the parts
+    /// differ by more than colour.
+    pub fn new(yarn: &Yarn, colour: Option<Rgb>, index: &mut IndexOf<'_>) -> Result<Dye, Error> {
         if let Some(ring) = yarn.ring_dye {
             let outer = colour.unwrap_or(UNDYED);
             let mut shells = [0; SHELLS];
@@ -36,18 +37,18 @@ impl Dye {
                 let radius = (i as f64 + 0.5) / SHELLS as f64;
                 let dyed = smooth_step((radius - (1.0 - ring.depth) + FADE) / (2.0 * FADE)) as f32;
                 let mixed = ring.core_colour.0.lerp(outer.0, dyed);
-                *shell = index(Some(Rgb(mixed)))?;
+                *shell = index(Some(Rgb(mixed)), None)?;
             }
             return Ok(Dye::Ring(shells));
         }
         if yarn.blend.is_empty() {
-            return Ok(Dye::Even(index(colour)?));
+            return Ok(Dye::Even(index(colour, None)?));
         }
-        let sum: f64 = yarn.blend.iter().map(|part| part.share).sum();
         let mut up_to = 0.0;
         let parts = yarn.blend.iter().map(|part| {
-            up_to += part.share / sum;
-            Ok((up_to, index(part.colour.or(colour))?))
+            up_to += part.share;
+            let of_its_own = yarn.blends_materials.then_some(part);
+            Ok((up_to, index(part.colour.or(colour), of_its_own)?))
         });
         Ok(Dye::Blend(parts.collect::<Result<_, Error>>()?))
     }
@@ -61,7 +62,16 @@ impl Dye {
         }
     }
 
-    /// The dye of one fibre.
+    /// The dye of the fibres of a part of the blend.
+    pub fn of_part(&self, part: usize) -> FibreDye {
+        match self {
+            Dye::Blend(parts) => FibreDye::Even(parts[part].1),
+            Dye::Even(material) => FibreDye::Even(*material),
+            Dye::Ring(shells) => FibreDye::Ring(*shells),
+        }
+    }
+
+    /// The dye of one fibre at random.
     pub fn of_fibre(&self, rng: &mut PathRng) -> FibreDye {
         match self {
             Dye::Even(material) => FibreDye::Even(*material),

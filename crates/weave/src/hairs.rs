@@ -1,7 +1,8 @@
 //! Hairs of a yarn: straight ones by the statistics of [Zhao2016], or random curves.
 
+use crate::drawn_curve::Look;
 use crate::protruding::protrude;
-use crate::strand::{HAIR, HAIR_SCALE, Strand, normal, unit};
+use crate::strand::{HAIR, HAIR_SCALE, Strand, any_fibre, normal, unit};
 use glam::DVec2;
 use organza_basis::{PathRng, Segment};
 use std::f64::consts::TAU;
@@ -57,7 +58,17 @@ impl Strand<'_> {
         let size = (1.0 - from) * run.hypot(rise).hypot(turn * (start + rise));
         let steps = (size / self.path.mean_step_mm()).ceil().clamp(6.0, 1000.0);
         let at_step = |i: isize| point(from + (1.0 - from) * i as f64 / steps);
-        let look = |_| self.whole(self.yarn.fibre_radius_mm);
+        let look = match self.yarn.blends_materials {
+            true => {
+                let (radius_mm, dye) = any_fibre(self.yarn, self.dye, rng);
+                Look {
+                    radius_mm,
+                    material: dye.at(|| 1.0),
+                }
+            }
+            false => self.whole(self.yarn.fibre_radius_mm),
+        };
+        let look = |_| look;
         self.emit_curve(id, steps as isize, at_step, look, emit);
     }
 }

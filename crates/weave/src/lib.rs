@@ -33,6 +33,7 @@
 //! # }
 //! ```
 
+pub mod blend;
 mod closure;
 mod cloth;
 pub mod curve_file;

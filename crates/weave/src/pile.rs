@@ -7,7 +7,7 @@
 
 use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
-use crate::strand::{normal, own_radius_mm, unit};
+use crate::strand::{any_fibre, normal, unit};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
@@ -159,8 +159,8 @@ impl Tufts {
             // A spiral of equal areas keeps fibres apart.
             let share = ((f64::from(i) + 0.5) / f64::from(count)).sqrt();
             let direction = DVec2::from_angle(turn + GOLDEN_ANGLE * f64::from(i));
-            let radius_mm = own_radius_mm(yarn, rng);
-            let material = dye.of_fibre(rng).at(|| share);
+            let (radius_mm, fibre_dye) = any_fibre(yarn, dye, rng);
+            let material = fibre_dye.at(|| share);
             let tips = [(); 2].map(|()| self.tip(tuft, rng));
             let fibre = Fibre {
                 offset_mm: share * reach_mm * direction,

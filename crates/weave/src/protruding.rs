@@ -8,7 +8,7 @@
 
 use crate::drawn_curve::Look;
 use crate::spec::HairinessSpec;
-use crate::strand::{Strand, unit};
+use crate::strand::{Strand, any_fibre, unit};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
@@ -51,8 +51,8 @@ pub(crate) fn protrude(
     let mut id = first;
     for _ in 0..count {
         let length_mm = mean_mm * f64::from(rng.exponential()).min(MAX_LENGTHS);
-        let radius_mm = strand.own_radius_mm(rng);
-        let material = strand.dye.of_fibre(rng).at(|| 1.0);
+        let (radius_mm, dye) = any_fibre(strand.yarn, strand.dye, rng);
+        let material = dye.at(|| 1.0);
         let curve = grow(strand, hairiness, &faces, length_mm, rng);
         let last = curve.len() as isize - 1;
         let point = |i: isize| match usize::try_from(i) {

@@ -39,9 +39,6 @@ pub(crate) struct Bundle<'a> {
     pub fibre_radius_mm: f64,
     /// Factors on the round cross-section's width and height at a share of the period.
     pub flatten: &'a dyn Fn(f64) -> DVec2,
-    /// The largest distance of a fibre's centre from the centre of its ply, unless it starts
-    /// farther out, in a section of scale 1.
-    pub reach_mm: f64,
     /// The place of a fibre in a winding, at a share of the period.
     pub place: &'a dyn Fn(usize, u32, f64) -> FibrePlace,
 }
@@ -54,6 +51,9 @@ pub(crate) struct FibrePlace {
     /// Unit direction from there to the fibre.
     pub direction: DVec2,
     pub distance_mm: f64,
+    /// The largest distance of its centre from the centre of its ply, unless it starts farther
+    /// out, in a section of scale 1.
+    pub reach_mm: f64,
     /// Radius of the fibre; 0 where there is none.
     pub radius_mm: f64,
     /// Linear size of the section relative to the yarn's mean.
@@ -171,7 +171,7 @@ impl Bundle<'_> {
                     ply_mm: flatten * place.ply_mm.as_vec2(),
                     direction: place.direction.as_vec2(),
                     slant: Vec2::ZERO,
-                    reach_mm: place.distance_mm.max(self.reach_mm * place.scale) as f32,
+                    reach_mm: place.distance_mm.max(place.reach_mm * place.scale) as f32,
                     radius_mm: place.radius_mm as f32,
                     at_mm: base_mm,
                     piece: piece as u32,
@@ -299,6 +299,7 @@ mod tests {
             ply_mm: DVec2::ZERO,
             direction: DVec2::from_angle(TAU * (phase + TURNS * run)),
             distance_mm: (PLY_MM - RADIUS_MM) * radius.sqrt() * wander,
+            reach_mm: PLY_MM - RADIUS_MM,
             radius_mm: RADIUS_MM,
             scale: 1.0,
         }
@@ -312,7 +313,6 @@ mod tests {
             length_mm: 2.0,
             fibre_radius_mm: RADIUS_MM,
             flatten: &|_| DVec2::new(1.2, 1.0 / 1.2),
-            reach_mm: PLY_MM - RADIUS_MM,
             place,
         }
     }

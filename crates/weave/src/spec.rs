@@ -61,6 +61,9 @@ impl FabricGeometry {
             yarn.evenness = None;
             yarn.slubs = None;
             yarn.fibre_radius_cv_percent = None;
+            for part in &mut yarn.blend {
+                part.fibre_radius_cv_percent = None;
+            }
             yarn.wander = None;
             yarn.hairiness = None;
             yarn.flattening = None;
@@ -232,7 +235,7 @@ pub struct YarnSpec {
     pub flattening: Option<FlatteningSpec>,
     /// Dye that does not reach the core.
     pub ring_dye: Option<RingDyeSpec>,
-    /// Fibres of several colours.
+    /// Fibres of several colours and materials.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blend: Vec<BlendSpec>,
 }

@@ -1,6 +1,7 @@
 //! Plies, fibres and loops along one period of a yarn [Zhao2016]. `closure.rs` says how they
 //! close over the period, `hairs.rs` adds hairs.
 
+use crate::blend::{part_at, spread};
 use crate::closure::Closure;
 use crate::drawn_curve::Look;
 use crate::dye::{Dye, FibreDye};
@@ -68,6 +69,7 @@ const PLY_PHASE: u64 = 0;
 const PLACING: u64 = 1 << 40;
 const FIBRE: u64 = 2 << 40;
 pub(crate) const HAIR: u64 = 3 << 40;
+const BLEND: u64 = 10 << 40;
 
 impl Strand<'_> {
     /// All fibres, then all hairs.
@@ -110,6 +112,7 @@ impl Strand<'_> {
             ply_mm: DVec2::ZERO,
             direction: DVec2::X,
             distance_mm: 0.0,
+            reach_mm: 0.0,
             radius_mm: 0.0,
             scale: 1.0,
         };
@@ -143,7 +146,6 @@ impl Strand<'_> {
             length_mm: self.path.length_mm(),
             fibre_radius_mm: thickest_fibre_mm(self.yarn),
             flatten,
-            reach_mm: self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm,
             place,
         }
     }
@@ -165,9 +167,20 @@ impl Strand<'_> {
             ply_mm: scale * self.ply_centre(ply, ply_phase, s),
             direction,
             distance_mm: scale * distance_mm,
+            reach_mm: self.reach_mm(fibre),
             radius_mm: self.radius_mm(fibre, winding, s),
             scale,
         }
+    }
+
+    /// The largest distance of a fibre's centre from that of its ply, unless it begins farther
+    /// out, in a section of scale 1.
+    fn reach_mm(&self, fibre: &Fibre) -> f64 {
+        let radius_mm = match self.yarn.blends_materials {
+            true => fibre.fibre_radius_mm,
+            false => self.yarn.fibre_radius_mm,
+        };
+        (self.yarn.ply_radius_mm - radius_mm).max(0.0)
     }
 
     /// Linear size of the section at the share `s` of the period, relative to the thread's mean:
@@ -218,6 +231,10 @@ impl Strand<'_> {
         let mut placing = self.rng(PLACING + u64::from(orbit));
         let mut placed: Vec<(f64, f64)> = Vec::with_capacity(count as usize);
         let sector = TAU / f64::from(self.closure.rounds);
+        let parts = self.yarn.blends_materials.then(|| {
+            let mut rng = self.rng(BLEND + u64::from(orbit));
+            spread(&self.yarn.blend, count as usize, &mut rng)
+        });
         (0..count)
             .map(|i| {
                 let u = (f64::from(i) + unit(&mut placing)) / f64::from(count);
@@ -243,27 +260,31 @@ impl Strand<'_> {
                 let mut rng = self.rng(FIBRE + (u64::from(orbit) << 24) + u64::from(i));
                 // Draws of an ideal yarn come first, so that irregularity does not change them.
                 let (swing_rad, loops_mm) = (unit(&mut rng) * TAU, self.loops(radius_mm, &mut rng));
-                Fibre {
+                let part = parts.as_ref().map(|parts| parts[i as usize]);
+                let mut fibre = Fibre {
                     orbit,
                     radius_mm,
                     phase_rad,
                     swing_rad,
                     loops_mm,
-                    fibre_radius_mm: self.own_radius_mm(&mut rng),
+                    fibre_radius_mm: radius_of_part_mm(self.yarn, part, &mut rng),
                     end: self.profile.map_or(0.0, |_| unit(&mut rng)),
                     wander: self.yarn.wander.map(|spec| {
                         let length = f64::from(self.closure.windings()) * self.path.length_mm();
                         Wander::new(&spec, length, self.yarn.ply_radius_mm, &mut rng)
                     }),
-                    dye: self.dye.of_fibre(&mut rng),
+                    dye: match part {
+                        Some(part) => self.dye.of_part(part),
+                        None => self.dye.of_fibre(&mut rng),
+                    },
+                };
+                // Fibres that are thicker than the mean begin farther inside.
+                if part.is_some() {
+                    fibre.radius_mm = fibre.radius_mm.min(self.reach_mm(&fibre));
                 }
+                fibre
             })
             .collect()
-    }
-
-    /// The radius of a fibre, see [`own_radius_mm`].
-    pub fn own_radius_mm(&self, rng: &mut PathRng) -> f64 {
-        own_radius_mm(self.yarn, rng)
     }
 
     /// Which outer turning points of a fibre become loops, and how high.
@@ -299,7 +320,7 @@ impl Strand<'_> {
             // Near the centre the same displacement is a larger angle; on the surface fibres
             // stay inside.
             let least = 0.25 * self.yarn.ply_radius_mm;
-            let reach = (self.yarn.ply_radius_mm - self.yarn.fibre_radius_mm).max(radius);
+            let reach = self.reach_mm(fibre).max(radius);
             angle += shift.y / radius.max(least);
             radius = (radius + shift.x).abs().min(reach);
         }
@@ -332,14 +353,27 @@ impl Strand<'_> {
     }
 }
 
-/// The radius of a fibre. The root mean square of all is that of the yarn.
-pub(crate) fn own_radius_mm(yarn: &Yarn, rng: &mut PathRng) -> f64 {
-    let cv = yarn.fibre_radius_cv;
+/// Radius in millimetres and materials of a fibre at random.
+pub(crate) fn any_fibre(yarn: &Yarn, dye: &Dye, rng: &mut PathRng) -> (f64, FibreDye) {
+    if yarn.blends_materials {
+        let part = part_at(&yarn.blend, unit(rng));
+        return (radius_of_part_mm(yarn, Some(part), rng), dye.of_part(part));
+    }
+    (radius_of_part_mm(yarn, None, rng), dye.of_fibre(rng))
+}
+
+/// The radius of a fibre of a part of the blend, or of any. The root mean square of all is that
+/// of the part, or of the yarn.
+pub(crate) fn radius_of_part_mm(yarn: &Yarn, part: Option<usize>, rng: &mut PathRng) -> f64 {
+    let (radius_mm, cv) = match part.map(|p| &yarn.blend[p]) {
+        Some(part) => (part.fibre_radius_mm, part.fibre_radius_cv),
+        None => (yarn.fibre_radius_mm, yarn.fibre_radius_cv),
+    };
     if cv == 0.0 {
-        return yarn.fibre_radius_mm;
+        return radius_mm;
     }
     let factor = normal(rng, [1.0, cv], 1.0).max(MIN_RADIUS);
-    yarn.fibre_radius_mm * factor / cv.hypot(1.0)
+    radius_mm * factor / cv.hypot(1.0)
 }
 
 pub(crate) fn unit(rng: &mut PathRng) -> f64 {
@@ -371,7 +405,13 @@ pub(crate) fn reach_mm(yarn: &Yarn) -> f64 {
 
 /// Upper bound of the radius of a fibre.
 pub(crate) fn thickest_fibre_mm(yarn: &Yarn) -> f64 {
-    (1.0 + MAX_DEVIATIONS * yarn.fibre_radius_cv) * yarn.fibre_radius_mm
+    let thickest = |cv: f64, radius_mm: f64| (1.0 + MAX_DEVIATIONS * cv) * radius_mm;
+    if !yarn.blends_materials {
+        return thickest(yarn.fibre_radius_cv, yarn.fibre_radius_mm);
+    }
+    let parts = yarn.blend.iter();
+    let each = parts.map(|p| thickest(p.fibre_radius_cv, p.fibre_radius_mm));
+    each.fold(0.0, f64::max)
 }
 
 /// Upper bound of the distance of protruding fibres from the faces of the yarn.

@@ -3,9 +3,10 @@
 mod complete_spec;
 
 use crate::Error;
+use crate::blend::FibrePart;
 use crate::spec::{
-    BlendSpec, CrossSectionSpec, EvennessSpec, FlatteningSpec, HairinessSpec, MigrationSpec,
-    RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
+    CrossSectionSpec, EvennessSpec, FlatteningSpec, HairinessSpec, MigrationSpec, RingDyeSpec,
+    SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
@@ -28,9 +29,9 @@ pub struct Yarn {
     pub plies: u32,
     /// Fibres in the cross-section of one ply.
     pub fibres_per_ply: u32,
-    /// Fibre radius, millimetres.
+    /// Fibre radius, millimetres; of a blend, that of the mean area.
     pub fibre_radius_mm: f64,
-    /// Density of the fibre substance.
+    /// Density of the fibre substance; of a blend, the mean over its volume.
     pub fibre_density_g_per_cm3: f64,
     /// Radius of a ply, millimetres.
     pub ply_radius_mm: f64,
@@ -70,8 +71,10 @@ pub struct Yarn {
     pub flattening: Option<FlatteningSpec>,
     /// Dye that does not reach the core, if any.
     pub ring_dye: Option<RingDyeSpec>,
-    /// Colours of the fibres, if there are several; empty with `ring_dye`.
-    pub blend: Vec<BlendSpec>,
+    /// Colours and materials of the fibres, if there are several; empty with `ring_dye`.
+    pub blend: Vec<FibrePart>,
+    /// Whether the parts of the blend differ by more than colour.
+    pub blends_materials: bool,
     /// Quantiles of the fibres' distance from the ply's centre, as shares of
     /// the largest, at equal steps from 0 to 1.
     radial_quantiles: Arc<[f64]>,

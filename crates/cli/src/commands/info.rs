@@ -18,7 +18,8 @@ use organza_scene::scene_file::{IntegratorName, is_scene};
 use organza_scene::{fabric_file, far_table, light_pictures, read, volume_file};
 use organza_surface::table::FarTable;
 use organza_volume::format::{self, Format};
-use organza_weave::{Draft, curve_file::CurveSet};
+use organza_weave::blend::mass_shares;
+use organza_weave::{Draft, Yarn, curve_file::CurveSet};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -192,6 +193,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
                 "mass_cv_percent": y.evenness.map_or(0.0, |e| e.mass_cv_percent),
                 "fibre_radius_cv_percent": 100.0 * y.fibre_radius_cv,
                 "hairiness": y.hairiness.map(|h| h.index),
+                "blend": blend_info(y),
             })
         })
         .collect();
@@ -203,6 +205,7 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         .map(|(m, o)| {
             json!({
                 "yarn": m.yarn,
+                "fibre": m.fibre,
                 "colour": m.colour,
                 "fibre_radius_um": m.fibre_radius_mm * 1e3,
                 "albedo": o.albedo,
@@ -231,6 +234,25 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
         });
     }
     Ok(about)
+}
+
+/// The parts of a yarn of several fibres.
+fn blend_info(yarn: &Yarn) -> Vec<Value> {
+    let mass_shares = mass_shares(&yarn.blend);
+    let parts = yarn.blend.iter().zip(mass_shares);
+    parts
+        .map(|(part, mass_share)| {
+            json!({
+                "fibre": part.fibre,
+                "colour": part.colour,
+                "share": part.share,
+                "mass_share": mass_share,
+                "fibre_radius_um": 1e3 * part.fibre_radius_mm,
+                "fibre_density_g_per_cm3": part.fibre_density_g_per_cm3,
+                "fibre_radius_cv_percent": 100.0 * part.fibre_radius_cv,
+            })
+        })
+        .collect()
 }
 
 /// A scene, of which everything is read that can be without making voxels:

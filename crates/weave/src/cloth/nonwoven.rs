@@ -6,12 +6,13 @@ use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::Error;
+use crate::blend::spread;
 use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
 use crate::section::Section;
 use crate::separate::{Line, Room, overlap, separate};
 use crate::spec::{BondingSpec, FabricGeometry, NeedledSides, NeedlingSpec, NonwovenSpec};
-use crate::strand::{own_radius_mm, thickest_fibre_mm, unit};
+use crate::strand::{radius_of_part_mm, thickest_fibre_mm, unit};
 use crate::web::{Bonding, Laying, Needling, lattice};
 use crate::yarn::Yarn;
 use check::check;
@@ -23,6 +24,7 @@ use std::sync::Arc;
 /// Families of random numbers.
 const LAYING: u64 = 8 << 40;
 const PUNCHING: u64 = 9 << 40;
+const BLENDING: u64 = 10 << 40;
 /// The largest number of points on the fibres of a tile: pushing them apart takes about 200
 /// bytes for each.
 const MAX_POINTS: f64 = (1u64 << 21) as f64;
@@ -99,8 +101,13 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
 
     let mut rng = PathRng::new(seed, 0, LAYING);
     let count = (length_mm / spec.length_mm).round().max(1.0);
+    let parts: Option<Vec<usize>> = yarn.blends_materials.then(|| {
+        let mut rng = PathRng::new(seed, 0, BLENDING);
+        spread(&yarn.blend, count as usize, &mut rng)
+    });
+    let part = |i: usize| parts.as_ref().map(|p| p[i]);
     let radii_mm: Vec<f64> = (0..count as usize)
-        .map(|_| own_radius_mm(yarn, &mut rng))
+        .map(|i| radius_of_part_mm(yarn, part(i), &mut rng))
         .collect();
     let each_mm = length_mm / count;
     let mut fibres: Vec<Vec<DVec3>> = (0..count as usize)
@@ -147,7 +154,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         }
     }
     trim(&mut lines, volume_mm3);
-    cloth(spec, yarns, index, lines, web, seed)
+    cloth(spec, yarns, index, (lines, &part), web, seed)
 }
 
 /// How the fibres run.
@@ -256,7 +263,7 @@ fn cloth(
     spec: &NonwovenSpec,
     yarns: Vec<Arc<Yarn>>,
     index: usize,
-    lines: Vec<Line>,
+    (lines, part): (Vec<Line>, &dyn Fn(usize) -> Option<usize>),
     web: Web,
     seed: u64,
 ) -> Result<Cloth, Error> {
@@ -273,7 +280,12 @@ fn cloth(
     let mut threads = Vec::with_capacity(lines.len());
     for (i, line) in lines.into_iter().enumerate() {
         let mut rng = PathRng::new(seed, i as u64, LAYING);
-        let material = dyes[i % dyes.len()].of_fibre(&mut rng).at(|| 1.0);
+        let dye = &dyes[i % dyes.len()];
+        let dye = match part(i) {
+            Some(part) => dye.of_part(part),
+            None => dye.of_fibre(&mut rng),
+        };
+        let material = dye.at(|| 1.0);
         for p in &line.points {
             low = low.min(p.z - thickest);
             high = high.max(p.z + thickest);

@@ -242,6 +242,9 @@ impl Plies<'_> {
         if self.cloth.pile.is_some() {
             return Some("pile");
         }
+        if self.cloth.yarns.iter().any(|y| y.blends_materials) {
+            return Some("blends of fibre materials");
+        }
         let bare = |t: &ThreadAtRest| matches!(t.line, super::Centreline::Bare(_));
         self.cloth
             .threads

@@ -1,3 +1,4 @@
+mod blended;
 mod displaced;
 mod flattening;
 mod imported;

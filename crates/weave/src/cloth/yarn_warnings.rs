@@ -2,7 +2,9 @@
 
 use super::{Centreline, Cloth};
 use crate::CurveLevel;
+use crate::blend::FibrePart;
 use crate::closure::Closure;
+use crate::yarn::Yarn;
 
 /// Largest difference between realised and requested twist without a warning, as the slope of
 /// the outermost fibres or plies.
@@ -37,6 +39,7 @@ impl Cloth {
                     yarn.name,
                 ));
             }
+            self.warnings.extend(rare_parts(yarn, &closure));
             for (what, wanted, got, radius) in [
                 (
                     "twist",
@@ -64,4 +67,20 @@ impl Cloth {
             }
         }
     }
+}
+
+/// Warnings about materials of a blend of which most threads hold no fibre.
+fn rare_parts(yarn: &Yarn, closure: &Closure) -> Vec<String> {
+    let fibres = f64::from(closure.fibres * yarn.plies / closure.visited);
+    let parts = yarn.blend.iter().enumerate();
+    let rare = parts.filter(|(_, part)| yarn.blends_materials && part.share * fibres < 0.5);
+    let warning = |(i, part): (usize, &FibrePart)| {
+        format!(
+            "yarn.{}.blend[{i}]: most threads hold no fibre of this part, because they hold \
+             {fibres} different fibres and its share by number is {:.4}; more tile.repeats, a \
+             larger share or finer fibres help",
+            yarn.name, part.share,
+        )
+    };
+    rare.map(warning).collect()
 }

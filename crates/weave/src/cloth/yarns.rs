@@ -2,6 +2,7 @@
 
 use super::Material;
 use crate::Error;
+use crate::blend::FibrePart;
 use crate::dye::Dye;
 use crate::error::did_you_mean;
 use crate::preset;
@@ -79,15 +80,24 @@ pub(super) struct Materials(pub Vec<Material>);
 impl Materials {
     /// The dye of a thread of some colour.
     pub fn dye(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<Dye, Error> {
-        Dye::new(yarn, colour, &mut |colour| self.index(yarn, colour))
+        Dye::new(yarn, colour, &mut |colour, part| {
+            self.index(yarn, colour, part)
+        })
     }
 
-    /// The index of the material of a yarn and a colour, new or known.
-    fn index(&mut self, yarn: &Yarn, colour: Option<Rgb>) -> Result<u16, Error> {
+    /// The index of the material of a yarn and a colour, new or known; of a part of its blend.
+    fn index(
+        &mut self,
+        yarn: &Yarn,
+        colour: Option<Rgb>,
+        part: Option<&FibrePart>,
+    ) -> Result<u16, Error> {
+        let radius_mm = part.map_or(yarn.fibre_radius_mm, |p| p.fibre_radius_mm);
         let new = Material {
             yarn: yarn.name.clone(),
+            fibre: part.and_then(|p| p.fibre.clone()),
             colour,
-            fibre_radius_mm: yarn.fibre_radius_mm as f32,
+            fibre_radius_mm: radius_mm as f32,
         };
         let index = self
             .0

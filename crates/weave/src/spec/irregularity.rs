@@ -123,12 +123,31 @@ pub struct RingDyeSpec {
     pub depth: f64,
 }
 
-/// Fibres of one colour in a yarn of several.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+/// Fibres of one colour and material in a yarn of several.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct BlendSpec {
-    /// Share of the fibres, above 0; shares are divided by their sum.
-    pub share: f64,
+    /// Share of the fibres by number, 1e-6 to 1e6; shares are divided by their sum. Either this
+    /// or `mass_share` in all parts.
+    pub share: Option<f64>,
+    /// Share of the fibres by mass, 1e-6 to 1e6; shares are divided by their sum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_share: Option<f64>,
     /// Linear colour, 0 to 1; the thread's own without it.
     pub colour: Option<Rgb>,
+    /// Material, one of [`crate::blend::names`] or any other with radius and density; the
+    /// yarn's fibres without it. Tables of optics may refer to it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre: Option<String>,
+    /// Root mean square of the radii, micrometres, 0.1 to 10000; that of the material or the
+    /// yarn without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre_radius_um: Option<f64>,
+    /// Density of the fibre substance, 0.1 to 30; that of the material or the yarn without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre_density_g_per_cm3: Option<f64>,
+    /// Coefficient of variation of the radii, per cent, 0 to 50; that of the yarn without it,
+    /// and at most 2 for fibres that are spun through nozzles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre_radius_cv_percent: Option<f64>,
 }

@@ -4,6 +4,7 @@ mod irregularity;
 
 use super::{Hairs, Loops, MAX_FIBRE_VOLUME_FRACTION, MAX_FIBRES_PER_PLY, Yarn, radial_quantiles};
 use crate::Error;
+use crate::blend::{self, OwnFibres};
 use crate::error::did_you_mean;
 use crate::preset::{self, preset};
 use crate::spec::{CrossSectionSpec, MigrationSpec, TwistDirection, TwistSpec, YarnKind, YarnSpec};
@@ -110,6 +111,24 @@ impl<'a> CompleteSpec<'a> {
             0.1,
             30.0,
         )?;
+        let fibre_radius_cv = 0.01
+            * self.number(
+                "fibre_radius_cv_percent",
+                Some(spec.fibre_radius_cv_percent.unwrap_or(0.0)),
+                0.0,
+                50.0,
+            )?;
+        let own = OwnFibres {
+            radius_mm: fibre_radius_mm,
+            density_g_per_cm3: density,
+            radius_cv: fibre_radius_cv,
+        };
+        let parts = blend::parts(&spec.blend, &own, &|key| self.key(key))?;
+        let blends_materials = blend::are_materials(&parts, &own);
+        let (fibre_radius_mm, density) = match blends_materials {
+            true => blend::mean_fibre(&parts),
+            false => (fibre_radius_mm, density),
+        };
         let plies = spec.plies.unwrap_or(1);
         if !(1..=64).contains(&plies) {
             let message = format!("expected 1 to 64 plies, found {plies}");
@@ -154,18 +173,13 @@ impl<'a> CompleteSpec<'a> {
             finish: spec.finish.clone(),
             evenness: self.evenness()?,
             slubs: self.slubs()?,
-            fibre_radius_cv: 0.01
-                * self.number(
-                    "fibre_radius_cv_percent",
-                    Some(spec.fibre_radius_cv_percent.unwrap_or(0.0)),
-                    0.0,
-                    50.0,
-                )?,
+            fibre_radius_cv,
             wander: self.wander()?,
             hairiness: self.hairiness()?,
             flattening: self.flattening()?,
             ring_dye: self.ring_dye()?,
-            blend: self.blend()?,
+            blend: parts,
+            blends_materials,
             radial_quantiles: radial_quantiles(cross_section),
         })
     }

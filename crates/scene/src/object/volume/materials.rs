@@ -107,6 +107,6 @@ impl VolumeObject<'_> {
 
     pub(super) fn every_yarn(&self) -> optics::OpticsTable {
         let list = self.table.optics.get(EVERY_YARN);
-        list.map(|list| list.of(None)).unwrap_or_default()
+        list.map(|list| list.of(None, None)).unwrap_or_default()
     }
 }

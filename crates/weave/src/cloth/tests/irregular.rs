@@ -339,12 +339,13 @@ fn ring_dye_leaves_the_core_pale_and_blends_have_their_shares() {
         YarnSpec {
             blend: vec![
                 BlendSpec {
-                    share: 3.0,
-                    colour: None,
+                    share: Some(3.0),
+                    ..BlendSpec::default()
                 },
                 BlendSpec {
-                    share: 1.0,
+                    share: Some(1.0),
                     colour: Some(red),
+                    ..BlendSpec::default()
                 },
             ],
             ..YarnSpec::default()

@@ -4,14 +4,9 @@ use super::CompleteSpec;
 use crate::Error;
 use crate::error::did_you_mean;
 use crate::spec::YarnSpec;
-use crate::spec::{
-    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec,
-};
+use crate::spec::{EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
 use crate::spinning::{FINISHES, NAMES};
 use organza_basis::Rgb;
-
-/// The largest number of colours in a blend.
-const MAX_COLOURS: usize = 64;
 
 impl CompleteSpec<'_> {
     /// Refuses names of irregularities and finishes that do not exist.
@@ -106,25 +101,6 @@ impl CompleteSpec<'_> {
         self.number("ring_dye.depth", Some(d.depth), 0.0, 1.0)?;
         self.colour("ring_dye.core_colour", d.core_colour)?;
         Ok(Some(d))
-    }
-
-    pub(super) fn blend(&self) -> Result<Vec<BlendSpec>, Error> {
-        let blend = &self.spec.blend;
-        if blend.len() > MAX_COLOURS {
-            let message = format!(
-                "expected at most {MAX_COLOURS} colours, found {}",
-                blend.len()
-            );
-            return Err(Error::spec(self.key("blend"), message));
-        }
-        for (i, part) in blend.iter().enumerate() {
-            let share = format!("blend[{i}].share");
-            self.number(&share, Some(part.share), 1e-6, 1e6)?;
-            if let Some(colour) = part.colour {
-                self.colour(&format!("blend[{i}].colour"), colour)?;
-            }
-        }
-        Ok(blend.clone())
     }
 
     fn colour(&self, key: &str, colour: Rgb) -> Result<(), Error> {
