@@ -164,7 +164,8 @@ impl Cloth {
                 let wander = yarn.wander.map_or(0.0, |w| {
                     BEND_OF_WANDER * w.amplitude * yarn.ply_radius_mm / w.length_mm.powi(2)
                 });
-                plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm + wander
+                let crimp = yarn.crimp.map_or(0.0, |c| c.bend_per_mm());
+                plies + yarn.twist_rad_per_mm.powi(2) * yarn.ply_radius_mm + wander + crimp
             }
         };
         let step = |bend: f64| (8.0 * CHORD_ERROR * yarn.fibre_radius_mm / (bend + twist)).sqrt();

@@ -5,7 +5,11 @@
 //! of a fibre: the spectrum over the wave number `f` is `sinc^2(f * fibre_length)`
 //! [Martindale1945]. A tile holds one period of each thread, usually less than a fibre's
 //! length. Most of the variation therefore lies between the threads, and the rest along them.
+//!
+//! Drafting moves short fibres in groups, which leaves waves of a length of 2.5 to 3 fibres
+//! [Furter1982]: a share of the variance can lie in a hill of the spectrum about that length.
 
+use crate::spec::{DraftingWaveSpec, EvennessSpec};
 use crate::yarn::Yarn;
 use organza_basis::PathRng;
 use std::f64::consts::{PI, TAU};
@@ -113,18 +117,44 @@ pub(crate) fn thread_mass(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> f64
     let Some(evenness) = yarn.evenness else {
         return 1.0;
     };
-    let share = shares(
-        evenness.fibre_length_mm / length_mm,
-        wave_count(yarn, length_mm),
-    )
-    .0;
+    let share = shares(yarn, &evenness, length_mm).0;
     let deviation = 0.01 * evenness.mass_cv_percent * share.sqrt();
     (1.0 + deviation * normal(rng)).clamp(LEAST, MOST)
 }
 
-/// Shares of the variance between threads and in each wave along a thread, for fibres of so
-/// many periods.
-fn shares(fibre_periods: f64, waves: u32) -> (f64, Vec<f64>) {
+/// Shares of the variance between threads and in each wave along a thread.
+fn shares(yarn: &Yarn, evenness: &EvennessSpec, length_mm: f64) -> (f64, Vec<f64>) {
+    let count = wave_count(yarn, length_mm);
+    let (between, along) = random_shares(evenness.fibre_length_mm / length_mm, count);
+    let Some(drafting) = yarn.drafting_waves else {
+        return (between, along);
+    };
+    let waves = drafting_shares(&drafting, length_mm, count);
+    let mixed = |random: f64, wave: f64| random + drafting.share * (wave - random);
+    let along = along.iter().zip(&waves[1..]).map(|(&a, &b)| mixed(a, b));
+    (mixed(between, waves[0]), along.collect())
+}
+
+/// The same of drafting waves alone, those between threads first: a normal distribution about
+/// their wave number. Where the period is too short for them they lie between the threads.
+fn drafting_shares(drafting: &DraftingWaveSpec, length_mm: f64, count: u32) -> Vec<f64> {
+    let wave_periods = drafting
+        .length_mm
+        .map_or(f64::INFINITY, |mm| length_mm / mm);
+    // Squares of the deviations, of which the least is taken off: no power of all vanishes.
+    let off = |k: u32| {
+        let deviation = (f64::from(k) / wave_periods - 1.0) / drafting.spread;
+        0.5 * deviation * deviation
+    };
+    let least = (0..=count).map(off).fold(f64::INFINITY, f64::min);
+    let power = |k: u32| (least - off(k)).exp() * if k == 0 { 0.5 } else { 1.0 };
+    let all: Vec<f64> = (0..=count).map(power).collect();
+    let sum: f64 = all.iter().sum();
+    all.into_iter().map(|p| p / sum).collect()
+}
+
+/// Shares of the variance of fibres at random, for fibres of so many periods.
+fn random_shares(fibre_periods: f64, waves: u32) -> (f64, Vec<f64>) {
     let power = |k: u32| {
         let x = PI * f64::from(k) * fibre_periods;
         2.0 * (x.sin() / x).powi(2)
@@ -144,8 +174,7 @@ fn waves(yarn: &Yarn, length_mm: f64, rng: &mut PathRng) -> Vec<[f64; 2]> {
     let Some(evenness) = yarn.evenness.filter(|e| e.mass_cv_percent > 0.0) else {
         return Vec::new();
     };
-    let count = wave_count(yarn, length_mm);
-    let (_, along) = shares(evenness.fibre_length_mm / length_mm, count);
+    let (_, along) = shares(yarn, &evenness, length_mm);
     let cv = 0.01 * evenness.mass_cv_percent;
     // Both parts of a wave have its variance, and half of it each on average.
     let draw = |share: f64| [0; 2].map(|_| cv * share.sqrt() * normal(rng));
@@ -196,127 +225,4 @@ fn normal(rng: &mut PathRng) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spec::{EvennessSpec, SlubSpec, YarnSpec};
-
-    fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
-        let spec = YarnSpec {
-            evenness: Some(EvennessSpec {
-                mass_cv_percent,
-                fibre_length_mm,
-            }),
-            ..YarnSpec::default()
-        };
-        Yarn::new("cotton", &spec).unwrap()
-    }
-
-    /// Mean, variance, and covariance at a distance, over many threads of a yarn.
-    fn moments(yarn: &Yarn, length_mm: f64, apart_mm: f64) -> [f64; 3] {
-        let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
-        let threads = 4000;
-        for thread in 0..threads {
-            let mut rng = PathRng::new(11, thread, 0);
-            let mean = thread_mass(yarn, length_mm, &mut rng);
-            let profile = Profile::new(yarn, length_mm, &mut rng).unwrap();
-            let (a, b) = (profile.mass(0.3), profile.mass(0.3 + apart_mm / length_mm));
-            // Both variations are small, so they add up.
-            let (a, b) = (mean + a - 1.0, mean + b - 1.0);
-            sum += a;
-            square += a * a;
-            product += a * b;
-        }
-        let n = threads as f64;
-        let mean = sum / n;
-        [mean, square / n - mean * mean, product / n - mean * mean]
-    }
-
-    /// The variance over all threads is what was asked for, and the correlation falls as that of
-    /// fibres of the given length, on tiles that are shorter and longer than a fibre.
-    #[test]
-    fn mass_varies_as_that_of_random_fibres() {
-        let cv: f64 = 0.08;
-        for (fibre_mm, length_mm, apart_mm) in
-            [(28.0, 4.0, 2.0), (3.0, 40.0, 1.0), (3.0, 40.0, 6.0)]
-        {
-            let [mean, variance, covariance] =
-                moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
-            let wrapped = |x: f64| {
-                let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
-                copies
-                    .map(|x| (1.0 - x.abs() / fibre_mm).max(0.0))
-                    .sum::<f64>()
-            };
-            let expected = cv * cv * wrapped(apart_mm) / wrapped(0.0);
-            // Four standard errors of a variance over 4000 threads, and what clamped
-            // deviates and cut waves take away.
-            let error = cv * cv * (4.0 * (2.0f64 / 4000.0).sqrt() + 0.05);
-            assert!(
-                (mean - 1.0).abs() < 4.0 * cv / 4000f64.sqrt(),
-                "mean {mean}"
-            );
-            assert!(
-                (variance - cv * cv).abs() < error,
-                "{fibre_mm} {length_mm}: {variance}"
-            );
-            assert!(
-                (covariance - expected).abs() < error,
-                "{fibre_mm} {length_mm} at {apart_mm}: {covariance} for {expected}; seed 11"
-            );
-            // The twin: fibres of another length.
-            let twin = moments(&yarn(100.0 * cv, 10.0 * fibre_mm), length_mm, apart_mm)[2];
-            if fibre_mm < length_mm {
-                assert!((twin - expected).abs() > error, "{twin} for {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn twist_closes_and_gathers_in_thin_places() {
-        let yarn = yarn(20.0, 3.0);
-        let profile = Profile::new(&yarn, 10.0, &mut PathRng::new(3, 0, 0)).unwrap();
-        assert!((profile.twisted(1.25) - profile.twisted(0.25) - 1.0).abs() < 1e-12);
-        for i in 0..200 {
-            let s = f64::from(i) / 200.0;
-            let rate = (profile.twisted(s + 1e-4) - profile.twisted(s - 1e-4)) / 2e-4;
-            let normalised = rate * profile.mass(s) * profile.mean(|m| 1.0 / m);
-            assert!((normalised - 1.0).abs() < 0.02, "{s}: {normalised}");
-        }
-    }
-
-    #[test]
-    fn slubs_have_their_number_and_their_mass() {
-        let spec = YarnSpec {
-            slubs: Some(SlubSpec {
-                per_m: 50.0,
-                length_mm: [8.0, 0.0],
-                mass: [1.5, 0.0],
-            }),
-            ..YarnSpec::default()
-        };
-        let yarn = Yarn::new("cotton", &spec).unwrap();
-        let mean = |length_mm: f64| {
-            let thread = |i| Profile::new(&yarn, length_mm, &mut PathRng::new(5, i, 0));
-            let masses = (0..2000).map(|i| thread(i).map_or(1.0, |p| p.mean(|m| m)));
-            masses.sum::<f64>() / 2000.0
-        };
-        // 50 slubs of 8 mm per metre, half as heavy again in the middle and half of that on
-        // average; slubs that touch are cut at no more than the bound.
-        let expected = 1.0 + 0.05 * 8.0 * 0.5 * 0.5;
-        for length_mm in [10.0, 40.0] {
-            assert!(
-                (mean(length_mm) - expected).abs() < 0.01,
-                "{length_mm}: {}",
-                mean(length_mm)
-            );
-        }
-        assert!(
-            Profile::new(
-                &Yarn::new("silk", &YarnSpec::default()).unwrap(),
-                5.0,
-                &mut PathRng::new(1, 0, 0)
-            )
-            .is_none()
-        );
-    }
-}
+mod tests;

@@ -36,6 +36,7 @@
 pub mod blend;
 mod closure;
 mod cloth;
+mod crimp;
 pub mod curve_file;
 pub mod draft;
 mod drawn_curve;

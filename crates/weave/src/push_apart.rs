@@ -13,8 +13,10 @@
 use crate::spline::closed_spline;
 use glam::{DVec2, Vec2};
 
-/// Rounds, each of which searches neighbours again, and pushes within a round.
-const ROUNDS: usize = 3;
+/// Rounds, each of which searches neighbours again; more of fibres that cross each other all
+/// along, as crimped ones do. Pushes within a round.
+pub(crate) const ROUNDS: usize = 3;
+pub(crate) const ROUNDS_OF_CRIMPED: usize = 8;
 const PUSHES: usize = 6;
 /// Share of the differences along a fibre that smoothing removes after every round but the
 /// last.
@@ -37,6 +39,8 @@ pub(crate) struct Bundle<'a> {
     pub length_mm: f64,
     /// The largest radius of a fibre.
     pub fibre_radius_mm: f64,
+    /// Rounds of pushing.
+    pub rounds: usize,
     /// Factors on the round cross-section's width and height at a share of the period.
     pub flatten: &'a dyn Fn(f64) -> DVec2,
     /// The place of a fibre in a winding, at a share of the period.
@@ -130,7 +134,7 @@ impl Bundle<'_> {
         let mut discs = self.discs(stations);
         let mut shifts_mm = vec![Vec2::ZERO; self.fibres * around];
         let mut pairs = Vec::new();
-        for round in 0..ROUNDS {
+        for round in 0..self.rounds {
             for (station, section) in discs.chunks_exact_mut(pieces).enumerate() {
                 let flatten = self.flatten_at(station, stations);
                 let place = |piece: u32| {
@@ -148,7 +152,7 @@ impl Bundle<'_> {
                     shifts_mm[place(disc.piece)] = (turned_back * disc.direction).rotate(moved);
                 }
             }
-            if round + 1 < ROUNDS {
+            if round + 1 < self.rounds {
                 shifts_mm.chunks_exact_mut(around).for_each(smooth);
             }
         }
@@ -311,6 +315,7 @@ mod tests {
             windings: WINDINGS,
             angle_rad: 2.0 * TAU * TURNS / WINDINGS as f64,
             length_mm: 2.0,
+            rounds: ROUNDS,
             fibre_radius_mm: RADIUS_MM,
             flatten: &|_| DVec2::new(1.2, 1.0 / 1.2),
             place,

@@ -5,8 +5,8 @@ mod nonwoven;
 mod pile;
 
 pub use irregularity::{
-    BlendSpec, EvennessSpec, FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec,
-    ThreadWanderSpec, WanderSpec,
+    BlendSpec, CrimpShape, CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec,
+    HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec, ThreadWanderSpec, WanderSpec,
 };
 pub use nonwoven::{BondingSpec, NeedledSides, NeedlingSpec, NonwovenSpec};
 pub use pile::{PileKind, PileSides, PileSpec};
@@ -50,7 +50,7 @@ pub struct FabricGeometry {
 
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
-    /// `evenness`, `slubs`, `fibre_radius_cv_percent`, `wander`, `hairiness`, `flattening`,
+    /// `evenness`, `drafting_waves`, `slubs`, `fibre_radius_cv_percent`, `wander`, `crimp`, `hairiness`, `flattening`,
     /// `spacing_cv_percent`, `reed_dents` and the variation of the pile's height and lean. Hairs
     /// and loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
@@ -59,12 +59,14 @@ impl FabricGeometry {
             yarn.irregularity = None;
             yarn.finish = Vec::new();
             yarn.evenness = None;
+            yarn.drafting_waves = None;
             yarn.slubs = None;
             yarn.fibre_radius_cv_percent = None;
             for part in &mut yarn.blend {
                 part.fibre_radius_cv_percent = None;
             }
             yarn.wander = None;
+            yarn.crimp = None;
             yarn.hairiness = None;
             yarn.flattening = None;
         }
@@ -222,6 +224,8 @@ pub struct YarnSpec {
     pub finish: Vec<String>,
     /// Mass that varies along the yarn.
     pub evenness: Option<EvennessSpec>,
+    /// Share of that variation that recurs at a wavelength.
+    pub drafting_waves: Option<DraftingWaveSpec>,
     /// Short thick places.
     pub slubs: Option<SlubSpec>,
     /// Coefficient of variation of the fibres' radii, per cent, 0 to 50. `fibre_radius_um` is
@@ -229,6 +233,8 @@ pub struct YarnSpec {
     pub fibre_radius_cv_percent: Option<f64>,
     /// Fibres that wander among their neighbours.
     pub wander: Option<WanderSpec>,
+    /// Waves or helices of single fibres.
+    pub crimp: Option<CrimpSpec>,
     /// Fibres that protrude as random curves, in place of `hairs`.
     pub hairiness: Option<HairinessSpec>,
     /// Flat where other threads press on it.

@@ -3,11 +3,12 @@
 
 use crate::blend::{part_at, spread};
 use crate::closure::Closure;
+use crate::crimp::Crimp;
 use crate::drawn_curve::Look;
 use crate::dye::{Dye, FibreDye};
 use crate::evenness::{MOST, Profile};
 use crate::path::Path;
-use crate::push_apart::{Bundle, FibrePlace, FibreShifts};
+use crate::push_apart::{Bundle, FibrePlace, FibreShifts, ROUNDS, ROUNDS_OF_CRIMPED};
 use crate::section::Section;
 use crate::wander::Wander;
 use crate::yarn::Yarn;
@@ -59,6 +60,7 @@ struct Fibre {
     /// Where along its windings its ends lie, as a share of them; only in uneven yarn.
     end: f64,
     wander: Option<Wander>,
+    crimp: Option<Crimp>,
     dye: FibreDye,
     /// Radius of the loop's top at each outer turning point that has one.
     loops_mm: Vec<Option<f64>>,
@@ -138,6 +140,9 @@ impl Strand<'_> {
             // Each length of wandering leads about a quarter of a turn away.
             + self.yarn.wander.map_or(0.0, |w| {
                 (0.25 * self.path.length_mm() / w.length_mm).min(MAX_WANDER_TURNS)
+            })
+            + self.yarn.crimp.map_or(0.0, |c| {
+                (0.1 * c.per_cm * self.path.length_mm()).min(MAX_WANDER_TURNS)
             });
         Bundle {
             fibres: (self.yarn.plies / c.visited * c.fibres) as usize,
@@ -145,6 +150,10 @@ impl Strand<'_> {
             angle_rad: TAU * turns,
             length_mm: self.path.length_mm(),
             fibre_radius_mm: thickest_fibre_mm(self.yarn),
+            rounds: match self.yarn.crimp {
+                Some(_) => ROUNDS_OF_CRIMPED,
+                None => ROUNDS,
+            },
             flatten,
             place,
         }
@@ -273,6 +282,10 @@ impl Strand<'_> {
                         let length = f64::from(self.closure.windings()) * self.path.length_mm();
                         Wander::new(&spec, length, self.yarn.ply_radius_mm, &mut rng)
                     }),
+                    crimp: self.yarn.crimp.map(|spec| {
+                        let length = f64::from(self.closure.windings()) * self.path.length_mm();
+                        Crimp::new(&spec, length, &mut rng)
+                    }),
                     dye: match part {
                         Some(part) => self.dye.of_part(part),
                         None => self.dye.of_fibre(&mut rng),
@@ -315,6 +328,15 @@ impl Strand<'_> {
         let mut angle = fibre.phase_rad + TAU * twisted * self.closure.turns as f64;
         let swing = fibre.swing_rad + TAU * run * self.closure.swings as f64;
         let mut radius = fibre.radius_mm * self.yarn.migrated(swing);
+        if let Some(crimp) = &fibre.crimp {
+            let middle = radius * self.yarn.crimp_room();
+            let shift = crimp.at(run);
+            // Across the fibre, which runs at an angle to the section.
+            let slope = self.yarn.twist_rad_per_mm * middle;
+            let place = DVec2::new(middle + shift.x, shift.y * slope.hypot(1.0));
+            angle += place.y.atan2(place.x);
+            radius = place.length().min(self.reach_mm(fibre).max(radius));
+        }
         if let Some(wander) = &fibre.wander {
             let shift = wander.at(run);
             // Near the centre the same displacement is a larger angle; on the surface fibres

@@ -5,8 +5,8 @@ mod complete_spec;
 use crate::Error;
 use crate::blend::FibrePart;
 use crate::spec::{
-    CrossSectionSpec, EvennessSpec, FlatteningSpec, HairinessSpec, MigrationSpec, RingDyeSpec,
-    SlubSpec, WanderSpec, YarnKind, YarnSpec,
+    CrimpSpec, CrossSectionSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec,
+    MigrationSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
@@ -59,12 +59,16 @@ pub struct Yarn {
     pub finish: Vec<String>,
     /// Variation of the mass along the yarn, if any.
     pub evenness: Option<EvennessSpec>,
+    /// Waves in that variation, if any, with their length; only with `evenness`.
+    pub drafting_waves: Option<DraftingWaveSpec>,
     /// Thick places, if any.
     pub slubs: Option<SlubSpec>,
     /// Coefficient of variation of the fibres' radii.
     pub fibre_radius_cv: f64,
     /// Random wandering of the fibres, if any.
     pub wander: Option<WanderSpec>,
+    /// Crimp of the fibres, if any.
+    pub crimp: Option<CrimpSpec>,
     /// Protruding fibres as random curves, if any; `hairs` then has none.
     pub hairiness: Option<HairinessSpec>,
     /// How much threads press it flat, if they do.
@@ -153,18 +157,43 @@ impl Yarn {
         })
     }
 
+    /// The share of the distance from the ply's centre that crimp leaves to the middle lines of
+    /// fibres, so that the fibres stay inside.
+    pub(crate) fn crimp_room(&self) -> f64 {
+        let reach_mm = self.ply_radius_mm - self.fibre_radius_mm;
+        self.crimp.map_or(1.0, |c| 1.0 - c.reach_mm() / reach_mm)
+    }
+
+    /// By how much the fibres are longer than the lines about which they are crimped, per cent.
+    pub fn crimp_percent(&self) -> f64 {
+        let length = |slope| self.fibre_per_length_with(self.twist_rad_per_mm, 0.0, slope);
+        let slope = self.crimp_slope(self.twist_rad_per_mm);
+        100.0 * (length(slope) / length(0.0) - 1.0)
+    }
+
+    /// Mean square of the slope that crimp adds.
+    fn crimp_slope(&self, twist: f64) -> f64 {
+        self.crimp.map_or(0.0, |c| c.square_slope(twist))
+    }
+
     /// Mean length of fibre per length of straight yarn: fibres turn about
     /// their ply and the plies about the yarn. The mean is over the fibres'
-    /// radii, their angles to the ply and their migration.
+    /// radii, their angles to the ply, their migration and their crimp.
     pub fn fibre_per_yarn_length(&self) -> f64 {
         self.fibre_per_length_at(self.twist_rad_per_mm, self.ply_twist_rad_per_mm)
     }
 
     /// The same for another twist, as it comes out where yarns must close.
     pub(crate) fn fibre_per_length_at(&self, twist: f64, ply_twist: f64) -> f64 {
+        self.fibre_per_length_with(twist, ply_twist, self.crimp_slope(twist))
+    }
+
+    /// The same for fibres that a crimp of some mean square slope lengthens.
+    fn fibre_per_length_with(&self, twist: f64, ply_twist: f64, crimp: f64) -> f64 {
         const RADII: u32 = 64;
         const ANGLES: u32 = 16;
         let ply = ply_twist * self.ply_centre_mm;
+        let room = self.crimp_room();
         let mean = |n: u32, f: &dyn Fn(f64) -> f64| {
             (0..n)
                 .map(|i| f((f64::from(i) + 0.5) / f64::from(n)))
@@ -172,12 +201,12 @@ impl Yarn {
                 / f64::from(n)
         };
         mean(RADII, &|u| {
-            let fibre = twist * self.radius_at(u);
+            let fibre = twist * room * self.radius_at(u);
             mean(ANGLES, &|swing| {
                 let fibre = fibre * self.migrated(TAU * swing);
                 mean(ANGLES, &|angle| {
                     let along = (TAU * angle).cos();
-                    (1.0 + ply * ply + fibre * fibre + 2.0 * ply * fibre * along).sqrt()
+                    (1.0 + ply * ply + fibre * fibre + 2.0 * ply * fibre * along + crimp).sqrt()
                 })
             })
         })

@@ -191,9 +191,12 @@ fn toml(path: &Path, overrides: &[String]) -> Result<Value> {
                 "irregularity": y.irregularity,
                 "finish": y.finish,
                 "mass_cv_percent": y.evenness.map_or(0.0, |e| e.mass_cv_percent),
+                "drafting_waves": y.drafting_waves,
                 "fibre_radius_cv_percent": 100.0 * y.fibre_radius_cv,
                 "hairiness": y.hairiness.map(|h| h.index),
                 "blend": blend_info(y),
+                "crimp": y.crimp,
+                "crimp_percent": y.crimp_percent(),
             })
         })
         .collect();

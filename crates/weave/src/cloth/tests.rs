@@ -1,4 +1,5 @@
 mod blended;
+mod crimped;
 mod displaced;
 mod flattening;
 mod imported;

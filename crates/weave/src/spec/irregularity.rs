@@ -21,6 +21,28 @@ fn staple_length_mm() -> f64 {
     28.0
 }
 
+/// Waves of the mass that drafting leaves, because it moves short fibres in groups: part of the
+/// variation that `evenness` gives, about a wavelength.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct DraftingWaveSpec {
+    /// Share of the variance, 0 to 1: the waves alone have the coefficient of variation of
+    /// `evenness` times its root.
+    pub share: f64,
+    /// Their length, millimetres, 1 to 1e5; without it 2.75 times that of the fibres, the middle
+    /// of the 2.5 to 3 of yarns [Furter1982].
+    pub length_mm: Option<f64>,
+    /// Standard deviation of the wave number over its mean, 0.01 to 0.5: drafting waves are not
+    /// strictly periodic.
+    #[serde(default = "quasi_periodic")]
+    pub spread: f64,
+}
+
+/// Estimated from the hills in spectrograms, which are about an octave wide.
+fn quasi_periodic() -> f64 {
+    0.2
+}
+
 /// Short thick places: slubs if they are centimetres long, neps if they are millimetres.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
@@ -43,6 +65,40 @@ pub struct WanderSpec {
     pub amplitude: f64,
     /// Length along the fibre after which it wanders elsewhere, millimetres, 0.01 to 1e5.
     pub length_mm: f64,
+}
+
+/// Crimp of fibres inside their ply, in the frame of each fibre.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct CrimpSpec {
+    /// Crimps per centimetre of fibre, that is waves or turns of a helix, 0.1 to 200.
+    pub per_cm: f64,
+    /// Half the height of the waves, or the radius of the helix, micrometres, 0 to half the
+    /// room that the ply leaves.
+    pub amplitude_um: f64,
+    /// Waves or helices.
+    #[serde(default)]
+    pub shape: CrimpShape,
+    /// Coefficient of variation of amplitude and length, between fibres and along them, per
+    /// cent, 0 to 40.
+    #[serde(default = "crimp_cv_percent")]
+    pub cv_percent: f64,
+}
+
+/// Estimated: crimps are as regular as the eye takes for a wave, and no more.
+fn crimp_cv_percent() -> f64 {
+    20.0
+}
+
+/// The line of a crimped fibre.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum CrimpShape {
+    /// A helix, as of wool and of fibres of two components; either handedness is as likely.
+    #[default]
+    Helical,
+    /// Waves in a plane of any direction, as of fibres that were crimped in a box.
+    Planar,
 }
 
 /// Fibres that protrude from the yarn as smooth random curves. They replace the straight ones

@@ -4,9 +4,17 @@ use super::CompleteSpec;
 use crate::Error;
 use crate::error::did_you_mean;
 use crate::spec::YarnSpec;
-use crate::spec::{EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec, SlubSpec, WanderSpec};
+use crate::spec::{
+    CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec,
+    SlubSpec, WanderSpec,
+};
 use crate::spinning::{FINISHES, NAMES};
 use organza_basis::Rgb;
+
+/// Length of drafting waves, in lengths of the fibres [Furter1982].
+const WAVE_OF_FIBRES: f64 = 2.75;
+/// The largest displacement by crimp, its variation included, as a share of the room in the ply.
+const MAX_CRIMP: f64 = 0.5;
 
 impl CompleteSpec<'_> {
     /// Refuses names of irregularities and finishes that do not exist.
@@ -46,6 +54,27 @@ impl CompleteSpec<'_> {
         Ok(Some(e).filter(|e| e.mass_cv_percent > 0.0))
     }
 
+    pub(super) fn drafting_waves(&self) -> Result<Option<DraftingWaveSpec>, Error> {
+        let Some(d) = self.spec.drafting_waves else {
+            return Ok(None);
+        };
+        let Some(evenness) = self.spec.evenness else {
+            let message = "needs evenness or irregularity, whose variation the waves are part of";
+            return Err(Error::spec(self.key("drafting_waves"), message));
+        };
+        let length_mm = d
+            .length_mm
+            .unwrap_or(WAVE_OF_FIBRES * evenness.fibre_length_mm);
+        self.number("drafting_waves.share", Some(d.share), 0.0, 1.0)?;
+        self.number("drafting_waves.length_mm", Some(length_mm), 1.0, 1e6)?;
+        self.number("drafting_waves.spread", Some(d.spread), 0.01, 0.5)?;
+        let completed = DraftingWaveSpec {
+            length_mm: Some(length_mm),
+            ..d
+        };
+        Ok(Some(completed).filter(|d| d.share > 0.0))
+    }
+
     pub(super) fn slubs(&self) -> Result<Option<SlubSpec>, Error> {
         let Some(s) = self.spec.slubs else {
             return Ok(None);
@@ -65,6 +94,30 @@ impl CompleteSpec<'_> {
         self.number("wander.amplitude", Some(w.amplitude), 0.0, 1.0)?;
         self.number("wander.length_mm", Some(w.length_mm), 0.01, 1e5)?;
         Ok(Some(w).filter(|w| w.amplitude > 0.0))
+    }
+
+    /// Crimp, in a ply that leaves fibres so much room from its centre.
+    pub(super) fn crimp(&self, room_mm: f64) -> Result<Option<CrimpSpec>, Error> {
+        let Some(c) = self.spec.crimp else {
+            return Ok(None);
+        };
+        self.number("crimp.per_cm", Some(c.per_cm), 0.1, 200.0)?;
+        self.number("crimp.cv_percent", Some(c.cv_percent), 0.0, 40.0)?;
+        self.number("crimp.amplitude_um", Some(c.amplitude_um), 0.0, 1e4)?;
+        if c.amplitude_um == 0.0 {
+            return Ok(None);
+        }
+        if c.reach_mm() > MAX_CRIMP * room_mm {
+            let most = (MAX_CRIMP * room_mm / c.reach_mm() * c.amplitude_um).floor();
+            let message = format!(
+                "expected at most {most} um in a ply that leaves its fibres {:.1} um to either \
+                 side, found {}",
+                1e3 * room_mm.max(0.0),
+                c.amplitude_um
+            );
+            return Err(Error::spec(self.key("crimp.amplitude_um"), message));
+        }
+        Ok(Some(c))
     }
 
     pub(super) fn hairiness(&self) -> Result<Option<HairinessSpec>, Error> {

@@ -1,0 +1,247 @@
+//! Unevenness against its spectrum, and twist and slubs along it.
+
+use super::*;
+use crate::spec::{SlubSpec, YarnSpec};
+
+fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
+    let spec = YarnSpec {
+        evenness: Some(EvennessSpec {
+            mass_cv_percent,
+            fibre_length_mm,
+        }),
+        ..YarnSpec::default()
+    };
+    Yarn::new("cotton", &spec).unwrap()
+}
+
+/// Mean, variance, and covariance at a distance, over many threads of a yarn.
+fn moments(yarn: &Yarn, length_mm: f64, apart_mm: f64) -> [f64; 3] {
+    let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
+    let threads = 4000;
+    for thread in 0..threads {
+        let mut rng = PathRng::new(11, thread, 0);
+        let mean = thread_mass(yarn, length_mm, &mut rng);
+        let profile = Profile::new(yarn, length_mm, &mut rng).unwrap();
+        let (a, b) = (profile.mass(0.3), profile.mass(0.3 + apart_mm / length_mm));
+        // Both variations are small, so they add up.
+        let (a, b) = (mean + a - 1.0, mean + b - 1.0);
+        sum += a;
+        square += a * a;
+        product += a * b;
+    }
+    let n = threads as f64;
+    let mean = sum / n;
+    [mean, square / n - mean * mean, product / n - mean * mean]
+}
+
+/// The variance over all threads is what was asked for, and the correlation falls as that of
+/// fibres of the given length, on tiles that are shorter and longer than a fibre.
+#[test]
+fn mass_varies_as_that_of_random_fibres() {
+    let cv: f64 = 0.08;
+    for (fibre_mm, length_mm, apart_mm) in [(28.0, 4.0, 2.0), (3.0, 40.0, 1.0), (3.0, 40.0, 6.0)] {
+        let [mean, variance, covariance] =
+            moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
+        let wrapped = |x: f64| {
+            let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
+            copies
+                .map(|x| (1.0 - x.abs() / fibre_mm).max(0.0))
+                .sum::<f64>()
+        };
+        let expected = cv * cv * wrapped(apart_mm) / wrapped(0.0);
+        // Four standard errors of a variance over 4000 threads, and what clamped
+        // deviates and cut waves take away.
+        let error = cv * cv * (4.0 * (2.0f64 / 4000.0).sqrt() + 0.05);
+        assert!(
+            (mean - 1.0).abs() < 4.0 * cv / 4000f64.sqrt(),
+            "mean {mean}"
+        );
+        assert!(
+            (variance - cv * cv).abs() < error,
+            "{fibre_mm} {length_mm}: {variance}"
+        );
+        assert!(
+            (covariance - expected).abs() < error,
+            "{fibre_mm} {length_mm} at {apart_mm}: {covariance} for {expected}; seed 11"
+        );
+        // The twin: fibres of another length.
+        let twin = moments(&yarn(100.0 * cv, 10.0 * fibre_mm), length_mm, apart_mm)[2];
+        if fibre_mm < length_mm {
+            assert!((twin - expected).abs() > error, "{twin} for {expected}");
+        }
+    }
+}
+
+/// Mean power of each wave along threads of a length, the variance between threads first,
+/// from the profiles.
+fn spectrogram(yarn: &Yarn, length_mm: f64, threads: u64) -> Vec<f64> {
+    const SAMPLES: usize = 512;
+    const WAVES: usize = 60;
+    let mut power = vec![0.0; WAVES + 1];
+    for thread in 0..threads {
+        let mut rng = PathRng::new(23, thread, 0);
+        let mean = thread_mass(yarn, length_mm, &mut rng);
+        let profile = Profile::new(yarn, length_mm, &mut rng).unwrap();
+        power[0] += (mean - 1.0).powi(2);
+        let at = |i: usize| profile.mass(i as f64 / SAMPLES as f64);
+        let mass: Vec<f64> = (0..SAMPLES).map(at).collect();
+        for (k, power) in power.iter_mut().enumerate().skip(1) {
+            let turn = |i: usize| TAU * ((k * i) % SAMPLES) as f64 / SAMPLES as f64;
+            let [a, b] = mass.iter().enumerate().fold([0.0; 2], |[a, b], (i, m)| {
+                let (sin, cos) = turn(i).sin_cos();
+                [a + m * cos, b + m * sin]
+            });
+            *power += 2.0 * (a * a + b * b) / (SAMPLES * SAMPLES) as f64;
+        }
+    }
+    power.iter_mut().for_each(|p| *p /= threads as f64);
+    power
+}
+
+/// The spectrogram of a long yarn has its hill at 2.75 lengths of the fibres, with the share
+/// of the variance that was asked for; without drafting waves it falls from the longest wave.
+#[test]
+fn drafting_waves_are_a_hill_of_the_spectrogram() {
+    let (cv, length_mm, threads): (f64, f64, u64) = (0.1, 1500.0, 300);
+    let waved = |drafting_waves| {
+        let spec = YarnSpec {
+            evenness: Some(EvennessSpec {
+                mass_cv_percent: 100.0 * cv,
+                fibre_length_mm: 28.0,
+            }),
+            drafting_waves,
+            ..YarnSpec::default()
+        };
+        Yarn::new("cotton", &spec).unwrap()
+    };
+    let drafting = DraftingWaveSpec {
+        share: 0.5,
+        length_mm: None,
+        spread: 0.15,
+    };
+    let yarn = waved(Some(drafting));
+    let wave_mm = yarn.drafting_waves.unwrap().length_mm.unwrap();
+    assert_eq!(wave_mm, 77.0);
+    let [with, without] = [yarn, waved(None)].map(|yarn| spectrogram(&yarn, length_mm, threads));
+    // Where the power of five neighbouring waves, smoothed, is largest beyond the longest.
+    let peak_mm = |power: &[f64]| {
+        let smooth = |k: usize| power[k - 2..=k + 2].iter().sum::<f64>();
+        let highest = (5..58).max_by(|&a, &b| smooth(a).total_cmp(&smooth(b)));
+        length_mm / highest.unwrap() as f64
+    };
+    // Waves of 300 threads have 600 parts each: a power has the standard error of 6 %, a sum
+    // of five one of 3 %, and the hill falls by 3 % within 0.25 deviations: 4 %; smoothing
+    // and the slope of the random spectrum below it shift it by as much.
+    let found_mm = peak_mm(&with);
+    assert!(
+        (found_mm / wave_mm - 1.0).abs() < 0.08,
+        "{found_mm} mm; seed 23"
+    );
+    let twin_mm = peak_mm(&without);
+    assert!((twin_mm / wave_mm - 1.0).abs() > 0.5, "{twin_mm} mm");
+    // Within two deviations of the wave number lies 95 % of the share, and of the random
+    // part what the twin has there.
+    let periods = length_mm / wave_mm;
+    let hill = |power: &[f64]| {
+        let near = |k: f64| (k / periods - 1.0).abs() < 2.0 * drafting.spread;
+        let of_hill = (1..=60).filter(|&k| near(k as f64));
+        of_hill.map(|k| power[k]).sum::<f64>() / (cv * cv)
+    };
+    let share = (hill(&with) - 0.5 * hill(&without)) / 0.954;
+    assert!((share - 0.5).abs() < 0.05, "{share} of the variance");
+    assert!(hill(&with) > 2.0 * hill(&without));
+    // The variance is what `evenness` says, with and without.
+    for power in [&with, &without] {
+        let found = (power.iter().sum::<f64>()).sqrt();
+        assert!((found / cv - 1.0).abs() < 0.05, "{found} for {cv}");
+    }
+}
+
+/// In a tile that is shorter than the waves they lie between the threads, whatever their
+/// spread.
+#[test]
+fn drafting_waves_of_short_tiles_lie_between_the_threads() {
+    let spec = DraftingWaveSpec {
+        share: 1.0,
+        length_mm: Some(77.0),
+        spread: 0.01,
+    };
+    let shares = drafting_shares(&spec, 5.0, 8);
+    assert!((shares[0] - 1.0).abs() < 1e-12, "{shares:?}");
+    let shares = drafting_shares(&spec, 154.0, 8);
+    assert!((shares[2] - 1.0).abs() < 1e-12, "{shares:?}");
+}
+
+#[test]
+fn wrong_drafting_waves_name_their_key() {
+    for (keys, expected) in [
+        (
+            "drafting_waves = { share = 0.5 }",
+            "x.drafting_waves: needs evenness",
+        ),
+        (
+            "irregularity = 'filament'\ndrafting_waves = { share = 1.5 }",
+            "x.drafting_waves.share: expected a number from 0 to 1, found 1.5",
+        ),
+        (
+            "irregularity = 'filament'\ndrafting_waves = { share = 0.5, length_mm = 0 }",
+            "x.drafting_waves.length_mm: expected a number from 1",
+        ),
+        (
+            "irregularity = 'filament'\ndrafting_waves = { share = 0.5, spread = 0 }",
+            "x.drafting_waves.spread: expected a number from 0.01",
+        ),
+    ] {
+        let error = Yarn::new("x", &toml::from_str(keys).unwrap()).unwrap_err();
+        assert!(error.to_string().contains(expected), "{keys}: {error}");
+    }
+}
+
+#[test]
+fn twist_closes_and_gathers_in_thin_places() {
+    let yarn = yarn(20.0, 3.0);
+    let profile = Profile::new(&yarn, 10.0, &mut PathRng::new(3, 0, 0)).unwrap();
+    assert!((profile.twisted(1.25) - profile.twisted(0.25) - 1.0).abs() < 1e-12);
+    for i in 0..200 {
+        let s = f64::from(i) / 200.0;
+        let rate = (profile.twisted(s + 1e-4) - profile.twisted(s - 1e-4)) / 2e-4;
+        let normalised = rate * profile.mass(s) * profile.mean(|m| 1.0 / m);
+        assert!((normalised - 1.0).abs() < 0.02, "{s}: {normalised}");
+    }
+}
+
+#[test]
+fn slubs_have_their_number_and_their_mass() {
+    let spec = YarnSpec {
+        slubs: Some(SlubSpec {
+            per_m: 50.0,
+            length_mm: [8.0, 0.0],
+            mass: [1.5, 0.0],
+        }),
+        ..YarnSpec::default()
+    };
+    let yarn = Yarn::new("cotton", &spec).unwrap();
+    let mean = |length_mm: f64| {
+        let thread = |i| Profile::new(&yarn, length_mm, &mut PathRng::new(5, i, 0));
+        let masses = (0..2000).map(|i| thread(i).map_or(1.0, |p| p.mean(|m| m)));
+        masses.sum::<f64>() / 2000.0
+    };
+    // 50 slubs of 8 mm per metre, half as heavy again in the middle and half of that on
+    // average; slubs that touch are cut at no more than the bound.
+    let expected = 1.0 + 0.05 * 8.0 * 0.5 * 0.5;
+    for length_mm in [10.0, 40.0] {
+        assert!(
+            (mean(length_mm) - expected).abs() < 0.01,
+            "{length_mm}: {}",
+            mean(length_mm)
+        );
+    }
+    assert!(
+        Profile::new(
+            &Yarn::new("silk", &YarnSpec::default()).unwrap(),
+            5.0,
+            &mut PathRng::new(1, 0, 0)
+        )
+        .is_none()
+    );
+}
