@@ -147,7 +147,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let values = observed.values();
     let unwatched = args.common.host.loader();
     let (fabric, read) = watched(&args.common, &args.cache, |loader| {
-        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        let fabric = fabric_file::load(args.fabric_path(), &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
     check_outputs(args, &read)?;
@@ -175,17 +175,18 @@ pub fn run(args: &FitArgs) -> Result<()> {
         }
         let found = journal.once(place, 2 * values.len(), || {
             let keys = keys(args, fitted, &fabric, &bounds, place);
-            let changed = fabric_file::load_changed(&args.fabric, &given_way, &keys, &unwatched)?;
+            let changed =
+                fabric_file::load_changed(args.fabric_path(), &given_way, &keys, &unwatched)?;
             let density = place.last().copied().unwrap_or(1.0);
             let same = matter.take().filter(|(d, _)| *d == density);
             let (_, matter) = matter.insert(match same {
                 Some(same) => same,
                 None => (
                     density,
-                    Matter::new(&changed, &args.fabric, shown, &options)?,
+                    Matter::new(&changed, args.fabric_path(), shown, &options)?,
                 ),
             });
-            let patch = matter.patch(&changed, &args.fabric, &options)?;
+            let patch = matter.patch(&changed, args.fabric_path(), &options)?;
             Ok(observed.simulate(args, &patch)?.values().concat())
         });
         // A fabric whose yarns do not fit is no answer; its error is reported
@@ -229,7 +230,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         return Err(e);
     }
     let (Some(base), true) = (residuals(&place), least.is_finite()) else {
-        let none = || input(format!("{}: no answer", args.fabric.display()));
+        let none = || input(format!("{}: no answer", args.fabric_path().display()));
         return Err(failure.unwrap_or_else(none));
     };
     let mut columns = Vec::new();
@@ -275,11 +276,11 @@ pub fn yarns(fabric: &Fabric) -> Vec<String> {
 /// # Errors
 /// Keys of `[scattering]` that contradict each other; a surface.
 pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<(ShownAs, &'static FittedOptics)> {
-    let shown = args.model.model.of(fabric, &args.fabric)?;
+    let shown = args.model.model.of(fabric, args.fabric_path())?;
     let fitted = shown.representation.fitted.ok_or_else(|| {
         input(format!(
             "{}: model {:?} has no fibres to fit; choose another with --model",
-            args.fabric.display(),
+            args.fabric_path().display(),
             shown.representation.name
         ))
     })?;
@@ -357,7 +358,7 @@ pub fn optics_given_way(
         args.common
             .host
             .loader()
-            .toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+            .toml_of(args.fabric_path(), &args.common.set, Wanted::Fabric)?;
     let mut list = Vec::new();
     for yarn in yarns {
         let optics = own.get("optics").and_then(|o| o.get(yarn));
@@ -365,7 +366,7 @@ pub fn optics_given_way(
             return Err(input(format!(
                 "{}: optics.{yarn}: is a list of tables for colours of thread; a fit needs one \
                  table, or none",
-                args.fabric.display()
+                args.fabric_path().display()
             )));
         }
         for key in fitted.replaced {

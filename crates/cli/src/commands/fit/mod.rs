@@ -6,7 +6,8 @@ use crate::flags::values::{
 };
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+mod cloth;
 mod fibres;
 mod picture;
 mod surface;
@@ -37,12 +38,12 @@ use toml::{Table, Value};
 /// `organza fit`
 #[derive(Debug, Args)]
 #[command(
-    about = "Find the surface, fibre or volume parameters that match measured values or a picture",
-    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml"
+    about = "Find the surface, fibre or volume parameters that match measured values, a picture or photographs",
+    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml\n  organza fit --what cloth --front front.png --back back.png --width-mm 8 --light 30,45 --back-light 150,45 -o fitted.toml"
 )]
 pub struct FitArgs {
-    /// Fabric file (TOML) from which the search starts, or a scene with one object of kind = "volume", or a volume file
-    pub fabric: PathBuf,
+    /// Fabric file (TOML) from which the search starts, or a scene with one object of kind = "volume", or a volume file. Fits of a cloth take yarns and fibres from it and need none
+    pub fabric: Option<PathBuf>,
     /// Fabric or scene file to write, with the fitted values
     #[arg(short, long)]
     pub outfile: PathBuf,
@@ -61,6 +62,18 @@ pub struct FitArgs {
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres]
     #[arg(long, value_name = "SCAN,STEPS", allow_hyphen_values = true, value_parser = parse_patience)]
     pub patience: Option<[u32; 2]>,
+    /// Cloths: photograph of the face, warp upright within 20 degrees: .png, .exr or .hdr
+    #[arg(long, value_name = "FILE")]
+    pub front: Option<PathBuf>,
+    /// Cloths: photograph against the light, from the same place
+    #[arg(long, value_name = "FILE")]
+    pub back: Option<PathBuf>,
+    /// Cloths: direction towards the lamp of that photograph, polar angle above 90 [default: 135,0]
+    #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
+    pub back_light: Option<[f64; 2]>,
+    /// Cloths: the weave, by name or as a .wif file [default: recognised]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub draft: Option<String>,
     /// Direction towards the light in the picture, polar angle and azimuth from the weft, degrees; scenes have their own [default: 45,0]
     #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
     pub light: Option<[f64; 2]>,
@@ -127,6 +140,11 @@ const LIGHT: [f64; 2] = [45.0, 0.0];
 const VIEW: [f64; 2] = [0.0, 0.0];
 
 impl FitArgs {
+    /// The file from which the search starts; an empty path if there is none.
+    fn fabric_path(&self) -> &Path {
+        self.fabric.as_deref().unwrap_or(Path::new(""))
+    }
+
     /// Paths per pair or texel.
     fn paths(&self) -> u64 {
         self.spp.unwrap_or(1024)
@@ -183,6 +201,26 @@ fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
     Ok(())
 }
 
+/// Refuses flags that only photographs of a cloth have, and a missing fabric.
+fn refuse_photograph_flags(args: &FitArgs) -> Result<()> {
+    for (flag, is_given) in [
+        ("--front", args.front.is_some()),
+        ("--back", args.back.is_some()),
+        ("--back-light", args.back_light.is_some()),
+        ("--draft", args.draft.is_some()),
+    ] {
+        if is_given {
+            return Err(input(format!("{flag}: applies only to --what cloth")));
+        }
+    }
+    if args.fabric.is_none() {
+        return Err(input(
+            "<FABRIC>: expected a fabric file, a scene or a volume file; only --what cloth needs none",
+        ));
+    }
+    Ok(())
+}
+
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FitWhat {
@@ -192,6 +230,8 @@ pub enum FitWhat {
     Fibres,
     /// Colour and roughness of the fibres, from one picture of the cloth
     Picture,
+    /// Threads, draft, yarn counts, colours and roughness of a woven cloth, from photographs
+    Cloth,
 }
 
 /// Runs the command.
@@ -218,6 +258,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     {
         return Err(input("--model: a surface cannot stand for the volume"));
     }
+    if args.what == FitWhat::Cloth {
+        return with_threads(&args.common, || cloth::run(args));
+    }
+    refuse_photograph_flags(args)?;
     if volume::is_volume(args)? {
         return with_threads(&args.common, || volume::run(args));
     }
@@ -226,6 +270,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         FitWhat::Surface => surface::run(args),
         FitWhat::Fibres => fibres::run(args),
         FitWhat::Picture => picture::run(args),
+        FitWhat::Cloth => cloth::run(args),
     })
 }
 
@@ -234,8 +279,10 @@ fn check_outputs(args: &FitArgs, read: &[Input]) -> Result<()> {
     let read = || {
         let named = read.iter().map(|i| i.path.as_path());
         named
-            .chain([args.fabric.as_path()])
+            .chain(args.fabric.as_deref())
             .chain(args.data.as_deref())
+            .chain(args.front.as_deref())
+            .chain(args.back.as_deref())
     };
     let written = [Some(&args.outfile), args.journal.as_ref()];
     for path in written.into_iter().flatten() {
@@ -252,14 +299,14 @@ fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
         args.common
             .host
             .loader()
-            .toml_of(&args.fabric, &args.common.set, Wanted::Fabric)?;
+            .toml_of(args.fabric_path(), &args.common.set, Wanted::Fabric)?;
     let loader = args.common.host.loader();
     let data = args.data.as_deref().map(|path| loader.bytes(path));
     let data = data.transpose()?;
     let key = json!({
         "version": VERSION,
         "fabric": identity::digest(&Value::Table(fabric)),
-        "inputs": identity::named_inputs(&args.fabric, read),
+        "inputs": identity::named_inputs(args.fabric_path(), read),
         "data": data.map(|bytes| identity::hex(&Sha256::digest(&bytes))),
         "model": shown,
         "voxel_um": args.voxel.voxel_um,
@@ -291,15 +338,16 @@ fn effort(args: &FitArgs) -> Effort {
 fn table(args: &FitArgs, removed: &[String], overrides: &[String]) -> Result<Table> {
     let mut keys = args.common.set.clone();
     keys.extend_from_slice(overrides);
-    let mut table: Table =
-        args.common
-            .host
-            .loader()
-            .toml_changed(&args.fabric, removed, &keys, Wanted::Fabric)?;
+    let mut table: Table = args.common.host.loader().toml_changed(
+        args.fabric_path(),
+        removed,
+        &keys,
+        Wanted::Fabric,
+    )?;
     if let Some(Value::Table(draft)) = table.get_mut("draft") {
         for key in ["wif", "curves"] {
             if let Some(Value::String(name)) = draft.get_mut(key) {
-                let there = std::path::absolute(read::beside(&args.fabric, name))?;
+                let there = std::path::absolute(read::beside(args.fabric_path(), name))?;
                 *name = there.to_string_lossy().into_owned();
             }
         }
@@ -314,9 +362,22 @@ fn comment(words: &str) -> String {
 }
 
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
+    finish_with(args, table, parameters, &[words.to_owned()], json!({}))
+}
+
+/// The same with several lines of words, and figures for programs beside the usual ones.
+fn finish_with(
+    args: &FitArgs,
+    table: &Table,
+    parameters: &[Determined],
+    lines: &[String],
+    mut figures: serde_json::Value,
+) -> Result<()> {
     let host = &args.common.host;
-    let mut text = comment(&format!("Fitted by: {}", host.command_line())) + &comment(words);
+    let mut text = comment(&format!("Fitted by: {}", host.command_line()));
+    text.extend(lines.iter().map(|line| comment(line)));
     text += "#\n";
+    let words = lines.join("\n");
     for p in parameters {
         let loose = if p.is_fixed {
             ""
@@ -335,12 +396,14 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
     );
     host.give(|| {
         let file = ("fitted.toml".to_owned(), text.clone().into_bytes());
-        Results {
+        let results = Results {
             files: vec![file],
             ..Results::default()
         }
         .with_figure("parameters", json!(parameters))
-        .with_figure("words", words)
+        .with_figure("words", words.clone());
+        let extra = figures.as_object().into_iter().flatten();
+        extra.fold(results, |r, (key, value)| r.with_figure(key, value.clone()))
     });
     if host.writes() {
         output::write_file(&args.outfile, |out| {
@@ -348,8 +411,9 @@ fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str)
         })?;
     }
     if args.json {
-        let answer = json!({ "parameters": parameters, "words": words });
-        output::print(&(serde_json::to_string_pretty(&answer)? + "\n"))?;
+        figures["parameters"] = json!(parameters);
+        figures["words"] = json!(words);
+        output::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
     }
     if !args.common.quiet {
         note!("{words}");

@@ -47,7 +47,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         }
     }
     let (fabric, read) = watched(&args.common, &args.cache, |loader| {
-        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        let fabric = fabric_file::load(args.fabric_path(), &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
     check_outputs(args, &read)?;
@@ -73,7 +73,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let (shown, fitted) = model(args, &fabric)?;
     let matter = watched(&args.common, &args.cache, |loader| {
         let options = options(args, loader);
-        Ok(Matter::new(&fabric, &args.fabric, shown, &options)?)
+        Ok(Matter::new(&fabric, args.fabric_path(), shown, &options)?)
     })?;
     let yarns = yarns(&fabric);
     let given_way = optics_given_way(args, fitted, &yarns)?;
@@ -107,12 +107,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
         count += 1;
         progress.at(count);
         let changed = fabric_file::load_changed(
-            &args.fabric,
+            args.fabric_path(),
             &given_way,
             &keys(colour, rough, &fabric),
             &unwatched,
         )?;
-        let patch = matter.patch(&changed, &args.fabric, &options(args, &unwatched))?;
+        let patch = matter.patch(&changed, args.fabric_path(), &options(args, &unwatched))?;
         let texture = measure_texture(&patch, pair, &grid, args.paths(), args.seed)?;
         Ok(PictureStatistics::of(&texture))
     };

@@ -31,7 +31,7 @@ const STRIDE: f64 = 1e-3;
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
     let (mut fabric, read) = watched(&args.common, &args.cache, |loader| {
-        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        let fabric = fabric_file::load(args.fabric_path(), &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))
     })?;
     check_outputs(args, &read)?;
@@ -39,18 +39,18 @@ pub fn run(args: &FitArgs) -> Result<()> {
     fabric.file.surface.get_or_insert_default();
     let fabric = fabric;
     let mut start = fabric
-        .surface_spec(&args.fabric)?
+        .surface_spec(args.fabric_path())?
         .resolved()
-        .map_err(|e| input(format!("{}: surface: {e}", args.fabric.display())))?;
+        .map_err(|e| input(format!("{}: surface: {e}", args.fabric_path().display())))?;
     let data = match &args.data {
         Some(path) => read_data(path, &args.common.host)?,
         None => {
             let patch = watched(&args.common, &args.cache, |loader| {
                 let options = options(args, loader);
-                let shown = args.model.model.of(&fabric, &args.fabric)?;
-                Ok(fabric_patch(&fabric, &args.fabric, shown, &options)?)
+                let shown = args.model.model.of(&fabric, args.fabric_path())?;
+                Ok(fabric_patch(&fabric, args.fabric_path(), shown, &options)?)
             })?;
-            let shown = args.model.model.of(&fabric, &args.fabric)?;
+            let shown = args.model.model.of(&fabric, args.fabric_path())?;
             let (data, results) = measure(args, shown, &read, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
             let fitted = results.fit().map_err(|e| input(e.to_string()))?;
@@ -71,7 +71,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         count += 1;
         progress.at(count);
     })
-    .map_err(|e| input(format!("{}: {e}", args.fabric.display())))?;
+    .map_err(|e| input(format!("{}: {e}", args.fabric_path().display())))?;
     progress.finish();
     let section = Value::try_from(&fitted.spec).context("the surface cannot be written")?;
     let mut table = table(args, &[], &[])?;

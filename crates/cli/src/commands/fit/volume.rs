@@ -35,12 +35,12 @@ const STEPS: u32 = 10;
 /// # Errors
 /// A file that cannot be read.
 pub fn is_volume(args: &FitArgs) -> Result<bool> {
-    if format::by_name(&args.fabric.to_string_lossy()).is_some() {
+    if format::by_name(&args.fabric_path().to_string_lossy()).is_some() {
         return Ok(true);
     }
     let loader = args.common.host.loader();
-    let text = loader.text_of(&args.fabric, Wanted::Either)?;
-    Ok(is_scene_text(&args.fabric, &text)?)
+    let text = loader.text_of(args.fabric_path(), Wanted::Either)?;
+    Ok(is_scene_text(args.fabric_path(), &text)?)
 }
 
 /// Runs the command.

@@ -44,7 +44,7 @@ impl Draft {
     /// # Errors
     /// Names the file and the key at fault.
     pub fn new(args: &FitArgs, loader: &Loader<'_>) -> Result<Draft> {
-        let path = args.fabric.clone();
+        let path = args.fabric_path().to_owned();
         let is_made = format::by_name(&path.to_string_lossy()).is_some();
         let table = if is_made {
             let name = path.file_name().unwrap_or_default().to_string_lossy();

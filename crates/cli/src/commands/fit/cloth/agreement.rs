@@ -1,0 +1,116 @@
+//! How well a computed picture agrees with a photograph.
+
+use super::sides::Side;
+use organza_basis::Rgb;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::fmt;
+
+/// Least side of the pictures that FLIP compares, pixels.
+const FLIP_SIDE: usize = 192;
+
+/// Agreement of a computed picture with a photograph, both folded onto one repeat.
+pub struct Agreement {
+    /// Mean colour of the photograph and of the picture.
+    pub mean: [[f64; 3]; 2],
+    /// Mean of FLIP, one texel a pixel.
+    pub flip: f64,
+    /// Amplitude of the weave's strongest wave that is not the threads' own, as a share of the
+    /// mean, of the photograph and of the picture.
+    pub wale: [f64; 2],
+}
+
+impl Agreement {
+    /// Compares a picture in the units of the photograph.
+    pub fn new(side: &Side, picture: &[[f64; 3]]) -> Agreement {
+        let pictures = [side.fold.mean.as_slice(), picture];
+        let mean = pictures.map(|p| -> [f64; 3] {
+            std::array::from_fn(|c| p.iter().map(|v| v[c]).sum::<f64>() / p.len() as f64)
+        });
+        Agreement {
+            mean,
+            flip: flip(side, pictures),
+            wale: wale(side, pictures),
+        }
+    }
+
+    /// For programs.
+    pub fn json(&self, name: &str) -> Value {
+        json!({
+            "side": name,
+            "mean": { "photograph": self.mean[0], "picture": self.mean[1] },
+            "flip": self.flip,
+            "wale": { "photograph": self.wale[0], "picture": self.wale[1] },
+        })
+    }
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [photograph, picture] = self.mean.map(super::triple);
+        write!(
+            f,
+            "mean {picture}, photograph {photograph}; FLIP {:.3}; amplitude at the wale {:.3}, \
+             photograph {:.3}",
+            self.flip, self.wale[1], self.wale[0]
+        )
+    }
+}
+
+/// Repeats of a folded picture in display values, three bytes a pixel, rows from the top.
+pub fn tiled(side: &Side, picture: &[[f64; 3]], least: usize, gain: f64) -> ([u32; 2], Vec<u8>) {
+    let [w, h] = side.fold.size();
+    let size = [least.div_ceil(w) * w, least.div_ceil(h) * h];
+    let mut bytes = Vec::with_capacity(3 * size[0] * size[1]);
+    for y in (0..size[1]).rev() {
+        for x in 0..size[0] {
+            let value = picture[y % h * w + x % w];
+            bytes.extend(value.map(|v| Rgb::srgb8((v * gain).clamp(0.0, 1.0) as f32)));
+        }
+    }
+    (size.map(|n| n as u32), bytes)
+}
+
+/// The gain that shows all but the brightest values of a photograph below white.
+pub fn gain(side: &Side) -> f64 {
+    let mut values: Vec<f64> = side.fold.mean.iter().flatten().copied().collect();
+    values.sort_by(f64::total_cmp);
+    let bright = values.get(values.len() * 19 / 20).copied().unwrap_or(1.0);
+    0.85 / bright.max(1e-6)
+}
+
+fn flip(side: &Side, pictures: [&[[f64; 3]]; 2]) -> f64 {
+    let gain = gain(side);
+    let [photograph, picture] = pictures.map(|p| {
+        let ([w, h], bytes) = tiled(side, p, FLIP_SIDE, gain);
+        nv_flip::FlipImageRgb8::with_data(w, h, &bytes)
+    });
+    let error = nv_flip::flip(photograph, picture, nv_flip::DEFAULT_PIXELS_PER_DEGREE);
+    f64::from(nv_flip::FlipPool::from_image(&error).mean())
+}
+
+fn wale(side: &Side, pictures: [&[[f64; 3]]; 2]) -> [f64; 2] {
+    let [w, h] = side.fold.size();
+    let (ends, picks) = (side.fold.repeat.ends, side.fold.repeat.all_picks());
+    let amplitude = |picture: &[[f64; 3]], (i, j): (usize, usize)| {
+        let (mut re, mut im, mut sum) = (0.0, 0.0, 0.0);
+        for (t, c) in picture.iter().enumerate() {
+            let (x, y) = ((t % w) as f64 / w as f64, (t / w) as f64 / h as f64);
+            let v = c[0] + c[1] + c[2];
+            let (s, c) = (TAU * (i as f64 * x + j as f64 * y)).sin_cos();
+            re += v * c;
+            im += v * s;
+            sum += v;
+        }
+        2.0 * re.hypot(im) / f64::max(sum, 1e-12)
+    };
+    // Waves as long as a thread's spacing or longer, of both slants.
+    let waves = (0..=ends).flat_map(|i| (0..h).map(move |j| (i, j)));
+    let waves = waves.filter(|&(i, j)| {
+        let up = j.min(h - j);
+        up <= picks && !(i % ends == 0 && up % picks == 0)
+    });
+    let strength = |wave: &(usize, usize)| amplitude(pictures[0], *wave);
+    let strongest = waves.max_by(|a, b| strength(a).total_cmp(&strength(b)));
+    strongest.map_or([0.0; 2], |wave| pictures.map(|p| amplitude(p, wave)))
+}

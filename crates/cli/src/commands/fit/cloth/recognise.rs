@@ -1,0 +1,134 @@
+//! The draft of a photographed cloth, by comparison with computed pictures of each that its
+//! repeat allows.
+
+use super::model::{ClothModel, Trial};
+use super::sides::Side;
+use anyhow::Result;
+use organza_photograph::Likeness;
+use organza_weave::Draft;
+
+/// Shares of the spacing that threads cover, of warp and weft, in the order in which they are
+/// tried. Every draft is tried with the first.
+const COVERS: [[f64; 2]; 9] = [
+    [0.7, 0.7],
+    [0.55, 0.55],
+    [0.9, 0.9],
+    [0.9, 0.7],
+    [0.7, 0.9],
+    [0.55, 0.75],
+    [0.75, 0.55],
+    [0.4, 0.4],
+    [1.0, 0.6],
+];
+
+/// Drafts that are tried with all covers.
+const FINALISTS: usize = 3;
+
+/// Brightness of white and black threads.
+const WHITE: f64 = 0.7;
+const BLACK: f64 = 0.02;
+
+/// A draft that may be that of the cloth.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// One whole repeat.
+    pub draft: Draft,
+    /// The best likeness of its pictures.
+    pub likeness: Likeness,
+    /// Values with which it has that likeness.
+    pub trial: Trial,
+}
+
+/// Compares drafts with the photograph, the best first. `step` hears of each picture.
+///
+/// # Errors
+/// Those of the pictures, if no draft has any.
+pub fn recognise(
+    model: &ClothModel<'_>,
+    side: &Side,
+    drafts: Vec<Draft>,
+    paths: u64,
+    step: &mut dyn FnMut(),
+) -> Result<Vec<Candidate>> {
+    let mut failure = None;
+    let mut list: Vec<Candidate> = Vec::new();
+    for draft in drafts {
+        // Yarns that do not fit are tried thinner.
+        for cover in [0, 1, 7] {
+            step();
+            match look(
+                model,
+                side,
+                &draft,
+                model.tex_of_cover(COVERS[cover]),
+                paths,
+            ) {
+                Ok(found) => {
+                    list.push(found);
+                    break;
+                }
+                Err(e) => failure = Some(e),
+            }
+        }
+    }
+    if let (true, Some(e)) = (list.is_empty(), failure) {
+        return Err(e);
+    }
+    let better = |a: &Candidate, b: &Candidate| {
+        let share = |c: &Candidate| c.likeness.of_photograph;
+        share(b).total_cmp(&share(a))
+    };
+    list.sort_by(better);
+    for candidate in list.iter_mut().take(FINALISTS) {
+        for cover in &COVERS[1..] {
+            step();
+            if let Ok(found) = look(
+                model,
+                side,
+                &candidate.draft,
+                model.tex_of_cover(*cover),
+                paths,
+            ) && found.likeness.of_photograph > candidate.likeness.of_photograph
+            {
+                *candidate = found;
+            }
+        }
+    }
+    list.sort_by(better);
+    Ok(list)
+}
+
+/// The likeness of one draft with yarns of some counts.
+///
+/// # Errors
+/// Those of the picture.
+pub fn look(
+    model: &ClothModel<'_>,
+    side: &Side,
+    draft: &Draft,
+    tex: [f64; 2],
+    paths: u64,
+) -> Result<Candidate> {
+    // Channels do not mix: one picture shows white warp, white weft, and both.
+    let trial = Trial {
+        tex,
+        colours: [[WHITE, BLACK, WHITE], [BLACK, WHITE, WHITE]],
+        roughness: model.fitted.start,
+    };
+    let pairs = [(side.pair, side.fold.texels)];
+    let picture = model.pictures(draft, &trial, &pairs, (paths, 0))?.remove(0);
+    let likeness = Likeness::best(&side.fold, &picture);
+    let colour = |k: usize| -> [f64; 3] {
+        std::array::from_fn(|c| {
+            (WHITE * likeness.weights[c][k] / side.value_per_bsdf).clamp(BLACK, 0.9)
+        })
+    };
+    Ok(Candidate {
+        draft: draft.clone(),
+        likeness,
+        trial: Trial {
+            colours: [colour(0), colour(1)],
+            ..trial
+        },
+    })
+}

@@ -1,0 +1,30 @@
+//! What a photograph of woven cloth shows: the grid of its threads, how its crossings repeat, and
+//! how well a computed picture explains it.
+//!
+//! A photograph is linear colour. [`ThreadGrid`] finds spacing and direction of both systems in
+//! its power spectrum. [`Repeat`] is how crossings repeat, [`Fold`] the mean over all repeats,
+//! and [`Likeness`] compares that with a picture that was computed for a draft.
+
+mod drafts;
+mod error;
+mod fold;
+mod likeness;
+mod photograph;
+mod repeat;
+mod spectrum;
+mod thread_grid;
+
+pub use drafts::{is_same_weave, name_of};
+pub use error::PhotographError;
+pub use fold::Fold;
+pub use likeness::{Likeness, moved};
+pub use photograph::{MIN_SIDE, Photograph};
+pub use repeat::{MAX_CROSSINGS, Repeat};
+pub use spectrum::{Peak, Spectrum};
+pub use thread_grid::ThreadGrid;
+
+/// The repeats of the crossings of a photograph, the best first, with the share of the
+/// differences between crossings that each explains; at most `count`.
+pub fn repeats(photograph: &Photograph, grid: &ThreadGrid, count: usize) -> Vec<(Repeat, f64)> {
+    Repeat::of_crossings(&fold::Crossings::new(photograph, grid), count)
+}

@@ -1,0 +1,146 @@
+//! How well a computed picture of a repeat explains a folded photograph.
+
+use crate::Fold;
+
+/// Widths of the blur that are tried, texels.
+const BLURS: [f64; 3] = [0.35, 0.8, 1.4];
+
+/// The best explanation of a folded photograph by two computed pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Likeness {
+    /// Share of the variance of the photograph's pixels that the pictures explain.
+    pub of_photograph: f64,
+    /// The same of the folded photograph.
+    pub of_fold: f64,
+    /// How far the computed picture is moved right and up, texels.
+    pub shift: [f64; 2],
+    /// Standard deviation of its blur, texels.
+    pub blur: f64,
+    /// Weights of the two pictures for each channel: first colours of warp and weft.
+    pub weights: [[f64; 2]; 3],
+}
+
+/// A picture moved and blurred, on a repeat without borders. Rows from the bottom.
+pub fn moved(
+    picture: &[[f64; 3]],
+    [w, h]: [usize; 2],
+    shift: [f64; 2],
+    blur: f64,
+) -> Vec<[f64; 3]> {
+    let kernel = |n: usize, shift: f64| -> Vec<f64> {
+        let weight = |k: usize| {
+            let mut sum = 0.0;
+            for wrap in -3i32..=3 {
+                let d = k as f64 - shift.rem_euclid(n as f64) + f64::from(wrap) * n as f64;
+                sum += (-0.5 * (d / blur).powi(2)).exp();
+            }
+            sum
+        };
+        let list: Vec<f64> = (0..n).map(weight).collect();
+        let all: f64 = list.iter().sum();
+        list.iter().map(|v| v / all).collect()
+    };
+    let (across, up) = (kernel(w, shift[0]), kernel(h, shift[1]));
+    let mut rows = vec![[0.0; 3]; w * h];
+    for (k, &weight) in across.iter().enumerate().filter(|(_, w)| **w > 1e-9) {
+        for y in 0..h {
+            for x in 0..w {
+                let from = picture[y * w + (x + w - k) % w];
+                let to = &mut rows[y * w + x];
+                (0..3).for_each(|c| to[c] += weight * from[c]);
+            }
+        }
+    }
+    let mut moved = vec![[0.0; 3]; w * h];
+    for (k, &weight) in up.iter().enumerate().filter(|(_, w)| **w > 1e-9) {
+        for y in 0..h {
+            for x in 0..w {
+                let from = rows[(y + h - k) % h * w + x];
+                let to = &mut moved[y * w + x];
+                (0..3).for_each(|c| to[c] += weight * from[c]);
+            }
+        }
+    }
+    moved
+}
+
+/// The weights, not negative, with which two centred pictures explain a third, and how much of
+/// its variance that is, from their products.
+fn explain([aa, ab, bb]: [f64; 3], [fa, fb]: [f64; 2]) -> ([f64; 2], f64) {
+    let alone = |f: f64, v: f64| if v > 0.0 && f > 0.0 { f / v } else { 0.0 };
+    let det = aa * bb - ab * ab;
+    if det > 1e-9 * aa * bb {
+        let (a, b) = ((fa * bb - fb * ab) / det, (fb * aa - fa * ab) / det);
+        if a >= 0.0 && b >= 0.0 {
+            return ([a, b], a * fa + b * fb);
+        }
+    }
+    let (a, b) = (alone(fa, aa), alone(fb, bb));
+    if a * fa >= b * fb {
+        ([a, 0.0], a * fa)
+    } else {
+        ([0.0, b], b * fb)
+    }
+}
+
+impl Likeness {
+    /// The best likeness over all places where the repeat may begin. The first channel of
+    /// `picture` shows the cloth with white warp and black weft, the second the other way; rows
+    /// from the bottom, of the size of the fold.
+    pub fn best(fold: &Fold, picture: &[[f64; 3]]) -> Likeness {
+        let [w, h] = fold.size();
+        let texels = (w * h) as f64;
+        let picture = fold.averaged(picture);
+        let centred = |k: usize, list: &[[f64; 3]]| -> Vec<f64> {
+            let mean = list.iter().map(|c| c[k]).sum::<f64>() / texels;
+            list.iter().map(|c| c[k] - mean).collect()
+        };
+        let photograph: [Vec<f64>; 3] = std::array::from_fn(|c| centred(c, &fold.mean));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let folded: f64 = photograph.iter().map(|f| dot(f, f)).sum::<f64>() / texels;
+        let mut best = Likeness {
+            of_photograph: -1.0,
+            of_fold: -1.0,
+            shift: [0.0; 2],
+            blur: BLURS[0],
+            weights: [[0.0; 2]; 3],
+        };
+        for blur in BLURS {
+            let blurred = moved(&picture, [w, h], [0.0; 2], blur);
+            let bases = [0, 1].map(|k| centred(k, &blurred));
+            let products = [
+                dot(&bases[0], &bases[0]),
+                dot(&bases[0], &bases[1]),
+                dot(&bases[1], &bases[1]),
+            ];
+            for dy in 0..fold.repeat.picks * fold.texels[1] {
+                for dx in 0..w {
+                    let with = |f: &[f64], b: &[f64]| {
+                        let mut sum = 0.0;
+                        for y in 0..h {
+                            let from = (y + h - dy) % h * w;
+                            let (f, b) = (&f[y * w..(y + 1) * w], &b[from..from + w]);
+                            sum += dot(&f[dx..], &b[..w - dx]) + dot(&f[..dx], &b[w - dx..]);
+                        }
+                        sum
+                    };
+                    let found: [_; 3] = std::array::from_fn(|c| {
+                        let f = &photograph[c];
+                        explain(products, [with(f, &bases[0]), with(f, &bases[1])])
+                    });
+                    let explained = found.iter().map(|f| f.1).sum::<f64>() / texels;
+                    if explained / fold.variance > best.of_photograph {
+                        best = Likeness {
+                            of_photograph: explained / fold.variance,
+                            of_fold: explained / folded.max(1e-12),
+                            shift: [dx as f64, dy as f64],
+                            blur,
+                            weights: found.map(|f| f.0),
+                        };
+                    }
+                }
+            }
+        }
+        best
+    }
+}

@@ -1,0 +1,112 @@
+//! A photograph as linear colours, and its brightness without the unevenness of the light.
+
+use crate::PhotographError;
+use glam::DVec2;
+
+/// The least side of a photograph, pixels.
+pub const MIN_SIDE: usize = 64;
+
+/// A photograph: linear colours. Places count pixels from the centre of the lower left one, x to
+/// the right and y upwards.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photograph {
+    width: usize,
+    height: usize,
+    /// Rows from the bottom.
+    pixels: Vec<[f32; 3]>,
+}
+
+impl Photograph {
+    /// A photograph from rows of linear colours, the top row first. Values below zero count as
+    /// zero.
+    ///
+    /// # Errors
+    /// A side of fewer than [`MIN_SIDE`] pixels, another number of pixels than the size states,
+    /// a value that is not finite.
+    pub fn new(width: usize, height: usize, rows: &[[f32; 3]]) -> Result<Self, PhotographError> {
+        if width < MIN_SIDE || height < MIN_SIDE || rows.len() != width * height {
+            return Err(PhotographError::TooSmall { width, height });
+        }
+        if !rows.iter().flatten().all(|v| v.is_finite()) {
+            return Err(PhotographError::NotFinite);
+        }
+        let pixels = rows.chunks_exact(width).rev().flatten();
+        let pixels = pixels.map(|p| p.map(|v| v.max(0.0))).collect();
+        Ok(Photograph {
+            width,
+            height,
+            pixels,
+        })
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The colour of a pixel, counted from the lower left one.
+    pub fn pixel(&self, x: usize, y: usize) -> [f64; 3] {
+        self.pixels[y * self.width + x].map(f64::from)
+    }
+
+    /// The colour at a place, interpolated between pixels; that of the border outside.
+    pub fn at(&self, place: DVec2) -> [f64; 3] {
+        let clamp = |v: f64, n: usize| v.clamp(0.0, (n - 1) as f64);
+        let (x, y) = (clamp(place.x, self.width), clamp(place.y, self.height));
+        let (i, j) = (x as usize, y as usize);
+        let (i1, j1) = ((i + 1).min(self.width - 1), (j + 1).min(self.height - 1));
+        let (s, t) = (x - i as f64, y - j as f64);
+        let p = |i: usize, j: usize| self.pixels[j * self.width + i].map(f64::from);
+        let [a, b, c, d] = [p(i, j), p(i1, j), p(i, j1), p(i1, j1)];
+        std::array::from_fn(|k| {
+            (a[k] * (1.0 - s) + b[k] * s) * (1.0 - t) + (c[k] * (1.0 - s) + d[k] * s) * t
+        })
+    }
+
+    /// Square roots of the luminances as shares of their local mean, less one: rows from the
+    /// bottom. The root keeps highlights from outweighing all else, and the local mean takes out
+    /// gradients of light and vignetting.
+    pub fn contrast(&self) -> Vec<f64> {
+        let roots: Vec<f64> = (self.pixels.iter())
+            .map(|p| f64::from(0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]).sqrt())
+            .collect();
+        let radius = self.width.min(self.height) / 8;
+        let mut mean = roots.clone();
+        for _ in 0..2 {
+            mean = box_mean(&mean, self.width, self.height, radius);
+        }
+        let values = roots.iter().zip(&mean);
+        values
+            .map(|(r, m)| {
+                if *m > 0.0 {
+                    (r / m - 1.0).min(3.0)
+                } else {
+                    0.0
+                }
+            })
+            .collect()
+    }
+}
+
+/// Means over squares that end at the border.
+fn box_mean(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
+    let stride = width + 1;
+    let mut sums = vec![0.0; stride * (height + 1)];
+    for y in 0..height {
+        let mut row = 0.0;
+        for x in 0..width {
+            row += values[y * width + x];
+            sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
+        }
+    }
+    let mean = |x: usize, y: usize| {
+        let (x0, x1) = (x.saturating_sub(radius), (x + radius + 1).min(width));
+        let (y0, y1) = (y.saturating_sub(radius), (y + radius + 1).min(height));
+        let s = |x: usize, y: usize| sums[y * stride + x];
+        (s(x1, y1) - s(x0, y1) - s(x1, y0) + s(x0, y0)) / ((x1 - x0) * (y1 - y0)) as f64
+    };
+    (0..height)
+        .flat_map(|y| (0..width).map(move |x| (x, y)))
+        .map(|(x, y)| mean(x, y))
+        .collect()
+}
