@@ -1,8 +1,7 @@
 //! `organza bake` as its users run it: all files or none, the same on any number of threads,
 //! and clear refusals.
 
-use crate::program::{complaint, folder, succeed};
-use std::collections::BTreeMap;
+use crate::program::{complaint, contents, folder, succeed};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -25,24 +24,6 @@ fn fabric(name: &str) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = root.join("scenes/fabrics").join(name);
     path.display().to_string()
-}
-
-/// Every file below a folder, with its bytes.
-fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(inside) = folders.pop() {
-        for entry in std::fs::read_dir(&inside).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().display().to_string();
-                found.insert(name.replace('\\', "/"), std::fs::read(path).unwrap());
-            }
-        }
-    }
-    found
 }
 
 #[test]

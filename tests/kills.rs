@@ -2,13 +2,14 @@
 //! they kept on the way is resumed.
 //!
 //! `ORGANZA_FULL=1 cargo test --release --test main kills:: -- --nocapture` kills each
-//! command 60 times and prints the outcomes; without `ORGANZA_FULL` each is killed twice.
+//! command 100 times and prints the outcomes; without `ORGANZA_FULL` each is killed twice.
 #![allow(clippy::print_stdout)] // prints the outcomes
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{files_left, folder, succeed};
+use crate::program::{contents, files_left, folder, succeed};
 use organza_basis::PathRng;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -17,7 +18,7 @@ const SEED: u64 = 0xfa17;
 
 /// Kills of each command.
 fn kills() -> u32 {
-    organza_testing::sized(2, 60)
+    organza_testing::sized(2, 100)
 }
 
 /// Equal but for the line with which a fitted fabric records its command.
@@ -58,33 +59,56 @@ struct Victim<'a> {
 }
 
 impl Victim<'_> {
+    /// The flag that sets the number of threads.
+    fn threads<'t>(&self, threads: &'t str) -> Vec<&'t str> {
+        match self.name {
+            "merge" => Vec::new(), // works on one
+            _ => vec!["--threads", threads],
+        }
+    }
+
     /// Kills it at moments spread evenly over an undisturbed run, half of them
     /// over its last tenth, where files are written; goes on where it can.
     fn torment(&self, folder: &Path) {
         let inputs = files_left(folder);
         let started = Instant::now();
-        let plain = [self.arguments, &["--threads", "1"]].concat();
+        let plain = [self.arguments, &self.threads("1")].concat();
         succeed(folder, &plain);
         let whole_s = started.elapsed().as_secs_f64();
-        let whole: Vec<Vec<u8>> = self
-            .outputs
-            .iter()
-            .map(|name| std::fs::read(folder.join(name)).unwrap())
-            .collect();
+        // Of an output that is a folder, the files in it.
+        let written = || -> BTreeMap<String, Vec<u8>> {
+            let mut files = contents(folder);
+            files.retain(|file, _| {
+                let top = file.split('/').next().unwrap_or_default();
+                self.outputs.contains(&top)
+            });
+            files
+        };
+        let whole = written();
         let clear = || {
             for entry in std::fs::read_dir(folder).unwrap() {
                 let name = entry.unwrap().file_name().into_string().unwrap();
-                if !inputs.contains(&name) {
-                    std::fs::remove_file(folder.join(name)).unwrap();
+                let path = folder.join(&name);
+                if inputs.contains(&name) {
+                    continue;
+                }
+                match path.is_dir() {
+                    true => std::fs::remove_dir_all(path).unwrap(),
+                    false => std::fs::remove_file(path).unwrap(),
                 }
             }
         };
         let check = |at: &str| {
-            for (name, bytes) in self.outputs.iter().zip(&whole) {
-                let Ok(found) = std::fs::read(folder.join(name)) else {
-                    continue;
-                };
-                assert!(same(&found, bytes), "{}: {name} differs {at}", self.name);
+            let found = written();
+            for (name, bytes) in &found {
+                let expected = whole.get(name);
+                let is_same = expected.is_some_and(|expected| same(bytes, expected));
+                assert!(is_same, "{}: {name} differs {at}", self.name);
+            }
+            // A folder has its name when it is whole.
+            for name in whole.keys().filter(|name| name.contains('/')) {
+                let is_missing = !found.is_empty() && !found.contains_key(name);
+                assert!(!is_missing, "{}: {name} is missing {at}", self.name);
             }
             for name in files_left(folder) {
                 let known = inputs.contains(&name)
@@ -107,7 +131,8 @@ impl Victim<'_> {
             tally.resumed += u32::from(goes_on);
             let threads = if tally.killed % 2 == 0 { "1" } else { "2" };
             let mut arguments = [self.arguments, self.keep].concat();
-            arguments.extend(["--threads", threads, "--quiet"]);
+            arguments.extend(self.threads(threads));
+            arguments.push("--quiet");
             arguments.extend(self.resume.iter().filter(|_| goes_on));
             let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
                 .current_dir(folder)
@@ -253,6 +278,103 @@ fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
         outputs: &["fitted.toml"],
         state: Some("journal"),
         keep: &["--journal", "journal"],
+        resume: &[],
+    }
+    .torment(&folder);
+}
+
+#[test]
+fn a_merged_picture_has_its_name_only_when_whole() {
+    let folder = folder("kill-merge");
+    write_grid_scene(&folder);
+    for (name, range) in [("a.exr", "0..8"), ("b.exr", "8..16")] {
+        let large = "camera.resolution=[192,128]";
+        let part = ["render", "scene.toml", "--samples", range, "-o", name];
+        succeed(&folder, &[&part[..], &["--set", large]].concat());
+    }
+    Victim {
+        name: "merge",
+        arguments: &["merge", "a.exr", "b.exr", "-o", "all.exr"],
+        outputs: &["all.exr"],
+        state: None,
+        keep: &[],
+        resume: &[],
+    }
+    .torment(&folder);
+}
+
+/// A CT volume of four parallel and crossed fibres, 24 voxels a side, with an even grain.
+pub fn write_ct(path: &Path) {
+    // To the nearer of two parallel fibres.
+    let distance = |a: f32, b: f32| (a - 6.0).hypot(b).min((a - 17.0).hypot(b));
+    let mut grey = Vec::new();
+    for i in 0..24 * 24 * 24u16 {
+        let [x, y, z] = [i % 24, i / 24 % 24, i / 576];
+        let [fx, fy, fz] = [x, y, z].map(f32::from);
+        let nearest = distance(fy, fz - 7.0).min(distance(fx, fz - 16.0));
+        let level = if nearest < 3.0 { 170 } else { 30 };
+        grey.push((level + (x * 7 + y * 13 + z * 29) % 11) as u8);
+    }
+    std::fs::write(path, grey).unwrap();
+}
+
+#[test]
+fn a_scan_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    let folder = folder("kill-scan");
+    write_ct(&folder.join("ct.raw"));
+    Victim {
+        name: "scan",
+        arguments: &[
+            "scan",
+            "ct.raw",
+            "--raw-size",
+            "24,24,24",
+            "--raw-type",
+            "u8",
+            "--voxel-um",
+            "3.5",
+            "--fibre-radius-um",
+            "10.5",
+            "--fibre",
+            "170",
+            "-o",
+            "scan.ovox",
+        ],
+        outputs: &["scan.ovox"],
+        state: Some("journal"),
+        keep: &["--journal", "journal"],
+        resume: &[],
+    }
+    .torment(&folder);
+}
+
+#[test]
+fn a_baked_folder_has_its_name_only_when_whole() {
+    let folder = folder("kill-bake");
+    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
+    Victim {
+        name: "bake",
+        arguments: &[
+            "bake",
+            "cloth.toml",
+            "-o",
+            "material",
+            "--resolution",
+            "16",
+            "--texel-spp",
+            "4",
+            "--pairs",
+            "64",
+            "--spp",
+            "2",
+            "--fit-texels",
+            "16",
+            "--voxel-um",
+            "60",
+        ],
+        outputs: &["material"],
+        state: None,
+        keep: &[],
         resume: &[],
     }
     .torment(&folder);

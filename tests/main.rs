@@ -10,12 +10,14 @@ mod calls; // commands run by other programs, in memory
 mod checkpoints; // renders that are killed or interrupted, and resumed
 mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages
+mod control_groups; // limits of memory that they set
 mod corpora; // readers on damaged files
 mod denoise; // renders without noise
 mod development; // exposure, curves and white balance of pictures
 mod display; // renders on a display server
 mod documents; // commands and links of README and pages
 mod fabrics; // cloths that several of them weave
+mod failing_disk; // every write that fails in turn
 mod far; // surface models, meshes and levels of detail in scenes
 mod far_table; // tables of the far field
 mod farm; // templates and scripts for render farms

@@ -1,5 +1,6 @@
 //! Runs the program as a user does, in a folder of the test's own.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -40,7 +41,7 @@ pub fn complaint(folder: &Path, arguments: &[&str]) -> String {
 }
 
 /// The channels of an EXR file, by name.
-pub fn exr_channels(path: &Path) -> std::collections::BTreeMap<String, Vec<f32>> {
+pub fn exr_channels(path: &Path) -> BTreeMap<String, Vec<f32>> {
     let image = exr::prelude::read_first_flat_layer_from_file(path).unwrap();
     let list = image.layer_data.channel_data.list;
     list.iter()
@@ -79,4 +80,22 @@ pub fn files_left(folder: &Path) -> Vec<String> {
     let mut names = organza_testing::file_names(folder);
     names.retain(|name| !name.ends_with(".tmp"));
     names
+}
+
+/// Every file below a folder, by its path within it.
+pub fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(inside) = folders.pop() {
+        for entry in std::fs::read_dir(&inside).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                found.insert(name.replace('\\', "/"), std::fs::read(path).unwrap());
+            }
+        }
+    }
+    found
 }

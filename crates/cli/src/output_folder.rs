@@ -36,8 +36,7 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(parent)
-        .map_err(|e| input(format!("{}: {}", parent.display(), io_message(&e))))?;
+    make_folder(parent)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let prefix = name.chars().take(48).collect::<String>() + ".";
     remove_left_over(parent, &prefix);
@@ -71,13 +70,31 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
     Ok(())
 }
 
+/// Makes a folder and those that it lies in.
+///
+/// # Errors
+/// Names the folder; wrong input where the path cannot be that of a folder of this account.
+fn make_folder(path: &Path) -> Result<()> {
+    use std::io::ErrorKind::{
+        AlreadyExists, InvalidFilename, InvalidInput, NotADirectory, PermissionDenied,
+        ReadOnlyFilesystem,
+    };
+    let Err(e) = std::fs::create_dir_all(path) else {
+        return Ok(());
+    };
+    match e.kind() {
+        AlreadyExists | InvalidFilename | InvalidInput | NotADirectory | PermissionDenied
+        | ReadOnlyFilesystem => Err(input(format!("{}: {}", path.display(), io_message(&e)))),
+        _ => Err(e).with_context(|| format!("cannot write {}", path.display())),
+    }
+}
+
 fn replace(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
     let mut list: Vec<(PathBuf, WriteFile<'_>)> = Vec::new();
     for (name, bytes) in files {
         let place = path.join(name);
         if let Some(folder) = place.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|e| input(format!("{}: {}", folder.display(), io_message(&e))))?;
+            make_folder(folder)?;
         }
         let write = move |out: &mut dyn crate::output::SeekWrite| {
             out.write_all(bytes).context("writing failed")
