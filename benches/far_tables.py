@@ -16,7 +16,7 @@ import sys
 
 FABRICS = ["denim", "charmeuse", "organza", "towel", "polyester_lining"]
 KINDS = ["reflected", "transmitted", "reflected_grazing", "transmitted_grazing"]
-PATHS = ["--spp", "16384", "--held-out", "128", "--held-out-spp", "16384"]
+PATHS = ["--held-out", "128", "--held-out-spp", "65536"]
 
 
 def organza(*arguments):

@@ -71,7 +71,7 @@ pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive}
 pub use adaptive_file::write_adaptive;
 pub use appearance::{Appearance, AppearanceFit, AppearanceSearch, Simulate, fit_appearance};
 pub use cost::{Cost, Growth, growth, pareto_front};
-pub use far_table::{NodeSums, USUAL_STEPS, far_matrix, measure_node};
+pub use far_table::{MOST_STEPS, NodeSums, Sharpened, Sharpening, far_matrix, measure_node};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,

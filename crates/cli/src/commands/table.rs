@@ -15,8 +15,8 @@ use crate::results::Results;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{
-    Effort, HeldOutError, Measured, NodeSums, Pair, PairValue, USUAL_STEPS, far_matrix,
-    held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
+    Effort, HeldOutError, MOST_STEPS, Measured, NodeSums, Pair, PairValue, Sharpened, Sharpening,
+    far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
 };
 use organza_scatter::{Footprint, Surface};
 use organza_scene::far_table::{self, ENDING, FABRIC_KEY};
@@ -46,7 +46,7 @@ pub struct TableArgs {
     #[arg(long, default_value = "fibres", value_parser = patch_model())]
     pub model: ModelFlag,
     /// Paths of light from each of the table's nodes; the maximum with --target-error
-    #[arg(long, value_name = "N", default_value_t = 32768, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = 131072, value_parser = parse_paths)]
     pub spp: u64,
     /// Stop when the table's error at the held-out pairs up to 80 degrees, noise taken out, is below this share, e.g. 0.05 for 5 %
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
@@ -57,9 +57,9 @@ pub struct TableArgs {
     /// Paths of each held-out pair
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
     pub held_out_spp: u64,
-    /// Steps of the iteration that undoes the smoothing between the nodes; more make highlights sharper and the table noisier
-    #[arg(long, value_name = "N", default_value_t = USUAL_STEPS, value_parser = whole::<u32>(0..=100))]
-    pub sharpen: u32,
+    /// Steps of the iteration that undoes the smoothing between the nodes; more make highlights sharper and the table noisier [default: until the noise of the paths is reached]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u64::from(MOST_STEPS)))]
+    pub sharpen: Option<u32>,
     /// Save what was traced to this file, and resume from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
@@ -181,7 +181,9 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
 /// The sums of all nodes, and the matrices that are made of them.
 fn check_memory(args: &TableArgs, rings: &Rings) -> Result<()> {
     let n = rings.sphere() as u64;
-    let needed = n * n * 8 * (2 * 3 + 3 + 6);
+    // For each channel the sums, their means, the values, the means of the values and room to
+    // smooth them; at the end the pairs twice.
+    let needed = n * n * 8 * (3 * 6 + 3);
     let allowed = args
         .memory
         .max_memory
@@ -292,6 +294,7 @@ struct Made {
     table: FarTable,
     paths_per_node: u64,
     residual: f64,
+    sharpened: Sharpened,
     errors: Vec<HeldOutError>,
 }
 
@@ -330,7 +333,7 @@ fn make(args: &TableArgs, mut work: Work, mut about: Value) -> Result<()> {
     }
     if let Some(map) = about.as_object_mut() {
         map.insert("paths_per_node".into(), json!(made.paths_per_node));
-        map.insert("sharpen".into(), json!(args.sharpen));
+        map.insert("sharpened".into(), json!(made.sharpened));
         map.insert("held_out_paths".into(), json!(args.held_out_spp));
         map.insert("errors".into(), json!(made.errors));
         if let Some(surface) = surface {
@@ -376,13 +379,16 @@ fn solve(
     truth: &[PairValue],
     paths_per_node: u64,
 ) -> Result<Made> {
-    let matrix = far_matrix(&work.rings, sums, args.sharpen).context("nodes without paths")?;
+    let sharpening = args.sharpen.map_or(Sharpening::ToNoise, Sharpening::Steps);
+    let found = far_matrix(&work.rings, sums, sharpening);
+    let (matrix, sharpened) = found.context("nodes without paths")?;
     let balanced = balance(&matrix);
     let table = FarTable::new(balanced.parts.clone()).context("the measured table is none")?;
     Ok(Made {
         errors: errors(&table, truth),
         parts: balanced.parts,
         residual: balanced.residual,
+        sharpened,
         table,
         paths_per_node,
     })
@@ -417,6 +423,11 @@ fn report(
             bytes / 1000,
             paths,
             work.shown,
+        );
+        note!(
+            "{} steps of sharpening; misfit of the means {:.2} of their noise",
+            made.sharpened.steps,
+            made.sharpened.misfit
         );
         for e in &made.errors {
             let kind = json!(e.kind);
