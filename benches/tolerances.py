@@ -9,7 +9,8 @@ a point or an exponent in it. `measure` copies the repository to target/toleranc
 every such assertion so that it prints both sides, and runs `cargo test CARGO ARGS` there,
 `-p organza-basis` for instance. The margin is the bound over the value, the least of all times
 that the assertion was passed; those above 2 come first, for they would let an error of the
-size of the bound pass unseen.
+size of the bound pass unseen. A comment with the word "margin" in the lines above an
+assertion is its reason and is printed beside it.
 """
 
 import re
@@ -96,6 +97,15 @@ def assertions(text):
         yield m.end(), m.end() + len(condition), value.strip(), bound.strip(), compared[0][0]
 
 
+def reason(path, line):
+    """What the comments at an assertion say of its margin."""
+    lines = path.read_text().split("\n")
+    comments = [m[1] for l in lines[max(line - 7, 0) : line] if (m := re.match(r"\s*//+ (.*)", l))]
+    words = " ".join(comments)
+    m = re.search(r"margin[^.]*", words, re.I)
+    return " ".join(m[0].split()) if m else ""
+
+
 def listed():
     """Prints every tolerance."""
     count = 0
@@ -143,10 +153,17 @@ def measure(arguments):
             least[m[1]] = (margin, value, bound)
     if not least:
         sys.exit(run.stderr[-2000:])
+    loose, reasons = 0, 0
     for place, (margin, value, bound) in sorted(least.items(), key=lambda item: -item[1][0]):
-        print(f"{margin:10.3g}  {value:.3e} of {bound:.3e}  {place}")
-    loose = sum(margin > 2 for margin, _, _ in least.values())
-    print(f"{len(least)} tolerances, {loose} of them with a margin above 2", file=sys.stderr)
+        path, line = place.rsplit(":", 1)
+        why = reason(ROOT / path, int(line))
+        print(f"{margin:10.3g}  {value:.3e} of {bound:.3e}  {place}  {why}")
+        loose += margin > 2
+        reasons += margin > 2 and bool(why)
+    print(
+        f"{len(least)} tolerances, {loose} with a margin above 2, {reasons} of these with a reason",
+        file=sys.stderr,
+    )
 
 
 if __name__ == "__main__":

@@ -211,7 +211,9 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
                         let tolerance = 5.0 * se + slack * (1.0 + events) + uneven;
                         let least = if is_white { 1.0 } else { *through };
                         // The gloss of black fibres remains, at most one event of it. It is
-                        // known where all fibres are parallel and seen from aside.
+                        // known where all fibres are parallel and seen from aside. Fibres that
+                        // are seen nearly along themselves reflect all that grazes them, by
+                        // Fresnel, so that no bound below 1 holds there.
                         let gloss = if !name.contains("fibres") {
                             0.0
                         } else if case.contains("parallel") && !is_along {

@@ -10,6 +10,8 @@ mod explicit_fibres;
 mod gpu;
 #[cfg(feature = "gpu")]
 mod gpu_fibres;
+mod long_tables;
+mod near_panels;
 mod packed_fibres;
 mod pictures;
 mod several_cloths;
