@@ -17,6 +17,17 @@ pub(crate) struct Fibre {
     pub blur_mm: f32,
 }
 
+impl Fibre {
+    /// Distance by which blur moves the outline inward, mm: where half of the grey value is left.
+    pub fn shrunk_mm(&self) -> f32 {
+        let r = self.radius_mm;
+        let half = bisect(0.5 * r, 1.5 * r, |at| {
+            blurred_disk(at, r, self.blur_mm) > 0.5
+        });
+        (r - half).max(0.0)
+    }
+}
+
 /// Least share of the grey value that blur may leave in the middle of a fibre.
 const LEAST_MIDDLE: f32 = 0.5;
 
@@ -127,6 +138,15 @@ mod tests {
             let f = unblurred(&section, air, threshold, None);
             assert!((f.radius_mm / radius - 1.0).abs() < 0.02, "{f:?}");
             assert!((f.blur_mm / blur - 1.0).abs() < 0.1, "{f:?}");
+            // Of wide fibres, the square of the blur over the diameter; strips move an outline by
+            // less than half their width.
+            let shrunk = f.shrunk_mm();
+            let wanted = 0.5 * blur * blur / radius;
+            let most = 0.2 * wanted + radius / 64.0;
+            assert!(
+                (shrunk - wanted).abs() < most,
+                "{f:?}: {shrunk}, not {wanted}"
+            );
             assert!((f.grey / grey - 1.0).abs() < 0.02, "{f:?}");
         }
     }

@@ -22,6 +22,7 @@ mod noise;
 mod orientation;
 mod periodic;
 pub mod phantom;
+mod plane_means;
 mod rays;
 mod resample;
 mod scan;
@@ -30,6 +31,7 @@ mod segment;
 mod settings;
 mod sheet;
 mod smooth;
+
 mod window;
 #[cfg(test)]
 mod woven;

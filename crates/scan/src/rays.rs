@@ -1,6 +1,7 @@
 //! Rays across fibres, from their inside to their outline.
 
 use crate::noise;
+use crate::plane_means::PlaneMeans;
 use crate::window::Window;
 use glam::{DVec3, IVec3, Vec3};
 use organza_basis::{Frame, Sym3};
@@ -93,6 +94,8 @@ pub(crate) struct Rays<'a> {
     noise: f32,
     /// Greatest grey value of air beyond an outline.
     beyond: f32,
+    /// Distance by which blur has moved outlines inward, mm.
+    shrunk_mm: f32,
     /// Voxels per mm.
     per_mm: Vec3,
     /// Least edge of a voxel.
@@ -102,7 +105,13 @@ pub(crate) struct Rays<'a> {
 }
 
 impl<'a> Rays<'a> {
-    pub fn new(window: &'a Window, threshold: f32, air: f32, voxel_mm: DVec3) -> Rays<'a> {
+    pub fn new(
+        window: &'a Window,
+        threshold: f32,
+        air: f32,
+        voxel_mm: DVec3,
+        shrunk_mm: f32,
+    ) -> Rays<'a> {
         let noise = noise::deviation(window, air);
         let least_mm = voxel_mm.min_element() as f32;
         Rays {
@@ -111,6 +120,7 @@ impl<'a> Rays<'a> {
             contrast: 2.0 * (threshold - air),
             noise,
             beyond: air + BEYOND * (threshold - air) + 2.0 * noise,
+            shrunk_mm,
             per_mm: (1.0 / voxel_mm).as_vec3(),
             voxel_mm: least_mm,
             step_mm: 0.5 * least_mm,
@@ -265,7 +275,10 @@ impl<'a> Rays<'a> {
         let half = half.clamp(MEAN_VOXELS.0, MEAN_VOXELS.1).round() as i32;
         let left = INDEPENDENT / (2 * half + 1) as f32;
         let noise = self.noise * left.sqrt().min(1.0);
-        let mean = |p: Vec3| self.mean(p, &plane, half);
+        let means = PlaneMeans::new(place, &plane, self.per_mm, self.voxel_mm, |p| {
+            self.mean(p, &plane, half)
+        });
+        let mean = |p: Vec3| means.at(p);
         let values = Values {
             at: &mean,
             rise: (RISE_OF_MEANS * self.contrast).max(RISE_DEVIATIONS_OF_MEANS * noise),
@@ -273,7 +286,7 @@ impl<'a> Rays<'a> {
         let mut middle = place;
         for i in 0..MOVES {
             let mut lengths: Vec<f32> = directions(&plane, RAYS)
-                .map(|d| self.end(middle, d, &values).length_mm)
+                .map(|d| self.unshrunk_mm(self.end(middle, d, &values)))
                 .collect();
             let mut gain = 1.0;
             if i >= MOVES_BY_ALL {
@@ -296,6 +309,15 @@ impl<'a> Rays<'a> {
         })
     }
 
+    /// The length of a ray without blur, which moves outlines, but not valleys. Middles between
+    /// both would lie too far from the outline.
+    fn unshrunk_mm(&self, end: End) -> f32 {
+        match end.is_outline {
+            true => end.length_mm + self.shrunk_mm,
+            false => end.length_mm,
+        }
+    }
+
     /// The mean of `2 half + 1` values along the normal of a plane.
     fn mean(&self, at: Vec3, plane: &Frame, half: i32) -> Option<f32> {
         let step = plane.n * self.per_mm * self.voxel_mm;
@@ -315,8 +337,8 @@ impl<'a> Rays<'a> {
         for z in low.z..=high.z {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
-                    let p = IVec3::new(x, y, z).as_vec3();
-                    if ((p - place) / reach).length_squared() > 1.0 {
+                    let p = IVec3::new(x, y, z);
+                    if ((p.as_vec3() - place) / reach).length_squared() > 1.0 {
                         continue;
                     }
                     if let Some(g) = self.gradient(p) {
@@ -330,9 +352,9 @@ impl<'a> Rays<'a> {
     }
 
     /// Change of the grey value over two mm along each axis.
-    fn gradient(&self, p: Vec3) -> Option<Vec3> {
-        let change = |e: Vec3| Some(self.window.at(p + e)? - self.window.at(p - e)?);
-        let g = Vec3::new(change(Vec3::X)?, change(Vec3::Y)?, change(Vec3::Z)?);
+    fn gradient(&self, p: IVec3) -> Option<Vec3> {
+        let change = |e: IVec3| Some(self.window.voxel(p + e)? - self.window.voxel(p - e)?);
+        let g = Vec3::new(change(IVec3::X)?, change(IVec3::Y)?, change(IVec3::Z)?);
         Some(g * self.per_mm)
     }
 

@@ -148,18 +148,26 @@ impl Scan {
         let windows = probes(dims.z as usize, probe);
         let count = windows.len() as f32;
         // The second look is at the outline that the first one found.
+        let mut shrunk_mm = 0.0;
         for round in 0..2 {
             let (mut found, mut tried) = (Vec::new(), 0);
             for (i, range) in windows.iter().enumerate() {
                 let window = Window::read(slices, range.clone(), settings.denoise)?;
                 let (threshold, air) = (survey.levels.threshold, survey.levels.air);
-                let (own, places) = sections(&window, threshold, air, settings.voxel_mm, i as u64);
+                let (own, places) = sections(
+                    &window,
+                    threshold,
+                    air,
+                    settings.voxel_mm,
+                    shrunk_mm,
+                    i as u64,
+                );
                 found.extend(own);
                 tried += places;
                 let done = round as f32 + (i + 1) as f32 / count;
                 tell(watch, Stage::Radius, 0.35 * done)?;
             }
-            survey.take_sections(settings, &found, tried)?;
+            shrunk_mm = survey.take_sections(settings, &found, tried)?;
         }
         let scales = survey.scales(settings);
         budget.take(scales.block_bytes(probe), "blocks")?;
@@ -319,13 +327,14 @@ impl Scan {
 
 impl Survey {
     /// Takes radius and grey values from sections, if they are those of fibres. What the
-    /// settings give stays.
+    /// settings give stays. Returns how far blur moves outlines at the middle
+    /// between air and fibre inward, mm.
     fn take_sections(
         &mut self,
         settings: &ScanSettings,
         found: &[Section],
         tried: usize,
-    ) -> Result<(), ScanError> {
+    ) -> Result<f32, ScanError> {
         let threshold = self.levels.threshold;
         let none = |why: String| {
             Err(ScanError::Content(format!(
@@ -368,7 +377,7 @@ impl Survey {
         }
         self.blur_mm = fibre.blur_mm;
         self.fibre_radius_mm = settings.fibre_radius_mm.unwrap_or(fibre.radius_mm);
-        Ok(())
+        Ok(fibre.shrunk_mm())
     }
 
     fn scales(&self, settings: &ScanSettings) -> Scales {

@@ -40,15 +40,16 @@ fn planes() -> Vec<Frame> {
 }
 
 /// Round sections at random places of a window where the grey value exceeds the threshold, and
-/// the number of such places that were tried.
+/// the number of such places that were tried. Blur has moved outlines inward by `shrunk_mm`.
 pub(crate) fn sections(
     window: &Window,
     threshold: f32,
     air: f32,
     voxel_mm: DVec3,
+    shrunk_mm: f32,
     seed: u64,
 ) -> (Vec<Section>, usize) {
-    let mut rays = Rays::new(window, threshold, air, voxel_mm);
+    let mut rays = Rays::new(window, threshold, air, voxel_mm, shrunk_mm);
     let planes = planes();
     let size = Vec3::new(
         (window.nx - 1) as f32,
@@ -81,8 +82,9 @@ pub(crate) fn sections(
     (found.into_iter().flatten().collect(), places.len())
 }
 
-/// The sections that belong to single fibres: those with free outlines, if there are enough, and
-/// of them the rounder half, because fibres that are not told apart are not round.
+/// The sections that belong to single fibres: those with free outlines, if there are enough; of
+/// them the rounder half, because fibres that are not told apart are not round; and of these the
+/// half whose radii are closest to each other.
 pub(crate) fn single_fibres(found: &[Section]) -> Vec<Section> {
     let mut free: Vec<Section> = found.iter().copied().filter(|s| s.is_free).collect();
     if free.len() < LEAST_SORTED {
@@ -90,5 +92,10 @@ pub(crate) fn single_fibres(found: &[Section]) -> Vec<Section> {
     }
     free.sort_by(|a, b| a.unroundness.total_cmp(&b.unroundness));
     free.truncate(free.len() / 2);
-    free
+    free.sort_by(|a, b| a.radius_mm.total_cmp(&b.radius_mm));
+    let count = free.len().div_ceil(2);
+    let ratio = |half: &&[Section]| half[count - 1].radius_mm / half[0].radius_mm;
+    let halves = free.windows(count);
+    let closest = halves.min_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    closest.map_or_else(Vec::new, <[Section]>::to_vec)
 }

@@ -3,7 +3,7 @@
 use crate::input::Slices;
 use crate::smooth::{gaussian, reach, smooth_slices};
 use crate::{Denoise, ScanError};
-use glam::Vec3;
+use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -114,6 +114,19 @@ impl Window {
         self.data.len() / (self.nx * self.ny)
     }
 
+    /// The value of a voxel of the window.
+    pub fn voxel(&self, p: IVec3) -> Option<f32> {
+        let z = i64::from(p.z) - self.first;
+        let is_inside = p.x >= 0 && p.y >= 0 && z >= 0;
+        let (x, y) = (p.x as usize, p.y as usize);
+        if !is_inside || x >= self.nx || y >= self.ny {
+            return None;
+        }
+        self.data
+            .get(x + self.nx * (y + self.ny * z as usize))
+            .copied()
+    }
+
     /// The value at a place in voxels, where voxel centres have whole coordinates, by linear
     /// interpolation; `None` outside the slices.
     pub fn at(&self, p: Vec3) -> Option<f32> {
@@ -129,15 +142,18 @@ impl Window {
         }
         let (i, j, k) = (x as usize, y as usize, z as usize);
         let (fx, fy, fz) = (x - i as f32, y - j as f32, z - k as f32);
-        let (i1, j1, k1) = (
-            (i + 1).min(most[0]),
-            (j + 1).min(most[1]),
-            (k + 1).min(most[2]),
-        );
-        let v = |i: usize, j: usize, k: usize| self.data[i + self.nx * (j + self.ny * k)];
-        let row = |j: usize, k: usize| v(i, j, k) + fx * (v(i1, j, k) - v(i, j, k));
-        let plane = |k: usize| row(j, k) + fy * (row(j1, k) - row(j, k));
-        Some(plane(k) + fz * (plane(k1) - plane(k)))
+        // Steps to the neighbours, none at the far border. This is where a survey spends its time.
+        let dx = usize::from(i < most[0]);
+        let dy = self.nx * usize::from(j < most[1]);
+        let dz = self.nx * self.ny * usize::from(k < most[2]);
+        let at = i + self.nx * (j + self.ny * k);
+        let v = &self.data[at..=at + dx + dy + dz];
+        let a = v[0] + fx * (v[dx] - v[0]);
+        let b = v[dy] + fx * (v[dy + dx] - v[dy]);
+        let c = v[dz] + fx * (v[dz + dx] - v[dz]);
+        let d = v[dz + dy] + fx * (v[dz + dy + dx] - v[dz + dy]);
+        let (low, high) = (a + fy * (b - a), c + fy * (d - c));
+        Some(low + fz * (high - low))
     }
 }
 
