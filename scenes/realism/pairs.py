@@ -2,6 +2,7 @@
 pictures side by side in pairs.jpg.
 
     python3 scenes/realism/pairs.py [--organza ORGANZA] [--spp N] [--denoise] [--only LABEL]
+    python3 scenes/realism/pairs.py --sheet fibres    blends of materials and crimp: fibres.jpg
 
 Needs Pillow, and the library of `organza denoise` for --denoise.
 """
@@ -90,6 +91,22 @@ PAIRS = [
     ("pile", {}, {"tables": VELVET}, 16),
 ]
 
+WOOL = {"preset": "wool", "tex": 60, "per_cm": 13, "repeats": 2}
+FILAMENT = ('kind = "filament"\nfibre_volume_fraction = 0.35\nfibre_radius_um = 9.0\n'
+            'twist = { direction = "Z", turns_per_m = 120.0 }')
+# Pairs of the second sheet.
+FIBRES = [
+    ("heather of dyed and undyed wool", WOOL | {"colour": "[0.10, 0.13, 0.20]", "weft_colour": "[0.10, 0.13, 0.20]"},
+     {"yarn": "blend = [{ share = 3.0 }, { share = 2.0, fibre = \"undyed\", fibre_radius_um = 16.0, "
+      "fibre_density_g_per_cm3 = 1.31, colour = [0.62, 0.56, 0.44] }]"}, 7),
+    ("wool and nylon", WOOL | DARK,
+     {"yarn": 'blend = [{ mass_share = 70.0, fibre = "wool" }, { mass_share = 30.0, fibre = "nylon", '
+      'colour = [0.75, 0.75, 0.72] }]', "tables": '[[optics."*"]]\nfibre = "nylon"\nsection = "trilobal"\n'
+      'longitudinal_deg = 3.0'}, 7),
+    ("crimp: textured filament", {"preset": "polyester", "tex": 40, "per_cm": 14, "yarn": FILAMENT} | DARK,
+     {"yarn": FILAMENT + "\ncrimp = { per_cm = 14.0, amplitude_um = 48.0 }"}, 4.5),
+]
+
 
 def render(cloth, fov_deg, folder, options):
     file, picture = folder / "fabric.toml", folder / "cell.png"
@@ -110,9 +127,11 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--denoise", action="store_true")
     parser.add_argument("--only", help="pairs whose label holds this")
-    parser.add_argument("-o", "--outfile", type=Path, default=HERE / "pairs.jpg")
+    parser.add_argument("--sheet", choices=["pairs", "fibres"], default="pairs")
+    parser.add_argument("-o", "--outfile", type=Path, help="SHEET.jpg without it")
     options = parser.parse_args()
-    pairs = [pair for pair in PAIRS if options.only is None or options.only in pair[0]]
+    sheet_of = {"pairs": PAIRS, "fibres": FIBRES}[options.sheet]
+    pairs = [pair for pair in sheet_of if options.only is None or options.only in pair[0]]
     rows = -(-len(pairs) * 2 // COLUMNS)
     (width, height) = SIZE
     sheet = Image.new("RGB", (COLUMNS * (width + GAP) + GAP, rows * (height + LABEL + GAP) + GAP), "white")
@@ -129,7 +148,7 @@ def main():
                 sheet.paste(render(cloth, fov_deg, folder, options), (x, y + LABEL))
                 draw.text((x + 1, y + 1), word, fill="black")
             print(label, flush=True)
-    sheet.save(options.outfile, quality=78)
+    sheet.save(options.outfile or HERE / f"{options.sheet}.jpg", quality=78)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::spec::SurfaceSpec;
 use crate::weave::Weave;
 use organza_basis::SegmentSource;
-use organza_weave::{Cloth, Draft};
+use organza_weave::{Cloth, Draft, SystemFigures};
 
 impl Weave {
     /// The smallest repeat of a draft, in yarns as wide as their pitch. `size_mm` is that of
@@ -52,9 +52,9 @@ impl SurfaceSpec {
                 // Side by side, threads of the denser system hide all but the
                 // width of the others.
                 if warp.cover_factor > weft.cover_factor {
-                    weave.weft_width_mm = Some(weft.width_mm.min(weave.weft_pitch_mm));
+                    weave.weft_width_mm = Some(visible_width_mm(weft, weave.weft_pitch_mm));
                 } else if weft.cover_factor > warp.cover_factor {
-                    weave.warp_width_mm = Some(warp.width_mm.min(weave.warp_pitch_mm));
+                    weave.warp_width_mm = Some(visible_width_mm(warp, weave.warp_pitch_mm));
                 }
             }
             self.weave = Some(match given {
@@ -67,6 +67,18 @@ impl SurfaceSpec {
         }
         Ok(self)
     }
+}
+
+/// The width at which threads of one width at equal distances cover as much as the threads of a
+/// system do: less than their mean width where uneven threads lie over each other in some places
+/// and leave gaps in others.
+fn visible_width_mm(system: &SystemFigures, pitch_mm: f64) -> f64 {
+    let (mean_mm, covering_mm) = (system.width_mm, system.cover_factor * pitch_mm);
+    // Of even threads both are the same but for rounding.
+    if (mean_mm - covering_mm).abs() < 1e-6 * pitch_mm {
+        return mean_mm;
+    }
+    covering_mm.min(pitch_mm)
 }
 
 impl SurfaceKind for SurfaceSpec {
@@ -132,6 +144,44 @@ mod tests {
         let jersey = cloth(&toml::to_string(&file).unwrap());
         let message = bare.for_cloth(&jersey).unwrap_err().to_string();
         assert!(message.contains("knits"), "{message}");
+    }
+
+    /// The surface model sees the widths of the uneven, flattened threads that the figures and
+    /// the fibres have: its narrower system covers what the cloth's does.
+    #[test]
+    fn uneven_threads_have_their_cover_in_the_surface() {
+        let cloth = |keys: &str, threads: &str| {
+            let text = format!(
+                "[draft]\nweave = \"twill-2-2\"\n[tile]\nrepeats = [6, 6]\n[warp]\nyarn = \
+                 \"y\"\nper_cm = 24.0\n[weft]\nyarn = \"y\"\nper_cm = 20.0\n{threads}\n[yarn.y]\n\
+                 preset = \"cotton\"\ntex = 30.0\n{keys}\n"
+            );
+            let geometry: FabricGeometry = toml::from_str(&text).unwrap();
+            let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+            Cloth::build(&geometry, &none, 1).unwrap()
+        };
+        let bare = SurfaceSpec {
+            weave: None,
+            ..SurfaceSpec::preset("denim").unwrap()
+        };
+        let cover = |cloth: &Cloth| {
+            let weave = bare.clone().for_cloth(cloth).unwrap().weave.unwrap();
+            assert_eq!(weave.warp_width_mm, None);
+            weave.weft_width_mm.unwrap() / weave.weft_pitch_mm
+        };
+        let uneven = cloth(
+            "evenness = { mass_cv_percent = 25.0, fibre_length_mm = 10.0 }\nflattening = { crossing \
+             = 1.3 }",
+            "spacing_cv_percent = 12.0",
+        );
+        let even = cloth("", "");
+        for cloth in [&even, &uneven] {
+            let weft = cloth.figures().weft.unwrap();
+            assert!((cover(cloth) - weft.cover_factor).abs() < 1e-6, "{weft:?}");
+        }
+        // The twin: the even yarn is narrower than the flattened one.
+        assert!((cover(&even) - cover(&uneven)).abs() > 0.01);
+        assert!(bare.for_cloth(&uneven).unwrap().build().is_ok());
     }
 
     #[test]

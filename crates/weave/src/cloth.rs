@@ -2,6 +2,7 @@
 
 mod borders;
 mod build;
+mod cover;
 mod displaced;
 mod drawing;
 mod exemplar;

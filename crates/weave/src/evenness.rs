@@ -78,6 +78,16 @@ impl Profile {
         })
     }
 
+    /// The same mass with twist that does not depend on it.
+    #[cfg(test)]
+    pub fn with_even_twist(mut self) -> Profile {
+        let samples = self.twisted.len() as f64;
+        for (i, t) in self.twisted.iter_mut().enumerate() {
+            *t = i as f64 / samples;
+        }
+        self
+    }
+
     /// Mass at the share `s` of a period, which may lie outside 0 to 1.
     pub fn mass(&self, s: f64) -> f64 {
         let (i, t) = self.place(s);

@@ -55,6 +55,11 @@ impl Section {
         [high + beyond, low - beyond].map(|w| widened(self.flatten, w))
     }
 
+    /// Whether it is the same along the whole thread.
+    pub fn is_even(&self) -> bool {
+        self.widening.is_none()
+    }
+
     /// The mean factors over the period.
     pub fn mean(&self) -> DVec2 {
         match &self.widening {

@@ -1,7 +1,8 @@
 //! The figures by which textile engineers describe a cloth.
 
+use super::cover::{cover_factor, openness};
 use super::nonwoven::Web;
-use super::{Centreline, Cloth, CurveLevel};
+use super::{Centreline, Cloth, CurveLevel, ThreadAtRest};
 use crate::closure::Closure;
 use crate::openwork::OpenworkKind;
 use crate::pile::Tufts;
@@ -18,7 +19,8 @@ pub struct SystemFigures {
     pub tex: f64,
     /// Crimp: by how much the yarn is longer than the cloth that it runs through, per cent.
     pub crimp_percent: f64,
-    /// Share of the cloth's surface that the threads cover.
+    /// Share of the cloth's surface that the threads cover: the mean over their length of the
+    /// union of their widths.
     pub cover_factor: f64,
     /// Mean width and height of the yarn's cross-section, millimetres.
     pub width_mm: f64,
@@ -140,7 +142,8 @@ const HEIGHTS: usize = 4000;
 
 /// Sums over the threads of a system.
 #[derive(Default)]
-struct Sum {
+struct Sum<'a> {
+    woven: Vec<&'a ThreadAtRest>,
     threads: f64,
     tex: f64,
     length_mm: f64,
@@ -149,13 +152,16 @@ struct Sum {
     height_mm: f64,
 }
 
-impl Sum {
+impl Sum<'_> {
     fn figures(&self, across_mm: f64) -> Option<SystemFigures> {
         (self.threads > 0.0).then(|| SystemFigures {
             threads_per_cm: 10.0 * self.threads / across_mm,
             tex: self.tex / self.threads,
             crimp_percent: 100.0 * (self.length_mm / self.period_mm - 1.0),
-            cover_factor: (self.width_mm / across_mm).min(1.0),
+            cover_factor: match self.woven.as_slice() {
+                [] => (self.width_mm / across_mm).min(1.0),
+                woven => cover_factor(woven, across_mm),
+            },
             width_mm: self.width_mm / self.threads,
             height_mm: self.height_mm / self.threads,
         })
@@ -208,7 +214,7 @@ impl Cloth {
             let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
             add(length * present * fibres * per_length, yarn.fibre_radius_mm);
 
-            let diameter = 2.0 * yarn.radius_mm() * thread.section.mean();
+            let diameter = 2.0 * yarn.radius_mm() * thread.mean_size();
             if let Centreline::Laid { .. } = thread.line {
                 laid_mm += length;
                 let volume =
@@ -224,6 +230,9 @@ impl Cloth {
                 Centreline::Woven { .. } => &mut weft,
                 _ => &mut other,
             };
+            if let Centreline::Woven { .. } = thread.line {
+                sum.woven.push(thread);
+            }
             sum.threads += 1.0;
             sum.tex += yarn.tex();
             sum.length_mm += length;
@@ -267,7 +276,10 @@ impl Cloth {
         let yarn_length_mm = warp.length_mm + weft.length_mm + other.length_mm;
         let (warp_figures, weft_figures) = (warp.figures(size.x), weft.figures(size.y));
         let cover_factor = match (&warp_figures, &weft_figures) {
-            (Some(a), Some(b)) => 1.0 - (1.0 - a.cover_factor) * (1.0 - b.cover_factor),
+            (Some(a), Some(b)) => {
+                let each = (1.0 - a.cover_factor) * (1.0 - b.cover_factor);
+                1.0 - openness(&warp.woven, &weft.woven, size.truncate()).unwrap_or(each)
+            }
             // Fibres that lie anywhere leave a place free with the probability of Poisson.
             _ if self.web.is_some() => 1.0 - (-covered / area).exp(),
             _ => (covered / area).min(1.0),

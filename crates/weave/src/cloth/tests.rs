@@ -1,4 +1,5 @@
 mod blended;
+mod covered;
 mod crimped;
 mod displaced;
 mod flattening;
@@ -12,6 +13,7 @@ mod reading;
 mod shipped;
 mod smooth_hairs;
 mod spun;
+mod twist;
 
 use super::*;
 use crate::FabricGeometry;
