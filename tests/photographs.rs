@@ -179,16 +179,24 @@ const START: &str = "[draft]\nweave = \"plain\"\n[warp]\nper_cm = 10.0\n[weft]\n
     [yarn.y]\npreset = \"cotton\"\nfibre_radius_um = 12.0\ntex = 10.0\n";
 
 impl Planted {
-    /// The fabric, two repeats of the weave in each direction.
+    /// Repeats of the weave in the picture of one tile: more crossings than a repeat may have, so
+    /// that single fibres do not look like a part of the weave.
+    fn repeats(&self) -> usize {
+        let threads = Draft::named(self.weave).unwrap().ends();
+        6usize.div_ceil(threads).max(2)
+    }
+
+    /// The fabric, several repeats of the weave in each direction.
     fn text(&self) -> String {
         let [a, b] = self.tex;
+        let n = self.repeats();
         let fibres = "preset = \"cotton\"\nfibre_radius_um = 12.0";
         format!(
             "seed = {}\n[draft]\nweave = \"{}\"\n\
              [warp]\nyarn = \"a\"\nper_cm = {}\ncolours = [{:?}]\n\
              [weft]\nyarn = \"b\"\nper_cm = {}\ncolours = [{:?}]\n\
              [yarn.a]\n{fibres}\ntex = {a}\n[yarn.b]\n{fibres}\ntex = {b}\n\
-             [tile]\nrepeats = [2, 2]\n",
+             [tile]\nrepeats = [{n}, {n}]\n",
             self.seed, self.weave, self.per_cm[0], self.colours[0], self.per_cm[1], self.colours[1],
         )
     }
@@ -198,7 +206,8 @@ impl Planted {
     fn comes_back(&self, spp: &str, is_exact: bool) {
         let folder = folder(&format!("photographs-{}", self.weave));
         let draft = Draft::named(self.weave).unwrap();
-        let pixels = UVec2::new(2 * draft.ends() as u32, 2 * draft.picks() as u32);
+        let pixels = UVec2::new(draft.ends() as u32, draft.picks() as u32);
+        let pixels = pixels * self.repeats() as u32;
         let pixels = pixels * UVec2::from(self.pixels);
         let width_mm = photograph(&folder, &self.text(), pixels, self.seed);
         std::fs::write(folder.join("yarns.toml"), START).unwrap();

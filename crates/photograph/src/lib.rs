@@ -24,7 +24,8 @@ pub use spectrum::{Peak, Spectrum};
 pub use thread_grid::ThreadGrid;
 
 /// The repeats of the crossings of a photograph, the best first, with the share of the
-/// differences between crossings that each explains; at most `count`.
+/// differences between crossings that each explains; at most `count`, none a multiple of one
+/// before it.
 pub fn repeats(photograph: &Photograph, grid: &ThreadGrid, count: usize) -> Vec<(Repeat, f64)> {
     Repeat::of_crossings(&fold::Crossings::new(photograph, grid), count)
 }

@@ -3,14 +3,16 @@
 use crate::Fold;
 
 /// Widths of the blur that are tried, texels.
-const BLURS: [f64; 3] = [0.35, 0.8, 1.4];
+const BLURS: [f64; 3] = [0.8, 1.1, 1.6];
+/// Blur of the photograph, texels: fibres that few repeats do not average out are no weave.
+const SMOOTH: f64 = 0.7;
 
 /// The best explanation of a folded photograph by two computed pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Likeness {
     /// Share of the variance of the photograph's pixels that the pictures explain.
     pub of_photograph: f64,
-    /// The same of the folded photograph.
+    /// The same of the folded photograph, smoothed.
     pub of_fold: f64,
     /// How far the computed picture is moved right and up, texels.
     pub shift: [f64; 2],
@@ -95,7 +97,8 @@ impl Likeness {
             let mean = list.iter().map(|c| c[k]).sum::<f64>() / texels;
             list.iter().map(|c| c[k] - mean).collect()
         };
-        let photograph: [Vec<f64>; 3] = std::array::from_fn(|c| centred(c, &fold.mean));
+        let smooth = moved(&fold.mean, [w, h], [0.0; 2], SMOOTH);
+        let photograph: [Vec<f64>; 3] = std::array::from_fn(|c| centred(c, &smooth));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let folded: f64 = photograph.iter().map(|f| dot(f, f)).sum::<f64>() / texels;
         let mut best = Likeness {

@@ -7,8 +7,10 @@ use organza_weave::Draft;
 pub const MAX_CROSSINGS: usize = 16;
 /// Repeats that the picture must show.
 const MIN_REPEATS: usize = 3;
-/// A repeat is chosen if it explains this share of what the best one does.
-const NEARLY: f64 = 0.92;
+/// A repeat is chosen if it explains this share of what the best one does: threads that differ
+/// by chance make larger repeats explain a little more, while one that is too small explains
+/// much less.
+const NEARLY: f64 = 0.75;
 
 /// A way in which crossings repeat: after `ends` ends on one pick, and after `picks` picks
 /// moved by `shift` ends.
@@ -34,6 +36,13 @@ impl Repeat {
         let end = end - row * self.shift as i64;
         let pick = pick.rem_euclid(self.picks as i64) as usize;
         pick * self.ends + end.rem_euclid(self.ends as i64) as usize
+    }
+
+    /// Whether this is another repeat several times over, so that it allows more drafts but
+    /// shows no other likeness of crossings.
+    pub fn is_multiple_of(self, other: Repeat) -> bool {
+        other.class(self.ends as i64, 0) == 0
+            && other.class(self.shift as i64, self.picks as i64) == 0
     }
 
     /// Picks after which the repeat comes back without a shift.
@@ -78,7 +87,7 @@ impl Repeat {
 
     /// The repeats that explain the differences between crossings, the best first, with the
     /// share that each explains: the smallest that explains nearly as much as any, then those
-    /// that explain less or need more crossings. At most `count`.
+    /// that explain less or need more crossings. At most `count`, none a multiple of one before.
     pub(crate) fn of_crossings(crossings: &Crossings, count: usize) -> Vec<(Repeat, f64)> {
         let all = crossings.unexplained(|_, _| 0, 1).unwrap_or(0.0).max(1e-12);
         let explained = |r: Repeat| {
@@ -92,7 +101,13 @@ impl Repeat {
         // Nearly as good counts as the same; then the smaller repeat is the simpler answer.
         let rank = |t: &(Repeat, f64)| (t.1 < NEARLY * most, t.0.count());
         tried.sort_by(|a, b| rank(a).cmp(&rank(b)).then(b.1.total_cmp(&a.1)));
-        tried.truncate(count);
-        tried
+        let mut list: Vec<(Repeat, f64)> = Vec::new();
+        for t in tried {
+            let is_new = !list.iter().any(|l| t.0.is_multiple_of(l.0));
+            if is_new && list.len() < count {
+                list.push(t);
+            }
+        }
+        list
     }
 }

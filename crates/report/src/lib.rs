@@ -1,5 +1,5 @@
-//! Reports on the models of a cloth: their differences ([`comparison`]) and their costs
-//! ([`bench`]).
+//! Reports on the models of a cloth: their differences ([`comparison`]), their costs ([`bench`])
+//! and their fit to photographs ([`PhotographFit`]).
 //!
 //! Everything is measured and compared here and shown on one self-contained page: an HTML file
 //! without links, with plots and pictures inside, legible in light and dark colour schemes. The
@@ -9,6 +9,7 @@
 pub mod bench;
 pub mod comparison;
 mod error;
+mod photographs;
 mod picture;
 mod plot;
 mod write_file;
@@ -16,6 +17,7 @@ mod write_file;
 use organza_scene::representation::Representation;
 
 pub use error::ReportError;
+pub use photographs::{FittedSide, PhotographFit, perceptual_difference};
 pub use picture::Picture;
 
 /// A colour and its meaning.

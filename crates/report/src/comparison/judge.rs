@@ -54,7 +54,8 @@ fn side(list: &[PairValue], back: bool) -> Vec<PairValue> {
     list.iter().filter(wanted).copied().collect()
 }
 
-fn flip(picture: &Picture, truth: &Picture) -> Flip {
+/// The perceptual difference of two pictures of one size, at the exposure of the second.
+pub(crate) fn flip(picture: &Picture, truth: &Picture) -> Flip {
     let gain = truth.exposure();
     let [width, height] = picture.size;
     let image = |p: &Picture| nv_flip::FlipImageRgb8::with_data(width, height, &p.display(gain));

@@ -6,6 +6,7 @@ mod measure;
 mod page;
 mod record;
 
+pub(crate) use judge::flip;
 pub use judge::{Judged, judge};
 pub use measure::{Measurement, Plan};
 

@@ -74,6 +74,9 @@ pub struct FitArgs {
     /// Cloths: the weave, by name or as a .wif file [default: recognised]
     #[arg(long, value_name = "NAME|FILE")]
     pub draft: Option<String>,
+    /// Cloths: folder for a page with photographs and pictures side by side
+    #[arg(long, value_name = "FOLDER")]
+    pub report: Option<PathBuf>,
     /// Direction towards the light in the picture, polar angle and azimuth from the weft, degrees; scenes have their own [default: 45,0]
     #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
     pub light: Option<[f64; 2]>,
@@ -201,26 +204,6 @@ fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
     Ok(())
 }
 
-/// Refuses flags that only photographs of a cloth have, and a missing fabric.
-fn refuse_photograph_flags(args: &FitArgs) -> Result<()> {
-    for (flag, is_given) in [
-        ("--front", args.front.is_some()),
-        ("--back", args.back.is_some()),
-        ("--back-light", args.back_light.is_some()),
-        ("--draft", args.draft.is_some()),
-    ] {
-        if is_given {
-            return Err(input(format!("{flag}: applies only to --what cloth")));
-        }
-    }
-    if args.fabric.is_none() {
-        return Err(input(
-            "<FABRIC>: expected a fabric file, a scene or a volume file; only --what cloth needs none",
-        ));
-    }
-    Ok(())
-}
-
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FitWhat {
@@ -261,7 +244,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     if args.what == FitWhat::Cloth {
         return with_threads(&args.common, || cloth::run(args));
     }
-    refuse_photograph_flags(args)?;
+    cloth::refuse_elsewhere(args)?;
     if volume::is_volume(args)? {
         return with_threads(&args.common, || volume::run(args));
     }
@@ -362,16 +345,23 @@ fn comment(words: &str) -> String {
 }
 
 fn finish(args: &FitArgs, table: &Table, parameters: &[Determined], words: &str) -> Result<()> {
-    finish_with(args, table, parameters, &[words.to_owned()], json!({}))
+    finish_with(
+        args,
+        table,
+        parameters,
+        &[words.to_owned()],
+        (json!({}), None),
+    )
 }
 
-/// The same with several lines of words, and figures for programs beside the usual ones.
+/// The same with several lines of words, figures for programs beside the usual ones, and a page
+/// for the folder of `--report`.
 fn finish_with(
     args: &FitArgs,
     table: &Table,
     parameters: &[Determined],
     lines: &[String],
-    mut figures: serde_json::Value,
+    (mut figures, page): (serde_json::Value, Option<String>),
 ) -> Result<()> {
     let host = &args.common.host;
     let mut text = comment(&format!("Fitted by: {}", host.command_line()));
@@ -395,9 +385,13 @@ fn finish_with(
         toml::to_string(table).context("the fabric cannot be written")?
     );
     host.give(|| {
-        let file = ("fitted.toml".to_owned(), text.clone().into_bytes());
+        let mut files = vec![("fitted.toml".to_owned(), text.clone().into_bytes())];
+        files.extend(
+            page.clone()
+                .map(|page| ("report.html".to_owned(), page.into_bytes())),
+        );
         let results = Results {
-            files: vec![file],
+            files,
             ..Results::default()
         }
         .with_figure("parameters", json!(parameters))
@@ -406,9 +400,17 @@ fn finish_with(
         extra.fold(results, |r, (key, value)| r.with_figure(key, value.clone()))
     });
     if host.writes() {
-        output::write_file(&args.outfile, |out| {
-            out.write_all(text.as_bytes()).context("writing failed")
-        })?;
+        let mut files: Vec<(PathBuf, output::WriteFile<'_>)> = Vec::new();
+        let written = |text: String| -> output::WriteFile<'_> {
+            Box::new(move |out| out.write_all(text.as_bytes()).context("writing failed"))
+        };
+        files.push((args.outfile.clone(), written(text)));
+        if let (Some(folder), Some(page)) = (&args.report, page) {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("cannot make {}", folder.display()))?;
+            files.push((folder.join("report.html"), written(page)));
+        }
+        output::write_files(files)?;
     }
     if args.json {
         figures["parameters"] = json!(parameters);

@@ -1,7 +1,8 @@
 //! How well a computed picture agrees with a photograph.
 
 use super::sides::Side;
-use organza_basis::Rgb;
+use organza_photograph::Photograph;
+use organza_report::{FittedSide, Picture, perceptual_difference};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::fmt;
@@ -21,15 +22,18 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Compares a picture in the units of the photograph.
-    pub fn new(side: &Side, picture: &[[f64; 3]]) -> Agreement {
-        let pictures = [side.fold.mean.as_slice(), picture];
+    /// Compares a picture in the units of the photograph with the folded photograph.
+    pub fn new(side: &Side, photograph: &[[f64; 3]], picture: &[[f64; 3]]) -> Agreement {
+        let pictures = [photograph, picture];
         let mean = pictures.map(|p| -> [f64; 3] {
             std::array::from_fn(|c| p.iter().map(|v| v[c]).sum::<f64>() / p.len() as f64)
         });
         Agreement {
             mean,
-            flip: flip(side, pictures),
+            flip: f64::from(perceptual_difference(
+                &tiled(side, picture),
+                &tiled(side, photograph),
+            )),
             wale: wale(side, pictures),
         }
     }
@@ -57,36 +61,44 @@ impl fmt::Display for Agreement {
     }
 }
 
-/// Repeats of a folded picture in display values, three bytes a pixel, rows from the top.
-pub fn tiled(side: &Side, picture: &[[f64; 3]], least: usize, gain: f64) -> ([u32; 2], Vec<u8>) {
+/// Repeats of a folded picture, at least `FLIP_SIDE` pixels wide and high.
+fn tiled(side: &Side, picture: &[[f64; 3]]) -> Picture {
     let [w, h] = side.fold.size();
-    let size = [least.div_ceil(w) * w, least.div_ceil(h) * h];
-    let mut bytes = Vec::with_capacity(3 * size[0] * size[1]);
-    for y in (0..size[1]).rev() {
-        for x in 0..size[0] {
-            let value = picture[y % h * w + x % w];
-            bytes.extend(value.map(|v| Rgb::srgb8((v * gain).clamp(0.0, 1.0) as f32)));
-        }
+    let size = [w, h].map(|n| FLIP_SIDE.div_ceil(n) * n);
+    let pixel = |x: usize, y: usize| picture[y % h * w + x % w].map(|v| v as f32);
+    let rows = (0..size[1])
+        .rev()
+        .flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+    Picture {
+        size: size.map(|n| n as u32),
+        pixels: rows.map(|(x, y)| pixel(x, y)).collect(),
     }
-    (size.map(|n| n as u32), bytes)
 }
 
-/// The gain that shows all but the brightest values of a photograph below white.
-pub fn gain(side: &Side) -> f64 {
-    let mut values: Vec<f64> = side.fold.mean.iter().flatten().copied().collect();
-    values.sort_by(f64::total_cmp);
-    let bright = values.get(values.len() * 19 / 20).copied().unwrap_or(1.0);
-    0.85 / bright.max(1e-6)
-}
-
-fn flip(side: &Side, pictures: [&[[f64; 3]]; 2]) -> f64 {
-    let gain = gain(side);
-    let [photograph, picture] = pictures.map(|p| {
-        let ([w, h], bytes) = tiled(side, p, FLIP_SIDE, gain);
-        nv_flip::FlipImageRgb8::with_data(w, h, &bytes)
-    });
-    let error = nv_flip::flip(photograph, picture, nv_flip::DEFAULT_PIXELS_PER_DEGREE);
-    f64::from(nv_flip::FlipPool::from_image(&error).mean())
+/// The side of a report: a part of the photograph, both folded pictures, and words.
+pub fn shown(
+    side: &Side,
+    whole: &Photograph,
+    folded: &[[f64; 3]],
+    picture: &[[f64; 3]],
+    agreement: &Agreement,
+) -> FittedSide {
+    let size = whole.size().map(|n| n.min(2 * FLIP_SIDE));
+    let rows = (0..size[1])
+        .rev()
+        .flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+    FittedSide {
+        name: side.name.to_owned(),
+        photograph: Picture {
+            size: size.map(|n| n as u32),
+            pixels: rows
+                .map(|(x, y)| whole.pixel(x, y).map(|v| v as f32))
+                .collect(),
+        },
+        folded: tiled(side, folded),
+        picture: tiled(side, picture),
+        words: agreement.to_string(),
+    }
 }
 
 fn wale(side: &Side, pictures: [&[[f64; 3]]; 2]) -> [f64; 2] {

@@ -8,11 +8,13 @@ mod sides;
 
 use super::{FitArgs, finish_with};
 use crate::error::input;
+use crate::output;
 use crate::progress::Progress;
 use agreement::Agreement;
 use anyhow::Result;
 use model::{ClothModel, SYSTEMS};
 use organza_photograph::{Photograph, PhotographError, Repeat, ThreadGrid, name_of, repeats};
+use organza_report::PhotographFit;
 use organza_weave::Draft;
 use recognise::{Candidate, look, recognise};
 use search::{Found, Placed, Search};
@@ -30,10 +32,34 @@ const MIN_LIKENESS: f64 = 0.6;
 const MIN_CONFIDENCE: f64 = 0.3;
 
 /// Paths per texel by default.
-const PATHS: u64 = 64;
+const PATHS: u64 = 96;
 
-/// Paths per texel while drafts are compared, at most: the fold of the picture is less noisy.
+/// Paths per texel while drafts are compared.
 const LOOKS: u64 = 16;
+
+/// Refuses, for other fits, flags that only photographs of a cloth have, and a missing fabric.
+///
+/// # Errors
+/// Names the flag.
+pub fn refuse_elsewhere(args: &FitArgs) -> Result<()> {
+    for (flag, is_given) in [
+        ("--front", args.front.is_some()),
+        ("--back", args.back.is_some()),
+        ("--back-light", args.back_light.is_some()),
+        ("--draft", args.draft.is_some()),
+        ("--report", args.report.is_some()),
+    ] {
+        if is_given {
+            return Err(input(format!("{flag}: applies only to --what cloth")));
+        }
+    }
+    if args.fabric.is_none() {
+        return Err(input(
+            "<FABRIC>: expected a fabric file, a scene or a volume file; only --what cloth needs none",
+        ));
+    }
+    Ok(())
+}
 
 /// Refuses flags that a fit to photographs does not have.
 fn refuse_flags(args: &FitArgs) -> Result<()> {
@@ -132,7 +158,7 @@ fn see(
         };
         let seen = Seen { side, candidates };
         // A repeat that explains nearly as much must be better by more than noise.
-        if best.as_ref().is_none_or(|b| share(&seen) > 1.05 * share(b)) {
+        if best.as_ref().is_none_or(|b| share(&seen) > 1.15 * share(b)) {
             best = Some(seen);
         }
         if best.as_ref().is_some_and(|b| {
@@ -204,6 +230,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
             "--width-mm: expected the width of the cloth in the photograph, mm",
         ));
     };
+    if let Some(folder) = &args.report {
+        output::check_report_folder(folder, ("choices.csv", "the report of a bench"))?;
+        output::check_report_folder(folder, ("pairs.csv", "a comparison"))?;
+    }
     let given = given_draft(args)?;
     let photograph = read(args, front)?;
     let back = args.back.as_deref();
@@ -239,7 +269,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         &grid,
         &model,
         given.as_ref(),
-        paths.min(LOOKS),
+        LOOKS,
         &mut step,
     )?;
     let confidence = confidence(&seen, given.is_some()).map_err(fail)?;
@@ -254,24 +284,20 @@ pub fn run(args: &FitArgs) -> Result<()> {
         let grid = grid.refined(photograph);
         let side = taken.back(photograph, &grid, sides[0].fold.repeat);
         step();
-        let there = look(&model, &side, &best.draft, best.trial.tex, paths)?;
+        let there = look(&model, &side, &best.draft, best.trial.tex, LOOKS)?;
         places.push(placed(&there));
         sides.push(side);
     }
-    let search = Search {
-        model: &model,
-        draft: &best.draft,
-        sides: &sides,
-        paths,
-    };
+    let search = Search::new(&model, &best.draft, &sides, paths);
     let found = search.run(best.trial, places, &mut step)?;
     progress.finish();
 
     let table = model.table(&best.draft, &found.trial, Some("fitted to photographs"));
     let figures = model.fabric(&best.draft, &found.trial)?.cloth.figures();
     let widths_mm = [figures.warp, figures.weft].map(|f| f.map_or(0.0, |f| f.width_mm));
-    let agreement: Vec<Agreement> = (sides.iter().zip(&found.pictures))
-        .map(|(side, picture)| Agreement::new(side, picture))
+    let folded = search.targets();
+    let agreement: Vec<Agreement> = (sides.iter().zip(folded).zip(&found.pictures))
+        .map(|((side, folded), picture)| Agreement::new(side, folded, picture))
         .collect();
     let words = words(&Answer {
         grid: &grid,
@@ -284,6 +310,26 @@ pub fn run(args: &FitArgs) -> Result<()> {
         sides: &sides,
         agreement: &agreement,
     });
+    let page = match &args.report {
+        None => None,
+        Some(_) => {
+            let photographs = std::iter::once(&photograph).chain(back.iter().map(|b| &b.1));
+            let pictures = photographs
+                .zip(folded)
+                .zip(found.pictures.iter().zip(&agreement));
+            let shown = sides.iter().zip(pictures);
+            let shown = shown.map(|(side, ((whole, folded), (picture, agreement)))| {
+                agreement::shown(side, whole, folded, picture, agreement)
+            });
+            let page = PhotographFit {
+                title: format!("Fitted to {}", front.display()),
+                command: args.common.host.command_line(),
+                lines: words.clone(),
+                sides: shown.collect(),
+            };
+            Some(page.html()?)
+        }
+    };
     let sides: Vec<Value> = sides
         .iter()
         .zip(&agreement)
@@ -298,7 +344,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         "residual": found.residual,
         "sides": sides,
     });
-    finish_with(args, &table, &found.parameters, &words, figures)
+    finish_with(args, &table, &found.parameters, &words, (figures, page))
 }
 
 /// What is told of a fit.

@@ -4,12 +4,12 @@
 use super::model::{ClothModel, Trial};
 use super::sides::Side;
 use anyhow::Result;
-use organza_photograph::Likeness;
+use organza_photograph::{Likeness, name_of};
 use organza_weave::Draft;
 
 /// Shares of the spacing that threads cover, of warp and weft, in the order in which they are
 /// tried. Every draft is tried with the first.
-const COVERS: [[f64; 2]; 9] = [
+const COVERS: [[f64; 2]; 10] = [
     [0.7, 0.7],
     [0.55, 0.55],
     [0.9, 0.9],
@@ -19,10 +19,14 @@ const COVERS: [[f64; 2]; 9] = [
     [0.75, 0.55],
     [0.4, 0.4],
     [1.0, 0.6],
+    [0.25, 0.25],
 ];
 
 /// Drafts that are tried with all covers.
-const FINALISTS: usize = 3;
+const FINALISTS: usize = 4;
+
+/// By how much more an interlacing without a name must explain than a named weave.
+const UNNAMED: f64 = 1.1;
 
 /// Brightness of white and black threads.
 const WHITE: f64 = 0.7;
@@ -75,7 +79,13 @@ pub fn recognise(
         return Err(e);
     }
     let better = |a: &Candidate, b: &Candidate| {
-        let share = |c: &Candidate| c.likeness.of_photograph;
+        let share = |c: &Candidate| {
+            let own = c.likeness.of_photograph;
+            match name_of(&c.draft) {
+                Some(_) => own,
+                None => own / UNNAMED,
+            }
+        };
         share(b).total_cmp(&share(a))
     };
     list.sort_by(better);

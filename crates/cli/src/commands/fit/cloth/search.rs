@@ -12,17 +12,19 @@ use organza_weave::Draft;
 const TURNS: usize = 7;
 /// The result is the mean of so many turns.
 const MEAN_OF: usize = 3;
-/// By how much a turn's steps are damped.
-const DAMPING: f64 = 0.05;
 /// Longest step of a logarithm.
 const LEAP: f64 = 0.5;
 /// Steps of difference quotients: of the logarithm of counts, of colours as a share, of the
 /// logarithm of the roughness.
-const STEPS: [f64; 3] = [0.12, 0.15, 0.3];
+const STEPS: [f64; 3] = [0.4, 0.25, 0.4];
 /// Bounds of colours.
 const COLOURS: [f64; 2] = [0.002, 0.97];
 /// Bounds of a side's blur, texels.
-const BLURS: [f64; 2] = [0.3, 3.0];
+const BLURS: [f64; 2] = [SMOOTH, 3.0];
+/// Blur of the photographs before they are compared, texels: single paths and fibres do not count.
+const SMOOTH: f64 = 0.8;
+/// The least eigenvalue of a turn's equations, of which the greatest is about one.
+const LEAST: f64 = 0.02;
 
 /// The place of a computed picture under a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,10 +52,12 @@ const VALUES: usize = 9;
 
 /// The search over one draft.
 pub struct Search<'a> {
-    pub model: &'a ClothModel<'a>,
-    pub draft: &'a Draft,
-    pub sides: &'a [Side],
-    pub paths: u64,
+    model: &'a ClothModel<'a>,
+    draft: &'a Draft,
+    sides: &'a [Side],
+    paths: u64,
+    /// The smoothed photographs.
+    targets: Vec<Vec<[f64; 3]>>,
 }
 
 /// Two pictures of every side with independent noise, in the units of the photographs.
@@ -67,7 +71,29 @@ fn square([a, b]: &Residuals) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// A search with so many paths per texel.
+    pub fn new(
+        model: &'a ClothModel<'a>,
+        draft: &'a Draft,
+        sides: &'a [Side],
+        paths: u64,
+    ) -> Search<'a> {
+        let smooth = |s: &Side| moved(&s.fold.mean, s.fold.size(), [0.0; 2], SMOOTH);
+        Search {
+            model,
+            draft,
+            sides,
+            paths,
+            targets: sides.iter().map(smooth).collect(),
+        }
+    }
+
+    /// The folded photographs as they are compared: a little smoother.
+    pub fn targets(&self) -> &[Vec<[f64; 3]>] {
+        &self.targets
+    }
+
     fn render(&self, trial: &Trial) -> Result<Halves> {
         let pairs: Vec<_> = self.sides.iter().map(|s| (s.pair, s.fold.texels)).collect();
         let half = |k: u64| -> Result<Vec<Vec<[f64; 3]>>> {
@@ -88,10 +114,11 @@ impl Search<'_> {
     fn residuals(&self, halves: &Halves, placed: &[Placed]) -> Residuals {
         let of_half = |pictures: &Vec<Vec<[f64; 3]>>| {
             let mut list = Vec::new();
-            for ((picture, place), side) in pictures.iter().zip(placed).zip(self.sides) {
+            let sides = self.sides.iter().zip(&self.targets);
+            for ((picture, place), (side, target)) in pictures.iter().zip(placed).zip(sides) {
                 let moved = moved(picture, side.fold.size(), place.shift, place.blur);
                 let n = (3 * moved.len()) as f64;
-                for (m, f) in moved.iter().zip(&side.fold.mean) {
+                for (m, f) in moved.iter().zip(target) {
                     for c in 0..3 {
                         // Dark texels count by the mean of their channel.
                         let mean = side.fold.mean_colour[c].max(1e-6);
@@ -163,17 +190,27 @@ impl Search<'_> {
             let [ra, rb] = [0, 1].map(|h| DVector::from_column_slice(&residuals[h]));
             // Products of different halves have no bias of noise.
             let cross = ja.transpose() * &jb;
-            let mut normal = (&cross + cross.transpose()) * 0.5;
+            let normal = (&cross + cross.transpose()) * 0.5;
             let slope = (ja.transpose() * rb + jb.transpose() * ra) * 0.5;
-            for k in 0..free {
-                let own = normal[(k, k)].max(0.0);
-                normal[(k, k)] = own * (1.0 + DAMPING) + 1e-5;
-            }
-            let variance =
-                square(&residuals).max(0.0) / self.sides.len() as f64 / self.independent();
-            let Some(inverse) = normal.try_inverse() else {
-                break;
+            let all = (ja.transpose() * &ja + jb.transpose() * &jb) * 0.5;
+            let size = |k: usize| {
+                let own: f64 = normal[(k, k)];
+                own.max(0.2 * all[(k, k)]).max(1e-6).sqrt()
             };
+            let scale = DVector::from_fn(free, |k, _| 1.0 / size(k));
+            // What noise makes of a direction that the pictures do not determine is no step.
+            let scaled = DMatrix::from_fn(free, free, |i, k| normal[(i, k)] * scale[i] * scale[k]);
+            let mut eigen = scaled.symmetric_eigen();
+            let raise = |v: &mut f64| *v = v.max(LEAST);
+            eigen.eigenvalues.iter_mut().for_each(raise);
+            let solved = DVector::from_fn(free, |k, _| 1.0 / eigen.eigenvalues[k]);
+            let inverse = &eigen.eigenvectors
+                * DMatrix::from_diagonal(&solved)
+                * eigen.eigenvectors.transpose();
+            let inverse =
+                DMatrix::from_fn(free, free, |i, k| inverse[(i, k)] * scale[i] * scale[k]);
+            let rest = square(&residuals).max(0.0);
+            let variance = rest / self.sides.len() as f64 / self.independent();
             let mut change: Vec<f64> = (-(&inverse * slope)).as_slice().to_vec();
             covariance = inverse * variance;
             change.iter_mut().for_each(|v| *v = v.clamp(-LEAP, LEAP));
