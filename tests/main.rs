@@ -40,7 +40,9 @@ mod photographs; // cloth that is fitted to photographs
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
 mod release; // archives of releases
-mod scan;
+mod scan; // volumes from micro-CT slices
+mod scan_cloth; // flat tiles of tilted scans
+mod scan_slices; // slices in files of PNG
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
 mod tidy; // the repository itself

@@ -36,7 +36,7 @@ use std::sync::Mutex;
     after_help = "Examples:\n  organza scan CT.tif --voxel-um 1.5 -o cloth.ovox\n  organza scan slices/ --voxel-um 2 --colour 0.6,0.1,0.1 -o cloth.ovox\n  organza scan CT.raw --raw-size 512,512,400 --raw-type u16 --voxel-um 1 -o cloth.ovox\n  organza scan CT.tif --voxel-um 1.5 --flatten --yarns --tile -o tile.ovox"
 )]
 pub struct ScanArgs {
-    /// A multi-page TIFF, a .vti, raw data with --raw-size, several TIFF files of one slice each, or a folder of such
+    /// A multi-page TIFF, a .vti, raw data with --raw-size, several TIFF or PNG files of one slice each, or a folder of such
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// Volume to write (.ovox)
