@@ -110,7 +110,14 @@ fn directions() -> Vec<Vec3> {
         1.57,
         std::f32::consts::FRAC_PI_2 - 1e-6,
     ] {
-        for turn in [0.0, -1e-7, 1e-7, std::f32::consts::PI, 1.047_197_6, -2.0] {
+        for turn in [
+            0.0,
+            -1e-7,
+            1e-7,
+            std::f32::consts::PI,
+            std::f32::consts::FRAC_PI_3,
+            -2.0,
+        ] {
             let w = warp::direction_from_angles(theta, turn);
             list.extend([w, w * Vec3::new(1.0, 1.0, -1.0)]);
         }
