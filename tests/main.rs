@@ -48,3 +48,4 @@ mod stopping; // time limits and target errors
 mod tidy; // the repository itself
 mod view; // the live page as a process
 mod volumes; // volume files: what they keep, and what is refused
+mod wrong_tables; // felt, pile, nets and prints that make no sense

@@ -15,6 +15,7 @@ mod openwork;
 mod pile;
 mod ply_strands;
 mod print;
+mod ranges;
 mod repeats;
 mod spacing;
 mod spun;

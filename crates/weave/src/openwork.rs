@@ -35,7 +35,8 @@ pub enum OpenworkKind {
 impl OpenworkKind {
     /// The structure of a name.
     ///
-    /// # Errors When the name is unknown.
+    /// # Errors
+    /// When the name is unknown.
     pub fn named(name: &str) -> Result<OpenworkKind, Error> {
         match name.trim().to_lowercase().as_str() {
             "bobbinet" => Ok(OpenworkKind::Bobbinet),
@@ -84,6 +85,16 @@ pub(crate) struct Course {
 }
 
 impl Course {
+    /// Length of a period, with its corners.
+    pub fn length_mm(&self) -> f64 {
+        let pieces = self.points.windows(2).map(|p| p[0].distance(p[1]));
+        let last = match (self.points.first(), self.points.last()) {
+            (Some(first), Some(last)) => (*first + self.period).distance(*last),
+            _ => 0.0,
+        };
+        pieces.sum::<f64>() + last
+    }
+
     /// Its points at equal distances of about `step_mm`, with rounded corners.
     pub fn rounded(&self, step_mm: f64) -> Vec<DVec3> {
         let n = self.points.len();

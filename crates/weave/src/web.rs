@@ -119,6 +119,93 @@ pub(crate) fn lattice(size_mm: DVec2, per_mm2: f64, jitter: f64, rng: &mut PathR
     places
 }
 
+/// Cells of the plane, which repeats, as wide as a distance or wider.
+#[derive(Clone, Copy, Debug)]
+struct Cells {
+    size_mm: DVec2,
+    counts: [usize; 2],
+}
+
+impl Cells {
+    fn new(size_mm: DVec2, reach_mm: f64) -> Cells {
+        let count = |size: f64| ((size / reach_mm) as usize).clamp(1, 1024);
+        Cells {
+            size_mm,
+            counts: [count(size_mm.x), count(size_mm.y)],
+        }
+    }
+
+    fn column_and_row(self, at: DVec2) -> [usize; 2] {
+        let [nx, ny] = self.counts;
+        let share = at / self.size_mm;
+        let share = share - share.floor();
+        let [x, y] = [share.x * nx as f64, share.y * ny as f64].map(|v| v as usize);
+        [x % nx, y % ny]
+    }
+
+    fn index(self, at: DVec2) -> usize {
+        let [x, y] = self.column_and_row(at);
+        y * self.counts[0] + x
+    }
+
+    /// The cells around a place, each once.
+    fn around(self, at: DVec2) -> Vec<usize> {
+        let [nx, ny] = self.counts;
+        let [x, y] = self.column_and_row(at);
+        let mut cells: Vec<usize> = (0..9)
+            .map(|k| (y + ny + k / 3 - 1) % ny * nx + (x + nx + k % 3 - 1) % nx)
+            .collect();
+        cells.sort_unstable();
+        cells.dedup();
+        cells
+    }
+
+    /// The distance of two places or of their nearest copies, squared.
+    fn square_mm2(self, a: DVec2, b: DVec2) -> f64 {
+        let apart = a - b;
+        (apart - (apart / self.size_mm).round() * self.size_mm).length_squared()
+    }
+}
+
+/// The points of fibres by the cells in which they lie.
+struct Points {
+    cells: Cells,
+    /// Fibre and point.
+    of_cell: Vec<Vec<(u32, u32)>>,
+}
+
+impl Points {
+    fn new(fibres: &[Vec<DVec3>], size_mm: DVec2, reach_mm: f64) -> Points {
+        let cells = Cells::new(size_mm, reach_mm);
+        let mut of_cell = vec![Vec::new(); cells.counts.iter().product()];
+        for (f, line) in fibres.iter().enumerate() {
+            for (p, at) in line.iter().enumerate() {
+                of_cell[cells.index(at.truncate())].push((f as u32, p as u32));
+            }
+        }
+        Points { cells, of_cell }
+    }
+
+    /// The points within the distance for which the cells were made: the distance, and fibre and
+    /// point.
+    fn within(
+        &self,
+        fibres: &[Vec<DVec3>],
+        middle: DVec2,
+        reach_mm: f64,
+    ) -> Vec<(f64, (u32, u32))> {
+        let cells = self.cells.around(middle).into_iter();
+        cells
+            .flat_map(|c| &self.of_cell[c])
+            .map(|&(f, p)| {
+                let at = fibres[f as usize][p as usize].truncate();
+                (self.cells.square_mm2(at, middle).sqrt(), (f, p))
+            })
+            .filter(|(distance, _)| *distance < reach_mm)
+            .collect()
+    }
+}
+
 /// A piece of a fibre that a tuft replaces.
 struct Carried {
     fibre: usize,
@@ -131,11 +218,12 @@ impl Needling {
     /// Carries fibres through the web. Returns the length of fibre in tufts.
     pub fn carry(&self, fibres: &mut [Vec<DVec3>], step_mm: f64, rng: &mut PathRng) -> f64 {
         let reach_mm = CAUGHT * self.tuft_mm;
-        let found = self.within(fibres, reach_mm);
+        let points = Points::new(fibres, self.size_mm, reach_mm);
         let half = (CARRIED * self.tuft_mm / step_mm).ceil().max(1.0) as usize;
         let mut taken: Vec<Vec<(usize, usize)>> = vec![Vec::new(); fibres.len()];
         let mut all: Vec<Carried> = Vec::new();
-        for ((middle, from_back), mut near) in self.punches.iter().zip(found) {
+        for (middle, from_back) in &self.punches {
+            let mut near = points.within(fibres, *middle, reach_mm);
             // Nearest first; each fibre is caught once by a punch.
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let mut carried = 0;
@@ -175,43 +263,6 @@ impl Needling {
             fibres[c.fibre].splice(c.from..=c.to, c.path);
         }
         carried_mm
-    }
-
-    /// Per punch, the points within a distance: the distance, and fibre and point.
-    fn within(&self, fibres: &[Vec<DVec3>], reach_mm: f64) -> Vec<Vec<(f64, (u32, u32))>> {
-        let count = |size: f64| ((size / reach_mm) as usize).clamp(1, 1024);
-        let (nx, ny) = (count(self.size_mm.x), count(self.size_mm.y));
-        let cell = |at: DVec2| {
-            let share = at / self.size_mm;
-            let share = share - share.floor();
-            let [x, y] = [share.x * nx as f64, share.y * ny as f64].map(|v| v as usize);
-            (x % nx, y % ny)
-        };
-        let mut near = vec![Vec::new(); nx * ny];
-        for (i, (middle, _)) in self.punches.iter().enumerate() {
-            let (x, y) = cell(*middle);
-            let mut cells: Vec<usize> = (0..9)
-                .map(|k| (y + ny + k / 3 - 1) % ny * nx + (x + nx + k % 3 - 1) % nx)
-                .collect();
-            cells.sort_unstable();
-            cells.dedup();
-            cells.into_iter().for_each(|c| near[c].push(i));
-        }
-        let mut found = vec![Vec::new(); self.punches.len()];
-        for (f, line) in fibres.iter().enumerate() {
-            for (p, at) in line.iter().enumerate() {
-                let (x, y) = cell(at.truncate());
-                for &i in &near[y * nx + x] {
-                    let apart = at.truncate() - self.punches[i].0;
-                    let apart = apart - (apart / self.size_mm).round() * self.size_mm;
-                    let distance = apart.length();
-                    if distance < reach_mm {
-                        found[i].push((distance, (f as u32, p as u32)));
-                    }
-                }
-            }
-        }
-        found
     }
 
     /// The way of a fibre down one leg of a tuft and up the other.
@@ -265,29 +316,38 @@ impl Needling {
 /// Points at which the web is pressed thin.
 #[derive(Clone, Debug)]
 pub(crate) struct Bonding {
-    pub size_mm: DVec2,
-    pub middles: Vec<DVec2>,
-    pub radius_mm: f64,
+    radius_mm: f64,
     /// Thickness in a point over that of the web.
-    pub thinness: f64,
+    thinness: f64,
+    cells: Cells,
+    /// Middles by cell.
+    of_cell: Vec<Vec<DVec2>>,
 }
 
 impl Bonding {
-    /// The radius of points that take a share of the area.
-    pub fn radius_mm(share: f64, points: usize, size_mm: DVec2) -> f64 {
-        (share * size_mm.x * size_mm.y / (PI * points as f64)).sqrt()
+    /// Points around `middles` that together take a share of the area.
+    pub fn new(middles: &[DVec2], share: f64, thinness: f64, size_mm: DVec2) -> Bonding {
+        let radius_mm = (share * size_mm.x * size_mm.y / (PI * middles.len() as f64)).sqrt();
+        // The cloth thins over half of the edge outside of the radius; the cells are wider.
+        let cells = Cells::new(size_mm, (1.0 + BOND_EDGE) * radius_mm);
+        let mut of_cell = vec![Vec::new(); cells.counts.iter().product()];
+        for middle in middles {
+            of_cell[cells.index(*middle)].push(*middle);
+        }
+        Bonding {
+            radius_mm,
+            thinness,
+            cells,
+            of_cell,
+        }
     }
 
     /// The thickness at a place, relative to the web's.
     pub fn thickness(&self, at: DVec2) -> f64 {
-        let square = |m: &DVec2| {
-            let apart = at - *m;
-            (apart - (apart / self.size_mm).round() * self.size_mm).length_squared()
-        };
-        let nearest = self
-            .middles
-            .iter()
-            .map(square)
+        let near = self.cells.around(at).into_iter();
+        let nearest = near
+            .flat_map(|c| &self.of_cell[c])
+            .map(|middle| self.cells.square_mm2(at, *middle))
             .fold(f64::INFINITY, f64::min);
         // Half of the fall lies within the radius.
         let inside = 0.5 + (1.0 - nearest.sqrt() / self.radius_mm) / BOND_EDGE;

@@ -11,7 +11,7 @@ use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
 use crate::section::Section;
 use crate::separate::{Line, Room, overlap, separate};
-use crate::spec::{BondingSpec, FabricGeometry, NeedledSides, NeedlingSpec, NonwovenSpec};
+use crate::spec::{FabricGeometry, NeedledSides, NeedlingSpec, NonwovenSpec};
 use crate::strand::{radius_of_part_mm, thickest_fibre_mm, unit};
 use crate::web::{Bonding, Laying, Needling, lattice};
 use crate::yarn::Yarn;
@@ -39,6 +39,7 @@ const STEPS_PER_CURL: f64 = 4.0;
 const SPARE: f64 = 1.04;
 /// The strongest orientation of directions before crimp turns them.
 const MAX_ORIENTATION: f64 = 0.96;
+const DEFAULT_FIBRES_PER_PUNCH: u32 = 15;
 /// How far punches are off their lattice, as a share of its cell (estimated).
 const PUNCH_JITTER: f64 = 0.35;
 
@@ -126,6 +127,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     };
     let mut rng = PathRng::new(seed, 0, PUNCHING);
     if let Some(needling) = &spec.needling {
+        refuse_too_many_tufts(needling, spec, &laying, length_mm)?;
         let needling = punches(needling, &laying, &mut rng);
         web.punches = needling.punches.len();
         web.carried = needling.carry(&mut fibres, laying.step_mm, &mut rng);
@@ -147,8 +149,11 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     web.overlap = overlap(&lines, room).0;
     web.carried /= lines.iter().map(Line::length_mm).sum::<f64>();
     if let Some(spec) = &spec.bonding {
-        let bonding = points(spec, &laying, &mut rng, web.thickness_mm);
-        web.points = bonding.middles.len();
+        let middles = lattice(laying.size_mm, 0.01 * spec.points_per_cm2, 0.0, &mut rng);
+        web.points = middles.len();
+        let thinness = spec.thickness_mm / web.thickness_mm;
+        let share = 0.01 * spec.area_percent;
+        let bonding = Bonding::new(&middles, share, thinness, laying.size_mm);
         for p in lines.iter_mut().flat_map(|l| &mut l.points) {
             p.z *= bonding.thickness(p.truncate());
         }
@@ -206,6 +211,35 @@ fn laying(spec: &NonwovenSpec, yarn: &Yarn) -> Result<Laying, Error> {
     })
 }
 
+/// Tufts consist of the fibres that are laid.
+fn refuse_too_many_tufts(
+    needling: &NeedlingSpec,
+    spec: &NonwovenSpec,
+    laying: &Laying,
+    length_mm: f64,
+) -> Result<(), Error> {
+    let area_cm2 = 0.01 * laying.size_mm.x * laying.size_mm.y;
+    let fibres = f64::from(
+        needling
+            .fibres_per_punch
+            .unwrap_or(DEFAULT_FIBRES_PER_PUNCH),
+    );
+    // From the middle of the web, each goes out of the other face and back.
+    let each_mm = spec.thickness_mm + 2.0 * needling.depth_mm.unwrap_or(0.0);
+    let tufts_mm = needling.punches_per_cm2 * area_cm2 * fibres * each_mm;
+    if tufts_mm <= length_mm {
+        return Ok(());
+    }
+    let message = format!(
+        "{} punches per cm2 of {fibres} fibres, {each_mm} mm each, need {:.1} m of fibre in a tile \
+         that has {:.1} m; fewer punches, fewer fibres a punch or less depth need less",
+        needling.punches_per_cm2,
+        1e-3 * tufts_mm,
+        1e-3 * length_mm
+    );
+    Err(Error::spec("nonwoven.needling.punches_per_cm2", message))
+}
+
 fn punches(spec: &NeedlingSpec, laying: &Laying, rng: &mut PathRng) -> Needling {
     let per_mm2 = 0.01 * spec.punches_per_cm2;
     let both = spec.sides == Some(NeedledSides::Both);
@@ -219,21 +253,9 @@ fn punches(spec: &NeedlingSpec, laying: &Laying, rng: &mut PathRng) -> Needling 
             .enumerate()
             .map(|(i, at)| (at, both && i % 2 == 1))
             .collect(),
-        fibres: spec.fibres_per_punch.unwrap_or(15) as usize,
+        fibres: spec.fibres_per_punch.unwrap_or(DEFAULT_FIBRES_PER_PUNCH) as usize,
         tuft_mm: spec.tuft_mm.unwrap_or(0.3),
         ends_mm: [low - depth_mm, high + depth_mm],
-    }
-}
-
-fn points(spec: &BondingSpec, laying: &Laying, rng: &mut PathRng, thickness_mm: f64) -> Bonding {
-    let per_mm2 = 0.01 * spec.points_per_cm2;
-    let middles = lattice(laying.size_mm, per_mm2, 0.0, rng);
-    let share = 0.01 * spec.area_percent;
-    Bonding {
-        size_mm: laying.size_mm,
-        radius_mm: Bonding::radius_mm(share, middles.len(), laying.size_mm),
-        middles,
-        thinness: spec.thickness_mm / thickness_mm,
     }
 }
 

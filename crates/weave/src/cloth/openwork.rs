@@ -8,7 +8,7 @@ use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::Error;
 use crate::draft::MAX_THREADS;
-use crate::openwork::{Openwork, OpenworkKind};
+use crate::openwork::{Course, Openwork, OpenworkKind};
 use crate::section::Section;
 use crate::separate::{Line, Room, overlap, separate};
 use crate::spec::FabricGeometry;
@@ -18,6 +18,9 @@ use organza_basis::{Aabb, Tile};
 
 /// The largest number of meshes in a tile.
 const MAX_MESHES: usize = 1 << 14;
+/// The largest number of points on its threads: pushing them apart takes about 200 bytes for
+/// each.
+const MAX_POINTS: f64 = (1u64 << 19) as f64;
 
 /// What is known of openwork beyond its threads.
 #[derive(Clone, Debug)]
@@ -43,6 +46,17 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         let radii = used.iter().map(|&y| yarns[y].radius_mm());
         radii.fold(0.0, f64::max)
     };
+    for (key, is_given) in [
+        ("warp.wander", fabric.warp.wander.is_some()),
+        ("weft.wander", fabric.weft.wander.is_some()),
+        ("warp.reed_dents", fabric.warp.reed_dents.is_some()),
+        ("weft.reed_dents", fabric.weft.reed_dents.is_some()),
+    ] {
+        if is_given {
+            let message = "belongs to a weave (draft.weave, draft.wif or draft.drawdown)";
+            return Err(Error::spec(key, message));
+        }
+    }
     let [rx, ry] = repeats(fabric)?;
     let [ends, rows] = kind.repeat();
     let ends = threads(ends, &of_warp, &fabric.warp).saturating_mul(rx);
@@ -76,6 +90,17 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     }
 
     let courses = open.courses();
+    let step_mm = 0.5 * open.warp_mm.min(open.weft_mm);
+    let length_mm: f64 = courses.iter().map(Course::length_mm).sum();
+    if length_mm / step_mm > MAX_POINTS {
+        let message = format!(
+            "the threads of {ends} ends and {rows} rows are {:.0} m long, and at most {:.0} m of \
+             them are laid; more threads per cm or fewer repeats are shorter",
+            1e-3 * length_mm,
+            1e-3 * MAX_POINTS * step_mm
+        );
+        return Err(Error::spec("tile.repeats", message));
+    }
     let number = |i: usize| if i < ends { i } else { i - ends };
     let yarn_of = |i: usize| {
         let used = if i < ends { &of_warp } else { &of_weft };
@@ -85,7 +110,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         .iter()
         .enumerate()
         .map(|(i, c)| Line {
-            points: c.rounded(0.5 * open.warp_mm.min(open.weft_mm)),
+            points: c.rounded(step_mm),
             radius_mm: yarns[yarn_of(i)].radius_mm(),
             period: Some(c.period),
         })

@@ -7,7 +7,9 @@ use crate::spec::{FabricGeometry, ThreadSetSpec};
 /// Copies of the smallest repeat along x and y.
 pub(super) fn repeats(fabric: &FabricGeometry) -> Result<[usize; 2], Error> {
     if fabric.tile.repeats.contains(&0) {
-        return Err(Error::spec("tile.repeats", "expected numbers from 1"));
+        let found = fabric.tile.repeats;
+        let message = format!("expected two whole numbers from 1, found {found:?}");
+        return Err(Error::spec("tile.repeats", message));
     }
     Ok(fabric.tile.repeats.map(|r| r as usize))
 }

@@ -10,7 +10,11 @@ pub struct NonwovenSpec {
     /// Name of the yarn whose fibres are laid: their radius, density and colours count.
     pub fibre: String,
     /// Linear colours, which repeat over the fibres; those of the yarn without them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(
+        default,
+        deserialize_with = "super::one_at_least",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub colours: Vec<Rgb>,
     /// Mass per area, grams per square metre, 1 to 5000.
     pub areal_density_g_per_m2: f64,

@@ -25,7 +25,11 @@ pub struct PileSpec {
     /// Name of the pile's yarn.
     pub yarn: String,
     /// Linear colours, which repeat across the ends; the yarn's own without them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(
+        default,
+        deserialize_with = "super::one_at_least",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub colours: Vec<Rgb>,
     /// Mean height of the pile above the ground's face, millimetres, 0.05 to 30.
     pub height_mm: f64,

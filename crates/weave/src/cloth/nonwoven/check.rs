@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::cloth::build::check_colours;
+use crate::cloth::ranges::check_ranges;
 use crate::spec::{CurveKind, DraftSpec, FabricGeometry, NonwovenSpec, ThreadSetSpec};
 
 /// Refuses values out of range, and tables that belong to threads.
@@ -22,89 +23,71 @@ pub(in crate::cloth) fn check(fabric: &FabricGeometry, spec: &NonwovenSpec) -> R
         let message = "nonwoven.tile_mm gives the size of the tile";
         return Err(Error::spec("tile.repeats", message));
     }
-    let wrong = |key: &str, message: String| Err(Error::spec(format!("nonwoven.{key}"), message));
-    let needling = spec.needling.as_ref();
-    let bonding = spec.bonding.as_ref();
-    let fibres = needling.and_then(|n| n.fibres_per_punch).map(f64::from);
-    for (key, value, low, high, unit) in [
-        (
-            "areal_density_g_per_m2",
-            Some(spec.areal_density_g_per_m2),
-            1.0,
-            5000.0,
-            " g/m2",
-        ),
-        ("thickness_mm", Some(spec.thickness_mm), 0.02, 30.0, " mm"),
-        ("length_mm", Some(spec.length_mm), 0.5, 1000.0, " mm"),
-        ("anisotropy", spec.anisotropy, 0.05, 20.0, ""),
-        (
-            "out_of_plane_deg",
-            spec.out_of_plane_deg,
-            0.0,
-            45.0,
-            " degrees",
-        ),
-        ("curl_mm", spec.curl_mm, 0.3, 1000.0, " mm"),
-        ("crimp_percent", spec.crimp_percent, 0.0, 60.0, " %"),
-        ("crimps_per_cm", spec.crimps_per_cm, 0.5, 30.0, " per cm"),
-        ("tile_mm[0]", Some(spec.tile_mm[0]), 0.5, 200.0, " mm"),
-        ("tile_mm[1]", Some(spec.tile_mm[1]), 0.5, 200.0, " mm"),
-        (
-            "needling.punches_per_cm2",
-            needling.map(|n| n.punches_per_cm2),
-            1.0,
-            2000.0,
-            " per cm2",
-        ),
-        ("needling.fibres_per_punch", fibres, 1.0, 200.0, ""),
-        (
-            "needling.tuft_mm",
-            needling.and_then(|n| n.tuft_mm),
-            0.05,
-            2.0,
-            " mm",
-        ),
-        (
-            "needling.depth_mm",
-            needling.and_then(|n| n.depth_mm),
-            0.0,
-            10.0,
-            " mm",
-        ),
-        (
-            "bonding.points_per_cm2",
-            bonding.map(|b| b.points_per_cm2),
-            1.0,
-            400.0,
-            " per cm2",
-        ),
-        (
-            "bonding.area_percent",
-            bonding.map(|b| b.area_percent),
-            0.5,
-            50.0,
-            " %",
-        ),
-        (
-            "bonding.thickness_mm",
-            bonding.map(|b| b.thickness_mm),
-            0.005,
-            spec.thickness_mm,
-            " mm",
-        ),
-    ] {
-        if let Some(found) = value.filter(|v| !(low..=high).contains(v)) {
-            return wrong(
-                key,
-                format!("expected a number from {low} to {high}{unit}, found {found}"),
-            );
-        }
+    check_ranges(
+        "nonwoven",
+        &[
+            (
+                "areal_density_g_per_m2",
+                Some(spec.areal_density_g_per_m2),
+                [1.0, 5000.0],
+                "g/m2",
+            ),
+            ("thickness_mm", Some(spec.thickness_mm), [0.02, 30.0], "mm"),
+            ("length_mm", Some(spec.length_mm), [0.5, 1000.0], "mm"),
+            ("anisotropy", spec.anisotropy, [0.05, 20.0], ""),
+            (
+                "out_of_plane_deg",
+                spec.out_of_plane_deg,
+                [0.0, 45.0],
+                "degrees",
+            ),
+            ("curl_mm", spec.curl_mm, [0.3, 1000.0], "mm"),
+            ("crimp_percent", spec.crimp_percent, [0.0, 60.0], "%"),
+            ("crimps_per_cm", spec.crimps_per_cm, [0.5, 30.0], "per cm"),
+            ("tile_mm[0]", Some(spec.tile_mm[0]), [0.5, 200.0], "mm"),
+            ("tile_mm[1]", Some(spec.tile_mm[1]), [0.5, 200.0], "mm"),
+        ],
+    )?;
+    if let Some(needling) = &spec.needling {
+        let fibres = needling.fibres_per_punch.map(f64::from);
+        check_ranges(
+            "nonwoven.needling",
+            &[
+                (
+                    "punches_per_cm2",
+                    Some(needling.punches_per_cm2),
+                    [1.0, 2000.0],
+                    "per cm2",
+                ),
+                ("fibres_per_punch", fibres, [1.0, 200.0], ""),
+                ("tuft_mm", needling.tuft_mm, [0.05, 2.0], "mm"),
+                ("depth_mm", needling.depth_mm, [0.0, 10.0], "mm"),
+            ],
+        )?;
+    }
+    if let Some(bonding) = &spec.bonding {
+        check_ranges(
+            "nonwoven.bonding",
+            &[
+                (
+                    "points_per_cm2",
+                    Some(bonding.points_per_cm2),
+                    [1.0, 400.0],
+                    "per cm2",
+                ),
+                ("area_percent", Some(bonding.area_percent), [0.5, 50.0], "%"),
+                (
+                    "thickness_mm",
+                    Some(bonding.thickness_mm),
+                    [0.005, spec.thickness_mm],
+                    "mm",
+                ),
+            ],
+        )?;
     }
     if spec.crimps_per_cm.is_some() && spec.crimp_percent.is_none() {
-        return wrong(
-            "crimps_per_cm",
-            "has no effect without nonwoven.crimp_percent".into(),
-        );
+        let message = "has no effect without nonwoven.crimp_percent";
+        return Err(Error::spec("nonwoven.crimps_per_cm", message));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Which `[pile]` tables make sense.
 
 use crate::Error;
+use crate::cloth::ranges::check_ranges;
 use crate::spec::{FabricGeometry, PileKind, PileSides, PileSpec};
 
 /// Ends and picks after which the pile repeats.
@@ -27,37 +28,36 @@ pub(in crate::cloth) fn repeat(fabric: &FabricGeometry) -> [usize; 2] {
 /// Refuses values out of range, and keys of another kind of pile.
 pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
     let wrong = |key: &str, message: String| Err(Error::spec(format!("pile.{key}"), message));
-    for (key, value, low, high, unit) in [
-        ("height_mm", Some(pile.height_mm), 0.05, 30.0, " mm"),
-        ("height_cv_percent", pile.height_cv_percent, 0.0, 30.0, " %"),
-        ("tufts_per_cm2", pile.tufts_per_cm2, 1.0, 1e5, ""),
-        ("lean_deg", pile.lean_deg, 0.0, 70.0, " degrees"),
-        (
-            "lean_direction_deg",
-            pile.lean_direction_deg,
-            -360.0,
-            360.0,
-            " degrees",
-        ),
-        (
-            "lean_deviation_deg",
-            pile.lean_deviation_deg,
-            0.0,
-            30.0,
-            " degrees",
-        ),
-        ("splay", pile.splay, 0.05, 4.0, ""),
-        ("turn_deg", pile.turn_deg, 0.0, 90.0, " degrees"),
-        ("wales_per_cm", pile.wales_per_cm, 0.5, 30.0, ""),
-        ("wale_width", pile.wale_width, 0.2, 1.0, ""),
-    ] {
-        if let Some(found) = value.filter(|v| !(low..=high).contains(v)) {
-            return wrong(
-                key,
-                format!("expected a number from {low} to {high}{unit}, found {found}"),
-            );
-        }
-    }
+    check_ranges(
+        "pile",
+        &[
+            ("height_mm", Some(pile.height_mm), [0.05, 30.0], "mm"),
+            (
+                "height_cv_percent",
+                pile.height_cv_percent,
+                [0.0, 30.0],
+                "%",
+            ),
+            ("tufts_per_cm2", pile.tufts_per_cm2, [1.0, 1e5], ""),
+            ("lean_deg", pile.lean_deg, [0.0, 70.0], "degrees"),
+            (
+                "lean_direction_deg",
+                pile.lean_direction_deg,
+                [-360.0, 360.0],
+                "degrees",
+            ),
+            (
+                "lean_deviation_deg",
+                pile.lean_deviation_deg,
+                [0.0, 30.0],
+                "degrees",
+            ),
+            ("splay", pile.splay, [0.05, 4.0], ""),
+            ("turn_deg", pile.turn_deg, [0.0, 90.0], "degrees"),
+            ("wales_per_cm", pile.wales_per_cm, [0.5, 30.0], ""),
+            ("wale_width", pile.wale_width, [0.2, 1.0], ""),
+        ],
+    )?;
     use PileKind::{Cut, Loop, Wale};
     for (key, is_given, kinds, of) in [
         (
