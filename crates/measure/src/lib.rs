@@ -59,6 +59,7 @@ mod picture_match;
 mod picture_moments;
 mod polynomial_map;
 mod polynomial_map_file;
+mod sharpening;
 mod surface_patch;
 mod sweep;
 mod table;
@@ -71,7 +72,7 @@ pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive}
 pub use adaptive_file::write_adaptive;
 pub use appearance::{Appearance, AppearanceFit, AppearanceSearch, Simulate, fit_appearance};
 pub use cost::{Cost, Growth, growth, pareto_front};
-pub use far_table::{MOST_STEPS, NodeSums, Sharpened, Sharpening, far_matrix, measure_node};
+pub use far_table::{NodeSums, far_matrix, measure_node};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,
@@ -97,6 +98,7 @@ pub use polynomial_map::{
     MapEffort, PolynomialMap, measure_polynomial_map, memory_bytes as polynomial_map_memory_bytes,
 };
 pub use polynomial_map_file::write_polynomial_map;
+pub use sharpening::{MOST_STEPS, Sharpened, Sharpening};
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,
