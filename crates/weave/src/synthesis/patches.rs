@@ -65,14 +65,18 @@ impl Patches {
         for (i, patch) in self.patches.iter().enumerate() {
             for p in radius..PATCH - radius {
                 for e in radius..PATCH - radius {
-                    let found = places
+                    places
                         .entry(Window::around(patch, e, p, radius))
-                        .or_default();
-                    if found.len() < variants {
-                        found.push([i % across * PATCH + e, i / across * PATCH + p]);
-                    }
+                        .or_default()
+                        .push([i % across * PATCH + e, i / across * PATCH + p]);
                 }
             }
+        }
+        // Evenly among all: those of one row or patch would be alike.
+        for found in places.values_mut().filter(|f| f.len() > variants) {
+            let all = std::mem::take(found);
+            let step = |i: usize| (2 * i + 1) * all.len() / (2 * variants);
+            *found = (0..variants).map(|i| all[step(i)]).collect();
         }
         places
     }
