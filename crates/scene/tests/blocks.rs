@@ -268,3 +268,13 @@ fn volumes_are_exemplars() {
         "{why}"
     );
 }
+
+#[test]
+fn a_small_exemplar_is_told_how_much_more_it_needs() {
+    let few = written("few.toml", "[synthesis]\nexemplar_crossings = 256\n", "");
+    let why = fabric(&few).err().unwrap();
+    assert!(
+        why.contains("set exemplar_crossings to 512 or more"),
+        "{why}"
+    );
+}

@@ -4,7 +4,7 @@ use super::{Centreline, Cloth};
 use crate::path::Hermite;
 use crate::relax::Relaxed;
 use crate::synthesis::Synthesis;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// How well yarns go on across the borders of blocks, over all borders of a design.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -162,6 +162,7 @@ pub(super) fn join_at_borders(synthesis: &Synthesis, relaxed: &mut Relaxed) {
         sum.1 += curve.slope[knot];
         sum.2 += 1.0;
     }
+    let before = (relaxed.warp.clone(), relaxed.weft.clone());
     for (is_warp, thread, knot, kind) in borders {
         let (height, slope, count) = fixed
             .get(&(is_warp, kind))
@@ -175,5 +176,66 @@ pub(super) fn join_at_borders(synthesis: &Synthesis, relaxed: &mut Relaxed) {
         let curve = &mut system[thread];
         curve.height_mm[knot] = height / count;
         curve.slope[knot] = slope / count;
+    }
+    let places: BTreeSet<[usize; 2]> = synthesis.blocks.iter().map(|b| b.place).collect();
+    for [end, pick] in places {
+        if synthesis.volume_at([end, pick]).is_some() {
+            continue;
+        }
+        let warp = follow(&mut relaxed.warp[end], &before.0[end], pick);
+        let weft = follow(&mut relaxed.weft[pick], &before.1[pick], end);
+        // The threads of a crossing keep the distance at which they rest on each other.
+        let shift_mm = 0.5 * (warp + weft);
+        relaxed.warp[end].height_mm[2 * pick] += shift_mm;
+        relaxed.weft[pick].height_mm[2 * end] += shift_mm;
+    }
+}
+
+/// Turns a yarn at crossing `i` as the cubic does that moves its borders from where they were,
+/// and returns how far that cubic moves the crossing, mm. A yarn whose borders alone moved
+/// would have a bump at every crossing.
+fn follow(curve: &mut Hermite, before: &Hermite, i: usize) -> f64 {
+    let (low, high) = (knot_before(curve, i), knot_after(i));
+    let moved = |k: usize| {
+        (
+            curve.height_mm[k] - before.height_mm[k],
+            curve.slope[k] - before.slope[k],
+        )
+    };
+    let ((h0, s0), (h1, s1)) = (moved(low), moved(high));
+    let length_mm = curve.interval(low).0 + curve.interval(2 * i).0;
+    curve.slope[2 * i] += 1.5 * (h1 - h0) / length_mm - 0.25 * (s0 + s1);
+    0.5 * (h0 + h1) + 0.125 * length_mm * (s0 - s1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crossings_follow_their_borders_on_a_cubic() {
+        let knots_mm: Vec<f64> = (0..=8).map(|k| 0.25 * f64::from(k)).collect();
+        let before = Hermite {
+            knots_mm: knots_mm.into(),
+            height_mm: vec![0.1, 0.0, -0.1, 0.0, 0.1, 0.0, -0.1, 0.0],
+            slope: vec![0.0, -0.6, 0.0, 0.6, 0.0, -0.6, 0.0, 0.6],
+        };
+        // The crossing at 0.5 mm lies between borders at 0.25 and 0.75 mm.
+        let cubic = |y: f64| 0.02 - 0.05 * y + 0.11 * y * y - 0.3 * y * y * y;
+        let slope = |y: f64| -0.05 + 0.22 * y - 0.9 * y * y;
+        let mut curve = before.clone();
+        for (k, y) in [(1, 0.25), (3, 0.75)] {
+            curve.height_mm[k] += cubic(y);
+            curve.slope[k] += slope(y);
+        }
+        let moved_mm = follow(&mut curve, &before, 1);
+        assert!((moved_mm - cubic(0.5)).abs() < 1e-12, "{moved_mm}");
+        assert!((curve.slope[2] - before.slope[2] - slope(0.5)).abs() < 1e-12);
+        // The first crossing, whose border lies behind the end of the period.
+        let mut curve = before.clone();
+        curve.height_mm[1] += 0.01;
+        curve.height_mm[7] += 0.01;
+        let moved_mm = follow(&mut curve, &before, 0);
+        assert!((moved_mm - 0.01).abs() < 1e-12, "{moved_mm}");
     }
 }

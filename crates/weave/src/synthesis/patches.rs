@@ -143,8 +143,11 @@ pub fn cut_from_design(
 }
 
 fn no_room(what: &str, room: usize) -> Error {
-    let message =
-        format!("{what} more than {room} patches of {PATCH} x {PATCH} crossings; allow more");
+    let more = 2 * room * PATCH * PATCH;
+    let message = format!(
+        "{what} more than {room} patches of {PATCH} x {PATCH} crossings; set exemplar_crossings to \
+         {more} or more"
+    );
     Error::spec("synthesis.exemplar_crossings", message)
 }
 
