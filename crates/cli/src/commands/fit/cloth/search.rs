@@ -178,6 +178,8 @@ impl<'a> Search<'a> {
         let mut trial = start;
         let mut pictures = self.render(&trial)?;
         let mut covariance = DMatrix::zeros(VALUES, VALUES);
+        self.place(&pictures, &mut placed);
+        let at_start = (pictures.clone(), placed.clone());
         let mut last = Vec::new();
         for _ in 0..TURNS {
             self.place(&pictures, &mut placed);
@@ -233,8 +235,16 @@ impl<'a> Search<'a> {
             trial = mean;
         }
         self.place(&pictures, &mut placed);
-        let residuals = self.residuals(&pictures, &placed);
-        let cost = square(&residuals).max(0.0);
+        // Turns that noise led astray are worse than none.
+        let cost_of = |pictures: &Halves, placed: &[Placed]| {
+            square(&self.residuals(pictures, placed)).max(0.0)
+        };
+        let mut cost = cost_of(&pictures, &placed);
+        let start_cost = cost_of(&at_start.0, &at_start.1);
+        if cost > start_cost {
+            (trial, cost) = (start, start_cost);
+            (pictures, placed) = at_start;
+        }
         let se = |k: usize| covariance[(k, k)].max(0.0).sqrt();
         let mut parameters = Vec::new();
         let mut add = |name: String, value: f64, se: f64, range: f64| {
