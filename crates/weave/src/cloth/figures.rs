@@ -2,6 +2,7 @@
 
 use super::cover::{cover_factor, openness};
 use super::nonwoven::Web;
+use super::pile::loop_cover;
 use super::{Centreline, Cloth, CurveLevel, ThreadAtRest};
 use crate::closure::Closure;
 use crate::openwork::OpenworkKind;
@@ -42,6 +43,12 @@ pub struct PileFigures {
     pub tips_per_mm2: f64,
     /// Length of pile yarn in a tuft or loop, its share of the ground included, millimetres.
     pub yarn_per_tuft_mm: f64,
+    /// Length of a pile end over the length of the cloth: the pile ratio of a terry.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pile_ratio: Option<f64>,
+    /// Share of the face that the yarns of loops hide from above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loop_cover: Option<f64>,
     /// Mass of the pile per area.
     pub areal_density_g_per_m2: f64,
 }
@@ -179,7 +186,7 @@ impl Cloth {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut packing, mut covered) = (0.0f64, 0.0);
         let mut wales = 0;
-        let (mut laid_mm, mut pile_mg) = (0.0, 0.0);
+        let (mut laid_mm, mut pile_mg, mut pile_ends) = (0.0, 0.0, 0.0f64);
         for thread in &self.threads {
             let yarn = &*thread.spun.yarn;
             let mut add = |fibre: f64, radius: f64| {
@@ -217,6 +224,7 @@ impl Cloth {
             let diameter = 2.0 * yarn.radius_mm() * thread.mean_size();
             if let Centreline::Laid { .. } = thread.line {
                 laid_mm += length;
+                pile_ends += 1.0;
                 let volume =
                     length * present * fibres * per_length * PI * yarn.fibre_radius_mm.powi(2);
                 pile_mg += volume * yarn.fibre_density_g_per_cm3;
@@ -269,6 +277,11 @@ impl Cloth {
                 tufts_per_cm2: 100.0 * pile.count as f64 / area,
                 tips_per_mm2: tips / area,
                 yarn_per_tuft_mm: laid_mm / pile.count.max(1) as f64,
+                pile_ratio: pile
+                    .tufts
+                    .is_none()
+                    .then(|| laid_mm / (pile_ends.max(1.0) * size.y)),
+                loop_cover: pile.tufts.is_none().then(|| loop_cover(self, pile.face_mm)),
                 areal_density_g_per_m2: 1000.0 * pile_mg / area,
             }
         });

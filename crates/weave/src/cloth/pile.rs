@@ -1,6 +1,7 @@
 //! Pile on a woven ground: where its tufts and loops stand.
 
 mod check;
+mod cover;
 
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
@@ -19,6 +20,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
 
 pub(super) use check::{check, repeat};
+pub(super) use cover::loop_cover;
 
 /// Family of the random numbers of lean and height.
 const LEAN: u64 = 7 << 40;

@@ -132,6 +132,37 @@ fn loops_close_over_the_tile_and_alternate_between_the_sides() {
     assert!(sides[0] > 0 && sides[0] == sides[1], "{sides:?}");
 }
 
+/// A pile end is as long as its ratio says, and loops hide more of the ground the more of them
+/// there are: yarn over the area of the cloth bounds the share from above. The twin stands on
+/// every third end.
+#[test]
+fn figures_tell_how_long_pile_ends_are_and_what_loops_hide() {
+    let cloth = build(&with_pile(LOOP, 4));
+    let figures = cloth.figures().pile.unwrap();
+    let (ratio, cover) = (figures.pile_ratio.unwrap(), figures.loop_cover.unwrap());
+    let size = cloth.tile().bounds_mm.size().as_dvec3();
+    let laid = |t: &&ThreadAtRest| matches!(t.line, Centreline::Laid { .. });
+    let ends: Vec<_> = cloth.threads.iter().filter(laid).collect();
+    let lengths = ends
+        .iter()
+        .map(|t| cloth.path(t, CurveLevel::Yarn).length_mm());
+    let length_mm: f64 = lengths.sum();
+    let expected = length_mm / (ends.len() as f64 * size.y);
+    assert!((ratio / expected - 1.0).abs() < 1e-2, "{ratio}, {expected}");
+    assert!(ratio > 2.0, "{ratio}");
+    let width_mm = 2.0 * ends[0].spun.yarn.radius_mm();
+    let most = length_mm * width_mm / (size.x * size.y);
+    assert!(cover > 0.05 && cover < most.min(1.0), "{cover}, {most}");
+
+    let sparse = build(&with_pile(&LOOP.replace("[1, 3]", "[3, 3]"), 4));
+    let sparse = sparse.figures().pile.unwrap().loop_cover.unwrap();
+    assert!(sparse < 0.7 * cover, "{sparse}, {cover}");
+    assert_eq!(
+        build(&with_pile(CUT, 2)).figures().pile.unwrap().loop_cover,
+        None
+    );
+}
+
 #[test]
 fn without_irregularity_all_tufts_are_alike() {
     let mut f = with_pile(CUT, 4);
