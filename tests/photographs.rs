@@ -28,7 +28,7 @@ struct Planted {
     per_cm: [f64; 2],
     tex: [f64; 2],
     colours: [[f64; 3]; 2],
-    /// Pixels from thread to thread.
+    /// Pixels from thread to thread, in the ratio of the spacings, so that pixels are square.
     pixels: [u32; 2],
     seed: u64,
 }
@@ -38,7 +38,7 @@ const PLAIN: Planted = Planted {
     per_cm: [22.0, 19.0],
     tex: [22.0, 34.0],
     colours: [[0.55, 0.30, 0.20], [0.25, 0.40, 0.60]],
-    pixels: [15, 17],
+    pixels: [19, 22],
     seed: 101,
 };
 
@@ -49,7 +49,7 @@ const MORE: [Planted; 4] = [
         per_cm: [26.0, 22.0],
         tex: [24.0, 28.0],
         colours: [[0.30, 0.35, 0.50], [0.62, 0.55, 0.40]],
-        pixels: [13, 15],
+        pixels: [11, 13],
         seed: 102,
     },
     Planted {
@@ -57,7 +57,7 @@ const MORE: [Planted; 4] = [
         per_cm: [30.0, 20.0],
         tex: [22.0, 30.0],
         colours: [[0.40, 0.40, 0.40], [0.60, 0.20, 0.20]],
-        pixels: [11, 16],
+        pixels: [12, 18],
         seed: 103,
     },
     Planted {
@@ -65,7 +65,7 @@ const MORE: [Planted; 4] = [
         per_cm: [40.0, 22.0],
         tex: [14.0, 24.0],
         colours: [[0.60, 0.15, 0.12], [0.50, 0.45, 0.30]],
-        pixels: [10, 16],
+        pixels: [11, 20],
         seed: 104,
     },
     Planted {
@@ -73,7 +73,7 @@ const MORE: [Planted; 4] = [
         per_cm: [18.0, 16.0],
         tex: [30.0, 30.0],
         colours: [[0.50, 0.45, 0.30], [0.20, 0.30, 0.50]],
-        pixels: [14, 15],
+        pixels: [16, 18],
         seed: 105,
     },
 ];
@@ -201,9 +201,9 @@ impl Planted {
         )
     }
 
-    /// Fits photographs of it and compares the answer, within the bounds of the page; with few
-    /// paths only spacing and draft.
-    fn comes_back(&self, spp: &str, is_exact: bool) {
+    /// Fits photographs of it, compares spacing and draft, and prints how far off widths and
+    /// colours are, which do not come back within a few per cent yet.
+    fn comes_back(&self, spp: &str) {
         let folder = folder(&format!("photographs-{}", self.weave));
         let draft = Draft::named(self.weave).unwrap();
         let pixels = UVec2::new(draft.ends() as u32, draft.picks() as u32);
@@ -252,23 +252,19 @@ impl Planted {
         let fitted = fabric_file::load(&folder.join("fitted.toml"), &[], &Loader::new()).unwrap();
         let found = fitted.cloth.draft().unwrap();
         assert!(is_same_weave(&draft, found), "{case}");
-        let off = |found: f64, truth: f64| (found / truth - 1.0).abs();
+        let off = |found: f64, truth: f64| found / truth - 1.0;
         for k in 0..2 {
             let spacing = number(&answer["spacing_mm"][k]);
-            assert!(off(spacing, 10.0 / self.per_cm[k]) < 0.02, "{case}");
-            if !is_exact {
-                continue;
-            }
-            let width = number(&answer["widths_mm"][k]);
-            assert!(off(width, widths[k]) < 0.05, "{} {case}", widths[k]);
-            for c in 0..3 {
-                let at = 2 + 3 * k + c;
-                let colour = number(&answer["parameters"][at]["value"]);
-                assert!(
-                    off(colour, self.colours[k][c]) < 0.03,
-                    "channel {at}: {case}"
-                );
-            }
+            assert!(off(spacing, 10.0 / self.per_cm[k]).abs() < 0.02, "{case}");
+            let width = off(number(&answer["widths_mm"][k]), widths[k]);
+            let colours: [f64; 3] = std::array::from_fn(|c| {
+                let found = number(&answer["parameters"][2 + 3 * k + c]["value"]);
+                off(found, self.colours[k][c])
+            });
+            println!(
+                "{}: width off by {width:.3}, colours by {colours:.3?}",
+                self.weave
+            );
         }
     }
 }
@@ -276,9 +272,9 @@ impl Planted {
 /// Spacing within 2 % and the draft, one yarn for each system.
 #[test]
 fn planted_cloth_comes_back() {
-    PLAIN.comes_back("4", false);
+    PLAIN.comes_back("4");
     if is_full() {
-        MORE.iter().for_each(|p| p.comes_back("16", false));
+        MORE.iter().for_each(|p| p.comes_back("16"));
     }
 }
 
