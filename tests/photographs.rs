@@ -203,6 +203,7 @@ impl Planted {
 
     /// Fits photographs of it, compares spacing and draft, and prints how far off widths and
     /// colours are, which do not come back within a few per cent yet.
+    #[allow(clippy::print_stdout)] // figures for the log
     fn comes_back(&self, spp: &str) {
         let folder = folder(&format!("photographs-{}", self.weave));
         let draft = Draft::named(self.weave).unwrap();
