@@ -33,7 +33,7 @@ fn restore(folder: &Path, files: &BTreeMap<String, Vec<u8>>) {
 /// A command on a failing disk.
 struct Case<'a> {
     arguments: &'a str,
-    /// What tells an earlier run from the one on the failing disk.
+    /// What an earlier run has and the one on the failing disk has not.
     old: &'a str,
     new: &'a str,
     /// The one of several outputs that stands for all, and is absent while they are replaced.

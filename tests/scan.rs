@@ -12,7 +12,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// Gauze as a micro-CT scanner would see it, with its radius and grey value given.
-const GAUZE: [&str; 7] = [
+pub const GAUZE: [&str; 7] = [
     "scan",
     "--voxel-um",
     "3.5",
@@ -22,7 +22,7 @@ const GAUZE: [&str; 7] = [
     "170",
 ];
 
-fn gauze() -> PathBuf {
+pub fn gauze() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/gauze_ct.tif")
 }
 

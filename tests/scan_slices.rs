@@ -1,27 +1,13 @@
 //! A scan whose slices are files of PNG, through the program.
 
 use crate::program::{complaint, folder, succeed};
+use crate::scan::{GAUZE, gauze};
 use organza_basis::Budget;
 use organza_scan::input::Slices;
 use organza_scan::input::tiff::TiffSlices;
 use organza_volume::{Octree, ovox};
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
-
-/// Flags of the gauze: edge of a voxel, fibre radius and grey value of fibre.
-const GAUZE: [&str; 7] = [
-    "scan",
-    "--voxel-um",
-    "3.5",
-    "--fibre-radius-um",
-    "9",
-    "--fibre",
-    "170",
-];
-
-fn gauze() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/gauze_ct.tif")
-}
+use std::path::Path;
 
 /// Writes grey values of 0 to 255 as a slice of 8 bits, or of 16 with the same values.
 fn write_slice(path: &Path, values: &[f32], width: usize, depth: png::BitDepth) {

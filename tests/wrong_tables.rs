@@ -259,8 +259,8 @@ fn numbers_out_of_range_are_refused_by_their_keys() {
                 let set = format!("{key}={value}");
                 let message = refused(&at, name, &[small, &set]);
                 assert!(message.contains(key), "{set}: {message}");
-                let tells = message.contains("expected");
-                assert!(tells && message.contains("found"), "{set}: {message}");
+                let explains = message.contains("expected") && message.contains("found");
+                assert!(explains, "{set}: {message}");
             }
         }
     }

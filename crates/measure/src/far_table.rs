@@ -189,7 +189,7 @@ pub fn far_matrix(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::SurfacePatch;
     use glam::Vec3;
@@ -198,7 +198,15 @@ mod tests {
     use organza_surface::table::{FarTable, balance};
     use rayon::prelude::*;
 
-    fn rings() -> Rings {
+    /// A sheet with gaps that reflects and transmits.
+    pub const SHEET: DiffuseSpec = DiffuseSpec {
+        reflectance: organza_basis::Rgb::new(0.5, 0.3, 0.1),
+        transmittance: organza_basis::Rgb::new(0.2, 0.3, 0.05),
+        openness: 0.25,
+    };
+
+    /// Few rings, for few paths.
+    pub fn small_rings() -> Rings {
         let degrees = [
             (0.0, 1),
             (20.0, 8),
@@ -221,13 +229,8 @@ mod tests {
 
     #[test]
     fn a_diffuse_sheet_is_found_again() {
-        let spec = DiffuseSpec {
-            reflectance: organza_basis::Rgb::new(0.5, 0.3, 0.1),
-            transmittance: organza_basis::Rgb::new(0.2, 0.3, 0.05),
-            openness: 0.25,
-        };
-        let patch = SurfacePatch(DiffuseSheet::new(&spec).unwrap());
-        let rings = rings();
+        let patch = SurfacePatch(DiffuseSheet::new(&SHEET).unwrap());
+        let rings = small_rings();
         let table = table_of(&patch, &rings, 8192);
         let mut rng = PathRng::from_seed(9);
         let (mut off, mut all) = (0.0, 0.0);

@@ -76,8 +76,8 @@ impl Square {
 pub(crate) struct Means {
     /// The means of all pairs of nodes.
     found: Square,
-    /// Variance of a mean of one from an exposure of one. As every path counts for itself, that
-    /// of a mean `m` from an exposure `x` is this times `m / x`.
+    /// Every path counts for itself, so the variance of a mean `m` from an exposure `x` is this
+    /// factor times `m / x`.
     noise: f64,
 }
 
@@ -208,28 +208,16 @@ pub(crate) fn sharpened(means: &[f64], overlaps: &[Vec<(u32, f64)>]) -> Vec<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::far_table::tests::{SHEET, small_rings};
     use crate::{SurfacePatch, measure_node};
-    use organza_surface::diffuse::{DiffuseSheet, DiffuseSpec};
-    use organza_surface::table::Rings;
+    use organza_surface::diffuse::DiffuseSheet;
 
     /// The misfit is one for what lies under the noise, and shows what lies elsewhere.
     #[test]
     fn the_noise_of_means_is_known_from_their_two_estimates() {
-        let spec = DiffuseSpec {
-            reflectance: organza_basis::Rgb::new(0.5, 0.3, 0.1),
-            transmittance: organza_basis::Rgb::new(0.2, 0.3, 0.05),
-            openness: 0.25,
-        };
+        let spec = SHEET;
         let patch = SurfacePatch(DiffuseSheet::new(&spec).unwrap());
-        let degrees = [
-            (0.0, 1),
-            (20.0, 8),
-            (40.0, 12),
-            (60.0, 16),
-            (78.0, 16),
-            (90.0, 8),
-        ];
-        let rings = Rings::new(&degrees.map(|(t, n): (f32, u32)| (t.to_radians(), n))).unwrap();
+        let rings = small_rings();
         let (n, half) = (rings.sphere(), rings.hemisphere());
         let nodes: Vec<NodeSums> = (0..n)
             .into_par_iter()

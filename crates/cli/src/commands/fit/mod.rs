@@ -187,21 +187,29 @@ fn picture_flags(args: &FitArgs) -> [(&'static str, bool); 8] {
     ]
 }
 
-/// Refuses flags that only volumes have.
-fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
-    for (flag, is_given) in [
+/// Flags that only volumes have, and whether they are given.
+fn volume_flags(args: &FitArgs) -> [(&'static str, bool); 5] {
+    [
         ("--region", args.region.is_some()),
         ("--region-of", !args.region_of.is_empty()),
         ("--noise", args.noise.is_some()),
         ("--blur-px", args.blur_px.is_some()),
         ("--fit-density", args.fit_density),
-    ] {
-        if is_given {
-            let why = "applies only to a scene with a volume, or to a volume file";
-            return Err(input(format!("{flag}: {why}")));
-        }
+    ]
+}
+
+/// Refuses the first of these flags that is given.
+fn refuse_given(flags: &[(&str, bool)], why: &str) -> Result<()> {
+    match flags.iter().find(|(_, is_given)| *is_given) {
+        Some((flag, _)) => Err(input(format!("{flag}: {why}"))),
+        None => Ok(()),
     }
-    Ok(())
+}
+
+/// Refuses flags that only volumes have.
+fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
+    let why = "applies only to a scene with a volume, or to a volume file";
+    refuse_given(&volume_flags(args), why)
 }
 
 /// What to fit.

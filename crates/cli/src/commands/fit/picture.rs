@@ -1,7 +1,7 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitArgs, check_outputs, finish, options, table};
+use super::{FitArgs, check_outputs, finish, options, refuse_given, table};
 use crate::building::watched;
 use crate::error::input;
 use crate::host::Host;
@@ -37,15 +37,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .data
         .as_deref()
         .ok_or_else(|| input("--data: expected a picture"))?;
-    for (flag, is_given) in [
+    let others = [
         ("--journal", args.journal.is_some()),
         ("--patience", args.patience.is_some()),
-    ] {
-        if is_given {
-            let why = "applies only to fits of a surface or of fibres";
-            return Err(input(format!("{flag}: {why}")));
-        }
-    }
+    ];
+    refuse_given(&others, "applies only to fits of a surface or of fibres")?;
     let (fabric, read) = watched(&args.common, &args.cache, |loader| {
         let fabric = fabric_file::load(args.fabric_path(), &args.common.set, loader)?;
         Ok((fabric, loader.inputs()))

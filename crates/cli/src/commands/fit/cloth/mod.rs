@@ -6,7 +6,7 @@ mod recognise;
 mod search;
 mod sides;
 
-use super::{FitArgs, finish_with};
+use super::{FitArgs, finish_with, refuse_given, volume_flags};
 use crate::error::input;
 use crate::output;
 use crate::progress::Progress;
@@ -42,17 +42,14 @@ const LOOKS: u64 = 16;
 /// # Errors
 /// Names the flag.
 pub fn refuse_elsewhere(args: &FitArgs) -> Result<()> {
-    for (flag, is_given) in [
+    let own = [
         ("--front", args.front.is_some()),
         ("--back", args.back.is_some()),
         ("--back-light", args.back_light.is_some()),
         ("--draft", args.draft.is_some()),
         ("--report", args.report.is_some()),
-    ] {
-        if is_given {
-            return Err(input(format!("{flag}: applies only to --what cloth")));
-        }
-    }
+    ];
+    refuse_given(&own, "applies only to --what cloth")?;
     if args.fabric.is_none() {
         return Err(input(
             "<FABRIC>: expected a fabric file, a scene or a volume file; only --what cloth needs none",
@@ -63,20 +60,13 @@ pub fn refuse_elsewhere(args: &FitArgs) -> Result<()> {
 
 /// Refuses flags that a fit to photographs does not have.
 fn refuse_flags(args: &FitArgs) -> Result<()> {
-    for (flag, is_given) in [
+    let searches = [
         ("--data", args.data.is_some()),
         ("--journal", args.journal.is_some()),
         ("--patience", args.patience.is_some()),
-        ("--region", args.region.is_some()),
-        ("--region-of", !args.region_of.is_empty()),
-        ("--noise", args.noise.is_some()),
-        ("--blur-px", args.blur_px.is_some()),
-        ("--fit-density", args.fit_density),
-    ] {
-        if is_given {
-            return Err(input(format!("{flag}: does not apply to --what cloth")));
-        }
-    }
+    ];
+    let others = [&searches[..], &volume_flags(args)].concat();
+    refuse_given(&others, "does not apply to --what cloth")?;
     if args.back_light.is_some() && args.back.is_none() {
         return Err(input(
             "--back-light: needs --back, the photograph against the light",
@@ -347,7 +337,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     finish_with(args, &table, &found.parameters, &words, (figures, page))
 }
 
-/// What is told of a fit.
+/// What a fit prints.
 struct Answer<'a> {
     grid: &'a ThreadGrid,
     spacing_mm: [f64; 2],

@@ -188,7 +188,7 @@ impl<'a> ClothModel<'a> {
 
     /// Pictures of one repeat for pairs of directions to the light and the camera: BSDF, rows
     /// from the bottom, with `texels` along x and y for each thread's spacing. `paths` are those
-    /// of a texel, `stream` tells apart pictures with independent noise.
+    /// of a texel; pictures of another `stream` have independent noise.
     ///
     /// # Errors
     /// As [`ClothModel::fabric`].
@@ -235,7 +235,13 @@ impl<'a> ClothModel<'a> {
             };
             let texture = {
                 let paths = paths.div_ceil(u64::from(repeats.x * repeats.y)).max(2);
-                measure_texture(&patch, *pair, &grid, paths, self.args.seed + 1000 * stream)?
+                measure_texture(
+                    &patch,
+                    *pair,
+                    &grid,
+                    paths,
+                    self.args.seed.wrapping_add(1000 * stream),
+                )?
             };
             self.args.common.host.stop_if_asked();
             let width = grid.texels.x as usize;

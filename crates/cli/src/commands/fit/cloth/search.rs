@@ -302,8 +302,8 @@ impl<'a> Search<'a> {
     }
 
     /// Difference quotients of the residuals; those of the same counts first, as they share one
-    /// cloth: counts and roughness by their logarithms, colours
-    /// by their logarithms, then place and blur of each side.
+    /// cloth. Counts, colours and roughness change by their logarithms; place and blur of each
+    /// side follow.
     fn columns(
         &self,
         trial: &Trial,
