@@ -9,6 +9,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 mod cloth;
 mod fibres;
+mod flag_groups;
 mod picture;
 mod surface;
 mod volume;
@@ -173,45 +174,6 @@ fn parse_named_region(text: &str) -> Result<NamedRegion, String> {
     })
 }
 
-/// Flags that describe a picture, and whether they are given.
-fn picture_flags(args: &FitArgs) -> [(&'static str, bool); 8] {
-    [
-        ("--light", args.light.is_some()),
-        ("--view", args.view.is_some()),
-        ("--width-mm", args.width_mm.is_some()),
-        ("--white", args.white.is_some()),
-        ("--region", args.region.is_some()),
-        ("--region-of", !args.region_of.is_empty()),
-        ("--noise", args.noise.is_some()),
-        ("--blur-px", args.blur_px.is_some()),
-    ]
-}
-
-/// Flags that only volumes have, and whether they are given.
-fn volume_flags(args: &FitArgs) -> [(&'static str, bool); 5] {
-    [
-        ("--region", args.region.is_some()),
-        ("--region-of", !args.region_of.is_empty()),
-        ("--noise", args.noise.is_some()),
-        ("--blur-px", args.blur_px.is_some()),
-        ("--fit-density", args.fit_density),
-    ]
-}
-
-/// Refuses the first of these flags that is given.
-fn refuse_given(flags: &[(&str, bool)], why: &str) -> Result<()> {
-    match flags.iter().find(|(_, is_given)| *is_given) {
-        Some((flag, _)) => Err(input(format!("{flag}: {why}"))),
-        None => Ok(()),
-    }
-}
-
-/// Refuses flags that only volumes have.
-fn refuse_volume_flags(args: &FitArgs) -> Result<()> {
-    let why = "applies only to a scene with a volume, or to a volume file";
-    refuse_given(&volume_flags(args), why)
-}
-
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FitWhat {
@@ -256,7 +218,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     if volume::is_volume(args)? {
         return with_threads(&args.common, || volume::run(args));
     }
-    refuse_volume_flags(args)?;
+    flag_groups::refuse_volume_flags(args)?;
     with_threads(&args.common, || match args.what {
         FitWhat::Surface => surface::run(args),
         FitWhat::Fibres => fibres::run(args),

@@ -1,7 +1,8 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitArgs, check_outputs, finish, options, refuse_given, table};
+use super::flag_groups::refuse_given;
+use super::{FitArgs, check_outputs, finish, options, table};
 use crate::building::watched;
 use crate::error::input;
 use crate::host::Host;

@@ -2,6 +2,7 @@
 //! file alone.
 
 use super::fibres::Observed;
+use super::flag_groups::picture_flags;
 use super::volume_picture::Photograph;
 use super::volume_scene::{Draft, START};
 use super::{FitArgs, FitWhat, check_outputs, finish};
@@ -52,7 +53,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     })?;
     check_outputs(args, &inputs)?;
     if !draft.is_made {
-        for (flag, is_given) in super::picture_flags(args).into_iter().take(3) {
+        for (flag, is_given) in picture_flags(args).into_iter().take(3) {
             if is_given {
                 return Err(input(format!(
                     "{flag}: {} has a camera and lights of its own",
@@ -132,7 +133,7 @@ fn refuse_flags(args: &FitArgs) -> Result<()> {
     refuse("--patience", args.patience.is_some(), fabrics)?;
     refuse("--voxel-um", args.voxel.voxel_um.is_some(), fabrics)?;
     let picture = args.what == FitWhat::Picture;
-    for (flag, is_given) in super::picture_flags(args) {
+    for (flag, is_given) in picture_flags(args) {
         refuse(flag, is_given && !picture, "applies only to --what picture")?;
     }
     Ok(())

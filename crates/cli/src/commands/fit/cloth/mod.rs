@@ -6,7 +6,8 @@ mod recognise;
 mod search;
 mod sides;
 
-use super::{FitArgs, finish_with, refuse_given, volume_flags};
+use super::flag_groups::{refuse_given, volume_flags};
+use super::{FitArgs, finish_with};
 use crate::error::input;
 use crate::output;
 use crate::progress::Progress;
