@@ -104,6 +104,33 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     );
 }
 
+/// One width of pixels, and every representation by its usual tracker: the reference as well.
+#[test]
+fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
+    let folder = folder("bench_usual");
+    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
+    let mut bench = vec!["bench", "plain.toml", "-o", "report", "--quick"];
+    bench.extend(["--resolution", "4", "--spp", "8", "--truth-spp", "16"]);
+    bench.extend(["--set", "render.max_bounces=8"]);
+    bench.extend(["--trackers", "usual", "--pixel-mm", "0.2"]);
+    succeed(&folder, &bench);
+    let report = json(&folder.join("report"), "report.json");
+    let views = report["fabrics"][0]["views"].as_array().unwrap();
+    assert_eq!(views.len(), 2, "one width, lit from two sides");
+    for view in views {
+        let results = view["results"].as_array().unwrap();
+        assert_eq!(view["pixel_mm"], 0.2, "{view}");
+        assert_eq!(results[0]["choice"]["model"], "fibres");
+        assert_eq!(results[0]["choice"]["tracker"], "kernel");
+        let regular = results
+            .iter()
+            .filter(|r| r["choice"]["tracker"] == "regular");
+        assert_eq!(regular.count(), 0, "{view}");
+        let fibres = results.iter().filter(|r| r["choice"]["model"] == "fibres");
+        assert_eq!(fibres.count(), 1, "the reference alone");
+    }
+}
+
 /// With `auto` a picture is bit for bit that of the choice it names.
 #[test]
 fn auto_takes_what_it_says() {

@@ -33,7 +33,13 @@ pub struct BenchArgs {
     /// Fewer choices, distances and samples: some minutes instead of half an hour or more
     #[arg(long)]
     pub quick: bool,
-    /// Also measure how cost grows with size [default: unless --quick]
+    /// Widths of a pixel at the cloth, mm [default: 0.03,0.1,1, quick 0.1,1]
+    #[arg(long, value_name = "MM,...", value_parser = parse_pixel_mm, value_delimiter = ',')]
+    pub pixel_mm: Vec<f64>,
+    /// Ways through each representation: "all", or "usual" for the one that render takes, which then traces the reference, too
+    #[arg(long, value_enum, default_value_t = Trackers::All)]
+    pub trackers: Trackers,
+    /// Also measure how cost grows with size [default: unless --quick or --pixel-mm]
     #[arg(long)]
     pub scaling: bool,
     /// Error of a pixel, as a share of the picture's mean (0.05 is 5 %), within which recommendations are made (repeatable)
@@ -55,6 +61,23 @@ pub struct BenchArgs {
     pub memory: MemoryArgs,
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+/// Which trackers are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Trackers {
+    /// Every one of a representation.
+    All,
+    /// The first of its list.
+    Usual,
+}
+
+/// A width that eyes and lenses have for a pixel.
+fn parse_pixel_mm(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(mm) if (1e-4..=1e3).contains(&mm) => Ok(mm),
+        _ => Err("expected millimetres, 0.0001 to 1000".into()),
+    }
 }
 
 impl Command for BenchArgs {
@@ -108,7 +131,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         args.common.threads,
         args.memory.max_memory,
     )?;
-    let with_scaling = args.scaling || !args.quick;
+    let with_scaling = args.scaling || (!args.quick && args.pixel_mm.is_empty());
     let trials = Bench::max_trials(&plan, &samples, with_scaling);
     let progress = Progress::new("rendering", trials as u64, &args.common);
     let count = Cell::new(0);
@@ -189,7 +212,11 @@ fn plan(args: &BenchArgs, scenes: PathBuf) -> Plan {
     };
     Plan {
         quick: args.quick,
-        pixels_mm,
+        every_tracker: args.trackers == Trackers::All,
+        pixels_mm: match args.pixel_mm.is_empty() {
+            true => pixels_mm,
+            false => args.pixel_mm.clone(),
+        },
         resolution: args.resolution,
         spp: args.spp.unwrap_or(spp),
         truth_spp: args.truth_spp.unwrap_or(truth_spp),

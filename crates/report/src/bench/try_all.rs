@@ -9,13 +9,15 @@ use organza_scene::auto::choice::Choice;
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table::{Row, Traits};
 use organza_scene::loader::Loader;
-use organza_scene::representation::Tracker;
+use organza_scene::representation::{EXPLICIT_FIBRES, Tracker};
 use std::path::PathBuf;
 
 /// The extent of a bench.
 pub struct Plan {
     /// Fewer choices.
     pub quick: bool,
+    /// All trackers of a representation; otherwise its usual one, for the reference, too.
+    pub every_tracker: bool,
     /// Widths of a pixel at the cloth.
     pub pixels_mm: Vec<f64>,
     /// Pixels along an edge.
@@ -88,9 +90,17 @@ impl Plan {
     /// The choices for a fabric, without the reference.
     pub fn choices(&self, sample: &Sample) -> Vec<Choice> {
         let loader = Loader::new();
-        Choice::all(self.quick, &|model| {
+        Choice::all(self.truth(), self.quick, self.every_tracker, &|model| {
             (model.is_ready)(&sample.fabric, &sample.path, &loader)
         })
+    }
+
+    /// The reference. Where only usual trackers are tried, it has the usual one, too.
+    fn truth(&self) -> Choice {
+        match self.every_tracker {
+            true => Choice::EXPLICIT_FIBRES,
+            false => Choice::usual(&EXPLICIT_FIBRES),
+        }
     }
 
     /// Tries every choice in a view; `done` is called after every render.
@@ -147,7 +157,7 @@ impl Plan {
                     picture,
                 })
             };
-        let (truth, figures) = match run(&Choice::EXPLICIT_FIBRES, self.truth_spp, TRUTH_SEED)? {
+        let (truth, figures) = match run(&self.truth(), self.truth_spp, TRUTH_SEED)? {
             Outcome::Picture(picture, figures) => (*picture, figures),
             Outcome::Refused(why) => {
                 return Err(ReportError::Run(format!("{slug}, explicit fibres: {why}")));
@@ -158,8 +168,7 @@ impl Plan {
                 "{slug}: explicit fibres are black; there is nothing to compare with"
             ))
         };
-        let mut first =
-            judge(Choice::EXPLICIT_FIBRES, truth.clone(), &figures, &truth).ok_or_else(black)?;
+        let mut first = judge(self.truth(), truth.clone(), &figures, &truth).ok_or_else(black)?;
         // The reference has no error against itself, and its noise does not add one.
         for figure in [&mut first.row.rmse, &mut first.row.bias] {
             (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);

@@ -33,19 +33,30 @@ impl Choice {
     }
 
     /// A representation as the fabric has it, with its usual tracker.
-    fn usual(model: &'static Representation) -> Choice {
+    pub fn usual(model: &'static Representation) -> Choice {
         let tracker = model.trackers.first().copied();
         Choice::of(model, tracker.unwrap_or(Tracker::Woodcock))
     }
 
-    /// Everything that is tried beside the truth; only the quick part of it if asked.
-    pub fn all(quick: bool, is_ready: &dyn Fn(&Representation) -> bool) -> Vec<Choice> {
+    /// Everything that is tried beside the reference `truth`: only the quick part of it if
+    /// asked, and every tracker or only the usual one of each representation.
+    pub fn all(
+        truth: Choice,
+        quick: bool,
+        every_tracker: bool,
+        is_ready: &dyn Fn(&Representation) -> bool,
+    ) -> Vec<Choice> {
         // The quickest to build come first.
         let built = || REPRESENTATIONS.into_iter().rev();
         let voxels: Vec<_> = built().filter(|r| r.voxels().is_some()).collect();
         let own = |model: &&'static Representation| {
             let model = *model;
-            model.trackers.iter().map(move |t| Choice::of(model, *t))
+            let trackers = model
+                .trackers
+                .len()
+                .min(if every_tracker { usize::MAX } else { 1 });
+            let taken = model.trackers.iter().take(trackers);
+            taken.map(move |t| Choice::of(model, *t))
         };
         let mut list: Vec<Choice> = voxels.iter().flat_map(own).collect();
         let coarser: &[(f32, u8)] = if quick {
@@ -65,7 +76,7 @@ impl Choice {
         let plies = built().filter(|r| matches!(r.build, Build::Plies(_)) && is_ready(r));
         list.extend(plies.map(Choice::usual));
         let fibres = own(&&EXPLICIT_FIBRES);
-        list.extend(fibres.filter(|choice| *choice != Choice::EXPLICIT_FIBRES));
+        list.extend(fibres.filter(|choice| *choice != truth));
         list
     }
 
