@@ -170,21 +170,32 @@ fn choose(
         .ok_or_else(|| fail("model = \"auto\": this build contains no measurements"))?;
     let by_kernel = file.object.len() == 1 && mesh.is_none();
     let regular = file.render.integrator == IntegratorName::Regular;
-    let possible = |model: &Representation, tracker: Tracker| match &model.build {
+    let possible = |model: &Representation| match &model.build {
         _ if mesh.is_some() && !model.drapes => false,
-        Build::ExplicitFibres(_) => !regular && (by_kernel || tracker != Tracker::Kernel),
+        Build::ExplicitFibres(_) => !regular,
         Build::Plies(_) => !regular && (model.is_ready)(&fabric, &path, loader),
         Build::Surface(_) => (model.is_ready)(&fabric, &path, loader),
-        Build::Voxels(_) if regular => tracker == Tracker::Regular,
-        Build::Voxels(_) if by_kernel && model.trackers.contains(&Tracker::Kernel) => {
-            tracker == Tracker::Kernel
-        }
-        Build::Voxels(_) => tracker == Tracker::Woodcock,
+        Build::Voxels(_) => true,
     };
-    let usable = rows.iter().filter(|r| {
-        r.fabric == like.fabric
-            && r.pixel_mm == like.pixel_mm
-            && possible(r.choice.model, r.choice.tracker)
+    // The tracker that the scene will have; rows of others stand in where the table lacks it.
+    let tracker = |model: &Representation| match &model.build {
+        Build::Voxels(_) if regular => Tracker::Regular,
+        Build::ExplicitFibres(_) | Build::Voxels(_) if !by_kernel => Tracker::Woodcock,
+        _ => model.trackers.first().copied().unwrap_or(Tracker::Woodcock),
+    };
+    let of_view: Vec<&table::Row> = rows
+        .iter()
+        .filter(|r| r.fabric == like.fabric && r.pixel_mm == like.pixel_mm)
+        .collect();
+    let is_measured = |model: &Representation, tracker: Tracker| {
+        let mut all = of_view.iter();
+        all.any(|r| r.choice.model == model && r.choice.tracker == tracker)
+    };
+    let usable = of_view.iter().copied().filter(|r| {
+        let model = r.choice.model;
+        let wanted = tracker(model);
+        let is_own = r.choice.tracker == wanted || !is_measured(model, wanted);
+        is_own && possible(model)
     });
     let tolerance = table.tolerance.unwrap_or(TOLERANCE);
     let recommendation = recommend(&candidates(usable, &lit), tolerance).ok_or_else(|| {
