@@ -2,9 +2,12 @@
 //! threads and interruptions, and what cannot be shown is refused.
 
 use crate::fabrics::cotton;
-use crate::in_process::{mistake, picture};
+use crate::in_process::{build, mistake, picture};
 use crate::program::{bytes, complaint, folder, succeed};
+use organza_scene::loader::Loader;
 use organza_testing::csv_numbers;
+use organza_transport::{EngineChoice, Film, Integrator, RenderSettings, Rendering, engine};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// A sheet whose BSDF is known; in green it absorbs nothing.
@@ -186,6 +189,76 @@ fabric = "cloth.toml"
         "{:?}",
         stale.warnings
     );
+}
+
+/// Pixels of 0.7 repeats show fibres in some paths and the table in others: the kernel takes the
+/// former, the walk the latter, and both together are a picture by the walk alone.
+#[test]
+fn fibres_become_their_table_with_distance() {
+    const SEED: u64 = 3;
+    let folder = folder("far_table_levels");
+    sheet(&folder);
+    make(&folder, "cloth.bsdf", &[]);
+    let scene = |lod: &str| {
+        format!(
+            r#"[render]
+seed = {SEED}
+[camera]
+kind = "orthographic"
+origin_mm = [0.0, 20.0, 40.0]
+target_mm = [0.0, 0.0, 0.0]
+width_mm = 6.2
+resolution = [8, 8]
+[[light]]
+kind = "directional"
+direction = [0.3, 0.0, -1.0]
+irradiance = [1.0, 1.0, 1.0]
+[[object]]
+kind = "cloth"
+fabric = "cloth.toml"
+model = "fibres"
+lod = "{lod}"
+"#
+        )
+    };
+    let film = |lod: &str, by_kernel: bool, takes: &[u64]| {
+        let (_, scene) = build(&folder, &scene(lod), &[], &Loader::new()).unwrap();
+        let settings = RenderSettings {
+            integrator: Integrator::Woodcock,
+            samples: 0..takes.iter().sum(),
+            max_bounces: u32::MAX,
+            seed: SEED,
+            crop: None,
+        };
+        let mut rendering = Rendering::new(&scene, settings.clone()).unwrap();
+        if by_kernel {
+            let engine = engine(&scene, &settings, EngineChoice::Processor, u64::MAX);
+            rendering = rendering.with_engine(engine.unwrap());
+        }
+        for samples in takes {
+            let watch = |_| ControlFlow::Continue(());
+            rendering = rendering.take(*samples, &watch).unwrap();
+        }
+        rendering.into_parts().0
+    };
+    let kernel = film("auto", true, &[512]);
+    let is_near = |other: &Film| {
+        let mut both = kernel.mean().into_iter().zip(other.mean());
+        both.all(|(a, b)| (a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1))
+    };
+    let walk = film("auto", false, &[512]);
+    let (a, b) = (kernel.mean(), walk.mean());
+    assert!(is_near(&walk), "seed {SEED}: kernel {a:?}, walk {b:?}");
+    // The same comparison tells fibres alone, of another colour than the table, from the blend.
+    let fibres = film("volume", true, &[512]);
+    assert!(
+        !is_near(&fibres),
+        "seed {SEED}: {a:?}, fibres {:?}",
+        fibres.mean()
+    );
+    // Whole numbers, however the samples are parted.
+    let parted = film("auto", true, &[5, 17, 490]);
+    assert_eq!(parted.mean(), kernel.mean());
 }
 
 #[test]

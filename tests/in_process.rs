@@ -13,7 +13,7 @@ pub struct Picture {
 }
 
 /// Reads, checks and builds the text of a scene. Paths in it are relative to `folder`.
-fn build(
+pub fn build(
     folder: &Path,
     text: &str,
     overrides: &[String],

@@ -7,6 +7,9 @@ use std::ops::Range;
 /// Pixels across a strip of neighbours.
 const STRIP: u32 = 8;
 
+/// Whether a sample of a pixel of the whole picture is taken.
+pub type Takes<'a> = dyn Fn(UVec2, u32) -> bool + Sync + 'a;
+
 /// A part of the film and the samples to take in it.
 pub struct Block<'a> {
     /// Whole rows.
@@ -17,6 +20,8 @@ pub struct Block<'a> {
     pub min: UVec2,
     /// Sample indices to take of every pixel.
     pub samples: Range<u32>,
+    /// Which of these samples are taken; all if none. The graphics engine takes all.
+    pub takes: Option<&'a Takes<'a>>,
 }
 
 impl Block<'_> {
@@ -28,6 +33,12 @@ impl Block<'_> {
         let strip = x / strip_width;
         let across = strip_width.min(width - strip * strip_width);
         strip * strip_width * rows + y * across + x % strip_width
+    }
+
+    /// The first sample from `sample` on and before `end` to take of a pixel of the picture.
+    pub(crate) fn next_sample(&self, x: u32, y: u32, sample: u32, end: u32) -> Option<u32> {
+        let pixel = UVec2::new(x, y);
+        (sample..end).find(|&s| self.takes.is_none_or(|takes| takes(pixel, s)))
     }
 
     /// The pixel that is walked as number `turn`, and its column and row in the
@@ -61,6 +72,7 @@ mod tests {
                 width: width as u32,
                 min: UVec2::ZERO,
                 samples: 0..1,
+                takes: None,
             };
             for turn in 0..width * rows {
                 let (index, x, y) = block.pixel(turn).unwrap();

@@ -57,7 +57,7 @@ pub trait Engine: Send + Sync {
     }
 }
 
-impl Engine for Box<dyn Engine> {
+impl Engine for Box<dyn Engine + '_> {
     fn name(&self) -> &'static str {
         (**self).name()
     }

@@ -45,7 +45,7 @@ mod reserve;
 mod roulette;
 mod voxels;
 
-pub use block::Block;
+pub use block::{Block, Takes};
 pub use catalogue::{CPU_ENGINES, ENGINES, devices, engine_named};
 pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
 pub use devices::{DeviceKind, DeviceSummary};

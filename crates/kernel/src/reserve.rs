@@ -85,6 +85,7 @@ impl Engine for Reserve {
         let threads = rayon::current_num_threads() as u32;
         let rows = other.rows_per_block(block.pixels.len() as u32 / block.width, threads);
         let (width, min, samples) = (block.width, block.min, block.samples.clone());
+        let takes = block.takes;
         block
             .pixels
             .par_chunks_mut((rows * width) as usize)
@@ -95,6 +96,7 @@ impl Engine for Reserve {
                     width,
                     min: min + UVec2::new(0, i as u32 * rows),
                     samples: samples.clone(),
+                    takes,
                 })
             })
             .try_reduce(Stats::default, |mut a, b| {

@@ -95,16 +95,32 @@ pub(crate) fn far_sheet(
     path: &Path,
     loader: &Loader<'_>,
 ) -> Result<Option<ClothSurface>> {
-    if is_there(fabric, path, loader) {
-        let file = beside(path);
-        let (table, about) = read(&file, loader)?;
-        if is_of(&about, fabric) {
-            return Ok(Some(cloth_surface(fabric, table)));
-        }
-        loader.warn(&file, stale(path) + "; lod = \"auto\" goes on without it");
+    if let Some(table) = far_table(fabric, path, loader)? {
+        return Ok(Some(table));
     }
     let surface = fabric.file.surface.is_some();
     surface.then(|| fabric.surface(path)).transpose()
+}
+
+/// The table beside a fabric, if it is there and of this fabric as it is.
+///
+/// # Errors
+/// A table that cannot be read.
+pub(crate) fn far_table(
+    fabric: &Fabric,
+    path: &Path,
+    loader: &Loader<'_>,
+) -> Result<Option<ClothSurface>> {
+    if !is_there(fabric, path, loader) {
+        return Ok(None);
+    }
+    let file = beside(path);
+    let (table, about) = read(&file, loader)?;
+    if is_of(&about, fabric) {
+        return Ok(Some(cloth_surface(fabric, table)));
+    }
+    loader.warn(&file, stale(path) + "; lod = \"auto\" leaves it out");
+    Ok(None)
 }
 
 fn stale(fabric: &Path) -> String {

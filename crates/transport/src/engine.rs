@@ -1,8 +1,10 @@
 //! The choice of engine: a scene laid out for an engine of the kernel, or why only the
 //! general walk can render it.
 
+use crate::levelled_engine::LevelledEngine;
 use crate::{
-    AnyMedium, Draping, Integrator, MAX_EVENTS, Medium, RenderSettings, Scene, VirtualFibreEvent,
+    AnyMedium, Draping, Integrator, LevelledCloth, MAX_EVENTS, Medium, RenderSettings, Scene,
+    VirtualFibreEvent,
 };
 use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, FibrePlane, FibreScene};
 use organza_kernel::{
@@ -38,6 +40,9 @@ pub enum KernelRefusal {
     /// Fibres with a surface, asked to be laid out as matter that has none.
     #[error("virtual fibres are packed; they are laid out with the events of explicit fibres")]
     Packed,
+    /// Several representations, on a graphics card.
+    #[error("the cloth shows several representations; engines for the processor take them")]
+    Levels,
     /// Tables of local visibility.
     #[error("virtual fibres have tables of local visibility")]
     LocalVisibility,
@@ -62,17 +67,20 @@ pub enum EngineChoice {
 ///
 /// # Errors
 /// Why the general walk must render the scene.
-pub fn engine(
-    scene: &Scene,
+pub fn engine<'a>(
+    scene: &'a Scene,
     settings: &RenderSettings,
     choice: EngineChoice,
     max_bytes: u64,
-) -> Result<Box<dyn Engine>, KernelRefusal> {
+) -> Result<Box<dyn Engine + 'a>, KernelRefusal> {
     if let EngineChoice::Named(record) = choice {
         // Before anything is laid out in vain.
         record.check()?;
     }
-    let laid_out = lay_out(scene, settings, max_bytes)?;
+    if let Some(cloth) = levelled_cloth(scene) {
+        return by_levels(scene, cloth, settings, choice, max_bytes);
+    }
+    let laid_out = lay_out(scene, 0, settings, max_bytes)?;
     Ok(match choice {
         EngineChoice::Named(record) => laid_out.engine(record)?,
         EngineChoice::Processor => laid_out.fastest_engine(CPU_ENGINES)?,
@@ -88,15 +96,82 @@ pub fn engine(
     })
 }
 
+/// The one cloth of a scene that shows several representations, if one does.
+fn levelled_cloth(scene: &Scene) -> Option<&LevelledCloth> {
+    let mut all = scene.media.iter().filter_map(|m| match m {
+        AnyMedium::Levelled(cloth) if cloth.representation_count() > 1 => Some(&**cloth),
+        _ => None,
+    });
+    all.next().filter(|_| all.next().is_none())
+}
+
+/// An engine for every representation of a cloth that the kernel can show; the general walk
+/// shows the others.
+fn by_levels<'a>(
+    scene: &'a Scene,
+    cloth: &LevelledCloth,
+    settings: &RenderSettings,
+    choice: EngineChoice,
+    max_bytes: u64,
+) -> Result<Box<dyn Engine + 'a>, KernelRefusal> {
+    let mut left = max_bytes;
+    let mut engines = Vec::new();
+    let mut why = None;
+    for level in 0..cloth.representation_count() {
+        let laid_out = match cloth.part(level) {
+            Some(_) => lay_out(scene, level, settings, left),
+            None => Err(KernelRefusal::NotFlakes),
+        };
+        let made = laid_out.and_then(|laid_out| match choice {
+            EngineChoice::Named(record) if CPU_ENGINES.iter().all(|e| e.name != record.name) => {
+                Err(KernelRefusal::Levels)
+            }
+            EngineChoice::Named(record) => Ok(laid_out.engine(record)?),
+            EngineChoice::Processor | EngineChoice::Fastest => {
+                Ok(laid_out.fastest_engine(CPU_ENGINES)?)
+            }
+        });
+        match made {
+            Ok(engine) => {
+                left = left.saturating_sub(engine.memory_bytes());
+                engines.push(Some(engine));
+            }
+            Err(refusal) => {
+                why = why.or((level == 0).then_some(refusal));
+                engines.push(None);
+            }
+        }
+    }
+    // The finest representation is what takes the time.
+    match why {
+        Some(why) => Err(why),
+        None => Ok(Box::new(LevelledEngine::new(scene, settings, engines))),
+    }
+}
+
+/// What the kernel sees of a scene whose cloths show the representation of this number: media,
+/// and what they lie over.
+fn seen<'a>(scene: &'a Scene, level: usize) -> Vec<(&'a AnyMedium, Option<&'a Arc<Draping>>)> {
+    let part = |m: &'a AnyMedium| match m {
+        AnyMedium::Levelled(cloth) => {
+            let level = level.min(cloth.representation_count() - 1);
+            cloth.part(level).unwrap_or((m, None))
+        }
+        _ => (m, None),
+    };
+    scene.media.iter().map(part).collect()
+}
+
 /// Lays a scene out for any engine: explicit fibres in cells, packed ones in voxels with the
 /// events of explicit fibres, other matter in voxels.
 fn lay_out(
     scene: &Scene,
+    level: usize,
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<LaidOut, KernelRefusal> {
-    let Some(matter) = fibre_matter(scene, max_bytes) else {
-        let flat = flatten(scene, settings, max_bytes)?;
+    let Some(matter) = fibre_matter(scene, level, max_bytes) else {
+        let flat = flatten_level(scene, level, settings, max_bytes)?;
         return Ok(LaidOut::Voxels(Arc::new(flat)));
     };
     let matter = matter?;
@@ -115,28 +190,38 @@ fn lay_out(
 
 /// Fibres with surfaces laid out in at most `max_bytes`: cloths of explicit fibres and
 /// planes, or packed fibres; `None` of a scene of other matter.
-fn fibre_matter(scene: &Scene, max_bytes: u64) -> Option<Result<FibreMatter, KernelRefusal>> {
-    match &scene.media[..] {
-        [AnyMedium::VirtualFibres(m)] if m.event() == VirtualFibreEvent::Packed => {
+fn fibre_matter(
+    scene: &Scene,
+    level: usize,
+    max_bytes: u64,
+) -> Option<Result<FibreMatter, KernelRefusal>> {
+    let media = seen(scene, level);
+    match &media[..] {
+        [(AnyMedium::VirtualFibres(m), None)] if m.event() == VirtualFibreEvent::Packed => {
             if m.has_local_visibility() {
                 return Some(Err(KernelRefusal::LocalVisibility));
             }
             let matter = FibreMatter::of_packed(m, max_bytes);
             Some(matter.map_err(KernelRefusal::from))
         }
-        [AnyMedium::HybridFibres(m)] => Some(m.matter(max_bytes).map_err(KernelRefusal::from)),
+        [(AnyMedium::HybridFibres(m), None)] => {
+            Some(m.matter(max_bytes).map_err(KernelRefusal::from))
+        }
         media if media.iter().any(|m| fibres_of(m).is_some()) => {
-            Some(explicit_matter(scene, max_bytes))
+            Some(explicit_matter(media, max_bytes))
         }
         _ => None,
     }
 }
 
 /// Cloths of explicit fibres, and planes, in cells.
-fn explicit_matter(scene: &Scene, max_bytes: u64) -> Result<FibreMatter, KernelRefusal> {
+fn explicit_matter(
+    media: &[(&AnyMedium, Option<&Arc<Draping>>)],
+    max_bytes: u64,
+) -> Result<FibreMatter, KernelRefusal> {
     let (mut bodies, mut planes) = (Vec::new(), Vec::new());
-    for medium in &scene.media {
-        match (fibres_of(medium), medium) {
+    for part in media {
+        match (fibres_of(part), part.0) {
             (Some(body), _) => bodies.push(body),
             (None, AnyMedium::Plane(plane)) => planes.push(FibrePlane::from(plane)),
             _ => return Err(KernelRefusal::MixedMedia),
@@ -147,16 +232,14 @@ fn explicit_matter(scene: &Scene, max_bytes: u64) -> Result<FibreMatter, KernelR
 }
 
 /// Explicit fibres as the kernel takes them, flat or over a mesh; `None` of other matter.
-fn fibres_of(medium: &AnyMedium) -> Option<FibreBody<'_>> {
-    match medium {
-        AnyMedium::ExplicitFibres(fibres) => Some(fibres.body(None)),
-        AnyMedium::Levelled(cloth) => {
-            let (fibres, draping) = cloth.draped_fibres()?;
-            let drape: Arc<dyn Drape> = Arc::<Draping>::clone(draping);
-            Some(fibres.body(Some(drape)))
-        }
-        _ => None,
-    }
+fn fibres_of<'a>(
+    (medium, draping): &(&'a AnyMedium, Option<&'a Arc<Draping>>),
+) -> Option<FibreBody<'a>> {
+    let AnyMedium::ExplicitFibres(fibres) = medium else {
+        return None;
+    };
+    let drape = draping.map(|d| -> Arc<dyn Drape> { Arc::<Draping>::clone(d) });
+    Some(fibres.body(drape))
 }
 
 /// Lays a scene of one medium in voxels out as plain buffers of at most `max_bytes` bytes.
@@ -168,11 +251,25 @@ pub fn flatten(
     settings: &RenderSettings,
     max_bytes: u64,
 ) -> Result<FlatScene, KernelRefusal> {
+    flatten_level(scene, 0, settings, max_bytes)
+}
+
+/// [`flatten`] of the representation of this number of a cloth.
+fn flatten_level(
+    scene: &Scene,
+    level: usize,
+    settings: &RenderSettings,
+    max_bytes: u64,
+) -> Result<FlatScene, KernelRefusal> {
     if settings.integrator != Integrator::Woodcock {
         return Err(KernelRefusal::Integrator);
     }
-    let [medium] = &scene.media[..] else {
-        return Err(KernelRefusal::MediumCount(scene.media.len()));
+    let media = seen(scene, level);
+    let [(medium, None)] = &media[..] else {
+        return Err(match media.len() {
+            1 => KernelRefusal::NotFlakes,
+            count => KernelRefusal::MediumCount(count),
+        });
     };
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
@@ -216,6 +313,6 @@ pub fn fibre_probe(scene: &Scene) -> Option<FibreProbe> {
         let matter = fibres.alone_in_cells(PROBE_BYTES).ok()?;
         return Some(FibreProbe::new(Arc::new(matter), Backend::widest()));
     }
-    let matter = fibre_matter(scene, PROBE_BYTES)?.ok()?;
+    let matter = fibre_matter(scene, 0, PROBE_BYTES)?.ok()?;
     Some(FibreProbe::new(Arc::new(matter), Backend::widest()))
 }

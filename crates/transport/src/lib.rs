@@ -80,6 +80,7 @@
 
 mod engine;
 mod kernel_matter;
+mod levelled_engine;
 mod matter;
 mod walk;
 

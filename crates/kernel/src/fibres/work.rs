@@ -88,16 +88,25 @@ impl<'a, 'b> FilmWork<'a, 'b> {
 impl Work for FilmWork<'_, '_> {
     fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start> {
         let post = &mut self.posts[slot];
-        if post.pixel.is_none() {
-            let samples = &self.block.samples;
-            let turns = samples.len().div_ceil(SAMPLES_PER_TURN).max(1);
-            let first = self.next_turn % turns * SAMPLES_PER_TURN;
-            post.pixel = self.block.pixel(self.next_turn / turns);
-            post.sample = samples.start + first as u32;
-            post.end = samples.end.min(post.sample + SAMPLES_PER_TURN as u32);
-            self.next_turn += 1;
-        }
-        let (_, x, y) = post.pixel?;
+        let (x, y) = loop {
+            if post.pixel.is_none() {
+                let samples = &self.block.samples;
+                let turns = samples.len().div_ceil(SAMPLES_PER_TURN).max(1);
+                let first = self.next_turn % turns * SAMPLES_PER_TURN;
+                post.pixel = self.block.pixel(self.next_turn / turns);
+                post.sample = samples.start + first as u32;
+                post.end = samples.end.min(post.sample + SAMPLES_PER_TURN as u32);
+                self.next_turn += 1;
+            }
+            let (pixel, x, y) = post.pixel?;
+            if let Some(sample) = self.block.next_sample(x, y, post.sample, post.end) {
+                post.sample = sample;
+                break (x, y);
+            }
+            let pixel = &mut self.block.pixels[pixel];
+            post.tally.flush(&self.brightness, pixel);
+            post.pixel = None;
+        };
         stats.paths += 1;
         let name = u64::from(y) * u64::from(self.camera.resolution().x) + u64::from(x);
         let mut rng = PathRng::new(self.seed, name, u64::from(post.sample));

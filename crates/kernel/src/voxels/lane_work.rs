@@ -43,7 +43,7 @@ struct PixelPlace {
     /// Its number in the block.
     pixel: usize,
     /// Its column and row in the whole picture.
-    film: [f32; 2],
+    at: [u32; 2],
     key: (u32, u32),
 }
 
@@ -93,28 +93,36 @@ pub fn regenerate<F: Floats>(
             } else {
                 stats.rejected += 1;
             }
-            assignment.sample += 1;
-            if assignment.sample >= block.samples.end {
+            let [x, y] = place.at;
+            let next = block.next_sample(x, y, assignment.sample + 1, block.samples.end);
+            if let Some(sample) = next {
+                assignment.sample = sample;
+            } else {
+                let pixel = &mut block.pixels[place.pixel];
                 assignment.tally.flush(&scene.brightness, pixel);
                 assignment.place = None;
             }
         }
-        if assignment.place.is_none() {
-            assignment.place = block.pixel(work.next_turn).map(|(pixel, x, y)| {
-                let name = u64::from(y) * u64::from(scene.film_width) + u64::from(x);
-                PixelPlace {
-                    pixel,
-                    film: [x as f32, y as f32],
-                    key: pixel_key(scene.seed, name),
-                }
-            });
+        while assignment.place.is_none() {
+            let Some((pixel, x, y)) = block.pixel(work.next_turn) else {
+                break;
+            };
             work.next_turn += 1;
-            assignment.sample = block.samples.start;
+            let (start, end) = (block.samples.start, block.samples.end);
+            if let Some(sample) = block.next_sample(x, y, start, end) {
+                let name = u64::from(y) * u64::from(scene.film_width) + u64::from(x);
+                assignment.sample = sample;
+                assignment.place = Some(PixelPlace {
+                    pixel,
+                    at: [x, y],
+                    key: pixel_key(scene.seed, name),
+                });
+            }
         }
         if let Some(place) = assignment.place {
             (key[0][lane], key[1][lane]) = place.key;
             index[lane] = assignment.sample;
-            (film[0][lane], film[1][lane]) = (place.film[0], place.film[1]);
+            (film[0][lane], film[1][lane]) = (place.at[0] as f32, place.at[1] as f32);
             begun |= 1 << lane;
             stats.paths += 1;
         }

@@ -62,6 +62,18 @@ impl Levels {
         }
     }
 
+    /// One representation near and a sheet far away, for footprints in mm of at most
+    /// `farthest`: the sheet takes over as in [`Levels::for_footprints`].
+    pub fn near_and_far(repeat_mm: f32, farthest: f32) -> Levels {
+        let step = (0.5 * repeat_mm, repeat_mm);
+        let has_sheet = step.0 < farthest;
+        Levels {
+            volumes: 0..=0,
+            has_sheet,
+            steps: has_sheet.then_some(step).into_iter().collect(),
+        }
+    }
+
     /// One octree level from near and far.
     pub fn only(level: u8) -> Levels {
         Levels {

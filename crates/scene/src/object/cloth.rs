@@ -1,29 +1,25 @@
 //! `kind = "cloth"`: a fabric, laid where a scene says.
 
+use super::laying::Laying;
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::drape::{self, MeshKeys};
 use crate::error::{Result, input};
 use crate::fabric_file::{Fabric, load};
-use crate::far_table::far_sheet;
+use crate::far_table::far_table;
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
 use crate::read;
-use crate::representation::{
-    Build, EXPLICIT_FIBRES, ModelKey, Settings, ShownAs, VoxelBuild, VoxelSource, owners,
-};
+use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::{EventName, ScatteringTable};
 use crate::volume_cache::VolumePlan;
 use organza_basis::{Budget, CellGrid, SegmentSource};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
-use organza_volume::Octree;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::path::Path;
-use std::sync::Arc;
 
 /// A cloth: a fabric, laid where the scene says.
 #[derive(Clone, Debug, Deserialize)]
@@ -300,18 +296,39 @@ fn medium(
             .sheet_alone(sheet)?
             .ok_or_else(|| fail(".fabric: its tile has no volume"))
     };
+    let lod = table.lod;
+    // Beyond curves, which have no levels of their own, a far-field table is seen.
+    let build = &shown.representation.build;
+    let has_curves = matches!(build, Build::ExplicitFibres(_) | Build::Plies(_));
+    let far = match lod {
+        Lod::Name(LodName::Auto) if has_curves && !as_fibres => {
+            far_table(&fabric, &path, options.loader)?.map(FarSheet::from)
+        }
+        _ => None,
+    };
+    let (nearest, farthest) = place.footprints_mm(camera);
+    let is_far = |sheet: &FarSheet| nearest >= sheet.repeat_mm;
+    let beyond = match far {
+        Some(sheet) if is_far(&sheet) => return alone(sheet),
+        beyond => beyond,
+    };
     // Curves that rays meet, with the box that they take.
     let traced = |curves: AnyMedium, mut place: ClothPlace<'_>| {
         let reach = curves.cell_grid();
-        if place.mesh.is_some() && !reach.is_some_and(CellGrid::repeats) {
+        let repeats = reach.is_some_and(CellGrid::repeats);
+        if place.mesh.is_some() && !repeats {
             return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
         }
         place.bounds_mm = reach.map_or(place.bounds_mm, CellGrid::bounds_mm);
+        let sheet = beyond.filter(|_| repeats);
+        let levels = match &sheet {
+            Some(sheet) => Levels::near_and_far(sheet.repeat_mm, farthest),
+            None => Levels::only(0),
+        };
         let mut once = Some(curves);
-        let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
+        let laid = levels.medium(&place, sheet, |_| Ok(once.take()))?;
         laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"))
     };
-    let lod = table.lod;
     let voxels = match &shown.representation.build {
         Build::ExplicitFibres(trace) => {
             let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
@@ -342,96 +359,4 @@ fn medium(
         options,
     }
     .medium(place, octree)
-}
-
-/// A cloth in voxels, to be laid out.
-pub(crate) struct Laying<'a> {
-    /// The fabric.
-    pub fabric: &'a Fabric,
-    /// The file that the voxels are from.
-    pub path: &'a Path,
-    /// What is built from them.
-    pub voxels: &'a VoxelBuild,
-    /// Values of the representation's own keys.
-    pub settings: Settings,
-    /// Level of detail.
-    pub lod: Lod,
-    /// How many times as large as its fabric it is.
-    pub scale: f32,
-    /// The object's index.
-    pub index: usize,
-    /// Who looks at it.
-    pub camera: &'a Camera,
-    /// Files and limits.
-    pub options: &'a BuildOptions<'a>,
-}
-
-impl Laying<'_> {
-    /// The medium of an octree in the fabric's own size. Its box becomes that of
-    /// `place`.
-    ///
-    /// # Errors
-    /// Names the file and the key at fault.
-    pub fn medium(&self, mut place: ClothPlace<'_>, octree: Octree) -> Result<AnyMedium> {
-        let Laying {
-            fabric,
-            path,
-            voxels,
-            lod,
-            scale,
-            options,
-            ..
-        } = *self;
-        let fail = |why: &str| {
-            let (scene, index) = (options.scene_path.display(), self.index);
-            input(format!("{scene}: object[{index}]{why}"))
-        };
-        if place.mesh.is_some() && !octree.repeats() {
-            return Err(fail(".mesh: needs a cloth that repeats; this one does not"));
-        }
-        let finest = (voxels.finest_level)(&octree, fabric.cloth.materials());
-        let octree = if scale == 1.0 {
-            octree
-        } else {
-            let scaled = octree.scaled(f64::from(scale));
-            scaled.ok_or_else(|| fail(".scale: the cloth does not stay finite"))?
-        };
-        let octree = Arc::new(octree);
-        place.bounds_mm = octree.bounds_mm();
-        let sheet = match lod {
-            // A surface model has the size of its fabric.
-            Lod::Name(LodName::Auto) if scale == 1.0 => {
-                far_sheet(fabric, path, options.loader)?.map(FarSheet::from)
-            }
-            _ => None,
-        };
-        let (name, levels) = match lod {
-            Lod::Level(level) => (format!("level {level}"), Levels::only(level)),
-            Lod::Name(LodName::Auto) => {
-                let repeat_mm = sheet.as_ref().map(|s| s.repeat_mm);
-                let widths = place.footprints_mm(self.camera);
-                let spacing_mm = scale * fabric.thread_spacing_mm();
-                let levels = Levels::for_footprints(&octree, finest, spacing_mm, repeat_mm, widths);
-                ("auto".into(), levels)
-            }
-            Lod::Name(_) => ("volume".into(), Levels::only(0)),
-        };
-        let volume = |level| {
-            (voxels.medium)(&VoxelSource {
-                fabric,
-                path,
-                octree: Arc::clone(&octree),
-                level,
-                settings: self.settings,
-                max_memory_bytes: options.max_memory_bytes,
-                loader: options.loader,
-            })
-        };
-        levels.medium(&place, sheet, volume)?.ok_or_else(|| {
-            let levels = octree.level_count();
-            fail(&format!(
-                ".lod: {name} does not exist; the cloth has {levels}, from 0"
-            ))
-        })
-    }
 }

@@ -6,6 +6,7 @@
 
 mod cloth;
 mod grid;
+mod laying;
 mod plane;
 mod volume;
 

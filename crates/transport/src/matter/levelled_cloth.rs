@@ -2,7 +2,6 @@
 //! sheet.
 
 use crate::AnyMedium;
-use crate::ExplicitFibres;
 use crate::PixelCone;
 use crate::Stats;
 use crate::matter::collision::{AnySite, Collision};
@@ -74,12 +73,21 @@ impl LevelledCloth {
         })
     }
 
-    /// The only volume, and what it lies over, if the cloth is explicit fibres over a mesh.
-    pub(crate) fn draped_fibres(&self) -> Option<(&ExplicitFibres, &Arc<Draping>)> {
-        match (&self.volumes[..], &self.sheet, &self.draping) {
-            ([AnyMedium::ExplicitFibres(fibres)], None, Some(draping)) => Some((fibres, draping)),
-            _ => None,
-        }
+    /// The number of representations.
+    pub(crate) fn representation_count(&self) -> usize {
+        self.steps.count()
+    }
+
+    /// The volume that is the representation of this number, and what it lies over; `None` of
+    /// the sheet.
+    pub(crate) fn part(&self, level: usize) -> Option<(&AnyMedium, Option<&Arc<Draping>>)> {
+        let volume = self.volumes.get(level)?;
+        Some((volume, self.draping.as_ref()))
+    }
+
+    /// The number of the representation that a path meets.
+    pub(crate) fn level_of(&self, detail: Detail) -> usize {
+        self.steps.choose(detail)
     }
 
     /// Width of a pixel where its ray comes to the cloth; `None` for a miss.

@@ -5,6 +5,7 @@ mod roulette;
 mod scene;
 mod trace;
 
+pub(crate) use render::add_samples;
 pub(crate) use roulette::survivor;
 
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};

@@ -82,7 +82,7 @@ pub type Watch<'a> = dyn Fn(Pass) -> ControlFlow<()> + Sync + 'a;
 /// [`Rendering::take`], the film comes out the same, bit for bit.
 pub struct Rendering<'a> {
     scene: &'a Scene,
-    engine: Option<Box<dyn Engine>>,
+    engine: Option<Box<dyn Engine + 'a>>,
     clamp: Option<f32>,
     settings: RenderSettings,
     crop: Crop,
@@ -122,7 +122,7 @@ impl<'a> Rendering<'a> {
 
     /// Has the paths walked by an engine of the kernel, made from the same scene and
     /// settings, instead of by the general walk. Samples are other ones then.
-    pub fn with_engine(mut self, engine: impl Engine + 'static) -> Self {
+    pub fn with_engine(mut self, engine: impl Engine + 'a) -> Self {
         self.engine = Some(Box::new(engine));
         self
     }
@@ -137,7 +137,7 @@ impl<'a> Rendering<'a> {
     }
 
     /// What walks the paths; `None` is the general walk.
-    pub fn engine(&self) -> Option<&dyn Engine> {
+    pub fn engine(&self) -> Option<&(dyn Engine + 'a)> {
         self.engine.as_deref()
     }
 
@@ -193,6 +193,7 @@ impl<'a> Rendering<'a> {
                         width: size.x,
                         min,
                         samples: indices.start as u32..indices.end as u32,
+                        takes: None,
                     };
                     match engine.take(&mut block) {
                         Ok(found) => stats = found,
@@ -271,7 +272,7 @@ impl<'a> Rendering<'a> {
 }
 
 /// Adds samples to one pixel.
-fn add_samples(
+pub(crate) fn add_samples(
     scene: &Scene,
     settings: &RenderSettings,
     clamp: f32,

@@ -57,14 +57,14 @@ impl ValueEnum for EngineName {
 }
 
 /// The engine of a render.
-pub struct Chosen {
+pub struct Chosen<'a> {
     /// The engine with the scene laid out; without one the general walk takes the paths.
-    pub engine: Option<Box<dyn Engine>>,
+    pub engine: Option<Box<dyn Engine + 'a>>,
     /// Why the general walk takes them, if the user did not ask for it.
     pub why_walk: Option<KernelRefusal>,
 }
 
-impl Chosen {
+impl Chosen<'_> {
     /// Which kind of engine it is.
     pub fn kind(&self) -> EngineKind {
         match self.engine {
@@ -94,13 +94,13 @@ impl Chosen {
 ///
 /// # Errors
 /// A kernel was asked for by name, and the scene does not suit it.
-pub fn choose(
+pub fn choose<'a>(
     args: &RenderArgs,
     file: &SceneFile,
-    scene: &Scene,
+    scene: &'a Scene,
     settings: &RenderSettings,
     max_bytes: u64,
-) -> Result<Chosen> {
+) -> Result<Chosen<'a>> {
     let choice = match args.engine {
         EngineName::Auto => EngineChoice::Fastest,
         EngineName::Cpu => EngineChoice::Processor,

@@ -5,7 +5,8 @@ mod materials;
 
 pub use materials::VolumeMaterials;
 
-use super::cloth::{ClothTable, Laying};
+use super::cloth::ClothTable;
+use super::laying::Laying;
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::ClothPlace;
