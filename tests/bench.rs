@@ -112,12 +112,16 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
     let mut bench = vec!["bench", "plain.toml", "-o", "report", "--quick"];
     bench.extend(["--resolution", "4", "--spp", "8", "--truth-spp", "16"]);
     bench.extend(["--set", "render.max_bounces=8"]);
-    bench.extend(["--trackers", "usual", "--pixel-mm", "0.2"]);
+    bench.extend(["--trackers", "usual", "--pixel-mm", "0.05,0.2"]);
     succeed(&folder, &bench);
     let report = json(&folder.join("report"), "report.json");
     let views = report["fabrics"][0]["views"].as_array().unwrap();
-    assert_eq!(views.len(), 2, "one width, lit from two sides");
-    for view in views {
+    assert_eq!(views.len(), 4, "two widths, lit from two sides");
+    // Four pixels across a gap, lit from the front: black, which ends this view only.
+    assert_eq!(views[0]["results"].as_array().unwrap().len(), 0);
+    let why = views[0]["refused"][0]["why"].as_str().unwrap();
+    assert!(why.contains("black"), "{why}");
+    for view in &views[2..] {
         let results = view["results"].as_array().unwrap();
         assert_eq!(view["pixel_mm"], 0.2, "{view}");
         assert_eq!(results[0]["choice"]["model"], "fibres");

@@ -75,6 +75,11 @@ impl<'a> Bench<'a> {
                 .collect::<Result<_, _>>()?;
             fabrics.push(FabricResult { sample, views });
         }
+        let is_black = |f: &FabricResult<'_>| f.views.iter().all(|v| v.results.is_empty());
+        if fabrics.iter().all(is_black) {
+            let why = "explicit fibres are black in every view; there is nothing to compare with";
+            return Err(ReportError::Run(why.into()));
+        }
         let growth = match samples.first() {
             Some(sample) if with_scaling => {
                 scaling::measure(laboratory, sample, &plan.scenes, plan.quick, done)?

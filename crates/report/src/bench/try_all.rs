@@ -163,12 +163,19 @@ impl Plan {
                 return Err(ReportError::Run(format!("{slug}, explicit fibres: {why}")));
             }
         };
-        let black = || {
-            ReportError::Run(format!(
-                "{slug}: explicit fibres are black; there is nothing to compare with"
-            ))
+        // A near view of a gap shows no fibre; the other views are still worth their time.
+        let Some(mut first) = judge(self.truth(), truth.clone(), &figures, &truth) else {
+            let refusal = Refusal {
+                choice: self.truth(),
+                why: "is black in this view; there is nothing to compare with".into(),
+            };
+            return Ok(ViewResult {
+                view,
+                results: Vec::new(),
+                refusals: vec![refusal],
+                peers: Vec::new(),
+            });
         };
-        let mut first = judge(self.truth(), truth.clone(), &figures, &truth).ok_or_else(black)?;
         // The reference has no error against itself, and its noise does not add one.
         for figure in [&mut first.row.rmse, &mut first.row.bias] {
             (figure.value, figure.low, figure.high) = (0.0, 0.0, 0.0);

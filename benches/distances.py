@@ -1,0 +1,120 @@
+"""Compares every representation of ten fabrics at five widths of a pixel, from 0.01 to 10 mm.
+
+    python3 benches/distances.py DIR          makes tables, runs the bench, prints the summary
+    python3 benches/distances.py DIR print    prints the summary again
+
+What is there already is not made again: an interrupted run resumes. Every row, with error, interval,
+time and memory, is in DIR/report/choices.csv. ORGANZA names the program, THREADS the number of
+threads, PATHS those from each node of a far-field table.
+"""
+
+import csv
+import os
+import pathlib
+import shutil
+import statistics
+import subprocess
+import sys
+
+FABRICS = [
+    "denim", "cotton_twill", "wool_gabardine", "polyester_lining", "charmeuse", "silk_shantung",
+    "organza", "linen", "jersey", "wool_tweed",
+]  # fmt: skip
+WIDTHS = "0.01,0.03,0.1,1,10"
+# Noise to which times are quoted, a share of the mean.
+NOISE = 0.02
+
+
+def organza(*arguments):
+    """Runs the program."""
+    program = os.environ.get("ORGANZA", "target/release/organza")
+    command = [program, *map(str, arguments), "--threads", os.environ.get("THREADS", "2")]
+    subprocess.run(command, check=True)
+
+
+def measure(folder):
+    """Far-field tables beside copies of the fabrics, then the bench."""
+    scenes = folder / "scenes"
+    if not scenes.exists():
+        shutil.copytree("scenes", scenes)
+    paths = [scenes / "fabrics" / f"{fabric}.toml" for fabric in FABRICS]
+    for path in paths:
+        table = path.with_suffix(".bsdf")
+        if not table.exists():
+            spp = os.environ.get("PATHS", "131072")
+            journal = folder / f"{path.stem}.journal"
+            organza("table", path, "-o", table, "--spp", spp, "--held-out", 0, "--journal", journal)
+    organza("bench", *paths, "-o", folder / "report", "--trackers", "usual", "--pixel-mm", WIDTHS)
+
+
+def percent(values):
+    """Median and largest of some shares."""
+    return f"{100 * statistics.median(values):.1f}, {100 * max(values):.0f} %"
+
+
+def summary(folder):
+    """Errors and times over all fabrics, by width, light and choice."""
+    rows = list(csv.DictReader((folder / "report" / "choices.csv").open()))
+    views = {}
+    for r in rows:
+        choice = (r["model"], float(r["voxel_scale"]), int(r["level"]))
+        views.setdefault((float(r["pixel_mm"]), r["lit"], choice), {})[r["fabric"]] = r
+    print("| pixel | choice | lit from the front: error | from behind: error | time | memory |")
+    print("|---|---|---|---|---|---|")
+    for width in sorted({key[0] for key in views}):
+        choices = list(dict.fromkeys(key[2] for key in views if key[0] == width))
+        for choice in choices:
+            cells, times, memory = [], [], []
+            for lit in ("front", "back"):
+                found = views.get((width, lit, choice), {})
+                cells.append(percent([float(r["rmse"]) for r in found.values()]) if found else "")
+                fibres = views.get((width, lit, ("fibres", 1.0, 0)), {})
+                for fabric, r in found.items():
+                    times.append(seconds(r) / seconds(fibres[fabric]))
+                    memory.append(int(r["memory_bytes"]) / 2**20)
+            if choice[0] == "fibres":
+                cells = ["the reference"] * 2
+            model, scale, level = choice
+            name = model if scale == 1.0 and level == 0 else f"{model}, voxels x {scale:g}, level {level}"
+            print(
+                f"| {width:g} mm | {name} | {cells[0]} | {cells[1]} | "
+                f"{statistics.median(times):.2f} | {statistics.median(memory):.0f} MiB |"
+            )
+    print()
+    within(views)
+
+
+def seconds(row):
+    """Time of a picture with that noise, set-up included."""
+    return float(row["setup_s"]) + float(row["noise_s"]) / NOISE**2
+
+
+def within(views):
+    """In how many of the fabrics each choice is within an error and faster than fibres."""
+    print("| pixel, lit from | within 3 % and faster than explicit fibres |")
+    print("|---|---|")
+    places = dict.fromkeys((width, lit) for width, lit, _ in views)
+    for width, lit in sorted(places):
+        fibres = views.get((width, lit, ("fibres", 1.0, 0)), {})
+        fastest = []
+        for fabric, reference in fibres.items():
+            near = []
+            for (w, side, choice), found in views.items():
+                if (w, side) == (width, lit) and fabric in found and choice[0] != "fibres":
+                    r = found[fabric]
+                    if float(r["rmse_high"]) < 0.03 and seconds(r) < seconds(reference):
+                        near.append((seconds(r) / seconds(reference), choice))
+            if near:
+                share, choice = min(near)
+                fastest.append(f"{fabric}: {choice[0]} ({1 / share:.1f} times as fast)")
+        print(f"| {width:g} mm, {lit} | {'; '.join(fastest) or 'none'} |")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3) or sys.argv[2:] not in ([], ["print"]):
+        sys.exit(__doc__)
+    given = pathlib.Path(sys.argv[1])
+    given.mkdir(parents=True, exist_ok=True)
+    if len(sys.argv) == 2:
+        measure(given)
+    summary(given)
