@@ -82,6 +82,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
         "voxelize cloth.toml -o disk/cloth.ovox --voxel-um 40",
         "voxelize cloth.toml -o disk/cloth.vdb --voxel-um 40",
         "voxelize cloth.toml -o disk/cloth.vol --voxel-um 40",
+        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 40",
+        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 40 --raw",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.csv",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.json",
         "measure cloth.toml --layout tensor-tree --spp 2 --model surface -o disk/out.xml",
@@ -104,7 +106,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
         );
         let left = String::from_utf8_lossy(&out.stdout);
         for name in [
-            ".tmp", ".exr", ".png", ".ovox", ".vdb", ".csv", ".json", ".xml", ".bsdf",
+            ".tmp", ".exr", ".png", ".ovox", ".vdb", ".vol", ".nrrd", ".csv", ".json", ".xml",
+            ".bsdf",
         ] {
             assert!(!left.contains(name), "{arguments}: left {left}");
         }

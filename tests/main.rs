@@ -5,6 +5,7 @@
 mod appearance; // optics of volumes found from pictures and pairs
 mod bake; // materials for other programs
 mod bench; // speed against error, and what it chooses
+mod block_files; // cloths of blocks: files and levels of detail
 mod cache; // volumes that are kept from run to run
 mod calls; // commands run by other programs, in memory
 mod checkpoints; // renders that are killed or interrupted, and resumed

@@ -2,6 +2,7 @@
 //! it at once.
 
 use anyhow::{Context, Result};
+use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static CAME: AtomicBool = AtomicBool::new(false);
@@ -25,4 +26,20 @@ pub fn watch() -> Result<()> {
 /// True once the user has asked to stop.
 pub fn came() -> bool {
     CAME.load(Ordering::Relaxed)
+}
+
+/// A writer that fails once the user has asked to stop.
+pub struct Interruptible<W>(pub W);
+
+impl<W: Write> Write for Interruptible<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if came() {
+            return Err(std::io::Error::other("interrupted"));
+        }
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
 }

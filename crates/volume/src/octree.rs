@@ -39,7 +39,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Marks a brick without fibre.
-const EMPTY: u32 = u32::MAX;
+pub(crate) const EMPTY: u32 = u32::MAX;
 
 /// Yarn and material of a population.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

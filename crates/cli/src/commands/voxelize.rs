@@ -5,6 +5,7 @@ use crate::building::watched;
 use crate::error::input;
 use crate::flags::values::{parse_level, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
+use crate::interrupt::{self, Interruptible};
 use crate::output;
 use crate::output::note;
 use crate::results::Results;
@@ -13,6 +14,7 @@ use clap::{Args, ValueEnum};
 use organza_scatter::FlakeMaterials;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
 use organza_scene::scattering::ScatteringTable;
 use organza_volume::format::{self, FORMATS, Format, Part, Voxels, WriteOption};
 use organza_volume::{FibreFootprint, Octree};
@@ -205,9 +207,11 @@ fn write(
     octree: &Octree,
 ) -> Result<Vec<PathBuf>> {
     with_parts(args, format, fabric, octree, |parts| {
+        // Large files take minutes: an interrupt must not leave a part of one behind.
+        interrupt::watch()?;
         let files = parts.into_iter().map(|(path, part)| {
             let write = move |out: &mut dyn output::SeekWrite| {
-                (part.write)(out).context("writing the volume failed")
+                (part.write)(&mut Interruptible(out)).context("writing the volume failed")
             };
             (path, Box::new(write) as output::WriteFile<'_>)
         });
@@ -236,6 +240,24 @@ fn in_memory(
     })
 }
 
+/// Refuses a file whose grids do not fit in memory, before they are made.
+fn check_memory(args: &VoxelizeArgs, format: &Format, octree: &Octree) -> Result<()> {
+    let needed = (format.write_memory_bytes)(octree, args.level);
+    let allowed = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    if needed <= allowed {
+        return Ok(());
+    }
+    let dims = octree.dims(args.level);
+    Err(input(format!(
+        "{}: {} x {} x {} voxels need about {needed} bytes of memory, {allowed} are allowed: use \
+         larger voxels, a coarser --level or a smaller tile, allow more, or write .ovox",
+        args.outfile.display(),
+        dims.x,
+        dims.y,
+        dims.z
+    )))
+}
+
 /// What `use_parts` makes of the files of the volume, by their paths.
 fn with_parts<T>(
     args: &VoxelizeArgs,
@@ -244,6 +266,7 @@ fn with_parts<T>(
     octree: &Octree,
     use_parts: impl FnOnce(Vec<(PathBuf, Part<'_>)>) -> Result<T>,
 ) -> Result<T> {
+    check_memory(args, format, octree)?;
     let materials = FlakeMaterials::new(fabric.flake_optics());
     let voxels = Voxels {
         octree,

@@ -24,10 +24,16 @@ pub struct GridSet {
 pub const BYTES_PER_CELL: u64 = 4 * (1 + 6 + 3);
 
 impl GridSet {
+    /// Bytes that [`GridSet::from_octree`] takes.
+    pub fn memory_bytes(octree: &Octree, level: u8) -> u64 {
+        let cells = octree.dims(level).as_u64vec3().to_array();
+        cells.into_iter().fold(BYTES_PER_CELL, u64::saturating_mul)
+    }
+
     /// A level of an octree, each mixture merged by `merge`. Cells without fibre have no
     /// extinction, the unit matrix and no albedo.
     ///
-    /// Needs [`BYTES_PER_CELL`] for each cell of the box, occupied or not.
+    /// Takes [`GridSet::memory_bytes`]: every cell of the box counts, occupied or not.
     pub fn from_octree(
         octree: &Octree,
         level: u8,

@@ -34,6 +34,9 @@ pub struct Format {
     pub describe: fn(&Source<'_>, &mut Budget) -> Result<serde_json::Value, Error>,
     /// Reads a volume to render.
     pub read: fn(&Source<'_>, &mut Budget) -> Result<Volume, Error>,
+    /// Memory that [`Format::write`] and its files take for an octree, bytes. Where nothing
+    /// grows with the voxels it is zero.
+    pub write_memory_bytes: fn(&Octree, u8) -> u64,
     /// The files to write for an octree; none of them is written yet.
     pub write: for<'a> fn(&'a Voxels<'a>) -> Result<Vec<Part<'a>>, Error>,
 }

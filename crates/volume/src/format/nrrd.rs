@@ -29,6 +29,7 @@ pub static FORMAT: Format = Format {
         let array = source.read(budget, read)?;
         array.grid_set(budget).map(Volume::Grids)
     },
+    write_memory_bytes: |_, _| 0, // cell by cell
     write: |voxels| {
         Ok(vec![Part {
             infix: None,

@@ -33,6 +33,7 @@ pub static FORMAT: Format = Format {
     options: &[WriteOption::Footprint],
     describe: |source, budget| Ok(describe(&open(source, budget)?)),
     read: |source, budget| open(source, budget).map(Volume::Octree),
+    write_memory_bytes: |_, _| 0, // block by block
     write: |voxels| {
         Ok(vec![Part {
             infix: None,

@@ -38,6 +38,7 @@ pub static FORMAT: Format = Format {
             .grid_set(budget)
             .map(super::Volume::Grids)
     },
+    write_memory_bytes: from_octree::memory_bytes,
     write: |voxels| {
         let grids = grids_from_octree(voxels.octree, voxels.level, voxels.half, voxels.merge);
         let codec = if voxels.raw { Codec::Raw } else { Codec::Zip };

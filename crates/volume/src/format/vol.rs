@@ -26,6 +26,7 @@ pub static FORMAT: Format = Format {
     options: &[WriteOption::Level],
     describe,
     read: |source, budget| read_set(source, budget).map(Volume::Grids),
+    write_memory_bytes: GridSet::memory_bytes,
     write: write_set,
 };
 

@@ -2,6 +2,8 @@
 
 use super::{Cells, Data, Grid, Leaf, Value, mm_from_cell};
 use crate::Octree;
+use crate::lattice::{brick_at, brick_index};
+use crate::octree::EMPTY;
 use glam::{IVec3, UVec3};
 use organza_basis::{MergedFlakes, Mixture};
 use std::collections::BTreeMap;
@@ -55,6 +57,30 @@ pub fn grids_from_octree(
         grid("albedo", Data::Vec3(albedo.finish())),
         grid("yarn", Data::Int(yarn.finish())),
     ]
+}
+
+/// Bytes of a leaf in every grid: 15 values in each of 512 cells, the masks and the places in
+/// their map; and 6 values more in each cell while a grid of vectors is encoded.
+const BYTES_PER_LEAF: u64 = 512 * 4 * (15 + 6) + 7 * 160;
+
+/// Bytes that [`grids_from_octree`] takes and that writing its grids takes then, at most.
+pub(super) fn memory_bytes(octree: &Octree, level: u8) -> u64 {
+    let across = octree.dims(level).map(|n| n.div_ceil(8));
+    let in_box = across.as_u64vec3().to_array();
+    let in_box = in_box.into_iter().fold(1, u64::saturating_mul);
+    let leaves = match octree.blocks() {
+        // Each crossing shows a block, and blocks hold fibre nearly everywhere.
+        Some(_) => in_box,
+        None => {
+            let mut is_leaf = vec![false; in_box as usize];
+            let l = &octree.levels[usize::from(level)];
+            for (at, _) in (0..).zip(&l.brick_of).filter(|(_, brick)| **brick != EMPTY) {
+                is_leaf[brick_index(brick_at(at, l.grid) >> 1u32, across) as usize] = true;
+            }
+            is_leaf.into_iter().filter(|leaf| *leaf).count() as u64
+        }
+    };
+    leaves.saturating_mul(BYTES_PER_LEAF)
 }
 
 /// Collects cells into leaves.
