@@ -14,7 +14,7 @@ use crate::read;
 use crate::woven_volume::{self, WovenVolume};
 use glam::Vec2;
 use organza_basis::SegmentSource;
-use organza_scatter::Fibre;
+use organza_scatter::{ClearFibre, Fibre};
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
@@ -206,6 +206,22 @@ impl Fabric {
             .materials()
             .iter()
             .map(|m| optics::of_material(&self.optics, m).flakes(m.colour))
+            .collect()
+    }
+
+    /// The clear fibre behind the transmitting flakes of each material.
+    ///
+    /// # Errors
+    /// What is wrong with the optics of a material.
+    pub fn clear_fibres(&self, path: &Path) -> Result<Vec<ClearFibre>> {
+        self.cloth
+            .materials()
+            .iter()
+            .map(|m| {
+                let table = optics::of_material(&self.optics, m);
+                fibre_model::clear_fibre(&table, m)
+                    .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
+            })
             .collect()
     }
 

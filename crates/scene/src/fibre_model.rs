@@ -5,8 +5,8 @@ use organza_basis::Rgb;
 use organza_scatter::fitted::PRESETS;
 use organza_scatter::longitudinal::MAX_BLUR_DEG;
 use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters, Section,
-    absorption_for_colour_of,
+    ClearFibre, DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
+    Section, absorption_for_colour_of,
 };
 use organza_weave::Material;
 
@@ -78,13 +78,7 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
     }
     let ior = t.ior.unwrap_or(IOR);
     let section = section(t).map_err(|why| format!("section: {why}"))?;
-    let absorption_radii = match t.absorption_per_mm {
-        Some(a) => Rgb::from(a) * material.fibre_radius_mm,
-        None => {
-            let thread = material.colour.unwrap_or(UNDYED);
-            absorption_for_colour_of(section, ior, t.colour.map_or(thread, Rgb::from))
-        }
-    };
+    let absorption_radii = absorption_radii(t, material, ior, section);
     let parameters = DielectricParameters {
         ior,
         absorption_radii,
@@ -93,6 +87,40 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
     };
     let fibre = DielectricFibre::with_section(parameters, section).map_err(|e| e.to_string())?;
     Ok(Fibre::Dielectric(fibre))
+}
+
+/// The fibre of a material as a round one without blur, for flakes that transmit. Of fitted
+/// fibres only the albedo of the flakes is known.
+///
+/// # Errors
+/// What is wrong with its parameters.
+pub fn clear_fibre(t: &OpticsTable, material: &Material) -> Result<ClearFibre, String> {
+    if t.fitted.is_some() {
+        return Ok(ClearFibre::of_albedo(t.flakes(material.colour).albedo));
+    }
+    let ior = t.ior.unwrap_or(IOR);
+    let section = section(t).map_err(|why| format!("section: {why}"))?;
+    Ok(ClearFibre {
+        ior,
+        absorption_radii: absorption_radii(t, material, ior, section),
+        albedo: Rgb::WHITE,
+    })
+}
+
+/// Absorption times the fibre's radius: given, or such that a thick heap has the colour.
+fn absorption_radii(
+    t: &OpticsTable,
+    material: &Material,
+    ior: f32,
+    section: Option<Section>,
+) -> Rgb {
+    match t.absorption_per_mm {
+        Some(a) => Rgb::from(a) * material.fibre_radius_mm,
+        None => {
+            let thread = material.colour.unwrap_or(UNDYED);
+            absorption_for_colour_of(section, ior, t.colour.map_or(thread, Rgb::from))
+        }
+    }
 }
 
 /// The section of the fibres; none of round ones.

@@ -102,6 +102,13 @@ pub fn export(
                         .into(),
                 ));
             }
+            AnyMedium::FlakeOctree(_) => {
+                return Err(fail(
+                    "Mitsuba has specular SGGX micro-flakes, which transmit no light, and no \
+                     other family; use flake = \"sggx-specular\""
+                        .into(),
+                ));
+            }
             _ => {
                 return Err(fail(
                     "only micro-flakes have a counterpart in Mitsuba; \

@@ -3,7 +3,10 @@
 //! A family is one file with a [`FlakeRecord`] and one line in the list at the end
 //! of this file.
 
-use super::{FlakeScattering, gaussian, gaussian_diffuse, sggx_diffuse, sggx_specular, sine_power};
+use super::{
+    FlakeScattering, gaussian, gaussian_diffuse, sggx_diffuse, sggx_specular, sggx_transmitting,
+    sine_power,
+};
 use crate::FlakeOptics;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -26,6 +29,10 @@ impl FlakeFamily {
     /// Mirrors of the SGGX distribution, the one family whose mixtures other
     /// renderers and the kernel take.
     pub const SGGX_SPECULAR: FlakeFamily = FlakeFamily(&sggx_specular::FAMILY);
+
+    /// Pieces of the surface of clear fibres, which need the fibres of the materials:
+    /// [`TransmittingFlakes`](super::TransmittingFlakes).
+    pub const SGGX_TRANSMITTING: FlakeFamily = FlakeFamily(&sggx_transmitting::FAMILY);
 
     /// All families.
     pub fn all() -> impl Iterator<Item = FlakeFamily> {

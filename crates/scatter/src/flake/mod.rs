@@ -10,11 +10,13 @@ mod populations;
 mod scattering;
 mod sggx_diffuse;
 mod sggx_specular;
+mod sggx_transmitting;
 mod sine_power;
 
 pub use gaussian::GaussianBand;
 pub use populations::PopulationFlakes;
 pub use scattering::FlakeScattering;
+pub use sggx_transmitting::{ClearFibre, TransmittingFlakes};
 pub use sine_power::{SineBand, sine_power_from_gamma};
 
 use crate::lobe::{Lobe, LobeSample};

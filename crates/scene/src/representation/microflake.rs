@@ -5,7 +5,8 @@ use super::{Build, FittedOptics, Representation, Tracker, VoxelBuild, VoxelSourc
 use crate::error::Result;
 use crate::optics::albedo_for_colour;
 use organza_basis::Rgb;
-use organza_transport::AnyMedium;
+use organza_scatter::FlakeFamily;
+use organza_transport::{AnyMedium, FlakeOctreeMedium};
 use organza_volume::FibreFootprint;
 use std::sync::Arc;
 
@@ -41,5 +42,10 @@ pub static MICROFLAKE: Representation = Representation {
 fn medium(source: &VoxelSource<'_>) -> Result<Option<AnyMedium>> {
     let (octree, optics) = (Arc::clone(&source.octree), source.fabric.flake_optics());
     let family = source.settings.flake;
+    if family == FlakeFamily::SGGX_TRANSMITTING {
+        let fibres = source.fabric.clear_fibres(source.path)?;
+        let medium = FlakeOctreeMedium::of_clear_fibres(octree, source.level, optics, fibres);
+        return Ok(medium.map(AnyMedium::FlakeOctree));
+    }
     Ok(AnyMedium::of_flakes(octree, source.level, optics, family))
 }

@@ -5,7 +5,10 @@ use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 use crate::matter::sggx_octree_medium::{info_of, level_of};
 use glam::{UVec3, Vec3};
 use organza_basis::{Mixture, PathRng, Rgb};
-use organza_scatter::{DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample};
+use organza_scatter::{
+    ClearFibre, DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample,
+    TransmittingFlakes,
+};
 use organza_volume::Octree;
 use std::sync::Arc;
 
@@ -47,6 +50,19 @@ impl FlakeOctreeMedium {
         let scatterer = FamilyFlakes {
             flakes: family.of_materials(optics),
         };
+        Some(OctreeMedium { level, scatterer })
+    }
+
+    /// The same of flakes that transmit, of the fibres of each material.
+    pub fn of_clear_fibres(
+        octree: impl Into<Arc<Octree>>,
+        level: u8,
+        optics: Vec<FlakeOptics>,
+        fibres: Vec<ClearFibre>,
+    ) -> Option<FlakeOctreeMedium> {
+        let level = level_of(octree, level, optics.len())?;
+        let flakes = Box::new(TransmittingFlakes::new(optics, fibres));
+        let scatterer = FamilyFlakes { flakes };
         Some(OctreeMedium { level, scatterer })
     }
 }

@@ -1,0 +1,220 @@
+//! `flake = "sggx-transmitting"`: flakes distributed as the normals of an ellipsoid
+//! \[Heitz2015], each a piece of the surface of a clear fibre: it reflects as a mirror,
+//! or light crosses the fibre behind it \[Marschner2003].
+//!
+//! # Model
+//! A mirror at the offset h = sin(g) of a cylinder sends light back along the walk but for
+//! an azimuth of 2 g about the axis. Light that enters there and leaves at the far side goes
+//! straight on but for an azimuth of 2 (g - g'), g' being the angle of refraction, with the
+//! same inclination. So a mirrored direction is drawn, and light that crosses is turned about
+//! the axis from the azimuth of the mirror to its own. Shares and absorption are those of
+//! [`Crossing`]. Light that is reflected inside leaves with the mirrored light.
+//!
+//! The flakes have the symmetry of their axis. All of this depends on the two inclinations
+//! in a symmetric way and on the size of the azimuth between the directions, so
+//! `projected_area(a) eval(a, b)` stays symmetric.
+
+use super::catalogue::FlakeRecord;
+use super::populations::PopulationFlakes;
+use super::{DiffuseFlake, FlakeScattering, MicroFlake};
+use crate::cylinder::Crossing;
+use crate::longitudinal::Inclinations;
+use crate::{AxialFlake, FibreAngles, FibreFrame, FlakeMaterials, FlakeOptics, LobeSample};
+use glam::Vec3;
+use organza_basis::{FibrePopulation, Mixture, PathRng, Rgb};
+use std::f32::consts::PI;
+
+pub(super) const FAMILY: FlakeRecord = FlakeRecord {
+    name: "sggx-transmitting",
+    about: "pieces of the surface of clear fibres, distributed as the normals of an ellipsoid",
+    of_materials: |optics| {
+        let fibres = optics.iter().map(|o| ClearFibre::of_albedo(o.albedo));
+        let fibres = fibres.collect();
+        Box::new(TransmittingFlakes::new(optics, fibres))
+    },
+};
+
+/// Mean index of cotton, flax, silk and wool, which lie within 0.02 of it
+/// \[MortonHearle2008].
+const IOR: f32 = 1.55;
+
+/// Least index: the nearer it is to one, the nearer light that crosses comes to going
+/// straight on, which is no density.
+const MIN_IOR: f32 = 1.05;
+
+/// The round fibre behind a transmitting flake.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClearFibre {
+    /// Index of refraction, raised to 1.05.
+    pub ior: f32,
+    /// Absorption coefficient times the fibre's radius, no unit, not negative.
+    pub absorption_radii: Rgb,
+    /// What all scattered light is multiplied by, each channel in `[0, 1]`.
+    pub albedo: Rgb,
+}
+
+impl ClearFibre {
+    /// A fibre of which only the albedo is known: all of its light loses the same share.
+    pub fn of_albedo(albedo: Rgb) -> ClearFibre {
+        ClearFibre {
+            ior: IOR,
+            absorption_radii: Rgb::BLACK,
+            albedo,
+        }
+    }
+
+    /// What light keeps that an event reflects and lets through, and the probability of
+    /// drawing the latter: its share without absorption.
+    fn shares(&self, crossing: &Crossing) -> ([Rgb; 2], f32) {
+        let [r, tt, trt, rest] = crossing.attenuations(self.absorption_radii);
+        let through = (1.0 - crossing.fresnel) * (1.0 - crossing.fresnel);
+        let mut reflected = r;
+        reflected += trt;
+        reflected += rest;
+        ([self.albedo * reflected, self.albedo * tt], through)
+    }
+
+    fn crossing(&self, mean_cos: f32, gamma_rad: f32) -> Crossing {
+        Crossing::new(self.ior.max(MIN_IOR), mean_cos, gamma_rad.sin())
+    }
+
+    /// Angle of incidence at which light leaves with an azimuth of `turn_rad >= 0` from
+    /// straight on, and the change of twice that angle with the azimuth; `None` beyond the
+    /// largest azimuth. The inverse of `2 (g - g')` with `sin g = index sin g'`.
+    fn gamma_of_turn(&self, mean_cos: f32, turn_rad: f32) -> Option<(f32, f32)> {
+        let ior = self.ior.max(MIN_IOR);
+        let cos = mean_cos.clamp(crate::cylinder::MIN_COS, 1.0);
+        let index = (ior * ior - 1.0 + cos * cos).sqrt() / cos;
+        let (sin, cos) = (0.5 * turn_rad).sin_cos();
+        let along = index * cos - 1.0;
+        if along <= 0.0 {
+            return None;
+        }
+        let gamma_rad = (index * sin).atan2(along);
+        let sin_inside = gamma_rad.sin() / index;
+        let cos_inside = (1.0 - sin_inside * sin_inside).max(0.0).sqrt();
+        let slope = 1.0 - gamma_rad.cos() / (index * cos_inside);
+        Some((gamma_rad, 1.0 / slope))
+    }
+}
+
+/// The populations of a cloth as flakes that reflect and transmit.
+pub struct TransmittingFlakes {
+    materials: FlakeMaterials,
+    fibres: Vec<ClearFibre>,
+}
+
+impl TransmittingFlakes {
+    /// From the optics of each material, of which the width is used, and its fibre. A
+    /// material without a fibre gets one of its albedo.
+    pub fn new(optics: Vec<FlakeOptics>, mut fibres: Vec<ClearFibre>) -> TransmittingFlakes {
+        let missing = optics.iter().skip(fibres.len());
+        fibres.extend(missing.map(|o| ClearFibre::of_albedo(o.albedo)));
+        TransmittingFlakes {
+            materials: FlakeMaterials::new(optics),
+            fibres,
+        }
+    }
+
+    fn fibre(&self, c: &FibrePopulation) -> &ClearFibre {
+        &self.fibres[usize::from(c.material)]
+    }
+
+    /// Albedo times phase, and phase, of one population.
+    fn toward(&self, c: &FibrePopulation, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
+        let (flakes, fibre) = (self.materials.flake(c), self.fibre(c));
+        let frame = FibreFrame::new(c.axis, w_out);
+        let a = frame.angles(w_in);
+        let mean_cos = mean_cos(&frame, &a);
+        let turn_rad = a.azimuth_rad.abs();
+        let crossing = fibre.crossing(mean_cos, 0.5 * (PI - turn_rad));
+        let ([reflected, _], through) = fibre.shares(&crossing);
+        let phase = flakes.eval(w_out, w_in);
+        let (mut value, mut pdf) = (reflected * phase, (1.0 - through) * phase);
+        if let Some((gamma_rad, slope)) = fibre.gamma_of_turn(mean_cos, turn_rad) {
+            let mirrored = frame.direction(&FibreAngles {
+                azimuth_rad: PI - 2.0 * gamma_rad,
+                ..a
+            });
+            let ([_, passed], through) = fibre.shares(&fibre.crossing(mean_cos, gamma_rad));
+            let phase = slope * flakes.eval(w_out, mirrored);
+            value += passed * phase;
+            pdf += through * phase;
+        }
+        (value, pdf)
+    }
+
+    /// Draws where a population sends `w_out`.
+    fn direction(&self, c: &FibrePopulation, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
+        let (flakes, fibre): (AxialFlake, _) = (self.materials.flake(c), self.fibre(c));
+        let mirrored = flakes.sample(w_out, rng);
+        let frame = FibreFrame::new(c.axis, w_out);
+        let a = frame.angles(mirrored);
+        let gamma_rad = 0.5 * (PI - a.azimuth_rad.abs());
+        let crossing = fibre.crossing(mean_cos(&frame, &a), gamma_rad);
+        let (_, through) = fibre.shares(&crossing);
+        if rng.unit() >= through {
+            return mirrored;
+        }
+        let turn_rad = 2.0 * (gamma_rad - crossing.gamma_t_rad);
+        let passed = FibreAngles {
+            azimuth_rad: turn_rad.copysign(a.azimuth_rad),
+            ..a
+        };
+        frame.direction(&passed).normalize_or(mirrored)
+    }
+}
+
+/// Cosine of the mean inclination of the two directions: symmetric in them.
+fn mean_cos(frame: &FibreFrame, a: &FibreAngles) -> f32 {
+    Inclinations::new([a.sin, a.cos], [frame.sin_out, frame.cos_out]).mean_cos
+}
+
+impl FlakeScattering for TransmittingFlakes {
+    fn sigma_t_per_mm(&self, mixture: &Mixture, w: Vec3) -> f32 {
+        self.materials.total(mixture, w)
+    }
+
+    fn eval(
+        &self,
+        mixture: &Mixture,
+        _: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        w_in: Vec3,
+    ) -> (Rgb, f32) {
+        let (mut value, mut pdf, mut total) = (Rgb::BLACK, 0.0, 0.0);
+        for c in mixture.as_slice() {
+            let sigma = self.materials.extinction(c, w_out);
+            let own = self.toward(c, w_out, w_in);
+            value += own.0 * sigma;
+            pdf += sigma * own.1;
+            total += sigma;
+        }
+        if total > 0.0 {
+            (value / total, pdf / total)
+        } else {
+            (Rgb::BLACK, 0.0)
+        }
+    }
+
+    fn sample(
+        &self,
+        mixture: &Mixture,
+        _: Option<&DiffuseFlake>,
+        w_out: Vec3,
+        rng: &mut PathRng,
+    ) -> Option<LobeSample> {
+        let met = self.materials.meet(mixture, w_out, rng)?;
+        let w_in = self.direction(met, w_out, rng);
+        let (value, pdf) = self.eval(mixture, None, w_out, w_in);
+        (pdf > 0.0).then(|| LobeSample {
+            w_in,
+            weight: value / pdf,
+            pdf,
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "sggx_transmitting_tests.rs"]
+mod tests;
