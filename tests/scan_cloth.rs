@@ -1,6 +1,6 @@
 //! Flat cloth, its yarns and a tile that repeats, from the scan of a tilted, bent weave.
 
-use crate::program::{folder, succeed};
+use crate::program::{folder, organza, succeed};
 use glam::{DVec3, Quat, UVec3, Vec3};
 use organza_basis::curve::{SegmentList, Tile};
 use organza_basis::{Aabb, Budget, Segment, SegmentSource};
@@ -172,6 +172,7 @@ fn a_tilted_bent_weave_becomes_a_flat_tile_of_two_yarn_systems() {
     let (tile, _) = scan(&folder, "tile.ovox", &["--flatten", "--yarns", "--tile"]);
     let wrong = what_is_wrong(&tile, drawn);
     assert_eq!(wrong, None, "seed {SEED}");
+    a_tile_is_an_exemplar(&folder, &tile);
     // Known bad: as it lay in the scanner.
     let (raw, said) = scan(&folder, "raw.ovox", &[]);
     assert!(said.contains("slabs are finished"), "{said}");
@@ -184,4 +185,54 @@ fn a_tilted_bent_weave_becomes_a_flat_tile_of_two_yarn_systems() {
     let (plane, _) = scan(&folder, "plane.ovox", &["--flatten=0", "--tile"]);
     assert!(what_is_wrong(&plane, drawn).is_some());
     assert!(described(&plane).unevenness_mm > 0.00045);
+}
+
+/// A cloth of 12 x 10 crossings is made of the blocks of a scanned tile, `tile.ovox`.
+fn a_tile_is_an_exemplar(folder: &Path, tile: &Octree) {
+    let weft = "[yarn.weft]\npreset = \"silk\"\ntex = 3.0\nfibre_radius_um = 26.0\n";
+    let fabric = SCREEN
+        .replace("repeats = [1, 1]", "repeats = [6, 5]")
+        .replace("[warp]", "[warp]\nyarn = \"warp\"")
+        .replace("[weft]\n", "[weft]\nyarn = \"weft\"\n")
+        .replace("yarn.default", "yarn.warp")
+        + weft
+        + "[voxel]\nsize_um = 10.0\n[synthesis]\nexemplars = [\"tile.ovox\"]\n";
+    std::fs::write(folder.join("large.toml"), &fabric).unwrap();
+    let figures = succeed(folder, &["info", "large.toml", "--json"]);
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    let figure = |path: &str| {
+        let found = figures.pointer(&format!("/synthesis/{path}"));
+        found.and_then(serde_json::Value::as_f64).unwrap()
+    };
+    let blocks = figure("figures/blocks");
+    assert!(blocks > 0.0 && blocks == figure("figures/volume_blocks"));
+    assert_eq!(figure("border_gaps/borders"), 2.0 * 12.0 * 10.0);
+    // Half a voxel of the scan, and the turn of a yarn by that much over a quarter of a thread.
+    let position_mm = figure("border_gaps/position_rms_mm");
+    let tangent_rad = figure("border_gaps/tangent_rms_rad");
+    let half = 0.5 * f64::from(VOXEL_MM);
+    assert!(position_mm < half, "{position_mm} mm, seed {SEED}");
+    assert!(
+        tangent_rad < half / (0.25 * PITCH_MM),
+        "{tangent_rad} rad, seed {SEED}"
+    );
+
+    succeed(folder, &["voxelize", "large.toml", "-o", "large.ovox"]);
+    let bytes = std::fs::read(folder.join("large.ovox")).unwrap();
+    let cloth = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30));
+    let (own, expected) = (described(&cloth.unwrap().octree), described(tile));
+    let ratio = own.per_area / expected.per_area;
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}, seed {SEED}");
+    // Blocks have the materials of the fabric, of which the warp's is the first.
+    let [warp, weft] = own.systems;
+    assert!((warp.0 - 0.5).abs() < 0.023, "{own:?}, seed {SEED}");
+    assert!(warp.1 < 0.1 && weft.1 > 0.9, "{own:?}, seed {SEED}");
+
+    // Known bad: a design with neighbourhoods that the screen does not have.
+    let twill = fabric.replace("\"plain\"", "\"twill-2-2-z\"");
+    std::fs::write(folder.join("twill.toml"), twill).unwrap();
+    let out = organza(folder, &["info", "twill.toml"]);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{said}");
+    assert!(said.contains("no exemplar has"), "{said}");
 }
