@@ -132,6 +132,7 @@ mod tests {
                 length_mm: 0.0,
                 unroundness: 0.0,
                 is_free: true,
+                inner_covariance: None,
                 middle: at(0.0),
                 slope_per_mm: (at(r - 0.05) - at(r + 0.05)) / 0.1,
             };

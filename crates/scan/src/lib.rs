@@ -17,6 +17,7 @@ mod error;
 mod field;
 mod flatten;
 pub mod input;
+mod interior;
 mod levels;
 mod noise;
 mod orientation;

@@ -1,5 +1,6 @@
 //! Rays across fibres, from their inside to their outline.
 
+use crate::interior;
 use crate::noise;
 use crate::plane_means::PlaneMeans;
 use crate::window::Window;
@@ -57,6 +58,9 @@ pub(crate) struct Section {
     pub unroundness: f32,
     /// Whether the radius is that of parts of the outline that no other fibre is near to.
     pub is_free: bool,
+    /// Covariance of grey values inside that continue along the fibre, see
+    /// [`interior::covariance`].
+    pub inner_covariance: Option<[f32; interior::TWISTS.len()]>,
 }
 
 /// How far a ray goes.
@@ -92,6 +96,9 @@ pub(crate) struct Rays<'a> {
     contrast: f32,
     /// Deviation of the noise.
     noise: f32,
+    /// Distance at which the noise of two values hardly depends on each other, in the least
+    /// edges of a voxel.
+    noise_reach: f32,
     /// Greatest grey value of air beyond an outline.
     beyond: f32,
     /// Distance by which blur has moved outlines inward, mm.
@@ -111,6 +118,7 @@ impl<'a> Rays<'a> {
         air: f32,
         voxel_mm: DVec3,
         shrunk_mm: f32,
+        noise_reach: f32,
     ) -> Rays<'a> {
         let noise = noise::deviation(window, air);
         let least_mm = voxel_mm.min_element() as f32;
@@ -119,6 +127,7 @@ impl<'a> Rays<'a> {
             threshold,
             contrast: 2.0 * (threshold - air),
             noise,
+            noise_reach,
             beyond: air + BEYOND * (threshold - air) + 2.0 * noise,
             shrunk_mm,
             per_mm: (1.0 / voxel_mm).as_vec3(),
@@ -226,8 +235,19 @@ impl<'a> Rays<'a> {
         };
         let longest = self.steps as f32 * self.step_mm;
         let along = |d: Vec3| self.length_mm(at, d).min(longest);
+        let radius_mm = median(rays.iter().map(|k| across.ends[*k].length_mm));
+        let scale = self.per_mm * self.voxel_mm;
+        let inner = |p: Vec3| {
+            let off = p.x * plane.s + p.y * plane.t + p.z * plane.n;
+            self.window.at(at + off * scale)
+        };
         Some(Section {
-            radius_mm: median(rays.iter().map(|k| across.ends[*k].length_mm)),
+            radius_mm,
+            inner_covariance: interior::covariance(
+                radius_mm / self.voxel_mm,
+                self.noise_reach,
+                inner,
+            ),
             length_mm: along(plane.n) + along(-plane.n),
             middle: self.mean(at, plane, across.half)?,
             slope_per_mm: median(rays.iter().filter_map(fall)),

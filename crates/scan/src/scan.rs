@@ -7,12 +7,13 @@ use crate::ScanError;
 use crate::disk::unblurred;
 use crate::field::{BRICK, BRICK_VOXELS, ScannedField, StoredBrick, StoredVoxel};
 use crate::input::Slices;
+use crate::interior::TWISTS;
 use crate::levels::{Histogram, Levels};
 use crate::noise;
 use crate::orientation::{Analysed, CORE, Core, Scales, analyse};
 use crate::rays::{Section, median};
 use crate::sections::{sections, single_fibres};
-use crate::settings::ScanSettings;
+use crate::settings::{Denoise, ScanSettings};
 use crate::window::{Window, window_bytes};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
@@ -51,6 +52,10 @@ const NOISE_SHARE: f32 = 0.05;
 /// The share of these voxels that counts as straight fibre.
 const STRAIGHT: f32 = 0.2;
 
+/// Least [`Survey::inner_deviation`] of bundles, fitted to phantoms: about midway between those of
+/// single fibres (up to 0.016) and of bundles (from 0.024 in twisted yarns, from 0.052 in gauzes).
+const BUNDLE: f32 = 0.02;
+
 /// A part of the work, in its order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -80,6 +85,10 @@ pub struct Survey {
     pub sections: usize,
     /// Deviation of the blur of scanner and noise filter together, mm.
     pub blur_mm: f32,
+    /// Deviation of the grey values inside sections that continues along fibres, as a share of the
+    /// difference between air and fibre: near zero in single fibres, as noise does not
+    /// continue. Zero where sections are too small to say.
+    pub inner_deviation: f32,
     /// Share of the tensor's trace that noise leaves along straight fibres.
     pub residue: f32,
 }
@@ -143,6 +152,7 @@ impl Scan {
             radius_deviation_mm: 0.0,
             sections: 0,
             blur_mm: 0.0,
+            inner_deviation: 0.0,
             residue: 0.0,
         };
         let windows = probes(dims.z as usize, probe);
@@ -160,6 +170,7 @@ impl Scan {
                     air,
                     settings.voxel_mm,
                     shrunk_mm,
+                    noise_reach(settings),
                     i as u64,
                 );
                 found.extend(own);
@@ -326,6 +337,12 @@ impl Scan {
 }
 
 impl Survey {
+    /// Whether grey values inside sections vary along whole fibres as they do between the
+    /// fibres of a bundle, so that the measured radius may be that of the bundle.
+    pub fn shows_bundles(&self) -> bool {
+        self.inner_deviation >= BUNDLE
+    }
+
     /// Takes radius and grey values from sections, if they are those of fibres. What the
     /// settings give stays. Returns how far blur moves outlines at the middle
     /// between air and fibre inward, mm.
@@ -376,6 +393,12 @@ impl Survey {
             levels.threshold = 0.5 * (levels.air + levels.fibre);
         }
         self.blur_mm = fibre.blur_mm;
+        let inner: Vec<_> = found.iter().filter_map(|s| s.inner_covariance).collect();
+        let count = inner.len().max(1) as f32;
+        // Yarns of one cloth have one twist, mostly.
+        let mean = |twist: usize| inner.iter().map(|c| c[twist]).sum::<f32>() / count;
+        let most = (0..TWISTS.len()).map(mean).fold(0.0, f32::max);
+        self.inner_deviation = most.sqrt() / (levels.fibre - levels.air);
         self.fibre_radius_mm = settings.fibre_radius_mm.unwrap_or(fibre.radius_mm);
         Ok(fibre.shrunk_mm())
     }
@@ -509,6 +532,15 @@ fn probes(nz: usize, probe: usize) -> Vec<Range<i64>> {
     (0..count)
         .map(|i| first(i) as i64..(first(i) + probe) as i64)
         .collect()
+}
+
+/// Distance at which the noise of two filtered values hardly depends on each other, in the least
+/// edges of a voxel: scanners smooth noise over a voxel or two, too.
+fn noise_reach(settings: &ScanSettings) -> f32 {
+    match settings.denoise {
+        Denoise::Gaussian(sigma) => (6.0 * sigma).max(4.0),
+        Denoise::None | Denoise::Median => 4.0,
+    }
 }
 
 /// The blocks of a slab.

@@ -40,16 +40,18 @@ fn planes() -> Vec<Frame> {
 }
 
 /// Round sections at random places of a window where the grey value exceeds the threshold, and
-/// the number of such places that were tried. Blur has moved outlines inward by `shrunk_mm`.
+/// the number of such places that were tried. Blur has moved outlines inward by `shrunk_mm`; noise
+/// reaches as many of the least edges of a voxel as `noise_reach`.
 pub(crate) fn sections(
     window: &Window,
     threshold: f32,
     air: f32,
     voxel_mm: DVec3,
     shrunk_mm: f32,
+    noise_reach: f32,
     seed: u64,
 ) -> (Vec<Section>, usize) {
-    let mut rays = Rays::new(window, threshold, air, voxel_mm, shrunk_mm);
+    let mut rays = Rays::new(window, threshold, air, voxel_mm, shrunk_mm, noise_reach);
     let planes = planes();
     let size = Vec3::new(
         (window.nx - 1) as f32,

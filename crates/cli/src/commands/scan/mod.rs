@@ -238,6 +238,9 @@ fn scan(args: &ScanArgs, files: &[PathBuf]) -> Result<()> {
         for line in record::lines(&*slices, &settings, &survey) {
             note!("{name}: {line}");
         }
+        if let Some(warning) = record::warning(&settings, &survey) {
+            note!("organza: warning: {name}: {warning}");
+        }
     }
     let field = slabs(args, files, &mut *slices, &scan, &survey, &settings, budget)?;
     drop(slices);

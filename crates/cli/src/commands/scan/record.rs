@@ -53,6 +53,20 @@ pub fn lines(slices: &dyn Slices, settings: &ScanSettings, survey: &Survey) -> V
     ]
 }
 
+/// The warning about a radius that may be that of a bundle.
+pub fn warning(settings: &ScanSettings, survey: &Survey) -> Option<String> {
+    let is_measured = settings.fibre_radius_mm.is_none();
+    (is_measured && survey.shows_bundles()).then(|| {
+        format!(
+            "the fibre radius of {:.4} um may be that of bundles: grey values inside the sections \
+             vary by {:.1} % along whole fibres, as gaps between thinner fibres do; look at a \
+             slice and give --fibre-radius-um",
+            1e3 * survey.fibre_radius_mm,
+            100.0 * survey.inner_deviation
+        )
+    })
+}
+
 /// The file that the volume keeps.
 pub fn files(
     args: &ScanArgs,
@@ -88,6 +102,7 @@ pub fn files(
         number(1e3 * survey.radius_deviation_mm),
     );
     put("blur_um", number(1e3 * survey.blur_mm));
+    put("inner_deviation", number(survey.inner_deviation));
     let mut filled = (0u64, 0.0, 0.0);
     field.for_each_filled(|_, v| {
         filled.0 += 1;
