@@ -109,6 +109,7 @@ flake_families! {
     gaussian,
     gaussian_diffuse,
     sine_power,
+    sggx_transmitting,
 }
 
 #[cfg(test)]
