@@ -5,8 +5,9 @@
 Explicit fibres give way to the far-field table of their fabric (docs/far_field.md). In frames
 where both are seen, the picture is rendered with fibres alone as well, and the means are compared.
 Files that are there already are not made again. ORGANZA names the program, THREADS the number of
-threads, PATHS those from each node of the table, SPP the samples of a pixel. Needs numpy, OpenEXR
-and pillow.
+threads, PATHS those from each node of the table, SPP the samples of a pixel (half of them from each
+of two seeds, so that the change from frame to frame is free of noise). Needs numpy, OpenEXR and
+pillow.
 """
 
 import json
@@ -27,7 +28,7 @@ PIXELS = 512
 # Lights of the daylight scenes; denim lies flat, the towel over its rail.
 SCENE = """[render]
 spp = {spp}
-seed = 1
+seed = {seed}
 
 [camera]
 kind = "perspective"
@@ -97,27 +98,48 @@ class Zoom:
         figures = json.loads(organza("info", path, "--json"))
         self.tile_mm = max(figures["figures"]["tile_mm"])
 
-    def render(self, name, distance_mm, lod="auto", pixels=PIXELS):
+    def render(self, name, distance_mm, lod="auto", pixels=PIXELS, fov_deg=FOV_DEG, seed=1):
         """The picture from that far away."""
+        name = f"{name}.{seed}"
         path = self.folder / f"{name}.exr"
         if not path.exists():
             origin = [t + distance_mm * d for t, d in zip(self.target, self.toward)]
             scene = self.scenes / f"zoom.{self.fabric}.{name}.toml"
             scene.write_text(
                 SCENE.format(
-                    spp=os.environ.get("SPP", "8"), origin=origin, target=list(self.target),
-                    fov=FOV_DEG, pixels=pixels, fabric=self.fabric, lod=lod, mesh=self.mesh,
+                    spp=max(int(os.environ.get("SPP", "16")) // 2, 1), seed=seed, origin=origin,
+                    target=list(self.target), fov=fov_deg, pixels=pixels, fabric=self.fabric,
+                    lod=lod, mesh=self.mesh,
                 )
             )  # fmt: skip
             organza("render", scene, "-o", path, "--quiet")
         return path
 
+    def pair(self, name, distance_mm, lod="auto"):
+        """Two pictures from that far away whose noise is independent."""
+        return [radiance(self.render(name, distance_mm, lod, seed=seed)) for seed in (1, 2)]
+
     def find_target(self):
-        """Puts the target onto the cloth: what the middle pixels meet first."""
-        path = self.render("target", 500.0, "volume", 9)
-        depth = float(OpenEXR.File(str(path)).channels()["depth_mm"].pixels[4, 4])
-        here = [t + (500.0 - depth) * d for t, d in zip(self.target, self.toward)]
-        self.target = tuple(here)
+        """Puts the target onto the nearest part of the cloth within 0.4 mm of it: a zoom into a gap
+        would show none."""
+        pixels, fov_deg = 9, 0.1
+        for away_mm in (500.0, 10.0):
+            path = self.render(f"target{away_mm:g}", away_mm, "volume", pixels, fov_deg)
+            depth = OpenEXR.File(str(path)).channels()["depth_mm"].pixels.astype(float)
+            depth[~numpy.isfinite(depth) | (depth <= 0.0)] = numpy.inf
+            row, column = numpy.unravel_index(depth.argmin(), depth.shape)
+            # Directions of the picture, as of a camera whose upper edge is toward +z.
+            back = numpy.array(self.toward)
+            right = numpy.cross((0.0, 0.0, 1.0), back)
+            right /= numpy.linalg.norm(right)
+            up = numpy.cross(back, right)
+            step = 2 * math.tan(math.radians(fov_deg / 2)) / pixels
+            middle = (pixels - 1) / 2
+            ray = (column - middle) * step * right + (middle - row) * step * up - back
+            ray /= numpy.linalg.norm(ray)
+            origin = numpy.array(self.target) + away_mm * back
+            self.target = tuple((origin + depth[row, column] * ray).tolist())
+            fov_deg = 2.0
 
     def frames(self, count):
         """Each frame's distance, mean and change from the frame before, and the mean of fibres
@@ -126,17 +148,18 @@ class Zoom:
         rows, before = [], None
         for i in range(count):
             distance_mm = FAR_MM * ratio**i
-            picture = radiance(self.render(f"frame{i:03}", distance_mm))
+            pair = self.pair(f"frame{i:03}", distance_mm)
+            picture = (pair[0] + pair[1]) / 2
             pixel_mm = 2 * distance_mm * math.tan(math.radians(FOV_DEG / 2)) / PIXELS
             row = {"frame": i, "distance_mm": distance_mm, "pixel_mm": pixel_mm}
             row["mean"] = picture.mean(axis=(0, 1)).tolist()
             if before is not None:
-                row["change"] = change(before, picture, ratio)
+                row["change"] = change(before, pair, ratio)
             if 0.3 * self.tile_mm < pixel_mm:
-                fibres = radiance(self.render(f"fibres{i:03}", distance_mm, "volume"))
-                row["fibres"] = fibres.mean(axis=(0, 1)).tolist()
+                fibres = self.pair(f"fibres{i:03}", distance_mm, "volume")
+                row["fibres"] = numpy.mean(fibres, axis=(0, 1, 2)).tolist()
             rows.append(row)
-            before = picture
+            before = pair
         return rows
 
 
@@ -149,17 +172,17 @@ def blocks(picture, edge):
 
 def change(before, after, ratio):
     """Root mean square change of blocks of 16 pixels, as a share of the mean: the frame before
-    against the same part of the cloth in the frame after."""
-    size = before.shape[0]
+    against the same part of the cloth in the frame after. The product of two differences with
+    independent noise has no share of the noise."""
+    size = before[0].shape[0]
     # The frame after shows the middle `ratio` of the frame before.
     part = int(round(size * ratio)) // 2 * 2
     low = (size - part) // 2
-    middle = before[low : low + part, low : low + part]
     step = size / part
-    grid = (numpy.arange(size) / step).astype(int).clip(0, part - 1)
-    grown = middle[grid][:, grid]
-    off = blocks(grown, 16) - blocks(after, 16)
-    return float(numpy.sqrt((off**2).mean()) / after.mean())
+    grid = low + (numpy.arange(size) / step).astype(int).clip(0, part - 1)
+    off = [blocks(b[grid][:, grid], 16) - blocks(a, 16) for b, a in zip(before, after)]
+    square = max(float((off[0] * off[1]).mean()), 0.0)
+    return math.sqrt(square) / float(numpy.mean(after))
 
 
 def plot(rows, path):
@@ -193,7 +216,8 @@ def film(zoom, rows, path):
     """Twelve frames side by side, and all of them as a moving picture."""
     pictures = []
     for r in rows:
-        linear = radiance(zoom.folder / f"frame{r['frame']:03}.exr").clip(0, 1)
+        pair = zoom.pair(f"frame{r['frame']:03}", r["distance_mm"])
+        linear = ((pair[0] + pair[1]) / 2).clip(0, 1)
         curve = numpy.where(
             linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
         )

@@ -181,7 +181,7 @@ tolerance = 0.3
     assert_eq!(info["chosen"][0]["what"], chosen["what"]);
     let choice = &chosen["recommendation"]["taken"]["choice"];
     let model = choice["model"].as_str().unwrap();
-    let voxels = if matches!(model, "fibres" | "surface") {
+    let voxels = if matches!(model, "fibres" | "plies" | "surface" | "table") {
         String::new()
     } else {
         let scale = choice["voxel_scale"].as_f64().unwrap();
