@@ -238,7 +238,8 @@ mod tests {
         }
         // The square of Student's t of 15 degrees has a mean of 15 / 13 = 1.15 and a fourth
         // moment of 3 * 15^2 / (13 * 11) = 4.72, so a deviation of 1.84. The mean of 120 of
-        // them has a standard error of 0.168, that of 240 one of 0.119: 3 and 3.8 of these.
+        // them has a standard error of 0.168, that of 240 one of 0.119. The margin is that of
+        // chance: 3 and 3.8 of these.
         assert!(
             (chi2[0] / count - 1.15).abs() < 0.5,
             "{chi2:?}, seeds 0..40"
@@ -248,6 +249,8 @@ mod tests {
             "{chi2:?}, seeds 0..40"
         );
         // Noise of the stated size adds no deviation; the twin states half of it.
+        // Over 4096 pixels a variance has a relative standard error of sqrt(2 / 4096) = 0.022.
+        // The margin is that of chance: the root of four of these, times 0.1, is 0.03.
         let told = noise(64, 0.1, 0.1, 7).moments(1, &all, false)[1].unwrap();
         assert!(told.mean[0] < 0.03, "{told:?}");
         let half = noise(64, 0.1, 0.05, 7).moments(1, &all, false)[1].unwrap();

@@ -166,6 +166,39 @@ fn a_place_and_its_mirror_image_send_alike() {
 }
 
 #[test]
+fn light_that_a_fibre_reflects_leaves_from_where_it_was_met() {
+    // So dark that nothing passes: a smooth cylinder reflects at its surface, on the spot.
+    let (dark, radius_mm) = (fibre(200.0), 0.006);
+    let mut rng = PathRng::from_seed(93);
+    for theta_deg in [0.0, 30.0, -60.0] {
+        let w_out = slanted(theta_deg);
+        let frame = FibreFrame::new(Vec3::X, w_out);
+        for h in [-0.95f32, -0.5, 0.0, 0.2, 0.8] {
+            let mirrored = |h: f32| {
+                let normal = frame.side * h - frame.forward * (1.0 - h * h).sqrt();
+                2.0 * w_out.dot(normal) * normal - w_out
+            };
+            let near = dark.near_field(frame, h).choose_lobe(&mut rng);
+            let exit_mm = exit_from_fibre(&near, radius_mm, mirrored(h), &mut rng);
+            // The normal is found from its angle, exact to 2e-6; the root doubles that at 0.95.
+            let off = exit_mm.length() / radius_mm;
+            assert!(
+                off < 1e-5,
+                "seed 93, {theta_deg} degrees, offset {h}: {off}"
+            );
+            // Known bad: a fibre whose axis lies on the other side of the light.
+            let to_axis = frame.forward * (1.0 - h * h).sqrt() + frame.side * h;
+            let normal = near.exit_normal(mirrored(h), &mut rng);
+            let twin = (to_axis + normal).length();
+            assert!(
+                h == 0.0 || twin > 0.3,
+                "offset {h}: the twin passed, {twin}"
+            );
+        }
+    }
+}
+
+#[test]
 fn what_is_no_ply_is_refused() {
     let good = *cotton(0.0).parameters();
     let wrong = [
