@@ -25,6 +25,7 @@ mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
 mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
+mod flake_families; // micro-flakes that only the general walk renders
 #[cfg(feature = "gpu")]
 mod gpu; // graphics adapters, and pictures by several engines
 mod hard_cases; // degenerate geometry, views and lights through every tracker

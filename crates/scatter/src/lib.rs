@@ -72,7 +72,7 @@
 //! |---|---|---|---|
 //! | [`AxialFlake`], [`Sggx`] mirrors ([`SpecularFlakes`]) | [Heitz2015] | end-on ratio; matrix of areas; albedo | ratio 0.001 to 1, smaller is raised |
 //! | the same, diffuse ([`DiffuseFlake`]) | [Heitz2015] | the same | one flake a collision: noisier than mirrors |
-//! | the same, each a piece of a clear fibre ([`TransmittingFlakes`]) | [Heitz2015], [Marschner2003] | the same; index, absorption times radius | round fibres; index from 1.05; light reflected inside leaves as from a mirror |
+//! | the same, each a piece of a clear fibre ([`TransmittingFlakes`]) | [Heitz2015], [Marschner2003] | the same; index, absorption times radius | round fibres; index from 1.05; azimuth of light reflected once inside taken as linear in the angle of incidence, reflected more often as from a mirror |
 //! | [`GaussianBand`] mirrors | [Schroeder2012] | gamma, deviation of the cosine between normal and fibre, no unit | 0.0001 to 10000, cut; areas to 1e-3 |
 //! | [`SineBand`] mirrors | [Schroeder2012] | power, no unit | 0 to 1e8, cut; areas to 1e-3 |
 //! | [`DielectricFibre`], near and far field | [Marschner2003] | index; absorption times radius; widths, radians | index 1 to 3; widths half a degree to 34 along, 1 to 90 about; energy to 1e-3, to 1e-2 within 5 degrees of the fibre |

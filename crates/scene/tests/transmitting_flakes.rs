@@ -1,8 +1,8 @@
 //! Micro-flakes that transmit, against explicit fibres of shipped fabrics.
 //!
 //! `ORGANZA_FULL=1` takes five fabrics and lights at 0, 45, 60 and 75 degrees, and prints all
-//! figures. Dyed denim and charmeuse are measured, too, but nothing is asserted of them: in denim
-//! these flakes let half as much again through as explicit fibres, and mirrors half of it.
+//! figures. Dyed denim is measured, too, but nothing is asserted of it: there these flakes let a
+//! third to a half more through than explicit fibres, and mirrors about half as much.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
 
@@ -15,8 +15,8 @@ use std::path::Path;
 
 const SEED: u64 = 17;
 
-/// Fabrics that are measured without a bound.
-const DYED: [&str; 2] = ["denim", "charmeuse"];
+/// The fabric that is measured without a bound.
+const UNBOUNDED: &str = "denim";
 
 /// R, T scattered and T direct of green light along the weft, with standard errors.
 fn shares(fabric: &str, model: &str, flake: &str, theta_deg: f64, paths: u64) -> [(f64, f64); 3] {
@@ -50,7 +50,7 @@ fn shares(fabric: &str, model: &str, flake: &str, theta_deg: f64, paths: u64) ->
     [&albedo.reflected, &albedo.transmitted, &albedo.direct].map(|m| (m.mean[1], m.se[1]))
 }
 
-/// Of fabrics of clear fibres, flakes that transmit let as much light through as explicit fibres
+/// Of all fabrics but dyed denim, flakes that transmit let as much light through as explicit fibres
 /// do, closer than mirrors; the mirrors are the twin.
 #[test]
 fn flakes_that_transmit_let_light_through() {
@@ -73,7 +73,7 @@ fn flakes_that_transmit_let_light_through() {
             let flakes = of("microflake", "sggx-transmitting");
             let mirrors = of("microflake", "sggx-specular");
             println!("{fabric} {theta_deg}: {fibres:.4?} {flakes:.4?} {mirrors:.4?}");
-            if DYED.contains(fabric) {
+            if *fabric == UNBOUNDED {
                 continue;
             }
             let off = |found: [(f64, f64); 3]| (found[1].0 - fibres[1].0).abs();

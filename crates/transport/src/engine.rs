@@ -28,6 +28,9 @@ pub enum KernelRefusal {
     /// A medium of other than micro-flakes or virtual fibres.
     #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
     NotFlakes,
+    /// Micro-flakes of a family that the kernel does not have.
+    #[error("the micro-flakes are not of the family \"sggx-specular\", the only one in the kernel")]
+    Family,
     /// Samples are to be clamped.
     #[error("clamping needs the general walk")]
     Clamp,
@@ -282,6 +285,7 @@ fn flatten_level(
             Err(KernelRefusal::LocalVisibility)
         }
         AnyMedium::VirtualFibres(m) => flat_scene(m, scene, settings, max_bytes),
+        AnyMedium::FlakeOctree(_) => Err(KernelRefusal::Family),
         _ => Err(KernelRefusal::NotFlakes),
     }
 }

@@ -11,7 +11,7 @@ use crate::output::note;
 use crate::results::Results;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use organza_scatter::FlakeMaterials;
+use organza_scatter::{FlakeFamily, FlakeMaterials};
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
@@ -159,8 +159,26 @@ fn voxelize(args: &VoxelizeArgs, format: &Format) -> Result<()> {
             octree.memory_bytes() as f64 / f64::from(1 << 20),
             started.elapsed().as_secs_f64(),
         );
+        if loses_transmission(format, &fabric) {
+            note!(
+                "note: .{} keeps flakes that reflect as mirrors: light that flakes transmit is \
+                 lost. .ovox keeps it",
+                format.ending
+            );
+        }
     }
     Ok(())
+}
+
+/// Whether the fabric shows flakes that transmit, and the format has no populations whose
+/// fibres could.
+fn loses_transmission(format: &Format, fabric: &Fabric) -> bool {
+    let own = ScatteringTable::default().over(fabric.file.scattering);
+    let transmits = own.is_ok_and(|shown| {
+        shown.representation.has_key("flake")
+            && shown.settings.flake == FlakeFamily::SGGX_TRANSMITTING
+    });
+    transmits && !format.options.contains(&WriteOption::Footprint)
 }
 
 fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(Fabric, Octree)> {

@@ -7,8 +7,11 @@
 //! an azimuth of 2 g about the axis. Light that enters there and leaves at the far side goes
 //! straight on but for an azimuth of 2 (g - g'), g' being the angle of refraction, with the
 //! same inclination. So a mirrored direction is drawn, and light that crosses is turned about
-//! the axis from the azimuth of the mirror to its own. Shares and absorption are those of
-//! [`Crossing`]. Light that is reflected inside leaves with the mirrored light.
+//! the axis from the azimuth of the mirror to its own. Light that is reflected once inside
+//! leaves within tens of degrees of the way back along the walk; its azimuth from there is
+//! taken as proportional to g, with the root mean square that ray optics gives, which has no
+//! caustic. Light that is reflected more often leaves with the mirrored light. Shares and
+//! absorption are those of [`Crossing`].
 //!
 //! The flakes have the symmetry of their axis. All of this depends on the two inclinations
 //! in a symmetric way and on the size of the azimuth between the directions, so
@@ -17,7 +20,7 @@
 use super::catalogue::FlakeRecord;
 use super::populations::PopulationFlakes;
 use super::{DiffuseFlake, FlakeScattering, MicroFlake};
-use crate::cylinder::Crossing;
+use crate::cylinder::{Crossing, offsets};
 use crate::longitudinal::Inclinations;
 use crate::{AxialFlake, FibreAngles, FibreFrame, FlakeMaterials, FlakeOptics, LobeSample};
 use glam::Vec3;
@@ -42,6 +45,16 @@ const IOR: f32 = 1.55;
 /// straight on, which is no density.
 const MIN_IOR: f32 = 1.05;
 
+/// Least and greatest azimuth of light reflected inside, over the angle of incidence: it
+/// must stay a density, and a mirror has 2.
+const RETURN_TURNS: [f32; 2] = [0.1, 2.0];
+
+/// Offsets of the mean over that light: 1e-4 and better.
+const RETURN_NODES: usize = 256;
+
+/// Ways that light leaves a fibre: mirrored, crossing it, and reflected once inside.
+const WAYS: usize = 3;
+
 /// The round fibre behind a transmitting flake.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClearFibre {
@@ -63,15 +76,19 @@ impl ClearFibre {
         }
     }
 
-    /// What light keeps that an event reflects and lets through, and the probability of
-    /// drawing the latter: its share without absorption.
-    fn shares(&self, crossing: &Crossing) -> ([Rgb; 2], f32) {
+    /// What light keeps that leaves in each way, and the probabilities of drawing them: their
+    /// shares without absorption.
+    fn shares(&self, crossing: &Crossing) -> [(Rgb, f32); WAYS] {
         let [r, tt, trt, rest] = crossing.attenuations(self.absorption_radii);
+        let mut mirrored = r;
+        mirrored += rest;
         let through = (1.0 - crossing.fresnel) * (1.0 - crossing.fresnel);
-        let mut reflected = r;
-        reflected += trt;
-        reflected += rest;
-        ([self.albedo * reflected, self.albedo * tt], through)
+        let returned = crossing.fresnel * through;
+        [
+            (self.albedo * mirrored, 1.0 - through - returned),
+            (self.albedo * tt, through),
+            (self.albedo * trt, returned),
+        ]
     }
 
     fn crossing(&self, mean_cos: f32, gamma_rad: f32) -> Crossing {
@@ -96,12 +113,34 @@ impl ClearFibre {
         let slope = 1.0 - gamma_rad.cos() / (index * cos_inside);
         Some((gamma_rad, 1.0 / slope))
     }
+
+    /// Azimuth from the way back of light that is reflected once inside, over the angle of
+    /// incidence: the ratio of their root mean squares over offsets, broadside, each weighted
+    /// with that light.
+    fn return_turn(&self) -> f32 {
+        let ior = self.ior.max(MIN_IOR);
+        let (mut turns, mut gammas) = (0.0, 0.0);
+        for (h, weight) in offsets(RETURN_NODES) {
+            let crossing = Crossing::new(ior, 1.0, h);
+            let f = crossing.fresnel;
+            let light = weight * f * (1.0 - f) * (1.0 - f);
+            let turn = 4.0 * crossing.gamma_t_rad - 2.0 * crossing.gamma_i_rad;
+            turns += light * turn * turn;
+            gammas += light * crossing.gamma_i_rad * crossing.gamma_i_rad;
+        }
+        let [least, most] = RETURN_TURNS;
+        (turns / gammas.max(f32::MIN_POSITIVE))
+            .sqrt()
+            .clamp(least, most)
+    }
 }
 
 /// The populations of a cloth as flakes that reflect and transmit.
 pub struct TransmittingFlakes {
     materials: FlakeMaterials,
     fibres: Vec<ClearFibre>,
+    /// [`ClearFibre::return_turn`] of each.
+    return_turns: Vec<f32>,
 }
 
 impl TransmittingFlakes {
@@ -112,56 +151,76 @@ impl TransmittingFlakes {
         fibres.extend(missing.map(|o| ClearFibre::of_albedo(o.albedo)));
         TransmittingFlakes {
             materials: FlakeMaterials::new(optics),
+            return_turns: fibres.iter().map(ClearFibre::return_turn).collect(),
             fibres,
         }
     }
 
-    fn fibre(&self, c: &FibrePopulation) -> &ClearFibre {
-        &self.fibres[usize::from(c.material)]
+    fn fibre(&self, c: &FibrePopulation) -> (&ClearFibre, f32) {
+        let material = usize::from(c.material);
+        (&self.fibres[material], self.return_turns[material])
     }
 
     /// Albedo times phase, and phase, of one population.
     fn toward(&self, c: &FibrePopulation, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
-        let (flakes, fibre) = (self.materials.flake(c), self.fibre(c));
+        let (flakes, (fibre, return_turn)) = (self.materials.flake(c), self.fibre(c));
         let frame = FibreFrame::new(c.axis, w_out);
         let a = frame.angles(w_in);
         let mean_cos = mean_cos(&frame, &a);
         let turn_rad = a.azimuth_rad.abs();
-        let crossing = fibre.crossing(mean_cos, 0.5 * (PI - turn_rad));
-        let ([reflected, _], through) = fibre.shares(&crossing);
-        let phase = flakes.eval(w_out, w_in);
-        let (mut value, mut pdf) = (reflected * phase, (1.0 - through) * phase);
-        if let Some((gamma_rad, slope)) = fibre.gamma_of_turn(mean_cos, turn_rad) {
-            let mirrored = frame.direction(&FibreAngles {
-                azimuth_rad: PI - 2.0 * gamma_rad,
-                ..a
-            });
-            let ([_, passed], through) = fibre.shares(&fibre.crossing(mean_cos, gamma_rad));
-            let phase = slope * flakes.eval(w_out, mirrored);
-            value += passed * phase;
-            pdf += through * phase;
+        let back_rad = PI - turn_rad;
+        // Angle of incidence, and the change of twice that angle with the azimuth.
+        let returned = (back_rad / return_turn, 2.0 / return_turn);
+        let ways: [Option<(f32, f32)>; WAYS] = [
+            Some((0.5 * back_rad, 1.0)),
+            fibre.gamma_of_turn(mean_cos, turn_rad),
+            (returned.0 <= 0.5 * PI).then_some(returned),
+        ];
+        let (mut value, mut pdf) = (Rgb::BLACK, 0.0);
+        for (way, found) in ways.into_iter().enumerate() {
+            let Some((gamma_rad, slope)) = found else {
+                continue;
+            };
+            let phase = match way {
+                0 => flakes.eval(w_out, w_in),
+                _ => {
+                    let mirrored = frame.direction(&FibreAngles {
+                        azimuth_rad: PI - 2.0 * gamma_rad,
+                        ..a
+                    });
+                    slope * flakes.eval(w_out, mirrored)
+                }
+            };
+            let (kept, chance) = fibre.shares(&fibre.crossing(mean_cos, gamma_rad))[way];
+            value += kept * phase;
+            pdf += chance * phase;
         }
         (value, pdf)
     }
 
     /// Draws where a population sends `w_out`.
     fn direction(&self, c: &FibrePopulation, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
-        let (flakes, fibre): (AxialFlake, _) = (self.materials.flake(c), self.fibre(c));
+        let flakes: AxialFlake = self.materials.flake(c);
+        let (fibre, return_turn) = self.fibre(c);
         let mirrored = flakes.sample(w_out, rng);
         let frame = FibreFrame::new(c.axis, w_out);
         let a = frame.angles(mirrored);
         let gamma_rad = 0.5 * (PI - a.azimuth_rad.abs());
         let crossing = fibre.crossing(mean_cos(&frame, &a), gamma_rad);
-        let (_, through) = fibre.shares(&crossing);
-        if rng.unit() >= through {
+        let [_, (_, through), (_, returned)] = fibre.shares(&crossing);
+        let chosen = rng.unit();
+        let turn_rad = if chosen < through {
+            2.0 * (gamma_rad - crossing.gamma_t_rad)
+        } else if chosen < through + returned {
+            PI - return_turn * gamma_rad
+        } else {
             return mirrored;
-        }
-        let turn_rad = 2.0 * (gamma_rad - crossing.gamma_t_rad);
-        let passed = FibreAngles {
+        };
+        let turned = FibreAngles {
             azimuth_rad: turn_rad.copysign(a.azimuth_rad),
             ..a
         };
-        frame.direction(&passed).normalize_or(mirrored)
+        frame.direction(&turned).normalize_or(mirrored)
     }
 }
 

@@ -140,37 +140,55 @@ fn shares_are_those_of_a_cylinder() {
     }
 }
 
-/// Light that crosses goes where rays traced through a cylinder go: the share
-/// of azimuths within half a right angle of straight on.
+/// Light leaves where rays traced through a cylinder leave: the shares within half a right
+/// angle of straight on, and within a right angle of the way back. Mirrors alone, and light
+/// that is reflected inside leaving as from a mirror, are rejected.
 #[test]
-fn transmitted_light_goes_where_a_cylinder_sends_it() {
+fn light_leaves_where_a_cylinder_sends_it() {
     let clear = ClearFibre::of_albedo(Rgb::WHITE);
     let (flakes, mixture) = (flakes(clear, 0.0), mixture(Vec3::X, 0.0));
     let mut rng = PathRng::from_seed(144);
-    let (mut got, mut traced) = (Moments::default(), Moments::default());
-    let ahead = |azimuth: f32| azimuth.abs() < 0.25 * PI;
+    let ahead = |azimuth: f32| azimuth.cos() > (0.25 * PI).cos();
+    let back = |azimuth: f32| azimuth.cos() < 0.0;
+    let mut got = [Moments::default(); 2];
+    let (mut traced, mut as_mirrors) = (got, got);
     for _ in 0..draws(40_000) {
         let s = flakes.sample(&mixture, None, Vec3::Z, &mut rng).unwrap();
-        got.add(f64::from(u8::from(ahead(
-            (-s.w_in.z).clamp(-1.0, 1.0).acos(),
-        ))));
+        let azimuth = (-s.w_in.z).clamp(-1.0, 1.0).acos();
+        count(&mut got, [ahead(azimuth), back(azimuth)]);
         let crossing = Crossing::new(1.55, 1.0, 2.0 * rng.unit() - 1.0);
-        let passes = rng.unit() < (1.0 - crossing.fresnel).powi(2);
-        let lobe = usize::from(passes);
+        // Each meeting with the surface reflects, or ends the way through or out of the fibre.
+        let mut reflects = || rng.unit() < crossing.fresnel;
+        let lobe = match (reflects(), reflects(), reflects()) {
+            (true, ..) => 0,
+            (false, false, _) => 1,
+            (false, true, false) => 2,
+            // Reflected more often, which leaves with the mirrored light.
+            (false, true, true) => 0,
+        };
         let azimuth = crossing.exit_azimuth_rad(lobe);
-        let azimuth = azimuth - 2.0 * PI * (azimuth / (2.0 * PI)).round();
-        traced.add(f64::from(u8::from(ahead(azimuth))));
+        count(&mut traced, [ahead(azimuth), back(azimuth)]);
+        let azimuth = crossing.exit_azimuth_rad(usize::from(lobe == 1));
+        count(&mut as_mirrors, [ahead(azimuth), back(azimuth)]);
     }
-    let v = welch_test(&got, &traced);
-    assert!(!fails(v, 1), "seed 144: {got:?} {traced:?}");
-    // Mirrors alone are rejected.
+    for (got, traced) in got.iter().zip(&traced) {
+        let v = welch_test(got, traced);
+        assert!(!fails(v, 2), "seed 144: {got:?} {traced:?}");
+    }
+    let twin = welch_test(&as_mirrors[1], &traced[1]);
+    assert!(twin.p_value < 1e-6, "seed 144: {as_mirrors:?} {traced:?}");
     let mirrors: Moments = (0..draws(40_000))
         .map(|_| {
-            f64::from(u8::from(ahead(
-                PI - 2.0 * (2.0 * rng.unit() - 1.0).asin().abs(),
-            )))
+            let azimuth = PI - 2.0 * (2.0 * rng.unit() - 1.0).asin();
+            f64::from(u8::from(ahead(azimuth)))
         })
         .collect();
-    let twin = welch_test(&mirrors, &traced);
+    let twin = welch_test(&mirrors, &traced[0]);
     assert!(twin.p_value < 1e-6, "seed 144: {mirrors:?} {traced:?}");
+}
+
+fn count(moments: &mut [Moments; 2], found: [bool; 2]) {
+    for (m, found) in moments.iter_mut().zip(found) {
+        m.add(f64::from(u8::from(found)));
+    }
 }

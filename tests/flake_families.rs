@@ -1,0 +1,89 @@
+//! Families of micro-flakes that the kernel and other programs lack.
+
+use crate::fabrics::cotton;
+use crate::program::{bytes, complaint, files_left, folder, succeed};
+use std::fs;
+use std::path::Path;
+
+const SCENE: &str = r#"[camera]
+kind = "orthographic"
+origin_mm = [0.0, 0.0, 5.0]
+target_mm = [0.0, 0.0, 0.0]
+up = [0.0, 1.0, 0.0]
+width_mm = 1.0
+resolution = [8, 6]
+[render]
+spp = 8
+[[light]]
+kind = "directional"
+direction = [0.3, 0.0, 1.0]
+irradiance = [1.0, 1.0, 1.0]
+[[object]]
+kind = "cloth"
+fabric = "cloth.toml"
+lod = 0
+extent_mm = [-0.5, -0.5, 0.5, 0.5]
+"#;
+
+/// A cloth whose fabric names a family of micro-flakes, and its scene.
+fn cloth(folder: &Path, family: &str) {
+    let fabric = cotton("plain", "tex = 20.0\nfibres_per_ply = 40", 60.0);
+    let text = format!("{fabric}[scattering]\nmodel = 'microflake'\nflake = '{family}'\n");
+    fs::write(folder.join("cloth.toml"), text).unwrap();
+    fs::write(folder.join("scene.toml"), SCENE).unwrap();
+}
+
+/// The kernel leaves flakes that transmit to the general walk, with the reason, and refuses
+/// them when it is named. Mirrors are the twin, which it takes.
+#[test]
+fn flakes_that_transmit_are_left_to_the_walk() {
+    let folder = folder("flake-families-kernel");
+    let reason = "the micro-flakes are not of the family \"sggx-specular\"";
+    let render = |name: &str, engine: &str| {
+        let arguments = ["render", "scene.toml", "-o", name, "--stats", "--engine"];
+        let said = succeed(&folder, &[&arguments[..], &[engine]].concat());
+        let backend = said.lines().find(|l| l.starts_with("backend")).unwrap();
+        (backend.to_owned(), bytes(&folder, name))
+    };
+    cloth(&folder, "sggx-transmitting");
+    let (backend, automatic) = render("auto.exr", "cpu");
+    assert!(backend.contains("walk: "), "{backend}");
+    assert!(backend.contains(reason), "{backend}");
+    let (_, walk) = render("walk.exr", "walk");
+    assert!(automatic == walk);
+    let before = files_left(&folder);
+    let named = ["render", "scene.toml", "-o", "x.exr", "--quiet", "--engine"];
+    let said = complaint(&folder, &[&named[..], &["scalar"]].concat());
+    assert!(said.contains(reason), "{said}");
+    assert!(said.contains("the general walk"), "{said}");
+    assert_eq!(files_left(&folder), before);
+
+    cloth(&folder, "sggx-specular");
+    let (backend, mirrors) = render("mirrors.exr", "cpu");
+    assert!(!backend.contains("walk"), "{backend}");
+    assert!(mirrors != walk);
+}
+
+/// Files for other programs have no transmitted light: the export to Mitsuba is refused, and
+/// grids are written with a note. Mirrors are the twin, which are written without one.
+#[test]
+fn other_programs_get_no_transmitted_light() {
+    let folder = folder("flake-families-export");
+    let export = ["export", "mitsuba", "scene.toml", "-o", "out", "--quiet"];
+    let lost = "light that flakes transmit is lost";
+    cloth(&folder, "sggx-transmitting");
+    let before = files_left(&folder);
+    let said = complaint(&folder, &export);
+    assert!(said.contains("transmit no light"), "{said}");
+    assert!(said.contains("flake = \"sggx-specular\""), "{said}");
+    assert_eq!(files_left(&folder), before);
+    for (name, noted) in [("a.vol", true), ("a.nrrd", true), ("a.ovox", false)] {
+        let said = succeed(&folder, &["voxelize", "cloth.toml", "-o", name]);
+        assert_eq!(said.contains(lost), noted, "{name}: {said}");
+    }
+
+    cloth(&folder, "sggx-specular");
+    let said = succeed(&folder, &["voxelize", "cloth.toml", "-o", "b.vol"]);
+    assert!(!said.contains(lost), "{said}");
+    succeed(&folder, &export);
+}
