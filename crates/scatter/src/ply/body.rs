@@ -400,3 +400,6 @@ fn frame_of([sin, cos]: [f32; 2]) -> FibreFrame {
 fn travel_of([sin, cos]: [f32; 2]) -> Vec3 {
     Vec3::new(cos, 0.0, -sin)
 }
+
+#[cfg(test)]
+mod tests;
