@@ -1,7 +1,7 @@
 //! Cloth that is not plainly woven, through voxels, measurements and curves: pile with print and
 //! finish, nonwovens, nets.
 
-use crate::program::{complaint, folder, succeed};
+use crate::program::{complaint, exr_channels, folder, succeed};
 use std::path::{Path, PathBuf};
 
 fn fabric(name: &str) -> String {
@@ -155,4 +155,63 @@ fn packed_fibres_reflect_and_transmit_as_explicit_ones() {
             assert!(off(explicit, flakes) > 4.0, "{explicit:?}, {flakes:?}");
         }
     }
+}
+
+/// Under an even sky, seen from above: light from the grooves of the corduroy over that from the
+/// middles of its ridges, one value a ridge.
+fn groove_over_ridge(folder: &Path, set: &[&str]) -> Vec<f64> {
+    let scene = format!(
+        "[render]\nspp = 48\nseed = 3\n[camera]\norigin_mm = [0.0, 0.0, 20.0]\n\
+         target_mm = [0.0, 0.0, 0.0]\nup = [0.0, 1.0, 0.0]\nwidth_mm = {WIDTH_MM}\n\
+         resolution = [64, 16]\n[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n\
+         hemisphere = \"front\"\n[[object]]\nkind = \"cloth\"\nfabric = {:?}\nmodel = \"fibres\"\n",
+        folder.join("corduroy.toml").to_str().unwrap()
+    );
+    let mut text = std::fs::read_to_string(fabric("pile/corduroy")).unwrap();
+    for line in set {
+        let (key, _) = line.split_once(" = ").unwrap();
+        let old = text.lines().find(|l| l.starts_with(key)).unwrap();
+        text = text.replace(old, line);
+    }
+    std::fs::write(folder.join("corduroy.toml"), text).unwrap();
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    succeed(
+        folder,
+        &["render", "scene.toml", "-o", "top.exr", "--quiet"],
+    );
+    let channels = exr_channels(&folder.join("top.exr"));
+    let (red, width) = (&channels["R"], 64);
+    // Ridges of 16 pixels; the grooves lie where two of them meet.
+    let light = |ridge: usize, columns: std::ops::Range<usize>| {
+        let count = columns.len() as f64;
+        let column = |c: usize| (0..16).map(move |row| row * width + (ridge * 16 + c) % width);
+        let pixels = columns.flat_map(column);
+        pixels.map(|p| f64::from(red[p])).sum::<f64>() / count
+    };
+    let ratio = |ridge| light(ridge, 14..18) / light(ridge, 6..10);
+    (0..4).map(ratio).collect()
+}
+
+/// Four ridges: the tile's width.
+const WIDTH_MM: f64 = 9.230_769;
+
+/// The grooves of corduroy are darker than its ridges. The twin has smooth, upright fibres, which
+/// show their ends, so that its ridges are darker.
+#[test]
+fn grooves_of_corduroy_are_dark() {
+    let folder = folder("corduroy");
+    let mean = |set: &[&str]| {
+        let all = groove_over_ridge(&folder, set);
+        let mean = all.iter().sum::<f64>() / 4.0;
+        let square: f64 = all.iter().map(|r| (r - mean).powi(2)).sum();
+        (mean, (square / 12.0).sqrt())
+    };
+    let (shipped, se) = mean(&[]);
+    let (upright, upright_se) = mean(&["wave = 0.0", "lean_deviation_deg = 4.0"]);
+    // Of four values: three standard errors are exceeded by chance once in 35 times.
+    assert!(shipped + 3.0 * se < 1.0, "seed 3: {shipped} +- {se}");
+    assert!(
+        upright - 3.0 * upright_se > 1.0,
+        "seed 3: {upright} +- {upright_se}"
+    );
 }

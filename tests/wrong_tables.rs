@@ -52,6 +52,7 @@ const NUMBERS: [(&str, &str, &[&str]); 6] = [
             "pile.lean_direction_deg",
             "pile.lean_deviation_deg",
             "pile.splay",
+            "pile.wave",
             "pile.turn_deg",
             "pile.wales_per_cm",
             "pile.wale_width",

@@ -110,6 +110,7 @@ pub(crate) const FABRIC_KEYS: &[(&[&str], Holds)] = &[
     (&["pile", "lean_deg"], Number),
     (&["pile", "lean_direction_deg"], Number),
     (&["pile", "lean_deviation_deg"], Number),
+    (&["pile", "wave"], Number),
     (&["pile", "splay"], Number),
     (&["pile", "turn_deg"], Number),
     (&["pile", "wales_per_cm"], Number),

@@ -20,11 +20,10 @@ const HELD_STEPS: usize = 2;
 const ROOT_STEPS: usize = 6;
 /// Share of the lean that a leg has where it leaves the ground, relative to its mean.
 const FIRST_LEAN: f64 = 0.4;
-/// Height of the edge of a ridge over that of its middle (estimated).
-const EDGE_HEIGHT: f64 = 0.45;
-/// Root mean square of the sideways waves of a fibre, relative to its height (estimated), and
-/// how many half waves it has.
-const WAVE: f64 = 0.02;
+/// Height of the edge of a ridge over that of its middle (estimated). The legs of a float that is
+/// cut in its middle are equally long, so ridges are round only as far as their edges lean outward.
+const EDGE_HEIGHT: f64 = 0.7;
+/// How many half waves a fibre has.
 const HALF_WAVES: f64 = 3.0;
 /// Radius at which the spiral of fibres ends, relative to the yarn's.
 const FILLED: f64 = 0.97;
@@ -83,6 +82,8 @@ pub(crate) struct Tufts {
     pub fibre_lean: f64,
     /// Coefficient of variation of a single fibre's height.
     pub height_cv: f64,
+    /// Root mean square of the sideways waves of a fibre, relative to its height.
+    pub wave: f64,
 }
 
 /// One fibre of a tuft: its place in the round section of the leg, and its two tips.
@@ -176,7 +177,7 @@ impl Tufts {
     }
 
     fn tip(&self, tuft: &Tuft, rng: &mut PathRng) -> Tip {
-        let [lean, wave] = [self.fibre_lean, WAVE];
+        let [lean, wave] = [self.fibre_lean, self.wave];
         let pair = |rng: &mut PathRng, deviation: f64| {
             let [x, y] = [(); 2].map(|()| normal(rng, [0.0, deviation], 1.0));
             tuft.height_mm * DVec2::new(x, y)

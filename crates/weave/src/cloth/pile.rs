@@ -30,7 +30,13 @@ const MAX_TUFTS: usize = 1 << 20;
 const MAX_DEVIATIONS: f64 = 2.5;
 /// Share of half a ridge in which its tufts are bound; their tips fan out over all of it
 /// (estimated).
-const BOUND_SHARE: f64 = 0.55;
+const BOUND_SHARE: f64 = 0.7;
+/// Share of the deviation of height and lean that the fibres of a tuft have in common; half of
+/// the variance in velvet, and little in ridges, which are brushed across (estimated).
+const TUFT_SHARE: f64 = FRAC_1_SQRT_2;
+const RIDGE_TUFT_SHARE: f64 = 0.1;
+/// Waves of a fibre where the fabric does not give them (estimated).
+const WAVE: f64 = 0.02;
 /// Points on a loop, and how far it bulges beyond its feet, as a share of its height
 /// (estimated).
 const LOOP_POINTS: usize = 14;
@@ -184,8 +190,11 @@ impl Place<'_> {
                 (_, Some(density)) => self.scattered(density)?,
                 _ => self.bound()?,
             };
-            // Half the variance belongs to the tufts, half to their fibres.
-            let height_cv = FRAC_1_SQRT_2 * 0.01 * spec.height_cv_percent.unwrap_or(0.0);
+            let fibre_share = match spec.kind {
+                PileKind::Wale => (1.0 - RIDGE_TUFT_SHARE * RIDGE_TUFT_SHARE).sqrt(),
+                PileKind::Cut | PileKind::Loop => FRAC_1_SQRT_2,
+            };
+            let height_cv = fibre_share * 0.01 * spec.height_cv_percent.unwrap_or(0.0);
             let thickest = thickest_fibre_mm(&self.yarn);
             for t in &tufts {
                 let top = t.height_mm * (1.0 + MAX_DEVIATIONS * height_cv);
@@ -200,8 +209,9 @@ impl Place<'_> {
                 tufts,
                 face_mm: self.face_mm,
                 splay: spec.splay.unwrap_or(1.2),
-                fibre_lean: FRAC_1_SQRT_2 * lean,
+                fibre_lean: fibre_share * lean,
                 height_cv,
+                wave: spec.wave.unwrap_or(WAVE),
             }));
         }
         cloth.tile.bounds_mm.min.z = (low as f32).next_down();
@@ -264,7 +274,7 @@ impl Place<'_> {
             let x = Self::gap_mm(&self.ends, e, self.size_mm.x);
             for row in 0..rows {
                 let p = row * every_y + column % 2 * (every_y / 2);
-                let (height_mm, lean) = self.stance(FRAC_1_SQRT_2);
+                let (height_mm, lean) = self.stance(TUFT_SHARE);
                 let pick = &self.picks[p % picks];
                 tufts.push(Tuft {
                     bound_mm: DVec3::new(x, pick.at_mm, pick.curve.height_at(x)),
@@ -293,7 +303,7 @@ impl Place<'_> {
             for row in 0..rows as usize {
                 let half = 0.5 * (column % 2) as f64;
                 let at = cell * DVec2::new(column as f64 + 0.5, row as f64 + 0.25 + half);
-                let (height_mm, lean) = self.stance(FRAC_1_SQRT_2);
+                let (height_mm, lean) = self.stance(TUFT_SHARE);
                 tufts.push(Tuft {
                     bound_mm: at.extend(0.0),
                     bound_half_mm: self.picks[0].half_mm.min(DVec2::splat(0.25 * cell.y)),
@@ -349,7 +359,7 @@ impl Place<'_> {
                 for row in 0..rows {
                     let p = (row * every_y + j % 2 * (every_y / 2)) % picks;
                     let y = Self::gap_mm(&self.picks, p, self.size_mm.y);
-                    let (height_mm, lean) = self.stance(FRAC_1_SQRT_2);
+                    let (height_mm, lean) = self.stance(RIDGE_TUFT_SHARE);
                     let end = &self.ends[e];
                     tufts.push(Tuft {
                         bound_mm: DVec3::new(end.at_mm, y, end.curve.height_at(y)),

@@ -47,6 +47,9 @@ pub struct PileSpec {
     pub lean_deviation_deg: Option<f64>,
     /// Width of a cut tuft's tip over the room that it has, 0.05 to 4; 1.2 without it.
     pub splay: Option<f64>,
+    /// Root mean square of the sideways waves of a cut fibre over its height, 0 to 0.3; 0.02
+    /// without it.
+    pub wave: Option<f64>,
     /// Root mean square angle by which loops turn about the cloth's normal, degrees, 0 to 90;
     /// 30 without it.
     pub turn_deg: Option<f64>,

@@ -53,6 +53,7 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
                 "degrees",
             ),
             ("splay", pile.splay, [0.05, 4.0], ""),
+            ("wave", pile.wave, [0.0, 0.3], ""),
             ("turn_deg", pile.turn_deg, [0.0, 90.0], "degrees"),
             ("wales_per_cm", pile.wales_per_cm, [0.5, 30.0], ""),
             ("wale_width", pile.wale_width, [0.2, 1.0], ""),
@@ -69,6 +70,12 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
         (
             "splay",
             pile.splay.is_some(),
+            &[Cut, Wale],
+            "\"cut\" or \"wale\"",
+        ),
+        (
+            "wave",
+            pile.wave.is_some(),
             &[Cut, Wale],
             "\"cut\" or \"wale\"",
         ),
