@@ -261,6 +261,76 @@ lod = "{lod}"
     assert_eq!(parted.mean(), kernel.mean());
 }
 
+/// A table with texture has light and dark places where the fibres have them.
+#[test]
+fn threads_are_seen_in_a_table() {
+    const SEED: u64 = 4;
+    let folder = folder("far_table_texture");
+    let yarn = "tex = 30.0\nfibres_per_ply = 20\nfibre_radius_um = 15.0";
+    std::fs::write(folder.join("cloth.toml"), cotton("plain", yarn, 40.0)).unwrap();
+    let scene = |model: &str| {
+        format!(
+            r#"[render]
+seed = {SEED}
+spp = 256
+[camera]
+kind = "orthographic"
+origin_mm = [0.0, 30.0, 60.0]
+target_mm = [0.0, 0.0, 0.0]
+width_mm = 1.6
+resolution = [10, 10]
+[[light]]
+kind = "directional"
+direction = [0.5, 0.0, -1.0]
+irradiance = [1.0, 1.0, 1.0]
+[[object]]
+kind = "cloth"
+fabric = "cloth.toml"
+model = "{model}"
+"#
+        )
+    };
+    let pixels = |model: &str| -> Vec<f64> {
+        let film = picture(&folder, &scene(model), &[]).film;
+        let green = film.pixels().iter().map(|p| f64::from(p.mean().0.y));
+        green.collect()
+    };
+    let make = |texels: &str| {
+        let size = ["table", "cloth.toml", "-o", "cloth.bsdf", "--spp", "64"];
+        let texture = [
+            "--texels",
+            texels,
+            "--texel-spp",
+            "64",
+            "--held-out",
+            "0",
+            "--json",
+        ];
+        succeed(&folder, &[&size[..], &texture].concat())
+    };
+    assert!(make("256").contains("\"texels\""));
+    let textured = pixels("table");
+    assert!(!make("0").contains("\"texels\""));
+    let plain = pixels("table");
+    let fibres = pixels("fibres");
+    let found = correlation(&textured, &fibres);
+    // With so few paths, and nodes 20 degrees apart.
+    assert!(found > 0.7, "seed {SEED}: {found}");
+    // A table without texture has only its noise.
+    let twin = correlation(&plain, &fibres);
+    assert!(twin < 0.4, "seed {SEED}: {twin}");
+}
+
+/// The correlation of two lists.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let (at, bt) = (mean(a), mean(b));
+    let both = |x: &[f64], xt: f64, y: &[f64], yt: f64| -> f64 {
+        x.iter().zip(y).map(|(x, y)| (x - xt) * (y - yt)).sum()
+    };
+    both(a, at, b, bt) / (both(a, at, a, at) * both(b, bt, b, bt)).sqrt()
+}
+
 #[test]
 fn wrong_requests_are_refused() {
     let folder = folder("far_table_refused");

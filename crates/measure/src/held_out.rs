@@ -133,6 +133,23 @@ pub fn held_out_errors(values: &[[f64; 3]], truth: &[PairValue]) -> Vec<HeldOutE
     HeldOutKind::ALL.into_iter().filter_map(one).collect()
 }
 
+/// Root mean square of the difference over all pairs up to 80 degrees and their channels, as a
+/// share of the root mean square value, without what the noise of the truth explains.
+pub fn held_out_rms(values: &[[f64; 3]], truth: &[PairValue]) -> f64 {
+    let (mut apart, mut all) = (0.0, 0.0);
+    for (value, truth) in values.iter().zip(truth) {
+        let kind = HeldOutKind::of(&truth.pair);
+        if !matches!(kind, HeldOutKind::Reflected | HeldOutKind::Transmitted) {
+            continue;
+        }
+        for ((v, m), s) in value.iter().zip(truth.bsdf.mean).zip(truth.bsdf.se) {
+            apart += (v - m).powi(2) - s * s;
+            all += m * m - s * s;
+        }
+    }
+    (apart.max(0.0) / all.max(f64::MIN_POSITIVE)).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -166,6 +183,7 @@ mod tests {
             // The noise is a tenth, too; three channels share one kick.
             assert!((error.rms - 0.1).abs() < 0.03, "seed 8: {error:?}");
         }
+        assert!((held_out_rms(&values, &truth) - 0.1).abs() < 0.02, "seed 8");
         // Left in, the noise is noticed.
         let raw = errors[0].rms.hypot(errors[0].noise);
         assert!(raw > 0.12, "{raw}");

@@ -43,6 +43,7 @@ mod appearance;
 mod bilinear_warp;
 mod cost;
 mod far_table;
+mod far_texture;
 pub mod fit;
 mod fit_surface;
 mod goniometer;
@@ -51,12 +52,14 @@ mod klems;
 mod klems_file;
 mod layout;
 mod looks;
+mod low_rank;
 mod metrics;
 mod pairs;
 mod patch;
 mod picture_error;
 mod picture_match;
 mod picture_moments;
+mod pixel_patch;
 mod polynomial_map;
 mod polynomial_map_file;
 mod sharpening;
@@ -73,12 +76,13 @@ pub use adaptive_file::write_adaptive;
 pub use appearance::{Appearance, AppearanceFit, AppearanceSearch, Simulate, fit_appearance};
 pub use cost::{Cost, Growth, growth, pareto_front};
 pub use far_table::{NodeSums, far_matrix, measure_node};
+pub use far_texture::{TexelSums, far_texture, measure_texels, texture_rings};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};
 pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,
     measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
 };
-pub use held_out::{HeldOutError, HeldOutKind, held_out_errors, held_out_pairs};
+pub use held_out::{HeldOutError, HeldOutKind, held_out_errors, held_out_pairs, held_out_rms};
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
 pub use klems_file::{KlemsFileError, read_klems, write_klems};
 pub use layout::{
@@ -94,6 +98,7 @@ pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use picture_moments::{MIN_SIDE, MatchedPicture};
+pub use pixel_patch::PixelPatch;
 pub use polynomial_map::{
     MapEffort, PolynomialMap, measure_polynomial_map, memory_bytes as polynomial_map_memory_bytes,
 };

@@ -134,6 +134,23 @@ pub trait PatchResponse: Sync {
         }
     }
 
+    /// [`PatchResponse::estimate_at`] of every path, in order, at the place of the middle plane,
+    /// mm, that `place` draws for it with the first random numbers of the path.
+    fn each_bsdf_at(
+        &self,
+        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
+        (w_in, w_out): (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        for path in names.paths.clone() {
+            let mut rng = names.rng(path);
+            let place_mm = place(&mut rng);
+            found(self.estimate_at(place_mm, w_in, w_out, &mut rng, stats));
+        }
+    }
+
     /// [`PatchResponse::estimate_exit`] of every path, in order, from the
     /// direction that `way` draws for it with the first random numbers of the path.
     fn each_exit(
@@ -146,6 +163,23 @@ pub trait PatchResponse: Sync {
         for path in names.paths.clone() {
             let mut rng = names.rng(path);
             let w = way(&mut rng);
+            found(self.estimate_exit(w, &mut rng, stats));
+        }
+    }
+
+    /// [`PatchResponse::estimate_exit`] of every path, in order, through the place of the middle
+    /// plane of the cloth, mm, and from the direction that `start` draws for it with the first
+    /// random numbers of the path. A patch without geometry ignores the place.
+    fn each_exit_at(
+        &self,
+        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        for path in names.paths.clone() {
+            let mut rng = names.rng(path);
+            let (_, w) = start(path, &mut rng);
             found(self.estimate_exit(w, &mut rng, stats));
         }
     }
@@ -204,6 +238,17 @@ where
         (**self).each_bsdf(ways, names, stats, found);
     }
 
+    fn each_bsdf_at(
+        &self,
+        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
+        ways: (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        (**self).each_bsdf_at(place, ways, names, stats, found);
+    }
+
     fn each_exit(
         &self,
         way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
@@ -212,6 +257,16 @@ where
         found: &mut dyn FnMut(Exit),
     ) {
         (**self).each_exit(way, names, stats, found);
+    }
+
+    fn each_exit_at(
+        &self,
+        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        (**self).each_exit_at(start, names, stats, found);
     }
 
     fn each_look(

@@ -133,6 +133,82 @@ impl VolumePatch {
         }
     }
 
+    /// Where a ray seen from `w` through a place of the middle plane enters, mm.
+    fn above_mm(&self, place_mm: Vec2, w: Vec3) -> Vec3 {
+        let face = self.face_mm(w);
+        (place_mm + w.truncate() * (face / w.z)).extend(face)
+    }
+
+    /// Values of the BSDF between two directions, of paths that begin at points, mm.
+    fn values(
+        &self,
+        start: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        (w_in, w_out): (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        let Some(probe) = &self.fibres else {
+            for path in names.paths.clone() {
+                let mut rng = names.rng(path);
+                let from = start(&mut rng);
+                let path = self.trace(from, w_out, &[beam(w_in)], &mut rng, stats);
+                found(path.radiance / w_in.z.abs());
+            }
+            return;
+        };
+        let start = |path: u64| {
+            let from = start(&mut names.rng(path));
+            (from.as_dvec3(), -w_out.as_dvec3())
+        };
+        let paths = ProbePaths {
+            lights: &[beam(w_in)],
+            seed: names.seed,
+            stream: names.stream,
+            paths: names.paths.clone(),
+            start: &start,
+        };
+        let (samples, counts) = probe.trace(&paths);
+        stats.merge(&counts);
+        for sample in samples {
+            found(sample.radiance / w_in.z.abs());
+        }
+    }
+
+    /// Exits of paths that begin at points, mm, and are seen from directions.
+    fn exits(
+        &self,
+        start: &(dyn Fn(u64, &mut PathRng) -> (Vec3, Vec3) + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        let Some(probe) = &self.fibres else {
+            for path in names.paths.clone() {
+                let mut rng = names.rng(path);
+                let (from, w) = start(path, &mut rng);
+                found(exit_of(&self.trace(from, w, &[], &mut rng, stats)));
+            }
+            return;
+        };
+        let start = |path: u64| {
+            let (from, w) = start(path, &mut names.rng(path));
+            (from.as_dvec3(), -w.as_dvec3())
+        };
+        let paths = ProbePaths {
+            lights: &[],
+            seed: names.seed,
+            stream: names.stream,
+            paths: names.paths.clone(),
+            start: &start,
+        };
+        let (samples, counts) = probe.trace(&paths);
+        stats.merge(&counts);
+        for sample in samples {
+            found(exit_of(&sample));
+        }
+    }
+
     /// A path seen from `w` at a point.
     fn trace(
         &self,
@@ -177,8 +253,7 @@ impl PatchResponse for VolumePatch {
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
-        let face = self.face_mm(w_out);
-        let from = (place_mm + w_out.truncate() * (face / w_out.z)).extend(face);
+        let from = self.above_mm(place_mm, w_out);
         self.trace(from, w_out, &[beam(w_in)], rng, stats).radiance / w_in.z.abs()
     }
 
@@ -190,33 +265,25 @@ impl PatchResponse for VolumePatch {
 
     fn each_bsdf(
         &self,
-        (w_in, w_out): (Vec3, Vec3),
+        ways: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
-        let Some(probe) = &self.fibres else {
-            for path in names.paths.clone() {
-                found(self.estimate_bsdf(w_in, w_out, &mut names.rng(path), stats));
-            }
-            return;
-        };
-        let start = |path: u64| {
-            let from = self.start_mm(w_out, &mut names.rng(path));
-            (from.as_dvec3(), -w_out.as_dvec3())
-        };
-        let paths = ProbePaths {
-            lights: &[beam(w_in)],
-            seed: names.seed,
-            stream: names.stream,
-            paths: names.paths.clone(),
-            start: &start,
-        };
-        let (samples, counts) = probe.trace(&paths);
-        stats.merge(&counts);
-        for sample in samples {
-            found(sample.radiance / w_in.z.abs());
-        }
+        let start = |rng: &mut PathRng| self.start_mm(ways.1, rng);
+        self.values(&start, ways, names, stats, found);
+    }
+
+    fn each_bsdf_at(
+        &self,
+        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
+        ways: (Vec3, Vec3),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Rgb),
+    ) {
+        let start = |rng: &mut PathRng| self.above_mm(place(rng), ways.1);
+        self.values(&start, ways, names, stats, found);
     }
 
     fn each_exit(
@@ -226,31 +293,25 @@ impl PatchResponse for VolumePatch {
         stats: &mut Stats,
         found: &mut dyn FnMut(Exit),
     ) {
-        let Some(probe) = &self.fibres else {
-            for path in names.paths.clone() {
-                let mut rng = names.rng(path);
-                let w = way(&mut rng);
-                found(self.estimate_exit(w, &mut rng, stats));
-            }
-            return;
+        let start = |_: u64, rng: &mut PathRng| {
+            let w = way(rng);
+            (self.start_mm(w, rng), w)
         };
-        let start = |path: u64| {
-            let mut rng = names.rng(path);
-            let w = way(&mut rng);
-            (self.start_mm(w, &mut rng).as_dvec3(), -w.as_dvec3())
+        self.exits(&start, names, stats, found);
+    }
+
+    fn each_exit_at(
+        &self,
+        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
+        names: &PathNames,
+        stats: &mut Stats,
+        found: &mut dyn FnMut(Exit),
+    ) {
+        let start = |path: u64, rng: &mut PathRng| {
+            let (place_mm, w) = start(path, rng);
+            (self.above_mm(place_mm, w), w)
         };
-        let paths = ProbePaths {
-            lights: &[],
-            seed: names.seed,
-            stream: names.stream,
-            paths: names.paths.clone(),
-            start: &start,
-        };
-        let (samples, counts) = probe.trace(&paths);
-        stats.merge(&counts);
-        for sample in samples {
-            found(exit_of(&sample));
-        }
+        self.exits(&start, names, stats, found);
     }
 
     fn each_look(

@@ -56,7 +56,7 @@ fn shares_add_to_one_and_openness_is_the_gap() {
             assert!((a.sum.mean[c] - 1.0).abs() < 1e-6);
             assert!(a.absorbed.mean[c] > -4.0 * a.absorbed.se[c], "{a:?}");
         }
-        let gap = f64::from(patch.0.gap(a.incident.direction()));
+        let gap = f64::from(patch.0.gap(a.incident.direction(), Footprint::FAR));
         let distance = (a.direct.mean[0] - gap).abs();
         assert!(distance <= 4.0 * (gap / 40_000.0).sqrt(), "seed 2: {a:?}");
     }

@@ -52,8 +52,9 @@ pub enum Passage {
 ///   contain it.
 /// - **`eval`** is the scattered radiance along `w_out` over the irradiance on
 ///   the fabric plane from `w_in`, 1/sr, without a cosine: the BSDF. It counts
-///   gaps as cloth, so it is the mean over yarn and gaps, and it is symmetric in
-///   its two directions.
+///   gaps as cloth, so it is the mean over yarn and gaps. Its mean over the cloth is
+///   symmetric in its two directions; at a place it belongs to the line of sight
+///   along `w_out`.
 /// - **`pdf`** is the density of scattered `w_in` per solid angle and per
 ///   *arriving* ray, 1/sr. It integrates to at most `1 - gap(w_out)`; what is
 ///   missing is absorbed.
@@ -65,7 +66,7 @@ pub enum Passage {
 ///   and black, zero or `None` for directions in the plane of the cloth.
 pub trait Surface: Send + Sync {
     /// Share of a ray along `w` that passes straight through.
-    fn gap(&self, w: Vec3) -> f32;
+    fn gap(&self, w: Vec3, at: Footprint) -> f32;
 
     /// Scattered light, 1/sr.
     fn eval(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb;
@@ -79,7 +80,7 @@ pub trait Surface: Send + Sync {
     /// Draws what happens to an arriving ray: straight through with probability
     /// `gap`, else as [`sample`](Surface::sample). `None` means absorbed.
     fn pass_or_sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<Passage> {
-        if rng.unit() < self.gap(w_out) {
+        if rng.unit() < self.gap(w_out, at) {
             return Some(Passage::Straight);
         }
         self.sample(w_out, at, rng).map(Passage::Scattered)
@@ -91,8 +92,8 @@ pub trait Surface: Send + Sync {
 }
 
 impl<S: Surface + ?Sized> Surface for Box<S> {
-    fn gap(&self, w: Vec3) -> f32 {
-        (**self).gap(w)
+    fn gap(&self, w: Vec3, at: Footprint) -> f32 {
+        (**self).gap(w, at)
     }
 
     fn eval(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb {
@@ -138,8 +139,8 @@ impl<S: Surface> Shifted<S> {
 }
 
 impl<S: Surface> Surface for Shifted<S> {
-    fn gap(&self, w: Vec3) -> f32 {
-        self.surface.gap(w)
+    fn gap(&self, w: Vec3, at: Footprint) -> f32 {
+        self.surface.gap(w, self.within(at))
     }
 
     fn eval(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb {

@@ -16,6 +16,17 @@ pub const ENDING: &str = "bsdf";
 /// The key of a table's description that holds the [digest](Fabric::look_digest) of its fabric.
 pub const FABRIC_KEY: &str = "fabric_digest";
 
+/// The key of a description that holds that of the texture.
+pub const TEXTURE_KEY: &str = "texture";
+/// Its key for errors in pixels of several widths.
+pub const PIXELS_KEY: &str = "pixels";
+/// The width of a pixel, mm.
+pub const PIXEL_KEY: &str = "pixel_mm";
+/// The error of the table with texture there, a share of the root mean square value.
+pub const ERROR_KEY: &str = "rms";
+/// With `lod = "auto"`, a table with texture is seen where its error is at most this.
+const TOLERATED: f64 = 0.05;
+
 /// Where the table of a fabric file is.
 pub fn beside(fabric: &Path) -> PathBuf {
     fabric.with_extension(ENDING)
@@ -117,10 +128,29 @@ pub(crate) fn far_table(
     let file = beside(path);
     let (table, about) = read(&file, loader)?;
     if is_of(&about, fabric) {
-        return Ok(Some(cloth_surface(fabric, table)));
+        let surface = cloth_surface(fabric, table);
+        let repeat_mm = match good_from_mm(&about) {
+            // Half of what is called the repeat is where the change begins.
+            Some(from_mm) => surface.repeat_mm.min(2.0 * from_mm),
+            None => surface.repeat_mm,
+        };
+        return Ok(Some(ClothSurface {
+            repeat_mm,
+            ..surface
+        }));
     }
     loader.warn(&file, stale(path) + "; lod = \"auto\" leaves it out");
     Ok(None)
+}
+
+/// The narrowest of the measured pixels from which on the error is tolerated, mm.
+fn good_from_mm(about: &Value) -> Option<f32> {
+    let number = |pixel: &Value, key: &str| pixel.get(key).and_then(Value::as_f64);
+    let pixels = about.get(TEXTURE_KEY)?.get(PIXELS_KEY)?.as_array()?;
+    let measured = pixels.iter().rev();
+    let good = measured.take_while(|p| number(p, ERROR_KEY).is_some_and(|e| e <= TOLERATED));
+    let narrowest = good.last().and_then(|p| number(p, PIXEL_KEY));
+    narrowest.map(|mm| mm as f32).filter(|mm| *mm > 0.0)
 }
 
 fn stale(fabric: &Path) -> String {

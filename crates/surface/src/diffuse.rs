@@ -92,7 +92,7 @@ impl DiffuseSheet {
 }
 
 impl Surface for DiffuseSheet {
-    fn gap(&self, _: Vec3) -> f32 {
+    fn gap(&self, _: Vec3, _: Footprint) -> f32 {
         self.openness
     }
 

@@ -229,7 +229,7 @@ mod tests {
             |t: f32, p: f32| warp::direction_from_angles(t, p + 0.1) * Vec3::new(-1.0, -1.0, -1.0);
         let mut measured = MeasuredTransmission::default();
         for &w in &directions {
-            measured.direct.push((w, cloth.gap(w)));
+            measured.direct.push((w, cloth.gap(w, Footprint::FAR)));
             let mut sum = Rgb::BLACK;
             for [a, b] in sequence::<2>(1 << 14) {
                 let out = warp::cosine_hemisphere(Vec2::new(a, b)) * Vec3::new(1.0, 1.0, -1.0);

@@ -340,7 +340,7 @@ fn is_usable(w: Vec3) -> bool {
 }
 
 impl Surface for WovenSurface {
-    fn gap(&self, w: Vec3) -> f32 {
+    fn gap(&self, w: Vec3, _: Footprint) -> f32 {
         self.transmission.as_ref().map_or(0.0, |t| t.gap(w))
     }
 
@@ -360,7 +360,7 @@ impl Surface for WovenSurface {
         if !(is_usable(w_in) && is_usable(w_out)) {
             return 0.0;
         }
-        let gap = self.gap(w_out);
+        let gap = self.gap(w_out, at);
         let (side, w, position) = self.side(w_out, at.position_mm);
         let w_in = if w_out.z > 0.0 { w_in } else { behind(w_in) };
         let under = self.under(side, w, at.width_mm, position);
@@ -372,7 +372,7 @@ impl Surface for WovenSurface {
     /// function, and each call takes 1 / (1 - gap) draws on average, so the mean number of
     /// draws per arriving ray is one.
     fn sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
-        if self.gap(w_out) >= 1.0 {
+        if self.gap(w_out, at) >= 1.0 {
             return None;
         }
         loop {
@@ -387,7 +387,7 @@ impl Surface for WovenSurface {
         if !is_usable(w_out) {
             return None;
         }
-        let gap = self.gap(w_out);
+        let gap = self.gap(w_out, at);
         let choice = rng.unit();
         if choice < gap {
             return Some(Passage::Straight);

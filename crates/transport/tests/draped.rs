@@ -223,7 +223,7 @@ struct Paper {
 }
 
 impl Surface for Paper {
-    fn gap(&self, _: Vec3) -> f32 {
+    fn gap(&self, _: Vec3, _: Footprint) -> f32 {
         self.gap
     }
     fn eval(&self, w_out: Vec3, w_in: Vec3, _: Footprint) -> Rgb {

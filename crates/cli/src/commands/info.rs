@@ -118,7 +118,7 @@ fn table_info(table: &FarTable, about: &Value) -> Value {
         "nodes": table.rings().sphere(),
         "memory_bytes": table.memory_bytes(),
         "scattered_along_normal": table.albedo(glam::Vec3::Z).0.to_array(),
-        "straight_along_normal": table.gap(glam::Vec3::Z),
+        "straight_along_normal": table.gap(glam::Vec3::Z, organza_scatter::Footprint::FAR),
     });
     if let (Some(listing), Some(about)) = (listing.as_object_mut(), about.as_object()) {
         listing.extend(about.clone());

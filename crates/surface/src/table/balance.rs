@@ -194,7 +194,7 @@ mod tests {
         ] {
             let albedo = table.albedo(w).0;
             assert!((albedo.x - 0.75).abs() < 1e-3, "{albedo}");
-            assert!((table.gap(w) - 0.25).abs() < 1e-6);
+            assert!((table.gap(w, organza_scatter::Footprint::FAR) - 0.25).abs() < 1e-6);
             assert_eq!(albedo.z, 0.0);
         }
     }

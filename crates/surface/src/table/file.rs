@@ -5,16 +5,32 @@
 //! (f32) and its nodes (u32); the share of light straight through for each node of the front
 //! (f32); for each channel the natural logarithms of the values of the bytes 1 and 255 (f32
 //! each); for each node of front and back a factor for each channel (f32); for each pair of
-//! nodes `(a, b)` with `b <= a`, in the order of `a`, then `b`, a byte for each channel; the
-//! SHA-256 of all bytes before it. Nothing follows.
+//! nodes `(a, b)` with `b <= a`, in the order of `a`, then `b`, a byte for each channel; from
+//! version 2 the number of textures, 0 or 1 (u32), and the texture; the SHA-256 of all bytes
+//! before it. Nothing follows.
+//!
+//! The texture: its rings as those above; texels along weft and warp (u32 each); the corner of a
+//! period and the period, x and y in mm (f32 each); heights of the planes of its texels for
+//! directions of the face and of the back, mm (f32 each); the number of images (u32); for each
+//! texel and node of the front the share straight through in 255ths (u8); for each texel and
+//! image its value in 32767ths (i16); for each image and node of the eye a scale (f32); for each
+//! image, node of the eye and node of the light, and each channel, a value in 127ths of the scale
+//! (i8).
 
+use super::layout::{MAX_TEXELS, TextureLayout};
 use super::rings::{MAX_NODES, MAX_RINGS, Rings};
+use super::texture::{MAX_RANK, Texture, TextureParts};
 use super::{FarTable, NoTable, TableParts};
+use glam::{UVec2, Vec2};
 use sha2::{Digest, Sha256};
 
 const MAGIC: [u8; 8] = *b"OFAR\r\n\x1a\n";
-/// The version that this program writes and reads.
-const VERSION: u32 = 1;
+/// The version that this program writes; it reads the ones before, too.
+const VERSION: u32 = 2;
+/// The first version with textures.
+const WITH_TEXTURE: u32 = 2;
+/// Most nodes of a texture's hemisphere.
+const MAX_TEXTURE_NODES: usize = 128;
 /// The longest description, bytes.
 const MAX_ABOUT: usize = 1 << 16;
 /// Length of the checksum.
@@ -22,7 +38,10 @@ const SUM: usize = 32;
 /// No table is longer, bytes.
 pub const MAX_FILE_BYTES: u64 = {
     let nodes = 2 * MAX_NODES as u64;
-    (1 << 17) + MAX_RINGS as u64 * 8 + nodes * 14 + nodes * (nodes + 1) / 2 * 3
+    let coarse = 2 * MAX_TEXTURE_NODES as u64;
+    let (texels, rank) = (MAX_TEXELS as u64, MAX_RANK as u64);
+    let texture = texels * (coarse / 2 + 2 * rank) + rank * coarse * (4 + 3 * coarse);
+    (1 << 17) + MAX_RINGS as u64 * 16 + nodes * 14 + nodes * (nodes + 1) / 2 * 3 + texture
 };
 
 /// What is wrong with a file.
@@ -32,7 +51,7 @@ pub enum TableFileError {
     #[error("is not a table of organza: its first bytes are wrong")]
     Magic,
     /// A version that this program does not know.
-    #[error("is a table of version {0}; this program reads version {VERSION}")]
+    #[error("is a table of version {0}; this program reads versions 1 to {VERSION}")]
     Version(u32),
     /// It ends too early, or goes on too long.
     #[error("has a wrong length: {0}")]
@@ -62,6 +81,7 @@ pub fn is_table(bytes: &[u8]) -> bool {
 /// A description that is too long.
 pub fn write_table(
     parts: &TableParts,
+    texture: Option<&TextureParts>,
     about: &serde_json::Value,
 ) -> Result<Vec<u8>, TableFileError> {
     let about = about.to_string();
@@ -73,19 +93,50 @@ pub fn write_table(
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend((about.len() as u32).to_le_bytes());
     bytes.extend(about.as_bytes());
-    let rings = parts.rings.list();
-    bytes.extend((rings.len() as u32).to_le_bytes());
-    for (theta, count) in rings {
-        bytes.extend(theta.to_le_bytes());
-        bytes.extend(count.to_le_bytes());
-    }
+    write_rings(&mut bytes, &parts.rings);
     let numbers = parts.gaps.iter();
     let numbers = numbers
         .chain(parts.range.iter().flatten())
         .chain(parts.factors.iter().flatten());
     bytes.extend(numbers.flat_map(|x| x.to_le_bytes()));
     bytes.extend(parts.codes.iter().flatten());
+    bytes.extend(u32::from(texture.is_some()).to_le_bytes());
+    if let Some(texture) = texture {
+        write_texture(&mut bytes, texture);
+    }
     Ok(sealed(bytes))
+}
+
+fn write_rings(bytes: &mut Vec<u8>, rings: &Rings) {
+    let rings = rings.list();
+    bytes.extend((rings.len() as u32).to_le_bytes());
+    for (theta, count) in rings {
+        bytes.extend(theta.to_le_bytes());
+        bytes.extend(count.to_le_bytes());
+    }
+}
+
+fn write_texture(bytes: &mut Vec<u8>, texture: &TextureParts) {
+    write_rings(bytes, &texture.eye);
+    write_rings(bytes, &texture.light);
+    let layout = &texture.layout;
+    let words = [layout.size.x, layout.size.y];
+    bytes.extend(words.iter().flat_map(|x| x.to_le_bytes()));
+    let [origin, period] = [layout.origin_mm, layout.period_mm].map(|v| v.to_array());
+    let numbers = origin.iter().chain(&period).chain(&layout.heights_mm);
+    bytes.extend(numbers.flat_map(|x| x.to_le_bytes()));
+    let rank = texture.scales.len() / texture.eye.sphere().max(1);
+    bytes.extend((rank as u32).to_le_bytes());
+    bytes.extend(&texture.gaps);
+    bytes.extend(texture.images.iter().flat_map(|x| x.to_le_bytes()));
+    bytes.extend(texture.scales.iter().flat_map(|x| x.to_le_bytes()));
+    bytes.extend(
+        texture
+            .functions
+            .iter()
+            .flatten()
+            .map(|x| x.cast_unsigned()),
+    );
 }
 
 /// The content of a file with its checksum.
@@ -106,7 +157,7 @@ pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFi
     let whole = bytes;
     let mut rest = Reader(whole.get(MAGIC.len()..).unwrap_or_default());
     let version = rest.word()?;
-    if version != VERSION {
+    if !(1..=VERSION).contains(&version) {
         return Err(TableFileError::Version(version));
     }
     let length = rest.word()? as usize;
@@ -114,36 +165,30 @@ pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFi
         return Err(TableFileError::Length("its description is too long"));
     }
     let about = rest.take(length)?;
-    let count = rest.word()? as usize;
-    if count > MAX_RINGS {
-        return Err(TableFileError::Rings);
-    }
-    let mut rings = Vec::with_capacity(count);
-    for _ in 0..count {
-        rings.push((rest.number()?, rest.word()?));
-    }
-    let rings = Rings::new(&rings).ok_or(TableFileError::Rings)?;
+    let rings = rest.rings(MAX_NODES)?;
     let n = rings.sphere();
     let pairs = n * (n + 1) / 2;
-    let expected = 4 * (rings.hemisphere() + 6 + 3 * n) + 3 * pairs + SUM;
-    if rest.0.len() != expected {
-        let what = match rest.0.len() < expected {
-            true => "it was cut off",
-            false => "something follows the table",
-        };
-        return Err(TableFileError::Length(what));
+    let matrix = 4 * (rings.hemisphere() + 6 + 3 * n) + 3 * pairs;
+    let after = rest.0.get(matrix..).ok_or(CUT_OFF)?;
+    let texture = match version >= WITH_TEXTURE {
+        true => read_texture(&mut Reader(after))?,
+        false => (None, SUM),
+    };
+    let (texture, expected) = texture;
+    if after.len() != expected {
+        return Err(match after.len() < expected {
+            true => CUT_OFF,
+            false => TableFileError::Length("something follows the table"),
+        });
     }
     let (content, sum) = whole.split_at(whole.len() - SUM);
     if Sha256::digest(content)[..] != *sum {
         return Err(TableFileError::Checksum);
     }
     let about = serde_json::from_slice(about).map_err(|e| TableFileError::About(e.to_string()))?;
-    let mut list = |count: usize| -> Result<Vec<f32>, TableFileError> {
-        (0..count).map(|_| rest.number()).collect()
-    };
-    let gaps = list(rings.hemisphere())?;
-    let limits = list(6)?;
-    let factors = list(3 * n)?;
+    let gaps = rest.list(rings.hemisphere())?;
+    let limits = rest.list(6)?;
+    let factors = rest.list(3 * n)?;
     let codes = rest.take(3 * pairs)?;
     let table = FarTable::new(TableParts {
         rings,
@@ -155,18 +200,62 @@ pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFi
             .collect(),
         codes: codes.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
     })?;
-    Ok((table, about))
+    let texture = texture.as_ref().map(Texture::new).transpose()?;
+    Ok((table.with_texture(texture), about))
 }
+
+/// The texture, if there is one, and the length of this part of the file with the checksum.
+fn read_texture(rest: &mut Reader<'_>) -> Result<(Option<TextureParts>, usize), TableFileError> {
+    let whole = rest.0.len();
+    match rest.word()? {
+        0 => return Ok((None, 4 + SUM)),
+        1 => {}
+        _ => return Err(TableFileError::Length("it has several textures")),
+    }
+    let eye = rest.rings(MAX_TEXTURE_NODES)?;
+    let light = rest.rings(MAX_TEXTURE_NODES)?;
+    let size = UVec2::new(rest.word()?, rest.word()?);
+    let numbers = rest.list(6)?;
+    let rank = rest.word()? as usize;
+    let layout = TextureLayout {
+        size,
+        origin_mm: Vec2::new(numbers[0], numbers[1]),
+        period_mm: Vec2::new(numbers[2], numbers[3]),
+        heights_mm: [numbers[4], numbers[5]],
+    };
+    if !layout.is_sound() || rank > MAX_RANK {
+        return Err(NoTable::Number("the grid of its texture").into());
+    }
+    let (texels, n, m) = (layout.texels(), eye.sphere(), light.sphere());
+    let gaps = rest.take(texels * eye.hemisphere())?.to_vec();
+    let images = rest.take(2 * texels * rank)?.chunks_exact(2);
+    let images = images.map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
+    let scales = rest.list(rank * n)?;
+    let functions = rest.take(3 * rank * n * m)?.chunks_exact(3);
+    let functions = functions
+        .map(|b| [b[0], b[1], b[2]].map(u8::cast_signed))
+        .collect();
+    let texture = TextureParts {
+        eye,
+        light,
+        layout,
+        gaps,
+        images,
+        scales,
+        functions,
+    };
+    Ok((Some(texture), whole - rest.0.len() + SUM))
+}
+
+/// The error of a file that ends too early.
+const CUT_OFF: TableFileError = TableFileError::Length("it was cut off");
 
 /// The bytes that are not yet read.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], TableFileError> {
-        let (taken, rest) = self
-            .0
-            .split_at_checked(count)
-            .ok_or(TableFileError::Length("it was cut off"))?;
+        let (taken, rest) = self.0.split_at_checked(count).ok_or(CUT_OFF)?;
         self.0 = rest;
         Ok(taken)
     }
@@ -183,5 +272,23 @@ impl<'a> Reader<'a> {
 
     fn number(&mut self) -> Result<f32, TableFileError> {
         self.four().map(f32::from_le_bytes)
+    }
+
+    fn list(&mut self, count: usize) -> Result<Vec<f32>, TableFileError> {
+        (0..count).map(|_| self.number()).collect()
+    }
+
+    /// Rings with at most so many nodes on a hemisphere.
+    fn rings(&mut self, most: usize) -> Result<Rings, TableFileError> {
+        let count = self.word()? as usize;
+        if count > MAX_RINGS {
+            return Err(TableFileError::Rings);
+        }
+        let mut rings = Vec::with_capacity(count);
+        for _ in 0..count {
+            rings.push((self.number()?, self.word()?));
+        }
+        let rings = Rings::new(&rings).filter(|r| r.hemisphere() <= most);
+        rings.ok_or(TableFileError::Rings)
     }
 }

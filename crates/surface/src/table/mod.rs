@@ -21,16 +21,23 @@
 //!
 //! A value takes one byte for each channel: the logarithm of the value without the two factors
 //! of its nodes, which make the rows add up to the measured shares ([`balance`]).
+//!
+//! Where a pixel is narrower than the period of the cloth, a [`Texture`] multiplies the values by
+//! a ratio that depends on the place. Directions are drawn as without it.
 
 mod balance;
 mod file;
+mod layout;
 mod rings;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 pub use balance::{Balanced, MeasuredMatrix, balance};
 pub use file::{MAX_FILE_BYTES, TableFileError, is_table, read_table, sealed, write_table};
+pub use layout::{MAX_TEXELS, TextureLayout};
 pub use rings::{Hats, Rings};
+pub use texture::{MAX_RANK, Texture, TextureParts};
 
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
@@ -57,6 +64,8 @@ pub struct FarTable {
     sums: Vec<f32>,
     /// Weights of the nodes.
     weights: Vec<f32>,
+    /// How the places of a repeat differ from the mean.
+    texture: Option<Texture>,
 }
 
 /// The parts of a table, as files hold them.
@@ -151,6 +160,7 @@ impl FarTable {
             codes,
             sums: Vec::new(),
             weights,
+            texture: None,
         };
         let blocks = n.div_ceil(BLOCK);
         let mut sums = Vec::with_capacity(n * blocks);
@@ -179,6 +189,16 @@ impl FarTable {
         Ok(table)
     }
 
+    /// The table with a texture.
+    pub fn with_texture(self, texture: Option<Texture>) -> FarTable {
+        FarTable { texture, ..self }
+    }
+
+    /// How the places of a repeat differ from the mean, if that is known.
+    pub fn texture(&self) -> Option<&Texture> {
+        self.texture.as_ref()
+    }
+
     /// Its nodes.
     pub fn rings(&self) -> &Rings {
         &self.rings
@@ -190,6 +210,7 @@ impl FarTable {
             + 3 * self.codes.len()
             + 12 * self.factors.len()
             + 4 * (self.gaps.len() + self.sums.len() + self.weights.len())
+            + self.texture.as_ref().map_or(0, Texture::memory_bytes)
     }
 
     /// The share of light from a node that passes straight through.
@@ -265,6 +286,14 @@ impl FarTable {
         }
     }
 
+    /// What the texture makes of a value at a place.
+    fn ratio(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb {
+        match &self.texture {
+            Some(texture) => texture.ratio(w_out, w_in, at),
+            None => Rgb::WHITE,
+        }
+    }
+
     /// A node drawn by the row of another.
     fn next_node(&self, from: usize, rng: &mut PathRng) -> usize {
         let n = self.rings.sphere();
@@ -290,37 +319,39 @@ impl FarTable {
 }
 
 impl Surface for FarTable {
-    fn gap(&self, w: Vec3) -> f32 {
+    fn gap(&self, w: Vec3, at: Footprint) -> f32 {
         if w.z == 0.0 {
             return 0.0;
         }
         let hats = self.rings.hats(if w.z < 0.0 { -w } else { w });
         let terms = hats.nodes.iter().zip(hats.values);
-        terms
-            .map(|(&k, v)| self.gaps[k as usize] * v)
-            .sum::<f32>()
-            .min(1.0)
+        let mean = terms.map(|(&k, v)| self.gaps[k as usize] * v).sum::<f32>();
+        match &self.texture {
+            Some(texture) => texture.gap(w, mean.min(1.0), at),
+            None => mean.min(1.0),
+        }
     }
 
-    fn eval(&self, w_out: Vec3, w_in: Vec3, _: Footprint) -> Rgb {
+    fn eval(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> Rgb {
         if w_out.z == 0.0 || w_in.z == 0.0 {
             return Rgb::BLACK;
         }
-        self.between(self.rings.hats(w_out), self.rings.hats(w_in))
+        let mean = self.between(self.rings.hats(w_out), self.rings.hats(w_in));
+        mean * self.ratio(w_out, w_in, at)
     }
 
     fn pdf(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> f32 {
-        let value = self.eval(w_out, w_in, at);
-        (1.0 - self.gap(w_out)) * self.density(value, &self.rings.hats(w_out), w_in)
+        let value = self.eval(w_out, w_in, Footprint::FAR);
+        (1.0 - self.gap(w_out, at)) * self.density(value, &self.rings.hats(w_out), w_in)
     }
 
-    fn sample(&self, w_out: Vec3, _: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
+    fn sample(&self, w_out: Vec3, at: Footprint, rng: &mut PathRng) -> Option<LobeSample> {
         if w_out.z == 0.0 {
             return None;
         }
         let hats = self.rings.hats(w_out);
         let scattered = self.scattered(&hats);
-        let gap = self.gap(w_out);
+        let gap = self.gap(w_out, at);
         if !(scattered > 0.0) || gap >= 1.0 {
             return None;
         }
@@ -342,7 +373,7 @@ impl Surface for FarTable {
         let density = self.density(value, &hats, w_in);
         (density > 0.0).then(|| LobeSample {
             w_in,
-            weight: value * (w_in.z.abs() / density / (1.0 - gap)),
+            weight: value * self.ratio(w_out, w_in, at) * (w_in.z.abs() / density / (1.0 - gap)),
             pdf: (1.0 - gap) * density,
         })
     }

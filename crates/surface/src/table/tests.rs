@@ -64,7 +64,7 @@ fn values_are_reciprocal_to_the_bit_and_not_negative() {
         let back = table.eval(b, a, Footprint::FAR);
         assert_eq!(there.0, back.0, "seed 31: {a} {b}");
         assert!(there.is_valid(), "seed 31: {a} {b}");
-        assert!((table.gap(a) - table.gap(-a)).abs() < 1e-6);
+        assert!((table.gap(a, Footprint::FAR) - table.gap(-a, Footprint::FAR)).abs() < 1e-6);
     }
 }
 
@@ -75,7 +75,7 @@ fn a_white_furnace_stays_white() {
     for _ in 0..200 {
         let w = direction(&mut rng);
         // Between the nodes as at them: green is not absorbed.
-        let total = table.albedo(w) + Rgb::splat(table.gap(w));
+        let total = table.albedo(w) + Rgb::splat(table.gap(w, Footprint::FAR));
         assert!((total.0.y - 1.0).abs() < 1e-3, "seed 41: {w}: {total:?}");
         // Drawn light has the same total, and never more than its share.
         let mut sum = organza_basis::Moments::default();
@@ -83,7 +83,7 @@ fn a_white_furnace_stays_white() {
             let drawn = table.sample(w, Footprint::FAR, &mut rng);
             sum.add(drawn.map_or(0.0, |s| f64::from(s.weight.0.y)));
         }
-        let expected = 0.85 / (1.0 - f64::from(table.gap(w)));
+        let expected = 0.85 / (1.0 - f64::from(table.gap(w, Footprint::FAR)));
         let z = (sum.mean - expected) / sum.standard_error().max(1e-6);
         assert!(z.abs() < 5.0, "seed 41: {w}: {} for {expected}", sum.mean);
     }
@@ -98,7 +98,7 @@ fn samples_have_the_density_of_the_value() {
         (53, Vec3::new(-0.99, 0.0, 0.1)),
     ] {
         let w = w.normalize();
-        let met = 1.0 - table.gap(w);
+        let met = 1.0 - table.gap(w, Footprint::FAR);
         let grid = SphereGrid::new(Vec3::Z, 24, 24).admitting(2e-3);
         let run = |pdf: &dyn Fn(Vec3) -> f64| {
             let mut rng = PathRng::from_seed(seed);
@@ -144,7 +144,7 @@ fn samples_say_what_pdf_and_eval_say() {
 fn files_keep_tables_and_damage_is_noticed() {
     let parts = parts();
     let about = json!({ "fabric": "test" });
-    let bytes = write_table(&parts, &about).unwrap();
+    let bytes = write_table(&parts, None, &about).unwrap();
     let (table, read) = read_table(&bytes).unwrap();
     assert_eq!((&table, &read), (&FarTable::new(parts).unwrap(), &about));
     assert_eq!(read_table(b"OFA"), Err(TableFileError::Magic));
@@ -230,4 +230,184 @@ fn values_and_samples_take_less_than_a_microsecond() {
     });
     println!("eval {eval:.0} ns, pdf {pdf:.0} ns, sample {sample:.0} ns");
     assert!(eval < 1000.0 && pdf < 1000.0 && sample < 1000.0);
+}
+
+/// Stripes across the weft: yarn that is bright in red on the left, gaps on the right.
+fn stripes() -> TextureParts {
+    let rings = |counts: [u32; 3]| {
+        let degrees = [0.0, 45.0, 90.0].map(f32::to_radians);
+        let list: Vec<_> = degrees.into_iter().zip(counts).collect();
+        Rings::new(&list).unwrap()
+    };
+    let (eye, light) = (rings([1, 8, 8]), rings([1, 4, 4]));
+    let size = glam::UVec2::new(8, 4);
+    let is_left = |texel: usize| texel % 8 < 4;
+    let (n, m) = (eye.sphere(), light.sphere());
+    let texels = 32;
+    TextureParts {
+        gaps: (0..texels * eye.hemisphere())
+            .map(|at| {
+                if is_left(at / eye.hemisphere()) {
+                    20
+                } else {
+                    60
+                }
+            })
+            .collect(),
+        images: (0..texels)
+            .map(|x| if is_left(x) { 32767 } else { -32767 })
+            .collect(),
+        scales: vec![0.8; n],
+        // More for light from the face than from the back.
+        functions: (0..n * m)
+            .map(|at| {
+                if at % m < m / 2 {
+                    [127, 64, 32]
+                } else {
+                    [32, 32, 16]
+                }
+            })
+            .collect(),
+        eye,
+        light,
+        layout: TextureLayout {
+            size,
+            origin_mm: Vec2::new(-1.0, 3.0),
+            period_mm: Vec2::new(2.0, 0.5),
+            heights_mm: [0.1, -0.2],
+        },
+    }
+}
+
+fn striped() -> FarTable {
+    let texture = Texture::new(&stripes()).unwrap();
+    table().with_texture(Some(texture))
+}
+
+#[test]
+fn a_texture_keeps_the_mean_and_repeats() {
+    let (plain, striped) = (table(), striped());
+    let mut rng = PathRng::from_seed(61);
+    for _ in 0..50 {
+        let [a, b] = [direction(&mut rng), direction(&mut rng)];
+        let mean = plain.eval(a, b, Footprint::FAR);
+        assert_eq!(striped.eval(a, b, Footprint::FAR), mean, "seed 61");
+        const READS: usize = 16;
+        let (mut sum, mut gap) = (Vec3::ZERO, 0.0);
+        for x in 0..READS {
+            let place = Vec2::new((x as f32 + 0.5) / READS as f32 * 2.0, 0.3);
+            let at = Footprint::point(place);
+            sum += striped.eval(a, b, at).0 / READS as f32;
+            gap += striped.gap(a, at) / READS as f32;
+            let next = Footprint::point(place + Vec2::new(-6.0, 1.0));
+            let moved = (striped.eval(a, b, next).0 - striped.eval(a, b, at).0).abs();
+            assert!(
+                moved.max_element() < 1e-3 * mean.max_component().max(0.1),
+                "seed 61"
+            );
+        }
+        let off = (sum - mean.0).abs().max_element() / mean.max_component().max(1e-6);
+        assert!(off < 1e-3, "seed 61: {a} {b}: {off}");
+        assert!(
+            (gap - plain.gap(a, Footprint::FAR)).abs() < 1e-3,
+            "seed 61: {gap}"
+        );
+    }
+    // It is no copy of the mean: the left is 1.8 times as red, the right a fifth.
+    let w = Vec3::Z;
+    let at = |x: f32| striped.eval(w, w, Footprint::point(Vec2::new(x, 3.0))).0.x;
+    let mean = plain.eval(w, w, Footprint::FAR).0.x;
+    assert!((at(-0.5) / mean - 1.8).abs() < 0.01 && (at(0.5) / mean - 0.2).abs() < 0.01);
+    // Wide pixels see both.
+    let wide = Footprint {
+        position_mm: Vec2::new(-0.5, 3.0),
+        width_mm: 2.0,
+    };
+    assert_eq!(striped.eval(w, w, wide).0.x, mean);
+}
+
+#[test]
+fn samples_of_a_texture_bring_its_light() {
+    let striped = striped();
+    let mut rng = PathRng::from_seed(71);
+    for x in [-0.5, 0.0, 0.5] {
+        let at = Footprint::point(Vec2::new(x, 3.1));
+        for _ in 0..4 {
+            let w = direction(&mut rng);
+            let mut drawn = organza_basis::Moments::default();
+            let mut even = organza_basis::Moments::default();
+            for _ in 0..20_000 {
+                let sample = striped.sample(w, at, &mut rng);
+                let met = 1.0 - striped.gap(w, at);
+                drawn.add(sample.map_or(0.0, |s| f64::from(s.weight.0.x * met)));
+                let w_in = direction(&mut rng);
+                let value = striped.eval(w, w_in, at).0.x * w_in.z.abs();
+                even.add(f64::from(value / warp::UNIFORM_SPHERE_PDF));
+            }
+            let error = drawn.standard_error().hypot(even.standard_error());
+            let z = (drawn.mean - even.mean) / error;
+            assert!(
+                z.abs() < 4.5,
+                "seed 71: {w} at {x}: {} for {}",
+                drawn.mean,
+                even.mean
+            );
+            // Samples without the texture would not.
+            let twin = drawn.mean / f64::from(striped.ratio(w, w, at).0.x.max(0.05));
+            let z = (twin - even.mean) / error;
+            assert!(x == 0.0 || z.abs() > 4.5, "seed 71: the twin passes at {x}");
+        }
+    }
+}
+
+#[test]
+fn files_keep_textures_and_older_files_have_none() {
+    let (parts, about) = (parts(), json!({"fabric": "stripes"}));
+    let texture = stripes();
+    let bytes = write_table(&parts, Some(&texture), &about).unwrap();
+    let (read, _) = read_table(&bytes).unwrap();
+    assert_eq!(read, striped());
+    // Version 1 ended after the matrix.
+    let plain = write_table(&parts, None, &about).unwrap();
+    let mut old = plain[..plain.len() - 36].to_vec();
+    old[8] = 1;
+    let (read, _) = read_table(&sealed(old.clone())).unwrap();
+    assert_eq!(read, table());
+    old[8] = 3;
+    assert_eq!(read_table(&sealed(old)), Err(TableFileError::Version(3)));
+    // Every shorter file is refused, and every texture that is none.
+    for length in (bytes.len() - 4000..bytes.len() - 32).step_by(37) {
+        assert!(
+            read_table(&sealed(bytes[..length].to_vec())).is_err(),
+            "{length}"
+        );
+    }
+    let first = plain.len() - 36;
+    for at in first..first + 120 {
+        let mut broken = bytes[..bytes.len() - 32].to_vec();
+        broken[at] = 0xff;
+        // No number may make it panic or take memory without bound.
+        let _ = read_table(&sealed(broken));
+    }
+    let wide = TextureLayout {
+        size: glam::UVec2::new(3, 4),
+        ..texture.layout
+    };
+    let wrong = [
+        TextureParts {
+            layout: wide,
+            ..texture.clone()
+        },
+        TextureParts {
+            gaps: vec![0; 3],
+            ..texture.clone()
+        },
+        TextureParts {
+            scales: vec![f32::NAN; texture.scales.len()],
+            ..texture
+        },
+    ];
+    for parts in wrong {
+        assert!(Texture::new(&parts).is_err());
+    }
 }

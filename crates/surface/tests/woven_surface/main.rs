@@ -186,7 +186,7 @@ fn a_lossless_cloth_keeps_all_light() {
         spec.build().unwrap()
     };
     let (lossless, twin) = (cloth(0.5), cloth(0.48));
-    let gap = |w: Vec3| f64::from(lossless.gap(w));
+    let gap = |w: Vec3| f64::from(lossless.gap(w, Footprint::FAR));
     let n = 400;
     let kept = |w_out: Vec3| {
         let lost = |i: u32, j: u32| {

@@ -7,7 +7,7 @@ use crate::{Integrator, Medium, Stats, Tracking};
 use glam::{Mat3, Vec3};
 use organza_basis::{Aabb, CellGrid, Frame, LocalRay, PathRng, Ray};
 use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};
-use organza_scatter::{Footprint, Surface};
+use organza_scatter::Surface;
 
 /// A mesh that cloth lies on, with the shell that its thickness fills.
 ///
@@ -136,17 +136,15 @@ impl Draping {
             let hit = self.mesh.hit(ray, from, limit)?;
             let frame = frame_toward(&hit, w_out);
             stats.tentative += 1;
-            if rng.unit() < sheet.gap(frame.frame_from_world(w_out)) {
+            let at = tracking.detail.footprint_at(hit.uv_mm);
+            if rng.unit() < sheet.gap(frame.frame_from_world(w_out), at) {
                 from = beyond(&hit);
                 continue;
             }
             stats.collisions += 1;
             let site = SheetSite {
                 surface: sheet,
-                at: Footprint {
-                    position_mm: hit.uv_mm,
-                    width_mm: tracking.detail.footprint_mm,
-                },
+                at,
                 frame,
                 face_normal: hit.face_normal,
                 to_sheet_mm: hit.position_mm - ray.at(hit.distance_mm),
@@ -162,6 +160,7 @@ impl Draping {
         sheet: &dyn Surface,
         ray: &Ray,
         reach: f32,
+        tracking: Tracking,
         stats: &mut Stats,
     ) -> f32 {
         let w_out = -ray.direction;
@@ -171,7 +170,8 @@ impl Draping {
         {
             stats.shadow_steps += 1;
             let frame = frame_toward(&hit, w_out);
-            product *= sheet.gap(frame.frame_from_world(w_out));
+            let at = tracking.detail.footprint_at(hit.uv_mm);
+            product *= sheet.gap(frame.frame_from_world(w_out), at);
             from = beyond(&hit);
         }
         product

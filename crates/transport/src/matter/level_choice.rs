@@ -1,6 +1,8 @@
 //! Which level of detail a path meets.
 
 use crate::Integrator;
+use glam::Vec2;
+use organza_scatter::Footprint;
 
 /// What decides which representation of a cloth a path meets: drawn once, so
 /// that a path meets one and the same cloth however often it comes back, and so
@@ -16,6 +18,14 @@ pub struct Detail {
 }
 
 impl Detail {
+    /// The piece of a sheet around a place that the path sees.
+    pub(crate) fn footprint_at(self, position_mm: Vec2) -> Footprint {
+        Footprint {
+            position_mm,
+            width_mm: self.footprint_mm,
+        }
+    }
+
     /// The finest representation of everything.
     pub const FINEST: Detail = Detail {
         footprint_mm: 0.0,

@@ -12,7 +12,7 @@ use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::{Frame, PathRng, Ray};
-use organza_scatter::{Footprint, Surface};
+use organza_scatter::Surface;
 use std::sync::Arc;
 
 /// A cloth of which every path meets one representation, the one that suits the
@@ -176,17 +176,15 @@ impl RayTarget for LevelledCloth {
         }
         let t = self.sheet_distance_mm(ray).filter(|&t| t < limit)?;
         stats.tentative += 1;
-        if rng.unit() < sheet.gap(-ray.direction) {
+        let at = ray.at(t);
+        let footprint = tracking.detail.footprint_at(at.truncate());
+        if rng.unit() < sheet.gap(-ray.direction, footprint) {
             return None;
         }
         stats.collisions += 1;
-        let at = ray.at(t);
         let site = SheetSite {
             surface: sheet,
-            at: Footprint {
-                position_mm: at.truncate(),
-                width_mm: tracking.detail.footprint_mm,
-            },
+            at: footprint,
             frame: Frame {
                 s: Vec3::X,
                 t: Vec3::Y,
@@ -218,11 +216,12 @@ impl RayTarget for LevelledCloth {
         }
         match (&self.sheet, &self.draping, self.sheet_distance_mm(ray)) {
             (Some(sheet), Some(draping), _) => {
-                draping.pass_sheet(sheet.as_ref(), ray, reach, stats)
+                draping.pass_sheet(sheet.as_ref(), ray, reach, tracking, stats)
             }
             (Some(sheet), None, Some(t)) if t < reach => {
                 stats.shadow_steps += 1;
-                sheet.gap(-ray.direction)
+                let at = tracking.detail.footprint_at(ray.at(t).truncate());
+                sheet.gap(-ray.direction, at)
             }
             _ => 1.0,
         }

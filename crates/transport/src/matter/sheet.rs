@@ -35,7 +35,7 @@ impl SheetSite<'_> {
 
     /// Share of rays along a direction of the fabric frame that meet the sheet.
     fn met(&self, w_out: Vec3) -> f32 {
-        1.0 - self.surface.gap(w_out)
+        1.0 - self.surface.gap(w_out, self.at)
     }
 }
 

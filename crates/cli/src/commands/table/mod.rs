@@ -1,5 +1,8 @@
 //! `organza table`
 
+mod report;
+mod texture;
+
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
@@ -19,12 +22,14 @@ use organza_measure::{
     far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
 };
 use organza_scatter::{Footprint, Surface};
-use organza_scene::far_table::{self, ENDING, FABRIC_KEY};
+use organza_scene::far_table::{ENDING, FABRIC_KEY, TEXTURE_KEY};
 use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch};
 use organza_scene::representation::{ShownAs, TABLE};
 use organza_scene::{fabric_file, memory};
-use organza_surface::table::{FarTable, Rings, TableParts, balance, write_table};
+use organza_surface::table::{
+    FarTable, MAX_TEXELS, Rings, TableParts, TextureLayout, balance, write_table,
+};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -60,6 +65,12 @@ pub struct TableArgs {
     /// Steps of the iteration that undoes the smoothing between the nodes; more make highlights sharper and the table noisier [default: until the noise of the paths is reached]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u64::from(MOST_STEPS)))]
     pub sharpen: Option<u32>,
+    /// Most texels of the texture, with which the table shows threads; 0 for a table without one
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = whole::<u32>(0..=u64::from(MAX_TEXELS)))]
+    pub texels: u32,
+    /// Paths from each texel and each of the texture's 58 nodes
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = parse_paths)]
+    pub texel_spp: u64,
     /// Save what was traced to this file, and resume from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
@@ -137,6 +148,10 @@ struct Work {
     paths: AtomicU64,
     /// The surface model of the fabric, whose error at the held-out pairs is printed, too.
     surface: Option<Box<dyn Surface>>,
+    /// The texels of the texture, if there is to be one.
+    texels: Option<TextureLayout>,
+    /// The spacing of threads, or an eighth of the period where there are none.
+    spacing_mm: f32,
 }
 
 fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
@@ -145,7 +160,8 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
     let read = || read.iter().map(|i| &i.path);
     output::check_not_an_input(&args.outfile, read())?;
     let rings = Rings::usual();
-    check_memory(args, &rings)?;
+    let texels = texture::layout(&fabric, args.texels);
+    check_memory(args, &rings, texels.as_ref())?;
     let shown = args.model.model.of(&fabric, &args.fabric)?;
     let options = PatchOptions {
         loader,
@@ -165,6 +181,7 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
         "voxel_um": args.voxel.voxel_um,
         "seed": args.seed,
     });
+    let texels = texels.and_then(|layout| texture::at_height(layout, &patch, args.seed));
     let key = json!({ "table": 1, "of": about, "held_out": args.held_out_spp });
     let journal = FileJournal::open(args.journal.as_deref(), &key.to_string())?;
     let work = Work {
@@ -174,16 +191,18 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
         journal,
         paths: AtomicU64::new(0),
         surface,
+        texels,
+        spacing_mm: texture::spacing_mm(&fabric),
     };
     Ok((work, about))
 }
 
 /// The sums of all nodes, and the matrices that are made of them.
-fn check_memory(args: &TableArgs, rings: &Rings) -> Result<()> {
+fn check_memory(args: &TableArgs, rings: &Rings, texels: Option<&TextureLayout>) -> Result<()> {
     let n = rings.sphere() as u64;
     // For each channel the sums, their means, the values, the means of the values and room to
     // smooth them; at the end the pairs twice.
-    let needed = n * n * 8 * (3 * 6 + 3);
+    let needed = n * n * 8 * (3 * 6 + 3) + texels.map_or(0, texture::memory_bytes);
     let allowed = args
         .memory
         .max_memory
@@ -340,7 +359,13 @@ fn make(args: &TableArgs, mut work: Work, mut about: Value) -> Result<()> {
             map.insert("errors_of_surface_model".into(), json!(surface));
         }
     }
-    let bytes = write_table(&made.parts, &about).context("writing the table failed")?;
+    let texture = texture::make(args, &mut work)?;
+    if let (Some(texture), Some(map)) = (&texture, about.as_object_mut()) {
+        let measured = texture::errors(args, &mut work, &made.table, texture)?;
+        map.insert(TEXTURE_KEY.into(), measured);
+    }
+    let parts = texture.as_ref().map(|t| &t.parts);
+    let bytes = write_table(&made.parts, parts, &about).context("writing the table failed")?;
     let host = &args.common.host;
     host.give(|| Results {
         files: vec![("table.bsdf".to_owned(), bytes.clone())],
@@ -352,7 +377,7 @@ fn make(args: &TableArgs, mut work: Work, mut about: Value) -> Result<()> {
             out.write_all(&bytes).context("writing failed")
         })?;
     }
-    report(
+    report::print(
         args,
         &work,
         &made,
@@ -392,59 +417,4 @@ fn solve(
         table,
         paths_per_node,
     })
-}
-
-fn report(
-    args: &TableArgs,
-    work: &Work,
-    made: &Made,
-    about: Value,
-    (bytes, seconds): (usize, f64),
-) -> Result<()> {
-    let paths = work.paths.load(Ordering::Relaxed);
-    if args.json {
-        let answer = json!({
-            "file": args.outfile,
-            "bytes": bytes,
-            "memory_bytes": made.table.memory_bytes(),
-            "nodes": made.table.rings().sphere(),
-            "largest_row_error": made.residual,
-            "paths": paths,
-            "seconds": seconds,
-            "about": about,
-        });
-        output::print(&(serde_json::to_string_pretty(&answer)? + "\n"))?;
-    }
-    if !args.common.quiet {
-        note!(
-            "{}: {} nodes, {} kB, from {} paths through {} in {seconds:.1} s",
-            args.outfile.display(),
-            made.table.rings().sphere(),
-            bytes / 1000,
-            paths,
-            work.shown,
-        );
-        note!(
-            "{} steps of sharpening; misfit of the means {:.2} of their noise",
-            made.sharpened.steps,
-            made.sharpened.misfit
-        );
-        for e in &made.errors {
-            let kind = json!(e.kind);
-            note!(
-                "{}: {} held-out pairs, error {:.1} % rms (noise taken out), {:+.1} % in sum",
-                kind.as_str().unwrap_or_default().replace('_', ", "),
-                e.pairs,
-                100.0 * e.rms,
-                100.0 * e.bias
-            );
-        }
-        if far_table::beside(&args.fabric) != args.outfile {
-            note!(
-                "model = \"table\" looks for it as {}",
-                far_table::beside(&args.fabric).display()
-            );
-        }
-    }
-    Ok(())
 }
