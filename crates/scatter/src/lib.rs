@@ -150,7 +150,7 @@ pub use lobe::{Lobe, LobeSample};
 pub use near_parts::{BalanceNode, NearKind, NearParts, SectionRow, SectionTable};
 pub use number::Number;
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
-pub use ply::{Ply, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
+pub use ply::{Ply, PlyCorrection, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use section::{SECTIONS, Section};
 pub use sggx::{AxialFlake, Sggx};

@@ -29,12 +29,15 @@
 //! # What holds
 //! - Energy: without absorption, all light leaves, in the mean over offsets, to the
 //!   noise of the tables and the energy of the fibre's near field.
-//! - Nothing is fitted. The extinction is that of packed fibres
-//!   ([`void_multiplier`]), the tables follow from the fibre's scattering.
+//! - Nothing is fitted by default. The extinction is that of packed fibres
+//!   ([`void_multiplier`]), the tables follow from the fibre's scattering. A
+//!   [`PlyCorrection`] changes what the fibres do not settle.
 //! - Not reciprocal pair by pair: the body's exit depends on where light came in, but not
 //!   in the same way on where it leaves.
 
 mod body;
+mod correction;
+mod sent;
 #[cfg(test)]
 mod tests;
 
@@ -43,6 +46,7 @@ use crate::fibre_frame::FibreFrame;
 use crate::lobe::{Lobe, LobeSample};
 use crate::packed_fibre::{packing_fraction, void_multiplier};
 use body::{Body, BodyEvent};
+pub use correction::PlyCorrection;
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::PI;
@@ -58,6 +62,8 @@ pub struct PlyParameters {
     pub fibres: f32,
     /// Twist of the fibres about the ply's axis, radians per mm; positive is Z.
     pub twist_rad_per_mm: f32,
+    /// What the fibres do not settle.
+    pub correction: PlyCorrection,
 }
 
 impl PlyParameters {
@@ -68,6 +74,7 @@ impl PlyParameters {
             && positive(self.fibre_radius_mm)
             && positive(self.fibres)
             && self.twist_rad_per_mm.is_finite()
+            && self.correction.is_valid()
     }
 
     /// Fibre length per volume, mm^-2.
@@ -83,7 +90,7 @@ impl PlyParameters {
     /// Extinction across the fibres, 1/mm, of fibres that cannot overlap.
     pub fn broadside_per_mm(&self) -> f32 {
         let strewn = 2.0 * self.fibre_radius_mm * self.length_density_per_mm2();
-        strewn * void_multiplier(self.packing())
+        strewn * void_multiplier(self.packing()) * self.correction.extinction
     }
 
     /// Unit direction of the fibres at `out_mm` from the axis of unit tangent `axis`.
@@ -171,7 +178,7 @@ impl Ply {
 
     fn extinction_per_mm(&self, place: &PlyPlace, w: Vec3) -> f32 {
         let fibre = self.parameters.fibre_direction(place.axis, place.out_mm);
-        self.broadside_per_mm * fibre.cross(w).length()
+        self.broadside_per_mm * self.parameters.correction.sine(fibre, w)
     }
 
     /// The share of light that passes a ply straight, from `place` out of it along `w`.
@@ -201,6 +208,7 @@ impl Ply {
     ) -> PlyEvent {
         let met = entry.moved(way, t_mm);
         let fibre = self.parameters.fibre_direction(met.axis, met.out_mm);
+        let fibre = self.parameters.correction.met(fibre, w_out, rng);
         let offset = 2.0 * rng.unit() - 1.0;
         let near = self.fibre.near_field(FibreFrame::new(fibre, w_out), offset);
         let frame = FibreFrame::new(entry.axis, w_out);
@@ -295,7 +303,7 @@ fn first_fibre(
         }
         let here = place.moved(travel, t);
         let fibre = parameters.fibre_direction(here.axis, here.out_mm);
-        if rng.unit() < fibre.cross(travel).length() {
+        if rng.unit() < parameters.correction.sine(fibre, travel) {
             return Some(t);
         }
     }

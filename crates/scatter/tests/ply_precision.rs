@@ -5,7 +5,9 @@
 
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre, Ply, PlyParameters, PlyPlace};
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, Ply, PlyCorrection, PlyParameters, PlyPlace,
+};
 
 const SEED: u64 = 0x91f;
 const RADIUS_MM: f32 = 0.06;
@@ -22,6 +24,7 @@ fn ply(twist_rad_per_mm: f32, fibres: f32) -> Ply {
         fibre_radius_mm: 0.006,
         fibres,
         twist_rad_per_mm,
+        correction: PlyCorrection::default(),
     };
     let fibre = Fibre::Dielectric(DielectricFibre::new(fibre).unwrap());
     Ply::new(parameters, fibre).unwrap()

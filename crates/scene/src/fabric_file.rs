@@ -9,6 +9,7 @@ use crate::finish_optics;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
+use crate::ply_table;
 use crate::print_file;
 use crate::read;
 use crate::woven_volume::{self, WovenVolume};
@@ -190,6 +191,9 @@ fn build(
     };
     optics::check(&file.optics, cloth.materials())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
+    let yarns = cloth.materials().iter().map(|m| m.yarn.as_str());
+    ply_table::check(&file.plies, yarns)
+        .map_err(|why| input(format!("{}: plies{why}", path.display())))?;
     Ok((cloth, synthesis, volumes, optics))
 }
 

@@ -1,6 +1,7 @@
 //! The keys of a fabric file.
 
 use crate::optics::OpticsFile;
+use crate::ply_table::PlyFile;
 use crate::scattering::ScatteringTable;
 use organza_surface::SurfaceTable;
 use organza_weave::spec::{
@@ -48,6 +49,9 @@ pub struct FabricFile {
     /// How the fibres of a yarn scatter light, by the yarn's name.
     #[serde(default)]
     pub optics: OpticsFile,
+    /// Corrections of the plies of a yarn, by the yarn's name.
+    #[serde(default)]
+    pub plies: PlyFile,
     /// Which model scatters light, unless a scene says otherwise.
     #[serde(default)]
     pub scattering: ScatteringTable,

@@ -33,6 +33,7 @@ pub mod object;
 pub mod optics;
 pub mod overrides;
 pub mod patches;
+pub mod ply_table;
 mod print_file;
 pub mod read;
 pub mod representation;

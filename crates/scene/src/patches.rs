@@ -3,7 +3,7 @@
 use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
-use crate::representation::plies::fibres_and_hairs;
+use crate::representation::plies::{fibres_and_hairs, parameters};
 use crate::representation::{Build, ModelKey, Representation, ShownAs, VoxelSource};
 use crate::scattering::ScatteringTable;
 use glam::{UVec2, Vec2};
@@ -136,7 +136,8 @@ impl Matter {
                 Some(AnyMedium::ExplicitFibres(fibres))
             }
             Matter::Plies(plies, _) => {
-                let plies = plies.with_scattering(fibres_and_hairs(fabric, path)?);
+                let fibres = fibres_and_hairs(fabric, path)?;
+                let plies = plies.with_scattering(&parameters(fabric), fibres);
                 let plies = plies.map_err(|e| input(format!("{}: {e}", path.display())))?;
                 Some(AnyMedium::Plies(plies))
             }

@@ -9,6 +9,7 @@
 //! A cosine about the normal in place of the second table sends too much light back: what
 //! leaves at the sides of a ply of clear fibres still goes forward.
 
+use super::sent::{PLACES, Sent};
 use super::{PlyParameters, PlyPlace, exit_from_fibre, first_fibre};
 use crate::fibre::Fibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
@@ -25,8 +26,6 @@ const INCLINATIONS: usize = 8;
 const OFFSETS: usize = 12;
 /// Cells of the depth of the first event: equal shares of what a thick ply scatters.
 const DEPTHS: usize = 4;
-/// Cells of the place where light leaves.
-const PLACES: usize = 24;
 /// Nodes of the sine of the inclination of what leaves, -1 to 1.
 const NODES: usize = 33;
 /// Walks to an inclination and an offset: a cell's noise is a few per cent, and every
@@ -59,10 +58,11 @@ pub(super) struct Body {
 struct Cell {
     /// Walks.
     count: f32,
-    /// Scattered once and gone.
+    /// Scattered once and gone, mean of the channels, and each of them.
     once: f32,
-    /// Scattered more often, by the place where it leaves.
-    sent: [Rgb; PLACES],
+    once_rgb: Rgb,
+    /// Scattered more often.
+    sent: Sent,
 }
 
 /// What is drawn of the body at an event.
@@ -109,17 +109,21 @@ impl Body {
                     };
                     if exit.events == 1 {
                         cell.once += exit.weight.mean();
+                        cell.once_rgb += exit.weight;
                         continue;
                     }
                     let turn = exit.azimuth_rad / TAU;
                     let place = ((turn - turn.floor()) * PLACES as f32) as usize;
                     let (place, mean) = (place.min(PLACES - 1), exit.weight.mean());
-                    cell.sent[place] += exit.weight;
+                    cell.sent.0[place] += exit.weight;
                     let is_across = usize::from(exit.azimuth_rad.cos() > 0.0);
                     add_hat(&mut rows[is_across], 0.5 * (exit.sin + 1.0), mean);
                     add_hat(&mut turns[place], exit.turn_rad / PI + 0.5, mean);
                 }
                 settle(&mut depths);
+                for cell in &mut depths {
+                    parameters.correction.apply(cell.once_rgb, &mut cell.sent);
+                }
                 cells.extend(depths);
             }
             rows.iter_mut().for_each(|row| make_probabilities(row));
@@ -131,6 +135,15 @@ impl Body {
             cells,
             along,
             about,
+        }
+    }
+
+    /// Known bad: more light on one side, and no less on the other.
+    #[cfg(test)]
+    pub fn scale_through(&mut self, factor: f32) {
+        let side = |is_through: bool| if is_through { factor } else { 1.0 };
+        for cell in &mut self.cells {
+            cell.sent.scale(|is_through| Rgb::splat(side(is_through)));
         }
     }
 
@@ -158,9 +171,9 @@ impl Body {
         };
         let (inclination, offset) = (cell(theta, INCLINATIONS), cell(h, OFFSETS));
         let cell = &self.cells[(inclination * OFFSETS + offset) * DEPTHS + depth_cell(depth)];
-        let total: f32 = cell.sent.iter().map(|c| c.mean()).sum();
+        let total: f32 = cell.sent.0.iter().map(|c| c.mean()).sum();
         let (mut left, mut place) = (rng.unit() * total, 0);
-        for (i, sent) in cell.sent.iter().enumerate() {
+        for (i, sent) in cell.sent.0.iter().enumerate() {
             if sent.mean() > 0.0 {
                 place = i;
                 left -= sent.mean();
@@ -170,7 +183,7 @@ impl Body {
             }
         }
         let azimuth = sense * TAU * (place as f32 + rng.unit()) / PLACES as f32;
-        let sent = cell.sent[place];
+        let sent = cell.sent.0[place];
         BodyEvent {
             frame,
             azimuth_rad: wrap(azimuth),
@@ -193,7 +206,8 @@ fn settle(depths: &mut [Cell; DEPTHS]) {
     for cell in depths.iter_mut() {
         let share = 1.0 / cell.count.max(1.0);
         cell.once *= share;
-        cell.sent.iter_mut().for_each(|sent| *sent *= share);
+        cell.once_rgb *= share;
+        cell.sent.0.iter_mut().for_each(|sent| *sent *= share);
     }
     for i in 0..DEPTHS {
         let walked = (0..DEPTHS).filter(|&k| depths[k].count > 0.0);
@@ -355,6 +369,7 @@ impl Walker<'_> {
         let mut weight = Rgb::WHITE;
         for events in 1..MAX_EVENTS {
             let along = self.parameters.fibre_direction(place.axis, place.out_mm);
+            let along = self.parameters.correction.met(along, travel, rng);
             let met_at = FibreFrame::new(along, -travel);
             let near = self.fibre.near_field(met_at, 2.0 * rng.unit() - 1.0);
             let next = near.sample(-travel, rng)?;

@@ -17,11 +17,16 @@ fn fibre(absorption: f32) -> Fibre {
 }
 
 fn cotton(absorption: f32) -> Ply {
+    corrected(absorption, PlyCorrection::default())
+}
+
+fn corrected(absorption: f32, correction: PlyCorrection) -> Ply {
     let parameters = PlyParameters {
         radius_mm: 0.06,
         fibre_radius_mm: 0.006,
         fibres: 55.0,
         twist_rad_per_mm: 4.0,
+        correction,
     };
     Ply::new(parameters, fibre(absorption)).unwrap()
 }
@@ -154,6 +159,36 @@ fn a_clear_ply_keeps_all_light() {
         twin += near.weight.0.x + event.body.colour.0.x;
     }
     assert!(twin / n as f32 > 1.2, "seed 90: {}", twin / n as f32);
+}
+
+/// Corrections make no light, whatever the fibres absorb. A twin whose odds scale one side
+/// alone sends back more.
+#[test]
+fn a_corrected_clear_ply_keeps_all_light() {
+    let correction = PlyCorrection {
+        extinction: 2.5,
+        absorption: Rgb::new(0.0, 3.0, 1.0),
+        through_odds: 3.0,
+        spread_rad: 0.3,
+    };
+    let ply = corrected(0.0, correction);
+    for (theta, seed) in [(0.0, 98), (60.0, 99)] {
+        let (mean, error) = albedo(&ply, theta, seed);
+        assert!(
+            (mean - 1.0).abs() < 0.025 + 4.0 * error,
+            "seed {seed}: {mean} +- {error} at {theta} degrees"
+        );
+    }
+    // Fibres that absorb, and a body that does not: still no more than comes.
+    let (mean, error) = albedo(&corrected(0.02, correction), 30.0, 100);
+    assert!(mean < 1.0 + 4.0 * error && mean > 0.9, "seed 100: {mean}");
+    let mut twin = corrected(0.0, PlyCorrection::default());
+    twin.body.scale_through(3.0);
+    let (mean, error) = albedo(&twin, 0.0, 98);
+    assert!(
+        mean > 1.025 + 4.0 * error,
+        "seed 98: the twin passed, {mean}"
+    );
 }
 
 #[test]

@@ -5,9 +5,11 @@ use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
+use crate::ply_table;
 use organza_scatter::{Fibre, PlyParameters};
 use organza_transport::Plies;
-use organza_weave::PlyStrand;
+use organza_weave::{Material, PlyStrand};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Plies.
@@ -34,6 +36,33 @@ pub(crate) fn fibres_and_hairs(fabric: &Fabric, path: &Path) -> Result<Vec<Fibre
     Ok([fibres.clone(), fibres].concat())
 }
 
+/// Factors of the radius of plies, by the yarn.
+pub(crate) fn radius_scales(fabric: &Fabric) -> BTreeMap<String, f64> {
+    let materials = fabric.cloth.materials().iter();
+    let scale = |m: &Material| {
+        let table = ply_table::of_yarn(&fabric.file.plies, &m.yarn);
+        (m.yarn.clone(), table.radius_scale.unwrap_or(1.0))
+    };
+    materials.map(scale).collect()
+}
+
+/// What the plies of each material are made of.
+pub(crate) fn parameters(fabric: &Fabric) -> Vec<Option<PlyParameters>> {
+    let scales = radius_scales(fabric);
+    let strands = fabric.cloth.plies().scaled(&scales).strands();
+    let of_strand = |(strand, m): (&Option<PlyStrand>, &Material)| {
+        strand.map(|s| PlyParameters {
+            radius_mm: s.radius_mm as f32,
+            fibre_radius_mm: s.fibre_radius_mm as f32,
+            fibres: s.fibres as f32,
+            twist_rad_per_mm: s.twist_rad_per_mm as f32,
+            correction: ply_table::of_yarn(&fabric.file.plies, &m.yarn).correction(),
+        })
+    };
+    let materials = fabric.cloth.materials();
+    strands.iter().zip(materials).map(of_strand).collect()
+}
+
 fn can_be_plies(fabric: &Fabric, path: &Path) -> Result<()> {
     fabric.whole(path, "plies")?;
     match fabric.cloth.plies().unfit() {
@@ -53,16 +82,9 @@ fn plies(
 ) -> Result<Plies> {
     can_be_plies(fabric, path)?;
     let fibres = fibres_and_hairs(fabric, path)?;
-    let source = fabric.cloth.plies();
-    let of_strand = |strand: &Option<PlyStrand>| {
-        strand.map(|s| PlyParameters {
-            radius_mm: s.radius_mm as f32,
-            fibre_radius_mm: s.fibre_radius_mm as f32,
-            fibres: s.fibres as f32,
-            twist_rad_per_mm: s.twist_rad_per_mm as f32,
-        })
-    };
-    let parameters: Vec<_> = source.strands().iter().map(of_strand).collect();
+    let scales = radius_scales(fabric);
+    let source = fabric.cloth.plies().scaled(&scales);
+    let parameters = parameters(fabric);
     let task = Task::GatheringFibres {
         fabric: path.to_owned(),
     };

@@ -72,18 +72,18 @@ impl Plies {
         Ok(Plies { curves, plies })
     }
 
-    /// The same plies with fibres of other scattering: they share the hierarchy.
+    /// The same plies with fibres of other scattering and other parameters, but for the radius:
+    /// they share the hierarchy.
     ///
     /// # Errors
-    /// When one has no scattering.
-    pub fn with_scattering(&self, fibres: Vec<Fibre>) -> Result<Plies, PliesError> {
-        let parameters: Vec<_> = self
-            .plies
-            .iter()
-            .map(|p| p.as_ref().map(|p| *p.parameters()))
-            .collect();
+    /// When one has no scattering, or is not possible.
+    pub fn with_scattering(
+        &self,
+        parameters: &[Option<PlyParameters>],
+        fibres: Vec<Fibre>,
+    ) -> Result<Plies, PliesError> {
         let curves = self.curves.with_scattering(fibres)?;
-        let plies = walked(&parameters, curves.fibres())?;
+        let plies = walked(parameters, curves.fibres())?;
         Ok(Plies { curves, plies })
     }
 

@@ -9,6 +9,7 @@ use crate::strand::Strand;
 use crate::yarn::Yarn;
 use glam::DVec2;
 use organza_basis::{Segment, SegmentSource, Tile};
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 /// What the plies of a material are, on average over its threads.
@@ -28,6 +29,7 @@ pub struct PlyStrand {
 #[derive(Clone, Copy, Debug)]
 pub struct Plies<'a> {
     cloth: &'a Cloth,
+    radius_scales: Option<&'a BTreeMap<String, f64>>,
 }
 
 /// A section that is wider than this many heights is filled by 7 strands.
@@ -113,7 +115,20 @@ impl Cloth {
     /// materials behind those of the plies. Loops, piles, single fibres and what colours the
     /// fibres of a ply differently are left out.
     pub fn plies(&self) -> Plies<'_> {
-        Plies { cloth: self }
+        Plies {
+            cloth: self,
+            radius_scales: None,
+        }
+    }
+}
+
+impl<'a> Plies<'a> {
+    /// The same with plies that are so many times as thick, by the yarn.
+    pub fn scaled(self, radius_scales: &'a BTreeMap<String, f64>) -> Plies<'a> {
+        Plies {
+            radius_scales: Some(radius_scales),
+            ..self
+        }
     }
 }
 
@@ -149,7 +164,8 @@ impl Plies<'_> {
     /// ply's fibres do where they lie between core and rim.
     fn ply_radius_mm(&self, thread: &ThreadAtRest) -> f64 {
         let yarn = &*thread.spun.yarn;
-        covering_radius_mm(yarn) * thread.section.area().sqrt()
+        let scale = self.radius_scales.and_then(|all| all.get(&yarn.name));
+        covering_radius_mm(yarn) * thread.section.area().sqrt() * scale.unwrap_or(&1.0)
     }
 
     fn emit_thread(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
@@ -286,6 +302,9 @@ mod tests {
             let cloth = Cloth::build(&geometry, &no_files, 1).unwrap();
             let plies = cloth.plies();
             let strand = plies.strands()[0].unwrap();
+            let wider = [("y".to_owned(), 1.25)].into();
+            let wide = plies.scaled(&wider).strands()[0].unwrap();
+            assert!((wide.radius_mm / strand.radius_mm - 1.25).abs() < 1e-12);
             let (mut starts, mut ends) = (Vec::new(), Vec::new());
             let tile = plies.tile();
             let (mut last, mut volume) = (None, 0.0);

@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use anyhow::Result;
 use organza_measure::fit::{Bound, Patience, determine, search};
 use organza_measure::{
-    Angles, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
+    Angles, Effort, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
 };
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
@@ -67,6 +67,29 @@ impl Observed {
         }
     }
 
+    /// The same, to be changed, in the same order.
+    pub fn list_mut(&mut self) -> Vec<&mut Measured> {
+        match self {
+            Observed::Pairs(list) => list.iter_mut().map(|v| &mut v.bsdf).collect(),
+            Observed::Hemispheres(list) => list.iter_mut().flat_map(|(_, parts)| parts).collect(),
+        }
+    }
+
+    /// Those entries, pairs or directions, that `is_kept` for their index.
+    pub fn filtered(&self, is_kept: impl Fn(usize) -> bool) -> Observed {
+        let kept = |k: &usize| is_kept(*k);
+        match self {
+            Observed::Pairs(list) => {
+                let places = (0..list.len()).filter(kept);
+                Observed::Pairs(places.map(|k| list[k]).collect())
+            }
+            Observed::Hemispheres(list) => {
+                let places = (0..list.len()).filter(kept);
+                Observed::Hemispheres(places.map(|k| list[k]).collect())
+            }
+        }
+    }
+
     /// What each of them is.
     pub fn labels(&self) -> Vec<String> {
         let degrees = |a: &Angles| format!("{:.0},{:.0}", a.theta_deg, a.phi_deg);
@@ -99,21 +122,31 @@ impl Observed {
     /// # Errors
     /// Those of the measurement.
     pub fn simulate(&self, args: &FitArgs, patch: &AnyPatch) -> Result<Observed> {
+        self.simulate_with(args, patch, &effort(args))
+    }
+
+    /// The same with another effort.
+    ///
+    /// # Errors
+    /// Those of the measurement.
+    pub fn simulate_with(
+        &self,
+        args: &FitArgs,
+        patch: &AnyPatch,
+        effort: &Effort,
+    ) -> Result<Observed> {
         Ok(match self {
             Observed::Pairs(list) => {
                 let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
                 Observed::Pairs(
-                    measure_pairs(patch, &pairs, &effort(args), &|_| {
-                        args.common.host.stop_if_asked()
-                    })?
-                    .list,
+                    measure_pairs(patch, &pairs, effort, &|_| args.common.host.stop_if_asked())?
+                        .list,
                 )
             }
             Observed::Hemispheres(list) => {
                 let from: Vec<_> = list.iter().map(|l| l.0).collect();
-                let results = measure_albedos(patch, &from, &effort(args), &|_| {
-                    args.common.host.stop_if_asked()
-                })?;
+                let results =
+                    measure_albedos(patch, &from, effort, &|_| args.common.host.stop_if_asked())?;
                 let parts = results.list.iter().map(|a| {
                     let through = Measured {
                         mean: std::array::from_fn(|c| a.transmitted.mean[c] + a.direct.mean[c]),

@@ -11,6 +11,7 @@ mod cloth;
 mod fibres;
 mod flag_groups;
 mod picture;
+mod plies;
 mod surface;
 mod volume;
 mod volume_picture;
@@ -39,7 +40,7 @@ use toml::{Table, Value};
 /// `organza fit`
 #[derive(Debug, Args)]
 #[command(
-    about = "Find the surface, fibre or volume parameters that match measured values, a picture or photographs",
+    about = "Find the surface, fibre, ply or volume parameters that match measured values, a picture or photographs",
     after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml\n  organza fit --what cloth --front front.png --back back.png --width-mm 8 --light 30,45 --back-light 150,45 -o fitted.toml"
 )]
 pub struct FitArgs {
@@ -51,25 +52,25 @@ pub struct FitArgs {
     /// What to fit
     #[arg(long, value_enum, default_value = "surface")]
     pub what: FitWhat,
-    /// Measured values to fit to: CSV with r,g,b, a WINDOW file (.xml) or, for a picture, an .exr, .hdr or .png [default for a surface: the fabric's volume]
+    /// Measured values to fit to: CSV with r,g,b, a WINDOW file (.xml) or, for a picture, an .exr, .hdr or .png [default for a surface: the fabric's volume, for plies: its fibres]
     #[arg(long, value_name = "FILE", required_if_eq_any([("what", "fibres"), ("what", "picture")]))]
     pub data: Option<PathBuf>,
-    /// Model of the volume
+    /// Model of the volume; what plies are fitted to [default for plies: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: ModelFlag,
     /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
-    /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres]
+    /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]
     #[arg(long, value_name = "SCAN,STEPS", allow_hyphen_values = true, value_parser = parse_patience)]
     pub patience: Option<[u32; 2]>,
-    /// Cloths: photograph of the face, warp upright within 20 degrees: .png, .exr or .hdr
+    /// Cloths and plies: photograph of the face, warp upright within 20 degrees: .png, .exr or .hdr
     #[arg(long, value_name = "FILE")]
     pub front: Option<PathBuf>,
-    /// Cloths: photograph against the light, from the same place
+    /// Cloths and plies: photograph against the light, from the same place
     #[arg(long, value_name = "FILE")]
     pub back: Option<PathBuf>,
-    /// Cloths: direction towards the lamp of that photograph, polar angle above 90 [default: 135,0]
+    /// Cloths and plies: direction towards the lamp of that photograph, polar angle above 90 [default: 135,0]
     #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
     pub back_light: Option<[f64; 2]>,
     /// Cloths: the weave, by name or as a .wif file [default: recognised]
@@ -183,6 +184,8 @@ pub enum FitWhat {
     Fibres,
     /// Colour and roughness of the fibres, from one picture of the cloth
     Picture,
+    /// The [plies] section: what fibres do not settle about plies, from explicit fibres, measured values, or a picture lit from the front and one lit from behind
+    Plies,
     /// Threads, draft, yarn counts, colours and roughness of a woven cloth, from photographs
     Cloth,
 }
@@ -223,6 +226,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         FitWhat::Surface => surface::run(args),
         FitWhat::Fibres => fibres::run(args),
         FitWhat::Picture => picture::run(args),
+        FitWhat::Plies => plies::run(args),
         FitWhat::Cloth => cloth::run(args),
     })
 }

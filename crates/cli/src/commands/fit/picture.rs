@@ -49,7 +49,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     })?;
     check_outputs(args, &read)?;
     let (size, pixels) = read_picture(path, &args.common.host, args.memory.max_memory)?;
-    let (size, pixels) = shrunk(size, &pixels);
+    let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
     let none = vec![[0.0; 3]; pixels.len()];
     // White sends 1/pi of the light on it into every direction.
     let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;
@@ -167,9 +167,9 @@ fn triple([r, g, b]: [f64; 3]) -> String {
     format!("{r:.4} {g:.4} {b:.4}")
 }
 
-/// Averages over squares of pixels until the longer side is short enough.
-fn shrunk(size: UVec2, pixels: &[Rgb]) -> (UVec2, Vec<Rgb>) {
-    let factor = size.max_element().div_ceil(MAX_TEXELS).max(1);
+/// Averages over squares of pixels until the longer side has at most so many.
+pub fn shrunk(size: UVec2, pixels: &[Rgb], most: u32) -> (UVec2, Vec<Rgb>) {
+    let factor = size.max_element().div_ceil(most).max(1);
     let small = size / factor;
     let texel = |x: u32, y: u32| {
         let mut sum = Rgb::BLACK;
@@ -195,7 +195,7 @@ mod tests {
         let pixels: Vec<Rgb> = (0..512 * 256)
             .map(|k| Rgb::splat((k % 512) as f32))
             .collect();
-        let (small, list) = shrunk(size, &pixels);
+        let (small, list) = shrunk(size, &pixels, MAX_TEXELS);
         assert_eq!(small, UVec2::new(128, 64));
         assert_eq!(list[0], Rgb::splat(1.5));
         assert_eq!(list[127], Rgb::splat(509.5));

@@ -128,6 +128,9 @@ fn refuse_flags(args: &FitArgs) -> Result<()> {
         let why = "a volume has no [surface] section; take fibres, for measured pairs, or picture";
         return Err(input(format!("--what surface: {why}")));
     }
+    if args.what == FitWhat::Plies {
+        return Err(input("--what plies: a volume has no plies; give a fabric"));
+    }
     let fabrics = "applies only to fits of a fabric";
     refuse("--journal", args.journal.is_some(), fabrics)?;
     refuse("--patience", args.patience.is_some(), fabrics)?;

@@ -1,6 +1,7 @@
 //! Depths of walks in a ply against a closed form.
 
 use super::*;
+use crate::PlyCorrection;
 use organza_basis::Moments;
 
 #[test]
@@ -10,6 +11,7 @@ fn depths_of_first_events_follow_beer_in_a_ply_without_twist() {
         fibre_radius_mm: 0.006,
         fibres: 55.0,
         twist_rad_per_mm: 0.0,
+        correction: PlyCorrection::default(),
     };
     let fibre = Fibre::Dielectric(
         crate::DielectricFibre::new(crate::DielectricParameters {

@@ -5,7 +5,7 @@ use crate::Integrator;
 use glam::DVec2;
 use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, Segment, Tile};
-use organza_scatter::{DielectricFibre, DielectricParameters};
+use organza_scatter::{DielectricFibre, DielectricParameters, PlyCorrection};
 
 const FIBRE_MM: f32 = 0.006;
 /// Around all fibres.
@@ -84,6 +84,7 @@ fn parameters(twist_rad_per_mm: f32) -> PlyParameters {
         fibre_radius_mm: FIBRE_MM,
         fibres: FIBRES as f32,
         twist_rad_per_mm,
+        correction: PlyCorrection::default(),
     }
 }
 

@@ -7,7 +7,7 @@ mod search;
 mod sides;
 
 use super::flag_groups::{refuse_given, volume_flags};
-use super::{FitArgs, finish_with};
+use super::{FitArgs, FitWhat, finish_with};
 use crate::error::input;
 use crate::output;
 use crate::progress::Progress;
@@ -44,13 +44,18 @@ const LOOKS: u64 = 16;
 /// Names the flag.
 pub fn refuse_elsewhere(args: &FitArgs) -> Result<()> {
     let own = [
-        ("--front", args.front.is_some()),
-        ("--back", args.back.is_some()),
-        ("--back-light", args.back_light.is_some()),
         ("--draft", args.draft.is_some()),
         ("--report", args.report.is_some()),
     ];
     refuse_given(&own, "applies only to --what cloth")?;
+    if args.what != FitWhat::Plies {
+        let pictures = [
+            ("--front", args.front.is_some()),
+            ("--back", args.back.is_some()),
+            ("--back-light", args.back_light.is_some()),
+        ];
+        refuse_given(&pictures, "applies only to --what cloth and --what plies")?;
+    }
     if args.fabric.is_none() {
         return Err(input(
             "<FABRIC>: expected a fabric file, a scene or a volume file; only --what cloth needs none",
