@@ -182,6 +182,12 @@ pub fn far_table(data: &[u8]) {
         if let Ok((table, _)) = read_table(&bytes) {
             let share = table.albedo(glam::Vec3::Z).max_component();
             assert!((0.0..=1.01).contains(&share), "{share}");
+            let at = organza_scatter::Footprint::point(glam::Vec2::new(0.3, -0.2));
+            let (w_out, w_in) = (glam::Vec3::Z, glam::Vec3::new(0.6, 0.0, -0.8));
+            let value = organza_scatter::Surface::eval(&table, w_out, w_in, at);
+            assert!(value.is_valid(), "{value:?}");
+            let gap = organza_scatter::Surface::gap(&table, w_in, at);
+            assert!((0.0..=1.0).contains(&gap), "{gap}");
         }
     }
 }
