@@ -185,7 +185,8 @@ impl Grids {
     /// The grids of a cloth, and how many of its voxels hold more than one
     /// population.
     fn of_cloth(medium: &SggxOctreeMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
-        let dims = medium.cell_grid().dims();
+        // Grids have the voxels of the level itself, without the outlines inside them.
+        let dims = medium.octree().dims(medium.level());
         let cells = dims.as_u64vec3().element_product();
         check_memory(cells.saturating_mul(BYTES_PER_CELL), max_bytes)?;
         let several = std::cell::Cell::new(0);

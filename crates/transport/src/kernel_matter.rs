@@ -103,7 +103,8 @@ impl Matter for SggxOctreeMedium {
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {
-        blocks_of(self.octree(), self.level())
+        let octree = self.octree();
+        blocks_of(octree, octree.outline_level(self.level()))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {

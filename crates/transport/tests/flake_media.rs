@@ -31,7 +31,7 @@ fn cloth() -> Octree {
     };
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
-        levels: Some(2),
+        levels: Some(3),
         footprint: FibreFootprint::Covered,
         max_memory_bytes: None,
     };
@@ -39,11 +39,15 @@ fn cloth() -> Octree {
 }
 
 fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
+    flakes_at(0, family, albedo)
+}
+
+fn flakes_at(level: u8, family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
     let optics = FlakeOptics {
         albedo: Rgb::splat(albedo),
         end_on_ratio: 0.2,
     };
-    FlakeOctreeMedium::new(cloth(), 0, vec![optics], family).unwrap()
+    FlakeOctreeMedium::new(cloth(), level, vec![optics], family).unwrap()
 }
 
 fn draws(small: u32) -> u32 {
@@ -96,8 +100,8 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
 #[test]
 fn the_furnace_is_one_for_every_family() {
     let w = -Vec3::new(1.0, 0.5, 3.0).normalize();
-    let off = |family, albedo| {
-        let medium = flakes(family, albedo);
+    let off = |level, family, albedo| {
+        let medium = flakes_at(level, family, albedo);
         let mut rng = PathRng::from_seed(92);
         let gathered: Moments = (0..draws(15_000))
             .map(|_| gather(&medium, w, &mut rng))
@@ -105,10 +109,17 @@ fn the_furnace_is_one_for_every_family() {
         (t_test(&gathered, 1.0).p_value, gathered)
     };
     for family in FlakeFamily::all() {
-        let (p, got) = off(family, 1.0);
+        let (p, got) = off(0, family, 1.0);
         assert!(p > 1e-4, "seed 92, {family:?}: {p} {got:?}");
-        let (p, got) = off(family, 0.97);
+        let (p, got) = off(0, family, 0.97);
         assert!(p < 1e-6, "seed 92, {family:?}: the twin passed: {got:?}");
+    }
+    // Coarse cells with outlines.
+    for level in 1..=2 {
+        let (p, got) = off(level, FlakeFamily::SGGX_SPECULAR, 1.0);
+        assert!(p > 1e-4, "seed 92, level {level}: {p} {got:?}");
+        let (p, got) = off(level, FlakeFamily::SGGX_SPECULAR, 0.97);
+        assert!(p < 1e-6, "seed 92, level {level}: the twin passed: {got:?}");
     }
 }
 

@@ -22,6 +22,7 @@
 
 pub(crate) mod build;
 mod of_blocks;
+mod outline;
 mod validate;
 
 pub use of_blocks::BlockCut;

@@ -8,7 +8,7 @@ use organza_volume::Octree;
 use std::ops::RangeInclusive;
 
 /// Voxels to the spacing of threads that `lod = "auto"` keeps at least. Coarser
-/// ones close the gaps between yarns, and save no time: see `docs/far_field.md`.
+/// ones transmit at least a tenth too little: see `docs/far_field.md`.
 const VOXELS_ACROSS_THREAD: f32 = 12.0;
 
 /// Which representations a camera sees, of all that a cloth has.

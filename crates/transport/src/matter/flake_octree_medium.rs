@@ -72,7 +72,7 @@ impl Scatterer for FamilyFlakes {
 
     fn site(&self, level: &OctreeLevel, cell: UVec3) -> FlakeSite {
         FlakeSite {
-            mixture: level.octree.mixture(level.level, cell),
+            mixture: level.octree.outlined_mixture(level.level, cell),
             met: None,
         }
     }

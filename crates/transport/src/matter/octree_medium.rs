@@ -16,7 +16,11 @@ pub struct OctreeLevel {
     pub octree: Arc<Octree>,
     /// Level of detail, 0 the finest.
     pub level: u8,
-    /// The cells of that level, with a margin where matter reaches beyond its voxels.
+    /// The level of the cells that paths walk in: that of [`Octree::outline_level`] where
+    /// coarse cells keep the outline of their matter, else `level`.
+    pub outline: u8,
+    /// The cells of the level of outlines, with a margin where matter reaches beyond its
+    /// voxels.
     pub cell_grid: CellGrid,
 }
 
@@ -133,11 +137,12 @@ impl<P: Scatterer> Medium for OctreeMedium<P> {
         let OctreeLevel {
             octree,
             level,
+            outline,
             cell_grid,
         } = &self.level;
         match self.scatterer.block_majorants() {
             Some(majorants) => majorants.for_each_span(cell_grid, ray, visit),
-            None => for_each_octree_span(octree, *level, cell_grid, ray, visit),
+            None => for_each_octree_span(octree, (*level, *outline), cell_grid, ray, visit),
         }
     }
 

@@ -28,10 +28,12 @@ pub(crate) fn level_of(
     if level >= octree.level_count() || materials < octree.material_count() {
         return None;
     }
-    let cell_grid = CellGrid::new(octree.bounds_mm(), octree.dims(level), octree.repeats())?;
+    let outline = octree.outline_level(level);
+    let cell_grid = CellGrid::new(octree.bounds_mm(), octree.dims(outline), octree.repeats())?;
     Some(OctreeLevel {
         octree,
         level,
+        outline,
         cell_grid,
     })
 }
@@ -65,9 +67,9 @@ impl SggxOctreeMedium {
         Some(OctreeMedium { level, scatterer })
     }
 
-    /// The populations of a cell.
+    /// The populations of a cell of its [grid](crate::Medium::cell_grid).
     pub fn populations(&self, cell: UVec3) -> Mixture {
-        self.octree().mixture(self.level(), cell)
+        self.octree().outlined_mixture(self.level(), cell)
     }
 
     /// The flakes of the cloth's materials.
@@ -80,7 +82,7 @@ impl Scatterer for SggxFlakes {
     type Site = Mixture;
 
     fn site(&self, level: &OctreeLevel, cell: UVec3) -> Mixture {
-        level.octree.mixture(level.level, cell)
+        level.octree.outlined_mixture(level.level, cell)
     }
 
     fn is_empty(&self, site: &Mixture) -> bool {

@@ -154,6 +154,7 @@ impl VirtualFibreMedium {
         let level = OctreeLevel {
             octree,
             level,
+            outline: level,
             cell_grid,
         };
         Some(OctreeMedium { level, scatterer })

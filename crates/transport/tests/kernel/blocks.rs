@@ -40,11 +40,15 @@ fn octree(turned: bool) -> Octree {
 }
 
 fn flakes(turned: bool) -> AnyMedium {
+    flakes_at(0, turned)
+}
+
+fn flakes_at(level: u8, turned: bool) -> AnyMedium {
     let optics = [[0.9, 0.7, 0.5], [0.5, 0.8, 0.95]].map(|albedo| FlakeOptics {
         albedo: Rgb::from(albedo),
         end_on_ratio: 0.1,
     });
-    AnyMedium::SggxOctree(SggxOctreeMedium::new(octree(turned), 0, optics.to_vec()).unwrap())
+    AnyMedium::SggxOctree(SggxOctreeMedium::new(octree(turned), level, optics.to_vec()).unwrap())
 }
 
 fn cut(mut medium: AnyMedium) -> AnyMedium {
@@ -58,6 +62,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     vec![
         ("endless", scene(flakes(false), parallel(), wide)),
         ("sky", scene(flakes(false), sky(), lens())),
+        ("level 1", scene(flakes_at(1, false), parallel(), wide)),
         ("cut", scene(cut(flakes(false)), parallel(), wide)),
     ]
 }

@@ -79,9 +79,14 @@ fn grid_of(repeats: bool, factor: f32) -> GridMedium {
 
 /// Fibres that cross in the same voxels: mixtures of two populations.
 fn cloth() -> SggxOctreeMedium {
+    cloth_at(0)
+}
+
+/// The same at a level of detail, up to 2.
+fn cloth_at(level: u8) -> SggxOctreeMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
-        levels: Some(2),
+        levels: Some(2.max(level + 1)),
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
@@ -90,7 +95,7 @@ fn cloth() -> SggxOctreeMedium {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,
     };
-    SggxOctreeMedium::new(octree, 0, vec![optics]).unwrap()
+    SggxOctreeMedium::new(octree, level, vec![optics]).unwrap()
 }
 
 fn parallel() -> Vec<Light> {
@@ -280,6 +285,14 @@ fn the_kernel_agrees_with_the_general_walk() {
         (
             "panels",
             scene(AnyMedium::Grid(grid(false)), panels(), pinhole),
+        ),
+        (
+            "mixtures, level 1",
+            scene(AnyMedium::SggxOctree(cloth_at(1)), parallel(), flat),
+        ),
+        (
+            "mixtures, level 2",
+            scene(AnyMedium::SggxOctree(cloth_at(2)), parallel(), flat),
         ),
         ("cut", scene(cut_grid(), parallel(), wide)),
         ("cut, panels", scene(cut_grid(), panels(), wide)),

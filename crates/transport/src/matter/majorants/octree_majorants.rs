@@ -9,20 +9,28 @@ use std::ops::ControlFlow;
 const NODE_LEVELS: u8 = 2;
 
 /// Visits the nodes of an octree along a ray that hold anything, each with the majorant
-/// that the octree keeps of it, until `visit` breaks. `level` is that of the grid's
-/// cells.
+/// that the octree keeps of it, until `visit` breaks. `outline` is the level of the grid's
+/// cells, which keep the outline of the matter of `level`.
+///
+/// Where a node is one cell of `level`, its majorant is that of its own matter, which is all
+/// alike, and nearer than that of the finest voxels inside.
 pub fn for_each_octree_span<B>(
     octree: &Octree,
-    level: u8,
+    (level, outline): (u8, u8),
     grid: &CellGrid,
     ray: &LocalRay,
     mut visit: impl FnMut(&CellSpan, f32) -> ControlFlow<B>,
 ) -> ControlFlow<B> {
     let top = octree.level_count() - 1;
-    let node_level = (level + NODE_LEVELS).min(top);
-    let edge = 1 << (node_level - level);
+    let node_level = (outline + NODE_LEVELS).min(top);
+    let edge = 1 << (node_level - outline);
+    let is_one_cell = outline < level && node_level == level;
     for span in grid.cells(ray, edge) {
-        let bound = octree.majorant_per_mm(node_level, span.cell);
+        let bound = if is_one_cell {
+            octree.outlined_majorant_per_mm(level, span.cell)
+        } else {
+            octree.majorant_per_mm(node_level, span.cell)
+        };
         if bound > 0.0 {
             visit(&span, bound)?;
         }

@@ -1,0 +1,98 @@
+//! The outline of matter inside coarse cells.
+//!
+//! A coarse cell that spreads its fibres evenly closes the gaps between yarns. Here a coarse
+//! cell keeps the shape of its matter: of its 4 x 4 x 4 sub-cells, two levels finer, those
+//! that hold no fibre are air, and the others share the populations of the cell evenly. The
+//! amount of fibre stays exactly the same.
+//!
+//! Nothing is stored for it: the mask of the sub-cells of a cell is the occupancy mask of the
+//! brick two levels below. At level 1 a cell has 2 x 2 x 2 sub-cells, an octant of a brick.
+
+use super::Octree;
+use crate::lattice::bit_of;
+use glam::UVec3;
+use organza_basis::{FibrePopulation, Mixture};
+
+/// Levels between a cell and its sub-cells: those of one brick.
+const OUTLINE_LEVELS: u8 = 2;
+
+/// The bits of the first octant of a brick, 2 x 2 x 2 cells.
+const OCTANT: u64 = 0x0033_0033;
+
+impl Octree {
+    /// The level whose cells are the sub-cells of `level`: two levels finer, but at least 0.
+    pub fn outline_level(&self, level: u8) -> u8 {
+        level.saturating_sub(OUTLINE_LEVELS)
+    }
+
+    /// The populations in a sub-cell of a cell of `level`: those of the cell, over the share
+    /// of its sub-cells that hold fibre, or none where the sub-cell is air.
+    ///
+    /// `sub_cell` must lie within [`Octree::dims`] of [`Octree::outline_level`]. At level 0 it
+    /// is [`Octree::mixture`].
+    pub fn outlined_mixture(&self, level: u8, sub_cell: UVec3) -> Mixture {
+        let finer = self.outline_level(level);
+        let depth = level - finer;
+        if depth == 0 {
+            return self.mixture(level, sub_cell);
+        }
+        let mask = self.outline(level, self.stored(finer, sub_cell));
+        if !mask.holds_own {
+            return Mixture::EMPTY;
+        }
+        let denser = mask.inverse_share(depth);
+        let mut mixture = Mixture::EMPTY;
+        for c in self.mixture(level, sub_cell >> u32::from(depth)).iter() {
+            mixture.push(FibrePopulation {
+                length_density_per_mm2: denser * c.length_density_per_mm2,
+                ..*c
+            });
+        }
+        mixture
+    }
+
+    /// Bound of the extinction toward any direction in the sub-cells of a cell, 1/mm: that of
+    /// the cell's own populations, over the share of sub-cells that hold fibre.
+    pub fn outlined_majorant_per_mm(&self, level: u8, cell: UVec3) -> f32 {
+        let own = self.broadside_per_mm(level, cell);
+        let finer = self.outline_level(level);
+        let depth = level - finer;
+        if depth == 0 || own == 0.0 {
+            return own;
+        }
+        let low = self.stored(finer, cell << u32::from(depth));
+        // A sum in another order must not exceed it.
+        own * self.outline(level, low).inverse_share(depth) * (1.0 + 1e-6)
+    }
+
+    /// The outline of the cell of `level` around a stored sub-cell.
+    fn outline(&self, level: u8, sub_cell: UVec3) -> Outline {
+        let finer = self.outline_level(level);
+        let bricks = self.brick(finer, sub_cell >> 2u32);
+        let occupied = bricks.map_or(0, |(_, brick)| brick.masks[0]);
+        let of_cell = if level - finer == OUTLINE_LEVELS {
+            u64::MAX
+        } else {
+            OCTANT << bit_of(sub_cell & !1)
+        };
+        Outline {
+            holds_own: occupied >> bit_of(sub_cell) & 1 == 1,
+            count: (occupied & of_cell).count_ones(),
+        }
+    }
+}
+
+/// Where in a cell fibre lies, as seen from one of its sub-cells.
+struct Outline {
+    /// Whether this sub-cell holds any.
+    holds_own: bool,
+    /// How many do.
+    count: u32,
+}
+
+impl Outline {
+    /// All sub-cells over those that hold fibre; `depth` is the levels between.
+    fn inverse_share(&self, depth: u8) -> f32 {
+        (1u32 << (3 * depth)) as f32 / self.count as f32
+    }
+}
