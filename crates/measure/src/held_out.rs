@@ -133,21 +133,26 @@ pub fn held_out_errors(values: &[[f64; 3]], truth: &[PairValue]) -> Vec<HeldOutE
     HeldOutKind::ALL.into_iter().filter_map(one).collect()
 }
 
-/// Root mean square of the difference over all pairs up to 80 degrees and their channels, as a
-/// share of the root mean square value, without what the noise of the truth explains.
-pub fn held_out_rms(values: &[[f64; 3]], truth: &[PairValue]) -> f64 {
-    let (mut apart, mut all) = (0.0, 0.0);
+/// An upper end of the root mean square of the difference over all pairs up to 80 degrees and
+/// their channels, as a share of the root mean square value: without what the noise of the truth
+/// explains, and with two deviations of that noise over so many pairs, whose channels are taken
+/// to have one noise. `None` without pairs, or where the truth is all noise.
+pub fn held_out_bound(values: &[[f64; 3]], truth: &[PairValue]) -> Option<f64> {
+    let (mut apart, mut noise, mut all, mut pairs) = (0.0, 0.0, 0.0, 0.0);
     for (value, truth) in values.iter().zip(truth) {
         let kind = HeldOutKind::of(&truth.pair);
         if !matches!(kind, HeldOutKind::Reflected | HeldOutKind::Transmitted) {
             continue;
         }
+        pairs += 1.0;
         for ((v, m), s) in value.iter().zip(truth.bsdf.mean).zip(truth.bsdf.se) {
             apart += (v - m).powi(2) - s * s;
+            noise += s * s;
             all += m * m - s * s;
         }
     }
-    (apart.max(0.0) / all.max(f64::MIN_POSITIVE)).sqrt()
+    let square = apart.max(0.0) + 2.0 * (2.0f64 / pairs).sqrt() * noise;
+    (pairs > 0.0 && all > 0.0).then(|| (square / all).sqrt())
 }
 
 #[cfg(test)]
@@ -183,7 +188,15 @@ mod tests {
             // The noise is a tenth, too; three channels share one kick.
             assert!((error.rms - 0.1).abs() < 0.03, "seed 8: {error:?}");
         }
-        assert!((held_out_rms(&values, &truth) - 0.1).abs() < 0.02, "seed 8");
+        let bound = held_out_bound(&values, &truth).unwrap();
+        assert!((0.1..0.13).contains(&bound), "seed 8: {bound}");
+        // Few pairs bound it less closely, and none do not.
+        let few = held_out_bound(
+            &truth[..6].iter().map(|t| t.bsdf.mean).collect::<Vec<_>>(),
+            &truth[..6],
+        );
+        assert!(few.unwrap() > 0.05, "seed 8: {few:?}");
+        assert_eq!(held_out_bound(&[], &[]), None);
         // Left in, the noise is noticed.
         let raw = errors[0].rms.hypot(errors[0].noise);
         assert!(raw > 0.12, "{raw}");

@@ -82,7 +82,7 @@ pub use goniometer::{
     Albedo, Effort, MeasureError, Measured, PairValue, Results, measure_albedo_rows,
     measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
 };
-pub use held_out::{HeldOutError, HeldOutKind, held_out_errors, held_out_pairs, held_out_rms};
+pub use held_out::{HeldOutError, HeldOutKind, held_out_bound, held_out_errors, held_out_pairs};
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
 pub use klems_file::{KlemsFileError, read_klems, write_klems};
 pub use layout::{

@@ -139,55 +139,21 @@ impl VolumePatch {
         (place_mm + w.truncate() * (face / w.z)).extend(face)
     }
 
-    /// Values of the BSDF between two directions, of paths that begin at points, mm.
-    fn values(
-        &self,
-        start: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
-        (w_in, w_out): (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
-        let Some(probe) = &self.fibres else {
-            for path in names.paths.clone() {
-                let mut rng = names.rng(path);
-                let from = start(&mut rng);
-                let path = self.trace(from, w_out, &[beam(w_in)], &mut rng, stats);
-                found(path.radiance / w_in.z.abs());
-            }
-            return;
-        };
-        let start = |path: u64| {
-            let from = start(&mut names.rng(path));
-            (from.as_dvec3(), -w_out.as_dvec3())
-        };
-        let paths = ProbePaths {
-            lights: &[beam(w_in)],
-            seed: names.seed,
-            stream: names.stream,
-            paths: names.paths.clone(),
-            start: &start,
-        };
-        let (samples, counts) = probe.trace(&paths);
-        stats.merge(&counts);
-        for sample in samples {
-            found(sample.radiance / w_in.z.abs());
-        }
-    }
-
-    /// Exits of paths that begin at points, mm, and are seen from directions.
-    fn exits(
+    /// Every path, in order, that is seen from a direction at a point, mm, as `start` draws both
+    /// with the first random numbers of the path.
+    fn each_path(
         &self,
         start: &(dyn Fn(u64, &mut PathRng) -> (Vec3, Vec3) + Sync),
+        lights: &[Light],
         names: &PathNames,
         stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
+        found: &mut dyn FnMut(&PathSample),
     ) {
         let Some(probe) = &self.fibres else {
             for path in names.paths.clone() {
                 let mut rng = names.rng(path);
                 let (from, w) = start(path, &mut rng);
-                found(exit_of(&self.trace(from, w, &[], &mut rng, stats)));
+                found(&self.trace(from, w, lights, &mut rng, stats));
             }
             return;
         };
@@ -195,18 +161,15 @@ impl VolumePatch {
             let (from, w) = start(path, &mut names.rng(path));
             (from.as_dvec3(), -w.as_dvec3())
         };
-        let paths = ProbePaths {
-            lights: &[],
+        let (samples, counts) = probe.trace(&ProbePaths {
+            lights,
             seed: names.seed,
             stream: names.stream,
             paths: names.paths.clone(),
             start: &start,
-        };
-        let (samples, counts) = probe.trace(&paths);
+        });
         stats.merge(&counts);
-        for sample in samples {
-            found(exit_of(&sample));
-        }
+        samples.iter().for_each(found);
     }
 
     /// A path seen from `w` at a point.
@@ -265,25 +228,29 @@ impl PatchResponse for VolumePatch {
 
     fn each_bsdf(
         &self,
-        ways: (Vec3, Vec3),
+        (w_in, w_out): (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
-        let start = |rng: &mut PathRng| self.start_mm(ways.1, rng);
-        self.values(&start, ways, names, stats, found);
+        let start = |_: u64, rng: &mut PathRng| (self.start_mm(w_out, rng), w_out);
+        self.each_path(&start, &[beam(w_in)], names, stats, &mut |path| {
+            found(path.radiance / w_in.z.abs());
+        });
     }
 
     fn each_bsdf_at(
         &self,
         place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
-        ways: (Vec3, Vec3),
+        (w_in, w_out): (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
-        let start = |rng: &mut PathRng| self.above_mm(place(rng), ways.1);
-        self.values(&start, ways, names, stats, found);
+        let start = |_: u64, rng: &mut PathRng| (self.above_mm(place(rng), w_out), w_out);
+        self.each_path(&start, &[beam(w_in)], names, stats, &mut |path| {
+            found(path.radiance / w_in.z.abs());
+        });
     }
 
     fn each_exit(
@@ -297,7 +264,7 @@ impl PatchResponse for VolumePatch {
             let w = way(rng);
             (self.start_mm(w, rng), w)
         };
-        self.exits(&start, names, stats, found);
+        self.each_path(&start, &[], names, stats, &mut |path| found(exit_of(path)));
     }
 
     fn each_exit_at(
@@ -311,7 +278,7 @@ impl PatchResponse for VolumePatch {
             let (place_mm, w) = start(path, rng);
             (self.above_mm(place_mm, w), w)
         };
-        self.exits(&start, names, stats, found);
+        self.each_path(&start, &[], names, stats, &mut |path| found(exit_of(path)));
     }
 
     fn each_look(
@@ -322,36 +289,17 @@ impl PatchResponse for VolumePatch {
         found: &mut dyn FnMut(Look),
     ) {
         let face_mm = self.face_mm(Vec3::Z);
-        let look = |path: &PathSample| Look {
-            exit: exit_of(path),
-            first: path.first.map(|event| FirstSight {
-                axis: event.info.axis,
-                height_mm: (f64::from(face_mm) - event.depth_mm) as f32,
-            }),
-            events: path.bounces,
-        };
-        let Some(probe) = &self.fibres else {
-            for path in names.paths.clone() {
-                let mut rng = names.rng(path);
-                let from = place(path, &mut rng).extend(face_mm);
-                found(look(&self.trace(from, Vec3::Z, &[], &mut rng, stats)));
-            }
-            return;
-        };
-        let start = |path: u64| {
-            let from = place(path, &mut names.rng(path)).extend(face_mm);
-            (from.as_dvec3(), -Vec3::Z.as_dvec3())
-        };
-        let paths = ProbePaths {
-            lights: &[],
-            seed: names.seed,
-            stream: names.stream,
-            paths: names.paths.clone(),
-            start: &start,
-        };
-        let (samples, counts) = probe.trace(&paths);
-        stats.merge(&counts);
-        samples.iter().for_each(|sample| found(look(sample)));
+        let start = |path: u64, rng: &mut PathRng| (place(path, rng).extend(face_mm), Vec3::Z);
+        self.each_path(&start, &[], names, stats, &mut |path| {
+            found(Look {
+                exit: exit_of(path),
+                first: path.first.map(|event| FirstSight {
+                    axis: event.info.axis,
+                    height_mm: (f64::from(face_mm) - event.depth_mm) as f32,
+                }),
+                events: path.bounces,
+            });
+        });
     }
 
     fn is_exact(&self) -> bool {

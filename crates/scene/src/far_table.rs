@@ -22,8 +22,9 @@ pub const TEXTURE_KEY: &str = "texture";
 pub const PIXELS_KEY: &str = "pixels";
 /// The width of a pixel, mm.
 pub const PIXEL_KEY: &str = "pixel_mm";
-/// The error of the table with texture there, a share of the root mean square value.
-pub const ERROR_KEY: &str = "rms";
+/// An upper end of the error of the table with texture there, a share of the root mean square
+/// value; null where it was not measured.
+pub const ERROR_KEY: &str = "error_at_most";
 /// With `lod = "auto"`, a table with texture is seen where its error is at most this.
 const TOLERATED: f64 = 0.05;
 

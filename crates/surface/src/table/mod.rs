@@ -204,7 +204,7 @@ impl FarTable {
         &self.rings
     }
 
-    /// What it takes in memory, bytes.
+    /// Memory that it takes, bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of::<FarTable>()
             + 3 * self.codes.len()

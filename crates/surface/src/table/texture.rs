@@ -182,7 +182,7 @@ impl Texture {
         self.rank
     }
 
-    /// What it takes in memory, bytes.
+    /// Memory that it takes, bytes.
     pub fn memory_bytes(&self) -> usize {
         let levels = self.levels.iter();
         let lists = levels.map(|l| 4 * (l.gaps.len() + l.images.len()));

@@ -144,6 +144,9 @@ const LIGHT: [f64; 2] = [45.0, 0.0];
 /// Direction towards its camera by default, degrees.
 const VIEW: [f64; 2] = [0.0, 0.0];
 
+/// Direction towards the lamp behind the cloth by default, degrees.
+const BACK_LIGHT: [f64; 2] = [135.0, 0.0];
+
 impl FitArgs {
     /// The file from which the search starts; an empty path if there is none.
     fn fabric_path(&self) -> &Path {

@@ -7,7 +7,7 @@ use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{PathRng, SegmentSource};
 use organza_measure::{
     Effort, Measured, PairValue, PatchResponse, PathNames, PixelPatch, TexelSums, far_texture,
-    held_out_errors, held_out_pairs, held_out_rms, measure_pair_rows, measure_texels,
+    held_out_bound, held_out_errors, held_out_pairs, measure_pair_rows, measure_texels,
     texture_rings,
 };
 use organza_scatter::{Footprint, Surface};
@@ -218,7 +218,7 @@ pub fn errors(
         let (textured, mean) = (values(&with_texture), values(table));
         widths.push(json!({
             PIXEL_KEY: width_mm,
-            ERROR_KEY: held_out_rms(&textured, &truth),
+            ERROR_KEY: held_out_bound(&textured, &truth),
             "errors": held_out_errors(&textured, &truth),
             "errors_of_mean": held_out_errors(&mean, &truth),
         }));

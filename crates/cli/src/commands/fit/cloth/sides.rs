@@ -1,15 +1,12 @@
 //! Photographs and how they were taken.
 
-use crate::commands::fit::{FitArgs, VIEW};
+use crate::commands::fit::{BACK_LIGHT, FitArgs, VIEW};
 use organza_measure::{Angles, Pair};
 use organza_photograph::{Fold, Photograph, Repeat, ThreadGrid};
 use std::f64::consts::PI;
 
 /// Direction towards the lamp in front of the cloth by default, degrees.
 const LIGHT: [f64; 2] = super::super::LIGHT;
-
-/// Direction towards the lamp behind the cloth by default, degrees.
-const BACK_LIGHT: [f64; 2] = [135.0, 0.0];
 
 /// One photograph, folded, and how it was taken.
 pub struct Side {

@@ -4,7 +4,7 @@
 
 use super::target::{Part, Value, WHOLE};
 use crate::commands::fit::picture::{read_picture, shrunk};
-use crate::commands::fit::{FitArgs, LIGHT, VIEW};
+use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, VIEW};
 use crate::error::input;
 use anyhow::Result;
 use glam::UVec2;
@@ -13,9 +13,6 @@ use organza_scene::fabric_file::Fabric;
 use organza_scene::patches::{AnyPatch, texel_grid};
 use std::f64::consts::FRAC_1_PI;
 use std::path::Path;
-
-/// Direction towards the lamp behind the cloth by default, degrees.
-const BACK_LIGHT: [f64; 2] = [135.0, 0.0];
 
 /// Texels of the longer side at most: larger pictures are averaged to it.
 const MAX_TEXELS: u32 = 64;
