@@ -26,6 +26,7 @@
 //! a ratio that depends on the place. Directions are drawn as without it.
 
 mod balance;
+mod clipping;
 mod file;
 mod layout;
 mod rings;
