@@ -4,7 +4,7 @@
     python3 benches/distances.py DIR print    prints the summary again
 
 What is there already is not made again: an interrupted run resumes. Every row, with error, interval,
-time and memory, is in DIR/report/choices.csv. ORGANZA names the program, THREADS the number of
+time and memory, is in DIR/choices.csv. ORGANZA names the program, THREADS the number of
 threads, PATHS those from each node of a far-field table.
 """
 
@@ -33,18 +33,24 @@ def organza(*arguments):
 
 
 def measure(folder):
-    """Far-field tables beside copies of the fabrics, then the bench."""
+    """For each fabric a far-field table beside a copy of it, then its bench; then all rows."""
     scenes = folder / "scenes"
     if not scenes.exists():
         shutil.copytree("scenes", scenes)
-    paths = [scenes / "fabrics" / f"{fabric}.toml" for fabric in FABRICS]
-    for path in paths:
+    rows = ""
+    for fabric in FABRICS:
+        path = scenes / "fabrics" / f"{fabric}.toml"
         table = path.with_suffix(".bsdf")
         if not table.exists():
             spp = os.environ.get("PATHS", "131072")
-            journal = folder / f"{path.stem}.journal"
+            journal = folder / f"{fabric}.journal"
             organza("table", path, "-o", table, "--spp", spp, "--held-out", 0, "--journal", journal)
-    organza("bench", *paths, "-o", folder / "report", "--trackers", "usual", "--pixel-mm", WIDTHS)
+        report = folder / "reports" / fabric
+        if not (report / "choices.csv").exists():
+            organza("bench", path, "-o", report, "--trackers", "usual", "--pixel-mm", WIDTHS)
+        own = (report / "choices.csv").read_text()
+        rows += own if not rows else own.split("\n", 1)[1]
+    folder.joinpath("choices.csv").write_text(rows)
 
 
 def percent(values):
@@ -54,7 +60,7 @@ def percent(values):
 
 def summary(folder):
     """Errors and times over all fabrics, by width, light and choice."""
-    rows = list(csv.DictReader((folder / "report" / "choices.csv").open()))
+    rows = list(csv.DictReader((folder / "choices.csv").open()))
     views = {}
     for r in rows:
         choice = (r["model"], float(r["voxel_scale"]), int(r["level"]))
