@@ -10,6 +10,24 @@ fn fabric() -> String {
     cotton("plain", yarn, 40.0)
 }
 
+/// A cloth for which the program chooses.
+const SCENE_OF_AUTO: &str = r#"
+[camera]
+origin_mm = [0.0, 0.0, 5.0]
+target_mm = [0.0, 0.0, 0.0]
+width_mm = 2.0
+resolution = [6, 6]
+[[light]]
+kind = "directional"
+direction = [0.3, 0.2, -0.9]
+irradiance = [2.0, 2.0, 2.0]
+[[object]]
+kind = "cloth"
+fabric = "plain.toml"
+model = "auto"
+tolerance = 0.3
+"#;
+
 fn json(folder: &Path, name: &str) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(folder.join(name)).unwrap()).unwrap()
 }
@@ -133,6 +151,44 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
         let fibres = results.iter().filter(|r| r["choice"]["model"] == "fibres");
         assert_eq!(fibres.count(), 1, "the reference alone");
     }
+    auto_uses_the_bench_beside_a_fabric(&folder);
+}
+
+/// A bench that was copied beside its fabric is what `model = "auto"` chooses by.
+fn auto_uses_the_bench_beside_a_fabric(folder: &Path) {
+    std::fs::write(folder.join("scene.toml"), SCENE_OF_AUTO).unwrap();
+    let info = || succeed(folder, &["info", "scene.toml"]);
+    let beside = folder.join("plain.choices.csv");
+    assert!(info().contains("the fabric most like it"));
+    std::fs::copy(folder.join("report/choices.csv"), &beside).unwrap();
+    let said = info();
+    assert!(said.contains("measured in plain.choices.csv"), "{said}");
+    // Of another cloth.
+    let fabric = std::fs::read_to_string(folder.join("plain.toml")).unwrap();
+    std::fs::write(
+        folder.join("plain.toml"),
+        fabric.replace("fibre_radius_um = 12.0", "fibre_radius_um = 14.0"),
+    )
+    .unwrap();
+    let said = succeed(
+        folder,
+        &["render", "scene.toml", "-o", "a.exr", "--spp", "1"],
+    );
+    let warning = "plain.choices.csv: was measured on another fabric than plain.toml; \
+                   model = \"auto\" leaves it out";
+    assert!(
+        said.contains(warning) && said.contains("the fabric most like it"),
+        "{said}"
+    );
+    // Damaged.
+    let rows = std::fs::read_to_string(&beside).unwrap();
+    std::fs::write(&beside, rows.replacen(",fibres,", ",fibers,", 1)).unwrap();
+    let words = complaint(folder, &["info", "scene.toml"]);
+    assert!(
+        words.starts_with("organza: plain.choices.csv: line 2: ")
+            && words.ends_with("expected the choices.csv of `organza bench`"),
+        "{words}"
+    );
 }
 
 /// With `auto` a picture is bit for bit that of the choice it names.
@@ -140,22 +196,7 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
 fn auto_takes_what_it_says() {
     let folder = folder("auto");
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
-    let scene = r#"
-[camera]
-origin_mm = [0.0, 0.0, 5.0]
-target_mm = [0.0, 0.0, 0.0]
-width_mm = 2.0
-resolution = [6, 6]
-[[light]]
-kind = "directional"
-direction = [0.3, 0.2, -0.9]
-irradiance = [2.0, 2.0, 2.0]
-[[object]]
-kind = "cloth"
-fabric = "plain.toml"
-model = "auto"
-tolerance = 0.3
-"#;
+    let scene = SCENE_OF_AUTO;
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
     let render = [
         "render",

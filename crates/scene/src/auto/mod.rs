@@ -3,6 +3,7 @@
 
 pub mod choice;
 pub mod lit;
+pub mod own_rows;
 pub mod table;
 pub mod table_file;
 
@@ -164,8 +165,10 @@ fn choose(
         let middle = f64::from(place.bounds_mm.centre().z);
         lit_sides(&file.light, seen.origin_mm[2], middle)
     };
-    let rows = table_file::measured();
     let traits = Traits::of(&fabric);
+    let own = own_rows::own_rows(&path, &traits, loader)?;
+    let is_own = own.is_some();
+    let rows = own.unwrap_or_else(table_file::measured);
     let like = nearest(&rows, &traits, pixel_mm)
         .ok_or_else(|| fail("model = \"auto\": this build contains no measurements"))?;
     let by_kernel = file.object.len() == 1 && mesh.is_none();
@@ -194,8 +197,8 @@ fn choose(
     let usable = of_view.iter().copied().filter(|r| {
         let model = r.choice.model;
         let wanted = tracker(model);
-        let is_own = r.choice.tracker == wanted || !is_measured(model, wanted);
-        is_own && possible(model)
+        let is_used = r.choice.tracker == wanted || !is_measured(model, wanted);
+        is_used && possible(model)
     });
     let tolerance = table.tolerance.unwrap_or(TOLERANCE);
     let recommendation = recommend(&candidates(usable, &lit), tolerance).ok_or_else(|| {
@@ -204,10 +207,17 @@ fn choose(
     let choice = recommendation.taken.choice;
     let own_um = fabric.file.voxel.size_um;
     set(table, &recommendation, own_um);
+    let whose = if is_own {
+        format!("measured in {}", own_rows::beside(&path).display())
+    } else if like.traits.is_of(&traits) {
+        format!("measured on {}", like.fabric)
+    } else {
+        format!("measured on {}, the fabric most like it", like.fabric)
+    };
     Ok(Chosen {
         object: index,
         what: choice.description(own_um),
-        why: why(&recommendation, pixel_mm, &lit, tolerance, like, &traits),
+        why: why(&recommendation, pixel_mm, &lit, tolerance, like, &whose),
         pixel_mm,
         lit,
         tolerance,
@@ -233,7 +243,7 @@ fn why(
     lit: &[Lit],
     tolerance: f64,
     like: &table::Row,
-    traits: &Traits,
+    whose: &str,
 ) -> String {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let rmse = &r.taken.rmse;
@@ -261,11 +271,6 @@ fn why(
         _ => String::new(),
     };
     let sides: Vec<&str> = lit.iter().map(|l| l.name()).collect();
-    let whose = if like.traits.is_of(traits) {
-        format!("measured on {}", like.fabric)
-    } else {
-        format!("measured on {}, the fabric most like it", like.fabric)
-    };
     format!(
         "{error} {} for pixels of {pixel_mm:.3} mm lit from {}{gain}; {whose}, at pixels of {} mm",
         percent(tolerance),

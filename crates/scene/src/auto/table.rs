@@ -92,6 +92,24 @@ pub struct Row {
     pub cost: Cost,
 }
 
+impl Row {
+    /// Whether its numbers are such as a bench measures.
+    pub(super) fn is_possible(&self) -> bool {
+        let t = &self.traits;
+        let positive = [t.spacing_mm, t.fibre_um, self.pixel_mm];
+        let others = [t.openness, t.albedo];
+        let costs = [self.cost.setup_s, self.cost.noise_s];
+        let errors = [&self.rmse, &self.bias].map(|f| [f.low, f.value, f.high]);
+        let finite = |x: &f64| x.abs() < 1e12;
+        let scale = self.choice.voxel_scale;
+        positive.iter().all(|x| *x > 0.0 && finite(x))
+            && costs.iter().all(|x| *x >= 0.0 && finite(x))
+            && others.iter().chain(errors.as_flattened()).all(finite)
+            && self.rmse.high >= 0.0
+            && (1e-3..=1e3).contains(&scale)
+    }
+}
+
 /// What is known of a choice for everything that a view asks for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Candidate {

@@ -144,6 +144,32 @@ fn read(text: &str) -> Vec<Row> {
     lines.filter_map(|line| line.ok().map(Row::from)).collect()
 }
 
+/// The rows of a table, each checked.
+///
+/// # Errors
+/// Why a line is no row, in words that follow the name of the file.
+pub(super) fn rows(bytes: &[u8]) -> Result<Vec<Row>, String> {
+    let mut file = csv::Reader::from_reader(bytes);
+    let expected = "expected the choices.csv of `organza bench`";
+    let mut rows = Vec::new();
+    for (at, line) in file.deserialize::<Line>().enumerate() {
+        let fail = |why: &str| format!("line {}: {why}; {expected}", at + 2);
+        let line = line.map_err(|e| match e.kind() {
+            csv::ErrorKind::Deserialize { err, .. } => fail(&err.kind().to_string()),
+            _ => fail(&e.to_string()),
+        })?;
+        let row = Row::from(line);
+        if !row.is_possible() {
+            return Err(fail("a number is out of range"));
+        }
+        rows.push(row);
+    }
+    if rows.is_empty() {
+        return Err(format!("has no rows; {expected}"));
+    }
+    Ok(rows)
+}
+
 /// The table that the program carries along.
 pub fn measured() -> Vec<Row> {
     read(MEASURED)
@@ -163,5 +189,42 @@ mod tests {
         assert_eq!(read(&write(&named).unwrap()), named);
         let (head, _) = MEASURED.split_once('\n').unwrap();
         assert!(read(&format!("{head}\ndenim,1,2\n")).is_empty());
+    }
+
+    #[test]
+    fn tables_beside_fabrics_are_checked_line_by_line() {
+        let all = measured();
+        assert_eq!(rows(MEASURED.as_bytes()).unwrap(), all);
+        let (head, lines) = MEASURED.split_once('\n').unwrap();
+        let first = lines.lines().next().unwrap();
+        let fields: Vec<&str> = first.split(',').collect();
+        let with = |column: usize, value: &str| {
+            let mut own = fields.clone();
+            own[column] = value;
+            rows(format!("{head}\n{first}\n{}\n", own.join(",")).as_bytes()).unwrap_err()
+        };
+        let column = |name: &str| head.split(',').position(|h| h == name).unwrap();
+        for (name, value) in [
+            ("pixel_mm", "0"),
+            ("rmse_high", "NaN"),
+            ("noise_s", "-1"),
+            ("voxel_scale", "inf"),
+            ("albedo", "1e300"),
+        ] {
+            let why = with(column(name), value);
+            assert!(
+                why.starts_with("line 3: a number is out of range"),
+                "{name}: {why}"
+            );
+        }
+        let why = with(column("model"), "fibers");
+        assert!(
+            why.starts_with("line 3: ") && why.contains("fibres"),
+            "{why}"
+        );
+        for text in ["", head, "a,b\n1,2\n", "\u{0}\n\n\n"] {
+            let why = rows(text.as_bytes()).unwrap_err();
+            assert!(why.contains("expected the choices.csv"), "{text}: {why}");
+        }
     }
 }
