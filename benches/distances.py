@@ -54,8 +54,9 @@ def measure(folder):
 
 
 def percent(values):
-    """Median and largest of some shares."""
-    return f"{100 * statistics.median(values):.1f}, {100 * max(values):.0f} %"
+    """Median, root mean square and largest of some shares."""
+    square = statistics.fmean(v * v for v in values)
+    return f"{100 * statistics.median(values):.1f}, {100 * square**0.5:.1f}, {100 * max(values):.1f} %"
 
 
 def summary(folder):
@@ -80,14 +81,45 @@ def summary(folder):
                     memory.append(int(r["memory_bytes"]) / 2**20)
             if choice[0] == "fibres":
                 cells = ["the reference"] * 2
-            model, scale, level = choice
-            name = model if scale == 1.0 and level == 0 else f"{model}, voxels x {scale:g}, level {level}"
             print(
-                f"| {width:g} mm | {name} | {cells[0]} | {cells[1]} | "
+                f"| {width:g} mm | {name_of(choice)} | {cells[0]} | {cells[1]} | "
                 f"{statistics.median(times):.2f} | {statistics.median(memory):.0f} MiB |"
             )
     print()
+    cheapest(views)
+    print()
     within(views)
+
+
+def name_of(choice):
+    """A choice in words."""
+    model, scale, level = choice
+    return model if scale == 1.0 and level == 0 else f"{model}, voxels x {scale:g}, level {level}"
+
+
+def cheapest(views):
+    """How many views have which model as the cheapest of those known to be within an error."""
+    tolerances = (0.02, 0.03, 0.05, 0.1, 0.2)
+    print("| pixel | " + " | ".join(f"within {100 * t:g} %" for t in tolerances) + " |")
+    print("|---|" + "---|" * len(tolerances))
+    for width in sorted({key[0] for key in views}):
+        cells = []
+        for tolerance in tolerances:
+            counts = {}
+            for fabric, lit in {(f, k[1]) for k, found in views.items() if k[0] == width for f in found}:
+                best = []
+                for (w, side, choice), found in views.items():
+                    r = found.get(fabric)
+                    if (w, side) != (width, lit) or r is None:
+                        continue
+                    left = tolerance**2 - float(r["rmse_high"]) ** 2
+                    if left > 0.0:
+                        best.append((float(r["setup_s"]) + float(r["noise_s"]) / left, choice[0]))
+                if best:
+                    counts[min(best)[1]] = counts.get(min(best)[1], 0) + 1
+            ordered = sorted(counts.items(), key=lambda c: (-c[1], c[0]))
+            cells.append(", ".join(f"{model} {count}" for model, count in ordered))
+        print(f"| {width:g} mm | " + " | ".join(cells) + " |")
 
 
 def seconds(row):

@@ -222,8 +222,10 @@ fn auto_takes_what_it_says() {
     assert_eq!(info["chosen"][0]["what"], chosen["what"]);
     let choice = &chosen["recommendation"]["taken"]["choice"];
     let model = choice["model"].as_str().unwrap();
-    let voxels = if matches!(model, "fibres" | "plies" | "surface" | "table") {
+    let voxels = if matches!(model, "surface" | "table") {
         String::new()
+    } else if matches!(model, "fibres" | "plies") {
+        "lod = \"volume\"\n".to_owned()
     } else {
         let scale = choice["voxel_scale"].as_f64().unwrap();
         format!("voxel_um = {:?}\nlod = {}\n", 40.0 * scale, choice["level"])

@@ -134,8 +134,15 @@ impl Choice {
                 "object.0.voxel_um={}",
                 self.voxel_scale * own_voxel_um
             ));
+        } else if self.keeps_its_model() {
+            list.push("object.0.lod=volume".into());
         }
         list
+    }
+
+    /// Whether `lod = "auto"` would show another model from afar, which was not measured.
+    pub(super) fn keeps_its_model(&self) -> bool {
+        matches!(self.model.build, Build::ExplicitFibres(_) | Build::Plies(_))
     }
 
     /// The flag `--engine` for it.

@@ -234,6 +234,8 @@ fn set(table: &mut ClothTable, recommendation: &Recommendation, own_um: f32) {
     if choice.model.voxels().is_some() {
         table.lod = Lod::Level(choice.level);
         table.voxel_um = Some(choice.voxel_scale * own_um);
+    } else if choice.keeps_its_model() {
+        table.lod = Lod::Name(LodName::Volume);
     }
 }
 
