@@ -30,6 +30,10 @@ const LANES: usize = 8;
 /// Texels to the width of a pixel, at least, that are interpolated for it.
 const TEXELS_ACROSS_PIXEL: f32 = 4.0;
 
+/// Pixels of this share of the period and wider see less and less of the texture, and none at a
+/// period: so it does not begin at an edge. Their mean over a pixel is nearly the same everywhere.
+const FADES_FROM: f32 = 0.75;
+
 /// Seed of the pairs of directions at which clipping is measured.
 const CLIPPING_SEED: u64 = 1;
 
@@ -378,9 +382,13 @@ impl Texture {
         let values = level.values(self.rank, taps);
         let clipping = &level.clipping[usize::from(w_out.z * w_in.z < 0.0)];
         let (functions, shapes) = self.functions(w_out, w_in);
+        let periods = at.width_mm / self.layout.period_mm.max_element();
+        let seen = ((1.0 - periods) / (1.0 - FADES_FROM)).clamp(0.0, 1.0);
         let ratio = |c: usize| {
-            let added = clipping.mean(deviation(&functions[c], &level.variances)) - 1.0;
-            (1.0 + dot(&values, &functions[c])).max(0.0) / (1.0 + added * shapes[c])
+            let spread = seen * deviation(&functions[c], &level.variances);
+            let added = clipping.mean(spread) - 1.0;
+            let sum = seen * dot(&values, &functions[c]);
+            (1.0 + sum).max(0.0) / (1.0 + added * shapes[c])
         };
         Rgb::new(ratio(0), ratio(1), ratio(2))
     }

@@ -94,6 +94,18 @@ fn a_texture_keeps_the_mean_and_repeats() {
         width_mm: 2.0,
     };
     assert_eq!(striped.eval(w, w, wide).0.x, mean);
+    // It does not begin at an edge: a pixel a little narrower sees a little of it.
+    let nearly = |share: f32| Footprint {
+        width_mm: 2.0 * share,
+        ..wide
+    };
+    let off = |share: f32| (striped.eval(w, w, nearly(share)).0.x / mean - 1.0).abs();
+    assert!(
+        off(0.99) < 0.06 && off(0.8) > 3.0 * off(0.99),
+        "{} {}",
+        off(0.99),
+        off(0.8)
+    );
 }
 
 /// Dark places whose images would be negative add little light to the mean.
