@@ -5,6 +5,7 @@
     python3 benches/fabric_tables.py packed DIR [--spp N] [FABRIC ...]
     python3 benches/fabric_tables.py hybrid DIR [--events K] [--weight W] [--spp N] [FABRIC ...]
     python3 benches/fabric_tables.py models DIR [--spp N] [FABRIC ...]
+    python3 benches/fabric_tables.py levels DIR [--spp N] [FABRIC ...]
 
 `reports` fits the surface of every fabric to its volume (with eight times the paths, as
 the noise of the volume adds to the error of the fit) and compares all models of it:
@@ -13,7 +14,8 @@ of volumes by voxel size against explicit fibres. `packed` measures reflection, 
 and direct transmission of packed fibres in voxels of their default size, `hybrid` those of
 explicit fibres for the first K events of a path, or while it carries at least the share W, and
 of packed ones after them, and `models` those of
-explicit fibres, plain virtual scattering and micro-flakes under light at 60 degrees. Files that
+explicit fibres, plain virtual scattering and micro-flakes under light at 60 degrees. `levels`
+measures packed and plain fibres at the levels 0 to 3 against explicit fibres. Files that
 are there already are not made again. ORGANZA names the program, THREADS the number of threads.
 """
 
@@ -223,11 +225,43 @@ def make_models(folder, fabrics, spp):
     print(f"largest standard error {largest:.4f}")
 
 
+def make_levels(folder, fabrics, spp):
+    incident = folder / "lights.csv"
+    incident.write_text("theta_i,phi_i\n" + "".join(f"{t},{p}\n" for t, p in LIGHTS))
+
+    def measured(name, model, seed, *level):
+        path = folder / ".".join([name, model, *map(str, level[1:]), "levels.csv"])
+        organza(
+            path, "measure", f"scenes/fabrics/{name}.toml", "--albedo", "--pairs", incident,
+            "--spp", spp, "--model", model, "--seed", seed, "-o", path, *level,
+        )  # fmt: skip
+        with path.open() as file:
+            return list(csv.DictReader(file))
+
+    def cell(rows, truths, part):
+        values = [tuple(float(r[f"{part}_g"]) for r in pair) for pair in zip(rows, truths)]
+        total = sum(b for _, b in values)
+        bias = sum(a - b for a, b in values) / total
+        squares = sum((a - b) ** 2 for a, b in values) / sum(b * b for _, b in values)
+        noise = sum(float(r[f"se_{part}_g"]) ** 2 for r in [*rows, *truths]) ** 0.5 / total
+        return f"{100 * squares**0.5:.1f} %, {100 * bias:+.1f} ± {100 * noise:.1f} %"
+
+    rows = []
+    for name in fabrics:
+        truths = measured(name, "fibres", 0)
+        for model in ["packed", "plain"]:
+            for level in range(4):
+                found = measured(name, model, 1, "--level", level)
+                cells = [cell(found, truths, part) for part in PARTS]
+                rows.append((f"{name}, {model}, {level}", cells))
+    print_table("fabric, model, level", ["R", "T scattered", "T direct"], rows)
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["reports", "voxels", "packed", "hybrid", "models"])
+    parser.add_argument("what", choices=["reports", "voxels", "packed", "hybrid", "models", "levels"])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("fabrics", nargs="*", default=FABRICS)
     parser.add_argument("--spp", type=int, help="paths a pair or direction")
@@ -246,6 +280,8 @@ def main():
         make_packed(given.folder, given.fabrics, given.spp or 60_000, keys or ["first_events=1"])
     elif given.what == "models":
         make_models(given.folder, given.fabrics, given.spp or 60_000)
+    elif given.what == "levels":
+        make_levels(given.folder, given.fabrics, given.spp or 60_000)
     else:
         make_voxels(given.folder, given.spp or 65536)
 

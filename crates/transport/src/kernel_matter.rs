@@ -132,7 +132,8 @@ impl Matter for VirtualFibreMedium {
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {
-        blocks_of(self.octree(), self.level())
+        let octree = self.octree();
+        blocks_of(octree, octree.outline_level(self.level()))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {

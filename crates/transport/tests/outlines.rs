@@ -4,11 +4,12 @@
 #![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
 
 use glam::{DVec3, UVec3, Vec3};
-use organza_basis::hypothesis::t_test;
+use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb};
-use organza_testing::little_weave;
+use organza_testing::{fitted_fibre, little_weave};
 use organza_transport::{
-    FlakeOptics, Medium, SggxOctreeMedium, Stats, exact_transmittance, transmittance,
+    FlakeOptics, Medium, SggxOctreeMedium, Stats, VirtualFibreEvent, VirtualFibreMedium,
+    exact_transmittance, transmittance,
 };
 use organza_volume::{
     FibreFootprint, MixtureGrid, MixtureSource, Octree, VoxelizeOptions, octree_of_mixtures,
@@ -111,6 +112,78 @@ fn gaps_of_a_slab_stay_open() {
             // Stripes are narrower than sub-cells: the twin.
             assert!(near(even) && p_value(even) > 1e-4, "{words}");
             assert!(p_value(want) < 1e-6, "{words}: the twin passed");
+        }
+    }
+}
+
+fn fibres(octree: &Arc<Octree>, level: u8, event: VirtualFibreEvent) -> VirtualFibreMedium {
+    let fibres = vec![fitted_fibre("gabardine"); octree.material_count()];
+    VirtualFibreMedium::new(Arc::clone(octree), level, fibres, event).unwrap()
+}
+
+/// Virtual fibres of a coarse level pass as much light straight through the stripes as those of
+/// the finest, as long as sub-cells are no wider than a stripe.
+#[test]
+fn gaps_stay_open_to_virtual_fibres() {
+    let octree = Arc::new(octree_of_mixtures(&Stripes, None, None, &|_| ()).unwrap());
+    let width = DIMS.x as f32 * VOXEL_MM;
+    for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
+        let through = |level: u8| -> Moments {
+            let medium = fibres(&octree, level, event);
+            let mut rng = PathRng::new(72, u64::from(level), 0);
+            let mut stats = Stats::default();
+            let found = (0..20_000)
+                .map(|_| {
+                    let at = Vec3::new(rng.unit() * width, rng.unit() * width, 1.0);
+                    let ray = Ray::new(at, Vec3::NEG_Z);
+                    let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+                    f64::from(transmittance(&medium, &local, &mut rng, &mut stats))
+                })
+                .collect();
+            assert_eq!(stats.majorant_violations, 0, "{event:?} {level}");
+            found
+        };
+        let finest = through(0);
+        for level in 1..octree.level_count() {
+            let coarse = through(level);
+            let p_value = welch_test(&finest, &coarse).p_value;
+            let words = format!("seed 72, {event:?}, level {level}: {finest:?} {coarse:?}");
+            if level <= 3 {
+                assert!(p_value > 1e-4, "{words}");
+            } else {
+                // Stripes are narrower than sub-cells: the twin.
+                assert!(p_value < 1e-6, "{words}: the twin passed");
+            }
+        }
+    }
+}
+
+/// Virtual fibres find in every cell what the octree has there.
+#[test]
+fn virtual_fibres_are_where_the_outline_has_them() {
+    let options = VoxelizeOptions {
+        voxel_mm: 0.01,
+        levels: Some(4),
+        footprint: FibreFootprint::Axis,
+        max_memory_bytes: None,
+    };
+    let octree = Arc::new(voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap());
+    for level in 0..octree.level_count() {
+        let medium = fibres(&octree, level, VirtualFibreEvent::Plain);
+        let dims = medium.cell_grid().dims();
+        assert_eq!(dims, octree.dims(octree.outline_level(level)));
+        for i in 0..dims.element_product() {
+            let rest = i / dims.x;
+            let cell = UVec3::new(i % dims.x, rest % dims.y, rest / dims.y);
+            let expected = octree.outlined_mixture(level, cell);
+            let found = medium.populations_of(cell);
+            assert_eq!(found.len(), expected.as_slice().len(), "{level} {cell}");
+            for (a, b) in found.iter().zip(expected.iter()) {
+                let share = a.length_density_per_mm2 / b.length_density_per_mm2;
+                // Two products of three numbers may be rounded in another order.
+                assert!((share - 1.0).abs() < 1e-6, "{level} {cell}: {share}");
+                assert_eq!((a.axis, a.yarn, a.material), (b.axis, b.yarn, b.material));
+            }
         }
     }
 }

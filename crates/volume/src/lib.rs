@@ -71,7 +71,7 @@ pub use format::grid_set::GridSet;
 pub use format::vol::VolGrid;
 pub use format::{ovox, vdb, vol};
 pub use known_mixtures::{MixtureGrid, MixtureSource, octree_of_mixtures};
-pub use octree::{BlockCut, Octree};
+pub use octree::{BlockCut, Octree, sub_cell_bit};
 pub use packing::{MaterialPacking, MeasuredPacking, PackingFactor};
 pub use parts::Parts;
 pub use voxelize::{Plan, VoxelizeOptions, voxelize};

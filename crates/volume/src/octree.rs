@@ -26,6 +26,7 @@ mod outline;
 mod validate;
 
 pub use of_blocks::BlockCut;
+pub use outline::sub_cell_bit;
 
 use crate::block_layout::BlockLayout;
 use crate::footprint::FibreFootprint;

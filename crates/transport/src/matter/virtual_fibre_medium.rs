@@ -44,7 +44,7 @@ pub struct VirtualFibres {
     factors: Vec<PackingFactors>,
     /// Packed fibres with their density times the larger of their factors, which bounds
     /// the extinction of every ray.
-    voxels: VoxelFibres,
+    voxels: Box<VoxelFibres>,
     /// Voxels of the cell grid before the octree's first.
     pad: IVec3,
     voxels_per_mm: Vec3,
@@ -92,7 +92,8 @@ impl VirtualFibreMedium {
         if is_of_blocks && event == VirtualFibreEvent::Packed {
             return None;
         }
-        let voxel_mm = octree.voxel_mm(level);
+        let outline = octree.outline_level(level);
+        let voxel_mm = octree.voxel_mm(outline);
         let (factors, reach) = match event {
             VirtualFibreEvent::Plain => (Vec::new(), IVec3::ZERO),
             VirtualFibreEvent::Packed => {
@@ -111,13 +112,13 @@ impl VirtualFibreMedium {
         let inner = octree.bounds_mm();
         let cell_grid = CellGrid::new(
             Aabb::new(inner.min - margin_mm, inner.max + margin_mm),
-            octree.dims(level) + 2 * pad.as_uvec3(),
+            octree.dims(outline) + 2 * pad.as_uvec3(),
             octree.repeats(),
         )?;
-        let voxels = VoxelFibres::new(&octree, level, |c| {
+        let voxels = Box::new(VoxelFibres::new(&octree, level, |c| {
             let factors = factors.get(usize::from(c.material));
             factors.map_or(1.0, PackingFactors::largest)
-        });
+        }));
         // At least twice the reach: bounds then cost no more than eight look-ups a voxel.
         let node_edge = NODE_VOXELS.max(2 * reach.max_element() as u32);
         let around = |node: UVec3| FibresInReach {
@@ -154,7 +155,7 @@ impl VirtualFibreMedium {
         let level = OctreeLevel {
             octree,
             level,
-            outline: level,
+            outline,
             cell_grid,
         };
         Some(OctreeMedium { level, scatterer })

@@ -19,9 +19,14 @@ use std::sync::Arc;
 
 /// Twisted fibres of two materials and six yarns, with packing factors that differ.
 fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
+    packed_at(0, repeats, fibres)
+}
+
+/// The same at a level, whose coarse voxels keep their outlines.
+fn packed_at(level: u8, repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.006,
-        levels: Some(1),
+        levels: Some(1 + level),
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
@@ -44,10 +49,12 @@ fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
     };
     let packing = MeasuredPacking {
         walks: 1,
-        levels: vec![vec![of_material(0.0), of_material(0.3)]],
+        levels: vec![vec![of_material(0.0), of_material(0.3)]; 1 + usize::from(level)],
     };
     let octree = octree.with_packing(Some(packing)).unwrap();
-    VirtualFibreMedium::new(octree, 0, fibres, VirtualFibreEvent::Packed).unwrap()
+    let medium = VirtualFibreMedium::new(octree, level, fibres, VirtualFibreEvent::Packed).unwrap();
+    assert_eq!(medium.level(), level);
+    medium
 }
 
 fn cloth(repeats: bool) -> AnyMedium {
@@ -65,7 +72,9 @@ fn cut() -> AnyMedium {
 fn scenes() -> Vec<(&'static str, Scene)> {
     let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let flat = Projection::Orthographic { width_mm: 0.4 };
+    let coarse = AnyMedium::VirtualFibres(packed_at(2, true, silk_and_cotton()));
     vec![
+        ("coarse", scene(coarse, sky(), flat)),
         ("finite", scene(cloth(false), parallel(), pinhole)),
         ("endless", scene(cloth(true), parallel(), flat)),
         ("sky", scene(cloth(true), sky(), lens())),

@@ -22,14 +22,19 @@ fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -
 
 /// Fibres of two materials that cross in the same voxels.
 pub(crate) fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
+    cloth_at(0, fibres, event)
+}
+
+/// The same at a level, whose coarse voxels keep their outlines.
+fn cloth_at(level: u8, fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
-        levels: Some(2),
+        levels: Some(2.max(1 + level)),
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
     let octree = voxelize(&little_weave(0.015, 1), &options, &|_| ()).unwrap();
-    VirtualFibreMedium::new(octree, 0, fibres, event).unwrap()
+    VirtualFibreMedium::new(octree, level, fibres, event).unwrap()
 }
 
 pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
@@ -82,13 +87,14 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let pictures = vec![picture()];
-    for (name, lights, projection) in [
-        ("parallel", parallel(), pinhole),
-        ("sky", sky(), lens()),
-        ("panels", panels(), flat),
-        ("picture", pictures, flat),
+    for (name, level, lights, projection) in [
+        ("parallel", 0, parallel(), pinhole),
+        ("sky", 0, sky(), lens()),
+        ("panels", 0, panels(), flat),
+        ("picture", 0, pictures, flat),
+        ("coarse", 2, sky(), flat),
     ] {
-        let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Plain);
+        let medium = cloth_at(level, silk_and_cotton(), VirtualFibreEvent::Plain);
         let scene = scene(AnyMedium::VirtualFibres(medium), lights, projection);
         let settings = settings(0..samples(), u32::MAX);
         let made = kernel(&scene, &settings, Backend::widest());

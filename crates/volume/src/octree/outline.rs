@@ -19,6 +19,13 @@ const OUTLINE_LEVELS: u8 = 2;
 /// The bits of the first octant of a brick, 2 x 2 x 2 cells.
 const OCTANT: u64 = 0x0033_0033;
 
+/// The bit of a sub-cell in [`Octree::sub_cells`] of the cell around it, `depth` levels coarser.
+#[inline]
+pub fn sub_cell_bit(sub_cell: UVec3, depth: u8) -> u32 {
+    let c = sub_cell & ((1 << depth) - 1);
+    c.x | c.y << depth | c.z << (2 * depth)
+}
+
 impl Octree {
     /// The level whose cells are the sub-cells of `level`: two levels finer, but at least 0.
     pub fn outline_level(&self, level: u8) -> u8 {
@@ -49,6 +56,27 @@ impl Octree {
             });
         }
         mixture
+    }
+
+    /// Which sub-cells of a cell of `level` hold fibre, in the order of [`sub_cell_bit`], and all
+    /// sub-cells over those: 1 at level 0, where a cell is its own sub-cell.
+    pub fn sub_cells(&self, level: u8, cell: UVec3) -> (u64, f32) {
+        let finer = self.outline_level(level);
+        let depth = level - finer;
+        if depth == 0 {
+            return (u64::from(!self.mixture(level, cell).is_empty()), 1.0);
+        }
+        let low = self.stored(finer, cell << u32::from(depth));
+        let bricks = self.brick(finer, low >> 2u32);
+        let occupied = bricks.map_or(0, |(_, brick)| brick.masks[0]);
+        let mut mask = 0;
+        for place in 0..1u32 << (3 * depth) {
+            let edge = (1u32 << depth) - 1;
+            let within = UVec3::new(place, place >> depth, place >> (2 * depth)) & edge;
+            mask |= (occupied >> bit_of(low + within) & 1) << place;
+        }
+        let holding = mask.count_ones().max(1);
+        (mask, (1u32 << (3 * depth)) as f32 / holding as f32)
     }
 
     /// Bound of the extinction toward any direction in the sub-cells of a cell, 1/mm: that of

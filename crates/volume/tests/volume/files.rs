@@ -165,6 +165,31 @@ fn files_of_version_3_are_read() {
     assert_eq!(back.octree.packing(), None);
 }
 
+/// Factors of coarse levels from before their voxels kept outlines are left out, and those of
+/// level 0 are kept.
+#[test]
+fn factors_of_coarse_levels_without_outlines_are_left_out() {
+    let tree = cotton_octree(0.1);
+    let good = packing(&tree);
+    assert!(good.levels.len() > 1 && good.levels[1] != vec![MaterialPacking::default(); 4]);
+    let tree = tree.with_packing(Some(good.clone())).unwrap();
+    let mut bytes = Vec::new();
+    ovox::write(&tree, &files(), &mut bytes).unwrap();
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let end = 16 + word(12) as usize;
+    let mark = 16 + 83;
+    assert_eq!(bytes[mark], 1);
+    bytes[mark] = 0;
+    let mut sum = flate2::Crc::new();
+    sum.update(&bytes[16..end]);
+    bytes[end..end + 4].copy_from_slice(&sum.sum().to_le_bytes());
+    let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap().octree;
+    let kept = back.packing().unwrap();
+    assert_eq!((kept.walks, &kept.levels[0]), (good.walks, &good.levels[0]));
+    let none = MaterialPacking::default();
+    assert!(kept.levels[1..].iter().flatten().all(|m| *m == none));
+}
+
 /// A knit of 100 um voxels as version 1 of the format kept it.
 #[test]
 fn files_of_version_1_are_read() {

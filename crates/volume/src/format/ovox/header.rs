@@ -6,16 +6,21 @@
 //! Since version 4 it ends with the packing factors: the number of walks (u32; 0 where
 //! nothing was measured, and then nothing follows), and for each level and material the
 //! factor and its standard error (f32) for rays that leave the same yarn, then another
-//! yarn, then for rays from outside the cloth; a factor of 0 stands for none.
+//! yarn, then for rays from outside the cloth; a factor of 0 stands for none. They were measured
+//! with outlines inside coarse voxels where the last of the four bytes before the number of
+//! groups is 1; elsewhere only those of level 0 hold.
 
 use super::SourceFile;
 use super::blocks::word;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
-use crate::packing::{MeasuredPacking, PackingFactor};
+use crate::packing::{MaterialPacking, MeasuredPacking, PackingFactor};
 use crate::record::{Brick, RadiusScale, StoredPopulation};
 use glam::{DVec3, UVec2, UVec3};
+
+/// Marks factors of coarse levels that were measured with outlines.
+const WITH_OUTLINES: u8 = 1;
 
 /// Names of files, and how many bytes each has.
 type FileTable = Vec<(String, u64)>;
@@ -79,7 +84,8 @@ pub fn encode(o: &Octree, files: &[SourceFile]) -> Vec<u8> {
         FibreFootprint::Covered => 0,
         FibreFootprint::Axis => 1,
     };
-    h.extend([l.levels, u8::from(l.repeats), footprint, 0]);
+    let outlines = o.packing.as_ref().map_or(0, |_| WITH_OUTLINES);
+    h.extend([l.levels, u8::from(l.repeats), footprint, outlines]);
     h.extend((o.groups.len() as u64).to_le_bytes());
     for level in &o.levels {
         h.extend((level.bricks.len() as u64).to_le_bytes());
@@ -117,7 +123,12 @@ fn encode_packing(packing: Option<&MeasuredPacking>, h: &mut Vec<u8>) {
 }
 
 /// The packing factors, which end the header.
-fn decode_packing(rest: &[u8], levels: usize, materials: u32) -> Option<Option<MeasuredPacking>> {
+fn decode_packing(
+    rest: &[u8],
+    levels: usize,
+    materials: u32,
+    with_outlines: bool,
+) -> Option<Option<MeasuredPacking>> {
     let (walks, factors) = rest.split_at_checked(4)?;
     let walks = word(walks, 0);
     if walks == 0 {
@@ -139,12 +150,18 @@ fn decode_packing(rest: &[u8], levels: usize, materials: u32) -> Option<Option<M
         let places = (0..materials).map(|m| 24 * (level * materials + m));
         places.map(of_material).collect()
     };
-    let packing = MeasuredPacking {
+    let mut packing = MeasuredPacking {
         walks,
         levels: (0..levels).map(of_level).collect(),
     };
-    let fits = packing.fits(u8::try_from(levels).ok()?, materials);
-    fits.then_some(Some(packing))
+    if !packing.fits(u8::try_from(levels).ok()?, materials) {
+        return None;
+    }
+    if !with_outlines {
+        let coarse = packing.levels.iter_mut().skip(1);
+        coarse.for_each(|level| level.fill(MaterialPacking::default()));
+    }
+    Some(Some(packing))
 }
 
 /// Decodes a header; `None` when its values are inconsistent.
@@ -194,7 +211,7 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
         _ => (None, rest),
     };
     let packing = match version {
-        4.. => decode_packing(rest, levels, word(h, 76))?,
+        4.. => decode_packing(rest, levels, word(h, 76), h[83] == WITH_OUTLINES)?,
         _ if rest.is_empty() => None,
         _ => return None,
     };
