@@ -66,9 +66,27 @@ fn syntax(what: &str) -> Error {
     Error::Syntax(format!("glTF: {what}"))
 }
 
+/// Bytes of the header of a binary file, which its length includes.
+const BINARY_HEADER: u32 = 12;
+
+/// The length that a binary file says it has; `None` of a text.
+fn binary_length(bytes: &[u8]) -> Option<u32> {
+    let header = bytes.first_chunk::<{ BINARY_HEADER as usize }>()?;
+    let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = *header else {
+        return None;
+    };
+    Some(u32::from_le_bytes(length))
+}
+
 /// Parses and checks the text of the file. Indices of positions are checked first, because the
-/// checks of the library index accessors without a bounds check.
+/// checks of the library index accessors without a bounds check; so is the length of a binary
+/// file, from which the library subtracts that of the header.
 fn parse(bytes: &[u8]) -> Result<gltf::Gltf, Error> {
+    if let Some(length) = binary_length(bytes).filter(|length| *length < BINARY_HEADER) {
+        return Err(syntax(&format!(
+            "the header says that the file has {length} bytes, fewer than the header itself"
+        )));
+    }
     let unchecked = gltf::Gltf::from_slice_without_validation(bytes);
     let unchecked = unchecked.map_err(|e| syntax(&e.to_string()))?;
     let json = unchecked.document.as_json();

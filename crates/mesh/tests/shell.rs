@@ -139,6 +139,14 @@ fn damage_is_reported_and_never_panics() {
     for cut in 0..PLY.len() {
         let _ = read_ply(&PLY.as_bytes()[..cut], PLACEMENT, &mut budget());
     }
+    // Binary glTF that is shorter than its own header.
+    for length in 0..12u8 {
+        let bytes = [&b"glTF"[..], &[2, 0, 0, 0, length, 0, 0, 0]].concat();
+        let read = read_gltf(&bytes, PLACEMENT, &nothing_beside, &mut budget());
+        let message = read.map(|_| ()).unwrap_err().to_string();
+        let words = format!("has {length} bytes, fewer than the header");
+        assert!(message.contains(&words), "{message}");
+    }
     let binary = ply_binary();
     for cut in 0..binary.len() {
         assert!(read_ply(&binary[..cut], PLACEMENT, &mut budget()).is_err());
