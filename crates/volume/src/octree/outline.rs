@@ -59,12 +59,12 @@ impl Octree {
     }
 
     /// Which sub-cells of a cell of `level` hold fibre, in the order of [`sub_cell_bit`], and all
-    /// sub-cells over those: 1 at level 0, where a cell is its own sub-cell.
+    /// sub-cells over those: both 1 at level 0, where a cell is its own sub-cell, fibre or none.
     pub fn sub_cells(&self, level: u8, cell: UVec3) -> (u64, f32) {
         let finer = self.outline_level(level);
         let depth = level - finer;
         if depth == 0 {
-            return (u64::from(!self.mixture(level, cell).is_empty()), 1.0);
+            return (1, 1.0);
         }
         let low = self.stored(finer, cell << u32::from(depth));
         let bricks = self.brick(finer, low >> 2u32);
