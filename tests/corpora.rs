@@ -73,3 +73,35 @@ fn no_file_of_any_corpus_panics_a_reader_whole_or_damaged() {
         }
     }
 }
+
+/// Pictures of another program, as `organza bench --peer` reads them.
+const PEER: &str = r#"{"pictures": [{"program": "other 1.0", "scene": "denim_30_front",
+  "setup_s": 0.5, "render_s": 12.25, "memory_bytes": 1048576,
+  "mean": [[0.25, 0.5, 0.125], [0.1, 0.2, 0.3]],
+  "variance": [[1e-4, 2e-4, 0.0], [1e-5, 1e-5, 1e-5]]}]}"#;
+
+/// Damaged files of another program's pictures are answered too. What is read has the
+/// pixels that were asked for.
+#[test]
+fn no_damaged_picture_of_another_program_panics_its_reader() {
+    let path = crate::program::folder("damaged-peers").join("peer.json");
+    let read = |bytes: &[u8], pixels| {
+        std::fs::write(&path, bytes).unwrap();
+        organza_report::bench::Peer::read(&path, pixels).map(|pictures| pictures.len())
+    };
+    assert_eq!(read(PEER.as_bytes(), 2).unwrap(), 1);
+    let message = read(PEER.as_bytes(), 3).unwrap_err().to_string();
+    assert!(message.contains("expected 3 pixels, found 2"), "{message}");
+    for end in 0..PEER.len() {
+        assert!(read(&PEER.as_bytes()[..end], 2).is_err(), "cut at {end}");
+    }
+    let mut refused = 0;
+    for copy in 0..copies() {
+        let mut rng = PathRng::new(SEED, entries::ALL.len() as u64, copy);
+        let bytes = damaged(PEER.as_bytes(), &mut rng);
+        let answer = std::panic::catch_unwind(|| read(&bytes, 2));
+        let answer = answer.unwrap_or_else(|_| panic!("copy {copy}, seed {SEED:#x}"));
+        refused += u64::from(answer.is_err());
+    }
+    assert!(2 * refused > copies(), "{refused} of {} refused", copies());
+}

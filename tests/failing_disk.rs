@@ -88,6 +88,9 @@ fn chosen(operations: &[String], folder: &Path) -> Vec<usize> {
     numbers
 }
 
+/// The words of messages beside which a file or a folder is named.
+const NAMING: [&str; 3] = ["cannot write ", ": cannot make the folder", "--cache: "];
+
 /// Why what a failed run left is wrong. `before` is what was there, `whole` what an undisturbed
 /// run leaves.
 fn judge(
@@ -117,6 +120,9 @@ fn judge(
         // The folder is tried before the work begins: that is a refusal.
         Some(1 | 2) if message.lines().count() != 1 || !message.starts_with("organza: ") => {
             return Some(format!("expected one line: {message}"));
+        }
+        Some(1 | 2) if !NAMING.iter().any(|words| message.contains(words)) => {
+            return Some(format!("names no file: {message}"));
         }
         Some(1) => {}
         Some(2) if message.contains("cannot write in ") || message.contains("--cache: ") => {}
@@ -236,8 +242,12 @@ fn a_program_that_writes_in_place_is_found() {
         restore(&folder, &before);
         let (mut out, log) = run("sh", &script, &folder, at, Fault::Full);
         assert!(log.iter().any(|line| line.contains(" fails ")), "{log:?}");
-        out.stderr = b"organza: full".to_vec();
+        out.stderr = b"organza: cannot write out: full".to_vec();
         found += u32::from(judge(&CASE, &out, &before, &whole, &contents(&folder)).is_some());
+        // A message that names no file is found where the file itself is as it was.
+        out.stderr = b"organza: full".to_vec();
+        let why = judge(&CASE, &out, &before, &whole, &before);
+        assert_eq!(why.as_deref(), Some("names no file: organza: full"));
     }
     assert_eq!(
         found, 1,

@@ -23,6 +23,7 @@ mod far; // surface models, meshes and levels of detail in scenes
 mod far_table; // tables of the far field
 mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
+mod findings; // defects found from outside, and what shows their repair
 mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
 mod flake_families; // micro-flakes that only the general walk renders

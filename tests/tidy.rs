@@ -338,6 +338,36 @@ fn is_test_module(path: &Path) -> bool {
     })
 }
 
+/// Instruction sets that functions are compiled for, and those that the processor is asked
+/// for first.
+fn compiled_and_asked_for(dispatch: &str, backend: &str) -> [BTreeSet<String>; 2] {
+    let quoted = |text: &str, before: &str| -> Vec<String> {
+        let parts = text.split(before).skip(1);
+        let quotes = parts.filter_map(|part| part.split('"').nth(1));
+        quotes.map(str::to_owned).collect()
+    };
+    let compiled = quoted(dispatch, "enable = ").join(",");
+    let compiled = compiled.split(',').map(str::to_owned).collect();
+    let asked = quoted(backend, "is_x86_feature_detected!(");
+    [compiled, asked.into_iter().collect()]
+}
+
+/// A processor without an instruction that the vector kernel is compiled for never runs it.
+#[test]
+fn back_ends_ask_for_all_that_they_are_compiled_for() {
+    let read = |name: &str| {
+        let path = root().join("crates/kernel/src/cpu").join(name);
+        std::fs::read_to_string(path).unwrap()
+    };
+    let (dispatch, backend) = (read("dispatch.rs"), read("backend.rs"));
+    let [compiled, asked] = compiled_and_asked_for(&dispatch, &backend);
+    assert!(compiled.contains("bmi2") && compiled.len() >= 10);
+    assert_eq!(compiled, asked);
+    // Known bad: the questions of before.
+    let [_, asked] = compiled_and_asked_for(&dispatch, &backend.replace("(\"bmi2\")", "(\"fma\")"));
+    assert_ne!(compiled, asked);
+}
+
 #[test]
 fn only_caches_scenes_benches_and_the_command_line_open_files() {
     let closed = EDGES

@@ -107,7 +107,7 @@ fn a_mixture_is_seen_in_one_way() {
 }
 
 /// What a grid says that no medium is, is refused with the cell; it was rendered, or
-/// never came to an end.
+/// never came to an end. So are grids that take more memory than is allowed.
 #[test]
 fn grids_that_no_walk_gets_through_are_refused() {
     let folder = folder("grid_limits");
@@ -129,12 +129,19 @@ fn grids_that_no_walk_gets_through_are_refused() {
     let huge = [1e20, 1e20, 1e20, 0.0, 0.0, 0.0];
     let words = "sample (0, 0, 0) blocks up to 1";
     refused("sggx.vol", [1, 1, 1], 6, &huge, words);
+    // Of three files, all together may take what is allowed: the first has 128,000 bytes of
+    // values, the second 768,000.
     write_grid_scene(&folder);
-    let said = complaint(
-        &folder,
-        &["render", "scene.toml", "-o", "a.exr", "--max-memory", "20"],
-    );
-    assert!(said.contains("bytes of memory"), "{said}");
+    let cells = vec![1.0; 32_000];
+    write_vol(&folder.join("sigma_t.vol"), [40, 40, 20], 1, bounds, &cells);
+    let matrices = isotropic.repeat(32_000);
+    write_vol(&folder.join("sggx.vol"), [40, 40, 20], 6, bounds, &matrices);
+    for (allowed, name) in [("100KiB", "sigma_t.vol"), ("800KiB", "sggx.vol")] {
+        let render = ["render", "scene.toml", "-o", "a.exr", "--max-memory"];
+        let said = complaint(&folder, &[&render[..], &[allowed]].concat());
+        assert!(said.starts_with(&format!("organza: {name}: ")), "{said}");
+        assert!(said.contains(" are allowed"), "{said}");
+    }
 }
 
 /// A camera, lights and one object.

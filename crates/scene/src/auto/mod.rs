@@ -118,7 +118,10 @@ fn check(table: &ClothTable) -> Result<(), String> {
         return Err(format!(".{key}: model = \"auto\" decides it; leave it out"));
     }
     match table.tolerance {
-        Some(t) if !(t > 0.0 && t <= MAX_TOLERANCE) => Err(format!(
+        Some(t) if t > MAX_TOLERANCE => Err(format!(
+            ".tolerance: expected at most {MAX_TOLERANCE}, ten times the picture's brightness, found {t:e}"
+        )),
+        Some(t) if t.is_nan() || t <= 0.0 => Err(format!(
             ".tolerance: expected a positive share of the picture's brightness such as 0.1, found {t}"
         )),
         _ => Ok(()),
