@@ -3,98 +3,90 @@
 use crate::{Photograph, Repeat, ThreadGrid};
 use glam::DVec2;
 
-/// Samples along a side of a crossing while repeats are sought: a quarter of a crossing keeps
-/// the texture of the fibres out.
-const COARSE: usize = 4;
-/// The most crossings that are looked at for the repeat.
-const MOST: usize = 6400;
+/// Strips of a photograph, across and along, that are left out in turn to see by how much they
+/// differ.
+const STRIPS: usize = 8;
+/// Threads of a strip, at least.
+const MIN_THREADS: f64 = 2.0;
+/// Pixels that a texel needs; rounding leaves less where all were taken out.
+const MIN_COUNT: f64 = 1e-3;
 
-/// The crossings of a photograph, each as a few means.
-pub(crate) struct Crossings {
-    list: Vec<(i64, i64)>,
-    /// Square roots of brightness, and colour differences, of `COARSE * COARSE` parts of each.
-    parts: Vec<Vec<f64>>,
+/// Colours of places on a cloth, gathered on one repeat of its weave.
+#[derive(Clone, Debug)]
+pub struct Folding {
+    repeat: Repeat,
+    texels: [usize; 2],
+    /// Sums of colours and counts, for each texel of each crossing that differs.
+    sums: Vec<[f64; 4]>,
 }
 
-impl Crossings {
-    pub fn new(photograph: &Photograph, grid: &ThreadGrid) -> Crossings {
-        let [width, height] = photograph.size();
-        let (w, h) = (width as f64, height as f64);
-        let corners =
-            [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(|(x, y)| grid.thread(DVec2::new(x, y)));
-        let low = corners.iter().copied().fold(DVec2::MAX, DVec2::min).floor();
-        let high = corners.iter().copied().fold(DVec2::MIN, DVec2::max).ceil();
-        let (low, high) = (low.as_i64vec2(), high.as_i64vec2());
-        let columns = (high.x - low.x + 1) as usize;
-        let rows = (high.y - low.y + 1) as usize;
-        let n = COARSE * COARSE;
-        let mut sums = vec![[0.0f64; 4]; columns * rows * n];
-        for y in 0..height {
-            for x in 0..width {
-                let at = grid.thread(DVec2::new(x as f64, y as f64)) + 0.5;
-                let cell = at.floor();
-                let part = ((at - cell) * COARSE as f64)
-                    .as_u64vec2()
-                    .min(glam::U64Vec2::splat(COARSE as u64 - 1));
-                let (i, j) = (cell.x as i64 - low.x, cell.y as i64 - low.y);
-                if i < 0 || j < 0 || i as usize >= columns || j as usize >= rows {
-                    continue;
-                }
-                let cell = j as usize * columns + i as usize;
-                let k = cell * n + part.y as usize * COARSE + part.x as usize;
-                let c = photograph.pixel(x, y).map(|v| v.sqrt());
-                let sum = &mut sums[k];
-                (0..3).for_each(|k| sum[k] += c[k]);
-                sum[3] += 1.0;
-            }
+impl Folding {
+    /// An empty one with `texels` along x and y for each thread's spacing.
+    pub fn new(repeat: Repeat, texels: [usize; 2]) -> Folding {
+        Folding {
+            repeat,
+            texels,
+            sums: vec![[0.0; 4]; repeat.count() * texels[0] * texels[1]],
         }
-        // Whole crossings only: all parts have nearly the pixels that they should have.
-        let whole = 0.5 / (grid.frequency[0].perp_dot(grid.frequency[1]).abs() * n as f64);
-        let (mut list, mut parts) = (Vec::new(), Vec::new());
-        for (k, cell) in sums.chunks_exact(n).enumerate() {
-            if cell.iter().any(|s| s[3] < whole.max(0.5)) || list.len() >= MOST {
-                continue;
-            }
-            let (i, j) = ((k % columns) as i64, (k / columns) as i64);
-            list.push((low.x + i, low.y + j));
-            let means = |s: &[f64; 4]| [s[0] / s[3], s[1] / s[3], s[2] / s[3]];
-            parts.push(cell.iter().flat_map(means).collect());
-        }
-        Crossings { list, parts }
     }
 
-    pub fn len(&self) -> usize {
-        self.list.len()
+    /// Adds the colour of a place in thread coordinates, whose whole numbers are crossings. It is
+    /// shared by the four nearest texels, so that means change evenly where places move.
+    pub fn add(&mut self, thread: DVec2, colour: [f64; 3]) {
+        let size = DVec2::new(self.texels[0] as f64, self.texels[1] as f64);
+        let at = (thread + 0.5) * size - 0.5;
+        let low = at.floor();
+        let share = at - low;
+        let low = low.as_i64vec2();
+        for (dy, v) in [(0, 1.0 - share.y), (1, share.y)] {
+            for (dx, u) in [(0, 1.0 - share.x), (1, share.x)] {
+                let sum = &mut self.sums[texel(self.repeat, self.texels, low.x + dx, low.y + dy)];
+                (0..3).for_each(|k| sum[k] += u * v * colour[k]);
+                sum[3] += u * v;
+            }
+        }
     }
 
-    /// The variance that is left within classes of crossings; `None` if a class is empty.
-    pub fn unexplained(&self, class: impl Fn(i64, i64) -> usize, count: usize) -> Option<f64> {
-        let n = 3 * COARSE * COARSE;
-        let mut sums = vec![0.0; count * n];
-        let mut counts = vec![0usize; count];
-        for (&(e, p), v) in self.list.iter().zip(&self.parts) {
-            let k = class(e, p);
-            counts[k] += 1;
-            let sum = &mut sums[k * n..(k + 1) * n];
-            sum.iter_mut().zip(v).for_each(|(s, v)| *s += v);
-        }
-        if counts.contains(&0) || self.list.len() <= count {
-            return None;
-        }
-        let mut rest = 0.0;
-        for (&(e, p), v) in self.list.iter().zip(&self.parts) {
-            let k = class(e, p);
-            let mean = sums[k * n..(k + 1) * n]
-                .iter()
-                .map(|s| s / counts[k] as f64);
-            rest += v
-                .iter()
-                .zip(mean)
-                .map(|(v, m)| (v - m).powi(2))
-                .sum::<f64>();
-        }
-        Some(rest / (self.list.len() - count) as f64)
+    /// Width and height of a whole repeat, texels.
+    pub fn size(&self) -> [usize; 2] {
+        let [n, m] = self.texels;
+        [self.repeat.ends * n, self.repeat.all_picks() * m]
     }
+
+    /// Mean colours of the whole repeat, rows from the bottom. Texels without a place have the
+    /// colour that `missing` gives for them.
+    pub fn mean(&self, missing: impl Fn(usize) -> [f64; 3]) -> Vec<[f64; 3]> {
+        let [w, h] = self.size();
+        let value = |t: usize| {
+            let (x, y) = ((t % w) as i64, (t / w) as i64);
+            let [r, g, b, count] = self.sums[texel(self.repeat, self.texels, x, y)];
+            if count > MIN_COUNT {
+                [r / count, g / count, b / count]
+            } else {
+                missing(t)
+            }
+        };
+        (0..w * h).map(value).collect()
+    }
+
+    /// The same without the places of a part.
+    fn without(&self, part: &Folding) -> Folding {
+        let sums = self.sums.iter().zip(&part.sums);
+        Folding {
+            repeat: self.repeat,
+            texels: self.texels,
+            sums: sums
+                .map(|(a, b)| std::array::from_fn(|k| a[k] - b[k]))
+                .collect(),
+        }
+    }
+}
+
+/// The sum of a texel, counted from crossing (0, 0) without end.
+fn texel(repeat: Repeat, [n, m]: [usize; 2], x: i64, y: i64) -> usize {
+    let (n, m) = (n as i64, m as i64);
+    let class = repeat.class(x.div_euclid(n), y.div_euclid(m)) as i64;
+    ((class * m + y.rem_euclid(m)) * n + x.rem_euclid(n)) as usize
 }
 
 /// One repeat of the weave as the mean over all repeats of a photograph.
@@ -111,56 +103,53 @@ pub struct Fold {
     pub variance: f64,
     /// Mean colour of the pixels.
     pub mean_colour: [f64; 3],
+    /// The same as `mean` with one upright strip of the photograph left out, then with one level
+    /// strip left out.
+    pub without_strip: [Vec<Vec<[f64; 3]>>; 2],
 }
 
 impl Fold {
     /// Folds a photograph. A texel is a square share of a crossing, at least 1.5 pixels wide.
     pub fn new(photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Fold {
         let texels = grid.spacing_px().map(|s| ((s / 1.5) as usize).clamp(4, 6));
-        let [n, m] = texels;
-        let (w, h) = (repeat.ends * n, repeat.all_picks() * m);
-        // A sum for each crossing that differs.
-        let mut sums = vec![[0.0f64; 4]; repeat.count() * n * m];
-        let [width, height] = photograph.size();
+        let size = photograph.size();
+        let strips: [usize; 2] = std::array::from_fn(|k| {
+            let threads = size[k] as f64 / grid.spacing_px()[k];
+            ((threads / MIN_THREADS) as usize).clamp(2, STRIPS)
+        });
+        let empty = Folding::new(repeat, texels);
+        let mut whole = empty.clone();
+        let mut parts = strips.map(|n| vec![empty.clone(); n]);
         let (mut total, mut squares) = ([0.0; 3], 0.0);
-        for y in 0..height {
-            for x in 0..width {
-                let at = grid.thread(DVec2::new(x as f64, y as f64)) + 0.5;
-                let cell = at.floor();
-                let part = (at - cell) * DVec2::new(n as f64, m as f64);
-                let (i, j) = ((part.x as usize).min(n - 1), (part.y as usize).min(m - 1));
-                let class = repeat.class(cell.x as i64, cell.y as i64);
-                let sum = &mut sums[(class * m + j) * n + i];
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let thread = grid.thread(DVec2::new(x as f64, y as f64));
                 let c = photograph.pixel(x, y);
+                whole.add(thread, c);
+                parts[0][x * strips[0] / size[0]].add(thread, c);
+                parts[1][y * strips[1] / size[1]].add(thread, c);
                 for k in 0..3 {
-                    sum[k] += c[k];
                     total[k] += c[k];
                     squares += c[k] * c[k];
                 }
-                sum[3] += 1.0;
             }
         }
-        let pixels = (width * height) as f64;
+        let pixels = (size[0] * size[1]) as f64;
         let mean_colour = total.map(|t| t / pixels);
         let variance = squares / pixels - mean_colour.iter().map(|m| m * m).sum::<f64>();
-        let colour = |s: &[f64; 4]| -> [f64; 3] {
-            if s[3] > 0.0 {
-                [s[0] / s[3], s[1] / s[3], s[2] / s[3]]
-            } else {
-                mean_colour
-            }
-        };
-        let mean = (0..w * h).map(|t| {
-            let (x, y) = (t % w, t / w);
-            let class = repeat.class((x / n) as i64, (y / m) as i64);
-            colour(&sums[(class * m + y % m) * n + x % n])
+        let mean = whole.mean(|_| mean_colour);
+        let without_strip = parts.map(|list| {
+            list.iter()
+                .map(|p| whole.without(p).mean(|t| mean[t]))
+                .collect()
         });
         Fold {
             repeat,
             texels,
-            mean: mean.collect(),
+            mean,
             variance: variance.max(1e-12),
             mean_colour,
+            without_strip,
         }
     }
 
@@ -170,25 +159,25 @@ impl Fold {
         [self.repeat.ends * n, self.repeat.all_picks() * m]
     }
 
-    /// Another picture of the whole repeat, rows from the bottom, as the mean over crossings
-    /// that the repeat does not tell apart.
-    pub fn averaged(&self, picture: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let ([n, m], [w, h]) = (self.texels, self.size());
-        let class = |t: usize| {
-            let (x, y) = (t % w, t / w);
-            let class = self.repeat.class((x / n) as i64, (y / m) as i64);
-            (class * m + y % m) * n + x % n
-        };
-        let mut sums = vec![[0.0; 4]; self.repeat.count() * n * m];
-        for (t, c) in picture.iter().enumerate().take(w * h) {
-            let sum = &mut sums[class(t)];
-            (0..3).for_each(|k| sum[k] += c[k]);
-            sum[3] += 1.0;
+    /// Variances of the texels of `mean`, by the jackknife over upright and level strips: threads
+    /// differ from each other, and their own thickness hardly changes along them, so strips along
+    /// either system count.
+    pub fn variances(&self) -> Vec<[f64; 3]> {
+        let mut all = vec![[0.0; 3]; self.mean.len()];
+        for list in &self.without_strip {
+            for (t, variance) in all.iter_mut().enumerate() {
+                for (c, v) in variance.iter_mut().enumerate() {
+                    *v += jackknife(list.iter().map(|strip| strip[t][c]));
+                }
+            }
         }
-        let mean = |t: usize| {
-            let s = sums[class(t)];
-            [s[0] / s[3], s[1] / s[3], s[2] / s[3]]
-        };
-        (0..w * h).map(mean).collect()
+        all
     }
+}
+
+/// The variance of an estimate from those that leave out one of as many parts.
+pub fn jackknife(without: impl Iterator<Item = f64> + Clone) -> f64 {
+    let n = without.clone().count() as f64;
+    let mean = without.clone().sum::<f64>() / n;
+    without.map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n
 }

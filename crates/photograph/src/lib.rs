@@ -5,6 +5,7 @@
 //! its power spectrum. [`Repeat`] is how crossings repeat, [`Fold`] the mean over all repeats,
 //! and [`Likeness`] compares that with a picture that was computed for a draft.
 
+mod crossings;
 mod drafts;
 mod error;
 mod fold;
@@ -13,19 +14,21 @@ mod photograph;
 mod repeat;
 mod spectrum;
 mod thread_grid;
+mod vignetting;
 
 pub use drafts::{is_same_weave, name_of};
 pub use error::PhotographError;
-pub use fold::Fold;
-pub use likeness::{Likeness, moved};
+pub use fold::{Fold, Folding, jackknife};
+pub use likeness::{Likeness, explain, moved};
 pub use photograph::{MIN_SIDE, Photograph};
 pub use repeat::{MAX_CROSSINGS, Repeat};
 pub use spectrum::{Peak, Spectrum};
 pub use thread_grid::ThreadGrid;
+pub use vignetting::Vignetting;
 
 /// The repeats of the crossings of a photograph, the best first, with the share of the
 /// differences between crossings that each explains; at most `count`, none a multiple of one
 /// before it.
 pub fn repeats(photograph: &Photograph, grid: &ThreadGrid, count: usize) -> Vec<(Repeat, f64)> {
-    Repeat::of_crossings(&fold::Crossings::new(photograph, grid), count)
+    Repeat::of_crossings(&crossings::Crossings::new(photograph, grid), count)
 }

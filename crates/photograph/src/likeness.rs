@@ -66,9 +66,9 @@ pub fn moved(
     moved
 }
 
-/// The weights, not negative, with which two centred pictures explain a third, and how much of
-/// its variance that is, from their products.
-fn explain([aa, ab, bb]: [f64; 3], [fa, fb]: [f64; 2]) -> ([f64; 2], f64) {
+/// The weights, not negative, with which two pictures explain a third, and how much of its sum of
+/// squares that is, from the products of the pictures with each other and with the third.
+pub fn explain([aa, ab, bb]: [f64; 3], [fa, fb]: [f64; 2]) -> ([f64; 2], f64) {
     let alone = |f: f64, v: f64| if v > 0.0 && f > 0.0 { f / v } else { 0.0 };
     let det = aa * bb - ab * ab;
     if det > 1e-9 * aa * bb {
@@ -92,7 +92,6 @@ impl Likeness {
     pub fn best(fold: &Fold, picture: &[[f64; 3]]) -> Likeness {
         let [w, h] = fold.size();
         let texels = (w * h) as f64;
-        let picture = fold.averaged(picture);
         let centred = |k: usize, list: &[[f64; 3]]| -> Vec<f64> {
             let mean = list.iter().map(|c| c[k]).sum::<f64>() / texels;
             list.iter().map(|c| c[k] - mean).collect()
@@ -109,7 +108,7 @@ impl Likeness {
             weights: [[0.0; 2]; 3],
         };
         for blur in BLURS {
-            let blurred = moved(&picture, [w, h], [0.0; 2], blur);
+            let blurred = moved(picture, [w, h], [0.0; 2], blur);
             let bases = [0, 1].map(|k| centred(k, &blurred));
             let products = [
                 dot(&bases[0], &bases[0]),

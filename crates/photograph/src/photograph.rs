@@ -1,7 +1,6 @@
 //! A photograph as linear colours, and its brightness without the unevenness of the light.
 
 use crate::PhotographError;
-use glam::DVec2;
 
 /// The least side of a photograph, pixels.
 pub const MIN_SIDE: usize = 64;
@@ -49,18 +48,18 @@ impl Photograph {
         self.pixels[y * self.width + x].map(f64::from)
     }
 
-    /// The colour at a place, interpolated between pixels; that of the border outside.
-    pub fn at(&self, place: DVec2) -> [f64; 3] {
-        let clamp = |v: f64, n: usize| v.clamp(0.0, (n - 1) as f64);
-        let (x, y) = (clamp(place.x, self.width), clamp(place.y, self.height));
-        let (i, j) = (x as usize, y as usize);
-        let (i1, j1) = ((i + 1).min(self.width - 1), (j + 1).min(self.height - 1));
-        let (s, t) = (x - i as f64, y - j as f64);
-        let p = |i: usize, j: usize| self.pixels[j * self.width + i].map(f64::from);
-        let [a, b, c, d] = [p(i, j), p(i1, j), p(i, j1), p(i1, j1)];
-        std::array::from_fn(|k| {
-            (a[k] * (1.0 - s) + b[k] * s) * (1.0 - t) + (c[k] * (1.0 - s) + d[k] * s) * t
-        })
+    /// The photograph with pixels, counted from the lower left one, times a factor.
+    pub fn scaled(&self, factor: impl Fn(usize, usize) -> f64) -> Photograph {
+        let place = |i: usize| (i % self.width, i / self.width);
+        let pixels = self.pixels.iter().enumerate().map(|(i, p)| {
+            let (x, y) = place(i);
+            let factor = factor(x, y) as f32;
+            p.map(|v| v * factor)
+        });
+        Photograph {
+            pixels: pixels.collect(),
+            ..*self
+        }
     }
 
     /// Square roots of the luminances as shares of their local mean, less one: rows from the

@@ -1,6 +1,6 @@
 //! How the crossings of a photograph repeat.
 
-use crate::fold::Crossings;
+use crate::crossings::Crossings;
 use organza_weave::Draft;
 
 /// The most crossings of a repeat.

@@ -73,12 +73,8 @@ pub struct FitArgs {
     /// Cloths and plies: direction towards the lamp of that photograph, polar angle above 90 [default: 135,0]
     #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
     pub back_light: Option<[f64; 2]>,
-    /// Cloths: the weave, by name or as a .wif file [default: recognised]
-    #[arg(long, value_name = "NAME|FILE")]
-    pub draft: Option<String>,
-    /// Cloths: folder for a page with photographs and pictures side by side
-    #[arg(long, value_name = "FOLDER")]
-    pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub cloth: cloth::flags::PhotographArgs,
     /// Direction towards the light in the picture, polar angle and azimuth from the weft, degrees; scenes have their own [default: 45,0]
     #[arg(long, value_name = "THETA,PHI", allow_hyphen_values = true, value_parser = parse_angles)]
     pub light: Option<[f64; 2]>,
@@ -382,7 +378,7 @@ fn finish_with(
             Box::new(move |out| out.write_all(text.as_bytes()).context("writing failed"))
         };
         files.push((args.outfile.clone(), written(text)));
-        if let (Some(folder), Some(page)) = (&args.report, page) {
+        if let (Some(folder), Some(page)) = (&args.cloth.report, page) {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot make {}", folder.display()))?;
             files.push((folder.join("report.html"), written(page)));

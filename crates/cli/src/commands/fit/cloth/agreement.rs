@@ -23,7 +23,8 @@ pub struct Agreement {
 
 impl Agreement {
     /// Compares a picture in the units of the photograph with the folded photograph.
-    pub fn new(side: &Side, photograph: &[[f64; 3]], picture: &[[f64; 3]]) -> Agreement {
+    pub fn new(side: &Side, picture: &[[f64; 3]]) -> Agreement {
+        let photograph = &side.fold.mean[..];
         let pictures = [photograph, picture];
         let mean = pictures.map(|p| -> [f64; 3] {
             std::array::from_fn(|c| p.iter().map(|v| v[c]).sum::<f64>() / p.len() as f64)
@@ -51,7 +52,7 @@ impl Agreement {
 
 impl fmt::Display for Agreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [photograph, picture] = self.mean.map(super::triple);
+        let [photograph, picture] = self.mean.map(super::answer::triple);
         write!(
             f,
             "mean {picture}, photograph {photograph}; FLIP {:.3}; amplitude at the wale {:.3}, \
@@ -79,7 +80,6 @@ fn tiled(side: &Side, picture: &[[f64; 3]]) -> Picture {
 pub fn shown(
     side: &Side,
     whole: &Photograph,
-    folded: &[[f64; 3]],
     picture: &[[f64; 3]],
     agreement: &Agreement,
 ) -> FittedSide {
@@ -95,7 +95,7 @@ pub fn shown(
                 .map(|(x, y)| whole.pixel(x, y).map(|v| v as f32))
                 .collect(),
         },
-        folded: tiled(side, folded),
+        folded: tiled(side, &side.fold.mean),
         picture: tiled(side, picture),
         words: agreement.to_string(),
     }

@@ -1,22 +1,16 @@
-//! The computed side of a fit to photographs: a fabric with trial values and its pictures.
+//! The computed side of a fit to photographs: a fabric with trial values.
 
 use crate::commands::fit::FitArgs;
 use crate::error::input;
 use anyhow::Result;
-use glam::{UVec2, Vec2};
-use organza_basis::SegmentSource;
-use organza_measure::{Pair, TexelGrid, measure_texture};
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
-use organza_scene::patches::{Matter, PatchModel, PatchOptions};
+use organza_scene::loader::Loader;
+use organza_scene::patches::PatchModel;
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, FittedOptics, ShownAs};
 use organza_weave::{Draft, preset};
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-
-/// Threads of each system in trial pictures, at least.
-const FEW: usize = 4;
 
 /// The systems, as tables of a fabric file and names of their yarns.
 pub const SYSTEMS: [&str; 2] = ["warp", "weft"];
@@ -30,31 +24,38 @@ pub struct Trial {
     pub colours: [[f64; 3]; 2],
     /// Width of the highlight of the fibres, in the units of its key.
     pub roughness: f64,
+    /// Values of the photographs as a share of what `--white` makes of them.
+    pub exposure: f64,
+    /// Directions towards the lamps in front and behind, degrees.
+    pub lights_deg: [[f64; 2]; 2],
+}
+
+/// What a fabric file is made for.
+#[derive(Clone, Copy)]
+pub enum Purpose<'a> {
+    /// The answer, under a name.
+    Answer(&'a str),
+    /// A picture of at least so many threads of each system, laid by a seed.
+    Picture { threads: usize, seed: u64 },
 }
 
 /// A cloth whose trial values change.
 pub struct ClothModel<'a> {
-    args: &'a FitArgs,
+    pub args: &'a FitArgs,
     /// The name under which the trial fabric is read; files that it names are beside it.
-    path: PathBuf,
+    pub path: PathBuf,
     /// Everything but draft, threads and colours.
     base: Table,
-    shown: ShownAs,
+    /// How the cloth is shown.
+    pub shown: ShownAs,
     /// The optics that are fitted.
     pub fitted: &'static FittedOptics,
     /// Spacing of warp and weft, mm.
-    spacing_mm: [f64; 2],
+    pub spacing_mm: [f64; 2],
+    /// By how much the cloth is turned in the photograph, degrees.
+    pub turn_deg: f64,
     /// Count and width of both yarns where nothing presses on them.
     free: [[f64; 2]; 2],
-    /// The last matter, for other colours of the same cloth.
-    matter: RefCell<Option<Built>>,
-}
-
-/// Matter, and the draft and counts that it was made for.
-struct Built {
-    draft: Draft,
-    tex: [f64; 2],
-    matter: Matter,
 }
 
 impl<'a> ClothModel<'a> {
@@ -63,7 +64,7 @@ impl<'a> ClothModel<'a> {
     ///
     /// # Errors
     /// A fabric that cannot be read or is not woven, or a model without fibres.
-    pub fn new(args: &'a FitArgs, spacing_mm: [f64; 2]) -> Result<ClothModel<'a>> {
+    pub fn new(args: &'a FitArgs, spacing_mm: [f64; 2], turn_deg: f64) -> Result<ClothModel<'a>> {
         let own: Table = match &args.fabric {
             Some(path) => {
                 let loader = args.common.host.loader();
@@ -92,8 +93,8 @@ impl<'a> ClothModel<'a> {
             shown,
             fitted,
             spacing_mm,
+            turn_deg,
             free: [[1.0; 2]; 2],
-            matter: RefCell::new(None),
         };
         model.measure_yarns()?;
         Ok(model)
@@ -107,8 +108,14 @@ impl<'a> ClothModel<'a> {
             tex: [10.0; 2],
             colours: [[0.5; 3]; 2],
             roughness: self.fitted.start,
+            exposure: 1.0,
+            lights_deg: [[0.0; 2]; 2],
         };
-        let fabric = self.fabric(&plain, &trial);
+        let few = Purpose::Picture {
+            threads: 4,
+            seed: 0,
+        };
+        let fabric = self.fabric(&plain, &trial, few);
         self.spacing_mm = spacing_mm;
         let figures = fabric?.cloth.figures();
         for (k, figures) in [figures.warp, figures.weft].into_iter().enumerate() {
@@ -128,15 +135,17 @@ impl<'a> ClothModel<'a> {
     }
 
     /// The fabric file with trial values.
-    pub fn table(&self, draft: &Draft, trial: &Trial, name: Option<&str>) -> Table {
+    pub fn table(&self, draft: &Draft, trial: &Trial, purpose: Purpose<'_>) -> Table {
         let mut table = Table::new();
         let text = |t: &str| Value::String(t.to_owned());
         let number = Value::Float;
-        if let Some(name) = name {
+        let mut weave = None;
+        if let Purpose::Answer(name) = purpose {
             table.insert("name".into(), text(name));
+            weave = organza_photograph::name_of(draft);
         }
         let mut of_draft = Table::new();
-        match organza_photograph::name_of(draft).filter(|_| name.is_some()) {
+        match weave {
             Some(weave) => of_draft.insert("weave".into(), text(&weave)),
             None => {
                 let rows = draft.drawdown().lines().map(text).collect();
@@ -154,10 +163,10 @@ impl<'a> ClothModel<'a> {
             table.insert(system.into(), Value::Table(threads));
         }
         table.extend(self.base.clone());
-        if name.is_none() {
-            // Several threads, so that no single one decides.
+        if let Purpose::Picture { threads, seed } = purpose {
+            table.insert("seed".into(), Value::Integer(seed as i64));
             let repeats = [draft.ends(), draft.picks()];
-            let repeats = repeats.map(|n| Value::Integer(FEW.div_ceil(n) as i64));
+            let repeats = repeats.map(|n| Value::Integer(threads.div_ceil(n) as i64));
             let tile = [("repeats".to_owned(), Value::Array(repeats.to_vec()))];
             table.insert("tile".into(), Value::Table(Table::from_iter(tile)));
         }
@@ -179,84 +188,31 @@ impl<'a> ClothModel<'a> {
     ///
     /// # Errors
     /// Yarns that do not fit into their spacing.
-    pub fn fabric(&self, draft: &Draft, trial: &Trial) -> Result<Fabric> {
-        let text = toml::to_string(&self.table(draft, trial, None))?;
-        let mut loader = self.args.common.host.loader();
-        loader.give(self.path.clone(), text);
+    pub fn fabric(&self, draft: &Draft, trial: &Trial, purpose: Purpose<'_>) -> Result<Fabric> {
+        let loader = self.loader(draft, trial, purpose)?;
         Ok(fabric_file::load(&self.path, &[], &loader)?)
     }
 
-    /// Pictures of one repeat for pairs of directions to the light and the camera: BSDF, rows
-    /// from the bottom, with `texels` along x and y for each thread's spacing. `paths` are those
-    /// of a texel; pictures of another `stream` have independent noise.
-    ///
-    /// # Errors
-    /// As [`ClothModel::fabric`].
-    pub fn pictures(
+    /// Whether the yarns fit into their spacing.
+    pub fn fits(&self, draft: &Draft, trial: &Trial) -> bool {
+        let few = Purpose::Picture {
+            threads: 4,
+            seed: 0,
+        };
+        self.fabric(draft, trial, few).is_ok()
+    }
+
+    /// A loader that has the fabric with trial values at [`ClothModel::path`].
+    pub fn loader(
         &self,
         draft: &Draft,
         trial: &Trial,
-        pairs: &[(Pair, [usize; 2])],
-        (paths, stream): (u64, u64),
-    ) -> Result<Vec<Vec<[f64; 3]>>> {
-        let fabric = self.fabric(draft, trial)?;
-        let loader = self.args.common.host.loader();
-        let options = PatchOptions {
-            loader: &loader,
-            voxel_um: self.args.voxel.voxel_um,
-            level: 0,
-            max_memory_bytes: self.args.memory.max_memory,
-        };
-        let last = self.matter.take();
-        let same = last.filter(|b| b.tex == trial.tex && b.draft == *draft);
-        let built = match same {
-            Some(built) => built,
-            None => Built {
-                draft: draft.clone(),
-                tex: trial.tex,
-                matter: Matter::new(&fabric, &self.path, self.shown, &options)?,
-            },
-        };
-        let patch = built.matter.patch(&fabric, &self.path, &options)?;
-        self.matter.replace(Some(built));
-        let bounds_mm = fabric.cloth.tile().bounds_mm;
-        let size_mm: Vec2 = fabric.tile_mm();
-        let tile = fabric.cloth.draft().unwrap_or(draft);
-        let picture = |(pair, [n, m]): &(Pair, [usize; 2])| -> Result<Vec<[f64; 3]>> {
-            let repeats = UVec2::new(
-                (tile.ends() / draft.ends()).max(1) as u32,
-                (tile.picks() / draft.picks()).max(1) as u32,
-            );
-            let one = UVec2::new((draft.ends() * n) as u32, (draft.picks() * m) as u32);
-            let grid = TexelGrid {
-                low_mm: bounds_mm.min.truncate(),
-                size_mm,
-                texels: one * repeats,
-            };
-            let texture = {
-                let paths = paths.div_ceil(u64::from(repeats.x * repeats.y)).max(2);
-                measure_texture(
-                    &patch,
-                    *pair,
-                    &grid,
-                    paths,
-                    self.args.seed.wrapping_add(1000 * stream),
-                )?
-            };
-            self.args.common.host.stop_if_asked();
-            let width = grid.texels.x as usize;
-            let rows: Vec<&[[f32; 3]]> = texture.mean.chunks_exact(width).rev().collect();
-            let mut sums = vec![[0.0; 3]; (one.x * one.y) as usize];
-            for (y, row) in rows.iter().enumerate() {
-                for (x, value) in row.iter().enumerate() {
-                    let at = y % one.y as usize * one.x as usize + x % one.x as usize;
-                    (0..3).for_each(|c| sums[at][c] += f64::from(value[c]));
-                }
-            }
-            let count = f64::from(repeats.x * repeats.y);
-            Ok(sums.into_iter().map(|s| s.map(|v| v / count)).collect())
-        };
-        pairs.iter().map(picture).collect()
+        purpose: Purpose<'_>,
+    ) -> Result<Loader<'static>> {
+        let text = toml::to_string(&self.table(draft, trial, purpose))?;
+        let mut loader = self.args.common.host.loader();
+        loader.give(self.path.clone(), text);
+        Ok(loader)
     }
 }
 

@@ -2,6 +2,7 @@
 //! repeat allows.
 
 use super::model::{ClothModel, Trial};
+use super::pictures::{Effort, pictures};
 use super::sides::Side;
 use anyhow::Result;
 use organza_photograph::{Likeness, name_of};
@@ -28,9 +29,19 @@ const FINALISTS: usize = 4;
 /// By how much more an interlacing without a name must explain than a named weave.
 const UNNAMED: f64 = 1.1;
 
+/// How drafts are looked at: each for a moment.
+pub const LOOK: Effort = Effort {
+    threads: 10,
+    paths: 40,
+    seed: 1,
+};
+
 /// Brightness of white and black threads.
-const WHITE: f64 = 0.7;
-const BLACK: f64 = 0.02;
+pub const WHITE: f64 = 0.7;
+pub const BLACK: f64 = 0.02;
+
+/// Channels do not mix: one picture shows white warp, white weft, and both.
+pub const LOOK_COLOURS: [[f64; 3]; 2] = [[WHITE, BLACK, WHITE], [BLACK, WHITE, WHITE]];
 
 /// A draft that may be that of the cloth.
 #[derive(Clone, Debug)]
@@ -51,7 +62,6 @@ pub fn recognise(
     model: &ClothModel<'_>,
     side: &Side,
     drafts: Vec<Draft>,
-    paths: u64,
     step: &mut dyn FnMut(),
 ) -> Result<Vec<Candidate>> {
     let mut failure = None;
@@ -60,13 +70,7 @@ pub fn recognise(
         // Yarns that do not fit are tried thinner.
         for cover in [0, 1, 7] {
             step();
-            match look(
-                model,
-                side,
-                &draft,
-                model.tex_of_cover(COVERS[cover]),
-                paths,
-            ) {
+            match look(model, side, &draft, model.tex_of_cover(COVERS[cover])) {
                 Ok(found) => {
                     list.push(found);
                     break;
@@ -92,13 +96,8 @@ pub fn recognise(
     for candidate in list.iter_mut().take(FINALISTS) {
         for cover in &COVERS[1..] {
             step();
-            if let Ok(found) = look(
-                model,
-                side,
-                &candidate.draft,
-                model.tex_of_cover(*cover),
-                paths,
-            ) && found.likeness.of_photograph > candidate.likeness.of_photograph
+            if let Ok(found) = look(model, side, &candidate.draft, model.tex_of_cover(*cover))
+                && found.likeness.of_photograph > candidate.likeness.of_photograph
             {
                 *candidate = found;
             }
@@ -117,21 +116,18 @@ pub fn look(
     side: &Side,
     draft: &Draft,
     tex: [f64; 2],
-    paths: u64,
 ) -> Result<Candidate> {
-    // Channels do not mix: one picture shows white warp, white weft, and both.
     let trial = Trial {
         tex,
-        colours: [[WHITE, BLACK, WHITE], [BLACK, WHITE, WHITE]],
+        colours: LOOK_COLOURS,
         roughness: model.fitted.start,
+        exposure: 1.0,
+        lights_deg: [side.view.light_deg; 2],
     };
-    let pairs = [(side.pair, side.fold.texels)];
-    let picture = model.pictures(draft, &trial, &pairs, (paths, 0))?.remove(0);
-    let likeness = Likeness::best(&side.fold, &picture);
+    let pictures = pictures(model, draft, &trial, std::slice::from_ref(side), LOOK)?;
+    let likeness = Likeness::best(&side.fold, &pictures[0].folded([0.0; 2]));
     let colour = |k: usize| -> [f64; 3] {
-        std::array::from_fn(|c| {
-            (WHITE * likeness.weights[c][k] / side.value_per_bsdf).clamp(BLACK, 0.9)
-        })
+        std::array::from_fn(|c| (WHITE * likeness.weights[c][k]).clamp(BLACK, 0.9))
     };
     Ok(Candidate {
         draft: draft.clone(),

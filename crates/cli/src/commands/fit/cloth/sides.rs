@@ -1,73 +1,137 @@
-//! Photographs and how they were taken.
+//! Photographs, and how they were taken.
 
-use crate::commands::fit::{BACK_LIGHT, FitArgs, VIEW};
-use organza_measure::{Angles, Pair};
-use organza_photograph::{Fold, Photograph, Repeat, ThreadGrid};
+use super::flags::VignettingFlag;
+use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, VIEW};
+use glam::{DVec2, DVec3};
+use organza_measure::Angles;
+use organza_photograph::{Fold, Photograph, Repeat, ThreadGrid, Vignetting};
 use std::f64::consts::PI;
-
-/// Direction towards the lamp in front of the cloth by default, degrees.
-const LIGHT: [f64; 2] = super::super::LIGHT;
 
 /// One photograph, folded, and how it was taken.
 pub struct Side {
     /// Its name in messages.
     pub name: &'static str,
-    /// Directions to light and camera, seen from the cloth's threads.
-    pub pair: Pair,
+    /// Which photograph it is: 0 is the front.
+    pub index: usize,
     /// The photograph's mean repeat.
     pub fold: Fold,
-    /// Value of the photograph for a BSDF of 1/sr.
-    pub value_per_bsdf: f64,
+    /// The camera and the lamp.
+    pub view: View,
+}
+
+/// A camera and a lamp over a cloth whose weft runs along x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Direction towards the lamp by the flags, degrees.
+    pub light_deg: [f64; 2],
+    /// Distance of the lamp; parallel light if none.
+    pub light_mm: Option<f64>,
+    /// Direction towards the camera, degrees.
+    pub camera_deg: [f64; 2],
+    /// Distance of the camera; parallel rays if none.
+    pub camera_mm: Option<f64>,
+    /// Azimuth of the direction that is to the right in the photograph, degrees.
+    pub right_deg: f64,
+    /// Size of the photographed cloth.
+    pub size_mm: DVec2,
+    /// Value of white paper in the middle of the photograph.
+    pub white: f64,
+}
+
+/// The unit vector of a direction in degrees.
+pub fn direction([theta_deg, phi_deg]: [f64; 2]) -> DVec3 {
+    Angles { theta_deg, phi_deg }.direction().as_dvec3()
+}
+
+impl View {
+    /// Whether all of the photograph is seen and lit from the same directions.
+    pub fn is_parallel(&self) -> bool {
+        self.light_mm.is_none() && self.camera_mm.is_none()
+    }
+
+    /// Radiant quantities for which white paper has the stated value: the irradiance on a plane
+    /// across parallel light, or the intensity of a lamp at a distance.
+    pub fn strength(&self, light_deg: [f64; 2]) -> f64 {
+        let cos = direction(light_deg).z.abs();
+        PI * self.white / cos * self.light_mm.map_or(1.0, |d| d * d)
+    }
 }
 
 /// How the photographs of a cloth were taken.
 pub struct Taken<'a> {
     args: &'a FitArgs,
     /// By how much the cloth is turned in the photograph, degrees.
-    turn_deg: f64,
+    pub turn_deg: f64,
+    size_mm: DVec2,
 }
 
 impl<'a> Taken<'a> {
-    /// Photographs of a cloth whose threads lie so.
-    pub fn new(args: &'a FitArgs, grid: &ThreadGrid) -> Taken<'a> {
+    /// Photographs of this size, mm, of a cloth whose threads lie so.
+    pub fn new(args: &'a FitArgs, grid: &ThreadGrid, size_mm: DVec2) -> Taken<'a> {
         let [warp, weft] = grid.angles_deg();
         Taken {
             args,
             turn_deg: 0.5 * (warp + weft),
+            size_mm,
         }
     }
 
-    fn side(
-        &self,
-        name: &'static str,
-        light: [f64; 2],
-        (photograph, grid, repeat): (&Photograph, &ThreadGrid, Repeat),
-    ) -> Side {
-        let angles = |[theta_deg, phi_deg]: [f64; 2]| Angles {
-            theta_deg,
-            phi_deg: phi_deg - self.turn_deg,
+    fn side(&self, index: usize, fold: Fold) -> Side {
+        let cloth = &self.args.cloth;
+        let (name, light, light_mm) = match index {
+            0 => ("front", self.args.light.unwrap_or(LIGHT), cloth.light_mm),
+            _ => {
+                let light = self.args.back_light.unwrap_or(BACK_LIGHT);
+                ("back", light, cloth.back_light_mm)
+            }
         };
+        let turned = |[theta, phi]: [f64; 2]| [theta, phi - self.turn_deg];
         Side {
             name,
-            pair: Pair {
-                incident: angles(light),
-                exitant: angles(self.args.view.unwrap_or(VIEW)),
+            index,
+            fold,
+            view: View {
+                light_deg: turned(light),
+                light_mm,
+                camera_deg: turned(self.args.view.unwrap_or(VIEW)),
+                camera_mm: cloth.camera_mm,
+                right_deg: -self.turn_deg,
+                size_mm: self.size_mm,
+                white: self.args.white.unwrap_or(1.0),
             },
-            fold: Fold::new(photograph, grid, repeat),
-            // White sends 1/pi of the light on it into every direction.
-            value_per_bsdf: PI * self.args.white.unwrap_or(1.0),
         }
     }
 
     /// The photograph with the lamp in front.
     pub fn front(&self, photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        let light = self.args.light.unwrap_or(LIGHT);
-        self.side("front", light, (photograph, grid, repeat))
+        self.side(0, Fold::new(photograph, grid, repeat))
     }
 
     /// The photograph with the lamp behind.
     pub fn back(&self, photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        let light = self.args.back_light.unwrap_or(BACK_LIGHT);
-        self.side("back", light, (photograph, grid, repeat))
+        self.side(1, Fold::new(photograph, grid, repeat))
     }
+}
+
+/// A photograph without vignetting, and the vignetting that was found or stated.
+pub fn without_vignetting(
+    args: &FitArgs,
+    photograph: Photograph,
+    (light, light_mm): ([f64; 2], Option<f64>),
+    size_mm: DVec2,
+) -> (Photograph, Option<Vignetting>) {
+    let vignetting = match args.cloth.vignetting {
+        None => return (photograph, None),
+        Some(VignettingFlag::Known(vignetting)) => vignetting,
+        // Light of a lamp on a plane is what a lens does not explain.
+        Some(VignettingFlag::Fit) => Vignetting::find(&photograph, |at| {
+            let Some(distance) = light_mm else {
+                return 1.0;
+            };
+            let lamp = direction(light) * distance;
+            let place = (at * 0.5 * size_mm.length()).extend(0.0);
+            (distance / (lamp - place).length()).powi(3)
+        }),
+    };
+    (vignetting.removed(&photograph), Some(vignetting))
 }

@@ -1,0 +1,118 @@
+//! What a fit to photographs found, as it is printed.
+
+use super::agreement::{self, Agreement};
+use super::model::SYSTEMS;
+use super::photographs::Photographs;
+use super::search::Found;
+use super::sides::Side;
+use crate::commands::fit::FitArgs;
+use anyhow::Result;
+use organza_photograph::{ThreadGrid, name_of};
+use organza_report::PhotographFit;
+use organza_weave::Draft;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// The name of a draft, or its rows.
+pub fn shown_name(draft: &Draft) -> String {
+    name_of(draft).unwrap_or_else(|| draft.drawdown().trim().replace('\n', "/"))
+}
+
+/// What a fit found.
+pub struct Answer<'a> {
+    /// Where the threads are.
+    pub grid: &'a ThreadGrid,
+    /// Spacing of warp and weft.
+    pub spacing_mm: [f64; 2],
+    /// Widths of their threads.
+    pub widths_mm: [f64; 2],
+    /// The draft.
+    pub draft: &'a Draft,
+    /// How certain it is, from 0 to 1.
+    pub confidence: f64,
+    /// Whether the arguments name it.
+    pub is_given: bool,
+    /// The other values.
+    pub found: &'a Found,
+    /// The photographs.
+    pub sides: &'a [Side],
+    /// How well the pictures agree with them.
+    pub agreement: Vec<Agreement>,
+    /// What is printed of the vignetting.
+    pub vignetting: &'a [String],
+}
+
+impl Answer<'_> {
+    /// What is printed.
+    pub fn words(&self) -> Vec<String> {
+        let mut list = Vec::new();
+        let angles = self.grid.angles_deg();
+        for (k, system) in SYSTEMS.into_iter().enumerate() {
+            list.push(format!(
+                "{system}: {:.3} threads per cm, turned by {:.2} degrees; width {:.4} +- {:.4} \
+                 mm; colour {}",
+                10.0 / self.spacing_mm[k],
+                angles[k],
+                self.widths_mm[k],
+                self.width_se_mm(k),
+                triple(self.found.trial.colours[k]),
+            ));
+        }
+        list.push(match self.is_given {
+            true => format!("draft: {}, given", shown_name(self.draft)),
+            false => format!(
+                "draft: {}, confidence {:.2}",
+                shown_name(self.draft),
+                self.confidence
+            ),
+        });
+        for (side, agreement) in self.sides.iter().zip(&self.agreement) {
+            list.push(format!("{}: {agreement}", side.name));
+        }
+        list.extend_from_slice(self.vignetting);
+        list
+    }
+
+    /// Standard error of a width: threads are as wide as the root of their count.
+    fn width_se_mm(&self, k: usize) -> f64 {
+        let tex = &self.found.parameters[k];
+        0.5 * self.widths_mm[k] * tex.se / tex.value.max(1e-9)
+    }
+
+    /// For programs.
+    pub fn figures(&self) -> Value {
+        let sides = self.sides.iter().zip(&self.agreement);
+        let widths_se_mm = [0, 1].map(|k| self.width_se_mm(k));
+        json!({
+            "spacing_mm": self.spacing_mm,
+            "angles_deg": self.grid.angles_deg(),
+            "draft": shown_name(self.draft),
+            "confidence": self.confidence,
+            "widths_mm": self.widths_mm,
+            "widths_se_mm": widths_se_mm,
+            "residual": self.found.residual,
+            "sides": sides.map(|(s, a)| a.json(s.name)).collect::<Vec<Value>>(),
+        })
+    }
+
+    /// The report.
+    pub fn page(&self, args: &FitArgs, front: &Path, photographs: &Photographs) -> Result<String> {
+        let pictures = self.found.pictures.iter().zip(&self.agreement);
+        let shown = self.sides.iter().zip(photographs.all()).zip(pictures);
+        let shown = shown.map(|((side, whole), (picture, agreement))| {
+            agreement::shown(side, whole, picture, agreement)
+        });
+        let page = PhotographFit {
+            title: format!("Fitted to {}", front.display()),
+            command: args.common.host.command_line(),
+            lines: self.words(),
+            sides: shown.collect(),
+        };
+        Ok(page.html()?)
+    }
+}
+
+/// A colour.
+pub fn triple([r, g, b]: [f64; 3]) -> String {
+    format!("{r:.4} {g:.4} {b:.4}")
+}
