@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Changes the code in one place at a time and counts which changes the tests of its crate find.
 
-    python3 benches/mutants.py scatter [COUNT]      tests COUNT mutants (25), then prints a table
-    python3 benches/mutants.py scatter COUNT COMMIT tests those of them again that survived at COMMIT
+    python3 benches/mutants.py scatter [COUNT]       tests COUNT mutants (25), then prints a table
+    python3 benches/mutants.py scatter COUNT COMMIT  tests those again that survived at COMMIT
 
 Needs `cargo install cargo-mutants --locked`, which lists the mutants of a crate. COUNT of them
 are drawn with a fixed seed, so a greater COUNT extends the same sample. To build once and not once
@@ -12,30 +12,32 @@ that do not compile in this way (constants, for example) are built alone; those 
 compile alone are no evidence, and are not counted among those that died.
 
 The copy, target/mutants/CRATE/tree, is tested with TESTS until the first test fails. Without a
-mutant all tests must pass. A mutant for which they take much longer than without it counts as
-found, and is listed apart. What is known already is in target/mutants/CRATE/COMMIT.jsonl: an
-interrupted run resumes there. A mutant is known by its place in the list, which new tests do not
-change; what died at an earlier COMMIT dies as long as only tests are added.
+mutant all tests must pass. A mutant with which they take LONGEST times the processor time that
+they take without counts as found, and is listed apart. What is known already is in
+target/mutants/CRATE/COMMIT.jsonl: an interrupted run resumes there. A mutant is known by its
+place in the list, which new tests do not change; what died at an earlier COMMIT dies as long as
+only tests are added.
 """
 
-import io
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
-import tarfile
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SEED = 24
+LONGEST = 5
 # Packages and their tests that are quick enough to be run once a mutant.
 TESTS = {
-    "scatter": [["scatter", "--lib", "--test=packed_precision", "--test=ply_precision", "--test=slabs"]],
+    "scatter": [
+        ["scatter", "--lib", "--test=packed_precision", "--test=ply_precision", "--test=slabs"]
+    ],
     "volume": [["volume", "--lib", "--test=volume"]],
-    "kernel": [["kernel", "--lib"], ["transport", "--test=kernel"]],
+    "kernel": [["kernel", "--lib"]],
     "measure": [["measure", "--lib"]],
 }
 # Code that these tests do not compile: the engine for graphics cards.
@@ -54,43 +56,38 @@ pub mod mutant {
 """
 
 
-def tree(crate):
-    """A copy of the commit that is checked out, and its name."""
+def source(folder):
+    """The commit that is checked out, in a folder; and its name."""
     commit = subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=ROOT, text=True).strip()
-    copy = ROOT / "target" / "mutants" / crate / "tree"
-    archive = subprocess.check_output(["git", "archive", commit], cwd=ROOT)
-    with tarfile.open(fileobj=io.BytesIO(archive)) as files:
-        for file in filter(tarfile.TarInfo.isfile, files):
-            path, content = copy / file.name, files.extractfile(file).read()
-            # Only what differs, or cargo builds all again.
-            if not path.exists() or path.read_bytes() != content:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(content)
-    return copy, commit[:7]
+    folder.mkdir(parents=True, exist_ok=True)
+    archive = subprocess.Popen(["git", "archive", commit], cwd=ROOT, stdout=subprocess.PIPE)
+    subprocess.run(["tar", "-x", "-C", folder], stdin=archive.stdout, check=True)
+    if archive.wait() != 0:
+        sys.exit("git archive failed")
+    return commit[:7]
 
 
-def journal(copy, commit):
+def journal(folder, commit):
     """The file of what is known at a commit, and what it holds: outcomes by place."""
-    path = copy.parent / f"{commit}.jsonl"
+    path = folder / f"{commit}.jsonl"
     if not path.exists():
         return path, {}
     lines = (json.loads(line) for line in path.read_text().splitlines())
     return path, {place: outcome for place, outcome, _ in lines}
 
 
-def listed(crate, copy):
+def listed(crate, folder):
     """All mutants of a crate."""
     command = ["cargo", "mutants", "--list", "--json", "--package", f"organza-{crate}"]
     command += [f"--exclude={pattern}" for pattern in EXCLUDED.get(crate, [])]
-    return json.loads(subprocess.check_output(command, cwd=copy, text=True))
+    return json.loads(subprocess.check_output(command, cwd=folder, text=True))
 
 
 class Source:
-    """A source file of the copy and its mutants."""
+    """A source file and its mutants."""
 
-    def __init__(self, path):
-        self.path = path
-        self.text = path.read_text()
+    def __init__(self, text):
+        self.text = text
         self.starts = [0]
         for line in self.text.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
@@ -116,12 +113,12 @@ class Source:
         a, b = self.span(mutant["span"])
         return f"{self.text[start:a]} {mutant['replacement']} {self.text[b:end]}"
 
-    def write_alone(self, mutant):
-        self.path.write_text(self.mutated(mutant, 0, len(self.text)))
+    def alone(self, mutant):
+        return self.mutated(mutant, 0, len(self.text))
 
-    def write_together(self, mutants):
-        """Writes those mutants, by number, that can be chosen when the program runs; returns
-        the lines on which each function with mutants lies, and the numbers of its mutants."""
+    def together(self, mutants):
+        """The text with those mutants, by number, that can be chosen when the program runs; and
+        the lines on which each function with mutants lies, with the numbers of its mutants."""
         bodies = {}
         for number, mutant in mutants.items():
             body = mutant["function"] and self.body(mutant["function"])
@@ -138,32 +135,43 @@ class Source:
             out += f"{{{self.text[start:end]}}}"
             lines.append((first, out.count("\n") + 1, numbers))
             done = end
-        self.path.write_text(out + self.text[done:])
-        return lines
+        return out + self.text[done:], lines
 
 
 class Copy:
-    """The copy of the commit, with mutants or without."""
+    """A copy of the commit, with mutants or without."""
 
-    def __init__(self, crate, copy):
-        self.crate, self.copy, self.sources = crate, copy, {}
-        root = copy / "crates" / crate / "src" / "lib.rs"
-        root.write_text(root.read_text() + SWITCH)
+    def __init__(self, crate, folder):
+        self.crate, self.folder = crate, folder
+        self.root = f"crates/{crate}/src/lib.rs"
 
     def source(self, name):
-        return self.sources.setdefault(name, Source(self.copy / name))
+        text = (self.folder / "source" / name).read_text()
+        return Source(text + SWITCH if name == self.root else text)
+
+    def write(self, texts):
+        """Makes the copy that of the commit but for the texts of some files. Writes what differs
+        only, or cargo builds all again."""
+        texts = {self.root: self.source(self.root).text, **texts}
+        for path in filter(Path.is_file, (self.folder / "source").rglob("*")):
+            name = str(path.relative_to(self.folder / "source"))
+            content = texts[name].encode() if name in texts else path.read_bytes()
+            copy = self.folder / "tree" / name
+            if not copy.exists() or copy.read_bytes() != content:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                copy.write_bytes(content)
 
     def tests(self):
         """Programs with the tests of the crate and the folders that they run in, none if they do
         not compile; and the errors."""
-        build = {"CARGO_TARGET_DIR": str(self.copy.parent / "build"), "CARGO_INCREMENTAL": "0"}
+        build = {"CARGO_TARGET_DIR": str(self.folder / "build"), "CARGO_INCREMENTAL": "0"}
         build |= {"CARGO_PROFILE_DEV_DEBUG": "0"}
         found = []
         for package, *chosen in TESTS[self.crate]:
             command = ["cargo", "test", "--no-run", "--message-format=json"]
             run = subprocess.run(
                 [*command, f"--package=organza-{package}", *chosen],
-                cwd=self.copy, env={**os.environ, **build}, capture_output=True, text=True)
+                cwd=self.folder / "tree", env={**os.environ, **build}, capture_output=True, text=True)
             messages = [json.loads(line) for line in run.stdout.splitlines() if line[:1] == "{"]
             if run.returncode != 0:
                 errors = [m["message"] for m in messages if m["reason"] == "compiler-message"]
@@ -178,10 +186,11 @@ class Copy:
         the programs with tests."""
         alone = set()
         while True:
-            regions = {}
+            texts, regions = {}, {}
             for name in {m["file"] for m in mutants.values()}:
                 here = {n: m for n, m in mutants.items() if m["file"] == name and n not in alone}
-                regions[name] = self.source(name).write_together(here)
+                texts[name], regions[name] = self.source(name).together(here)
+            self.write(texts)
             tests, errors = self.tests()
             if tests:
                 chosen = [n for lines in regions.values() for _, _, ns in lines for n in ns]
@@ -193,41 +202,43 @@ class Copy:
                 sys.exit("".join(error["rendered"] for error in errors))
             alone |= wrong
 
-    def restore(self):
-        for source in self.sources.values():
-            source.path.write_text(source.text)
+    def build_alone(self, mutant):
+        """Builds one mutant; returns the programs with tests, none if it does not compile."""
+        self.write({mutant["file"]: self.source(mutant["file"]).alone(mutant)})
+        return self.tests()[0]
 
 
 def run_tests(tests, limits, number=None):
-    """Runs the tests until one fails: `caught`, `missed` or `timeout`; and how long each took."""
+    """Runs the tests until one fails: `caught`, `missed` or `timeout`; and the processor time
+    that each program took."""
     # The tests stop at the first that fails, an option of tests that is not stable yet.
     env = {**os.environ, "RUSTC_BOOTSTRAP": "1"}
     if number is not None:
         env["ORGANZA_MUTANT"] = str(number)
     took = []
     for (program, folder), limit in zip(tests, limits):
-        start = time.monotonic()
+        def bound():
+            if limit:
+                resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
         run = subprocess.Popen(
             [program, "-q", "-Zunstable-options", "--fail-fast"], cwd=folder, env=env,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-        try:
-            if run.wait(limit) != 0:
-                return "caught", took
-        except subprocess.TimeoutExpired:
-            os.killpg(run.pid, signal.SIGKILL)
-            run.wait()
-            return "timeout", took
-        took.append(time.monotonic() - start)
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=bound)
+        _, status, usage = os.wait4(run.pid, 0)
+        took.append(usage.ru_utime + usage.ru_stime)
+        if status != 0:
+            over = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
+            return "timeout" if over else "caught", took
     return "missed", took
 
 
 def main(crate, count, before=None):
-    folder, commit = tree(crate)
+    folder = ROOT / "target" / "mutants" / crate
+    commit = source(folder / "source")
     path, known = journal(folder, commit)
     if before:
         _, earlier = journal(folder, before)
         known = {**{p: o for p, o in earlier.items() if o != "missed"}, **known}
-    mutants = listed(crate, folder)
+    mutants = listed(crate, folder / "source")
     sample = random.Random(SEED).sample(range(len(mutants)), len(mutants))[:count]
     unknown = {p: mutants[p] for p in sample if p not in known}
 
@@ -245,16 +256,14 @@ def main(crate, count, before=None):
         outcome, took = run_tests(tests, [None] * len(tests))
         if outcome != "missed":
             sys.exit("the tests fail without a mutant")
-        limits = [60 + 5 * t for t in took]
-        print(f"tests take {took} s", file=sys.stderr, flush=True)
+        limits = [round(10 + LONGEST * t) for t in took]
+        print(f"the tests take {sum(took):.1f} s of processors", file=sys.stderr, flush=True)
         for place in unknown:
             if place in together:
                 note(place, run_tests(tests, limits, place)[0])
         for place in unknown:
             if place not in together:
-                copy.restore()
-                copy.source(mutants[place]["file"]).write_alone(mutants[place])
-                tests, _ = copy.tests()
+                tests = copy.build_alone(mutants[place])
                 note(place, run_tests(tests, limits)[0] if tests else "unviable")
     kinds = ("caught", "missed", "timeout", "unviable")
     of = {kind: [mutants[p]["name"] for p in sample if known[p] == kind] for kind in kinds}
