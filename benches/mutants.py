@@ -1,117 +1,284 @@
 #!/usr/bin/env python3
 """Changes the code in one place at a time and counts which changes the tests of its crate find.
 
-    python3 benches/mutants.py scatter [COUNT]      tests COUNT mutants (25), then prints a table
+    python3 benches/mutants.py scatter [COUNT]       tests COUNT mutants (25), then prints a table
+    python3 benches/mutants.py scatter COUNT COMMIT  tests those again that survived at COMMIT
 
-Needs `cargo install cargo-mutants --locked`. The mutants are drawn with a fixed seed from all
-those that cargo-mutants lists for the crate, so a greater COUNT extends the same sample. Each is
-tested in a copy of the commit that is checked out, target/mutants/CRATE/tree, with the tests in
-TESTS. What is known already is in target/mutants/CRATE/COMMIT.jsonl: an interrupted run resumes
-there. Before the first mutant the tests are run on the code as it is, and must pass.
+Needs `cargo install cargo-mutants --locked`, which lists the mutants of a crate. COUNT of them
+are drawn with a fixed seed, so a greater COUNT extends the same sample. To build once and not once
+a mutant, all are written into one copy of the commit that is checked out: a function with a
+mutant has its body twice, and the variable ORGANZA_MUTANT chooses the mutant that runs. Those
+that do not compile in this way (constants, for example) are built alone; those that do not
+compile alone are no evidence, and are not counted among those that died.
 
-A mutant that fails to compile is no evidence, and is not counted among those that died. One that
-makes the tests run past TIMEOUT_S counts as found, and is listed apart.
+The copy, target/mutants/CRATE/tree, is tested with TESTS until the first test fails. Without a
+mutant all tests must pass, in a third of LIMIT_S seconds of processor time for each program with
+tests. A mutant with which one takes LIMIT_S counts as found, and is listed apart. What is known
+already is in target/mutants/CRATE/COMMIT.jsonl: an interrupted run resumes there. A mutant is
+known by its place in the list, which new tests do not change; what died at an earlier COMMIT dies
+as long as only tests are added.
 """
 
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SEED = 24
-TIMEOUT_S = 300
-# Tests of each crate that are quick enough to be run once a mutant.
+LIMIT_S = 300
+# Programs with tests that run at once; the last tests of each leave processors idle.
+AT_ONCE = 4
+# Packages and their tests that are quick enough to be run once a mutant.
 TESTS = {
-    "scatter": ["--lib", "--test", "ply_precision", "--test", "slabs"],
-    "volume": [],
-    "kernel": ["--lib"],
-    "measure": ["--lib"],
+    "scatter": [
+        ["scatter", "--lib", "--test=packed_precision", "--test=ply_precision", "--test=slabs"]
+    ],
+    "volume": [["volume", "--lib", "--test=volume"]],
+    "kernel": [["kernel", "--lib"]],
+    "measure": [["measure", "--lib"]],
 }
-# Exit statuses of cargo-mutants.
-OUTCOMES = {0: "caught", 2: "missed", 3: "timeout"}
+# Code that these tests do not compile: the engine for graphics cards.
+EXCLUDED = {"kernel": ["crates/kernel/src/gpu/**"]}
+# Chooses the mutant that runs.
+SWITCH = """
+/// The mutant that runs.
+pub mod mutant {
+    /// True if it is this one.
+    pub fn is(number: usize) -> bool {
+        static CHOSEN: std::sync::LazyLock<Option<usize>> =
+            std::sync::LazyLock::new(|| std::env::var("ORGANZA_MUTANT").ok()?.parse().ok());
+        *CHOSEN == Some(number)
+    }
+}
+"""
 
 
-def tree(crate):
-    """A copy of the commit that is checked out, and its name."""
+def source(folder):
+    """The commit that is checked out, in a folder; and its name."""
     commit = subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=ROOT, text=True).strip()
-    copy = ROOT / "target" / "mutants" / crate / "tree"
-    copy.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     archive = subprocess.Popen(["git", "archive", commit], cwd=ROOT, stdout=subprocess.PIPE)
-    subprocess.run(["tar", "-x", "-m", "-C", copy], stdin=archive.stdout, check=True)
+    subprocess.run(["tar", "-x", "-C", folder], stdin=archive.stdout, check=True)
     if archive.wait() != 0:
         sys.exit("git archive failed")
-    return copy, commit[:7]
+    return commit[:7]
 
 
-def listed(crate, copy):
-    """Names of all mutants of a crate."""
-    command = ["cargo", "mutants", "--list", "--package", f"organza-{crate}"]
-    return subprocess.check_output(command, cwd=copy, text=True).splitlines()
+def journal(folder, commit):
+    """The file of what is known at a commit, and what it holds: outcomes by place."""
+    path = folder / f"{commit}.jsonl"
+    if not path.exists():
+        return path, {}
+    lines = (json.loads(line) for line in path.read_text().splitlines())
+    return path, {place: outcome for place, outcome, _ in lines}
 
 
-def environment(copy):
-    return {**os.environ, "CARGO_TARGET_DIR": str(copy.parent / "build"), "CARGO_INCREMENTAL": "0"}
+def listed(crate, folder):
+    """All mutants of a crate."""
+    command = ["cargo", "mutants", "--list", "--json", "--package", f"organza-{crate}"]
+    command += [f"--exclude={pattern}" for pattern in EXCLUDED.get(crate, [])]
+    return json.loads(subprocess.check_output(command, cwd=folder, text=True))
 
 
-def check_unchanged(crate, copy):
-    """Runs the tests on the code as it is."""
-    command = ["cargo", "test", "-q", "-p", f"organza-{crate}", *TESTS[crate]]
-    run = subprocess.run(command, cwd=copy, env=environment(copy), capture_output=True, text=True)
-    if run.returncode != 0:
-        sys.exit(f"the tests fail without a mutant:\n{run.stdout[-1000:]}{run.stderr[-1000:]}")
+class Source:
+    """A source file and its mutants."""
+
+    def __init__(self, text):
+        self.text = text
+        self.starts = [0]
+        for line in self.text.splitlines(keepends=True):
+            self.starts.append(self.starts[-1] + len(line))
+
+    def span(self, span):
+        at = lambda end: self.starts[span[end]["line"] - 1] + span[end]["column"] - 1
+        return at("start"), at("end")
+
+    def body(self, function):
+        """Where the inside of a function's body lies; none if the switch cannot stand there."""
+        start, end = self.span(function["span"])
+        depth = 0
+        for i in range(start, end):
+            if self.text[i] == "{" and depth == 0:
+                signature = self.text[start:i]
+                fits = "const fn" not in signature and "-> impl" not in signature
+                return (i + 1, end - 1) if fits else None
+            depth += {"(": 1, "[": 1, ")": -1, "]": -1}.get(self.text[i], 0)
+        return None
+
+    def mutated(self, mutant, start, end):
+        """The text between two places with a mutant in it."""
+        a, b = self.span(mutant["span"])
+        return f"{self.text[start:a]} {mutant['replacement']} {self.text[b:end]}"
+
+    def alone(self, mutant):
+        return self.mutated(mutant, 0, len(self.text))
+
+    def together(self, mutants):
+        """The text with those mutants, by number, that can be chosen when the program runs; and
+        the lines on which each function with mutants lies, with the numbers of its mutants."""
+        bodies = {}
+        for number, mutant in mutants.items():
+            body = mutant["function"] and self.body(mutant["function"])
+            # Of a function in another only one has mutants here.
+            if body and all(body == b or body[1] < b[0] or b[1] < body[0] for b in bodies):
+                bodies.setdefault(body, []).append(number)
+        out, done, lines = "", 0, []
+        for (start, end), numbers in sorted(bodies.items()):
+            out += self.text[done:start]
+            first = out.count("\n") + 1
+            for number in numbers:
+                changed = self.mutated(mutants[number], start, end)
+                out += f"if crate::mutant::is({number}) {{{changed}}} else "
+            out += f"{{{self.text[start:end]}}}"
+            lines.append((first, out.count("\n") + 1, numbers))
+            done = end
+        return out + self.text[done:], lines
 
 
-def test(crate, copy, name, place):
-    """Tests one mutant: `caught`, `missed`, `timeout` or `unviable`.
+class Copy:
+    """A copy of the commit, with mutants or without."""
 
-    It is chosen by its place in the list: patterns of names do not keep mutants of the kind
-    `delete field` out."""
-    out = copy.parent / "out"
-    command = ["cargo", "mutants", "--in-place", "--baseline=skip", f"--timeout={TIMEOUT_S}"]
-    command += ["--package", f"organza-{crate}", "--output", str(out)]
-    command += ["--sharding", "round-robin", "--shard", place]
-    command += [f"--cargo-arg={argument}" for argument in TESTS[crate]]
-    run = subprocess.run(command, cwd=copy, env=environment(copy), capture_output=True, text=True)
-    if run.returncode not in OUTCOMES:
-        sys.exit(f"cargo-mutants failed on {name}:\n{run.stdout}{run.stderr}")
-    found = json.loads((out / "mutants.out" / "outcomes.json").read_text())
-    tested = [o["scenario"]["Mutant"]["name"] for o in found["outcomes"]]
-    if tested != [name]:
-        sys.exit(f"cargo-mutants tested {tested} for {name}")
-    return "unviable" if found["unviable"] else OUTCOMES[run.returncode]
+    def __init__(self, crate, folder):
+        self.crate, self.folder = crate, folder
+        self.root = f"crates/{crate}/src/lib.rs"
+
+    def source(self, name):
+        text = (self.folder / "source" / name).read_text()
+        return Source(text + SWITCH if name == self.root else text)
+
+    def write(self, texts):
+        """Makes the copy that of the commit but for the texts of some files. Writes what differs
+        only, or cargo builds all again."""
+        texts = {self.root: self.source(self.root).text, **texts}
+        for path in filter(Path.is_file, (self.folder / "source").rglob("*")):
+            name = str(path.relative_to(self.folder / "source"))
+            content = texts[name].encode() if name in texts else path.read_bytes()
+            copy = self.folder / "tree" / name
+            if not copy.exists() or copy.read_bytes() != content:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                copy.write_bytes(content)
+
+    def tests(self):
+        """Programs with the tests of the crate and the folders that they run in, none if they do
+        not compile; and the errors."""
+        build = {"CARGO_TARGET_DIR": str(self.folder / "build"), "CARGO_INCREMENTAL": "0"}
+        build |= {"CARGO_PROFILE_DEV_DEBUG": "0"}
+        found = []
+        for package, *chosen in TESTS[self.crate]:
+            command = ["cargo", "test", "--no-run", "--message-format=json"]
+            run = subprocess.run(
+                [*command, f"--package=organza-{package}", *chosen],
+                cwd=self.folder / "tree", env={**os.environ, **build}, capture_output=True,
+                text=True)
+            messages = [json.loads(line) for line in run.stdout.splitlines() if line[:1] == "{"]
+            if run.returncode != 0:
+                errors = [m["message"] for m in messages if m["reason"] == "compiler-message"]
+                return None, [e for e in errors if e["level"] == "error"] or sys.exit(run.stderr)
+            for m in messages:
+                if m["reason"] == "compiler-artifact" and m["executable"] and m["profile"]["test"]:
+                    found.append((m["executable"], Path(m["manifest_path"]).parent))
+        return found, []
+
+    def build_together(self, mutants):
+        """Builds all mutants that can be chosen when the program runs; returns their numbers, and
+        the programs with tests."""
+        alone = set()
+        while True:
+            texts, regions = {}, {}
+            for name in {m["file"] for m in mutants.values()}:
+                here = {n: m for n, m in mutants.items() if m["file"] == name and n not in alone}
+                texts[name], regions[name] = self.source(name).together(here)
+            self.write(texts)
+            tests, errors = self.tests()
+            if tests:
+                chosen = [n for lines in regions.values() for _, _, ns in lines for n in ns]
+                return chosen, tests
+            spans = [span for error in errors for span in error["spans"]]
+            wrong = {n for s in spans for first, last, numbers in regions.get(s["file_name"], [])
+                     if first <= s["line_start"] <= last for n in numbers}
+            if not wrong:
+                sys.exit("".join(error["rendered"] for error in errors))
+            alone |= wrong
+
+    def build_alone(self, mutant):
+        """Builds one mutant; returns the programs with tests, none if it does not compile."""
+        self.write({mutant["file"]: self.source(mutant["file"]).alone(mutant)})
+        return self.tests()[0]
 
 
-def main(crate, count):
-    copy, commit = tree(crate)
-    journal = copy.parent / f"{commit}.jsonl"
-    known = {}
-    if journal.exists():
-        known = dict(json.loads(line) for line in journal.read_text().splitlines())
-    names = listed(crate, copy)
-    places = random.Random(SEED).sample(range(len(names)), len(names))[:count]
-    sample = [names[place] for place in places]
-    if not known:
-        check_unchanged(crate, copy)
-    for i, name in enumerate(sample):
-        if name not in known:
-            known[name] = test(crate, copy, name, f"{places[i]}/{len(names)}")
-            with journal.open("a") as lines:
-                lines.write(json.dumps([name, known[name]]) + "\n")
-        print(f"{i + 1}/{count} {known[name]:9} {name}", file=sys.stderr, flush=True)
-    of = {kind: [n for n in sample if known[n] == kind] for kind in (*OUTCOMES.values(), "unviable")}
+def run_tests(tests, number=None):
+    """Runs the tests until one fails: `caught`, `missed` or `timeout`; and the most processor
+    time that a program took."""
+    # The tests stop at the first that fails, an option of tests that is not stable yet.
+    env = {**os.environ, "RUSTC_BOOTSTRAP": "1", "ORGANZA_MUTANT": str(number)}
+    most = 0
+    for program, folder in tests:
+        command = [program, "-q", "-Zunstable-options", "--fail-fast"]
+        run = subprocess.Popen(
+            ["sh", "-c", f'ulimit -t {LIMIT_S}; exec "$@"', "sh", *command],
+            cwd=folder, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _, status, usage = os.wait4(run.pid, 0)
+        most = max(most, usage.ru_utime + usage.ru_stime)
+        if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
+            return "timeout", most
+        if status != 0:
+            return "caught", most
+    return "missed", most
+
+
+def main(crate, count, before=None):
+    folder = ROOT / "target" / "mutants" / crate
+    commit = source(folder / "source")
+    path, known = journal(folder, commit)
+    if before:
+        _, earlier = journal(folder, before)
+        known = {**{p: o for p, o in earlier.items() if o != "missed"}, **known}
+    mutants = listed(crate, folder / "source")
+    sample = random.Random(SEED).sample(range(len(mutants)), len(mutants))[:count]
+    unknown = {p: mutants[p] for p in sample if p not in known}
+
+    def note(place, outcome):
+        known[place] = outcome
+        with path.open("a") as lines:
+            lines.write(json.dumps([place, outcome, mutants[place]["name"]]) + "\n")
+        left = sum(p not in known for p in sample)
+        print(f"{left} left; {outcome:9} {mutants[place]['name']}", file=sys.stderr, flush=True)
+
+    if unknown:
+        copy = Copy(crate, folder)
+        together, tests = copy.build_together(unknown)
+        print(f"{len(together)} mutants in one build", file=sys.stderr, flush=True)
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            unchanged = pool.submit(run_tests, tests)
+            runs = {pool.submit(run_tests, tests, p): p for p in unknown if p in together}
+            for run in as_completed(runs):
+                note(runs[run], run.result()[0])
+        outcome, took_s = unchanged.result()
+        print(f"without a mutant: {outcome}, {took_s:.1f} s", file=sys.stderr, flush=True)
+        if outcome != "missed" or took_s > LIMIT_S / 3:
+            path.unlink()
+            sys.exit("the tests fail or take too long without a mutant")
+        for place in unknown:
+            if place not in together:
+                tests = copy.build_alone(mutants[place])
+                note(place, run_tests(tests)[0] if tests else "unviable")
+    kinds = ("caught", "missed", "timeout", "unviable")
+    of = {kind: [mutants[p]["name"] for p in sample if known[p] == kind] for kind in kinds}
     died = len(of["caught"]) + len(of["timeout"])
-    viable = died + len(of["missed"])
-    print(f"{crate} at {commit}: {died} of {viable} died ({len(of['timeout'])} by time), "
-          f"{len(of['unviable'])} did not compile, of {len(names)} that exist")
-    for kind in ("missed", "timeout"):
+    print(f"{crate} at {commit}: {died} of {died + len(of['missed'])} died "
+          f"({len(of['timeout'])} by time), {len(of['unviable'])} did not compile, "
+          f"of {len(mutants)} that exist")
+    for kind in ("missed", "timeout", "unviable"):
         for name in of[kind]:
             print(f"{kind}: {name}")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (2, 3) or sys.argv[1] not in TESTS:
+    if len(sys.argv) not in (2, 3, 4) or sys.argv[1] not in TESTS:
         sys.exit(__doc__)
-    main(sys.argv[1], int(sys.argv[2]) if len(sys.argv) == 3 else 25)
+    main(sys.argv[1], int((sys.argv[2:] or ["25"])[0]), *sys.argv[3:])

@@ -295,4 +295,40 @@ mod tests {
         assert_eq!(materials.merged(&Mixture::EMPTY), MergedFlakes::EMPTY);
         assert_eq!(MergedFlakes::EMPTY.axis, Vec3::Z);
     }
+
+    /// The population of most extinction, not of most length, and wherever it stands.
+    #[test]
+    fn a_merged_mixture_is_named_after_its_largest_population() {
+        let optics = FlakeOptics {
+            albedo: Rgb::splat(0.5),
+            end_on_ratio: 0.1,
+        };
+        let materials = FlakeMaterials::new(vec![optics]);
+        let population =
+            |length_density_per_mm2, radius_mm, axis, spread_rad, yarn| FibrePopulation {
+                length_density_per_mm2,
+                axis,
+                spread_rad,
+                radius_mm,
+                material: 0,
+                yarn,
+            };
+        // Broadside extinctions of 0.4, 0.6 and 0.2 per mm.
+        let parts = [
+            population(40.0, 0.005, Vec3::X, 0.3, 7),
+            population(15.0, 0.02, Vec3::Y, 0.2, 11),
+            population(10.0, 0.01, Vec3::Z, 0.1, 5),
+        ];
+        for first in 0..3 {
+            let mut mixture = Mixture::EMPTY;
+            for i in 0..3 {
+                mixture.push(parts[(first + i) % 3]);
+            }
+            let merged = materials.merged(&mixture);
+            assert_eq!(
+                (merged.axis, merged.spread_rad, merged.yarn),
+                (Vec3::Y, 0.2, 11)
+            );
+        }
+    }
 }

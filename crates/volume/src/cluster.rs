@@ -338,6 +338,16 @@ mod tests {
     }
 
     #[test]
+    fn axes_are_alike_below_thirty_degrees_whatever_the_lengths() {
+        for (a, b) in [(1.0, 1.0), (2.0, 3.0), (0.2, 0.3), (5.0, 0.1)] {
+            for angle in [0.0, 29.0, 31.0, 90.0] {
+                let like = population(0.0, a, 0).is_like(&population(angle, b, 0));
+                assert_eq!(like, angle < 30.0, "{a} mm, {b} mm, {angle} degrees");
+            }
+        }
+    }
+
+    #[test]
     fn near_axes_merge_and_far_ones_do_not() {
         let mut l = vec![
             population(0.0, 1.0, 0),

@@ -104,6 +104,24 @@ mod tests {
     }
 
     #[test]
+    fn a_second_direction_takes_the_free_lobe() {
+        for lobe in [0, 1] {
+            let populations = fold(
+                vec![population(9, 3, 2.0, Vec3::X, lobe)],
+                vec![population(9, 3, 1.0, Vec3::Y, lobe)],
+            );
+            let found: Vec<(u64, f64)> = populations
+                .iter()
+                .map(|l| (l.key & 1, l.length_mm))
+                .collect();
+            let mut expected = [(lobe, 2.0), (1 - lobe, 1.0)];
+            expected.sort_unstable_by_key(|l| l.0);
+            assert_eq!(found, expected);
+            assert!(populations.iter().all(|l| l.group() == 3 << 16 | 1));
+        }
+    }
+
+    #[test]
     fn crowds_of_yarns_stay_bounded() {
         let one_by_one = (0..100).fold(Vec::new(), |whole, yarn| {
             fold(whole, vec![population(0, yarn, 1.0, Vec3::Z, 0)])

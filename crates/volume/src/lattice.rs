@@ -271,6 +271,31 @@ mod tests {
     }
 
     #[test]
+    fn only_lattices_that_tiles_can_have_are_sound() {
+        let good = Lattice::new(&tile(Vec3::ONE, true), 0.1, Some(2)).unwrap();
+        assert!(good.is_sound());
+        let dims = |dims| Lattice { dims, ..good };
+        let voxel_mm = |voxel_mm| Lattice { voxel_mm, ..good };
+        let min_mm = |min_mm| Lattice { min_mm, ..good };
+        for bad in [
+            dims(UVec3::new(0, 8, 8)),
+            // No multiple of the coarsest cell.
+            dims(UVec3::new(8, 9, 8)),
+            dims(UVec3::new(8, 8, 4 * MAX_DIM as u32)),
+            // More bricks than 32 bits count.
+            dims(UVec3::new(8192, 8192, 8192)),
+            voxel_mm(DVec3::new(0.1, 0.0, 0.1)),
+            voxel_mm(DVec3::new(0.1, 0.1, -0.1)),
+            voxel_mm(DVec3::new(f64::NAN, 0.1, 0.1)),
+            min_mm(DVec3::new(0.0, f64::INFINITY, 0.0)),
+            // Beyond single precision.
+            min_mm(DVec3::new(0.0, 0.0, 1e300)),
+        ] {
+            assert!(!bad.is_sound(), "{bad:?}");
+        }
+    }
+
+    #[test]
     fn nonsense_is_refused() {
         let good = tile(Vec3::ONE, true);
         for v in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-9] {

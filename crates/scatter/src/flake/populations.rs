@@ -299,4 +299,37 @@ mod tests {
         }
         assert!(worst.iter().all(|w| *w < 0.03), "{worst:?}");
     }
+
+    /// The extinction is that of the flakes themselves, which find it another way.
+    #[test]
+    fn extinction_is_the_area_that_the_flakes_show() {
+        let materials = FlakeMaterials::new(vec![FlakeOptics {
+            albedo: Rgb::WHITE,
+            end_on_ratio: 0.1,
+        }]);
+        for spread_rad in [0.0f32, 0.1, 0.5, 2.0] {
+            let c = FibrePopulation {
+                length_density_per_mm2: 50.0,
+                axis: Vec3::new(0.6, 0.0, 0.8),
+                spread_rad,
+                radius_mm: 0.01,
+                material: 0,
+                yarn: 0,
+            };
+            for w in [
+                Vec3::X,
+                Vec3::Y,
+                Vec3::NEG_Z,
+                Vec3::new(0.36, 0.48, 0.8),
+                Vec3::new(0.0, 0.8, -0.6),
+            ] {
+                let area = materials.shape(&c).0 * materials.flake(&c).projected_area(w);
+                let (got, want) = (materials.extinction(&c, w), c.broadside_per_mm() * area);
+                assert!(
+                    (got / want - 1.0).abs() < 1e-5,
+                    "{spread_rad}, {w}: {got} {want}"
+                );
+            }
+        }
+    }
 }

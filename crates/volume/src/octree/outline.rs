@@ -124,3 +124,91 @@ impl Outline {
         (1u32 << (3 * depth)) as f32 / self.count as f32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MixtureGrid, MixtureSource, octree_of_mixtures};
+    use glam::{DVec3, Vec3};
+    use organza_basis::PathRng;
+
+    /// Voxels of a cube, each with fibre or without.
+    struct Cube(Vec<bool>);
+
+    const EDGE: u32 = 16;
+
+    impl MixtureSource for Cube {
+        fn grid(&self) -> MixtureGrid {
+            MixtureGrid {
+                min_mm: DVec3::ZERO,
+                voxel_mm: DVec3::splat(0.01),
+                dims: UVec3::splat(EDGE),
+                repeats: true,
+            }
+        }
+
+        fn material_count(&self) -> usize {
+            1
+        }
+
+        fn mixture(&self, cell: UVec3) -> Mixture {
+            let mut mixture = Mixture::EMPTY;
+            if self.0[((cell.z * EDGE + cell.y) * EDGE + cell.x) as usize] {
+                mixture.push(FibrePopulation {
+                    length_density_per_mm2: 100.0 + cell.x as f32,
+                    axis: Vec3::Y,
+                    spread_rad: 0.0,
+                    radius_mm: 0.002,
+                    material: 0,
+                    yarn: 0,
+                });
+            }
+            mixture
+        }
+    }
+
+    fn cells(across: UVec3) -> impl Iterator<Item = UVec3> {
+        let of = move |i: u32| {
+            UVec3::new(
+                i % across.x,
+                i / across.x % across.y,
+                i / across.x / across.y,
+            )
+        };
+        (0..across.element_product()).map(of)
+    }
+
+    #[test]
+    fn sub_cells_hold_the_fibre_of_their_cell_where_finer_cells_hold_any() {
+        let mut rng = PathRng::from_seed(29);
+        let cube = Cube((0..EDGE.pow(3)).map(|_| rng.below(20) == 0).collect());
+        let octree = octree_of_mixtures(&cube, Some(4), None, &|_| ()).unwrap();
+        for level in 1..4u8 {
+            let depth = level.min(2);
+            let edge = 1u32 << depth;
+            for cell in cells(octree.dims(level)) {
+                let (mask, denser) = octree.sub_cells(level, cell);
+                let own = octree.mixture(level, cell);
+                let (mut holding, mut sum) = (0, 0.0);
+                for within in cells(UVec3::splat(edge)) {
+                    let place = within.x + edge * (within.y + edge * within.z);
+                    let at = cell * edge + within;
+                    let is_held = !octree.mixture(level - depth, at).is_empty();
+                    assert_eq!(mask >> place & 1 == 1, is_held, "level {level}, {at}");
+                    let outlined = octree.outlined_mixture(level, at);
+                    assert_eq!(!outlined.is_empty(), is_held, "level {level}, {at}");
+                    holding += u32::from(is_held);
+                    sum += outlined.broadside_per_mm();
+                }
+                let places = edge.pow(3) as f32;
+                assert_eq!(denser, places / holding.max(1) as f32);
+                // A sum of 64 numbers in single precision.
+                let (mean, want) = (sum / places, own.broadside_per_mm());
+                assert!(
+                    (mean - want).abs() <= 1e-5 * want,
+                    "level {level}, {cell}: {mean} {want}"
+                );
+            }
+        }
+    }
+}

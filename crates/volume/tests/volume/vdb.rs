@@ -112,6 +112,30 @@ fn round_trips_are_exact() {
 }
 
 #[test]
+fn values_that_grow_when_packed_are_written_as_they_are() {
+    // Packing makes one value of four bytes longer. So a packed file has only the lengths, of
+    // eight bytes each, of the values of the leaf and of the two nodes above it.
+    let mut leaf = Leaf {
+        origin: IVec3::ZERO,
+        mask: [0; 8],
+        values: vec![0.0; 512],
+    };
+    leaf.mask[0] = 1;
+    leaf.values[0] = 0.7;
+    let mut cells = Cells::new(0.0);
+    cells.leaves.push(leaf);
+    let mut grids = samples(false);
+    grids.truncate(1);
+    grids[0].data = Data::Float(cells);
+    let [raw, packed] = [Codec::Raw, Codec::Zip].map(|codec| {
+        let mut bytes = Vec::new();
+        vdb::write(&grids, codec, &mut bytes).unwrap();
+        bytes.len()
+    });
+    assert_eq!(packed, raw + 3 * 8);
+}
+
+#[test]
 fn another_reader_finds_the_same_values() {
     let tree = cotton_octree(0.02);
     let grids = vdb::grids_from_octree(&tree, 0, false, &merge);
