@@ -69,9 +69,33 @@ const PLAIN: Planted = Planted {
     flags: &[],
 };
 
-/// Other weaves, a cloth that is turned, one seen and lit from nearby through a lens that darkens its
-/// corners, and one of unknown exposure.
+/// One seen and lit from nearby through a lens that darkens its corners, one of unknown exposure and
+/// lamps, other weaves, and one that is turned.
 const MORE: [Planted; 6] = [
+    Planted {
+        seed: 106,
+        camera: Camera {
+            near_mm: Some(60.0),
+            corners: 0.7,
+            ..FROM_AFAR
+        },
+        flags: &[
+            "--camera-mm",
+            "60",
+            "--light-mm",
+            "60",
+            "--back-light-mm",
+            "60",
+            "--vignetting",
+            "fit",
+        ],
+        ..PLAIN
+    },
+    Planted {
+        seed: 107,
+        flags: &["--fit-white", "--fit-light"],
+        ..PLAIN
+    },
     Planted {
         weave: "twill-2-2-z",
         per_cm: [26.0, 22.0],
@@ -106,30 +130,6 @@ const MORE: [Planted; 6] = [
         tex: [30.0, 30.0],
         colours: [[0.50, 0.45, 0.30], [0.20, 0.30, 0.50]],
         seed: 105,
-        ..PLAIN
-    },
-    Planted {
-        seed: 106,
-        camera: Camera {
-            near_mm: Some(60.0),
-            corners: 0.7,
-            ..FROM_AFAR
-        },
-        flags: &[
-            "--camera-mm",
-            "60",
-            "--light-mm",
-            "60",
-            "--back-light-mm",
-            "60",
-            "--vignetting",
-            "fit",
-        ],
-        ..PLAIN
-    },
-    Planted {
-        seed: 107,
-        flags: &["--fit-white", "--fit-light"],
         ..PLAIN
     },
 ];
