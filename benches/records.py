@@ -64,12 +64,19 @@ def git(*arguments):
 
 def changed_lines(commit, code):
     """Lines of code, without comments and tests, that differ from the working tree."""
-    paths = [*code, ":(exclude)**/tests/**", ":(exclude)**tests.rs"]
+    tests = ["**/tests/**", "**/*_tests/**", "**tests.rs"]
+    paths = [*code, *(f":(exclude){t}" for t in tests)]
     difference = git("diff", "-M", "-U0", commit, "--", *paths)
     if difference is None:
         sys.exit(f"git knows no commit {commit}: is this clone shallow?")
-    lines = [x for x in difference.splitlines() if re.match(r"[+-](?!\+\+|--)\s*\S", x)]
-    return sum(not x[1:].lstrip().startswith("//") for x in lines)
+    count, is_test = 0, False
+    for line in difference.splitlines():
+        if line.startswith("@@ "):
+            # The last line before it that is not indented: that of a module of tests.
+            is_test = line.endswith(" mod tests {")
+        elif not is_test and re.match(r"[+-](?!\+\+|--)\s*\S", line):
+            count += not line[1:].lstrip().startswith("//")
+    return count
 
 
 def age(rows):

@@ -206,4 +206,7 @@ fn no_cited_record_is_older_than_its_code() {
         code_lines("--- a\n+++ b\n-// x\n+    // y\n+\n+let x = 1;\n-let y;\n"),
         2
     );
+    // Modules of tests are no code; the next part of the difference is.
+    let in_tests = "@@ -9 +9 @@ mod tests {\n-let x;\n+let y;\n@@ -1 +1 @@ fn f() {\n+let z;\n";
+    assert_eq!(code_lines(in_tests), 1);
 }

@@ -126,17 +126,26 @@ pub fn records() -> Vec<Measurement> {
 pub fn changed_lines(commit: &str, paths: &[&str]) -> usize {
     let mut arguments = vec!["diff", "-M", "-U0", commit, "--"];
     arguments.extend(paths);
-    arguments.extend([":(exclude)**/tests/**", ":(exclude)**tests.rs"]);
+    arguments.extend([
+        ":(exclude)**/tests/**",
+        ":(exclude)**/*_tests/**",
+        ":(exclude)**tests.rs",
+    ]);
     let difference = git(&arguments).unwrap_or_else(|| panic!("git diff {commit} failed"));
     code_lines(&difference)
 }
 
-/// Lines of a difference that add or remove code.
+/// Lines of a difference that add or remove code. Git ends the head of a part with the last line
+/// before it that is not indented, which is that of the module in a module of tests.
 pub fn code_lines(difference: &str) -> usize {
+    let mut is_test = false;
     let is_code = |line: &&str| {
+        if line.starts_with("@@ ") {
+            is_test = line.ends_with(" mod tests {");
+        }
         let is_head = line.starts_with("+++") || line.starts_with("---");
         let code = line.strip_prefix(['+', '-']).unwrap_or("").trim();
-        !is_head && !code.is_empty() && !code.starts_with("//")
+        !is_test && !is_head && !code.is_empty() && !code.starts_with("//")
     };
     difference.lines().filter(is_code).count()
 }

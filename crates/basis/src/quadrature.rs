@@ -84,10 +84,10 @@ mod tests {
         for n in 1..40 {
             let rule = gauss_legendre(n);
             let total: f64 = rule.iter().map(|r| r.1).sum();
-            assert!((total - 2.0).abs() < 1e-13);
+            assert!((total - 2.0).abs() < 1.6e-14);
             let degree = 2 * n as i32 - 2;
             let got = integrate_rule(&rule, -1.0, 1.0, |x| x.powi(degree));
-            assert!((got - 2.0 / f64::from(degree + 1)).abs() < 1e-13, "n = {n}");
+            assert!((got - 2.0 / f64::from(degree + 1)).abs() < 1e-14, "n = {n}");
         }
     }
 
@@ -97,9 +97,12 @@ mod tests {
             let tolerance = 10f64.powi(-exponent);
             let peak = integrate(-1.0, 1.0, tolerance, |x| 1.0 / (1e-4 + x * x));
             let exact = 2.0 * 100.0 * (100.0f64).atan();
+            // Margin: the rule stops on an estimate from above, here of an error that falls at once
+            // to rounding.
             assert!((peak - exact).abs() <= tolerance.max(1e-10), "{tolerance}");
         }
         let step = integrate(0.0, 1.0, 1e-9, |x| f64::from(u8::from(x > 0.3)));
-        assert!((step - 0.7).abs() < 1e-8);
+        // Margin: the tolerance that was asked for.
+        assert!((step - 0.7).abs() < 1e-9);
     }
 }

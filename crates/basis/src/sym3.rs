@@ -149,8 +149,8 @@ mod tests {
                 s.plus(Sym3::outer(axes[k]).scaled(values[k]))
             });
             for (k, (value, axis)) in s.eigen().into_iter().enumerate() {
-                assert!((value - values[k]).abs() < 3e-7, "seed 5");
-                assert!((s.mul_vec(axis) - value * axis).length() < 1e-6, "seed 5");
+                assert!((value - values[k]).abs() < 2.2e-7, "seed 5");
+                assert!((s.mul_vec(axis) - value * axis).length() < 2.2e-7, "seed 5");
             }
         }
     }
@@ -159,7 +159,7 @@ mod tests {
     fn multiples_of_the_identity_and_zero_have_unit_axes() {
         for s in [Sym3::default(), Sym3::IDENTITY.scaled(3.0)] {
             for (_, axis) in s.eigen() {
-                assert!((axis.length() - 1.0).abs() < 1e-6);
+                assert!((axis.length() - 1.0).abs() <= 2.0 * f32::EPSILON);
             }
         }
     }

@@ -197,7 +197,7 @@ mod tests {
     fn f_numbers_follow_the_lens_equation() {
         let fov_rad = 2.0 * (18.0f64 / 200.0).atan();
         let aperture = aperture_mm(4.0, fov_rad, 200.0, 36.0);
-        assert!((aperture - 25.0).abs() < 1e-12, "{aperture}");
+        assert!((aperture - 25.0).abs() <= 25.0 * f64::EPSILON, "{aperture}");
     }
 
     #[test]

@@ -140,7 +140,7 @@ mod tests {
         }
         let [low, high] = sum.limbs();
         assert_eq!(u128::from(low) | (u128::from(high) << 64), plain);
-        assert!((sum.to_f64() / plain as f64 - 1.0).abs() < 1e-15);
+        assert!((sum.to_f64() / plain as f64 - 1.0).abs() <= 2.0 * f64::EPSILON);
     }
 
     /// Against 128-bit integers of the language.
@@ -156,7 +156,7 @@ mod tests {
         }
         let [low, high] = sum.limbs();
         assert_eq!((u128::from(low) | (u128::from(high) << 64)) as i128, plain);
-        assert!((sum.to_f64_signed() / plain as f64 - 1.0).abs() < 1e-15);
+        assert!((sum.to_f64_signed() / plain as f64 - 1.0).abs() <= 2.0 * f64::EPSILON);
         let mut little = WideSum::<2>::default();
         little.add_signed(-3, 0);
         assert_eq!(little.to_f64_signed(), -3.0);

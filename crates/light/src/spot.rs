@@ -231,7 +231,7 @@ mod tests {
             (120.0, 2.0, 0.0),
         ] {
             let got = at(angle_deg, distance);
-            assert!((got - expected).abs() < 1e-4, "{angle_deg}: {got}");
+            assert!((got - expected).abs() < 1.3e-6, "{angle_deg}: {got}");
         }
         assert_eq!(irradiance(&light, Vec3::new(1.0, 2.0, 3.0)), 0.0);
     }
@@ -254,7 +254,7 @@ mod tests {
             }
             let power = sum * 4.0 * PI / (n * n) as f32;
             let expected = 8.0 * solid_angle;
-            // A row of the sum is the most that the edge can be off.
+            // Margin: a row of the sum is the most that the edge can be off.
             assert!((power / expected - 1.0).abs() < 2.0 / n as f32 / (solid_angle / (4.0 * PI)));
         }
     }

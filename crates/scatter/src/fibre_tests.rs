@@ -80,7 +80,7 @@ fn far_fields_are_reciprocal() {
             let back = lobe.eval(b, a) * TANGENT.cross(b).length();
             let off = (there - back).0.abs().max_element();
             assert!(
-                off <= 1e-3 * there.max_component() + 1e-6,
+                off <= 1.9e-5 * there.max_component() + 1.9e-8,
                 "seed 51, {a} {b}: {there:?} {back:?}"
             );
         }
@@ -110,7 +110,7 @@ fn the_far_field_is_the_mean_of_the_near() {
         let got = f64::from(far.eval(w_out, w_in).0.x);
         worst = worst.max((got / mean.mean - 1.0).abs());
     }
-    assert!(worst < 0.02, "seed 52: {worst}");
+    assert!(worst < 0.0033, "seed 52: {worst}");
 }
 
 #[test]
@@ -197,11 +197,14 @@ fn smooth_exits_lie_where_the_ray_leaves() {
             let n = one.exit_normal(w_in, &mut rng);
             // Time reversed, the ray enters there at the same offset.
             let back = FibreFrame::new(TANGENT, w_in);
-            assert!((back.offset(n).abs() - h.abs()).abs() < 1e-4, "{p} {h}");
+            assert!(
+                (back.offset(n).abs() - h.abs()).abs() < 8.0 * f32::EPSILON,
+                "{p} {h}"
+            );
             assert!(n.dot(w_in) > 0.0);
             if p == 0 {
                 let entry = frame.side * h - frame.forward * (1.0 - h * h).sqrt();
-                assert!((n - entry).length() < 1e-4);
+                assert!((n - entry).length() < 8.0 * f32::EPSILON);
             }
         }
     }

@@ -137,10 +137,11 @@ mod tests {
                 let e = PackedEvent::draw(y, w_out, tangent, 0.01, &mut rng);
                 let out = (y - e.axis_mm()) / 0.01;
                 assert!((out.length() - 1.0).abs() < 1e-4 && out.dot(tangent).abs() < 1e-4);
+                // Margin: an inequality, -1 straight on and 0 at grazing.
                 assert!(out.dot(e.frame.forward) <= 1e-4, "enters from outside");
-                assert!((e.frame.offset(out) - e.offset).abs() < 1e-4);
+                assert!((e.frame.offset(out) - e.offset).abs() < 2.1e-5);
                 let again = PackedEvent::from_normal(y, w_out, tangent, 0.01, out);
-                assert!((again.axis_mm() - e.axis_mm()).length() < 1e-5);
+                assert!((again.axis_mm() - e.axis_mm()).length() < 4.0 * f32::EPSILON);
             }
         }
     }
@@ -168,8 +169,8 @@ mod tests {
     #[test]
     fn multipliers_are_bounded() {
         assert_eq!(void_multiplier(0.0), 1.0);
-        assert!((void_multiplier(0.4) - 1.0 / 0.6).abs() < 1e-6);
+        assert!((void_multiplier(0.4) - 1.0 / 0.6).abs() < 2.0 * f32::EPSILON);
         assert!(void_multiplier(5.0) < 3.4 && void_multiplier(-1.0) == 1.0);
-        assert!((packing_fraction(1000.0, 0.01) - 0.1 * PI).abs() < 1e-6);
+        assert!((packing_fraction(1000.0, 0.01) - 0.1 * PI).abs() < 2.0 * f32::EPSILON);
     }
 }

@@ -99,7 +99,7 @@ fn the_value_straight_on_is_the_mean_around_it() {
                 .collect();
             let got = f64::from(flakes.eval(w, -w));
             assert!(
-                (got - around.mean).abs() < 1e-4 * got,
+                (got - around.mean).abs() < 2.5e-6 * got,
                 "{w}: {got} {around:?}"
             );
         }
@@ -108,7 +108,7 @@ fn the_value_straight_on_is_the_mean_around_it() {
     let sggx = Sggx::new(axial.matrix());
     for w in oblique() {
         let (a, b) = (axial.eval(w, -w), sggx.eval(w, -w));
-        assert!((a - b).abs() < 1e-4 * a, "{w}: {a} {b}");
+        assert!((a - b).abs() < 8.0 * f32::EPSILON * a, "{w}: {a} {b}");
     }
 }
 
@@ -154,6 +154,7 @@ fn known_bad_twins_are_rejected() {
         let h = (w_out + w).normalize();
         0.25 * flakes.ndf(h) / (flakes.projected_area(w_out) * w_out.dot(h))
     };
+    // Margin: the smaller, the clearer is the rejection.
     assert!(p(&no_cosine) < 1e-9, "visibility cosine missing");
 }
 
@@ -181,7 +182,7 @@ fn degenerate_matrices_stay_finite() {
                 let f = flakes.eval(w, v);
                 assert!(f.is_finite() && f >= 0.0, "{s:?} {w} {v}: {f}");
             }
-            assert!((flakes.sample(w, &mut rng).length() - 1.0).abs() < 1e-5);
+            assert!((flakes.sample(w, &mut rng).length() - 1.0).abs() < 4.0 * f32::EPSILON);
         }
     }
 }
@@ -234,8 +235,8 @@ fn isotropic_flakes_scatter_evenly() {
     let flakes = Sggx::new(Sym3::IDENTITY);
     let d = oblique();
     for w in d {
-        assert!((flakes.projected_area(w) - 1.0).abs() < 1e-6);
-        assert!((flakes.eval(d[0], w) / warp::UNIFORM_SPHERE_PDF - 1.0).abs() < 1e-5);
+        assert!((flakes.projected_area(w) - 1.0).abs() < 2.0 * f32::EPSILON);
+        assert!((flakes.eval(d[0], w) / warp::UNIFORM_SPHERE_PDF - 1.0).abs() < 4.0 * f32::EPSILON);
     }
 }
 
@@ -249,9 +250,11 @@ fn axial_flakes_are_found_in_their_matrices() {
         let area = 0.1 + 3.0 * rng.unit();
         let matrix = AxialFlake::new(axis, end_on).matrix().scaled(area * area);
         let (found, flake) = AxialFlake::from_matrix(matrix).unwrap();
-        assert!((found / area - 1.0).abs() < 1e-5, "seed 23");
-        assert!((flake.end_on() - end_on).abs() < 1e-4, "seed 23");
-        assert!(flake.scaled_axis().cross(axis).length() < 1e-3, "seed 23");
+        assert!((found / area - 1.0).abs() < 4.0 * f32::EPSILON, "seed 23");
+        // Margin: rounding of the matrix over the least ratio, 0.05.
+        assert!((flake.end_on() - end_on).abs() < 2.4e-6, "seed 23");
+        // Margin: rounding over the least gap of the squared ratios, 0.1.
+        assert!(flake.scaled_axis().cross(axis).length() < 1.2e-6, "seed 23");
     }
     let (area, ball) = AxialFlake::from_matrix(Sym3::IDENTITY).unwrap();
     assert!(area == 1.0 && ball.end_on() > 0.999);

@@ -164,7 +164,7 @@ mod tests {
         }
         assert!(worst < 6e-4, "seed 4: {worst}");
         for a in [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Z] {
-            assert!(decode_axis(encode_direction(a, 0.0)).cross(a).length() < 1e-7);
+            assert!(decode_axis(encode_direction(a, 0.0)).cross(a).length() <= 2.0 * f32::EPSILON);
         }
     }
 
@@ -181,7 +181,7 @@ mod tests {
         }
         assert_eq!(decode_spread(encode_direction(Vec3::Y, 0.0)), 0.0);
         let widest = decode_spread(encode_direction(Vec3::Y, 2.0 / 3.0));
-        assert!((widest - MAX_SPREAD_RAD).abs() < 1e-3);
+        assert!((widest - MAX_SPREAD_RAD).abs() < 1.8e-4);
     }
 
     #[test]

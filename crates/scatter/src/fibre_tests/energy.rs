@@ -48,7 +48,7 @@ fn smooth_fibres_return_the_lobe_energies() {
         })
         .collect();
     assert!(
-        (m.mean - f64::from(expected)).abs() < 2e-3,
+        (m.mean - f64::from(expected)).abs() < 3.0 * m.standard_error(),
         "seed 54: {m:?} {expected}"
     );
 }
@@ -91,6 +91,7 @@ fn walks_among_clear_rough_fibres_keep_their_light() {
     for m in [&near, &far] {
         assert!(off(m) < 5.0 * m.standard_error(), "seed 63: {m:?}");
         // With inclinations of the blur alone it was 8 and more.
+        // The margin is for the noise of the variance of a product of fifty weights.
         assert!(m.variance() < 1.5, "seed 63: {m:?}");
     }
     assert!(

@@ -76,7 +76,7 @@ fn chords_end_on_the_cylinder_and_transmittance_is_what_is_drawn() {
     assert!(expected > 0.1 && expected < 0.9, "{expected}");
     // Four standard errors.
     assert!(
-        (passed - expected).abs() < 0.01,
+        (passed - expected).abs() < 4.0 * (expected * (1.0 - expected) / n as f32).sqrt(),
         "seed 81: {passed} {expected}"
     );
 }
@@ -98,7 +98,10 @@ fn directions_are_drawn_by_their_density_and_weights_are_its_quotient() {
                 if let Some(s) = lobe.sample(w_out, &mut rng) {
                     let value = lobe.eval(w_out, s.w_in);
                     let off = (value - s.weight * s.pdf).0.abs().max_element();
-                    assert!(off <= 1e-4 * (1.0 + value.max_component()), "seed {seed}");
+                    assert!(
+                        off <= 4.0 * f32::EPSILON * (1.0 + value.max_component()),
+                        "seed {seed}"
+                    );
                 }
             }
         }
@@ -137,8 +140,9 @@ fn a_clear_ply_keeps_all_light() {
         let (mean, error) = albedo(&ply, theta, seed);
         println!("{theta} degrees: {mean:.4} +- {error:.4}");
         // The fibre's own near field keeps energy to 1 % here, walks of the table to 0.5 %.
+        // Margin: the sum of both, and four standard errors.
         assert!(
-            (mean - 1.0).abs() < 0.025 + 4.0 * error,
+            (mean - 1.0).abs() < 0.015 + 4.0 * error,
             "seed {seed}: {mean} +- {error} at {theta} degrees"
         );
     }
@@ -174,8 +178,9 @@ fn a_corrected_clear_ply_keeps_all_light() {
     let ply = corrected(0.0, correction);
     for (theta, seed) in [(0.0, 98), (60.0, 99)] {
         let (mean, error) = albedo(&ply, theta, seed);
+        // Margin: as for the ply that is not corrected.
         assert!(
-            (mean - 1.0).abs() < 0.025 + 4.0 * error,
+            (mean - 1.0).abs() < 0.015 + 4.0 * error,
             "seed {seed}: {mean} +- {error} at {theta} degrees"
         );
     }
@@ -218,7 +223,7 @@ fn light_that_a_fibre_reflects_leaves_from_where_it_was_met() {
             // The normal is found from its angle, exact to 2e-6; the root doubles that at 0.95.
             let off = exit_mm.length() / radius_mm;
             assert!(
-                off < 1e-5,
+                off < 8.0 * f32::EPSILON,
                 "seed 93, {theta_deg} degrees, offset {h}: {off}"
             );
             // Known bad: a fibre whose axis lies on the other side of the light.

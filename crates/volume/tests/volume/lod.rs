@@ -307,13 +307,16 @@ fn a_turned_bundle_has_the_turned_mixture() {
         let axis = warp::uniform_sphere(rng.unit2());
         let turn = Quat::from_axis_angle(axis, 0.4 * k as f32);
         let turned = found(turn);
+        // Margin: both axes are stored, each within half of this.
         assert!(
             turned.axis.cross(turn * straight.axis).length() < 1.2e-3,
             "seed 12"
         );
+        // Margin: one step of stored spreads; none is expected.
         assert!((turned.spread_rad - straight.spread_rad).abs() < 3e-3);
         assert!(
-            (turned.length_density_per_mm2 / straight.length_density_per_mm2 - 1.0).abs() < 1e-5
+            (turned.length_density_per_mm2 / straight.length_density_per_mm2 - 1.0).abs()
+                < 4.0 * f32::EPSILON
         );
     }
 }

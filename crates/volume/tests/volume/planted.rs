@@ -28,19 +28,19 @@ fn one_fibre_is_found_with_its_place_length_axis_and_no_spread() {
     tree.for_each_occupied(0, |cell| {
         let m = tree.mixture(0, cell);
         let [c] = m.as_slice() else { panic!("{cell}") };
-        assert!(c.axis.cross(axis).length() < 6e-4, "{cell}");
+        assert!(c.axis.cross(axis).length() < 2.0 * f32::EPSILON, "{cell}");
         assert_eq!((c.spread_rad, c.yarn, c.material), (0.0, 7, 2));
-        assert!((c.radius_mm - 0.003).abs() < 1e-8);
+        assert!((c.radius_mm - 0.003).abs() <= 0.003 * f32::EPSILON);
         // The clip in that cell, from its ends on the cell's faces.
         let low = cell.as_vec3() * 0.1;
         let t0 = (low - a) / (b - a);
         let t1 = (low + 0.1 - a) / (b - a);
         let want = (t1.x.min(t1.y).min(1.0) - t0.x.max(t0.y).max(0.0)) * a.distance(b);
         let got = c.length_density_per_mm2 * 1e-3;
-        assert!((got - want).abs() < 2e-6, "{cell}: {got} {want}");
+        assert!((got - want).abs() < 1.9e-7, "{cell}: {got} {want}");
         length += got;
     });
-    assert!((length - a.distance(b)).abs() < 1e-5);
+    assert!((length - a.distance(b)).abs() <= 4.0 * f32::EPSILON);
 }
 
 #[test]
@@ -61,10 +61,11 @@ fn two_crossed_fibres_of_one_yarn_are_two_populations() {
         let [x, y] = m.as_slice() else {
             panic!("{angle_deg}: {m:?}")
         };
-        assert!(x.axis.cross(Vec3::X).length() < 1e-3);
-        assert!(y.axis.cross(d).length() < 1e-3);
-        assert!((x.length_density_per_mm2 - 0.8).abs() < 1e-5);
-        assert!((y.length_density_per_mm2 - 0.6).abs() < 1e-5);
+        assert!(x.axis.cross(Vec3::X).length() <= 2.0 * f32::EPSILON);
+        // Margin: the angle that stored axes are kept within.
+        assert!(y.axis.cross(d).length() < 6e-4);
+        assert!((x.length_density_per_mm2 - 0.8).abs() < 2.0 * f32::EPSILON);
+        assert!((y.length_density_per_mm2 - 0.6).abs() <= 2.0 * f32::EPSILON);
         assert_eq!((x.spread_rad, y.spread_rad), (0.0, 0.0));
     }
 }
@@ -76,7 +77,10 @@ fn every_level_holds_the_length_put_in() {
     assert_eq!(tree.level_count(), 5);
     let put_in = length_mm(&cloth);
     let found = tree.fibre_length_mm(0);
-    assert!((found / put_in - 1.0).abs() < 1e-6, "{found} of {put_in}");
+    assert!(
+        (found / put_in - 1.0).abs() < 3.5e-10,
+        "{found} of {put_in}"
+    );
     for level in 0..tree.level_count() {
         assert_eq!(tree.fibre_length_mm(level), found, "level {level}");
         let volume = f64::from(tree.voxel_mm(level).element_product());
@@ -90,7 +94,7 @@ fn every_level_holds_the_length_put_in() {
                 .sum::<f64>()
                 * volume;
         });
-        assert!((sum / put_in - 1.0).abs() < 1e-5, "level {level}");
+        assert!((sum / put_in - 1.0).abs() < 1e-8, "level {level}");
     }
 }
 
@@ -125,7 +129,7 @@ fn what_leaves_sideways_comes_back_on_the_other_side() {
     source.tile.repeats = true;
     let tree = run(&source, 0.1, Some(1));
     assert_eq!(tree.occupied_voxels(), 20);
-    assert!((tree.fibre_length_mm(0) - 4.2).abs() < 1e-5);
+    assert!((tree.fibre_length_mm(0) - 4.2).abs() < 2.0 * f64::from(f32::EPSILON));
     // Twice through x in (-0.5, 1), three times through (-1, -0.5) + ... up to 3.7 = -0.3 + 4.
     for (x, times) in [
         (-0.95, 2.0),
@@ -138,7 +142,7 @@ fn what_leaves_sideways_comes_back_on_the_other_side() {
         for shift in [-6.0, 0.0, 2.0] {
             let m = tree.mixture_at(0, Vec3::new(x + shift, 2.55 + 3.0, 0.55));
             let got = m.as_slice()[0].length_density_per_mm2 / 100.0;
-            assert!((got - times).abs() < 1e-4, "{x}: {got}");
+            assert!((got - times).abs() < 8.0 * f32::EPSILON, "{x}: {got}");
         }
     }
 }
@@ -149,7 +153,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
     let (a, b) = (Vec3::new(0.5, 0.5, 0.1), Vec3::new(0.5, 0.5, 0.9));
     let source = list(Vec3::ZERO, Vec3::ONE, vec![Segment::straight(a, b, 0.25)]);
     let tree = run(&source, 0.1, Some(1));
-    assert!((tree.fibre_length_mm(0) - 0.8).abs() < 1e-6);
+    assert!((tree.fibre_length_mm(0) - 0.8).abs() < 2.0 * f64::from(f32::EPSILON));
     for (p, want) in [
         ((0.45, 0.55), 1.0),
         ((0.35, 0.55), 1.0),
@@ -162,7 +166,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
             .iter()
             .map(|c| std::f32::consts::PI * 0.0625 * c.length_density_per_mm2)
             .sum();
-        assert!((phi - want).abs() < 0.15, "{p:?}: {phi}");
+        assert!((phi - want).abs() < 0.011, "{p:?}: {phi}");
     }
     let axis_only = VoxelizeOptions {
         voxel_mm: 0.1,
@@ -254,12 +258,12 @@ fn hard_sources_are_survived_or_refused() {
         })
         .collect();
     let tree = run(&unit(crowd), 0.5, None);
-    assert!((tree.fibre_length_mm(0) / 9800.0 - 1.0).abs() < 1e-5);
+    assert!((tree.fibre_length_mm(0) / 9800.0 - 1.0).abs() < 2.0 * f64::from(f32::EPSILON));
     let far: Vec3 = Vec3::splat(1e4);
     let s = Segment::straight(far + Vec3::splat(0.1), far + Vec3::splat(0.9), 0.001);
     let tree = run(&list(far, far + 1.0, vec![s]), 0.05, None);
     assert!(
-        (tree.fibre_length_mm(0) / length_mm(&list(far, far + 1.0, vec![s])) - 1.0).abs() < 1e-5
+        (tree.fibre_length_mm(0) / length_mm(&list(far, far + 1.0, vec![s])) - 1.0).abs() < 2.9e-10
     );
     let options = VoxelizeOptions {
         voxel_mm: 0.1,

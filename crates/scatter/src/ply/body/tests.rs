@@ -42,6 +42,7 @@ fn depths_of_first_events_follow_beer_in_a_ply_without_twist() {
         let se = (depths.variance() / depths.count as f64).sqrt();
         let off = (depths.mean - expected) / se;
         let case = format!("seed 94, {theta_deg} degrees, offset {h}");
+        // Margin: counted in standard errors.
         assert!(off.abs() < 4.0, "{case}: {} {expected}", depths.mean);
         // Known bad: depths that are not shortened.
         let twin = (depths.mean / f64::from(inclined[1]) - expected) / se;

@@ -25,6 +25,7 @@ fn fibres_are_drawn_with_the_spread_that_the_extinction_has() {
         let off = (square.mean - expected(&correction)) / se;
         // A Gaussian of angles is a heat kernel to the fourth power of the spread.
         let slack = 0.15f64.powi(4) / se;
+        // Margin: counted in standard errors.
         assert!(off.abs() < 4.0 + slack, "seed 96, {w}: {square:?}");
         // Known bad: a spread a quarter too small.
         let twin = (square.mean - expected(&spread(0.11))) / se;
@@ -51,8 +52,10 @@ fn fibres_out_of_line_are_met_as_often_as_they_are_wide() {
     // Means of a Rayleigh law weighted by its value, 2 / sqrt(pi/2), and without weight.
     let pi = std::f64::consts::PI;
     let expected = [2.0 / (0.5 * pi).sqrt(), (0.5 * pi).sqrt()].map(|x| 0.1 * x);
-    assert!((met / expected[0] - 1.0).abs() < 0.03, "seed 97: {met}");
-    assert!((drawn / expected[1] - 1.0).abs() < 0.03, "seed 97: {drawn}");
+    // Margin: four standard errors of the draws are 0.012, and sines are 0.007 below their angles.
+    assert!((met / expected[0] - 1.0).abs() < 0.02, "seed 97: {met}");
+    // Margin: here the two are 0.015 and 0.005.
+    assert!((drawn / expected[1] - 1.0).abs() < 0.02, "seed 97: {drawn}");
 }
 
 #[test]
@@ -82,17 +85,20 @@ fn corrections_share_out_light_and_make_none() {
         through_odds: 4.0,
         ..none
     });
-    assert!((total - all).abs().max_element() < 1e-6, "{total} {all}");
-    assert!((through / total - 0.8).abs().max_element() < 1e-5);
+    assert!(
+        (total - all).abs().max_element() < 2.0 * f32::EPSILON,
+        "{total} {all}"
+    );
+    assert!((through / total - 0.8).abs().max_element() < 4.0 * f32::EPSILON);
     let absorbing = |a: f32| PlyCorrection {
         absorption: Rgb::splat(a),
         ..none
     };
     let (clear, _) = sent(absorbing(0.0));
-    assert!((clear - 0.8).abs().max_element() < 1e-6, "{clear}");
+    assert!((clear - 0.8).abs().max_element() < 6.7e-7, "{clear}");
     let (dark, _) = sent(absorbing(2.0));
     // Twice the absorption: the square of what remains of 0.8.
-    assert!((dark - all * all / 0.8).abs().max_element() < 1e-6);
+    assert!((dark - all * all / 0.8).abs().max_element() < 4.0 * f32::EPSILON);
 }
 
 #[test]
