@@ -5,12 +5,11 @@ use super::sides::{Side, View, direction};
 use crate::error::input;
 use anyhow::Result;
 use glam::{DVec2, DVec3, UVec2};
-use organza_photograph::{Folding, Repeat};
+use organza_photograph::Folding;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_transport::{
-    Camera, EngineChoice, Film, Integrator, Pixel, Projection, RenderSettings, Rendering, Scene,
-    engine,
+    Camera, EngineChoice, Film, Integrator, Projection, RenderSettings, Rendering, Scene, engine,
 };
 use organza_weave::Draft;
 use serde_json::json;
@@ -18,6 +17,8 @@ use std::ops::ControlFlow;
 
 /// Pixels of a computed photograph along a texel, where that is not too many.
 const PIXELS: f64 = 2.0;
+/// Fine texels along a texel.
+const FINE: usize = 4;
 /// Pixels at most.
 const MAX_PIXELS: f64 = (1 << 20) as f64;
 /// Distance from which parallel rays look, mm.
@@ -36,25 +37,22 @@ pub struct Effort {
     pub seed: u64,
 }
 
-/// A computed photograph: places on the cloth, in threads, and their colours in the units of the
-/// photographs.
+/// A computed photograph, folded on texels so fine that it can be moved.
 #[derive(Clone, Debug)]
 pub struct Computed {
-    repeat: Repeat,
     texels: [usize; 2],
-    pixels: Vec<(DVec2, [f64; 3])>,
+    fine: Folding,
 }
 
 impl Computed {
-    /// Its mean repeat, moved right and up by so many texels; rows from the bottom.
+    /// Its mean repeat in the units of the photographs, moved right and up by so many texels; rows
+    /// from the bottom.
     pub fn folded(&self, shift: [f64; 2]) -> Vec<[f64; 3]> {
         let size = DVec2::new(self.texels[0] as f64, self.texels[1] as f64);
-        let shift = DVec2::from_array(shift) / size;
-        let mut folding = Folding::new(self.repeat, self.texels);
-        for (thread, colour) in &self.pixels {
-            folding.add(*thread + shift, *colour);
-        }
-        folding.mean(|_| [0.0; 3])
+        let moved = self
+            .fine
+            .moved(self.texels, DVec2::from_array(shift) / size);
+        moved.mean(|_| [0.0; 3])
     }
 }
 
@@ -85,12 +83,12 @@ pub fn pictures(
         if let Some(first) = cloth.take() {
             scene.media = first.media;
         }
-        let pixels = film.photograph(model, &scene, trial.exposure, effort)?;
+        let mut fine = Folding::new(side.fold.repeat, side.fold.texels.map(|n| FINE * n));
+        film.photograph(model, &scene, trial.exposure, effort, &mut fine)?;
         cloth = Some(scene);
         all.push(Computed {
-            repeat: side.fold.repeat,
             texels: side.fold.texels,
-            pixels,
+            fine,
         });
     }
     Ok(all)
@@ -127,14 +125,15 @@ impl Frame {
         }
     }
 
-    /// Renders it.
+    /// Renders it and folds its pixels.
     fn photograph(
         &self,
         model: &ClothModel<'_>,
         scene: &Scene,
         exposure: f64,
         effort: Effort,
-    ) -> Result<Vec<(DVec2, [f64; 3])>> {
+        fine: &mut Folding,
+    ) -> Result<()> {
         let allowed = model
             .args
             .memory
@@ -177,12 +176,14 @@ impl Frame {
         model.args.common.host.stop_if_asked();
         let spacing = DVec2::from_array(model.spacing_mm);
         let width = self.resolution.x as usize;
-        let place = |(i, pixel): (usize, &Pixel)| {
+        for (i, pixel) in film.pixels().iter().enumerate() {
             let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let colour = [0, 1, 2].map(|c| exposure * pixel.moments(c).mean);
-            seen(&scene.camera, at).map(|place_mm| (place_mm / spacing, colour))
-        };
-        Ok(film.pixels().iter().enumerate().filter_map(place).collect())
+            if let Some(place_mm) = seen(&scene.camera, at) {
+                let colour = [0, 1, 2].map(|c| exposure * pixel.moments(c).mean);
+                fine.add(place_mm / spacing, colour);
+            }
+        }
+        Ok(())
     }
 }
 
