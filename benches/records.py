@@ -74,6 +74,8 @@ def changed_lines(commit, code):
         if line.startswith("@@ "):
             # The last line before it that is not indented: that of a module of tests.
             is_test = line.endswith(" mod tests {")
+        elif line[1:].strip() in ("mod tests {", "#[cfg(test)]"):
+            is_test = True  # a module of tests that is new ends its file
         elif not is_test and re.match(r"[+-](?!\+\+|--)\s*\S", line):
             count += not line[1:].lstrip().startswith("//")
     return count

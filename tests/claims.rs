@@ -209,4 +209,6 @@ fn no_cited_record_is_older_than_its_code() {
     // Modules of tests are no code; the next part of the difference is.
     let in_tests = "@@ -9 +9 @@ mod tests {\n-let x;\n+let y;\n@@ -1 +1 @@ fn f() {\n+let z;\n";
     assert_eq!(code_lines(in_tests), 1);
+    let new = "@@ -9 +9 @@ fn f() {\n+let z;\n+#[cfg(test)]\n+mod tests {\n+let x;\n+}\n";
+    assert_eq!(code_lines(new), 1);
 }

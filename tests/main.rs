@@ -40,6 +40,7 @@ mod measure; // the virtual goniometer
 mod merging; // sample ranges, and merging of the parts
 mod other_cloths; // pile, nonwovens and nets through every stage
 mod photographs; // cloth that is fitted to photographs
+mod planted_photographs; // pictures of a cloth, as a camera takes them
 mod ply_fits; // corrections of plies found from values, pictures and fibres
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was

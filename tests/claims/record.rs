@@ -145,6 +145,8 @@ pub fn code_lines(difference: &str) -> usize {
         }
         let is_head = line.starts_with("+++") || line.starts_with("---");
         let code = line.strip_prefix(['+', '-']).unwrap_or("").trim();
+        // A module of tests that is new ends its file.
+        is_test |= code == "mod tests {" || code == "#[cfg(test)]";
         !is_test && !is_head && !code.is_empty() && !code.starts_with("//")
     };
     difference.lines().filter(is_code).count()

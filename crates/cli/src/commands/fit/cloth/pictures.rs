@@ -98,8 +98,8 @@ pub fn pictures(
 struct Frame {
     size_mm: DVec2,
     resolution: UVec2,
-    /// Texels in it.
-    texels: f64,
+    /// Paths in all.
+    paths: f64,
 }
 
 impl Frame {
@@ -114,14 +114,16 @@ impl Frame {
             side.view.size_mm
         };
         let texel_mm = spacing / DVec2::from_array(side.fold.texels.map(|n| n as f64));
-        let texels = size_mm / texel_mm;
+        // As many paths for a whole photograph as for a tile.
+        let threads = (effort.threads * effort.threads) as f64;
+        let texels: usize = side.fold.texels.iter().product();
         let fine = texel_mm.min_element() / PIXELS;
         let coarse = (size_mm.x * size_mm.y / MAX_PIXELS).sqrt();
         let resolution = (size_mm / fine.max(coarse)).ceil().max(DVec2::ONE);
         Frame {
             size_mm,
             resolution: resolution.as_uvec2(),
-            texels: texels.x * texels.y,
+            paths: effort.paths as f64 * threads * texels as f64,
         }
     }
 
@@ -148,9 +150,7 @@ impl Frame {
             )));
         }
         let pixels = f64::from(self.resolution.x) * f64::from(self.resolution.y);
-        let samples = (effort.paths as f64 * self.texels / pixels)
-            .round()
-            .max(1.0) as u64;
+        let samples = (self.paths / pixels).round().max(1.0) as u64;
         let settings = RenderSettings {
             integrator: Integrator::Woodcock,
             samples: 0..samples,
