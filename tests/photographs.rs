@@ -4,7 +4,7 @@
 //! with noise. `ORGANZA_FULL=1 cargo test --release --test main photographs::` fits every kind
 //! of weave, larger photographs, and such as were taken from nearby.
 
-use crate::planted_photographs::{Camera, FROM_AFAR, uniform, write};
+use crate::planted_photographs::{Camera, DISTANT, uniform, write};
 use crate::program::{complaint, folder, succeed};
 use organza_photograph::is_same_weave;
 use organza_scene::fabric_file;
@@ -41,7 +41,7 @@ const PLAIN: Planted = Planted {
     colours: [[0.55, 0.30, 0.20], [0.25, 0.40, 0.60]],
     pixels: 11,
     seed: 101,
-    camera: FROM_AFAR,
+    camera: DISTANT,
     flags: &[],
 };
 
@@ -53,7 +53,7 @@ const MORE: [Planted; 6] = [
         camera: Camera {
             near_mm: Some(60.0),
             corners: 0.7,
-            ..FROM_AFAR
+            ..DISTANT
         },
         flags: &[
             "--camera-mm",
@@ -88,7 +88,7 @@ const MORE: [Planted; 6] = [
         seed: 103,
         camera: Camera {
             turn_deg: 4.0,
-            ..FROM_AFAR
+            ..DISTANT
         },
         ..PLAIN
     },
@@ -260,15 +260,18 @@ impl Planted {
 /// Spacing within 2 %, the draft, and widths and colours within four standard errors; at full size, where
 /// camera, lamps and exposure are known and far away, widths within 5 %, and the plain cloth's colours
 /// within 3 %. The twin: cloth a fifth wider, and of colours half as bright
-/// again, is told apart; at full size a tenth and a quarter.
+/// again, is distinguished; at full size a tenth and a quarter.
 #[test]
 fn planted_cloth_comes_back() {
     let (widths, colours) = PLAIN.comes_back(sized("32", "160"));
     let (wider, brighter) = sized((0.2, 0.5), (0.1, 0.25));
-    let is_told_apart = |[error, se]: &[f64; 2], change: f64| (error - change).abs() > 4.0 * se;
-    assert!(widths.iter().all(|w| is_told_apart(w, wider)), "{widths:?}");
+    let is_distinguished = |[error, se]: &[f64; 2], change: f64| (error - change).abs() > 4.0 * se;
     assert!(
-        colours.iter().all(|c| is_told_apart(c, brighter)),
+        widths.iter().all(|w| is_distinguished(w, wider)),
+        "{widths:?}"
+    );
+    assert!(
+        colours.iter().all(|c| is_distinguished(c, brighter)),
         "{colours:?}"
     );
     if is_full() {
@@ -296,7 +299,7 @@ fn knits_and_noise_are_refused() {
     std::fs::write(folder.join("truth.toml"), knit).unwrap();
     // Ten wales and twelve courses.
     let size_mm = [100.0 / 14.0, 120.0 / 18.0];
-    FROM_AFAR.photograph(&folder, size_mm, [240, 224], 5);
+    DISTANT.photograph(&folder, size_mm, [240, 224], 5);
     let width = size_mm[0].to_string();
     let fit = |front: &str, more: &[&str]| {
         let words = [

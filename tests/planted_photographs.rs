@@ -22,7 +22,7 @@ pub struct Camera {
 }
 
 /// Parallel light and rays, and a lens that darkens nothing.
-pub const FROM_AFAR: Camera = Camera {
+pub const DISTANT: Camera = Camera {
     lights: [[30.0, 45.0], [150.0, 45.0]],
     near_mm: None,
     turn_deg: 0.0,
