@@ -1,6 +1,6 @@
 //! A photograph folded onto one repeat of its weave.
 
-use crate::{Photograph, Repeat, ThreadGrid};
+use crate::{Photograph, Repeat, Shading, ThreadGrid, Vignetting};
 use glam::DVec2;
 
 /// Strips of a photograph, across and along, that are left out in turn to see by how much they
@@ -52,6 +52,24 @@ impl Folding {
         }
     }
 
+    /// This empty one with the pixels of a photograph that count.
+    fn of(
+        &self,
+        photograph: &Photograph,
+        grid: &ThreadGrid,
+        counts: impl Fn(usize, usize) -> bool,
+    ) -> Folding {
+        let mut folding = self.clone();
+        let [w, h] = photograph.size();
+        for y in 0..h {
+            for x in (0..w).filter(|x| counts(*x, y)) {
+                let thread = grid.thread(DVec2::new(x as f64, y as f64));
+                folding.add(thread, photograph.pixel(x, y));
+            }
+        }
+        folding
+    }
+
     /// The same colours on texels of another size, moved right and up by so many threads.
     pub fn moved(&self, texels: [usize; 2], shift: DVec2) -> Folding {
         let mut moved = Folding::new(self.repeat, texels);
@@ -92,7 +110,7 @@ impl Folding {
     }
 
     /// The same without the places of a part.
-    fn without(&self, part: &Folding) -> Folding {
+    pub fn without(&self, part: &Folding) -> Folding {
         let sums = self.sums.iter().zip(&part.sums);
         Folding {
             repeat: self.repeat,
@@ -118,6 +136,8 @@ pub struct Fold {
     pub repeat: Repeat,
     /// Texels of one thread's spacing along x and y.
     pub texels: [usize; 2],
+    /// Width and height of a texel in the photograph, pixels.
+    pub texel_px: [f64; 2],
     /// Mean linear colours of the whole repeat, `ends * texels[0]` by `all_picks * texels[1]`
     /// texels; rows from the bottom.
     pub mean: Vec<[f64; 3]>,
@@ -125,20 +145,31 @@ pub struct Fold {
     pub variance: f64,
     /// Mean colour of the pixels.
     pub mean_colour: [f64; 3],
+    /// The vignetting that was taken out.
+    pub vignetting: Vignetting,
     /// The same as `mean` with one upright strip of the photograph left out, then with one level
     /// strip left out.
     pub without_strip: [Vec<Vec<[f64; 3]>>; 2],
 }
 
 impl Fold {
-    /// Folds a photograph. A texel is a square share of a crossing, at least 1.5 pixels wide.
-    pub fn new(photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Fold {
+    /// Folds a photograph as it is without shading and vignetting, which is found where it is not
+    /// known, for each of the parts anew. A texel is a square share of a crossing, at least 1.5 pixels wide.
+    pub fn new(
+        photograph: &Photograph,
+        grid: &ThreadGrid,
+        repeat: Repeat,
+        (shading, known): (&Shading, Option<Vignetting>),
+    ) -> Fold {
         let texels = grid.spacing_px().map(|s| ((s / 1.5) as usize).clamp(4, 6));
         let size = photograph.size();
         let strips: [usize; 2] = std::array::from_fn(|k| {
             let threads = size[k] as f64 / grid.spacing_px()[k];
             ((threads / MIN_THREADS) as usize).clamp(2, STRIPS)
         });
+        let shaded = shading.removed(photograph);
+        let vignetting = known.unwrap_or_else(|| Vignetting::find(&shaded, |_, _| true));
+        let flat = vignetting.removed(&shaded);
         let empty = Folding::new(repeat, texels);
         let mut whole = empty.clone();
         let mut parts = strips.map(|n| vec![empty.clone(); n]);
@@ -146,7 +177,7 @@ impl Fold {
         for y in 0..size[1] {
             for x in 0..size[0] {
                 let thread = grid.thread(DVec2::new(x as f64, y as f64));
-                let c = photograph.pixel(x, y);
+                let c = flat.pixel(x, y);
                 whole.add(thread, c);
                 parts[0][x * strips[0] / size[0]].add(thread, c);
                 parts[1][y * strips[1] / size[1]].add(thread, c);
@@ -160,17 +191,30 @@ impl Fold {
         let mean_colour = total.map(|t| t / pixels);
         let variance = squares / pixels - mean_colour.iter().map(|m| m * m).sum::<f64>();
         let mean = whole.mean(|_| mean_colour);
-        let without_strip = parts.map(|list| {
-            list.iter()
-                .map(|p| whole.without(p).mean(|t| mean[t]))
+        let without_strip = std::array::from_fn(|axis| {
+            let without = |strip: usize| {
+                let rest = whole.without(&parts[axis][strip]);
+                let counts = |x: usize, y: usize| [x, y][axis] * strips[axis] / size[axis] != strip;
+                match known {
+                    Some(_) => rest,
+                    None => {
+                        let flat = Vignetting::find(&shaded, counts).removed(&shaded);
+                        empty.of(&flat, grid, counts)
+                    }
+                }
+            };
+            (0..strips[axis])
+                .map(|strip| without(strip).mean(|t| mean[t]))
                 .collect()
         });
         Fold {
             repeat,
             texels,
+            texel_px: std::array::from_fn(|k| grid.spacing_px()[k] / texels[k] as f64),
             mean,
             variance: variance.max(1e-12),
             mean_colour,
+            vignetting,
             without_strip,
         }
     }
@@ -179,6 +223,13 @@ impl Fold {
     pub fn size(&self) -> [usize; 2] {
         let [n, m] = self.texels;
         [self.repeat.ends * n, self.repeat.all_picks() * m]
+    }
+
+    /// The standard deviations along x and y, in texels, of a blur that is the same in all directions;
+    /// a texel in the mean is as wide as the side of a square of its area.
+    pub fn blur(&self, texels: f64) -> [f64; 2] {
+        let [w, h] = self.texel_px;
+        [texels * (h / w).sqrt(), texels * (w / h).sqrt()]
     }
 
     /// Variances of the texels of `mean`, by the jackknife over upright and level strips: threads

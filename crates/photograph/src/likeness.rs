@@ -1,6 +1,7 @@
 //! How well a computed picture of a repeat explains a folded photograph.
 
 use crate::Fold;
+use std::f64::consts::TAU;
 
 /// Widths of the blur that are tried, texels.
 const BLURS: [f64; 3] = [0.8, 1.1, 1.6];
@@ -16,35 +17,18 @@ pub struct Likeness {
     pub of_fold: f64,
     /// How far the computed picture is moved right and up, texels.
     pub shift: [f64; 2],
-    /// Standard deviation of its blur, texels.
+    /// Standard deviation of its blur, texels; [`Fold::blur`] is that along x and y.
     pub blur: f64,
     /// Weights of the two pictures for each channel: first colours of warp and weft.
     pub weights: [[f64; 2]; 3],
 }
 
-/// A picture moved and blurred, on a repeat without borders. Rows from the bottom.
-pub fn moved(
-    picture: &[[f64; 3]],
-    [w, h]: [usize; 2],
-    shift: [f64; 2],
-    blur: f64,
-) -> Vec<[f64; 3]> {
-    let kernel = |n: usize, shift: f64| -> Vec<f64> {
-        let weight = |k: usize| {
-            let mut sum = 0.0;
-            for wrap in -3i32..=3 {
-                let d = k as f64 - shift.rem_euclid(n as f64) + f64::from(wrap) * n as f64;
-                sum += (-0.5 * (d / blur).powi(2)).exp();
-            }
-            sum
-        };
-        let list: Vec<f64> = (0..n).map(weight).collect();
-        let all: f64 = list.iter().sum();
-        list.iter().map(|v| v / all).collect()
-    };
-    let (across, up) = (kernel(w, shift[0]), kernel(h, shift[1]));
+/// A picture blurred along x and y, by these standard deviations in texels, on a repeat without borders.
+/// Rows from the bottom.
+pub fn blurred(picture: &[[f64; 3]], [w, h]: [usize; 2], blur: [f64; 2]) -> Vec<[f64; 3]> {
+    let (across, up) = (kernel(w, blur[0]), kernel(h, blur[1]));
     let mut rows = vec![[0.0; 3]; w * h];
-    for (k, &weight) in across.iter().enumerate().filter(|(_, w)| **w > 1e-9) {
+    for (k, &weight) in across.iter().enumerate().filter(|(_, w)| w.abs() > 1e-9) {
         for y in 0..h {
             for x in 0..w {
                 let from = picture[y * w + (x + w - k) % w];
@@ -54,7 +38,7 @@ pub fn moved(
         }
     }
     let mut moved = vec![[0.0; 3]; w * h];
-    for (k, &weight) in up.iter().enumerate().filter(|(_, w)| **w > 1e-9) {
+    for (k, &weight) in up.iter().enumerate().filter(|(_, w)| w.abs() > 1e-9) {
         for y in 0..h {
             for x in 0..w {
                 let from = rows[(y + h - k) % h * w + x];
@@ -64,6 +48,17 @@ pub fn moved(
         }
     }
     moved
+}
+
+/// The discrete kernel of Gaussian shape on `n` texels without borders: its variance is exactly the
+/// square of `blur`, however narrow it is [Lindeberg1990].
+fn kernel(n: usize, blur: f64) -> Vec<f64> {
+    let wave = |f: usize, k: usize| (TAU * (f * k) as f64 / n as f64).cos();
+    let weight = |k: usize| {
+        let waves = (0..n).map(|f| (blur * blur * (wave(f, 1) - 1.0)).exp() * wave(f, k));
+        waves.sum::<f64>() / n as f64
+    };
+    (0..n).map(weight).collect()
 }
 
 /// The weights, not negative, with which two pictures explain a third, and how much of its sum of
@@ -96,7 +91,7 @@ impl Likeness {
             let mean = list.iter().map(|c| c[k]).sum::<f64>() / texels;
             list.iter().map(|c| c[k] - mean).collect()
         };
-        let smooth = moved(&fold.mean, [w, h], [0.0; 2], SMOOTH);
+        let smooth = blurred(&fold.mean, [w, h], [SMOOTH; 2]);
         let photograph: [Vec<f64>; 3] = std::array::from_fn(|c| centred(c, &smooth));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let folded: f64 = photograph.iter().map(|f| dot(f, f)).sum::<f64>() / texels;
@@ -108,8 +103,8 @@ impl Likeness {
             weights: [[0.0; 2]; 3],
         };
         for blur in BLURS {
-            let blurred = moved(picture, [w, h], [0.0; 2], blur);
-            let bases = [0, 1].map(|k| centred(k, &blurred));
+            let soft = blurred(picture, [w, h], fold.blur(blur));
+            let bases = [0, 1].map(|k| centred(k, &soft));
             let products = [
                 dot(&bases[0], &bases[0]),
                 dot(&bases[0], &bases[1]),
@@ -144,5 +139,48 @@ impl Likeness {
             }
         }
         best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Kernels have the variance that they should have, and two of them in turn are the one of the
+    /// summed variances; samples of a Gaussian of half a texel have not.
+    #[test]
+    fn kernels_have_their_variance() {
+        let variance = |kernel: &[f64]| {
+            let n = kernel.len();
+            let distance = |k: usize| k.min(n - k) as f64;
+            let squares = kernel
+                .iter()
+                .enumerate()
+                .map(|(k, w)| w * distance(k).powi(2));
+            squares.sum::<f64>() / kernel.iter().sum::<f64>()
+        };
+        for blur in [0.2, 0.5, 1.3] {
+            let found = variance(&kernel(36, blur));
+            assert!(
+                (found / (blur * blur) - 1.0).abs() < 1e-9,
+                "{blur}: {found}"
+            );
+        }
+        let dot = [1.0; 3];
+        let mut picture = vec![[0.0; 3]; 24 * 18];
+        picture[100] = dot;
+        let twice = blurred(
+            &blurred(&picture, [24, 18], [0.6, 0.3]),
+            [24, 18],
+            [0.8, 0.4],
+        );
+        let once = blurred(&picture, [24, 18], [1.0, 0.5]);
+        let error = twice.iter().flatten().zip(once.iter().flatten());
+        let error = error.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(error < 1e-7, "{error}");
+        let sampled: Vec<f64> = (0..36usize)
+            .map(|k| (-0.5 * (k.min(36 - k) as f64 / 0.5).powi(2)).exp())
+            .collect();
+        assert!((variance(&sampled) / 0.25 - 1.0).abs() > 0.1);
     }
 }

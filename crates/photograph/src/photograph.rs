@@ -1,6 +1,7 @@
 //! A photograph as linear colours, and its brightness without the unevenness of the light.
 
 use crate::PhotographError;
+use glam::DVec2;
 
 /// The least side of a photograph, pixels.
 pub const MIN_SIDE: usize = 64;
@@ -48,13 +49,21 @@ impl Photograph {
         self.pixels[y * self.width + x].map(f64::from)
     }
 
-    /// The photograph with pixels, counted from the lower left one, times a factor.
-    pub fn scaled(&self, factor: impl Fn(usize, usize) -> f64) -> Photograph {
+    /// The place of a pixel, counted from the lower left one: zero is the middle of the photograph, and
+    /// half its diagonal is one.
+    pub fn place(&self, x: usize, y: usize) -> DVec2 {
+        let size = DVec2::new(self.width as f64, self.height as f64);
+        let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        (at - 0.5 * size) / (0.5 * size.length())
+    }
+
+    /// The photograph with the channels of pixels, counted from the lower left one, times factors.
+    pub fn scaled(&self, factors: impl Fn(usize, usize) -> [f64; 3]) -> Photograph {
         let place = |i: usize| (i % self.width, i / self.width);
         let pixels = self.pixels.iter().enumerate().map(|(i, p)| {
             let (x, y) = place(i);
-            let factor = factor(x, y) as f32;
-            p.map(|v| v * factor)
+            let factors = factors(x, y);
+            std::array::from_fn(|c| p[c] * factors[c] as f32)
         });
         Photograph {
             pixels: pixels.collect(),

@@ -4,7 +4,8 @@
 
 use glam::DVec2;
 use organza_photograph::{
-    Likeness, Photograph, PhotographError, Repeat, ThreadGrid, name_of, repeats,
+    Likeness, Photograph, PhotographError, Repeat, Shading, ThreadGrid, Vignetting, name_of,
+    repeats,
 };
 use organza_weave::Draft;
 
@@ -119,7 +120,12 @@ fn a_picture_is_recognised_wherever_it_begins() {
     let photograph = drawn("twill-3-1-s", [14.0, 13.0], 0.0, 11);
     let grid = ThreadGrid::find(&photograph).unwrap();
     let (repeat, _) = repeats(&photograph, &grid, 1)[0];
-    let fold = organza_photograph::Fold::new(&photograph, &grid, repeat);
+    let fold = organza_photograph::Fold::new(
+        &photograph,
+        &grid,
+        repeat,
+        (&Shading::default(), Some(Vignetting::default())),
+    );
     let [w, h] = fold.size();
     let moved: Vec<[f64; 3]> = (0..w * h)
         .map(|t| fold.mean[(t / w + 5) % h * w + (t % w + 3) % w])

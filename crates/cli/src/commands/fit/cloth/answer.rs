@@ -38,8 +38,6 @@ pub struct Answer<'a> {
     pub sides: &'a [Side],
     /// How well the pictures agree with them.
     pub agreement: Vec<Agreement>,
-    /// What is printed of the vignetting.
-    pub vignetting: &'a [String],
 }
 
 impl Answer<'_> {
@@ -69,7 +67,7 @@ impl Answer<'_> {
         for (side, agreement) in self.sides.iter().zip(&self.agreement) {
             list.push(format!("{}: {agreement}", side.name));
         }
-        list.extend_from_slice(self.vignetting);
+        list.extend(self.sides.iter().filter_map(Side::vignetting));
         list
     }
 

@@ -65,6 +65,31 @@ impl Equations {
         }
         change.component_mul(&self.ranges)
     }
+
+    /// The change to which so many turns add up: what the pictures hardly determine is still on its
+    /// way then, but has moved further, and by more of the noise, than in one turn.
+    pub fn settled(&self, rest: &DVector<f64>, turns: u32) -> DVector<f64> {
+        let along = self.eigen.eigenvectors.transpose() * (&self.right * rest);
+        let values = self.eigen.eigenvalues.iter().zip(along.iter());
+        let solved = values.map(|(v, a)| a * moved(*v, turns));
+        let change = &self.eigen.eigenvectors * DVector::from_iterator(along.len(), solved);
+        change.component_mul(&self.ranges)
+    }
+
+    /// Variances of the unknowns from what so many turns leave of the first guess's errors, which
+    /// are expected to be the ranges.
+    pub fn unsettled(&self, turns: u32) -> DVector<f64> {
+        let left = |v: f64| (1.0 + v).powi(-(turns as i32)).powi(2);
+        let squares = self.eigen.eigenvectors.map(|e| e * e);
+        let left = self.eigen.eigenvalues.map(left);
+        (squares * left).component_mul(&self.ranges.component_mul(&self.ranges))
+    }
+}
+
+/// By how much so many turns move a direction of eigenvalue `v`, as a share of its product with the
+/// residuals: the sum of `1 / (1 + v)^k` for `k` from 1.
+fn moved(v: f64, turns: u32) -> f64 {
+    (1..=turns as i32).map(|k| (1.0 + v).powi(-k)).sum()
 }
 
 #[cfg(test)]
@@ -106,5 +131,33 @@ mod tests {
         let change = Equations::new(&[&columns], &ranges).change(&rest, 0.8);
         assert!(change[0] > 0.2 && change[0] <= 0.8 * 0.5, "{change}");
         assert_eq!(change[1], 0.0);
+    }
+
+    /// Many turns find all of what is planted, one turn what its damping leaves of it, and the rest of
+    /// the range counts as its error.
+    #[test]
+    fn turns_add_up_to_what_is_planted() {
+        // Along the first unknown a unit is four deviations of the photographs, along the second a half.
+        let columns = DMatrix::from_fn(2, 2, |i, k| match (i, k) {
+            (0, 0) => 4.0,
+            (1, 1) => 0.5,
+            _ => 0.0,
+        });
+        let planted = DVector::from_vec(vec![0.1, 0.2]);
+        let rest = &columns * &planted;
+        let equations = Equations::new(&[&columns], &[1.0; 2]);
+        let one = equations.settled(&rest, 1);
+        assert!(
+            (&one - equations.change(&rest, 10.0)).norm() < 1e-12,
+            "{one}"
+        );
+        assert!((one[1] / planted[1] - 0.2).abs() < 1e-12, "{one}");
+        let all = equations.settled(&rest, 200);
+        assert!((all - planted).norm() < 1e-12);
+        let left = equations.unsettled(1).map(f64::sqrt);
+        assert!(
+            (left[0] - 1.0 / 17.0).abs() < 1e-12 && (left[1] - 0.8).abs() < 1e-12,
+            "{left}"
+        );
     }
 }

@@ -38,7 +38,7 @@ pub fn first_guess(
         }
         step();
         let pictures = search.render(&trial, LOOK)?;
-        let places: Vec<Placed> = (pictures.iter().zip(search.sides))
+        let places: Vec<Placed> = (pictures.iter().zip(&search.sides))
             .map(|(picture, side)| Likeness::best(&side.fold, &picture.folded([0.0; 2])))
             .map(|likeness| Placed::of(&likeness))
             .collect();

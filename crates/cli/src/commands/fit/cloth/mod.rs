@@ -11,6 +11,8 @@ mod pictures;
 mod placed;
 mod recognise;
 mod search;
+mod secant;
+mod settled;
 mod sides;
 mod unknowns;
 
@@ -23,9 +25,9 @@ use agreement::Agreement;
 use answer::{Answer, shown_name};
 use anyhow::Result;
 use model::{ClothModel, Purpose, Trial};
-use organza_photograph::{Photograph, PhotographError, Repeat, ThreadGrid, repeats};
+use organza_photograph::{PhotographError, Repeat, ThreadGrid, repeats};
 use organza_weave::Draft;
-use photographs::Photographs;
+use photographs::{Photographs, Shot};
 use placed::Placed;
 use recognise::{Candidate, look, recognise};
 use search::Search;
@@ -127,7 +129,7 @@ struct Seen {
 /// Compares the photograph with the drafts that its repeats allow, or with the given one.
 fn see(
     taken: &Taken<'_>,
-    photograph: &Photograph,
+    shot: &Shot,
     grid: &ThreadGrid,
     model: &ClothModel<'_>,
     given: Option<&Draft>,
@@ -135,17 +137,17 @@ fn see(
 ) -> Result<Option<Seen>> {
     if let Some(draft) = given {
         let repeat = Repeat::of_draft(draft);
-        let side = taken.front(photograph, grid, repeat);
+        let side = taken.front(shot, grid, repeat);
         let candidates = recognise(model, &side, vec![draft.clone()], step)?;
         return Ok(Some(Seen { side, candidates }));
     }
     let mut best: Option<Seen> = None;
-    for (repeat, _) in repeats(photograph, grid, REPEATS) {
+    for (repeat, _) in repeats(&shot.flat(), grid, REPEATS) {
         let drafts = repeat.drafts();
         if drafts.is_empty() {
             continue;
         }
-        let side = taken.front(photograph, grid, repeat);
+        let side = taken.front(shot, grid, repeat);
         let candidates = recognise(model, &side, drafts, step)?;
         let share = |s: &Seen| {
             s.candidates
@@ -220,8 +222,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let given = given_draft(args)?;
     let photographs = Photographs::read(args, front)?;
     let fail = |why: String| input(format!("{}: {why}", front.display()));
-    let grid = ThreadGrid::find(&photographs.front).map_err(|e| fail(e.to_string()))?;
-    let mm_per_px = photographs.size_mm.x / photographs.front.size()[0] as f64;
+    let grid = ThreadGrid::find(&photographs.front.photograph).map_err(|e| fail(e.to_string()))?;
+    let mm_per_px = photographs.size_mm.x / photographs.front.photograph.size()[0] as f64;
     let spacing_mm = grid.spacing_px().map(|s| s * mm_per_px);
     let taken = Taken::new(args, &grid, photographs.size_mm);
     let model = ClothModel::new(args, spacing_mm, taken.turn_deg)?;
@@ -247,9 +249,9 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let best = seen.candidates[0].clone();
     let mut places = vec![Placed::of(&best.likeness)];
     let mut sides = vec![seen.side];
-    if let Some(photograph) = &photographs.back {
-        let grid = grid.refined(photograph);
-        let side = taken.back(photograph, &grid, sides[0].fold.repeat);
+    if let Some(shot) = &photographs.back {
+        let grid = grid.refined(&shot.photograph);
+        let side = taken.back(shot, &grid, sides[0].fold.repeat);
         step();
         let there = look(&model, &side, &best.draft, best.trial.tex)?;
         places.push(Placed::of(&there.likeness));
@@ -260,7 +262,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         ..best.trial
     };
     let paths = args.spp.unwrap_or(PATHS);
-    let search = Search::new(&model, &best.draft, &sides, paths);
+    let mut search = Search::new(&model, &best.draft, sides, paths);
     let found = search.run(start, places, &mut step)?;
     progress.finish();
 
@@ -278,11 +280,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         confidence,
         is_given: given.is_some(),
         found: &found,
-        agreement: (sides.iter().zip(&found.pictures))
+        agreement: (search.sides.iter().zip(&found.pictures))
             .map(|(side, picture)| Agreement::new(side, picture))
             .collect(),
-        sides: &sides,
-        vignetting: &photographs.vignetting,
+        sides: &search.sides,
     };
     let words = answer.words();
     let page = match &args.cloth.report {

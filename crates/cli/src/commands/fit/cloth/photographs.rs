@@ -1,13 +1,14 @@
-//! The photographs of a fit, read and made even.
+//! The photographs of a fit, and what makes them uneven.
 
 use super::flags::VignettingFlag;
-use super::sides::without_vignetting;
+use super::sides::direction;
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, picture};
 use crate::error::input;
 use anyhow::Result;
-use glam::DVec2;
-use organza_photograph::Photograph;
+use glam::{DVec2, DVec3};
+use organza_photograph::{Photograph, Shading, ShadingSums, Vignetting};
 use std::path::Path;
+use std::rc::Rc;
 
 /// A photograph from a file.
 fn read(args: &FitArgs, path: &Path) -> Result<Photograph> {
@@ -17,16 +18,70 @@ fn read(args: &FitArgs, path: &Path) -> Result<Photograph> {
         .map_err(|e| input(format!("{}: {e}", path.display())))
 }
 
-/// The photographs, without vignetting, and the vignetting that was found.
+/// A photograph, and what makes it uneven.
+#[derive(Clone)]
+pub struct Shot {
+    /// As it was read.
+    pub photograph: Rc<Photograph>,
+    /// How light and view shade it.
+    pub shading: Shading,
+    /// Its vignetting, if that is known.
+    pub vignetting: Option<Vignetting>,
+}
+
+impl Shot {
+    /// One of a cloth that a lamp shades as it does paper.
+    fn new(
+        args: &FitArgs,
+        photograph: Photograph,
+        (light, light_mm): ([f64; 2], Option<f64>),
+        size_mm: DVec2,
+    ) -> Shot {
+        Shot {
+            shading: light_mm.map_or_else(Shading::default, |distance_mm| {
+                shading_of_paper(&photograph, direction(light) * distance_mm, size_mm)
+            }),
+            photograph: Rc::new(photograph),
+            vignetting: match args.cloth.vignetting {
+                None => Some(Vignetting::default()),
+                Some(VignettingFlag::Known(vignetting)) => Some(vignetting),
+                Some(VignettingFlag::Fit) => None,
+            },
+        }
+    }
+
+    /// The photograph without what makes it uneven.
+    pub fn flat(&self) -> Photograph {
+        let shaded = self.shading.removed(&self.photograph);
+        let vignetting = self.vignetting;
+        let vignetting = vignetting.unwrap_or_else(|| Vignetting::find(&shaded, |_, _| true));
+        vignetting.removed(&shaded)
+    }
+}
+
+/// How a lamp at a place, mm from the middle of a photograph of this size, shades paper.
+fn shading_of_paper(photograph: &Photograph, lamp_mm: DVec3, size_mm: DVec2) -> Shading {
+    let mut sums = ShadingSums::default();
+    let [w, h] = photograph.size();
+    for i in 0..=12 {
+        for j in 0..=12 {
+            let place = photograph.place(i * (w - 1) / 12, j * (h - 1) / 12);
+            let at_mm = (place * 0.5 * size_mm.length()).extend(0.0);
+            let light = (lamp_mm.length() / lamp_mm.distance(at_mm)).powi(3);
+            sums.add(place, [light; 3]);
+        }
+    }
+    sums.shading()
+}
+
+/// The photographs of a fit.
 pub struct Photographs {
     /// That of the face.
-    pub front: Photograph,
+    pub front: Shot,
     /// That against the light.
-    pub back: Option<Photograph>,
+    pub back: Option<Shot>,
     /// Size of the cloth in them.
     pub size_mm: DVec2,
-    /// What is printed of the vignetting.
-    pub vignetting: Vec<String>,
 }
 
 impl Photographs {
@@ -56,34 +111,20 @@ impl Photographs {
                 back.size()[1]
             )));
         }
-        let mut vignetting = Vec::new();
-        let mut flat = |photograph, name: &str, lamp| {
-            let (flat, found) = without_vignetting(args, photograph, lamp, size_mm);
-            if let (Some(v), Some(VignettingFlag::Fit)) = (found, args.cloth.vignetting) {
-                vignetting.push(format!(
-                    "{name}: vignetting 1 {:+.4} r^2 {:+.4} r^4",
-                    v.a, v.b
-                ));
-            }
-            flat
-        };
         let light = (args.light.unwrap_or(LIGHT), args.cloth.light_mm);
-        let front = flat(photograph, "front", light);
-        let light = (
-            args.back_light.unwrap_or(BACK_LIGHT),
-            args.cloth.back_light_mm,
-        );
-        let back = back.map(|(_, b)| flat(b, "back", light));
+        let front = Shot::new(args, photograph, light, size_mm);
+        let light = args.back_light.unwrap_or(BACK_LIGHT);
+        let light = (light, args.cloth.back_light_mm);
         Ok(Photographs {
             front,
-            back,
+            back: back.map(|(_, photograph)| Shot::new(args, photograph, light, size_mm)),
             size_mm,
-            vignetting,
         })
     }
 
     /// Both, the front first.
     pub fn all(&self) -> impl Iterator<Item = &Photograph> {
-        std::iter::once(&self.front).chain(&self.back)
+        let shots = std::iter::once(&self.front).chain(&self.back);
+        shots.map(|shot| &*shot.photograph)
     }
 }

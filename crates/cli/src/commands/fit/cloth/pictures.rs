@@ -5,11 +5,12 @@ use super::sides::{Side, View, direction};
 use crate::error::input;
 use anyhow::Result;
 use glam::{DVec2, DVec3, UVec2};
-use organza_photograph::Folding;
+use organza_photograph::{Folding, Shading, ShadingSums};
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_transport::{
-    Camera, EngineChoice, Film, Integrator, Projection, RenderSettings, Rendering, Scene, engine,
+    Camera, EngineChoice, Film, Integrator, Pixel, Projection, RenderSettings, Rendering, Scene,
+    engine,
 };
 use organza_weave::Draft;
 use serde_json::json;
@@ -42,17 +43,45 @@ pub struct Effort {
 pub struct Computed {
     texels: [usize; 2],
     fine: Folding,
+    /// What is known besides where light and view differ from place to place.
+    uneven: Option<Uneven>,
+}
+
+/// A computed photograph of places that are lit and seen from different directions.
+#[derive(Clone, Debug)]
+struct Uneven {
+    shading: Shading,
+    /// Upright and level strips, as many as of the real one.
+    strips: [Vec<Folding>; 2],
 }
 
 impl Computed {
     /// Its mean repeat in the units of the photographs, moved right and up by so many texels; rows
     /// from the bottom.
     pub fn folded(&self, shift: [f64; 2]) -> Vec<[f64; 3]> {
+        self.moved(&self.fine, shift)
+    }
+
+    /// The same without a strip; where light and view are the same everywhere, a strip changes nothing.
+    pub fn folded_without(&self, (axis, strip): (usize, usize), shift: [f64; 2]) -> Vec<[f64; 3]> {
+        match &self.uneven {
+            None => self.folded(shift),
+            Some(uneven) => {
+                let rest = self.fine.without(&uneven.strips[axis][strip]);
+                self.moved(&rest, shift)
+            }
+        }
+    }
+
+    fn moved(&self, fine: &Folding, shift: [f64; 2]) -> Vec<[f64; 3]> {
         let size = DVec2::new(self.texels[0] as f64, self.texels[1] as f64);
-        let moved = self
-            .fine
-            .moved(self.texels, DVec2::from_array(shift) / size);
+        let moved = fine.moved(self.texels, DVec2::from_array(shift) / size);
         moved.mean(|_| [0.0; 3])
+    }
+
+    /// How light and view shade it, where they differ from place to place.
+    pub fn shading(&self) -> Option<Shading> {
+        self.uneven.as_ref().map(|u| u.shading)
     }
 }
 
@@ -84,11 +113,36 @@ pub fn pictures(
             scene.media = first.media;
         }
         let mut fine = Folding::new(side.fold.repeat, side.fold.texels.map(|n| FINE * n));
-        film.photograph(model, &scene, trial.exposure, effort, &mut fine)?;
+        let (mut sums, mut strips) = (ShadingSums::default(), None);
+        if !side.view.is_parallel() {
+            let counts = side.fold.without_strip.each_ref().map(Vec::len);
+            strips = Some(counts.map(|n| vec![fine.clone(); n]));
+        }
+        let pixels = film.render(model, &scene, effort)?;
+        for (place, place_mm, colour) in pixels {
+            let colour = colour.map(|v| trial.exposure * v);
+            let shading = side.shot.shading.at(place);
+            let flat = std::array::from_fn(|c| colour[c] / shading[c]);
+            let thread = place_mm / DVec2::from_array(model.spacing_mm);
+            fine.add(thread, flat);
+            if let Some(strips) = &mut strips {
+                sums.add(place, colour);
+                let share = film.share(place);
+                for (list, share) in strips.iter_mut().zip(share) {
+                    let strip = (share * list.len() as f64) as usize;
+                    let last = list.len() - 1;
+                    list[strip.min(last)].add(thread, flat);
+                }
+            }
+        }
         cloth = Some(scene);
         all.push(Computed {
             texels: side.fold.texels,
             fine,
+            uneven: strips.map(|strips| Uneven {
+                shading: sums.shading(),
+                strips,
+            }),
         });
     }
     Ok(all)
@@ -127,15 +181,19 @@ impl Frame {
         }
     }
 
-    /// Renders it and folds its pixels.
-    fn photograph(
+    /// How far to the right and upwards a place is, from 0 to 1.
+    fn share(&self, place: DVec2) -> [f64; 2] {
+        let size = self.resolution.as_dvec2();
+        (0.5 + place * (0.5 * size.length()) / size).to_array()
+    }
+
+    /// Renders it: places in the photograph, on the cloth, and colours.
+    fn render(
         &self,
         model: &ClothModel<'_>,
         scene: &Scene,
-        exposure: f64,
         effort: Effort,
-        fine: &mut Folding,
-    ) -> Result<()> {
+    ) -> Result<Vec<(DVec2, DVec2, [f64; 3])>> {
         let allowed = model
             .args
             .memory
@@ -174,16 +232,16 @@ impl Frame {
             .take(samples, &|_| ControlFlow::Continue(()))?
             .into_parts();
         model.args.common.host.stop_if_asked();
-        let spacing = DVec2::from_array(model.spacing_mm);
-        let width = self.resolution.x as usize;
-        for (i, pixel) in film.pixels().iter().enumerate() {
+        let size = self.resolution.as_dvec2();
+        let pixel = |(i, pixel): (usize, &Pixel)| {
+            let width = self.resolution.x as usize;
             let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            if let Some(place_mm) = seen(&scene.camera, at) {
-                let colour = [0, 1, 2].map(|c| exposure * pixel.moments(c).mean);
-                fine.add(place_mm / spacing, colour);
-            }
-        }
-        Ok(())
+            let place = DVec2::new(at.x - 0.5 * size.x, 0.5 * size.y - at.y);
+            let colour = [0, 1, 2].map(|c| pixel.moments(c).mean);
+            let place_mm = seen(&scene.camera, at)?;
+            Some((place / (0.5 * size.length()), place_mm, colour))
+        };
+        Ok(film.pixels().iter().enumerate().filter_map(pixel).collect())
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::pictures::Computed;
 use super::sides::Side;
-use organza_photograph::{Likeness, moved};
+use organza_photograph::{Likeness, blurred};
 
 /// Bounds of the blur, texels.
-const BLURS: [f64; 2] = [0.3, 4.0];
+const BLURS: [f64; 2] = [0.1, 4.0];
 /// Steps of the search for a place, texels.
 const STEPS: [f64; 4] = [1.0, 0.5, 0.25, 0.12];
 /// Moves by one step, at most.
@@ -16,7 +16,7 @@ const MOVES: usize = 12;
 pub struct Placed {
     /// How far it is moved right and up, texels.
     pub shift: [f64; 2],
-    /// Standard deviation of its blur, texels.
+    /// Standard deviation of its blur, texels in the mean.
     pub blur: f64,
 }
 
@@ -51,12 +51,21 @@ impl Placed {
 
     /// A computed photograph in this place.
     pub fn shown(&self, picture: &Computed, side: &Side) -> Vec<[f64; 3]> {
-        moved(
-            &picture.folded(self.shift),
-            side.fold.size(),
-            [0.0; 2],
-            self.blur,
-        )
+        self.blurred(&picture.folded(self.shift), side)
+    }
+
+    /// The same without a strip of an axis.
+    pub fn shown_without(
+        &self,
+        strip: (usize, usize),
+        picture: &Computed,
+        side: &Side,
+    ) -> Vec<[f64; 3]> {
+        self.blurred(&picture.folded_without(strip, self.shift), side)
+    }
+
+    fn blurred(&self, picture: &[[f64; 3]], side: &Side) -> Vec<[f64; 3]> {
+        blurred(picture, side.fold.size(), side.fold.blur(self.blur))
     }
 
     /// The nearest place where a picture is most like the photograph, by steps that become smaller.

@@ -3,39 +3,32 @@
 //!
 //! Two cloths of the same values have different fibres, and pictures of them differ: by a few per
 //! cent of a texel, and by one per cent in the mean, for 16 x 16 threads. Derivatives therefore come
-//! from several cloths whose noise is independent, and the answer is the mean of the answers that
-//! several cloths give.
+//! from several cloths whose noise is independent, and the answer is what several cloths settle on.
 
 use super::equations::Equations;
 use super::first_guess::first_guess;
 use super::model::{ClothModel, Trial};
 use super::pictures::{Computed, Effort, pictures};
 use super::placed::Placed;
+use super::settled::Settled;
 use super::sides::Side;
 use super::unknowns::{COLOUR_STEP, Unknown};
 use anyhow::Result;
 use nalgebra::{DMatrix, DVector};
 use organza_measure::fit::Determined;
-use organza_photograph::jackknife;
+use organza_photograph::Shading;
 use organza_weave::Draft;
 
-/// Turns of the first search.
-const TURNS: u64 = 6;
+/// Turns of one cloth each.
+pub const TURNS: u64 = 6;
 /// Cloths of the last turns whose derivatives count.
 const KEPT: usize = 5;
 /// A turn is taken back if the misfit grows by this factor, which is more than noise.
 const WORSE: f64 = 1.3;
 /// Threads of the trial cloth.
 const THREADS: usize = 16;
-/// Cloths whose answers are averaged in a round of the second search, and rounds at most.
-const CLOTHS: u64 = 3;
-const ROUNDS: u64 = 4;
-/// Cloths of the last round.
-const LAST: u64 = 8;
-/// A round is the last but one if it changes nothing by more than this share of its range.
-const NEAR: f64 = 0.3;
 /// Longest change of a turn or a round, in ranges.
-const REACH: f64 = 1.0;
+pub const REACH: f64 = 1.0;
 /// Changes of shift and blur in a turn that are expected, texels.
 const PLACE_RANGES: [f64; 3] = [0.3, 0.3, 0.2];
 /// Deviation of a texel that the model is allowed in any case, as a share of the mean.
@@ -60,8 +53,9 @@ pub struct Search<'a> {
     /// Its draft.
     pub draft: &'a Draft,
     /// The photographs.
-    pub sides: &'a [Side],
-    unknowns: Vec<Unknown>,
+    pub sides: Vec<Side>,
+    /// What is unknown of the cloth.
+    pub unknowns: Vec<Unknown>,
     paths: u64,
     /// Weights of the texels of all sides: one over the deviation of the photographs.
     pub weights: Vec<[f64; 3]>,
@@ -70,21 +64,24 @@ pub struct Search<'a> {
 /// The texels of one side.
 type Texels = Vec<[f64; 3]>;
 
+/// How light and view shade the pictures of a cloth, where they do.
+type Shadings = Vec<Option<Shading>>;
+
 impl<'a> Search<'a> {
     /// A search with so many paths per texel.
     pub fn new(
         model: &'a ClothModel<'a>,
         draft: &'a Draft,
-        sides: &'a [Side],
+        sides: Vec<Side>,
         paths: u64,
     ) -> Search<'a> {
         Search {
             model,
             draft,
-            sides,
-            unknowns: Unknown::all(model, sides),
+            unknowns: Unknown::all(model, &sides),
             paths,
             weights: sides.iter().flat_map(weights).collect(),
+            sides,
         }
     }
 
@@ -93,10 +90,11 @@ impl<'a> Search<'a> {
     /// # Errors
     /// As [`pictures`].
     pub fn render(&self, trial: &Trial, effort: Effort) -> Result<Vec<Computed>> {
-        pictures(self.model, self.draft, trial, self.sides, effort)
+        pictures(self.model, self.draft, trial, &self.sides, effort)
     }
 
-    fn effort(&self, is_fine: bool, stream: u64) -> Effort {
+    /// The effort for a cloth of a stream of seeds; half as many paths are not fine.
+    pub fn effort(&self, is_fine: bool, stream: u64) -> Effort {
         Effort {
             threads: THREADS,
             paths: self.paths.div_ceil(if is_fine { 1 } else { 2 }),
@@ -106,7 +104,7 @@ impl<'a> Search<'a> {
 
     /// Pictures in their places, times the weights.
     pub fn weighted(&self, pictures: &[Computed], placed: &[Placed]) -> DVector<f64> {
-        let all = pictures.iter().zip(placed).zip(self.sides);
+        let all = pictures.iter().zip(placed).zip(&self.sides);
         self.weigh(all.flat_map(|((picture, at), side)| at.shown(picture, side)))
     }
 
@@ -123,16 +121,35 @@ impl<'a> Search<'a> {
         self.weigh(self.sides.iter().flat_map(|s| s.fold.mean.iter().copied()))
     }
 
-    /// The same with a strip left out of every photograph.
-    fn target_without(&self, axis: usize, strip: usize) -> DVector<f64> {
-        let side = |s: &'a Side| s.fold.without_strip[axis][strip].iter().copied();
-        self.weigh(self.sides.iter().flat_map(side))
+    /// The same, if these pictures decide what vignetting is.
+    pub fn target_beside(&self, pictures: &[Computed]) -> DVector<f64> {
+        let all = self.sides.iter().zip(pictures);
+        self.weigh(all.flat_map(|(side, picture)| side.mean_beside(picture.shading())))
+    }
+
+    /// What pictures leave of the photographs, times the weights, with a strip of an axis left out of
+    /// both.
+    pub fn rest_without(
+        &self,
+        strip: (usize, usize),
+        pictures: &[Computed],
+        placed: &[Placed],
+    ) -> DVector<f64> {
+        let all = pictures.iter().zip(placed).zip(&self.sides);
+        let rests = all.flat_map(|((picture, at), side)| {
+            let shown = at.shown_without(strip, picture, side);
+            let seen = &side.fold.without_strip[strip.0][strip.1];
+            let texels = seen.iter().zip(shown);
+            let rest = texels.map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
+            rest.collect::<Texels>()
+        });
+        self.weigh(rests)
     }
 
     /// Moves each picture to the nearest place where it fits.
-    fn place(&self, pictures: &[Computed], placed: &mut [Placed]) {
+    pub fn place(&self, pictures: &[Computed], placed: &mut [Placed]) {
         let mut first = 0;
-        for ((picture, side), placed) in pictures.iter().zip(self.sides).zip(placed) {
+        for ((picture, side), placed) in pictures.iter().zip(&self.sides).zip(placed) {
             let weights = &self.weights[first..first + side.fold.mean.len()];
             first += weights.len();
             *placed = placed.nearest(picture, side, weights);
@@ -150,19 +167,20 @@ impl<'a> Search<'a> {
     ) -> Result<DMatrix<f64>> {
         let base = self.weighted(pictures, placed);
         let mut columns = Vec::new();
-        let mut heap: [Option<DVector<f64>>; 2] = [None, None];
+        let mut shared: [Option<DVector<f64>>; 2] = [None, None];
         for unknown in &self.unknowns {
             let column = match *unknown {
                 Unknown::Exposure => base.clone(),
                 // A channel's colour changes that channel alone, so one picture serves three.
                 Unknown::Colour { system, channel } => {
-                    if heap[system].is_none() {
+                    if shared[system].is_none() {
                         step();
                         let there = Unknown::all_channels(trial, system, COLOUR_STEP);
                         let there = self.render(&there, effort)?;
-                        heap[system] = Some((self.weighted(&there, placed) - &base) / COLOUR_STEP);
+                        shared[system] =
+                            Some((self.weighted(&there, placed) - &base) / COLOUR_STEP);
                     }
-                    let all = heap[system].clone().unwrap_or_else(|| base.clone());
+                    let all = shared[system].clone().unwrap_or_else(|| base.clone());
                     let own = |(i, v): (usize, &f64)| if i % 3 == channel { *v } else { 0.0 };
                     DVector::from_iterator(all.len(), all.iter().enumerate().map(own))
                 }
@@ -200,7 +218,7 @@ impl<'a> Search<'a> {
     }
 
     /// The trial with changed unknowns, by shorter steps where yarns do not fit their spacing.
-    fn apply(&self, trial: &Trial, change: &[f64]) -> Trial {
+    pub fn apply(&self, trial: &Trial, change: &[f64]) -> Trial {
         let mut share = 1.0;
         for _ in 0..5 {
             let changes = self.unknowns.iter().zip(change);
@@ -215,23 +233,70 @@ impl<'a> Search<'a> {
         *trial
     }
 
+    /// Folds the photographs anew, as they are without the mean of the shadings of computed ones.
+    fn reshade(&mut self, cloths: &[Shadings]) {
+        for (k, side) in self.sides.iter_mut().enumerate() {
+            let shadings: Vec<Shading> = cloths.iter().filter_map(|c| c[k]).collect();
+            if !shadings.is_empty() {
+                side.reshade(Shading::mean(&shadings));
+            }
+        }
+        self.weights = self.sides.iter().flat_map(weights).collect();
+    }
+
     /// The search. `step` hears of each cloth.
     ///
     /// # Errors
     /// Those of the pictures.
-    pub fn run(&self, start: Trial, placed: Vec<Placed>, step: &mut dyn FnMut()) -> Result<Found> {
-        let target = self.target();
-        let free = self.unknowns.len();
+    pub fn run(
+        &mut self,
+        start: Trial,
+        placed: Vec<Placed>,
+        step: &mut dyn FnMut(),
+    ) -> Result<Found> {
         let (mut trial, mut placed) = first_guess(self, (start, placed), step)?;
+        if self.sides.iter().any(|s| !s.view.is_parallel()) {
+            step();
+            let there = self.render(&trial, self.effort(false, 100))?;
+            self.reshade(&[shadings(&there)]);
+        }
+        let (slopes, cloths) = self.turns(&mut trial, &mut placed, step)?;
+        self.reshade(&cloths[cloths.len().saturating_sub(KEPT)..]);
+        let equations = self.equations(&slopes);
+        let settled = Settled::new(self, (&mut trial, &mut placed), equations, step)?;
+        step();
+        let pictures = self.render(&trial, self.effort(true, 500))?;
+        self.place(&pictures, &mut placed);
+        let rest = pictures.iter().zip(&placed).zip(&self.sides);
+        let shown: Vec<Texels> = rest
+            .map(|((picture, at), side)| at.shown(picture, side))
+            .collect();
+        Ok(Found {
+            trial,
+            parameters: settled.parameters(self, &trial),
+            residual: self.residual(&shown),
+            pictures: shown,
+        })
+    }
+
+    /// Turns of one cloth each from a first guess: derivatives of their pictures, and
+    /// how light and view shade these.
+    fn turns(
+        &self,
+        trial: &mut Trial,
+        placed: &mut [Placed],
+        step: &mut dyn FnMut(),
+    ) -> Result<(Vec<DMatrix<f64>>, Vec<Shadings>)> {
+        let target = self.target();
         // A turn that makes the pictures worse is taken back, and the next one is half as long.
         let (mut reach, mut best) = (REACH, None::<(f64, Trial, DVector<f64>)>);
-        let mut slopes = Vec::new();
+        let (mut slopes, mut cloths) = (Vec::new(), Vec::new());
         for turn in 0..TURNS {
             step();
             let effort = self.effort(false, turn);
-            let there = self.render(&trial, effort)?;
-            self.place(&there, &mut placed);
-            let rest = &target - self.weighted(&there, &placed);
+            let there = self.render(trial, effort)?;
+            self.place(&there, placed);
+            let rest = &target - self.weighted(&there, placed);
             let misfit = rest.norm_squared();
             let (least, last, rest) = match best {
                 Some(last) if misfit > WORSE * last.0 => {
@@ -239,88 +304,22 @@ impl<'a> Search<'a> {
                     last
                 }
                 _ => {
-                    slopes.push(self.slopes(&trial, &there, &placed, effort, step)?);
-                    (misfit, trial, rest)
+                    slopes.push(self.slopes(trial, &there, placed, effort, step)?);
+                    (misfit, *trial, rest)
                 }
             };
             let change = self.equations(&slopes).change(&rest, reach);
-            trial = self.apply(&last, &change.as_slice()[..free]);
+            *trial = self.apply(&last, &change.as_slice()[..self.unknowns.len()]);
             best = Some((least, last, rest));
+            cloths.push(shadings(&there));
         }
-        let equations = self.equations(&slopes);
-        let mut answers: Vec<DVector<f64>> = Vec::new();
-        let mut is_last = false;
-        for round in 0..=ROUNDS {
-            answers.clear();
-            is_last |= round == ROUNDS;
-            for k in 0..if is_last { LAST } else { CLOTHS } {
-                step();
-                let there = self.render(&trial, self.effort(true, 200 + 20 * round + k))?;
-                if k == 0 {
-                    self.place(&there, &mut placed);
-                }
-                let rest = &target - self.weighted(&there, &placed);
-                answers.push(equations.change(&rest, REACH));
-            }
-            let mean = answers.iter().sum::<DVector<f64>>() / answers.len() as f64;
-            trial = self.apply(&trial, &mean.as_slice()[..free]);
-            if is_last {
-                break;
-            }
-            let ranges = self.unknowns.iter().map(|u| u.range());
-            is_last = mean
-                .iter()
-                .zip(ranges)
-                .all(|(v, range)| v.abs() < NEAR * range);
-        }
-        step();
-        let pictures = self.render(&trial, self.effort(true, 500))?;
-        self.place(&pictures, &mut placed);
-        let rest = pictures.iter().zip(&placed).zip(self.sides);
-        let shown: Vec<Texels> = rest
-            .map(|((picture, at), side)| at.shown(picture, side))
-            .collect();
-        Ok(Found {
-            trial,
-            parameters: self.parameters(&trial, &equations, &answers),
-            residual: self.residual(&shown),
-            pictures: shown,
-        })
-    }
-
-    /// The fitted values. Their errors are those of the trial cloths, which their answers differ
-    /// by, and those of the photographs, by leaving out strips.
-    fn parameters(
-        &self,
-        trial: &Trial,
-        equations: &Equations,
-        answers: &[DVector<f64>],
-    ) -> Vec<Determined> {
-        let n = answers.len() as f64;
-        let mut strips: Vec<Vec<DVector<f64>>> = Vec::new();
-        for axis in 0..2 {
-            let count = self.sides.iter().map(|s| s.fold.without_strip[axis].len());
-            let count = count.min().unwrap_or(0);
-            let answer = |k| equations.change(&self.target_without(axis, k), f64::INFINITY);
-            strips.push((0..count).map(answer).collect());
-        }
-        let determined = |(k, unknown): (usize, &Unknown)| {
-            let mean = answers.iter().map(|a| a[k]).sum::<f64>() / n;
-            let spread = answers.iter().map(|a| (a[k] - mean).powi(2)).sum::<f64>();
-            let of_cloths = spread / (n - 1.0) / n;
-            let of_photographs = strips
-                .iter()
-                .map(|list| jackknife(list.iter().map(|a| a[k])))
-                .sum::<f64>();
-            unknown.determined(self.model, trial, (of_cloths + of_photographs).sqrt())
-        };
-        self.unknowns.iter().enumerate().map(determined).collect()
+        Ok((slopes, cloths))
     }
 
     /// Root mean square of what pictures leave unexplained, as a share of the mean colours.
     fn residual(&self, shown: &[Texels]) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
-        for (picture, side) in shown.iter().zip(self.sides) {
+        for (picture, side) in shown.iter().zip(&self.sides) {
             for (a, b) in picture.iter().zip(&side.fold.mean) {
                 for c in 0..3 {
                     sum += ((a[c] - b[c]) / side.fold.mean_colour[c].max(1e-9)).powi(2);
@@ -330,6 +329,10 @@ impl<'a> Search<'a> {
         }
         f64::sqrt(sum / f64::max(count, 1.0))
     }
+}
+
+fn shadings(pictures: &[Computed]) -> Shadings {
+    pictures.iter().map(Computed::shading).collect()
 }
 
 /// Weights of the texels of a side. The variance of single texels is noisy itself, so half of it is

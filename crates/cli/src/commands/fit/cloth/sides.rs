@@ -1,10 +1,10 @@
 //! Photographs, and how they were taken.
 
-use super::flags::VignettingFlag;
+use super::photographs::Shot;
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, VIEW};
 use glam::{DVec2, DVec3};
 use organza_measure::Angles;
-use organza_photograph::{Fold, Photograph, Repeat, ThreadGrid, Vignetting};
+use organza_photograph::{Fold, Repeat, Shading, ThreadGrid, Vignetting};
 use std::f64::consts::PI;
 
 /// One photograph, folded, and how it was taken.
@@ -13,10 +13,53 @@ pub struct Side {
     pub name: &'static str,
     /// Which photograph it is: 0 is the front.
     pub index: usize,
+    /// The photograph.
+    pub shot: Shot,
+    grid: ThreadGrid,
     /// The photograph's mean repeat.
     pub fold: Fold,
     /// The camera and the lamp.
     pub view: View,
+}
+
+impl Side {
+    /// Folds the photograph anew, as it is without another shading.
+    pub fn reshade(&mut self, shading: Shading) {
+        self.shot.shading = shading;
+        self.fold = fold(&self.shot, &self.grid, self.fold.repeat);
+    }
+
+    /// The mean repeat as it is if a cloth of another shading decides what the vignetting is, where that
+    /// is not known.
+    pub fn mean_beside(&self, shading: Option<Shading>) -> Vec<[f64; 3]> {
+        match (shading, self.shot.vignetting) {
+            (Some(shading), None) => {
+                let shaded = shading.removed(&self.shot.photograph);
+                let known = Shot {
+                    vignetting: Some(Vignetting::find(&shaded, |_, _| true)),
+                    ..self.shot.clone()
+                };
+                fold(&known, &self.grid, self.fold.repeat).mean
+            }
+            _ => self.fold.mean.clone(),
+        }
+    }
+
+    /// What is printed of the vignetting, if it was found.
+    pub fn vignetting(&self) -> Option<String> {
+        let found = self.fold.vignetting;
+        self.shot.vignetting.is_none().then(|| {
+            format!(
+                "{}: vignetting 1 {:+.4} r^2 {:+.4} r^4",
+                self.name, found.a, found.b
+            )
+        })
+    }
+}
+
+fn fold(shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Fold {
+    let unevenness = (&shot.shading, shot.vignetting);
+    Fold::new(&shot.photograph, grid, repeat, unevenness)
 }
 
 /// A camera and a lamp over a cloth whose weft runs along x.
@@ -76,7 +119,7 @@ impl<'a> Taken<'a> {
         }
     }
 
-    fn side(&self, index: usize, fold: Fold) -> Side {
+    fn side(&self, index: usize, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
         let cloth = &self.args.cloth;
         let (name, light, light_mm) = match index {
             0 => ("front", self.args.light.unwrap_or(LIGHT), cloth.light_mm),
@@ -89,7 +132,9 @@ impl<'a> Taken<'a> {
         Side {
             name,
             index,
-            fold,
+            shot: shot.clone(),
+            grid: *grid,
+            fold: fold(shot, grid, repeat),
             view: View {
                 light_deg: turned(light),
                 light_mm,
@@ -103,35 +148,12 @@ impl<'a> Taken<'a> {
     }
 
     /// The photograph with the lamp in front.
-    pub fn front(&self, photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        self.side(0, Fold::new(photograph, grid, repeat))
+    pub fn front(&self, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
+        self.side(0, shot, grid, repeat)
     }
 
     /// The photograph with the lamp behind.
-    pub fn back(&self, photograph: &Photograph, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        self.side(1, Fold::new(photograph, grid, repeat))
+    pub fn back(&self, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
+        self.side(1, shot, grid, repeat)
     }
-}
-
-/// A photograph without vignetting, and the vignetting that was found or stated.
-pub fn without_vignetting(
-    args: &FitArgs,
-    photograph: Photograph,
-    (light, light_mm): ([f64; 2], Option<f64>),
-    size_mm: DVec2,
-) -> (Photograph, Option<Vignetting>) {
-    let vignetting = match args.cloth.vignetting {
-        None => return (photograph, None),
-        Some(VignettingFlag::Known(vignetting)) => vignetting,
-        // Light of a lamp on a plane is what a lens does not explain.
-        Some(VignettingFlag::Fit) => Vignetting::find(&photograph, |at| {
-            let Some(distance) = light_mm else {
-                return 1.0;
-            };
-            let lamp = direction(light) * distance;
-            let place = (at * 0.5 * size_mm.length()).extend(0.0);
-            (distance / (lamp - place).length()).powi(3)
-        }),
-    };
-    (vignetting.removed(&photograph), Some(vignetting))
 }

@@ -114,6 +114,26 @@ impl Unknown {
         next
     }
 
+    /// By how much one trial has more of it than another.
+    pub fn difference(self, from: &Trial, to: &Trial) -> f64 {
+        match self {
+            Unknown::Count(k) => (to.tex[k] / from.tex[k]).ln(),
+            Unknown::Colour { system, channel } => {
+                let value = |t: &Trial| measure(t.colours[system][channel]);
+                value(to) - value(from)
+            }
+            Unknown::Roughness => (to.roughness / from.roughness).ln(),
+            Unknown::Exposure => (to.exposure / from.exposure).ln(),
+            Unknown::Light { side, axis } => {
+                let [from, to] = [from, to].map(|t| t.lights_deg[side].map(f64::to_radians));
+                match axis {
+                    0 => to[0] - from[0],
+                    _ => (to[1] - from[1]) * from[0].sin().max(0.1),
+                }
+            }
+        }
+    }
+
     /// A trial with all channels of a system's colour changed.
     pub fn all_channels(trial: &Trial, system: usize, change: f64) -> Trial {
         let mut next = *trial;
