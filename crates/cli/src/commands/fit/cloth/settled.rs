@@ -17,6 +17,9 @@ const CLOTHS: u64 = 3;
 const ROUNDS: u64 = 8;
 /// Cloths of the last rounds.
 const LAST: u64 = 8;
+/// Rounds count in the answer whose changes are at most this share of the ranges: within it the change that
+/// is asked for is nearly linear in the unknowns.
+const LINEAR: f64 = 0.25;
 /// A round settles if it changes nothing by more than this share of its range, or by no more than
 /// noise may do.
 const NEAR: f64 = 0.04;
@@ -57,6 +60,8 @@ pub struct Settled {
     /// Ranges of the unknowns.
     ranges: DVector<f64>,
     last: Round,
+    /// Where each cloth that counts says that the answer is, from the last trial.
+    answers: Vec<DVector<f64>>,
     /// What the cloths of the last round leave with a strip of an axis left out: means.
     strips: [Vec<DVector<f64>>; 2],
     /// The last change, if it was not small.
@@ -85,11 +90,13 @@ impl Settled {
             secant: Secant::new(free),
             ranges: DVector::from_iterator(free, ranges),
             last: Round::new(vec![DVector::zeros(free)]),
+            answers: Vec::new(),
             strips: [Vec::new(), Vec::new()],
             unsettled: DVector::zeros(free),
             turns: TURNS as u32,
         };
         let (mut before, mut is_last) = (None::<Trial>, false);
+        let mut rounds = Vec::new();
         for round in 0..=ROUNDS {
             let mut asks = Vec::new();
             this.turns += 1;
@@ -113,8 +120,7 @@ impl Settled {
             }
             let now = Round::new(asks);
             if let Some(before) = &before {
-                let moved = search.unknowns.iter().map(|u| u.difference(before, trial));
-                let moved = DVector::from_iterator(free, moved).component_div(&this.ranges);
+                let moved = this.difference(search, before, trial);
                 let noise = this.last.variances.sum() + now.variances.sum();
                 let (before, now) = (&this.last.asked, &now.asked);
                 this.secant.learn(&moved, before, now, noise);
@@ -123,6 +129,7 @@ impl Settled {
             change *= (REACH / change.amax()).min(1.0);
             let is_near = now.is_near(&change);
             before = Some(*trial);
+            rounds.push((*trial, now.asks.clone()));
             *trial = search.apply(trial, change.component_mul(&this.ranges).as_slice());
             this.last = now;
             if is_last && is_near {
@@ -133,7 +140,24 @@ impl Settled {
             }
             is_last |= is_near || round + 1 == ROUNDS;
         }
+        // The last round counts in any case.
+        let last = rounds.len() - 1;
+        for (k, (from, asks)) in rounds.iter().enumerate() {
+            let moved = this.difference(search, trial, from);
+            if k == last || moved.amax() <= LINEAR {
+                let answer = |ask: &DVector<f64>| &moved + this.secant.change(ask);
+                this.answers.extend(asks.iter().map(answer));
+            }
+        }
+        let mean = Round::new(this.answers.clone()).asked;
+        *trial = search.apply(trial, mean.component_mul(&this.ranges).as_slice());
         Ok(this)
+    }
+
+    /// By how much one trial has more of the unknowns than another, in units of the ranges.
+    fn difference(&self, search: &Search<'_>, from: &Trial, to: &Trial) -> DVector<f64> {
+        let all = search.unknowns.iter().map(|u| u.difference(from, to));
+        DVector::from_iterator(self.ranges.len(), all).component_div(&self.ranges)
     }
 
     /// Adds what the pictures of a cloth of the last round leave without a strip.
@@ -157,8 +181,7 @@ impl Settled {
     /// the photographs, by leaving out strips, and what the search leaves: the last change if it was not
     /// small, and a rest of the first guess.
     pub fn parameters(&self, search: &Search<'_>, trial: &Trial) -> Vec<Determined> {
-        let answers = self.last.asks.iter().map(|a| self.secant.change(a));
-        let mut variances = Round::new(answers.collect()).variances;
+        let mut variances = Round::new(self.answers.clone()).variances;
         for list in &self.strips {
             let answer = |rest: &DVector<f64>| self.secant.change(&self.asked(rest));
             let answers: Vec<DVector<f64>> = list.iter().map(answer).collect();
