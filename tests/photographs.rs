@@ -262,7 +262,7 @@ impl Planted {
 /// again, is distinguished; at full size a tenth and a quarter.
 #[test]
 fn planted_cloth_comes_back() {
-    let (widths, colours) = PLAIN.comes_back(sized("32", "80"));
+    let (widths, colours) = PLAIN.comes_back(sized("32", "60"));
     let (wider, brighter) = sized((0.2, 0.5), (0.1, 0.25));
     let is_distinguished = |[error, se]: &[f64; 2], change: f64| (error - change).abs() > 4.0 * se;
     assert!(
@@ -277,7 +277,7 @@ fn planted_cloth_comes_back() {
         assert!(widths.iter().all(|w| w[0].abs() < 0.05), "{widths:?}");
         assert!(colours.iter().all(|c| c[0].abs() < 0.03), "{colours:?}");
         for planted in MORE {
-            let (widths, _) = planted.comes_back("80");
+            let (widths, _) = planted.comes_back("60");
             let case = format!("{}, seed {}: {widths:?}", planted.weave, planted.seed);
             assert!(widths.iter().all(|w| w[0].abs() < 0.05), "{case}");
         }

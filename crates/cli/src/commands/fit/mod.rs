@@ -58,7 +58,7 @@ pub struct FitArgs {
     /// Model of the volume; what plies are fitted to [default for plies: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: ModelFlag,
-    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 80 for a cloth]
+    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]

@@ -44,7 +44,7 @@ const MIN_LIKENESS: f64 = 0.6;
 const MIN_CONFIDENCE: f64 = 0.3;
 
 /// Paths per texel of the trial cloth by default.
-const PATHS: u64 = 80;
+const PATHS: u64 = 60;
 
 /// The cloth whose widths are printed.
 const SHOWN: Purpose<'static> = Purpose::Picture {

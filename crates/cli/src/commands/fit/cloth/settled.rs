@@ -16,7 +16,7 @@ use organza_photograph::jackknife;
 const CLOTHS: u64 = 3;
 const ROUNDS: u64 = 8;
 /// Cloths of the last rounds.
-const LAST: u64 = 8;
+const LAST: u64 = 16;
 /// Rounds count in the answer whose changes are at most this share of the ranges: within it the change that
 /// is asked for is nearly linear in the unknowns.
 const LINEAR: f64 = 0.25;
