@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     /// A planted shading comes back from a picture with threads, and its photograph is even without
-    /// it; the twin, the shading of another channel, leaves it uneven.
+    /// it; the twin, the photograph with its shading, is not.
     #[test]
     fn planted_shading_comes_back() {
         let planted = |at: DVec2| {
