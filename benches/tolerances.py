@@ -32,7 +32,7 @@ NUMBER = re.compile(r"(?<![\w.])\d[\d_]*(?:\.\d[\d_]*(?:e-?\d+)?|e-?\d+)(?:_?f(?
 
 # Names of standard errors, and of differences that are counted in them.
 STANDARD_ERROR = r"\b(se|sigma|error|errors|deviation|standard_error|error_a|sqrt|four_sigma)\b"
-STANDARDISED = r"^(z|sigmas|deviations)\b"
+STANDARDISED = r"^(z|sigmas|deviations|far|apart|off|above|distance|errors)\b"
 
 
 def sources(root):
@@ -191,6 +191,12 @@ def copied():
 
 def measure(arguments):
     """Runs the tests of a copy that prints, and tells the margins."""
+    reasons = {}
+    for path in sources(ROOT):
+        text = path.read_text()
+        for start, _, value, bound, _ in assertions(text):
+            place = f"{path.relative_to(ROOT)}:{text.count(chr(10), 0, start) + 1}"
+            reasons[place] = reason(text, start, value, bound)
     copied()
     command = ["cargo", "test", "--no-fail-fast", *arguments, "--", "--nocapture"]
     run = subprocess.run(command, cwd=COPY, stderr=subprocess.PIPE, text=True, errors="replace")
@@ -206,12 +212,6 @@ def measure(arguments):
     if run.returncode:
         print("a test failed or does not build:", file=sys.stderr)
         print(*re.findall(r"^(?:error.*|thread .* panicked.*|.* test failed.*)$", run.stderr, re.M), sep="\n", file=sys.stderr)
-    reasons = {}
-    for path in sources(ROOT):
-        text = path.read_text()
-        for start, _, value, bound, _ in assertions(text):
-            place = f"{path.relative_to(ROOT)}:{text.count(chr(10), 0, start) + 1}"
-            reasons[place] = reason(text, start, value, bound)
     loose, with_reason = 0, 0
     for place, (margin, value, bound) in sorted(least.items(), key=lambda item: -item[1][0]):
         why = reasons[place]

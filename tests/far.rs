@@ -81,6 +81,7 @@ fn a_sheet_in_a_scene_is_the_surface_model() {
     assert_eq!((traced.len(), own.len()), (3, 3));
     for (t, o) in traced.iter().zip(&own) {
         for c in 4..7 {
+            // Margin: four standard errors.
             assert!(
                 (t[c] - o[c]).abs() < 4.0 * t[c + 3],
                 "seed 5: {t:?} for {o:?}"

@@ -76,6 +76,7 @@ fn a_known_sheet_is_found_again() {
             // 512 paths over 738 nodes, from both ends and over 16 pairs of nodes: about 22
             // paths a value, 0.21; the smallest share has a tenth of them in its hues.
             let off = (found / value - 1.0).abs();
+            // Margin: five standard errors.
             assert!(off < 5.0 * 0.21, "{found} for {value}");
         }
     }
@@ -103,9 +104,9 @@ fn a_known_sheet_is_found_again() {
         let (scattered, direct) = (mean("reflected") + mean("transmitted"), mean("direct"));
         assert!((direct - 0.2).abs() < 0.07, "{row}");
         // Nothing is absorbed, whatever the noise of the shares.
-        assert!((scattered + direct - 1.0).abs() < 0.02, "{row}");
+        assert!((scattered + direct - 1.0).abs() < 0.004, "{row}");
         assert!(
-            (mean("reflected") / scattered - 0.625).abs() < 0.08,
+            (mean("reflected") / scattered - 0.625).abs() < 0.025,
             "{row}"
         );
     }
@@ -171,7 +172,7 @@ fabric = "cloth.toml"
     assert!(furnace.warnings.is_empty(), "{:?}", furnace.warnings);
     // What is sent on and what passes: 0.8, 1 and 0.6 of the light; 4096 paths.
     let mean = furnace.film.mean().map(|channel| channel.0);
-    assert!((mean[1] - 1.0).abs() < 0.01, "{mean:?}");
+    assert!((mean[1] - 1.0).abs() < 0.004, "{mean:?}");
     assert!(
         (mean[0] - 0.8).abs() < 0.05 && (mean[2] - 0.6).abs() < 0.05,
         "{mean:?}"
@@ -321,6 +322,7 @@ model = "{model}"
     assert!(found > 0.7, "seed {SEED}: {found}");
     // A table without texture has only its noise.
     let twin = correlation(&plain, &fibres);
+    // Margin: a twin; the table itself is asked for more.
     assert!(twin < 0.4, "seed {SEED}: {twin}");
 }
 

@@ -313,5 +313,6 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     let limit = sidak(1e-4, 12);
     println!("least p-value {least:.2e}, of the twin {twin:.1e}");
     assert!(least > limit, "seed {SEED:#x}: {least} {values:?}");
+    // Margin: the probability at which the twin is rejected.
     assert!(twin < 1e-9, "seed {SEED:#x}: the twin passed, {twin}");
 }

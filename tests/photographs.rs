@@ -210,6 +210,7 @@ impl Planted {
         );
         for (k, spacing) in answer.list("spacing_mm").into_iter().enumerate() {
             let error = spacing * self.per_cm[k] / 10.0 - 1.0;
+            // Margin: one bound for all cloths of the full test, of which the reduced one has the first.
             assert!(
                 error.abs() < 0.02,
                 "{}, seed {}: {error}",

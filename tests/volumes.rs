@@ -101,7 +101,10 @@ fn a_mixture_is_seen_in_one_way() {
         let of_file = own[0].cell(cell)[0] * s.quadratic(w).sqrt();
         let of_renderer = medium.sigma_t(&mixture, w);
         let broadside = mixture.broadside_per_mm();
-        assert!((of_file - of_renderer).abs() < 1e-5 * broadside, "seed 4");
+        assert!(
+            (of_file - of_renderer).abs() < 8.0 * f32::EPSILON * broadside,
+            "seed 4"
+        );
     });
     assert!(alone > 1000 && several > 100, "{alone} {several}");
 }
@@ -248,7 +251,7 @@ fn a_merged_volume_keeps_the_mean_of_the_picture() {
         (moments.mean, moments.standard_error())
     };
     let (loss, error) = off(&values(vdb));
-    assert!(error < 0.01, "seed 3: {error}");
+    assert!(error < 0.005, "seed 3: {error}");
     // 0.5 % for what merging costs.
     let limit = 0.005 + 4.0 * error;
     assert!(loss.abs() < limit, "seed 3: {loss} +- {error}");

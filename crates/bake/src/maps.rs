@@ -188,11 +188,11 @@ mod tests {
         let maps = Maps::new(&looks, &grid, 0.05);
         let (fibre, hole) = (maps.texels[8 * 32 + 8], maps.texels[8 * 32 + 24]);
         assert!((fibre.coverage - 1.0).abs() < 1e-3 && hole.coverage < 1e-3);
-        assert!((fibre.reflected - Vec3::new(0.5, 0.1, 0.1)).length() < 1e-4);
-        assert!((fibre.transmitted - Vec3::splat(0.2)).length() < 1e-4);
+        assert!((fibre.reflected - Vec3::new(0.5, 0.1, 0.1)).length() < 4.0 * f32::EPSILON);
+        assert!((fibre.transmitted - Vec3::splat(0.2)).length() < 4.0 * f32::EPSILON);
         // Across a fibre along y is x.
         assert!(fibre.across_rad.abs() < 1e-4 && fibre.order > 0.99);
-        assert!((maps.coverage() - 0.5).abs() < 1e-3);
+        assert!((maps.coverage() - 0.5).abs() < 4.0 * f64::from(f32::EPSILON));
         // A plane is no relief, although there are holes in it.
         assert!(maps.texels.iter().all(|t| t.slope.length() < 1e-3));
         assert!(maps.height_mm.iter().all(|h| (h - 0.25).abs() < 1e-3));
@@ -203,7 +203,7 @@ mod tests {
     fn angles_are_wrapped_away_from_warp_and_weft() {
         for (angle, wrapped) in [(0.0, 0.0), (90.0, 90.0), (180.0, 0.0), (170.0, -10.0)] {
             let found = wrap(f32::to_radians(angle)).to_degrees();
-            assert!((found - wrapped).abs() < 1e-3, "{angle}: {found}");
+            assert!((found - wrapped).abs() < 1.5e-5, "{angle}: {found}");
         }
     }
 }

@@ -326,7 +326,7 @@ mod tests {
         let (at, least) = search(&bounds, &patience, &mut |v| {
             (v[0] > 0.0).then(|| valley(v)).flatten()
         });
-        assert!(least < 1e-8, "{at:?} {least}");
+        assert!(least < 4.0 * f64::EPSILON, "{at:?} {least}");
         // The least lies outside: the search ends at the edge.
         let (at, _) = search(&bounds, &patience, &mut |v| Some(vec![v[0] - 5.0, 0.0]));
         assert!(at[0] > 1.9 && at[0] <= 2.0, "{at:?}");
@@ -376,7 +376,7 @@ mod tests {
                     })
                     .sum()
             };
-            assert!((residual(&x) - cost).abs() < 1e-6 * (1.0 + cost));
+            assert!((residual(&x) - cost).abs() < 2e-10 * (1.0 + cost));
             // No small step within the quadrant is better.
             for k in 0..4 {
                 for step in [-1e-3, 1e-3] {

@@ -120,12 +120,15 @@ mod tests {
         assert!(incident.iter().all(|a| a.theta_deg < 75.0 + 1e-3));
         // The middle of the grid is the normal; squares around it are rings of
         // equal height: cos theta falls with the square of the ring's number.
-        assert!(incident[112].theta_deg < 1e-3);
+        assert!(incident[112].theta_deg < 4.0 * f64::from(f32::EPSILON));
         for (k, a) in incident.iter().enumerate() {
             let (x, y) = ((k % 15) as f64 - 7.0, (k / 15) as f64 - 7.0);
             let ring = x.abs().max(y.abs()) / 7.0;
             let cos = 1.0 - ring * ring * (1.0 - 75f64.to_radians().cos());
-            assert!((a.theta_deg.to_radians().cos() - cos).abs() < 1e-5, "{k}");
+            assert!(
+                (a.theta_deg.to_radians().cos() - cos).abs() < 4.0 * f64::from(f32::EPSILON),
+                "{k}"
+            );
         }
         assert_eq!(grid_layout(3, 4).len(), 12 * 24);
         assert_eq!(in_plane_layout(30.0).len(), 2 * 2 * 17);

@@ -222,7 +222,7 @@ fn an_adaptive_table_holds_the_planted_brdf() {
             Planted::share(w, false),
         );
         for (f, e) in found.iter().zip(expected) {
-            assert!((f / e - 1.0).abs() < 0.02, "{found:?} {expected:?}");
+            assert!((f / e - 1.0).abs() < 0.01, "{found:?} {expected:?}");
         }
     }
     for name in ["vndf", "luminance"] {
@@ -233,6 +233,9 @@ fn an_adaptive_table_holds_the_planted_brdf() {
             .enumerate()
             .map(|(k, v)| v * weight(k % 24) * weight(k / 24))
             .sum();
-        assert!((whole - 1.0).abs() < 1e-5, "{name}");
+        assert!(
+            (whole - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
+            "{name}"
+        );
     }
 }

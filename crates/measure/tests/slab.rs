@@ -163,7 +163,7 @@ fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
             assert!((sum - 1.0).abs() < 4.0 * se + 1e-6, "seed 3: {sum} +- {se}");
             let parts = [a.reflected, a.transmitted, a.direct, a.absorbed];
             let total: f64 = parts.iter().map(|p| p.mean[c]).sum();
-            assert!((total - sum).abs() < 1e-6);
+            assert!((total - sum).abs() < 4.0 * f64::from(f32::EPSILON));
         }
         let w = a.incident.direction().as_dvec3();
         let area = (0.04 * w.x * w.x + w.y * w.y + w.z * w.z).sqrt();
@@ -297,7 +297,10 @@ fn an_end_of_the_box_is_no_end_of_energy() {
     let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
     let a = &results.list[0];
     let rest = a.reflected.mean[0] + a.transmitted.mean[0] + a.direct.mean[0];
-    assert!((rest - 1.0).abs() < 1e-5, "nothing is absorbed: {rest}");
+    assert!(
+        (rest - 1.0).abs() < 4.0 * f64::EPSILON,
+        "nothing is absorbed: {rest}"
+    );
 }
 
 #[test]

@@ -61,11 +61,11 @@ fn a_hit_says_where_on_the_cloth_it_lies() {
     let ray = Ray::new(Vec3::new(2.5, 7.5, 30.0), Vec3::NEG_Z);
     let hit = mesh.hit(&ray, 0.0, f32::INFINITY).unwrap();
     assert_eq!(hit.distance_mm, 30.0);
-    assert!((hit.position_mm - Vec3::new(2.5, 7.5, 0.0)).length() < 1e-5);
+    assert!((hit.position_mm - Vec3::new(2.5, 7.5, 0.0)).length() < 4.0 * f32::EPSILON);
     // 10 mm of the world are 25 mm of cloth.
-    assert!((hit.uv_mm - Vec2::new(6.25, 18.75)).length() < 1e-5);
-    assert!((hit.stretch[0] - Vec3::new(0.4, 0.0, 0.0)).length() < 1e-6);
-    assert!((hit.stretch[1] - Vec3::new(0.0, 0.4, 0.0)).length() < 1e-6);
+    assert!((hit.uv_mm - Vec2::new(6.25, 18.75)).length() < 4.0 * f32::EPSILON);
+    assert!((hit.stretch[0] - Vec3::new(0.4, 0.0, 0.0)).length() < 4.0 * f32::EPSILON);
+    assert!((hit.stretch[1] - Vec3::new(0.0, 0.4, 0.0)).length() < 4.0 * f32::EPSILON);
     assert_eq!(
         (hit.frame.s, hit.frame.t, hit.frame.n),
         (Vec3::X, Vec3::Y, Vec3::Z)
@@ -110,7 +110,7 @@ fn the_hierarchy_finds_what_all_faces_give() {
             Some(hit) => {
                 hits += 1;
                 assert!(
-                    (f64::from(hit.distance_mm) - nearest).abs() < 2e-4,
+                    (f64::from(hit.distance_mm) - nearest).abs() < 1e-5,
                     "seed 81"
                 );
             }
@@ -237,6 +237,6 @@ fn a_draped_towel_is_read() {
     // The first row below the top is 8.75 mm of cloth along a circle of radius 18 mm.
     let row = 8.75f32 / 18.0;
     let v = 210.0 + 8.75 / (18.0 * row.sin());
-    assert!((hit.uv_mm - Vec2::new(151.3, v)).length() < 0.02, "{hit:?}");
+    assert!((hit.uv_mm - Vec2::new(151.3, v)).length() < 8e-5, "{hit:?}");
     assert!(hit.frame.n.z > 0.99, "{hit:?}");
 }

@@ -253,7 +253,7 @@ fn spans_join_in_the_world_and_in_the_cloth() {
             if gap < 1e-3 {
                 off += gap.abs();
                 let end = pair[0].cloth_mm + (pair[0].t1 - pair[0].t0) * pair[0].step;
-                assert!((end - pair[1].cloth_mm).length() < 5e-3, "seed 8: {pair:?}");
+                assert!((end - pair[1].cloth_mm).length() < 3e-4, "seed 8: {pair:?}");
                 joins += 1;
             }
         }
@@ -273,7 +273,7 @@ fn spans_join_in_the_world_and_in_the_cloth() {
     }
     assert!(joins > 5000, "{joins}");
     assert!(
-        off / joins as f32 <= 2e-5,
+        off / joins as f32 <= 8.0 * f32::EPSILON,
         "mean gap or overlap {} mm",
         off / joins as f32
     );
@@ -287,11 +287,11 @@ fn a_ray_across_sees_the_whole_thickness() {
     let ray = Ray::new(5.0 * out + 1.7 * Vec3::Y, -out);
     let list = spans(&shell, &ray);
     let inside: f32 = list.iter().map(|s| s.t1 - s.t0).sum();
-    assert!((inside - 0.5).abs() < 2e-3, "{inside}");
+    assert!((inside - 0.5).abs() < 8e-4, "{inside}");
     let first = list[0].cloth_mm;
     // Weft by arc length, warp, and in at the top.
     assert!(
-        (first - Vec3::new(3.6, 1.7, 0.3)).length() < 0.01,
+        (first - Vec3::new(3.6, 1.7, 0.3)).length() < 1e-4,
         "{first}"
     );
     // Faces of a ninth of a radian lie up to 3.25 (1 - cos(1/18)) = 0.005 mm inside.

@@ -175,7 +175,7 @@ mod tests {
         for i in 1..200 {
             let [r, g, _] = plain(Rgb::new(0.8 + i as f32, 0.4 + 0.5 * i as f32, 0.0));
             assert!(r > last && r < 1.0, "monotone and below one");
-            assert!((g / r - 0.5).abs() < 1e-5, "hue kept");
+            assert!((g / r - 0.5).abs() < 4.0 * f32::EPSILON, "hue kept");
             last = r;
         }
     }
@@ -201,7 +201,10 @@ mod tests {
         let other = error(&|x| x * x * (3.0 - 2.0 * x));
         assert!(other > 0.05, "{other}");
         for (share, value) in [(0.0, 0.0), (10.0 / 16.5, 0.5), (1.0, 1.0)] {
-            assert!((agx_sigmoid(share) - value).abs() < 1e-6, "{share}");
+            assert!(
+                (agx_sigmoid(share) - value).abs() < 4.0 * f32::EPSILON,
+                "{share}"
+            );
         }
     }
 
@@ -210,11 +213,14 @@ mod tests {
         // Values of the published formula, computed apart in double precision.
         for (grey, shown) in ACES_GREYS {
             for channel in aces_fit(Rgb::splat(grey)) {
-                assert!((channel - shown).abs() < 2e-4, "{grey}: {channel}, {shown}");
+                assert!(
+                    (channel - shown).abs() < 1.5e-5,
+                    "{grey}: {channel}, {shown}"
+                );
             }
         }
         let [_, middle, _] = aces(Rgb::splat(MIDDLE_GREY));
-        assert!((middle - MIDDLE_GREY).abs() < 2e-4, "{middle}");
+        assert!((middle - MIDDLE_GREY).abs() < 6e-6, "{middle}");
     }
 
     const ACES_GREYS: [(f32, f32); 4] = [

@@ -114,15 +114,15 @@ mod tests {
 
     #[test]
     fn a_blurred_disk_keeps_its_value_and_gives_its_parameters_back() {
-        assert!((normal_below(0.0) - 0.5).abs() < 1e-6);
-        assert!((normal_below(1.96) - 0.975).abs() < 1e-4);
+        assert!((normal_below(0.0) - 0.5).abs() < 4.0 * f32::EPSILON);
+        assert!((normal_below(1.96) - 0.975).abs() < 32.0 * f32::EPSILON);
         // In the middle of a disk the blur leaves 1 - exp(-r^2 / 2 s^2).
         let middle = blurred_disk(0.0, 2.0, 1.1);
         assert!(
-            (middle - (1.0 - (-2.0f32 / 1.21).exp())).abs() < 2e-3,
+            (middle - (1.0 - (-2.0f32 / 1.21).exp())).abs() < 2.5e-4,
             "{middle}"
         );
-        assert!((blurred_disk(10.0, 10.0, 0.3) - 0.5).abs() < 0.02);
+        assert!((blurred_disk(10.0, 10.0, 0.3) - 0.5).abs() < 4.0 * f32::EPSILON);
         for (radius, blur) in [(2.0f32, 1.2f32), (3.0, 0.8), (8.0, 0.5)] {
             let (air, grey, threshold) = (60.0, 160.0, 100.0);
             let at = |r: f32| air + (grey - air) * blurred_disk(r, radius, blur);
@@ -137,8 +137,8 @@ mod tests {
                 slope_per_mm: (at(r - 0.05) - at(r + 0.05)) / 0.1,
             };
             let f = unblurred(&section, air, threshold, None);
-            assert!((f.radius_mm / radius - 1.0).abs() < 0.02, "{f:?}");
-            assert!((f.blur_mm / blur - 1.0).abs() < 0.1, "{f:?}");
+            assert!((f.radius_mm / radius - 1.0).abs() < 0.008, "{f:?}");
+            assert!((f.blur_mm / blur - 1.0).abs() < 0.025, "{f:?}");
             // Of wide fibres, the square of the blur over the diameter; strips move an outline by
             // less than half their width.
             let shrunk = f.shrunk_mm();
@@ -148,7 +148,7 @@ mod tests {
                 (shrunk - wanted).abs() < most,
                 "{f:?}: {shrunk}, not {wanted}"
             );
-            assert!((f.grey / grey - 1.0).abs() < 0.02, "{f:?}");
+            assert!((f.grey / grey - 1.0).abs() < 0.012, "{f:?}");
         }
     }
 }

@@ -428,7 +428,7 @@ fn the_gauze_is_measured_without_help() {
         (radius_mm / 0.009 - 1.0).abs() < 0.1 && (grey - 170.0).abs() < 5.0
     };
     assert!(is_right(survey.fibre_radius_mm, levels.fibre), "{survey:?}");
-    assert!((levels.air - 70.0).abs() < 2.0, "{levels:?}");
+    assert!((levels.air - 70.0).abs() < 0.25, "{levels:?}");
     // Known bad: what whole outlines gave.
     assert!(!is_right(0.00685, 244.5));
 }

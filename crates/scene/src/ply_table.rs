@@ -139,7 +139,7 @@ mod tests {
         let silk = of_yarn(&file, "silk").correction();
         assert_eq!((silk.extinction, silk.through_odds), (0.5, 1.0));
         assert_eq!(silk.absorption, Rgb::new(1.0, 2.0, 3.0));
-        assert!((silk.spread_rad - 9f32.to_radians()).abs() < 1e-6);
+        assert!((silk.spread_rad - 9f32.to_radians()).abs() < 4.0 * f32::EPSILON);
         let other = of_yarn(&file, "wool").correction();
         assert_eq!((other.extinction, other.absorption), (2.0, Rgb::WHITE));
         let none = of_yarn(&PlyFile::new(), "wool").correction();

@@ -97,6 +97,7 @@ fn a_diffuse_sheet_under_a_spot_has_its_closed_form() {
             for ((mean, se), share) in got.into_iter().zip(shares) {
                 let expected = share / std::f64::consts::PI;
                 let off = (mean - expected).abs();
+                // Margin: most of the bound is four standard errors.
                 assert!(
                     off < 4.0 * se + 2e-3 * expected,
                     "seed 7, {z_mm}: {mean} +- {se} for {expected}"

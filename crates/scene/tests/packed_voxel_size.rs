@@ -36,7 +36,7 @@ fn edge_um(
 fn voxels_of_thick_cloth_are_larger_than_a_fibre_radius() {
     let (velvet, denim) = (fabric("pile/velvet"), fabric("denim"));
     let edge = edge_um(&denim, None, 4096).unwrap();
-    assert!((edge - 8.0).abs() < 1e-4, "{edge} um");
+    assert!((edge - 8.0).abs() < 4.0 * f32::EPSILON, "{edge} um");
     let edge = edge_um(&velvet, None, 4096).unwrap();
     // Radii of 6.5 and 6 um.
     assert!((7.5..9.0).contains(&edge), "{edge} um");

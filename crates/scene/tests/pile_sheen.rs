@@ -51,6 +51,7 @@ fn velvet_brightens_toward_grazing_and_a_satin_does_not() {
     println!("velvet {velvet:?}, satin {satin:?}");
     let [velvet, satin] = [velvet, satin].map(|r| exceeds(r[1], 4.0, r[0]));
     assert!(velvet > 4.0, "seed {SEED}: {velvet:.1} standard errors");
+    // Margin: an inequality, in standard errors.
     assert!(satin < -4.0, "seed {SEED}: {satin:.1} standard errors");
 }
 
@@ -64,5 +65,6 @@ fn stroking_velvet_changes_its_brightness() {
     println!("leaning {leaning:?}, upright {upright:?}");
     let [leaning, upright] = [leaning, upright].map(|r| exceeds(r[0], 3.0, r[1]));
     assert!(leaning > 4.0, "seed {SEED}: {leaning:.1} standard errors");
+    // Margin: an inequality, in standard errors.
     assert!(upright < -4.0, "seed {SEED}: {upright:.1} standard errors");
 }

@@ -46,6 +46,7 @@ fn shares(fabric: &str, model: &str, flake: &str, theta_deg: f64, paths: u64) ->
     let measured = measure_albedos(&patch, &light, &effort, &|_| ()).unwrap();
     let albedo = &measured.list[0];
     let sum = (albedo.sum.mean[1], albedo.sum.se[1]);
+    // Margin: four standard errors, and rounding.
     assert!((sum.0 - 1.0).abs() < 1e-6 + 4.0 * sum.1, "{sum:?}");
     [&albedo.reflected, &albedo.transmitted, &albedo.direct].map(|m| (m.mean[1], m.se[1]))
 }

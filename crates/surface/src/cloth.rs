@@ -121,8 +121,8 @@ mod tests {
         let weave = bare.clone().for_cloth(&cloth(&twill)).unwrap().weave;
         let weave = weave.unwrap();
         assert_eq!(weave.draft.len(), 4);
-        assert!((weave.warp_pitch_mm - 0.4).abs() < 1e-6);
-        assert!((weave.weft_pitch_mm - 10.0 / 17.0).abs() < 1e-6);
+        assert!((weave.warp_pitch_mm - 0.4).abs() < 4.0 * f64::from(f32::EPSILON));
+        assert!((weave.weft_pitch_mm - 10.0 / 17.0).abs() < 4.0 * f64::from(f32::EPSILON));
         // If only the spacing is given, the draft is that of the cloth.
         let spaced = SurfaceSpec {
             weave: toml::from_str("warp_pitch_mm = 0.5\nweft_pitch_mm = 0.7").ok(),

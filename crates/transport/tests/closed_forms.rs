@@ -310,6 +310,7 @@ fn a_camera_ten_metres_away_sees_the_same() {
     };
     let (near, far) = (at(3.0, 11), at(1e4, 12));
     let inside = at(0.0001, 13);
+    // Margin: four standard errors.
     assert!(
         (near.0 - far.0).abs() < 4.0 * near.1.hypot(far.1),
         "seeds 11, 12"

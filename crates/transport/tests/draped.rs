@@ -142,6 +142,7 @@ fn a_flat_mesh_is_the_flat_patch() {
         let reference = picture(&flat, integrator, 1);
         let same = chi_square(&reference, &picture(&draped(&plane), integrator, 2));
         // 1152 correlated values near one: deviation at most 0.06.
+        // Margin: four of these deviations.
         assert!(
             (same - 1.0).abs() < 0.25,
             "{integrator:?}, seeds 1 and 2: {same}"
@@ -286,8 +287,12 @@ fn sheets_conserve_energy_flat_and_over_a_mesh() {
     let faceted = Mesh::new(faces.collect(), &apart).unwrap();
     for over in [None, Some(faceted)] {
         let seen = furnace(&scene(vec![paper(0.3, 0.6, over)], sky()), 2000, 7);
-        assert!((seen.mean - 1.0).abs() < 1e-3, "seed 7: {}", seen.mean);
-        assert!(seen.variance() < 1e-6);
+        assert!(
+            (seen.mean - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
+            "seed 7: {}",
+            seen.mean
+        );
+        assert!(seen.variance() < 4.0 * f64::from(f32::EPSILON));
     }
 }
 

@@ -139,6 +139,7 @@ fn a_flat_mesh_shows_the_flat_fibres() {
     let draped = scene(over(mesh(12.0, 3, &plane), fibres(0.0)), sun());
     let same = seen(&draped, paths(), 2, &down);
     let (radiance, straight) = (z(&flat.0, &same.0), z(&flat.1, &same.1));
+    // Margin: four standard errors, here and below.
     assert!(
         radiance.abs() < 4.0,
         "seeds 1 and 2: radiance differs by {radiance}"
@@ -221,13 +222,14 @@ fn a_stretched_and_bent_patch_keeps_all_light() {
     let (kept, straight) = seen(&scene(patch(0.0), sky()), paths(), 5, &around);
     let se = kept.standard_error();
     // What the tables of the lobes are off, over some ten events.
+    // Margin: half of the bound is four standard errors.
     assert!(
         (kept.mean - 1.0).abs() < 4.0 * se + 2e-3,
         "seed 5: {} +- {se}",
         kept.mean
     );
     assert!(
-        straight.mean < 0.9,
+        straight.mean < 0.5,
         "seed 5: {} of the rays meet nothing",
         straight.mean
     );

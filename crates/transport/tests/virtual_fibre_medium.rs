@@ -144,7 +144,7 @@ fn transmittance_of_parallel_fibres() {
             twin_rejected |= off(m * (1.0 - packing())) > 10.0;
             if event == VirtualFibreEvent::Plain {
                 let exact = exact_transmittance(&medium, &local, &mut stats);
-                assert!((exact / (-depth).exp() - 1.0).abs() < 1e-3);
+                assert!((exact / (-depth).exp() - 1.0).abs() < 16.0 * f32::EPSILON);
             }
         }
         assert_eq!(stats.majorant_violations, 0);
@@ -173,6 +173,7 @@ fn white_furnace() {
             );
             (mean - 1.0).abs() / (4.0 * se + 5e-4 * events)
         };
+        // Margin: one is four standard errors, and 5e-4 an event for the tables of the lobes.
         assert!(off(0.0) < 1.0, "seed 41, {event:?}");
         assert!(off(0.02) > 1.0, "seed 41, {event:?}: the twin passed");
     }
@@ -354,6 +355,7 @@ fn renders_are_the_slab_walk() {
                     "{name}, {event:?}: rendered {mean:.5} +- {se:.5}, walked {:.5}, {own:.1} errors; twin {other:.1}",
                     walks[k].mean
                 );
+                // Margin: four standard errors.
                 assert!(own.abs() < 4.0, "seeds 51, 52: {name}, {event:?}: {own}");
                 twin = twin.max(other.abs());
             }
@@ -394,7 +396,7 @@ fn levels_and_materials_that_do_not_exist_are_refused() {
     assert!(VirtualFibreMedium::new(octree.clone(), 0, Vec::new(), event).is_none());
     let medium = VirtualFibreMedium::new(octree, 0, vec![fitted()], event).unwrap();
     let factors = medium.packing_factors()[0];
-    assert!((factors.own_yarn / void_multiplier(packing()) - 1.0).abs() < 1e-3);
+    assert!((factors.own_yarn / void_multiplier(packing()) - 1.0).abs() < 4.0 * f32::EPSILON);
     assert!(factors.own_yarn == factors.outside && factors.own_yarn == factors.other_yarn);
     assert!(!factors.is_measured);
 }
@@ -436,7 +438,7 @@ fn a_lone_fibre_is_met_at_its_surface() {
         mean.mean
     };
     let inside = depth_at(0.6 * RADIUS_MM);
-    assert!(inside < 0.95, "seed 71: {inside}");
+    assert!(inside < 0.05, "seed 71: {inside}");
     assert_eq!(depth_at(1.4 * RADIUS_MM), 1.0);
     assert_eq!(stats.majorant_violations, 0);
 }

@@ -374,7 +374,7 @@ mod tests {
         let shifts = bundle(&place).push_apart().unwrap();
         let mut sharpest_chord_mm = 0.0f32;
         for fibre in 0..FIBRES {
-            assert!(shifts.at(fibre, 0.0).distance(shifts.at(fibre, 1.0)) < 1e-9);
+            assert!(shifts.at(fibre, 0.0).distance(shifts.at(fibre, 1.0)) < 4.0 * f64::EPSILON);
             let knots = &shifts.shifts_mm[fibre * shifts.around..][..shifts.around];
             let step = 1e-3;
             for k in 0..shifts.around {
@@ -384,7 +384,7 @@ mod tests {
                 let [a, b, c] =
                     [-step, 0.0, step].map(|d| shifts.at(fibre, run + d / shifts.around as f64));
                 let kink_mm = (c - b).distance(b - a) / step;
-                assert!(kink_mm < 1e-3, "fibre {fibre}, station {k}: {kink_mm} mm");
+                assert!(kink_mm < 2.5e-4, "fibre {fibre}, station {k}: {kink_mm} mm");
                 let [a, b, c] = [knots.len() - 1, 0, 1].map(|d| knots[(k + d) % knots.len()]);
                 sharpest_chord_mm = sharpest_chord_mm.max((c - b).distance(b - a));
             }

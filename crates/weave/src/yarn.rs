@@ -327,7 +327,7 @@ mod tests {
         let a = y.twist_rad_per_mm * (y.ply_radius_mm - y.fibre_radius_mm);
         let closed = 2.0 / 3.0 * ((1.0 + a * a).powf(1.5) - 1.0) / (a * a);
         assert!(
-            (y.fibre_per_yarn_length() - closed).abs() < 1e-4,
+            (y.fibre_per_yarn_length() - closed).abs() < 4.0 * f64::from(f32::EPSILON),
             "{closed}"
         );
     }
@@ -356,7 +356,7 @@ mod tests {
         for k in 1..10 {
             let u = f64::from(k) / 10.0;
             let r = y.radius_at(u) / reach;
-            assert!((simpson(r) / simpson(1.0) - u).abs() < 1e-3, "{u}");
+            assert!((simpson(r) / simpson(1.0) - u).abs() < 3e-4, "{u}");
             assert!((r * r - u).abs() > 1e-2, "not uniform");
         }
     }
@@ -373,9 +373,9 @@ mod tests {
             })
         };
         let s = twist(TwistDirection::S, Some(500.0), None).unwrap();
-        assert!((s.twist_rad_per_mm + TAU * 0.5).abs() < 1e-12);
+        assert!((s.twist_rad_per_mm + TAU * 0.5).abs() < 4.0 * f64::EPSILON);
         let z = twist(TwistDirection::Z, None, Some(45.0)).unwrap();
-        assert!((z.twist_rad_per_mm * z.ply_radius_mm - 1.0).abs() < 1e-12);
+        assert!((z.twist_rad_per_mm * z.ply_radius_mm - 1.0).abs() < 4.0 * f64::EPSILON);
         assert!(twist(TwistDirection::Z, None, None).is_err());
         assert!(twist(TwistDirection::Z, Some(1.0), Some(1.0)).is_err());
     }

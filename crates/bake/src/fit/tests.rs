@@ -115,7 +115,11 @@ fn planted_parameters_are_found_and_the_wrong_model_leaves_more_error() {
             .unwrap()
             .rms
     };
-    assert!(rms(&found) < 0.01, "{}", rms(&found));
+    assert!(
+        rms(&found) < 32.0 * f64::from(f32::EPSILON),
+        "{}",
+        rms(&found)
+    );
     // The twin: a model without anisotropy and sheen cannot match pairs that it did not see.
     let twin = fitted(&USD_PREVIEW, 0.0);
     assert!(rms(&twin) > 0.03, "{}", rms(&twin));
@@ -125,6 +129,7 @@ fn planted_parameters_are_found_and_the_wrong_model_leaves_more_error() {
         let squares = texels().iter().flat_map(error).map(|e| e * e).sum::<f32>();
         squares.sqrt()
     };
+    // Margin: an inequality; any pull toward the sky shows.
     assert!(sky(&fitted(&GLTF, 1.0)) < 0.9 * sky(&found));
 }
 

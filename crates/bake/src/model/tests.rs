@@ -106,10 +106,18 @@ fn known_values_of_matte_surfaces_and_widths() {
         let (a, b) = (direction(&mut rng, 1.0), direction(&mut rng, 1.0));
         let f = (target.bsdf)(&surface, &albedos, a, b);
         let lambert = 0.75 * FRAC_1_PI * surface.base;
-        assert!((f - lambert).length() < 1e-5, "{}: {f}", target.name);
+        assert!(
+            (f - lambert).length() < 4.0 * f32::EPSILON,
+            "{}: {f}",
+            target.name
+        );
         let f = (target.bsdf)(&surface, &albedos, -a, b);
         let passed = 0.25 * FRAC_1_PI * surface.transmission_colour;
-        assert!((f - passed).length() < 1e-5, "{}: {f}", target.name);
+        assert!(
+            (f - passed).length() < 4.0 * f32::EPSILON,
+            "{}: {f}",
+            target.name
+        );
     }
     // The widths of KHR_materials_anisotropy: the rough one is mix(0.25, 1, 0.5^2).
     let (rough, fine) = gltf::widths(0.5, 0.5);
@@ -152,7 +160,7 @@ fn a_patch_is_the_mean_of_its_texels_with_their_coverage() {
     let input = |t: Texel| (t, GLTF.surface(&p, &t));
     let half = GLTF.patch_bsdf(&[input(covered), input(hole)], 1.0, &albedos, &pair);
     assert!(
-        (half[0] - 0.25 * f64::from(FRAC_1_PI)).abs() < 1e-4,
+        (half[0] - 0.25 * f64::from(FRAC_1_PI)).abs() < 16.0 * f64::from(f32::EPSILON),
         "{half:?}"
     );
     // Two slopes that are opposite: light cosines about their normals, over the cloth's.
@@ -168,7 +176,7 @@ fn a_patch_is_the_mean_of_its_texels_with_their_coverage() {
     );
     let cos = f64::from(1.25f32.sqrt().recip());
     assert!(
-        (roof[0] - 0.5 * f64::from(FRAC_1_PI) * cos).abs() < 1e-4,
+        (roof[0] - 0.5 * f64::from(FRAC_1_PI) * cos).abs() < 16.0 * f64::from(f32::EPSILON),
         "{roof:?}"
     );
 }

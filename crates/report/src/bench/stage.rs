@@ -235,7 +235,7 @@ mod tests {
             assert_eq!((scene.light.len(), scene.object.len()), (1, 1), "{text}");
             assert_eq!(scene.camera.unwrap().own.get("width_mm"), Some(3.2));
         }
-        assert!((distance_m(0.290_888) - 1.0).abs() < 1e-5);
+        assert!((distance_m(0.290_888) - 1.0).abs() < 16.0 * f64::from(f32::EPSILON));
         assert_eq!(describe_distance(0.1), "34 cm");
         assert_eq!(describe_distance(1.0), "3.4 m");
     }

@@ -57,7 +57,10 @@ fn widths_of_all_families_mean_the_same_ratio() {
         };
         let ratio = table.flakes(None).end_on_ratio;
         let back = GaussianBand::with_end_on_ratio(ratio).gamma();
-        assert!((back / gamma - 1.0).abs() < 2e-3, "{gamma} {back}");
+        assert!(
+            (back / gamma - 1.0).abs() < 4.0 * f32::EPSILON,
+            "{gamma} {back}"
+        );
     }
 }
 
@@ -115,6 +118,9 @@ fn colours_and_albedos_invert_each_other() {
         let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
         let s = (1.0 - albedo).sqrt();
         let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
-        assert!((back - r).abs() < 1e-4, "{r}: {albedo} gives {back}");
+        assert!(
+            (back - r).abs() < 16.0 * f32::EPSILON,
+            "{r}: {albedo} gives {back}"
+        );
     }
 }

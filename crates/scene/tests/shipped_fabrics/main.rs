@@ -297,6 +297,7 @@ fn the_kernel_is_the_walk_in_every_fabric() {
     );
     assert!(differences.len() >= cloths.len(), "{refused} refused");
     // Of all together a hundredth of a per cent shows in full.
+    // Margin: most of the bounds here and below is four standard errors.
     assert!(
         (white.0 - 1.0).abs() < 5e-4 + 4.0 * white.1,
         "seed {SEED}: {white:?}"

@@ -166,6 +166,7 @@ fn fabrics_reflect_and_transmit_what_is_on_record() {
             );
         }
         let sum = green(&albedo.sum);
+        // Margin: four standard errors, and rounding.
         assert!((sum.0 - 1.0).abs() < 1e-6 + 4.0 * sum.1, "{sum:?}");
         match row.model {
             "fibres" => of_fibres = row.shares,

@@ -185,7 +185,7 @@ mod tests {
             rings,
         };
         let balanced = balance(&matrix);
-        assert!(balanced.residual < 1e-4, "{}", balanced.residual);
+        assert!(balanced.residual < 3e-5, "{}", balanced.residual);
         let table = FarTable::new(balanced.parts).unwrap();
         for w in [
             Vec3::Z,
@@ -193,8 +193,10 @@ mod tests {
             Vec3::new(0.48, 0.6, 0.64),
         ] {
             let albedo = table.albedo(w).0;
-            assert!((albedo.x - 0.75).abs() < 1e-3, "{albedo}");
-            assert!((table.gap(w, organza_scatter::Footprint::FAR) - 0.25).abs() < 1e-6);
+            assert!((albedo.x - 0.75).abs() < 1.2e-5, "{albedo}");
+            assert!(
+                (table.gap(w, organza_scatter::Footprint::FAR) - 0.25).abs() < 4.0 * f32::EPSILON
+            );
             assert_eq!(albedo.z, 0.0);
         }
     }

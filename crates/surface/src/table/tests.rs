@@ -68,7 +68,10 @@ fn values_are_reciprocal_to_the_bit_and_not_negative() {
         let back = table.eval(b, a, Footprint::FAR);
         assert_eq!(there.0, back.0, "seed 31: {a} {b}");
         assert!(there.is_valid(), "seed 31: {a} {b}");
-        assert!((table.gap(a, Footprint::FAR) - table.gap(-a, Footprint::FAR)).abs() < 1e-6);
+        assert!(
+            (table.gap(a, Footprint::FAR) - table.gap(-a, Footprint::FAR)).abs()
+                < 4.0 * f32::EPSILON
+        );
     }
 }
 
@@ -80,7 +83,7 @@ fn a_white_furnace_stays_white() {
         let w = direction(&mut rng);
         // Between the nodes as at them: green is not absorbed.
         let total = table.albedo(w) + Rgb::splat(table.gap(w, Footprint::FAR));
-        assert!((total.0.y - 1.0).abs() < 1e-3, "seed 41: {w}: {total:?}");
+        assert!((total.0.y - 1.0).abs() < 8e-6, "seed 41: {w}: {total:?}");
         // Drawn light has the same total, and never more than its share.
         let mut sum = organza_basis::Moments::default();
         for _ in 0..2000 {
@@ -136,7 +139,7 @@ fn samples_say_what_pdf_and_eval_say() {
         assert_eq!(s.pdf, table.pdf(w, s.w_in, Footprint::FAR));
         let weight = table.eval(w, s.w_in, Footprint::FAR) * (s.w_in.z.abs() / s.pdf);
         assert!(
-            (weight.0 - s.weight.0).abs().max_element() < 1e-5,
+            (weight.0 - s.weight.0).abs().max_element() < 4.0 * f32::EPSILON,
             "seed 61"
         );
     }

@@ -245,7 +245,7 @@ fn planes_of_symmetry_are_not_special() {
             assert!(exact > 0.0);
             for step in [1e-12, 1e-9, 1e-7, 1e-5] {
                 assert!(
-                    (at(step) / exact - 1.0).abs() < 1e-5,
+                    (at(step) / exact - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
                     "{psi} {i:?} {o:?} {step}"
                 );
             }
@@ -266,7 +266,10 @@ fn swapping_directions_changes_nothing() {
         let (w_in, w_out) = pair.directions();
         let there = segment.reflectance(&pair, &rule);
         let back = segment.reflectance(&Pair::new(w_out, w_in), &rule);
-        assert!((there - back).abs() <= 1e-9 * there.abs(), "seed 33");
+        assert!(
+            (there - back).abs() <= 4.0 * f64::EPSILON * there.abs(),
+            "seed 33"
+        );
     }
 }
 
@@ -304,13 +307,21 @@ fn single_precision_follows_double() {
         "f32: median {:.1e}, 99 of 100 {:.1e}",
         errors[2000], errors[3960]
     );
-    assert!(errors[3960] < 1e-4, "seed 34: {:.1e}", errors[3960]);
+    assert!(
+        errors[3960] < 32.0 * f64::from(f32::EPSILON),
+        "seed 34: {:.1e}",
+        errors[3960]
+    );
     drawn.sort_by(f64::total_cmp);
     println!(
         "f32 texture: median {:.1e}, 99 of 100 {:.1e}",
         drawn[2000], drawn[3960]
     );
-    assert!(drawn[3960] < 1e-4, "seed 34: {:.1e}", drawn[3960]);
+    assert!(
+        drawn[3960] < 32.0 * f64::from(f32::EPSILON),
+        "seed 34: {:.1e}",
+        drawn[3960]
+    );
 }
 
 #[test]
@@ -380,7 +391,7 @@ fn staple_yarn_turns_into_filament_yarn() {
     let limit = at(0.0);
     for psi in [1.0, 0.1, 0.01, 1e-4, 1e-6] {
         let error = (at(psi) / limit - 1.0).abs();
-        assert!(error < 0.02 * psi + 1e-7, "{psi}: {error:e}");
+        assert!(error < 0.001 * psi + 5e-9, "{psi}: {error:e}");
     }
 }
 
@@ -392,7 +403,7 @@ fn yarn_that_does_not_fit_is_refused_or_narrowed() {
     p.fit = Fit::Narrow;
     let bead = YarnSegment::<f64>::new(&p).unwrap();
     let expected = 0.5 / 36f64.to_radians().sin();
-    assert!((bead.tube_radius_mm() - expected).abs() < 1e-12);
+    assert!((bead.tube_radius_mm() - expected).abs() < 4.0 * f64::EPSILON);
     let pair = Pair::new(direction(30.0, 40.0), direction(20.0, 200.0));
     assert!(bead.reflectance(&pair, &Rule::for_accuracy(1e-3)) > 0.0);
     for (key, index, value) in [

@@ -27,7 +27,7 @@ fn reflectance_is_that_of_the_printed_equations() {
         let segment = YarnSegment::<f64>::new(&parameters(p)).unwrap();
         let pair = Pair::new(direction(d[0], d[1]), direction(d[2], d[3]));
         let got = segment.reflectance(&pair, &rule);
-        assert!((got - expected).abs() < 1e-8 * expected, "{p:?}: {got:e}");
+        assert!((got - expected).abs() < 1.5e-9 * expected, "{p:?}: {got:e}");
     }
 }
 
@@ -71,6 +71,6 @@ fn reflectance_matches_the_reference_table() {
         }
     }
     println!("largest relative difference {largest:.1e}");
-    assert!(largest < 1e-6);
+    assert!(largest < 4.0 * f64::from(f32::EPSILON));
     assert_eq!(count, 80);
 }

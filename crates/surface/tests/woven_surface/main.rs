@@ -85,7 +85,7 @@ fn the_mean_of_the_texture_is_the_reflectance() {
                 let exact = cloth.eval(w_out, w_in, Footprint::FAR);
                 let error = (mean - exact).0.abs().max_element();
                 assert!(
-                    error < 6e-3 * exact.max_component() + 1e-6,
+                    error < 8e-4 * exact.max_component() + 1.5e-7,
                     "{name} seed 41: {mean:?} {exact:?}"
                 );
             }
@@ -211,6 +211,7 @@ fn a_lossless_cloth_keeps_all_light() {
         assert!((0.9..=1.0).contains(&expected), "{theta}: {expected}");
         let off = |m: &Moments| (m.mean - expected).abs() - 4.0 * m.standard_error() - 5e-4;
         let m = seen(&lossless, w_out);
+        // Margin: what exceeds four standard errors is negative.
         assert!(off(&m) < 0.0, "{theta}, seed 44: {m:?} for {expected}");
         // A cloth that absorbs a fiftieth of what it reflects is found.
         let m = seen(&twin, w_out);
@@ -236,7 +237,7 @@ fn light_takes_the_same_way_back() {
                 let (there, back) = (cloth.eval(w_out, w_in, at), cloth.eval(w_in, w_out, at));
                 let error = (there - back).0.abs().max_element();
                 assert!(
-                    error <= 2e-4 * there.max_component() + 1e-6,
+                    error <= 4.0 * f32::EPSILON * (1.0 + there.max_component()),
                     "{name} seed 47"
                 );
             }
@@ -307,7 +308,7 @@ fn footprints_blend_from_texture_to_mean() {
             },
         );
         assert!(
-            (here - before).0.length() < 0.05 * range,
+            (here - before).0.length() < 0.03 * range,
             "a step at {width_mm}"
         );
         before = here;
@@ -336,6 +337,7 @@ fn specular_albedo_is_what_the_file_says() {
             ));
         }
         let error = (m.mean - 0.25).abs();
+        // Margin: most of the bound is four standard errors.
         assert!(
             error < 4.0 * m.standard_error() + 1e-3,
             "{name} seed 50: {}",

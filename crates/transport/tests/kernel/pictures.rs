@@ -40,6 +40,7 @@ fn pictures_light_the_kernel_as_the_walk() {
         assert!(p > 1e-4, "{name}, wrong table, seed 9: {p}");
         // Known-bad twins: lamps found twice, lamps not found at all.
         for fault in [Fault::LampsTwice, Fault::NoLamps] {
+            // Margin: the probability at which the twin is rejected.
             assert!(good(made().with_fault(fault)).0 < 1e-9, "{name}, seed 9");
         }
     }

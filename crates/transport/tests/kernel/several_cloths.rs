@@ -143,6 +143,7 @@ fn several_cloths_agree_with_the_general_walk() {
         let (own, _) = by_cells(&wrong, &settings, Backend::widest());
         let (spread, mean) = agree(&own, &oracle);
         let p = spread.p_value.min(mean.p_value);
+        // Margin: the probability at which the twin is rejected.
         assert!(p < 1e-9, "{name}, seed 9: the twin passes with {p}");
     }
 }

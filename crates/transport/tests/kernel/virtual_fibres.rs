@@ -73,7 +73,11 @@ fn described_fibres_are_the_medium() {
                 .any_orthonormal_vector();
             let exact = medium.sigma_t(&site, across);
             let apart = (only.broadside_per_mm / exact - 1.0).abs();
-            assert!(apart < 1e-4, "{} {exact} at {c}", only.broadside_per_mm);
+            assert!(
+                apart < 4.0 * f32::EPSILON,
+                "{} {exact} at {c}",
+                only.broadside_per_mm
+            );
         }
         mixed += usize::from(populations.len() > 1);
     }
@@ -106,7 +110,7 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
         assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
         let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
         let (m, n) = (per_path(&stats), per_path(&of_walk));
-        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+        assert!((m / n - 1.0).abs() < 0.04, "{name}: {m}, {n} events a path");
 
         let others = [
             dielectric([0.0; 3], 6.0, 10.0),
@@ -117,6 +121,7 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
         let (c, _) = film(&scene, &settings, Some(twin));
         let (spread, mean) = agree(&c, &b);
         let least = spread.p_value.min(mean.p_value);
+        // Margin: the probability at which the twin is rejected.
         assert!(least < 1e-9, "{name}, seed 9: twin {least}");
     }
 }
@@ -145,8 +150,9 @@ fn white_fibres_vanish_under_even_light() {
     assert!(stats.collisions > stats.paths);
     for (mean, error) in film.mean() {
         let apart = (mean - 1.0).abs();
+        // Margin: most of the bound is four standard errors.
         assert!(apart < 1e-3 + 4.0 * error, "seed 9: {mean} +- {error}");
-        assert!(error < 3e-3, "seed 9: {error}");
+        assert!(error < 0.001, "seed 9: {error}");
     }
 }
 

@@ -268,6 +268,7 @@ fn a_room_of_rectangles_is_a_furnace() {
             (got - 1.0).abs() / (4.0 * se + 1e-5)
         };
         let closed = off(6);
+        // Margin: one is four standard errors, and rounding.
         assert!(closed < 1.0, "{search:?}, seed {seed}: {closed}");
         assert!(off(5) > 1.0, "{search:?}, seed {seed}: the twin passed");
     }
@@ -317,6 +318,7 @@ fn a_point_light_falls_off_with_the_square_and_the_cosine() {
     let expected = 0.6 / PI * 50.0 * height / (square * square.sqrt());
     let off = |got: (f64, f64)| (got.0 - expected).abs() / (4.0 * got.1 + 1e-4 * expected);
     let got = of(height, 160);
+    // Margin: one is four standard errors, and rounding.
     assert!(off(got) < 1.0, "seed 160: {got:?} for {expected}");
     let twin = of(1.05 * height, 161);
     assert!(off(twin) > 1.0, "the twin passed: {twin:?} for {expected}");

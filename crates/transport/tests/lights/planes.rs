@@ -31,7 +31,10 @@ fn planes_close_the_furnace_from_behind() {
     let closed = of(vec![cloth(1.0), plane(1.0, 0.0)], front(), 142);
     let twin = of(vec![cloth(1.0), plane(0.9, 0.0)], front(), 143);
     let off = |m: (f64, f64)| (m.0 - 1.0).abs() / (4.0 * m.1 + 1e-5);
-    assert!(off(closed) < 1.0, "seed 142: {closed:?}");
+    assert!(
+        off(closed) < 4.0 * f64::from(f32::EPSILON),
+        "seed 142: {closed:?}"
+    );
     assert!(off(twin) > 1.0, "the twin passed: {twin:?}");
 }
 
@@ -50,6 +53,7 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
     let scene = looking_down(vec![plane()], vec![sun], 0.1);
     let got = mean(&scene, Integrator::Woodcock, u32::MAX, 64, 150);
     let expected = 0.6 / PI * 2.0 * 0.8;
+    // Margin: four standard errors, and rounding.
     assert!(
         (got.0 - expected).abs() < 4.0 * got.1 + 1e-5,
         "seed 150: {got:?} for {expected}"
@@ -71,6 +75,7 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
         let scene = looking_down(vec![plane()], vec![light], 1e-3);
         let got = mean(&scene, Integrator::Woodcock, u32::MAX, 256, seed);
         let expected = 0.6 * form_factor;
+        // Margin: four standard errors, and rounding.
         assert!(
             (got.0 - expected).abs() < 4.0 * got.1 + 1e-6,
             "{search:?}, seed {seed}: {got:?} for {expected}"

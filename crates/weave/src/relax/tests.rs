@@ -48,7 +48,7 @@ fn the_closed_form_strain_is_that_of_the_curve_and_the_least() {
             squared_slope(&curve),
         );
         assert!(
-            (closed - quadrature).abs() < 1e-12 * (1.0 + closed),
+            (closed - quadrature).abs() < 4.0 * f64::EPSILON * (1.0 + closed),
             "{n}: {closed} {quadrature}"
         );
         // Moving any free knot or slope costs energy.
@@ -81,7 +81,7 @@ fn segment_strain_follows_the_published_closed_form() {
             / (30.0 * d)
     };
     let both = one(d, h1 - h0, a0, a1) + one(d, h0 - h1, a1, a0);
-    assert!((squared_slope(&curve) - both).abs() < 1e-14);
+    assert!((squared_slope(&curve) - both).abs() < 4.0 * f64::EPSILON);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn the_gradient_agrees_with_finite_differences() {
         let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
         let error = (difference - gradient[i]).abs();
         assert!(
-            error < 1e-5 * (1.0 + difference.abs()),
+            error < 1e-8 * (1.0 + difference.abs()),
             "{i}: {difference} {}",
             gradient[i]
         );
@@ -122,11 +122,11 @@ fn the_collision_potential_is_smooth_and_convex() {
     for i in 1..=4000 {
         let (value, slope) = contact(-2.0 + f64::from(i) * 1e-3);
         assert!(value <= last_value && slope >= last_slope);
-        assert!((value - last_value - 0.5e-3 * (slope + last_slope)).abs() < 1e-4 * (1.0 + value));
+        assert!((value - last_value - 0.5e-3 * (slope + last_slope)).abs() < 3e-8 * (1.0 + value));
         (last_value, last_slope) = (value, slope);
     }
     assert_eq!(contact(1.0), (0.0, 0.0));
-    assert!((contact(0.5).0 - 2.25).abs() < 1e-15);
+    assert!((contact(0.5).0 - 2.25).abs() < 4.0 * f64::EPSILON);
 }
 
 fn amplitude(curve: &Hermite) -> f64 {
@@ -141,10 +141,13 @@ fn a_symmetric_plain_weave_shares_its_crimp() {
     let s = system(2, 0.5, 0.1, 1.0);
     let r = relax(&draft, &s, &s, None, 1000).unwrap();
     let (warp, weft) = (amplitude(&r.warp[0]), amplitude(&r.weft[0]));
-    assert!((warp - weft).abs() < 1e-6, "{warp} {weft}");
+    assert!(
+        (warp - weft).abs() < 4.0 * f64::from(f32::EPSILON),
+        "{warp} {weft}"
+    );
     // The force balance in closed form has them touch.
-    assert!((warp / 0.1 - 1.0).abs() < 1e-3, "{warp}");
-    assert!(r.compression.abs() < 1e-3);
+    assert!((warp / 0.1 - 1.0).abs() < 4.0 * f64::EPSILON, "{warp}");
+    assert!(r.compression.abs() < 4.0 * f64::from(f32::EPSILON));
 }
 
 #[test]
@@ -165,7 +168,7 @@ fn stiff_warp_straightens_and_the_weft_takes_its_crimp() {
         assert!(share < last);
         // Springs in series share a given gap by the inverse of stiffness.
         assert!(
-            (share - 1.0 / (1.0 + stiffness)).abs() < 1e-3,
+            (share - 1.0 / (1.0 + stiffness)).abs() < 1e-5,
             "{stiffness}: {share}"
         );
         last = share;
@@ -186,6 +189,6 @@ fn no_weave_interpenetrates_more_than_three_percent_at_its_crossings() {
         let warp = system(draft.ends(), 0.4, 0.15, 1.0);
         let weft = system(draft.picks(), 0.6, 0.1, 2.0);
         let r = relax(&draft, &warp, &weft, None, 2000).unwrap();
-        assert!(r.compression < 0.03, "{name}: {}", r.compression);
+        assert!(r.compression < 0.01, "{name}: {}", r.compression);
     }
 }

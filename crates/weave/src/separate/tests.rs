@@ -38,7 +38,10 @@ fn lines_that_share_room_are_pushed_apart() {
         let after = overlap(&lines, ROOM);
         assert!(before.0 > 0.3 && before.2 > 50, "seed {seed}: {before:?}");
         let [b, a] = [before, after].map(|o| o.0 * o.2 as f64);
-        assert!(a < 0.05 * b, "seed {seed}: {before:?}, {after:?}");
+        assert!(
+            a < 4.0 * f64::from(f32::EPSILON) * b,
+            "seed {seed}: {before:?}, {after:?}"
+        );
     }
 }
 

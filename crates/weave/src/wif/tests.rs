@@ -124,10 +124,10 @@ fn palettes_of_any_range_and_lengths_of_any_unit() {
         assert_eq!(draft.warp[0].colour, Some(Rgb::WHITE), "{range}");
         assert_eq!(draft.warp[1].colour, None);
         assert!(
-            (draft.warp[3].spacing_mm.unwrap() - 1.0).abs() < 1e-6,
+            (draft.warp[3].spacing_mm.unwrap() - 1.0).abs() < 4.0 * f32::EPSILON,
             "{unit}"
         );
-        assert!((draft.warp[2].thickness_mm.unwrap() - 1.0).abs() < 1e-6);
+        assert!((draft.warp[2].thickness_mm.unwrap() - 1.0).abs() < 4.0 * f32::EPSILON);
         assert_eq!(draft.warp[1].thickness_mm, None);
     }
 }
@@ -287,11 +287,11 @@ fn drafts_in_many_dialects_load() {
     assert_eq!(forgiving, "X....\n.....\n.....\n.X...\n");
     assert_eq!(drafts["studio_latin_1"].title, "Köper für Tücher");
     let inch = drafts["studio_latin_1"].warp[2].spacing_mm.unwrap();
-    assert!((inch - 0.09 * 25.4).abs() < 1e-4, "{inch}");
+    assert!((inch - 0.09 * 25.4).abs() < 4.0 * f32::EPSILON, "{inch}");
     let private = &drafts["private_sections_and_defaults"];
     assert_eq!(private.warp[1].colour, private.weft[4].colour);
-    assert!((private.warp[3].spacing_mm.unwrap() - 0.53).abs() < 1e-4);
-    assert!((private.warp[4].spacing_mm.unwrap() - 2.12).abs() < 1e-4);
+    assert!((private.warp[3].spacing_mm.unwrap() - 0.53).abs() < 4.0 * f32::EPSILON);
+    assert!((private.warp[4].spacing_mm.unwrap() - 2.12).abs() < 4.0 * f32::EPSILON);
 }
 
 /// A lift plan of jacquard size is read completely: every crossing is that of the damask.

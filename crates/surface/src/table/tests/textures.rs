@@ -72,14 +72,14 @@ fn a_texture_keeps_the_mean_and_repeats() {
             let next = Footprint::point(place + Vec2::new(-6.0, 1.0));
             let moved = (striped.eval(a, b, next).0 - striped.eval(a, b, at).0).abs();
             assert!(
-                moved.max_element() < 1e-3 * mean.max_component().max(0.1),
+                moved.max_element() < 2e-6 * mean.max_component().max(0.1),
                 "seed 61"
             );
         }
         let off = (sum - mean.0).abs().max_element() / mean.max_component().max(1e-6);
-        assert!(off < 1e-3, "seed 61: {a} {b}: {off}");
+        assert!(off < 4.0 * f32::EPSILON, "seed 61: {a} {b}: {off}");
         assert!(
-            (gap - plain.gap(a, Footprint::FAR)).abs() < 1e-3,
+            (gap - plain.gap(a, Footprint::FAR)).abs() < 4.0 * f32::EPSILON,
             "seed 61: {gap}"
         );
     }

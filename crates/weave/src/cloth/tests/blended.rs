@@ -53,10 +53,10 @@ fn shares_and_mass_of_the_fibres_are_those_of_the_label() {
     let yarn = &cloth.yarns()[0];
     assert!(yarn.blends_materials && yarn.blend.len() == 2);
     let by_mass = mass_shares(&yarn.blend);
-    assert!((by_mass[0] - 0.7).abs() < 1e-12, "{by_mass:?}");
+    assert!((by_mass[0] - 0.7).abs() < 4.0 * f64::EPSILON, "{by_mass:?}");
     // Nylon is finer and lighter, so its fibres are more than a third by number.
     let by_number = 0.3 / (1.14 * 7.5 * 7.5) / (0.3 / (1.14 * 7.5 * 7.5) + 0.7 / (1.31 * 144.0));
-    assert!((yarn.blend[1].share - by_number).abs() < 1e-12);
+    assert!((yarn.blend[1].share - by_number).abs() < 4.0 * f64::EPSILON);
 
     let sums = sums(&cloth);
     let names: Vec<_> = cloth
@@ -84,7 +84,7 @@ fn shares_and_mass_of_the_fibres_are_those_of_the_label() {
     // Besides the shares, the number of fibres is rounded by the closure of the tile: 2 %.
     let mass_error = error + 0.02;
     assert!((tex / 60.0 - 1.0).abs() < mass_error, "{tex} tex for 60");
-    assert!((yarn.tex() / 60.0 - 1.0).abs() < 0.01, "{}", yarn.tex());
+    assert!((yarn.tex() / 60.0 - 1.0).abs() < 0.004, "{}", yarn.tex());
     let area = figures.tile_mm[0] * figures.tile_mm[1];
     let weight = 1e3 * total(2) / area / figures.areal_density_g_per_m2;
     assert!((weight - 1.0).abs() < mass_error, "{weight}");
@@ -115,7 +115,7 @@ fn fibres_have_their_own_radii_and_stay_in_the_ply() {
         let mut fibre = None;
         strand.emit_fibres(&mut |s| {
             let part = usize::from(s.material);
-            assert!((s.start_radius_mm - radius_mm[part]).abs() < 1e-7);
+            assert_eq!(s.start_radius_mm, radius_mm[part]);
             seen[part] += 1;
             let at = s.start_mm.as_dvec3();
             if fibre.replace(s.fibre) != Some(s.fibre) {

@@ -46,7 +46,7 @@ fn wandering_threads_have_their_amplitude_and_close() {
     assert!((rms / 30.0 - 1.0).abs() < error, "{rms} for 30; seed 7");
     assert!((of_twin / 30.0 - 1.0).abs() > error, "{of_twin}");
     let reported = cloth.irregularity().warp.unwrap().sideways_um;
-    assert!((reported / rms - 1.0).abs() < 0.05, "{reported} {rms}");
+    assert!((reported / rms - 1.0).abs() < 8e-4, "{reported} {rms}");
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn crossings_stay_crossings_where_threads_wander() {
             let of_end = paths[e].points[paths[e].steps() / picks * p];
             let of_pick = paths[ends + p].points[paths[ends + p].steps() / ends * e];
             let apart = (of_end - of_pick).truncate().length();
-            assert!(apart < 1e-9, "{e} {p}: {of_end} {of_pick}");
+            assert!(apart < 4.0 * f64::EPSILON, "{e} {p}: {of_end} {of_pick}");
             assert_eq!(of_end.z > of_pick.z, draft.warp_up(e, p));
             let Centreline::Woven { origin, .. } = &cloth.threads[e].line else {
                 panic!("woven");
@@ -97,7 +97,7 @@ fn threads_that_touch_side_by_side_wander_no_nearer() {
         1e3 * deepest / spacing_um
     };
     // Free threads would come nearer by up to 120 um.
-    assert!(overlap(1.0) < 30.0, "{} um", overlap(1.0));
+    assert!(overlap(1.0) < 15.0, "{} um", overlap(1.0));
 }
 
 #[test]
@@ -118,7 +118,10 @@ fn the_reed_leaves_gaps_between_its_dents() {
     for (i, pair) in places.windows(2).enumerate() {
         // 20 ends per centimetre: 0.5 mm, of which each of the two gaps in a dent gives 12 %.
         let expected = if i % 3 == 2 { 0.62 } else { 0.44 };
-        assert!((pair[1] - pair[0] - expected).abs() < 1e-9, "{i}: {pair:?}");
+        assert!(
+            (pair[1] - pair[0] - expected).abs() < 8.0 * f64::EPSILON,
+            "{i}: {pair:?}"
+        );
     }
     for level in [CurveLevel::Yarn, CurveLevel::Fibre] {
         assert_closed(&cloth, level);

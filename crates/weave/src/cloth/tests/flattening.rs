@@ -103,15 +103,15 @@ fn flattened_threads_keep_their_area_close_and_stay_in_the_tile() {
         for i in -50..250 {
             let s = f64::from(i) / 100.0;
             let [here, on, next] = [s, s + 1e-6, s + 1.0].map(|s| thread.section.at(s));
-            assert!((here.x * here.y / thread.section.area() - 1.0).abs() < 1e-12);
-            assert!(here.distance(next) < 1e-9, "sections repeat");
-            assert!(here.distance(on) < 1e-4, "sections have no steps");
+            assert!((here.x * here.y / thread.section.area() - 1.0).abs() < 4.0 * f64::EPSILON);
+            assert!(here.distance(next) < 32.0 * f64::EPSILON, "sections repeat");
+            assert!(here.distance(on) < 1.2e-5, "sections have no steps");
             let factor = here.x / thread.section.flatten.x;
             (widest, narrowest) = (widest.max(factor), narrowest.min(factor));
         }
         // A float of three crossings is free in its middle.
-        assert!((widest - 1.4).abs() < 0.02, "{widest}");
-        assert!((narrowest - 0.8).abs() < 0.02, "{narrowest}");
+        assert!((widest - 1.4).abs() < 4e-4, "{widest}");
+        assert!((narrowest - 0.8).abs() < 8e-4, "{narrowest}");
         let [flattest, highest] = thread.section.range();
         assert!(flattest.x >= widest * thread.section.flatten.x - 1e-12);
         assert!(highest.x <= narrowest * thread.section.flatten.x + 1e-12);
@@ -168,7 +168,10 @@ fn fibres_fill_the_section_of_their_place() {
         "{figures:?}"
     );
     let areas = [0, 1].map(|i| figures.width_mm[i] * figures.height_mm[1 - i]);
-    assert!((areas[0] / areas[1] - 1.0).abs() < 1e-9, "{figures:?}");
+    assert!(
+        (areas[0] / areas[1] - 1.0).abs() < 4.0 * f64::EPSILON,
+        "{figures:?}"
+    );
 }
 
 #[test]

@@ -33,15 +33,15 @@ fn mass_thickness_and_directions_are_those_asked_for() {
         let cloth = build(&nonwoven(&format!("{text}anisotropy = {ratio}")));
         let figures = cloth.figures();
         let web = figures.nonwoven.clone().unwrap();
-        assert!((figures.areal_density_g_per_m2 - 60.0).abs() < 0.01);
-        assert!((mass_g_per_m2(&cloth) - 60.0).abs() < 0.05);
+        assert!((figures.areal_density_g_per_m2 - 60.0).abs() < 32.0 * f64::from(f32::EPSILON));
+        assert!((mass_g_per_m2(&cloth) - 60.0).abs() < 32.0 * f64::from(f32::EPSILON));
         assert!((web.thickness_mm - 0.49).abs() < 0.02, "{web:?}");
         let fill = 0.06 / 1.31 / 0.5;
         assert!((web.fill / fill - 1.0).abs() < 0.06, "{web:?}");
         // Over eight seeds the logarithm of the ratio deviates by 0.03 without crimp and
         // by 0.05 with it: four of them.
         let off = |wanted: f64| (web.anisotropy / wanted).ln().abs();
-        assert!(off(ratio) < 0.2, "seed 7, {ratio}: {web:?}");
+        assert!(off(ratio) < 0.06, "seed 7, {ratio}: {web:?}");
         for other in [0.5, 1.0, 2.0] {
             assert!(
                 other == ratio || off(other) > 0.2,
@@ -49,7 +49,7 @@ fn mass_thickness_and_directions_are_those_asked_for() {
             );
         }
         let sum: f64 = web.orientation_tensor[..3].iter().sum();
-        assert!((sum - 1.0).abs() < 1e-5);
+        assert!((sum - 1.0).abs() < 16.0 * f64::EPSILON);
     }
 }
 
@@ -96,7 +96,7 @@ fn fibres_lie_in_the_tile_do_not_share_room_and_are_the_same_every_time() {
         }
     }
     // Before fibres are pushed apart the mean is a half: chords of discs laid at random.
-    assert!(cloth.figures().nonwoven.unwrap().overlap < 0.05);
+    assert!(cloth.figures().nonwoven.unwrap().overlap < 4e-4);
 }
 
 /// Without needling no fibre runs through the cloth: the twin.
@@ -105,10 +105,16 @@ fn needles_carry_fibres_through_the_thickness() {
     let needled = "[needling]\npunches_per_cm2 = 80\nfibres_per_punch = 6\ndepth_mm = 0.3";
     let [plain, tufted] = ["", needled].map(|n| build(&nonwoven(&format!("{FELT}{n}"))));
     let web = tufted.figures().nonwoven.unwrap();
-    assert!((web.punches_per_cm2 / 80.0 - 1.0).abs() < 0.15, "{web:?}");
+    assert!(
+        (web.punches_per_cm2 / 80.0 - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
+        "{web:?}"
+    );
     assert!((2.0..60.0).contains(&web.carried_percent), "{web:?}");
-    assert!((tufted.figures().areal_density_g_per_m2 - 60.0).abs() < 0.01);
+    assert!(
+        (tufted.figures().areal_density_g_per_m2 - 60.0).abs() < 32.0 * f64::from(f32::EPSILON)
+    );
     let lowest = |c: &Cloth| c.tile().bounds_mm.min.z;
+    // Margin: an inequality; needles pull fibres down by at least a quarter.
     assert!(lowest(&tufted) < lowest(&plain) - 0.25);
     let steep = |c: &Cloth| c.figures().nonwoven.unwrap().orientation_tensor[2];
     assert!(steep(&tufted) > 2.0 * steep(&plain));

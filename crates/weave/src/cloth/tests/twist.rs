@@ -111,9 +111,10 @@ fn twist_of_the_fibres_is_inverse_to_thickness() {
          twin: {twin_exponent:.3}, {twin_correlation:.3}"
     );
     assert!((exponent + 1.0).abs() < 0.1, "{exponent}; seed 7");
+    // Margin: an inequality.
     assert!(correlation < -0.9, "{correlation}");
     assert!(
-        (measured_cv / reported - 1.0).abs() < 0.1,
+        (measured_cv / reported - 1.0).abs() < 0.03,
         "{measured_cv} {reported}"
     );
     // The twin has twist that is the same all along each thread.
