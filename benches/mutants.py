@@ -39,7 +39,7 @@ TESTS = {
         ["scatter", "--lib", "--test=packed_precision", "--test=ply_precision", "--test=slabs"]
     ],
     "volume": [["volume", "--lib", "--test=volume"]],
-    "kernel": [["kernel", "--lib"]],
+    "kernel": [["kernel", "--lib"], ["transport", "--test=kernel"]],
     "measure": [["measure", "--lib"]],
 }
 # Code that these tests do not compile: the engine for graphics cards.
