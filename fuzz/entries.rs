@@ -3,11 +3,13 @@
 #![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
+use organza_cli::{FileJournal, SlabJournal};
 use organza_scan::ScanError;
 use organza_scan::input::{Slices, png::PngSlices, tiff::TiffSlices, vti::VtiSlices};
 use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
+use sha2::{Digest, Sha256};
 use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -20,7 +22,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 22] = [
+pub const ALL: [Entry; 25] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -42,6 +44,9 @@ pub const ALL: [Entry; 22] = [
     ("fabric", fabric),
     ("checkpoint", checkpoint),
     ("part", part),
+    ("journal", journal),
+    ("slab_journal", slab_journal),
+    ("peer", peer),
     ("view", view),
 ];
 
@@ -236,6 +241,74 @@ pub fn checkpoint(data: &[u8]) {
 pub fn part(data: &[u8]) {
     let arguments = ["merge", "part.exr", "-o", "all.exr", "--quiet"];
     run(data, "part.exr", &arguments);
+}
+
+/// The key of the searches and scans below.
+const KEY: &str = "search";
+
+/// The journal of a search: as it is, and with every line the content of a record, under the head
+/// of this search. What can be opened is found again when it is opened once more.
+pub fn journal(data: &[u8]) {
+    let path = folder().join("journal");
+    let hex = |bytes: &[u8]| -> String { bytes.iter().map(|b| format!("{b:02x}")).collect() };
+    let mut sealed = format!("organza-journal 2 {}\n", hex(&Sha256::digest(KEY)));
+    for line in String::from_utf8_lossy(data).split('\n') {
+        let sum = &hex(&Sha256::digest(line))[..16];
+        sealed += &format!("{} {sum} {line}\n", line.len());
+    }
+    for bytes in [data, sealed.as_bytes()] {
+        if std::fs::write(&path, bytes).is_err() {
+            return;
+        }
+        let Ok(mut first) = FileJournal::open(Some(&path), KEY) else {
+            continue;
+        };
+        let place = [0.5, f64::NAN];
+        if first.has(&place) || first.once(&place, 1, || Ok(vec![2.0])).is_err() {
+            continue;
+        }
+        drop(first);
+        let again = FileJournal::open(Some(&path), KEY).expect("it was opened before");
+        assert!(again.has(&place));
+    }
+}
+
+/// The journal of a scan: as it is, and under the head of this scan. Slabs that are added are
+/// found again.
+pub fn slab_journal(data: &[u8]) {
+    let path = folder().join("slabs");
+    let mut headed = b"organzaS".to_vec();
+    headed.extend_from_slice(&Sha256::digest(KEY));
+    headed.extend_from_slice(data);
+    for bytes in [data, &headed] {
+        if std::fs::write(&path, bytes).is_err() {
+            return;
+        }
+        let Ok(mut first) = SlabJournal::open(&path, KEY) else {
+            continue;
+        };
+        for index in 0..4 {
+            let _ = first.find(index);
+        }
+        let count = first.len();
+        if first.add(9, b"slab").is_err() {
+            continue;
+        }
+        drop(first);
+        let mut again = SlabJournal::open(&path, KEY).expect("it was opened before");
+        assert!(again.len() >= count);
+        let slab = again.find(9).expect("it can be read");
+        assert_eq!(slab.as_deref(), Some(&b"slab"[..]));
+    }
+}
+
+/// Pictures of another program, of two pixels each.
+pub fn peer(data: &[u8]) {
+    let path = folder().join("peer.json");
+    if std::fs::write(&path, data).is_err() {
+        return;
+    }
+    let _ = organza_report::bench::Peer::read(&path, 2);
 }
 
 /// A connection to the live page: the bytes of requests to a session of its own. They are

@@ -12,7 +12,8 @@
 set -uo pipefail
 cd "$(dirname "$0")"
 targets=(wif curve_text bcc vol vdb ovox nrrd obj ply gltf ct_png ct_tiff vti
-  picture klems far_table pairs scene fabric checkpoint part view)
+  picture klems far_table pairs scene fabric checkpoint part
+  journal slab_journal peer view)
 
 # The files whose change makes the minutes of a target old: its reader, with the entry.
 reader() {
@@ -33,17 +34,22 @@ reader() {
     scene | fabric) echo scene/src weave/src/wif.rs weave/src/wif weave/src/curve_file.rs ;;
     checkpoint) echo cli/src/{checkpoint,identity}.rs film/src ;;
     part) echo cli/src/commands/merge.rs picture/src film/src ;;
+    journal | slab_journal) echo "cli/src/$1.rs" ;;
+    peer) echo report/src/bench/peer.rs ;;
     view) echo view/src ;;
   esac
 }
 
-# A name for the bytes of these files.
+# A name for the bytes of these files, without their tests.
 code() {
   local paths
   paths=$(reader "$1" | tr ' ' '\n' | sed 's|^|../crates/|')
   # shellcheck disable=SC2086 # paths have no spaces
-  git ls-files -s -- $paths "fuzz_targets/$1.rs" | awk '{ print $2 }' |
-    git hash-object --stdin | cut -c1-12
+  git ls-files -s -- $paths "fuzz_targets/$1.rs" | grep -vE '[/_]tests?(\.rs|/)' |
+    while read -r _ blob _ path; do
+      echo "$path"
+      git cat-file blob "$blob" | sed '/^mod tests {/,$d'
+    done | git hash-object --stdin | cut -c1-12
 }
 
 if [[ ${1:-} == minutes ]]; then

@@ -37,8 +37,10 @@ mod version;
 pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;
 pub use host::Caller;
+pub use journal::{FileJournal, JournalError};
 pub use organza_report::bench::Program;
 pub use results::{Array, Numbers, Results};
+pub use slab_journal::SlabJournal;
 
 use clap::error::ErrorKind;
 use host::Host;

@@ -1,0 +1,5 @@
+//! Fuzzes `slab_journal`, see `entries.rs`.
+#![no_main]
+#[path = "../entries.rs"]
+mod entries;
+libfuzzer_sys::fuzz_target!(|data: &[u8]| entries::slab_journal(data));
