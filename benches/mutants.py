@@ -40,7 +40,7 @@ TESTS = {
     ],
     "volume": [["volume", "--lib", "--test=volume"]],
     "kernel": [["kernel", "--lib"], ["transport", "--test=kernel"]],
-    "measure": [["measure", "--lib"]],
+    "measure": [["measure", "--lib", "--tests"]],
 }
 # Code that these tests do not compile: the engine for graphics cards.
 EXCLUDED = {"kernel": ["crates/kernel/src/gpu/**"]}
