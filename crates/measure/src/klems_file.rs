@@ -419,6 +419,24 @@ mod tests {
         assert_eq!(read.transmission[1].values[3 * n + 5], front[5 * n + 3]);
     }
 
+    /// The file gives the middle of every ring and its borders, which lie between middles.
+    #[test]
+    fn rings_have_their_middles() {
+        let text = write_klems(&bsdf(), "x").unwrap();
+        let middles: Vec<f64> = text
+            .split("<Theta>")
+            .skip(1)
+            .map(|rest| rest.split('<').next().unwrap().parse().unwrap())
+            .collect();
+        let rings = KlemsBasis::Quarter.rings();
+        assert_eq!(middles.len(), rings.len());
+        assert_eq!(middles[0], 0.0);
+        for (k, middle) in middles.iter().enumerate().skip(1) {
+            let high_deg = rings.get(k + 1).map_or(90.0, |r| r.0);
+            assert_eq!(*middle, 0.5 * (rings[k].0 + high_deg));
+        }
+    }
+
     #[test]
     fn mistakes_are_reported() {
         let text = write_klems(&bsdf(), "x").unwrap();

@@ -119,3 +119,31 @@ pub fn front_and_back(sweep: &[SweepValue]) -> [[f64; 3]; 2] {
         sum.map(|s| s / count.max(1.0))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lamps_beyond_90_degrees_are_behind() {
+        let value = |angle_deg: f64, mean: f64| SweepValue {
+            lamp: LampPosition {
+                axis: LampAxis::Warp,
+                angle_deg,
+            },
+            intensity: Measured {
+                mean: [mean, 2.0 * mean, 3.0 * mean],
+                se: [0.0; 3],
+            },
+        };
+        let sweep = [
+            value(-60.0, 1.0),
+            value(60.0, 3.0),
+            value(120.0, 5.0),
+            value(240.0, 6.0),
+            value(180.0, 10.0),
+        ];
+        assert_eq!(front_and_back(&sweep), [[2.0, 4.0, 6.0], [7.0, 14.0, 21.0]]);
+        assert_eq!(front_and_back(&sweep[..1])[1], [0.0; 3]);
+    }
+}

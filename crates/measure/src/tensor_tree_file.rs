@@ -267,3 +267,27 @@ fn text(xml: &mut Writer<&mut dyn Write>, name: &str, content: &str) -> Result<(
     element.write_text_content(BytesText::new(content))?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values of white: the file's white has equal X, Y and Z. Red has the chromaticity that
+    /// its column of the matrix gives.
+    #[test]
+    fn colours_have_their_chromaticity() {
+        let of = |rgb: DVec3| [0, 1, 2].map(|band| value(rgb, band));
+        let is_near = |found: [f64; 3], expected: [f64; 3]| {
+            let mut pairs = found.into_iter().zip(expected);
+            assert!(
+                pairs.all(|(a, b)| (a - b).abs() < 1e-6),
+                "{found:?} {expected:?}"
+            );
+        };
+        is_near(of(DVec3::splat(0.5)), [0.5, 4.0 / 19.0, 9.0 / 19.0]);
+        is_near(of(DVec3::ZERO), [0.0, 4.0 / 19.0, 9.0 / 19.0]);
+        let (x, y, z) = (0.433_887, 0.212_639, 0.017_750);
+        let weight = x + 15.0 * y + 3.0 * z;
+        is_near(of(DVec3::X), [y, 4.0 * x / weight, 9.0 * y / weight]);
+    }
+}

@@ -44,13 +44,17 @@ fn search(materials: usize, density: [f64; 2]) -> AppearanceSearch {
 
 fn fit(target: &[Measured], search: &AppearanceSearch) -> AppearanceFit {
     let simulate = |o: &Appearance| Ok::<_, Infallible>(sheet(o, 2));
+    let mut simulations = 0;
     let mut cut = |o: &Appearance| {
+        simulations += 1;
         simulate(o).map(|mut list| {
             list.truncate(target.len());
             list
         })
     };
-    fit_appearance(target, search, &mut cut).unwrap()
+    let found = fit_appearance(target, search, &mut cut).unwrap();
+    assert_eq!(found.simulations, simulations);
+    found
 }
 
 #[test]
