@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use crate::cpu::lanes::one;
     use organza_basis::Rgb;
-    use organza_light::{DirectionalLight, EnvironmentLight};
+    use organza_light::{DirectionalLight, EnvironmentLight, RectangleLight};
 
     fn sun(direction: Vec3, irradiance: f32) -> Light {
         Light::from(DirectionalLight {
@@ -220,5 +220,27 @@ mod tests {
         let made = Importance::new(&lights, Vec3::ZERO).unwrap();
         assert_eq!(made.lamps.len(), MAX_LAMPS);
         assert!((made.lamps[0].weight - LAMP).abs() < 4.0 * f32::EPSILON);
+    }
+    /// The irradiance is the radiance times the solid angle of the panel, a degree wide, from one
+    /// direction.
+    #[test]
+    fn a_small_panel_is_a_beam() {
+        let (corner, side_mm) = (Vec3::new(-0.1, -0.1, 10.0), 0.2);
+        let panel = RectangleLight::new(
+            corner,
+            side_mm * Vec3::X,
+            side_mm * Vec3::Y,
+            Rgb::splat(3.0),
+            true,
+        );
+        let found = beam(&Light::from(panel.unwrap()), Vec3::ZERO).unwrap();
+        let expected = 3.0 * side_mm * side_mm / 100.0;
+        // The mean of the inverse square of the distance and of the cosine is 1e-4 less.
+        assert!(
+            (found.irradiance / expected - 1.0).abs() < 2e-4,
+            "{}",
+            found.irradiance
+        );
+        assert!(found.toward.z > 0.9999 && found.length > 0.9999);
     }
 }
