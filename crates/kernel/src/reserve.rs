@@ -109,3 +109,50 @@ impl Engine for Reserve {
         self.loss.get()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Loses every block, or says that it took it.
+    struct Named {
+        name: &'static str,
+        is_lost: bool,
+    }
+
+    impl Engine for Named {
+        fn name(&self) -> &'static str {
+            self.name
+        }
+
+        fn memory_bytes(&self) -> u64 {
+            0
+        }
+
+        fn take(&self, _: &mut Block<'_>) -> Result<Stats, Lost> {
+            match self.is_lost {
+                true => Err(Lost("unplugged".into())),
+                false => Ok(Stats::default()),
+            }
+        }
+    }
+
+    #[test]
+    fn both_engines_are_named_once_the_first_is_lost() {
+        let made = |name, is_lost| -> Box<dyn Engine> { Box::new(Named { name, is_lost }) };
+        for (is_lost, name) in [(false, "card"), (true, "card+lanes")] {
+            let engine = Reserve::new(made("card", is_lost), move || Ok(made("lanes", false)));
+            assert_eq!(engine.name(), "card");
+            let mut block = Block {
+                pixels: &mut [],
+                width: 1,
+                min: UVec2::ZERO,
+                samples: 0..1,
+                takes: None,
+            };
+            assert!(engine.take(&mut block).is_ok());
+            assert_eq!(engine.name(), name);
+            assert_eq!(engine.loss().is_some(), is_lost);
+        }
+    }
+}

@@ -112,3 +112,17 @@ fn odd_pictures_are_taken_apart() {
     assert_eq!(one.lamps.iter().map(Vec::len).sum::<usize>(), 1);
     assert!(one.sky.iter().all(|p| p.is_valid()));
 }
+
+/// The bytes that are counted rise with the places of a lamp's texels, a power of two.
+#[test]
+fn memory_rises_with_the_texels_of_lamps() {
+    let of = |texels: usize| {
+        let mut parts = Parts::of(&environment_with_lamps());
+        assert!(parts.lamps[0].len() > 2);
+        parts.lamps[0].truncate(texels);
+        parts.bytes(1000)
+    };
+    let (one, two, four) = (of(1), of(2), of(3));
+    assert!(two > one);
+    assert_eq!(four - two, 2 * (two - one));
+}
