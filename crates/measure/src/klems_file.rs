@@ -423,18 +423,14 @@ mod tests {
     #[test]
     fn rings_have_their_middles() {
         let text = write_klems(&bsdf(), "x").unwrap();
-        let middles: Vec<f64> = text
-            .split("<Theta>")
-            .skip(1)
-            .map(|rest| rest.split('<').next().unwrap().parse().unwrap())
-            .collect();
+        let middles = text.split("<Theta>").skip(1);
+        let middles = middles.map(|rest| rest.split('<').next().unwrap().parse().unwrap());
+        let middles: Vec<f64> = middles.collect();
         let rings = KlemsBasis::Quarter.rings();
-        assert_eq!(middles.len(), rings.len());
+        let highs = rings.iter().skip(1).map(|r| r.0).chain([90.0]);
+        let expected = rings.iter().zip(highs).map(|(r, high)| 0.5 * (r.0 + high));
         assert_eq!(middles[0], 0.0);
-        for (k, middle) in middles.iter().enumerate().skip(1) {
-            let high_deg = rings.get(k + 1).map_or(90.0, |r| r.0);
-            assert_eq!(*middle, 0.5 * (rings[k].0 + high_deg));
-        }
+        assert_eq!(middles[1..], expected.skip(1).collect::<Vec<_>>());
     }
 
     #[test]
