@@ -31,6 +31,10 @@ mod result_cache;
 mod results;
 mod sample_ranges;
 mod schedule;
+#[expect(
+    clippy::len_without_is_empty,
+    reason = "an empty journal is like any other"
+)]
 mod slab_journal;
 mod version;
 
