@@ -373,7 +373,7 @@ fn lists_find_the_hits_of_copies() {
         let lists = loop {
             match matter_within(&heap, (Vec3::ZERO, PERIOD_MM), repeats, allowed) {
                 Ok(lists) => break lists,
-                // It tells how much the next step needs; a little more, for some copies among lists.
+                // The error says how much the next step needs. A twentieth more keeps some copies.
                 Err(Unfit::Memory(needed)) if needed > allowed => allowed = needed + needed / 20,
                 Err(why) => panic!("{allowed}: {why:?}"),
             }
