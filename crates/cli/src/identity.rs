@@ -170,6 +170,12 @@ pub fn scene_digest(scene: &Table, more: &[String]) -> String {
     digest(&Value::Array(vec![Value::Table(scene), Value::Array(more)]))
 }
 
+/// The digest of a scene whose samples use a cache of that digest.
+pub fn with_cache(scene: &str, cache: u64) -> String {
+    let both = [scene.to_owned(), format!("{cache:016x}")];
+    digest(&Value::Array(both.map(Value::String).to_vec()))
+}
+
 /// Digest of a value in a form that does not depend on the order of keys or on
 /// how numbers are spelled (1 or 1.0), in hexadecimal.
 pub fn digest(value: &Value) -> String {

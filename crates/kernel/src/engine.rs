@@ -2,6 +2,7 @@
 
 use crate::block::Block;
 use crate::fibres::fibre_scene::FibreScene;
+use crate::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
 use crate::refusal::Refusal;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::Stats;
@@ -51,6 +52,19 @@ pub trait Engine: Send + Sync {
     /// What walks the paths is gone; the block is then as it was.
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost>;
 
+    /// Learns a cache of radiance for the samples that follow, unless it is learned; `None`
+    /// of an engine or a scene without one.
+    ///
+    /// # Errors
+    /// `watch` broke.
+    fn learn(
+        &self,
+        _plan: &CachePlan,
+        _watch: &LearnWatch<'_>,
+    ) -> Result<Option<CacheReport>, Stopped> {
+        Ok(None)
+    }
+
     /// Why another engine goes on in this one's place, if it does.
     fn loss(&self) -> Option<&Lost> {
         None
@@ -76,6 +90,14 @@ impl Engine for Box<dyn Engine + '_> {
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         (**self).take(block)
+    }
+
+    fn learn(
+        &self,
+        plan: &CachePlan,
+        watch: &LearnWatch<'_>,
+    ) -> Result<Option<CacheReport>, Stopped> {
+        (**self).learn(plan, watch)
     }
 
     fn loss(&self) -> Option<&Lost> {

@@ -2,6 +2,7 @@
 
 use crate::block::Block;
 use crate::engine::{Engine, Lost, MadeEngine};
+use crate::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
 use glam::UVec2;
 use organza_film::Stats;
 use rayon::prelude::*;
@@ -103,6 +104,14 @@ impl Engine for Reserve {
                 a.merge(&b);
                 Ok(a)
             })
+    }
+
+    fn learn(
+        &self,
+        plan: &CachePlan,
+        watch: &LearnWatch<'_>,
+    ) -> Result<Option<CacheReport>, Stopped> {
+        self.engine.learn(plan, watch)
     }
 
     fn loss(&self) -> Option<&Lost> {

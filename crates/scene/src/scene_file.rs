@@ -8,7 +8,7 @@ use crate::object::ObjectTable;
 use crate::read;
 use organza_light::LightTable;
 use organza_picture::{Display, Exposure, PngBits, ToneMapping, WhiteBalance};
-use organza_transport::Integrator;
+use organza_transport::{CacheMode, CachePlan, Integrator};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -89,6 +89,27 @@ pub struct RenderTable {
     pub png_bits: PngBits,
     /// The most a channel of a sample may be; no limit if none.
     pub clamp: Option<f32>,
+    /// Whether paths end in a cache of radiance; chosen by the size of the picture if none.
+    pub cache: Option<CacheName>,
+    /// How much the cache learns, in multiples of the usual.
+    pub cache_learning: f64,
+    /// More is learned where the error of the cache in blocks of 16 x 16 pixels is surely
+    /// above this fraction of the picture's mean.
+    pub cache_error: f64,
+    /// Memory of the cache while it is learned, MiB.
+    pub cache_mib: u32,
+}
+
+/// `render.cache`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CacheName {
+    /// Every path is walked to its end.
+    Off,
+    /// Paths end at their second fibre.
+    SecondFibre,
+    /// In flat cloth at their first fibre, elsewhere at the second.
+    FirstFibre,
 }
 
 impl Default for RenderTable {
@@ -103,6 +124,10 @@ impl Default for RenderTable {
             white_balance: WhiteBalance::default(),
             png_bits: PngBits::default(),
             clamp: None,
+            cache: None,
+            cache_learning: 1.0,
+            cache_error: CachePlan::BLOCK_ERROR,
+            cache_mib: (CachePlan::BYTES >> 20) as u32,
         }
     }
 }
@@ -119,8 +144,42 @@ impl RenderTable {
         if let Some(clamp) = self.clamp.filter(|c| !(*c > 0.0 && c.is_finite())) {
             return Err(format!("clamp: expected a positive number, found {clamp}"));
         }
+        if !(0.01..=1000.0).contains(&self.cache_learning) {
+            let found = self.cache_learning;
+            return Err(format!(
+                "cache_learning: expected 0.01 to 1000, found {found}"
+            ));
+        }
+        if !(1e-4..=1.0).contains(&self.cache_error) {
+            let found = self.cache_error;
+            return Err(format!("cache_error: expected 0.0001 to 1, found {found}"));
+        }
+        if !(1..=4096).contains(&self.cache_mib) {
+            let found = self.cache_mib;
+            return Err(format!("cache_mib: expected 1 to 4096, found {found}"));
+        }
         self.display().check()
     }
+
+    /// What a picture of that size learns of its fibres before its first sample: nothing if
+    /// the cache is off, or if the file leaves the choice and the picture is small.
+    pub fn cache_plan(&self, resolution: [u32; 2]) -> Option<CachePlan> {
+        let pixels = resolution.iter().map(|n| u64::from(*n)).product();
+        let mode = match self.cache {
+            Some(CacheName::Off) => return None,
+            None if pixels < Self::LEAST_CACHED_PIXELS => return None,
+            Some(CacheName::SecondFibre) | None => CacheMode::SecondFibre,
+            Some(CacheName::FirstFibre) => CacheMode::FirstFibre,
+        };
+        Some(CachePlan {
+            bytes: u64::from(self.cache_mib) << 20,
+            block_error: self.cache_error,
+            ..CachePlan::of_picture(mode, pixels, self.cache_learning)
+        })
+    }
+
+    /// Smaller pictures take less time than their cache.
+    const LEAST_CACHED_PIXELS: u64 = 128 * 128;
 
     /// How pictures that are not linear are shown.
     pub fn display(&self) -> Display {

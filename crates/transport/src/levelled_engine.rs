@@ -6,6 +6,7 @@ use crate::{AnyMedium, LevelledCloth, RenderSettings, Scene};
 use glam::UVec2;
 use organza_basis::PathRng;
 use organza_film::Stats;
+use organza_kernel::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
 use organza_kernel::{Block, Engine, Lost};
 
 /// Samples whose representations are known at the same time: a byte for each pixel of a block.
@@ -122,6 +123,21 @@ impl Engine for LevelledEngine<'_> {
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
         let all = self.all().map(|e| e.rows_per_block(rows, threads));
         all.min().unwrap_or(1)
+    }
+
+    /// The finest representation that has a cache learns one.
+    fn learn(
+        &self,
+        plan: &CachePlan,
+        watch: &LearnWatch<'_>,
+    ) -> Result<Option<CacheReport>, Stopped> {
+        for engine in self.all() {
+            let learned = engine.learn(plan, watch)?;
+            if learned.is_some() {
+                return Ok(learned);
+            }
+        }
+        Ok(None)
     }
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {

@@ -95,6 +95,7 @@ pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
 };
+pub use organza_kernel::fibres::{CacheMode, CachePlan, CacheReport, LearnWatch};
 pub use organza_kernel::packed::Switch;
 pub use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut,

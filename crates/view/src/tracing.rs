@@ -3,8 +3,8 @@
 use crate::news::Cost;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{
-    EngineChoice, Film, Integrator, KernelRefusal, RenderError, RenderSettings, Rendering, Scene,
-    engine,
+    CachePlan, EngineChoice, Film, Integrator, KernelRefusal, RenderError, RenderSettings,
+    Rendering, Scene, engine,
 };
 use std::time::{Duration, Instant};
 
@@ -26,8 +26,12 @@ pub struct Plan<'a> {
 /// A picture in the making.
 pub struct Tracing<'a> {
     rendering: Rendering<'a>,
+    /// What is still to be learned before the first sample.
+    to_learn: Option<CachePlan>,
     why_walk: Option<KernelRefusal>,
     seconds: f64,
+    /// Of these, what was spent before the first sample.
+    learned_s: f64,
     per_sample: Option<Duration>,
 }
 
@@ -85,10 +89,13 @@ impl<'a> Tracing<'a> {
             Some(limit) => rendering.with_clamp(limit),
             None => rendering,
         };
+        let resolution = plan.file.camera.as_ref().map(|camera| camera.resolution);
         Ok(Tracing {
             rendering,
+            to_learn: resolution.and_then(|size| table.cache_plan(size)),
             why_walk,
             seconds: 0.0,
+            learned_s: 0.0,
             per_sample: None,
         })
     }
@@ -108,17 +115,26 @@ impl<'a> Tracing<'a> {
         });
         let samples = fit.clamp(1, most.max(1)).min(self.rendering.left());
         let began = Instant::now();
-        let watch = |_| if is_wanted() { Continue(()) } else { Break(()) };
-        let rendering = match self.rendering.take(samples, &watch) {
-            Ok(rendering) => rendering,
-            Err(RenderError::Interrupted) => return Err(Stop::Unwanted),
-            Err(e) => return Err(Stop::Failed(e.to_string())),
+        let go_on = || if is_wanted() { Continue(()) } else { Break(()) };
+        let stop = |e: RenderError| match e {
+            RenderError::Interrupted => Stop::Unwanted,
+            e => Stop::Failed(e.to_string()),
         };
+        let rendering = match &self.to_learn {
+            Some(plan) => self.rendering.with_cache(plan, &|_| go_on()),
+            None => Ok(self.rendering),
+        };
+        let learned_s = began.elapsed().as_secs_f64();
+        let began = Instant::now();
+        let rendering = rendering.and_then(|r| r.take(samples, &|_| go_on()));
+        let rendering = rendering.map_err(stop)?;
         let took = began.elapsed();
         Ok(Tracing {
             rendering,
+            to_learn: None,
             why_walk: self.why_walk,
-            seconds: self.seconds + took.as_secs_f64(),
+            seconds: self.seconds + learned_s + took.as_secs_f64(),
+            learned_s: self.learned_s + learned_s,
             per_sample: Some(took.div_f64(samples.max(1) as f64)),
         })
     }
@@ -145,7 +161,8 @@ impl<'a> Tracing<'a> {
         let film = self.rendering.film();
         let noise = (samples > 1).then(|| film.relative_error());
         let median_noise = (samples > 1).then(|| film.pixel_errors().median);
-        let to_5_percent = |noise: f64| self.seconds * (noise / 0.05).powi(2);
+        let sampled_s = self.seconds - self.learned_s;
+        let to_5_percent = |noise: f64| self.learned_s + sampled_s * (noise / 0.05).powi(2);
         Cost {
             samples,
             build_s,

@@ -5,6 +5,8 @@ use super::dispatch::{Job, dispatch_sixteen};
 use super::lanes::Floats;
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
+use crate::fibres::cache::learn::learn;
+use crate::fibres::cache::{CachePlan, CacheReport, CacheUse, LearnWatch, RadianceCache, Stopped};
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::walk::Walk;
 use crate::fibres::work::{FilmWork, Work};
@@ -53,13 +55,37 @@ impl Engine for FibreEngine {
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let scene = &*self.scene;
         let mut work = FilmWork::new(block, &scene.camera, scene.seed, scene.brightness);
+        let cache = scene.cache.get().map(RadianceCache::to_read);
+        Ok(self.walk(cache.unwrap_or_default(), &mut work))
+    }
+
+    fn learn(
+        &self,
+        plan: &CachePlan,
+        watch: &LearnWatch<'_>,
+    ) -> Result<Option<CacheReport>, Stopped> {
+        let scene = &*self.scene;
+        if scene.cache.get().is_none() {
+            let walker = |cache: CacheUse<'_>, work: &mut dyn Work| self.walk(cache, work);
+            let learned = learn(scene, plan, &walker, watch)?;
+            // Whoever learned it first learned the same.
+            let _ = scene.cache.set(learned);
+        }
+        Ok(scene.cache.get().map(|cache| cache.report))
+    }
+}
+
+impl FibreEngine {
+    fn walk(&self, cache: CacheUse<'_>, work: &mut dyn Work) -> Stats {
+        let scene = &*self.scene;
         let walk = Walk {
             matter: &scene.matter,
             lights: &scene.lights,
             max_bounces: scene.max_bounces,
             importance: scene.importance.as_ref(),
+            cache,
         };
-        Ok(run(&walk, self.backend, &mut work))
+        run(&walk, self.backend, work)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::backend::Backend;
 use super::fibre_engine::run;
 use super::math::pixel_key;
+use crate::fibres::cache::CacheUse;
 use crate::fibres::matter::FibreMatter;
 use crate::fibres::walk::Walk;
 use crate::fibres::work::{End, Start, WAVE, Work};
@@ -65,6 +66,7 @@ impl FibreProbe {
             max_bounces: MAX_EVENTS,
             // A path escapes once.
             importance: None,
+            cache: CacheUse::default(),
         };
         let stats = run(&walk, self.backend, &mut work);
         (work.samples, stats)

@@ -1,10 +1,11 @@
 //! Explicit fibres, what lights them and the camera, as data for any engine.
 
+use super::cache::RadianceCache;
 use super::importance::Importance;
 use super::matter::FibreMatter;
 use organza_film::{Brightness, Camera};
 use organza_light::{KernelLight, Light};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A view of explicit fibres. It knows no back end.
 ///
@@ -51,6 +52,8 @@ pub struct FibreScene {
     pub(crate) brightness: Brightness,
     /// What an engine may divide paths by.
     pub(crate) importance: Option<Importance>,
+    /// Radiance at fibres, once it is learned.
+    pub(crate) cache: OnceLock<RadianceCache>,
 }
 
 impl FibreScene {
@@ -73,12 +76,14 @@ impl FibreScene {
             max_bounces,
             brightness: Brightness::of(brightest),
             importance,
+            cache: OnceLock::new(),
         }
     }
 
     /// Bytes of the cells and tables.
     pub fn memory_bytes(&self) -> u64 {
-        self.matter.memory_bytes()
+        let cache = self.cache.get().map_or(0, RadianceCache::memory_bytes);
+        self.matter.memory_bytes() + cache
     }
 }
 

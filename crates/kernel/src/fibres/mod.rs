@@ -14,6 +14,7 @@
 pub(crate) mod block;
 pub(crate) mod body;
 mod branches;
+pub(crate) mod cache;
 mod cell_ray;
 mod cell_search;
 pub(crate) mod cells;
@@ -47,6 +48,7 @@ pub(crate) mod walk;
 pub(crate) mod work;
 
 pub use body::FibreBody;
+pub use cache::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
 pub use cells::Unfit;
 pub use drape::{Drape, DrapeSpan};
 pub use fibre_scene::FibreScene;

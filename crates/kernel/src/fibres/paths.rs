@@ -1,6 +1,7 @@
 //! The paths of a wave, property by property.
 
 use super::branches::Branches;
+use super::cache::Note;
 use super::cell_ray::{CellHit, CellRay};
 use super::matter::FibreMatter;
 use super::trip::{MetFibre, Trip};
@@ -56,6 +57,10 @@ pub struct Paths {
     /// Where several bodies, draped ones or planes may be met: the ways of all rays.
     pub trips: Vec<Trip>,
     pub branches: Branches,
+    /// Fibres met so far.
+    pub fibres_met: [u32; WAVE],
+    /// Where a path noted a place for the cache.
+    pub note: [Option<Note>; WAVE],
 }
 
 /// What the paths met.
@@ -130,6 +135,8 @@ impl Paths {
                 false => vec![Trip::none(); WAVE],
             },
             branches: Branches::new(),
+            fibres_met: [0; WAVE],
+            note: [None; WAVE],
         })
     }
 
@@ -142,6 +149,8 @@ impl Paths {
         put(&mut self.radiance, slot, Vec3::ZERO);
         put(&mut self.absorbed, slot, Vec3::ZERO);
         self.bounces[slot] = 0;
+        self.fibres_met[slot] = 0;
+        self.note[slot] = None;
         self.first[slot] = None;
         self.before_mm[slot] = 0.0;
         self.pdf[slot] = f32::INFINITY;

@@ -1,6 +1,7 @@
 //! Events of a wave: light, a new direction, roulette.
 
 use super::branches::divide;
+use super::cache::CacheUse;
 use super::cell_ray::CellRay;
 use super::grid::GridPoint;
 use super::importance::Importance;
@@ -30,6 +31,10 @@ use organza_light::{KernelLight, Light, LightSearch};
 /// proportion and weighed up.
 pub const SHADOW_SCALE: f32 = 10.0;
 
+/// With the cache a shadow ray is traced surely when it adds at least half of the mean of
+/// the picture, since what it adds is most of the noise then.
+const KEPT_PER_MEAN: f32 = 2.0;
+
 /// What events need to know.
 pub struct Shading<'a> {
     pub matter: &'a FibreMatter,
@@ -41,6 +46,7 @@ pub struct Shading<'a> {
     pub is_draped: bool,
     /// What paths are divided and ended by, beside what they carry.
     pub importance: Option<&'a Importance>,
+    pub cache: CacheUse<'a>,
 }
 
 /// The events of the lanes from slot `first` on.
@@ -65,6 +71,14 @@ pub fn shade<F: Floats>(
         stats.collisions += 1;
         if paths.bounces[slot] == 0 {
             paths.first[slot] = Some(first_event(shading.matter, paths, slot));
+        }
+        let order = paths.fibres_met[slot];
+        paths.fibres_met[slot] += 1;
+        if let Some(rest) = shading.cache.at_fibre(shading.matter, paths, slot, order) {
+            let seen = get(&paths.radiance, slot) + rest;
+            put(&mut paths.radiance, slot, seen);
+            paths.state[slot] = State::Ended;
+            continue;
         }
         if paths.bounces[slot] == shading.max_bounces {
             stats.cut += 1;
@@ -124,7 +138,10 @@ pub fn shade<F: Floats>(
             let share = F::splat(1.0) / (F::splat(1.0) + scattered.pdf / aim.pdf);
             light_in = light_in.scaled(share);
         }
-        let keep = light_in.sum() / aim.irradiance.sum() * F::splat(SHADOW_SCALE);
+        let keep = match shading.cache.picture_mean {
+            Some(mean) => light_in.sum() * F::splat(KEPT_PER_MEAN / (3.0 * mean)),
+            None => light_in.sum() / aim.irradiance.sum() * F::splat(SHADOW_SCALE),
+        };
         let keep = keep.min(F::splat(1.0));
         let [u, v, w] = rng.units(new);
         let sent = new & aim.seen & u.below(keep) & F::splat(0.0).below(keep);
@@ -249,7 +266,7 @@ fn ray(matter: &FibreMatter, from: &GridPoint, toward: Vec3, max_mm: f32) -> Opt
 }
 
 /// Where a path met its fibre, in the world.
-fn place_mm(matter: &FibreMatter, paths: &Paths, slot: usize) -> Vec3 {
+pub(super) fn place_mm(matter: &FibreMatter, paths: &Paths, slot: usize) -> Vec3 {
     if let Some(part) = matter.packed.as_ref().filter(|_| paths.in_volume[slot]) {
         let ray = &paths.volume_rays[slot];
         return part.volume.world_mm(ray.at(), ray.period()).as_vec3();

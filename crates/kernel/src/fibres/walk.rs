@@ -1,6 +1,7 @@
 //! The walk of waves of paths among fibres.
 
 use super::branches::{events, resume};
+use super::cache::CacheUse;
 use super::cell_ray::{CellRay, Visit};
 use super::importance::Importance;
 use super::matter::FibreMatter;
@@ -31,6 +32,8 @@ pub struct Walk<'a> {
     /// What paths are divided by, which changes what they are but not their mean. Only a
     /// flat cloth of explicit fibres alone has its paths divided.
     pub importance: Option<&'a Importance>,
+    /// What paths do with the cache of radiance; they are not divided then.
+    pub cache: CacheUse<'a>,
 }
 
 impl Walk<'_> {
@@ -48,7 +51,10 @@ impl Walk<'_> {
             max_bounces: self.max_bounces,
             weighs: self.lights.iter().any(has_density),
             is_draped: self.matter.is_draped(),
-            importance: self.importance.filter(|_| self.matter.is_plain()),
+            importance: self
+                .importance
+                .filter(|_| self.matter.is_plain() && self.cache.places.is_none()),
+            cache: self.cache,
         };
         let has_panels = self.lights.iter().any(has_place);
         for slot in 0..WAVE {
@@ -337,6 +343,7 @@ impl Walk<'_> {
             first: paths.first[slot],
             absorbed: get(&paths.absorbed, slot),
             escape: escaped.then(|| (get(&paths.direction, slot), get(&paths.throughput, slot))),
+            note: paths.note[slot],
         };
         work.end(slot, &end, stats);
         self.begin(paths, slot, work, stats);

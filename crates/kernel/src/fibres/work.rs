@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_film::{Brightness, Camera, FirstEvent, Pixel, Sample, Stats, Tally};
 
+use super::cache::Note;
 use crate::block::Block;
 use crate::cpu::math::pixel_key;
 
@@ -28,6 +29,8 @@ pub struct End {
     pub absorbed: Vec3,
     /// Where it left the matter and what it carried, if it did.
     pub escape: Option<(Vec3, Vec3)>,
+    /// Where it noted a place for the cache.
+    pub note: Option<Note>,
 }
 
 /// Gives out paths and takes what they found. Every slot of a wave has one path

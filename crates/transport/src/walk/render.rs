@@ -3,6 +3,7 @@
 use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
+use organza_kernel::fibres::{CachePlan, CacheReport, LearnWatch};
 use organza_kernel::{Block, Engine, Lost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -89,6 +90,7 @@ pub struct Rendering<'a> {
     film: Film,
     stats: Stats,
     next: u64,
+    cache: Option<CacheReport>,
 }
 
 impl<'a> Rendering<'a> {
@@ -116,6 +118,7 @@ impl<'a> Rendering<'a> {
             film: Film::new(crop.max - crop.min),
             stats: Stats::default(),
             next: settings.samples.start,
+            cache: None,
             settings,
         })
     }
@@ -125,6 +128,30 @@ impl<'a> Rendering<'a> {
     pub fn with_engine(mut self, engine: impl Engine + 'a) -> Self {
         self.engine = Some(Box::new(engine));
         self
+    }
+
+    /// Has the engine learn a cache of radiance before the first sample: the same of the same
+    /// scene, seed and plan, on any number of threads. Nothing changes for an engine or a
+    /// scene without one, such as the general walk. The error of the cache is in no pixel's
+    /// variance; [`Rendering::cache`] has an estimate of it.
+    ///
+    /// # Errors
+    /// `watch` broke.
+    pub fn with_cache(
+        mut self,
+        plan: &CachePlan,
+        watch: &LearnWatch<'_>,
+    ) -> Result<Self, RenderError> {
+        if let Some(engine) = &self.engine {
+            let learned = engine.learn(plan, watch);
+            self.cache = learned.map_err(|_| RenderError::Interrupted)?;
+        }
+        Ok(self)
+    }
+
+    /// What was learned, if the samples use a cache.
+    pub fn cache(&self) -> Option<&CacheReport> {
+        self.cache.as_ref()
     }
 
     /// Darkens every sample whose brightest channel is above `limit` to it, which

@@ -14,6 +14,7 @@ mod long_tables;
 mod near_panels;
 mod packed_fibres;
 mod pictures;
+mod radiance_cache;
 mod several_cloths;
 mod virtual_fibres;
 

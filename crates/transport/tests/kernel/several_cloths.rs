@@ -75,7 +75,7 @@ fn with(first: AnyMedium, others: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
     scene
 }
 
-fn scenes() -> Vec<(&'static str, Scene)> {
+pub(crate) fn scenes() -> Vec<(&'static str, Scene)> {
     let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
     let mut swapped = silk_and_cotton();
     swapped.reverse();

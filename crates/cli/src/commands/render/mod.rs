@@ -20,11 +20,13 @@ use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
-use crate::identity::{Identity, VERSION, crop_edges};
+use crate::identity::{self, Identity, VERSION, crop_edges};
 use crate::interrupt;
 use crate::output;
+use crate::output::note;
 use crate::picture;
 use crate::process_usage::cpu_seconds;
+use crate::progress::Progress;
 use crate::sample_ranges::parse_range;
 use crate::schedule::{Stop, Targets};
 use anyhow::{Context, Result};
@@ -32,9 +34,9 @@ use clap::Args;
 use clap::builder::ArgPredicate;
 use engine::{Chosen, EngineName};
 use organza_picture::{FORMATS, Format, Rendered};
-use organza_transport::{Crop, KernelRefusal, RenderError, Rendering};
+use organza_transport::{CachePlan, CacheReport, Crop, KernelRefusal, RenderError, Rendering};
 use scene::Built;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use summary::Times;
@@ -217,7 +219,7 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
         _ => input(e.to_string()),
     })?;
-    let identity = Identity {
+    let mut identity = Identity {
         version: VERSION.into(),
         seed: file.render.seed,
         crop: crop_edges(rendering.crop()),
@@ -235,11 +237,50 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         Some(limit) => rendering.with_clamp(limit),
         None => rendering,
     };
+    let rendering = match file.render.cache_plan(file.camera(&args.scene)?.resolution) {
+        Some(plan) => learned(args, rendering, &plan)?,
+        None => rendering,
+    };
+    if let Some(cache) = rendering.cache() {
+        identity.scene = identity::with_cache(&identity.scene, cache.digest);
+    }
     Ok(Prepared {
         rendering,
         identity,
         why_walk,
     })
+}
+
+/// The same rendering once its cache is learned.
+fn learned<'a>(
+    args: &RenderArgs,
+    rendering: Rendering<'a>,
+    plan: &CachePlan,
+) -> Result<Rendering<'a>> {
+    const UNITS: f64 = 1e4;
+    let progress = Progress::new("learning", UNITS as u64, &args.common);
+    let rendering = rendering.with_cache(plan, &|share| {
+        progress.at((share * UNITS) as u64);
+        match interrupt::came() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    })?;
+    progress.finish();
+    if let Some(cache) = rendering.cache()
+        && cache.is_surely_above(plan.block_error)
+        && !args.common.quiet
+    {
+        note!(
+            "organza: warning: {}: the cache of radiance is off by {:.1} % of the mean in blocks \
+             of {edge} x {edge} pixels, more than render.cache_error allows; \
+             render.cache_learning = 8 makes it better, render.cache = \"off\" goes without",
+            args.scene.display(),
+            100.0 * cache.block_error().0,
+            edge = CacheReport::BLOCK,
+        );
+    }
+    Ok(rendering)
 }
 
 fn render(args: &RenderArgs) -> Result<()> {
@@ -249,12 +290,12 @@ fn render(args: &RenderArgs) -> Result<()> {
         scene::build(args, loader)
     })?;
     let file = &built.file;
+    let (began, setup_cpu_s) = (Instant::now(), cpu_seconds());
     let Prepared {
         rendering,
         mut identity,
         why_walk,
     } = prepare(args, &built)?;
-    let (began, setup_cpu_s) = (Instant::now(), cpu_seconds());
     let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
         Some(path) => {
             let why = why_walk.as_ref().map(ToString::to_string);

@@ -11,7 +11,7 @@ use anyhow::Result;
 use organza_picture::{Attributes, Display};
 use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
-use organza_transport::{Film, KernelRefusal, Pixel, Rendering};
+use organza_transport::{CacheReport, Film, KernelRefusal, Pixel, Rendering};
 use serde_json::json;
 use std::path::Path;
 
@@ -74,6 +74,13 @@ pub fn figures(
         "cut": stats.cut,
         "rejected": stats.rejected,
         "brightest": stats.brightest,
+        "cache": rendering.cache().map(|cache| json!({
+            "learning_paths": cache.paths,
+            "sharing_paths": cache.shared_paths,
+            "bins": cache.bins,
+            "mean_error": cache.mean_error,
+            "block_error_squared": cache.block_error_squared,
+        })),
         "chosen": chosen,
         "display": shown.map(|d| json!({
             "exposure": d.exposure.to_string(),
@@ -92,6 +99,29 @@ fn backend_name(rendering: &Rendering<'_>) -> &'static str {
     rendering.engine().map_or("walk", |engine| engine.name())
 }
 
+/// What was learned before the first sample, and how far it is off.
+fn describe_cache(cache: &CacheReport) -> String {
+    let ([mean, mean_se], (blocks, at_most)) = (cache.mean_error, cache.block_error());
+    let [second, first] = cache.bins;
+    let shared = match first {
+        0 => String::new(),
+        _ => format!(
+            "; {first} bins at first fibres by {} paths",
+            cache.shared_paths
+        ),
+    };
+    format!(
+        "{second} bins by {} paths{shared}; its error is {:.2} +- {:.2} % of the mean, {:.1} % in \
+         blocks of {edge} x {edge} pixels (below {:.1} %)",
+        cache.paths,
+        100.0 * mean,
+        100.0 * mean_se,
+        100.0 * blocks,
+        100.0 * at_most,
+        edge = CacheReport::BLOCK,
+    )
+}
+
 /// What the picture file records of how it was made.
 pub fn attributes(
     args: &RenderArgs,
@@ -106,6 +136,9 @@ pub fn attributes(
         ("backend", identity.all_engines(rendering)),
     ];
     attributes.extend(identity.attributes(&SampleRanges::one(rendering.taken())));
+    if let Some(cache) = rendering.cache() {
+        attributes.push(("cache", describe_cache(cache)));
+    }
     if let Some(limit) = file.render.clamp {
         attributes.push(("clamp", limit.to_string()));
         let removed = rendering.stats().clamped_radiance;
@@ -208,6 +241,9 @@ pub fn print(
         per_path(stats.shadow_rays),
         per_path(stats.shadow_steps)
     );
+    if let Some(cache) = rendering.cache() {
+        note!("cache         {}", describe_cache(cache));
+    }
     note!("cut           {} paths at the bounce limit", stats.cut);
     note!(
         "rejected      {} samples (NaN, infinite, negative or above {:e})",

@@ -1,0 +1,424 @@
+//! Learning paths: from the camera, over the whole picture, walked to their ends.
+
+use super::place::{Level, Places};
+use super::plan::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
+use super::table::RadianceTable;
+use super::tree::{RadianceTree, Record};
+use super::{CacheUse, RadianceCache};
+use crate::cpu::math::pixel_key;
+use crate::fibres::fibre_scene::FibreScene;
+use crate::fibres::work::{End, Start, WAVE, Work};
+use glam::{DVec3, UVec2, Vec3};
+use organza_basis::{PathRng, mix64};
+use organza_film::{Camera, Stats};
+use organza_light::KernelLight;
+use rayon::prelude::*;
+
+/// Walks some work, with what the walk does at fibres.
+pub type Walker<'a> = dyn Fn(CacheUse<'_>, &mut dyn Work) -> Stats + Sync + 'a;
+
+/// Pixels along an edge of a tile of the picture, which is visited as a whole.
+const TILE: u32 = CacheReport::BLOCK;
+/// Paths of a visit: one a pixel.
+const VISIT: u64 = (TILE * TILE) as u64;
+/// Visits that a thread makes in one go.
+const VISITS: u64 = 16;
+/// Goes between two looks at the clock.
+const GOES: u64 = 16;
+/// Share of the work that the error of the cache is estimated with.
+const TESTED: f64 = 0.15;
+/// Share of the rest that fills the bins at the first fibre, if those are used.
+const SHARED: f64 = 0.5;
+/// Distance over which the light of a lamp changes, in distances to the lamp.
+const LAMP_CHANGE: f64 = 0.1;
+/// How often more is learned where the error is too large; each time as much as before.
+const MORE: u32 = 2;
+/// Visits that may be made for one purpose.
+const NAMES: u64 = 1 << 24;
+
+/// Learns a scene's cache.
+///
+/// # Errors
+/// `watch` broke.
+pub fn learn(
+    scene: &FibreScene,
+    plan: &CachePlan,
+    walk: &Walker<'_>,
+    watch: &LearnWatch<'_>,
+) -> Result<RadianceCache, Stopped> {
+    let picture = Tiles::new(&scene.camera, scene.seed);
+    let (picture_mm, middle) = picture.seen(walk);
+    let light_mm = light_change_mm(scene, middle);
+    let places = Places::new(&scene.matter, picture_mm, light_mm);
+    let shares = plan.mode == CacheMode::FirstFibre && places.are_shared_at_first();
+    let whole_paths = |order| CacheUse {
+        places: Some(&places),
+        notes_at: Some(order),
+        ..CacheUse::default()
+    };
+    let bytes = if shares { plan.bytes / 2 } else { plan.bytes };
+    let new_tree = |order| RadianceTree::new(places.levels(order), bytes);
+    let (tested, left) = (TESTED * plan.work as f64, (1.0 - TESTED) * plan.work as f64);
+    let shared = if shares { SHARED * left } else { 0.0 };
+    let mut paths = Paths {
+        picture: &picture,
+        walk,
+        watch,
+        all: plan.work as f64,
+        done: 0.0,
+        made: [0; 3],
+    };
+
+    let mut second_tree = new_tree(1);
+    let (mut light, mut learned) = (Light::default(), 0);
+    let mut error = ErrorOfBlocks::default();
+    let mut rounds = 0;
+    loop {
+        learned += paths.walk(0, left - shared, whole_paths(1), |go| {
+            light.add(go);
+            second_tree.learn(&go.records);
+        })?;
+        let second = second_tree.table();
+        let picture_mean = light.mean() as f32;
+        let mut first_paths = 0;
+        let first = if shares {
+            let to_second = CacheUse {
+                tables: [None, Some(&second)],
+                picture_mean: Some(picture_mean).filter(|mean| *mean > 0.0),
+                ..whole_paths(0)
+            };
+            let mut first_tree = new_tree(0);
+            let work = shared * f64::from(rounds + 1);
+            first_paths = paths.walk(1, work, to_second, |go| first_tree.learn(&go.records))?;
+            Some(first_tree.table())
+        } else {
+            None
+        };
+        let (order, table) = first.as_ref().map_or((1, &second), |first| (0, first));
+        error.restart();
+        let work = tested * f64::from(rounds + 1);
+        paths.walk(2, work, whole_paths(order), |go| {
+            error.add(go, table, places.levels(order));
+        })?;
+        let [mean_error, block_error_squared] = error.relative_to(f64::from(picture_mean));
+        let digest = first.as_ref().map_or(0, RadianceTable::digest);
+        let report = CacheReport {
+            paths: learned,
+            shared_paths: first_paths,
+            bins: [
+                second.count() as u64,
+                first.as_ref().map_or(0, |f| f.count() as u64),
+            ],
+            mean_error,
+            block_error_squared,
+            digest: mix64(second.digest() ^ mix64(digest)),
+        };
+        if rounds < MORE && report.is_surely_above(plan.block_error) {
+            rounds += 1;
+            paths.all += plan.work as f64 + f64::from(rounds) * (shared + tested);
+            continue;
+        }
+        return Ok(RadianceCache {
+            places,
+            first,
+            second,
+            picture_mean,
+            report,
+        });
+    }
+}
+
+/// Over how many mm the light changes at a place; none if all comes from infinity.
+fn light_change_mm(scene: &FibreScene, place: DVec3) -> Option<f64> {
+    let near = scene.lights.iter().filter_map(|light| {
+        let from = place.as_vec3();
+        match light.for_kernel() {
+            KernelLight::Panel(_) | KernelLight::Walk(_) => {
+                // The nearest of some points that are drawn on the lamp.
+                let mut rng = PathRng::new(0, 0, 0);
+                let drawn = (0..64).filter_map(|_| light.sample_toward(from, &mut rng));
+                let rays = drawn.map(|d| organza_basis::Ray::new(from, d.w_in));
+                let all = rays.filter_map(|ray| light.distance_along(&ray));
+                let near = all.fold(f32::INFINITY, f32::min);
+                near.is_finite().then_some(LAMP_CHANGE * f64::from(near))
+            }
+            _ => None,
+        }
+    });
+    let cut = scene.matter.bodies.iter().filter(|b| b.is_cut).map(|b| {
+        let size = b.high_mm - b.low_mm;
+        size.x.min(size.y) / 32.0
+    });
+    near.chain(cut).reduce(f64::min).map(|mm| mm.max(1e-6))
+}
+
+/// Paths over the whole picture, of several purposes, each with random numbers of its own.
+struct Paths<'a> {
+    picture: &'a Tiles,
+    walk: &'a Walker<'a>,
+    watch: &'a LearnWatch<'a>,
+    /// Work that there will be and that is done, see [`CachePlan::work`].
+    all: f64,
+    done: f64,
+    /// Visits made for each purpose.
+    made: [u64; 3],
+}
+
+impl Paths<'_> {
+    /// Walks paths until so much work is done, and gives what they found in the order of
+    /// their names; how many they were.
+    fn walk(
+        &mut self,
+        purpose: usize,
+        work: f64,
+        cache: CacheUse<'_>,
+        mut take: impl FnMut(&Go),
+    ) -> Result<u64, Stopped> {
+        let (mut done, mut count) = (0.0, 0);
+        while done < work {
+            let first = purpose as u64 * NAMES + self.made[purpose];
+            let goes: Vec<(Go, Stats)> = (0..GOES)
+                .into_par_iter()
+                .map(|n| self.picture.go(first + n * VISITS, cache, self.walk))
+                .collect();
+            self.made[purpose] += GOES * VISITS;
+            for (go, stats) in &goes {
+                take(go);
+                // Paths that meet nothing take time, too.
+                done += ((stats.tentative + stats.shadow_steps) / 16 + stats.paths) as f64;
+                count += stats.paths;
+            }
+            let share = (self.done + done.min(work)) / self.all.max(1.0);
+            if (self.watch)(share.min(1.0)).is_break() {
+                return Err(Stopped);
+            }
+        }
+        self.done += work;
+        Ok(count)
+    }
+}
+
+/// Light of all paths.
+#[derive(Default)]
+struct Light {
+    sum: f64,
+    paths: u64,
+}
+
+impl Light {
+    fn add(&mut self, go: &Go) {
+        for light in go.lights.iter().flatten() {
+            self.sum += f64::from(light.element_sum()) / 3.0;
+            self.paths += 1;
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / self.paths.max(1) as f64
+    }
+}
+
+/// What paths found beyond what a table says, by blocks of the picture: a pair of visits to a
+/// block are two estimates of the error there.
+#[derive(Default)]
+struct ErrorOfBlocks {
+    blocks: u64,
+    sum: f64,
+    squares: f64,
+    products: f64,
+    products_squared: f64,
+}
+
+impl ErrorOfBlocks {
+    fn restart(&mut self) {
+        *self = ErrorOfBlocks::default();
+    }
+
+    fn add(&mut self, go: &Go, table: &RadianceTable, levels: &[Level]) {
+        let beyond = |record: &Record| {
+            let known = table.radiance(&record.place, levels);
+            known.map_or(0.0, |q| {
+                let error = record.carried * q - record.found;
+                f64::from(error.element_sum()) / 3.0
+            })
+        };
+        for pair in 0..VISITS as usize / 2 {
+            let of = |half: usize| {
+                let visit = (2 * pair + half) * VISIT as usize;
+                let range = visit..visit + VISIT as usize;
+                let count = go.lights[range.clone()].iter().flatten().count();
+                let sum: f64 = go.records[range].iter().flatten().map(beyond).sum();
+                (count > 0).then(|| sum / count as f64)
+            };
+            if let (Some(a), Some(b)) = (of(0), of(1)) {
+                self.blocks += 1;
+                self.sum += 0.5 * (a + b);
+                self.squares += 0.25 * (a + b) * (a + b);
+                self.products += a * b;
+                self.products_squared += (a * b) * (a * b);
+            }
+        }
+    }
+
+    /// Mean and mean square, each with its standard error.
+    fn relative_to(&self, mean: f64) -> [[f64; 2]; 2] {
+        let n = self.blocks.max(1) as f64;
+        let of = |sum: f64, squares: f64| {
+            let m = sum / n;
+            let variance = (squares / n - m * m).max(0.0);
+            [m, (variance / (n - 1.0).max(1.0)).sqrt()]
+        };
+        let scale = if mean > 0.0 { 1.0 / mean } else { 0.0 };
+        [
+            of(self.sum, self.squares).map(|x| x * scale),
+            of(self.products, self.products_squared).map(|x| x * scale * scale),
+        ]
+    }
+}
+
+/// What the paths of one go found, in the order of their names.
+struct Go {
+    records: Vec<Option<Record>>,
+    /// Radiance of every path; none of those beyond the picture's edge.
+    lights: Vec<Option<Vec3>>,
+}
+
+/// A picture in tiles, which are visited so that few visits are spread over all of it.
+struct Tiles {
+    camera: Camera,
+    seed: u64,
+    columns: u64,
+    count: u64,
+    stride: u64,
+}
+
+impl Tiles {
+    fn new(camera: &Camera, seed: u64) -> Tiles {
+        let size = camera.resolution();
+        let columns = u64::from(size.x.div_ceil(TILE));
+        let count = columns * u64::from(size.y.div_ceil(TILE));
+        // A step of about the golden section that leads to all tiles.
+        let mut stride = ((count as f64 * 0.618_034) as u64).max(1);
+        while gcd(stride, count) != 1 {
+            stride += 1;
+        }
+        Tiles {
+            camera: *camera,
+            seed: mix64(seed ^ 0x6c65_6172_6e69_6e67),
+            columns,
+            count,
+            stride,
+        }
+    }
+
+    /// The visits from `first` on, one after the other; two in a row are to one tile.
+    fn go(&self, first: u64, cache: CacheUse<'_>, walk: &Walker<'_>) -> (Go, Stats) {
+        let mut work = Learning::new(self, first);
+        let stats = walk(cache, &mut work);
+        (work.go, stats)
+    }
+
+    /// Width of the picture where paths meet fibres, mm, and a place there.
+    fn seen(&self, walk: &Walker<'_>) -> (f64, DVec3) {
+        let mut work = Learning::new(self, 0);
+        walk(CacheUse::default(), &mut work);
+        let depths = &mut work.depths_mm;
+        depths.sort_by(f64::total_cmp);
+        let pose = self.camera.pose();
+        let forward = (pose.target_mm - pose.origin_mm).normalize();
+        let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
+        let pixel_mm = self.camera.pixel_cone(forward).width_at_mm(depth);
+        let width = pixel_mm * f64::from(self.camera.resolution().x);
+        (width, pose.origin_mm + depth * forward)
+    }
+
+    /// Pixel and sample of a path; none beyond the edge.
+    fn pixel(&self, visit: u64, within: u64) -> Option<(UVec2, u32)> {
+        let pair = visit / 2;
+        let tile = pair % self.count * self.stride % self.count;
+        let sample = pair / self.count * 2 + visit % 2;
+        let corner = UVec2::new(
+            (tile % self.columns) as u32 * TILE,
+            (tile / self.columns) as u32 * TILE,
+        );
+        let pixel = corner + UVec2::new(within as u32 % TILE, within as u32 / TILE);
+        let is_inside = pixel.cmplt(self.camera.resolution()).all();
+        is_inside.then_some((pixel, sample as u32))
+    }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+struct Learning<'a> {
+    picture: &'a Tiles,
+    first: u64,
+    next: u64,
+    under_way: [usize; WAVE],
+    depths_mm: Vec<f64>,
+    go: Go,
+}
+
+impl<'a> Learning<'a> {
+    fn new(picture: &'a Tiles, first: u64) -> Learning<'a> {
+        let paths = (VISITS * VISIT) as usize;
+        Learning {
+            picture,
+            first,
+            next: 0,
+            under_way: [0; WAVE],
+            depths_mm: Vec::new(),
+            go: Go {
+                records: vec![None; paths],
+                lights: vec![None; paths],
+            },
+        }
+    }
+}
+
+impl Work for Learning<'_> {
+    fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start> {
+        let found = (self.next..VISITS * VISIT).find_map(|path| {
+            let visit = self.first + path / VISIT;
+            let (pixel, sample) = self.picture.pixel(visit, path % VISIT)?;
+            Some((path, visit, pixel, sample))
+        });
+        let Some((path, visit, pixel, sample)) = found else {
+            self.next = VISITS * VISIT;
+            return None;
+        };
+        self.next = path + 1;
+        self.under_way[slot] = path as usize;
+        stats.paths += 1;
+        let width = u64::from(self.picture.camera.resolution().x);
+        let name = u64::from(pixel.y) * width + u64::from(pixel.x);
+        // Paths that learn, share and test are others: their visits begin far apart.
+        let seed = mix64(self.picture.seed ^ (visit / NAMES));
+        let mut rng = PathRng::new(seed, name, u64::from(sample));
+        let (origin_mm, direction) = self.picture.camera.ray(pixel, &mut rng);
+        Some(Start {
+            origin_mm,
+            direction,
+            key: pixel_key(seed, name),
+            index: sample,
+        })
+    }
+
+    fn end(&mut self, slot: usize, end: &End, _: &mut Stats) {
+        let path = self.under_way[slot];
+        // A light that is not finite would make a whole bin so.
+        if !end.radiance.is_finite() {
+            return;
+        }
+        self.go.lights[path] = Some(end.radiance);
+        self.go.records[path] = end.note.map(|note| Record {
+            place: note.place,
+            carried: note.carried,
+            found: end.radiance - note.found,
+        });
+        if let Some(first) = end.first {
+            self.depths_mm.push(first.depth_mm);
+        }
+    }
+}

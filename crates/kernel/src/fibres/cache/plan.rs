@@ -1,0 +1,96 @@
+//! What is to be learned, and what came of it.
+
+use std::ops::ControlFlow;
+
+/// Which fibres end paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CacheMode {
+    /// The second: every sample looks for light at the fibre that it sees.
+    #[default]
+    SecondFibre,
+    /// The first as well, where samples may share light: in flat cloth.
+    FirstFibre,
+}
+
+/// What is to be learned before a picture is rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CachePlan {
+    /// Which fibres end paths.
+    pub mode: CacheMode,
+    /// How much to learn, in units of the time of a picture: see
+    /// [`CachePlan::of_picture`].
+    pub work: u64,
+    /// Most bytes of bins while they learn.
+    pub bytes: u64,
+    /// More is learned where the error of blocks is surely above this fraction of the
+    /// picture's mean, see [`CacheReport::block_error_squared`].
+    pub block_error: f64,
+}
+
+impl CachePlan {
+    /// Work for every pixel: pieces of fibre that rays are held against, in sixteens.
+    const WORK_PER_PIXEL: f64 = 250.0;
+    /// A smaller picture learns as much as one of so many pixels.
+    const MIN_PIXELS: u64 = 1 << 15;
+    /// Bytes of bins.
+    pub const BYTES: u64 = 64 << 20;
+    /// Error of blocks above which more is learned.
+    pub const BLOCK_ERROR: f64 = 0.02;
+
+    /// The plan for a picture of so many pixels; `factor` times the usual work. What is
+    /// learned depends on scene and picture alone, not on samples, so that all parts of a
+    /// picture learn the same.
+    pub fn of_picture(mode: CacheMode, pixels: u64, factor: f64) -> CachePlan {
+        let pixels = pixels.max(CachePlan::MIN_PIXELS) as f64;
+        CachePlan {
+            mode,
+            work: (factor * pixels * CachePlan::WORK_PER_PIXEL) as u64,
+            bytes: CachePlan::BYTES,
+            block_error: CachePlan::BLOCK_ERROR,
+        }
+    }
+}
+
+/// What was learned, and how far it is from the light that further paths found, which the
+/// tables did not learn from. Errors are relative to the mean of the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CacheReport {
+    /// Paths that were walked to their ends.
+    pub paths: u64,
+    /// Paths that filled the bins at the first fibre.
+    pub shared_paths: u64,
+    /// Bins at the second and at the first fibre.
+    pub bins: [u64; 2],
+    /// Of the whole picture, and its standard error.
+    pub mean_error: [f64; 2],
+    /// Square of the root mean square over blocks of 16 x 16 pixels, and its standard error;
+    /// may be negative by chance.
+    pub block_error_squared: [f64; 2],
+    /// Digest of the tables.
+    pub digest: u64,
+}
+
+impl CacheReport {
+    /// Pixels along an edge of a block.
+    pub const BLOCK: u32 = 16;
+
+    /// Root mean square error of blocks, and the least that it hardly exceeds (two standard
+    /// errors more).
+    pub fn block_error(&self) -> (f64, f64) {
+        let [square, se] = self.block_error_squared;
+        (square.max(0.0).sqrt(), (square + 2.0 * se).max(0.0).sqrt())
+    }
+
+    /// Whether the error of blocks is above a limit by more than two standard errors.
+    pub fn is_surely_above(&self, limit: f64) -> bool {
+        let [square, se] = self.block_error_squared;
+        square - 2.0 * se > limit * limit
+    }
+}
+
+/// Called now and then with the share that is learned; may break to stop.
+pub type LearnWatch<'a> = dyn Fn(f64) -> ControlFlow<()> + Sync + 'a;
+
+/// Learning was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped;

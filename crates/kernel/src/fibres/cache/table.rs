@@ -1,0 +1,113 @@
+//! Radiance by place, to be read.
+
+use super::place::{Level, Place};
+use glam::Vec3;
+
+/// What a bin holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct Entry {
+    /// See [`Place::key`]; zero where there is none.
+    pub key: u64,
+    pub radiance: [f32; 3],
+    /// See [`Entry::state`].
+    pub state: u32,
+}
+
+impl Entry {
+    const READ: u32 = 1;
+    const SPLIT: u32 = 2;
+
+    /// Whether a bin has a radiance, for the places in it that have no finer bin, and whether
+    /// there may be finer ones.
+    pub fn state(is_read: bool, is_split: bool) -> u32 {
+        u32::from(is_read) * Entry::READ + u32::from(is_split) * Entry::SPLIT
+    }
+}
+
+/// Bins in an open hash table.
+pub struct RadianceTable {
+    entries: Vec<Entry>,
+    count: usize,
+}
+
+impl RadianceTable {
+    /// Of bins with different keys.
+    pub fn new(bins: &[Entry]) -> RadianceTable {
+        let room = (bins.len() * 3 / 2 + 2).next_power_of_two();
+        let mut entries = vec![Entry::default(); room];
+        for bin in bins {
+            let mut at = home(bin.key, room);
+            while entries[at].key != 0 {
+                at = (at + 1) & (room - 1);
+            }
+            entries[at] = *bin;
+        }
+        RadianceTable {
+            entries,
+            count: bins.len(),
+        }
+    }
+
+    /// How many bins there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    pub fn memory_bytes(&self) -> u64 {
+        size_of_val(&self.entries[..]) as u64
+    }
+
+    /// The radiance in the finest bin at a place.
+    #[inline]
+    pub fn radiance(&self, place: &Place, levels: &[Level]) -> Option<Vec3> {
+        let mut found = None;
+        for (number, level) in levels.iter().enumerate() {
+            let Some(entry) = self.entry(place.key(number, *level)) else {
+                break;
+            };
+            if entry.state & Entry::READ != 0 {
+                found = Some(Vec3::from_array(entry.radiance));
+            }
+            if entry.state & Entry::SPLIT == 0 {
+                break;
+            }
+        }
+        found
+    }
+
+    #[inline]
+    fn entry(&self, key: u64) -> Option<&Entry> {
+        let room = self.entries.len();
+        let mut at = home(key, room);
+        loop {
+            let entry = &self.entries[at];
+            if entry.key == key {
+                return Some(entry);
+            }
+            if entry.key == 0 {
+                return None;
+            }
+            at = (at + 1) & (room - 1);
+        }
+    }
+
+    /// A number that another table hardly has.
+    pub fn digest(&self) -> u64 {
+        let bits = |e: &Entry| {
+            let colours = e.radiance.iter().fold(e.key, |h, c| {
+                organza_basis::mix64(h ^ u64::from(c.to_bits()))
+            });
+            organza_basis::mix64(colours ^ u64::from(e.state))
+        };
+        self.entries
+            .iter()
+            .fold(0, |sum: u64, e| sum.wrapping_add(bits(e)))
+    }
+}
+
+/// The keys' low bit is set, and their high bits are those of a shard.
+#[inline]
+pub fn home(key: u64, room: usize) -> usize {
+    (key >> 8) as usize & (room - 1)
+}

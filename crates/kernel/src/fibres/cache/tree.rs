@@ -1,0 +1,368 @@
+//! Bins that divide while they learn.
+//!
+//! A path adds to one bin only: the finest that there is at its place. A bin that has taken
+//! [`SPLIT`] paths divides, and later paths go to the bins of the next size within it, so that
+//! bins are small where there are many paths. What a bin took before it divided counts no
+//! more. In the end, bins that took fewer than [`LEAST`] paths are taken together in the bin
+//! around them, which then speaks for just those; where they are too few even together, the
+//! poorest of their neighbours joins them. So every path that counts is in exactly
+//! one bin that is read.
+
+use super::place::{Level, Place};
+use super::table::{Entry, RadianceTable, home};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Paths after which a bin divides.
+const SPLIT: u32 = 32;
+/// Paths that a bin must have to be read.
+const LEAST: u32 = 16;
+/// Parts of the tree that learn at the same time.
+const SHARDS: usize = 16;
+/// Bytes of a bin with its place in the index, at most.
+const BIN_BYTES: u64 = (size_of::<Bin>() + 2 * size_of::<u32>()) as u64;
+const NONE: u32 = u32::MAX;
+
+/// What a learning path found after it came to a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    pub place: Place,
+    pub carried: Vec3,
+    pub found: Vec3,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    found: Vec3,
+    carried: Vec3,
+    count: u32,
+}
+
+impl Sums {
+    fn add(&mut self, o: &Sums) {
+        self.found += o.found;
+        self.carried += o.carried;
+        self.count += o.count;
+    }
+
+    fn radiance(&self) -> Vec3 {
+        let q = self.found / self.carried;
+        Vec3::select(self.carried.cmpgt(Vec3::ZERO), q, Vec3::ZERO)
+    }
+}
+
+struct Bin {
+    key: u64,
+    sums: Sums,
+    parent: u32,
+    is_split: bool,
+}
+
+impl Bin {
+    /// What it alone is read with.
+    fn own(&self) -> Sums {
+        if self.is_split {
+            Sums::default()
+        } else {
+            self.sums
+        }
+    }
+}
+
+#[derive(Default)]
+struct Shard {
+    bins: Vec<Bin>,
+    /// Numbers of bins by their keys, in an open hash table that is at most half full;
+    /// [`NONE`] where it is empty.
+    index: Vec<u32>,
+}
+
+/// Bins that learn.
+pub struct RadianceTree {
+    levels: &'static [Level],
+    shards: Vec<Shard>,
+    /// Most bins of a shard.
+    room: usize,
+}
+
+impl RadianceTree {
+    /// Without bins, of which there may be so many bytes.
+    pub fn new(levels: &'static [Level], bytes: u64) -> RadianceTree {
+        RadianceTree {
+            levels,
+            shards: (0..SHARDS).map(|_| Shard::default()).collect(),
+            room: (bytes / BIN_BYTES / SHARDS as u64).max(1) as usize,
+        }
+    }
+
+    /// Takes the records of many paths, in their order.
+    pub fn learn(&mut self, records: &[Option<Record>]) {
+        let (levels, room) = (self.levels, self.room);
+        let of: Vec<u8> = records
+            .iter()
+            .map(|record| match record {
+                Some(r) => (r.place.key(0, levels[0]) >> 60) as u8,
+                None => u8::MAX,
+            })
+            .collect();
+        self.shards
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(n, shard)| {
+                for (record, _) in records
+                    .iter()
+                    .zip(&of)
+                    .filter(|(_, of)| usize::from(**of) == n)
+                {
+                    if let Some(record) = record {
+                        shard.take(record, levels, room);
+                    }
+                }
+            });
+    }
+
+    /// What is read.
+    pub fn table(&self) -> RadianceTable {
+        let entries: Vec<Vec<Entry>> = self.shards.par_iter().map(Shard::entries).collect();
+        RadianceTable::new(&entries.concat())
+    }
+}
+
+impl Shard {
+    /// The number of the bin of that key; none where there is none and no room for it.
+    fn find_or_make(&mut self, key: u64, parent: u32, room: usize) -> Option<u32> {
+        if self.index.is_empty() {
+            self.index = vec![NONE; 1024];
+        }
+        let mut at = home(key, self.index.len());
+        while self.index[at] != NONE {
+            if self.bins[self.index[at] as usize].key == key {
+                return Some(self.index[at]);
+            }
+            at = (at + 1) & (self.index.len() - 1);
+        }
+        if self.bins.len() >= room {
+            return None;
+        }
+        let number = self.bins.len() as u32;
+        self.index[at] = number;
+        self.bins.push(Bin {
+            key,
+            sums: Sums::default(),
+            parent,
+            is_split: false,
+        });
+        if 2 * self.bins.len() > self.index.len() {
+            self.grow();
+        }
+        Some(number)
+    }
+
+    fn grow(&mut self) {
+        let length = 2 * self.index.len();
+        self.index = vec![NONE; length];
+        for (number, bin) in self.bins.iter().enumerate() {
+            let mut at = home(bin.key, length);
+            while self.index[at] != NONE {
+                at = (at + 1) & (length - 1);
+            }
+            self.index[at] = number as u32;
+        }
+    }
+
+    fn take(&mut self, record: &Record, levels: &[Level], room: usize) {
+        let mut parent = NONE;
+        for (number, level) in levels.iter().enumerate() {
+            let key = record.place.key(number, *level);
+            let Some(at) = self.find_or_make(key, parent, room) else {
+                break;
+            };
+            let bin = &mut self.bins[at as usize];
+            if !bin.is_split {
+                bin.sums.add(&Sums {
+                    found: record.found,
+                    carried: record.carried,
+                    count: 1,
+                });
+                bin.is_split = bin.sums.count >= SPLIT && number + 1 < levels.len();
+                return;
+            }
+            parent = at;
+        }
+        // There is no room for a bin of its own: the one around it learns on.
+        if let Some(bin) = self.bins.get_mut(parent as usize) {
+            bin.sums.add(&Sums {
+                found: record.found,
+                carried: record.carried,
+                count: 1,
+            });
+        }
+    }
+
+    fn entries(&self) -> Vec<Entry> {
+        // The bins right within every bin, as lists.
+        let (mut inner, mut next) = (vec![NONE; self.bins.len()], vec![NONE; self.bins.len()]);
+        for (at, bin) in self.bins.iter().enumerate() {
+            if let Some(first) = inner.get_mut(bin.parent as usize) {
+                next[at] = std::mem::replace(first, at as u32);
+            }
+        }
+        // What a bin is read with: all that it took, or what no bin within it is read with.
+        // Bins are made after those around them, so that this goes from the finest up.
+        let mut read: Vec<Sums> = self.bins.iter().map(Bin::own).collect();
+        for (at, bin) in self.bins.iter().enumerate().rev() {
+            while bin.is_split && (1..LEAST).contains(&read[at].count) {
+                // The poorest of those within it is given up for it.
+                let within =
+                    std::iter::successors(Some(inner[at]), |i| next.get(*i as usize).copied());
+                let within = within.take_while(|i| *i != NONE).map(|i| i as usize);
+                let whole = within.filter(|i| !self.bins[*i].is_split && read[*i].count > 0);
+                let Some(poorest) = whole.min_by_key(|i| read[*i].count) else {
+                    break;
+                };
+                let given = std::mem::take(&mut read[poorest]);
+                read[at].add(&given);
+            }
+            if bin.parent != NONE && read[at].count < LEAST {
+                let poor = std::mem::take(&mut read[at]);
+                read[bin.parent as usize].add(&poor);
+            }
+        }
+        let entry = |(bin, sums): (&Bin, &Sums)| {
+            let is_read = sums.count >= LEAST;
+            (is_read || bin.is_split).then(|| Entry {
+                key: bin.key,
+                radiance: sums.radiance().to_array(),
+                state: Entry::state(is_read, bin.is_split),
+            })
+        };
+        self.bins.iter().zip(&read).filter_map(entry).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::{Moments, PathRng};
+
+    const SEED: u64 = 41;
+
+    /// An arrival somewhere, what it carries, and the light that it finds. In each of a few
+    /// regions most paths come to one dark spot, whose bins divide, and the others to bright
+    /// places around it, whose bins are too many to be filled.
+    fn arrival(rng: &mut PathRng) -> Record {
+        let region = (rng.unit() * 8.0) as i32 * 512;
+        let is_dark = rng.unit() < 0.9;
+        let x = region + (rng.unit() * if is_dark { 2.0 } else { 512.0 }) as i32;
+        let carried = Vec3::splat(0.2 + 0.8 * rng.unit());
+        let bright = if is_dark { 0.2 } else { 2.0 };
+        Record {
+            place: Place::on_a_line(x),
+            carried,
+            found: carried * bright * 2.0 * rng.unit(),
+        }
+    }
+
+    /// Light that readers of a table get over that which they would find.
+    fn gain(learned: u64, seed: u64, read: impl Fn(&RadianceTree, &Place) -> Option<Vec3>) -> f64 {
+        let levels = super::super::place::LINE;
+        let mut rng = PathRng::from_seed(seed);
+        let mut tree = RadianceTree::new(levels, 64 << 20);
+        for _ in 0..learned / 512 {
+            let some: Vec<_> = (0..512).map(|_| Some(arrival(&mut rng))).collect();
+            tree.learn(&some);
+        }
+        let (mut got, mut there) = (0.0, 0.0);
+        for _ in 0..40_000 {
+            let record = arrival(&mut rng);
+            if let Some(q) = read(&tree, &record.place) {
+                got += f64::from((record.carried * q).x);
+                there += f64::from(record.found.x);
+            }
+        }
+        got / there - 1.0
+    }
+
+    /// Mean and deviation of the gain over seeds.
+    fn gains(read: impl Fn(&RadianceTree) -> Box<dyn Fn(&Place) -> Option<Vec3>>) -> Moments {
+        let mut gains = Moments::default();
+        for seed in 0..48 {
+            let by_tree = std::cell::OnceCell::new();
+            gains.add(gain(20_000, SEED + seed, |tree, place| {
+                by_tree.get_or_init(|| read(tree))(place)
+            }));
+        }
+        gains
+    }
+
+    /// All light that learning paths found is given out again; not so if bins that have
+    /// divided speak with all that they took, also for the bins within them.
+    #[test]
+    fn light_is_neither_gained_nor_lost() {
+        let levels = super::super::place::LINE;
+        let right = gains(|tree| {
+            let table = tree.table();
+            Box::new(move |place| table.radiance(place, levels))
+        });
+        let error = right.standard_error();
+        assert!(
+            right.mean.abs() < 4.0 * error,
+            "seed {SEED}: {} +- {error}",
+            right.mean
+        );
+        assert!(error < 0.004, "{error}");
+        let twin = gains(|tree| {
+            let table = tree.table_of_all();
+            Box::new(move |place| table.radiance(place, levels))
+        });
+        let error = twin.standard_error();
+        assert!(
+            twin.mean.abs() > 4.0 * error,
+            "seed {SEED}, twin: {} +- {error}",
+            twin.mean
+        );
+    }
+
+    /// Where there is no room for bins, those around learn on.
+    #[test]
+    fn bins_keep_to_their_bytes() {
+        let mut rng = PathRng::from_seed(SEED);
+        let some: Vec<_> = (0..50_000).map(|_| Some(arrival(&mut rng))).collect();
+        let mut tree = RadianceTree::new(super::super::place::LINE, 40 * SHARDS as u64 * BIN_BYTES);
+        tree.learn(&some);
+        let bins: usize = tree.shards.iter().map(|s| s.bins.len()).sum();
+        assert!(bins <= 40 * SHARDS && bins > 40, "{bins}");
+        let taken: u32 = tree
+            .shards
+            .iter()
+            .flat_map(|s| &s.bins)
+            .map(|b| b.sums.count)
+            .sum();
+        assert_eq!(taken, 50_000);
+    }
+
+    impl RadianceTree {
+        /// The known-bad twin: a bin that has divided is read with all that came through it.
+        fn table_of_all(&self) -> RadianceTable {
+            let of = |shard: &Shard| {
+                let mut all: Vec<Sums> = shard.bins.iter().map(|b| b.sums).collect();
+                for (at, bin) in shard.bins.iter().enumerate().rev() {
+                    if bin.parent != NONE {
+                        let own = all[at];
+                        all[bin.parent as usize].add(&own);
+                    }
+                }
+                let read = all.iter().zip(&shard.bins);
+                let read = read.filter(|(sums, _)| sums.count >= LEAST);
+                read.map(|(sums, bin)| Entry {
+                    key: bin.key,
+                    radiance: sums.radiance().to_array(),
+                    state: Entry::state(true, bin.is_split),
+                })
+                .collect::<Vec<_>>()
+            };
+            let entries: Vec<_> = self.shards.iter().map(of).collect();
+            RadianceTable::new(&entries.concat())
+        }
+    }
+}

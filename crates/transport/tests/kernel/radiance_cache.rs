@@ -1,0 +1,162 @@
+//! Pictures by the cache of radiance against pictures by whole paths.
+
+use crate::explicit_fibres::{by_cells, cut, fibres_of};
+use crate::pictures::picture;
+use crate::several_cloths;
+use crate::virtual_fibres::silk_and_cotton;
+use crate::{lens, panels, parallel, record, scene, settings, sky, vector_backends};
+use organza_basis::{Moments, Rgb, hypothesis::t_test};
+use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_testing::sized;
+use organza_transport::*;
+use std::ops::ControlFlow;
+
+fn plan(mode: CacheMode) -> CachePlan {
+    CachePlan {
+        mode,
+        work: sized(2_000_000, 40_000_000),
+        bytes: CachePlan::BYTES,
+        block_error: 1.0,
+    }
+}
+
+fn by_cache(
+    scene: &Scene,
+    settings: &RenderSettings,
+    plan: &CachePlan,
+    by: Backend,
+) -> (Film, CacheReport) {
+    let named = EngineChoice::Named(record(by));
+    let walks = engine(scene, settings, named, u64::MAX).unwrap();
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    let rendering = rendering.with_engine(walks);
+    let go = |_| ControlFlow::Continue(());
+    let rendering = rendering.with_cache(plan, &go).unwrap();
+    let report = *rendering.cache().unwrap();
+    let all = settings.samples.end;
+    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
+    (rendering.into_parts().0, report)
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
+    let mut all = vec![
+        ("endless", scene(cloth(true), parallel(), flat)),
+        ("sky", scene(cloth(true), sky(), lens())),
+        ("cut", scene(cut(), parallel(), lens())),
+        ("panels", scene(cloth(true), panels(), flat)),
+        ("picture", scene(cloth(false), vec![picture()], flat)),
+    ];
+    all.extend(several_cloths::scenes());
+    all
+}
+
+/// What the pictures of some seeds have more than those by whole paths, relative.
+fn gains(scene: &Scene, plan: &CachePlan) -> (Moments, f64) {
+    let exact = settings(0..sized(16_384, 131_072), u32::MAX);
+    let (film, _) = by_cells(scene, &exact, Backend::widest());
+    let (mean, error) = film.mean()[1];
+    let mut gains = Moments::default();
+    for seed in 0..8 {
+        let settings = RenderSettings {
+            seed: 100 + seed,
+            ..settings(0..sized(2_048, 16_384), u32::MAX)
+        };
+        let (film, _) = by_cache(scene, &settings, plan, Backend::widest());
+        gains.add(film.mean()[1].0 / mean - 1.0);
+    }
+    (gains, error / mean)
+}
+
+/// The mean of a picture is that by whole paths, under all lights, flat and among several
+/// bodies; with a dimmer exact picture it is not.
+#[test]
+fn the_mean_is_that_of_whole_paths() {
+    for (name, scene) in scenes() {
+        for mode in [CacheMode::SecondFibre, CacheMode::FirstFibre] {
+            let (gains, error) = gains(&scene, &plan(mode));
+            let own = gains.variance() / gains.count as f64;
+            let all = (own + error * error).sqrt();
+            assert!(
+                gains.mean.abs() < 4.0 * all,
+                "seed 100, {name}, {mode:?}: {} +- {all}",
+                gains.mean
+            );
+            // It tells a picture that is 3 % dimmer apart.
+            assert!(all < 0.03 / 4.0, "{name}, {mode:?}: +- {all}");
+        }
+    }
+}
+
+/// White fibres under a white sky: every bin and the picture is white.
+#[test]
+fn a_furnace_stays_white() {
+    let parameters = DielectricParameters {
+        ior: 1.55,
+        absorption_radii: Rgb::BLACK,
+        longitudinal_rad: 0.1,
+        azimuthal_rad: 0.17,
+    };
+    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let even = Light::from(EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    });
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = fibres_of(true, vec![clear(), clear()]);
+    let scene = scene(cloth, vec![even], flat);
+    for mode in [CacheMode::SecondFibre, CacheMode::FirstFibre] {
+        let mut means = Moments::default();
+        for seed in 0..8 {
+            let settings = RenderSettings {
+                seed: 200 + seed,
+                ..settings(0..1024, u32::MAX)
+            };
+            let (film, report) = by_cache(&scene, &settings, &plan(mode), Backend::widest());
+            means.add(film.mean()[1].0);
+            let [error, se] = report.mean_error;
+            assert!(
+                error.abs() < 3e-3 + 5.0 * se,
+                "seed 200, {mode:?}: {error} +- {se}"
+            );
+        }
+        let error = means.standard_error();
+        // 3e-3 is for the tables of the lobes.
+        assert!(
+            (means.mean - 1.0).abs() < 3e-3 + 4.0 * error,
+            "seed 200, {mode:?}: {} +- {error}",
+            means.mean
+        );
+        assert!(t_test(&means, 1.02).p_value < 1e-4, "the twin: {means:?}");
+    }
+}
+
+/// Back ends and numbers of threads learn the same and give the same bits.
+#[test]
+fn all_learn_the_same() {
+    let plan = CachePlan {
+        work: 200_000,
+        ..plan(CacheMode::FirstFibre)
+    };
+    for (name, scene) in scenes() {
+        let settings = settings(0..24, 40);
+        let (first, report) = by_cache(&scene, &settings, &plan, Backend::Scalar);
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                for backend in vector_backends() {
+                    let (film, again) = by_cache(&scene, &settings, &plan, backend);
+                    assert_eq!(again.digest, report.digest, "{name}, {backend:?}");
+                    assert!(film == first, "{name}, {backend:?}, {threads} threads");
+                }
+            });
+        }
+        let other = RenderSettings {
+            seed: 10,
+            ..settings.clone()
+        };
+        let (_, other) = by_cache(&scene, &other, &plan, Backend::widest());
+        assert_ne!(other.digest, report.digest, "{name}");
+    }
+}
