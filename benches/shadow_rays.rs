@@ -45,13 +45,13 @@ fn rays(medium: &SggxOctreeMedium) -> Vec<LocalRay> {
     while rays.len() < RAYS {
         let p = bounds.min + rng.unit2().extend(0.0) * bounds.size();
         let ray = Ray::new(p.with_z(bounds.max.z + 1.0), Vec3::NEG_Z);
-        let Some(local) = medium.cell_grid().clip(&ray, f32::INFINITY) else {
+        let Some(local) = medium.cell_grid().clip(&ray, f64::INFINITY) else {
             continue;
         };
         if let Some((t, _)) = sample_collision(medium, &local, &mut rng, &mut stats) {
             let at = ray.at(local.t_entry + t);
             let shadow = Ray::new(at, toward);
-            rays.extend(medium.cell_grid().clip(&shadow, f32::INFINITY));
+            rays.extend(medium.cell_grid().clip(&shadow, f64::INFINITY));
         }
     }
     rays

@@ -64,12 +64,12 @@ impl Aabb {
     ///
     /// `None` when the ray misses. A ray parallel to a face is inside that
     /// slab when its origin is, faces included; no comparison sees a NaN.
-    pub fn intersect(&self, ray: &Ray) -> Option<(f32, f32)> {
-        let mut near = 0.0f32;
-        let mut far = f32::INFINITY;
+    pub fn intersect(&self, ray: &Ray) -> Option<(f64, f64)> {
+        let mut near = 0.0f64;
+        let mut far = f64::INFINITY;
         for axis in 0..3 {
-            let (o, d) = (ray.origin[axis], ray.direction[axis]);
-            let (lo, hi) = (self.min[axis], self.max[axis]);
+            let (o, d) = (ray.origin[axis], f64::from(ray.direction[axis]));
+            let (lo, hi) = (f64::from(self.min[axis]), f64::from(self.max[axis]));
             if d == 0.0 {
                 if o < lo || o > hi {
                     return None;

@@ -33,7 +33,7 @@ pub struct LocalRay {
     /// Unit direction in the world.
     pub direction: Vec3,
     /// World distance from the ray's origin to the entry point, mm.
-    pub t_entry: f32,
+    pub t_entry: f64,
     /// Length inside, mm.
     pub length: f32,
     /// The yarn that the ray leaves, see [`Ray::left_yarn`].
@@ -124,7 +124,7 @@ impl CellGrid {
     /// The entry is computed in `f64` and, where the cell grid repeats, moved
     /// into the first period, so that neither a far camera nor a grazing ray
     /// costs the look-ups their precision.
-    pub fn clip(&self, ray: &Ray, t_max: f32) -> Option<LocalRay> {
+    pub fn clip(&self, ray: &Ray, t_max: f64) -> Option<LocalRay> {
         // Infinite faces over a finite direction stay infinite, never NaN: the
         // parallel case is taken apart by `intersect`.
         let (near, far) = self.reach_mm.intersect(ray)?;
@@ -132,7 +132,7 @@ impl CellGrid {
         if near >= far {
             return None;
         }
-        let entry = ray.origin.as_dvec3() + f64::from(near) * ray.direction.as_dvec3();
+        let entry = ray.at(near);
         let mut local = (entry - self.bounds_mm.min.as_dvec3()) * self.voxels_per_mm.as_dvec3();
         if self.repeats {
             local.x = local.x.rem_euclid(f64::from(self.dims.x));
@@ -143,7 +143,7 @@ impl CellGrid {
             step: ray.direction * self.voxels_per_mm,
             direction: ray.direction,
             t_entry: near,
-            length: far - near,
+            length: (far - near) as f32,
             left_yarn: ray.left_yarn,
         })
     }
@@ -248,7 +248,7 @@ mod tests {
                             * Vec3::new(rng.unit(), rng.unit(), rng.unit());
                     let d = warp::uniform_sphere(rng.unit2());
                     let ray = Ray::new(inside - 3.0 * d, d);
-                    let Some(local) = cell_grid.clip(&ray, f32::INFINITY) else {
+                    let Some(local) = cell_grid.clip(&ray, f64::INFINITY) else {
                         panic!("seed 3: aimed at a point inside");
                     };
                     let mut at = 0.0;

@@ -88,8 +88,8 @@ pub trait LightSource: Debug + Send + Sync {
     fn pdf_toward(&self, from_mm: Vec3, w_in: Vec3) -> f32;
 
     /// Distance at which a ray ends on the light, mm.
-    fn distance_along(&self, _: &Ray) -> Option<f32> {
-        Some(f32::INFINITY)
+    fn distance_along(&self, _: &Ray) -> Option<f64> {
+        Some(f64::INFINITY)
     }
 
     /// Distance from a far origin to a light that can be seen at a place, mm.

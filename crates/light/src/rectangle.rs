@@ -109,10 +109,9 @@ impl RectangleLight {
         (t > 0.0 && t.is_finite() && inside(u) && inside(v)).then_some(t)
     }
 
-    /// The same for a ray near the rectangle, in `f32`.
-    pub fn distance_along(&self, ray: &Ray) -> Option<f32> {
-        let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
-        self.distance_mm(o, d).map(|t| t as f32)
+    /// The same along a ray.
+    pub fn distance_along(&self, ray: &Ray) -> Option<f64> {
+        self.distance_mm(ray.origin, ray.direction.as_dvec3())
     }
 
     /// The rectangle as it is seen from a point; `None` when it is too small there for
@@ -144,7 +143,7 @@ impl RectangleLight {
         match self.distance_along(&Ray::new(from_mm, w_in)) {
             Some(t) => match self.seen_from(from_mm) {
                 Some(seen) => (1.0 / seen.solid_angle()) as f32,
-                None => self.pdf_at(t * t, w_in),
+                None => self.pdf_at((t * t) as f32, w_in),
             },
             None => 0.0,
         }
@@ -226,7 +225,7 @@ impl LightSource for RectangleLight {
         RectangleLight::pdf_toward(self, from_mm, w_in)
     }
 
-    fn distance_along(&self, ray: &Ray) -> Option<f32> {
+    fn distance_along(&self, ray: &Ray) -> Option<f64> {
         RectangleLight::distance_along(self, ray)
     }
 

@@ -149,8 +149,8 @@ impl LightSource for SpotLight {
         f32::INFINITY
     }
 
-    fn distance_along(&self, ray: &Ray) -> Option<f32> {
-        let t = (self.position_mm - ray.origin).dot(ray.direction);
+    fn distance_along(&self, ray: &Ray) -> Option<f64> {
+        let t = (self.position_mm.as_dvec3() - ray.origin).dot(ray.direction.as_dvec3());
         (t > 0.0).then_some(t)
     }
 

@@ -23,7 +23,7 @@
 //! let mut budget = Budget::new(1 << 20);
 //! let draped = DrapedMesh::new(read_obj(square, placement, &mut budget)?);
 //! let down = Ray::new(Vec3::new(2.0, 7.0, 5.0), Vec3::NEG_Z);
-//! let hit = draped.hit(&down, 0.0, f32::INFINITY).unwrap();
+//! let hit = draped.hit(&down, 0.0, f64::INFINITY).unwrap();
 //! assert!((hit.distance_mm - 5.0).abs() < 1e-5);
 //! assert!((hit.uv_mm - glam::Vec2::new(2.0, 7.0)).length() < 1e-4);
 //! # Ok(())

@@ -1,7 +1,7 @@
 //! Intersection of rays with a mesh.
 
 use crate::mesh::{Mesh, Vertex, area_vector, stretch};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{DVec3, Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb as BvhBox;
 use obvhs::cwbvh::CwBvh;
@@ -11,19 +11,23 @@ use organza_basis::{Aabb, Frame, Ray};
 use std::time::Duration;
 
 /// A mesh with a hierarchy of boxes over its faces.
+///
+/// Rays meet faces in single precision about the middle of the mesh, from where they come to
+/// its box.
 pub struct DrapedMesh {
     mesh: Mesh,
     hierarchy: CwBvh,
     bounds_mm: Aabb,
+    middle_mm: Vec3,
 }
 
 /// The intersection of a ray with the cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshHit {
     /// Distance along the ray, mm.
-    pub distance_mm: f32,
+    pub distance_mm: f64,
     /// The point.
-    pub position_mm: Vec3,
+    pub position_mm: DVec3,
     /// Its place in the fabric plane, mm.
     pub uv_mm: Vec2,
     /// The fabric's frame: s along the weft, t along the component of the warp that is
@@ -46,8 +50,7 @@ struct Sheared {
 }
 
 impl Sheared {
-    fn new(ray: &Ray) -> Sheared {
-        let d = ray.direction;
+    fn new(origin: Vec3, d: Vec3) -> Sheared {
         let z = d.abs().max_position();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
         // The winding must not depend on the direction of the ray.
@@ -55,7 +58,7 @@ impl Sheared {
             (x, y) = (y, x);
         }
         Sheared {
-            origin: ray.origin,
+            origin,
             axes: [x, y, z],
             shear: Vec3::new(d[x] / d[z], d[y] / d[z], 1.0 / d[z]),
         }
@@ -104,11 +107,12 @@ impl DrapedMesh {
         // Boxes are intersected in single precision, which may miss by some rounding errors a
         // face that its own test hits.
         let margin = Vec3A::splat(1e-5 * bounds_mm.size().length());
+        let middle_mm = bounds_mm.centre();
         let boxes: Vec<BvhBox> = mesh
             .triangles()
             .iter()
             .map(|t| {
-                let corners = t.map(|v| Vec3A::from(v.position_mm));
+                let corners = t.map(|v| Vec3A::from(v.position_mm - middle_mm));
                 let tight = BvhBox::from_points(&corners);
                 BvhBox::new(tight.min - margin, tight.max + margin)
             })
@@ -122,6 +126,7 @@ impl DrapedMesh {
             mesh,
             hierarchy,
             bounds_mm,
+            middle_mm,
         }
     }
 
@@ -136,27 +141,46 @@ impl DrapedMesh {
     }
 
     /// The nearest hit at a distance in `[min_mm, max_mm]`.
-    pub fn hit(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> Option<MeshHit> {
+    pub fn hit(&self, ray: &Ray, min_mm: f64, max_mm: f64) -> Option<MeshHit> {
         let (triangle, t, weights) = self.nearest(ray, min_mm, max_mm)?;
         Some(self.describe(triangle, t, weights))
     }
 
-    fn nearest(&self, ray: &Ray, min_mm: f32, max_mm: f32) -> Option<(usize, f32, [f32; 3])> {
+    /// About the rounding of distances and places of hits, mm.
+    pub fn rounding_mm(&self) -> f32 {
+        f32::EPSILON * self.bounds_mm.size().max_element()
+    }
+
+    fn nearest(&self, ray: &Ray, min_mm: f64, max_mm: f64) -> Option<(usize, f64, [f32; 3])> {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && min_mm <= max_mm)
             || ray.direction == Vec3::ZERO
         {
             return None;
         }
-        let sheared = Sheared::new(ray);
+        let corners = (self.bounds_mm.min.as_dvec3(), self.bounds_mm.max.as_dvec3());
+        let to_box_mm = distance_to_box(ray.origin, ray.direction.as_dvec3(), corners);
+        // A face in a side of the box may lie a rounding beyond it.
+        let size_mm = f64::from(self.bounds_mm.size().length());
+        let start_mm = if to_box_mm.is_finite() {
+            (to_box_mm - 1e-3 * size_mm).max(0.0)
+        } else {
+            0.0
+        };
+        let start = (ray.at(start_mm) - self.middle_mm.as_dvec3()).as_vec3();
+        let (min, max) = ((min_mm - start_mm) as f32, (max_mm - start_mm) as f32);
+        if max < 0.0 {
+            return None;
+        }
+        let sheared = Sheared::new(start, ray.direction);
         // The hierarchy loses rays with a component of minus zero.
         let direction = ray.direction + 0.0;
-        let bvh_ray = BvhRay::new(ray.origin.into(), direction.into(), min_mm, max_mm);
+        let bvh_ray = BvhRay::new(start.into(), direction.into(), min.max(0.0), max);
         let mut nearest: Option<(usize, f32, [f32; 3])> = None;
         let mut hit = RayHit::none();
         self.hierarchy
             .ray_traverse(bvh_ray, &mut hit, |bvh_ray, id| {
                 let index = self.hierarchy.primitive_indices[id] as usize;
-                let corners = self.mesh.triangles()[index].map(|v| v.position_mm);
+                let corners = self.mesh.triangles()[index].map(|v| v.position_mm - self.middle_mm);
                 match sheared.meet(corners) {
                     Some((t, weights)) if t >= bvh_ray.tmin && t <= bvh_ray.tmax => {
                         if nearest.is_none_or(|n| t < n.1) {
@@ -167,10 +191,10 @@ impl DrapedMesh {
                     _ => f32::INFINITY,
                 }
             });
-        nearest
+        nearest.map(|(index, t, weights)| (index, start_mm + f64::from(t), weights))
     }
 
-    fn describe(&self, triangle: usize, t: f32, w: [f32; 3]) -> MeshHit {
+    fn describe(&self, triangle: usize, t: f64, w: [f32; 3]) -> MeshHit {
         let face = &self.mesh.triangles()[triangle];
         let blend =
             |f: fn(&Vertex) -> Vec3| w[0] * f(&face[0]) + w[1] * f(&face[1]) + w[2] * f(&face[2]);
@@ -198,7 +222,10 @@ impl DrapedMesh {
             distance_mm: t,
             // Computed from the corners instead of along the ray, so that the error does not
             // grow with distance.
-            position_mm: blend(|v| v.position_mm),
+            position_mm: self.middle_mm.as_dvec3()
+                + face.iter().zip(w).fold(DVec3::ZERO, |sum, (v, w)| {
+                    sum + f64::from(w) * (v.position_mm - self.middle_mm).as_dvec3()
+                }),
             uv_mm: w[0] * face[0].uv_mm + w[1] * face[1].uv_mm + w[2] * face[2].uv_mm,
             frame,
             face_normal,
@@ -206,4 +233,22 @@ impl DrapedMesh {
             triangle,
         }
     }
+}
+
+/// Distance along a ray to a box; zero from inside, infinite for a miss.
+pub(crate) fn distance_to_box(origin: DVec3, direction: DVec3, (low, high): (DVec3, DVec3)) -> f64 {
+    let (mut near, mut far) = (0.0f64, f64::INFINITY);
+    for axis in 0..3 {
+        let (o, d) = (origin[axis], direction[axis]);
+        if d == 0.0 {
+            if o < low[axis] || o > high[axis] {
+                return f64::INFINITY;
+            }
+            continue;
+        }
+        let (a, b) = ((low[axis] - o) / d, (high[axis] - o) / d);
+        near = near.max(a.min(b));
+        far = far.min(a.max(b));
+    }
+    if near <= far { near } else { f64::INFINITY }
 }

@@ -7,24 +7,31 @@
 
 use crate::error::Error;
 use crate::mesh::{Mesh, area_vector, unfolded_uv};
+use crate::scene::distance_to_box;
 use glam::{DMat3, DVec3, Mat3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb as BvhBox;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray as BvhRay, RayHit};
-use organza_basis::{Aabb, Ray};
+use organza_basis::Aabb;
 use std::time::Duration;
 
 /// Tetrahedra per prism.
 const CUT: usize = 3;
 
 /// A mesh thickened by a slab of cloth.
+///
+/// Places are in double precision throughout: a fibre is a few micrometres thick, and the
+/// mesh may be metres across or metres away. Only the hierarchy of boxes is in single
+/// precision, about the middle of the mesh.
 pub struct Shell {
     /// [`CUT`] per face.
     tetrahedra: Vec<Tetrahedron>,
+    /// Of boxes around prisms, counted from `middle_mm` and grown by the rounding of rays.
     hierarchy: CwBvh,
-    bounds_mm: Aabb,
+    middle_mm: DVec3,
+    bounds_mm: (DVec3, DVec3),
     folds: Folds,
 }
 
@@ -42,13 +49,13 @@ pub struct Folds {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShellSpan {
     /// Distance along the ray at which it enters, mm.
-    pub t0: f32,
+    pub t0: f64,
     /// Distance at which it leaves; greater than `t0`.
-    pub t1: f32,
+    pub t1: f64,
     /// Coordinates in the cloth at `t0`: weft, warp and height, mm.
-    pub cloth_mm: Vec3,
+    pub cloth_mm: DVec3,
     /// Change of `cloth_mm` per mm along the ray.
-    pub step: Vec3,
+    pub step: DVec3,
     /// Rotation nearest to the map: the orthogonal factor of its polar decomposition. It
     /// includes a reflection where the texture is mirrored.
     pub world_from_cloth: Mat3,
@@ -60,10 +67,10 @@ pub struct ShellSpan {
 struct Tetrahedron {
     /// Weights of the second to fourth corner, from the world relative to the
     /// first; zero for a tetrahedron without volume.
-    weights_from_world: Mat3,
-    corner_mm: Vec3,
-    cloth_from_world: Mat3,
-    cloth_corner_mm: Vec3,
+    weights_from_world: DMat3,
+    corner_mm: DVec3,
+    cloth_from_world: DMat3,
+    cloth_corner_mm: DVec3,
     world_from_cloth: Mat3,
     stretch: Mat3,
 }
@@ -87,10 +94,10 @@ impl Tetrahedron {
         let weights = world.inverse();
         let map = world * cloth.inverse();
         let tetrahedron = Tetrahedron {
-            weights_from_world: weights.as_mat3(),
-            corner_mm: a.0.as_vec3(),
-            cloth_from_world: (cloth * weights).as_mat3(),
-            cloth_corner_mm: a.1.as_vec3(),
+            weights_from_world: weights,
+            corner_mm: a.0,
+            cloth_from_world: cloth * weights,
+            cloth_corner_mm: a.1,
             world_from_cloth: rotation_of(map)?.as_mat3(),
             stretch: map.as_mat3(),
         };
@@ -98,25 +105,25 @@ impl Tetrahedron {
     }
 
     const FLAT: Tetrahedron = Tetrahedron {
-        weights_from_world: Mat3::ZERO,
-        corner_mm: Vec3::ZERO,
-        cloth_from_world: Mat3::ZERO,
-        cloth_corner_mm: Vec3::ZERO,
+        weights_from_world: DMat3::ZERO,
+        corner_mm: DVec3::ZERO,
+        cloth_from_world: DMat3::ZERO,
+        cloth_corner_mm: DVec3::ZERO,
         world_from_cloth: Mat3::IDENTITY,
         stretch: Mat3::IDENTITY,
     };
 
     /// The part of a ray between 0 and `limit` inside.
-    fn clip(&self, ray: &Ray, limit: f32) -> Option<ShellSpan> {
-        let from = ray.origin - self.corner_mm;
+    fn clip(&self, (origin, direction): (DVec3, DVec3), limit: f64) -> Option<ShellSpan> {
+        let from = origin - self.corner_mm;
         let (w, slope) = (
             self.weights_from_world * from,
-            self.weights_from_world * ray.direction,
+            self.weights_from_world * direction,
         );
-        if slope == Vec3::ZERO {
+        if slope == DVec3::ZERO {
             return None;
         }
-        let (mut t0, mut t1) = (0.0f32, limit);
+        let (mut t0, mut t1) = (0.0f64, limit);
         for (w, slope) in [
             (1.0 - w.element_sum(), -slope.element_sum()),
             (w.x, slope.x),
@@ -132,7 +139,7 @@ impl Tetrahedron {
             }
         }
         (t0 < t1).then(|| {
-            let step = self.cloth_from_world * ray.direction;
+            let step = self.cloth_from_world * direction;
             ShellSpan {
                 t0,
                 t1,
@@ -186,7 +193,8 @@ impl Shell {
         let half = 0.5 * (high - low);
         let normals = point_normals(mesh);
         let mut folds = Folds::default();
-        let mut bounds_mm = Aabb::EMPTY;
+        let middle_mm = middle_mm(mesh);
+        let mut around = Aabb::EMPTY;
         let mut tetrahedra = Vec::with_capacity(CUT * mesh.triangles().len());
         let mut boxes = Vec::with_capacity(mesh.triangles().len());
         for (triangle, ids) in mesh.triangles().iter().zip(mesh.corners()) {
@@ -232,10 +240,10 @@ impl Shell {
             }
             let mut prism = Aabb::EMPTY;
             for k in 0..3 {
-                prism = prism.with_point(bottom(k).0.as_vec3());
-                prism = prism.with_point(top(k).0.as_vec3());
+                prism = prism.with_point((bottom(k).0 - middle_mm).as_vec3());
+                prism = prism.with_point((top(k).0 - middle_mm).as_vec3());
             }
-            bounds_mm = bounds_mm.union(&prism);
+            around = around.union(&prism);
             boxes.push(prism);
         }
         if folds.flat == tetrahedra.len() {
@@ -245,7 +253,7 @@ impl Shell {
         }
         // Boxes are intersected in single precision, so they are enlarged by its rounding
         // error.
-        let margin = 1e-5 * bounds_mm.size().length();
+        let margin = 1e-5 * around.size().length();
         let boxes: Vec<BvhBox> = boxes
             .iter()
             .map(|b| {
@@ -257,7 +265,11 @@ impl Shell {
         Ok(Shell {
             hierarchy: build_cwbvh(&boxes, params, &mut Duration::default()),
             tetrahedra,
-            bounds_mm: bounds_mm.grown(margin),
+            middle_mm,
+            bounds_mm: (
+                middle_mm + around.min.as_dvec3() - f64::from(margin),
+                middle_mm + around.max.as_dvec3() + f64::from(margin),
+            ),
             folds,
         })
     }
@@ -269,8 +281,8 @@ impl Shell {
         face as u64 * faces as u64
     }
 
-    /// A box around all tetrahedra.
-    pub fn bounds_mm(&self) -> Aabb {
+    /// A box around all tetrahedra: least and greatest corner, mm.
+    pub fn bounds_mm(&self) -> (DVec3, DVec3) {
         self.bounds_mm
     }
 
@@ -279,58 +291,84 @@ impl Shell {
         self.folds
     }
 
-    /// Visits the parts of a ray inside the shell before `limit_mm`, in no strict order, but
-    /// near parts early. `visit` returns the distance up to which parts are still wanted.
-    pub fn visit_spans(&self, ray: &Ray, limit_mm: f32, visit: impl FnMut(&ShellSpan) -> f32) {
+    /// Visits the parts of a ray, an origin in mm and a unit direction, inside the shell
+    /// before `limit_mm`, in no strict order, but near parts early. `visit` returns the
+    /// distance up to which parts are still wanted.
+    pub fn visit_spans(
+        &self,
+        ray: (DVec3, DVec3),
+        limit_mm: f64,
+        visit: impl FnMut(&ShellSpan) -> f64,
+    ) {
         self.visit(ray, limit_mm, false, visit);
     }
 
     /// The same, where no part ends before `limit_mm` because a nearer one was found.
     pub fn visit_whole_spans(
         &self,
-        ray: &Ray,
-        limit_mm: f32,
-        visit: impl FnMut(&ShellSpan) -> f32,
+        ray: (DVec3, DVec3),
+        limit_mm: f64,
+        visit: impl FnMut(&ShellSpan) -> f64,
     ) {
         self.visit(ray, limit_mm, true, visit);
     }
 
     fn visit(
         &self,
-        ray: &Ray,
-        limit_mm: f32,
+        (origin, direction): (DVec3, DVec3),
+        limit_mm: f64,
         whole: bool,
-        mut visit: impl FnMut(&ShellSpan) -> f32,
+        mut visit: impl FnMut(&ShellSpan) -> f64,
     ) {
-        if !(ray.origin.is_finite() && ray.direction.is_finite() && limit_mm > 0.0) {
+        if !(origin.is_finite() && direction.is_finite() && limit_mm > 0.0) {
             return;
         }
-        // The hierarchy loses rays with a component of minus zero.
-        let direction = ray.direction + 0.0;
-        let bvh_ray = BvhRay::new(ray.origin.into(), direction.into(), 0.0, limit_mm);
+        // The hierarchy is looked into from where the ray comes to the shell, so that single
+        // precision suffices for its boxes.
+        let start_mm = distance_to_box(origin, direction, self.bounds_mm);
+        if start_mm >= limit_mm {
+            return;
+        }
+        let start = origin + start_mm * direction - self.middle_mm;
+        let reach = |limit: f64| ((limit - start_mm) as f32).next_up();
+        let bvh_ray = BvhRay::new(
+            start.as_vec3a(),
+            // The hierarchy loses rays with a component of minus zero.
+            direction.as_vec3a() + 0.0,
+            0.0,
+            reach(limit_mm),
+        );
+        let mut limit = limit_mm;
         self.hierarchy
-            .ray_traverse(bvh_ray, &mut RayHit::none(), |bvh_ray, id| {
+            .ray_traverse(bvh_ray, &mut RayHit::none(), |_, id| {
                 let face = self.hierarchy.primitive_indices[id] as usize;
-                let mut limit = bvh_ray.tmax;
                 for tetrahedron in &self.tetrahedra[CUT * face..CUT * face + CUT] {
                     let end = if whole { limit_mm } else { limit };
-                    if let Some(span) = tetrahedron.clip(ray, end) {
+                    if let Some(span) = tetrahedron.clip((origin, direction), end) {
                         limit = limit.min(visit(&span));
                     }
                 }
-                limit
+                reach(limit)
             });
     }
 
-    /// Distance along a ray to the shell; `None` for a miss.
-    pub fn distance_mm(&self, ray: &Ray) -> Option<f32> {
-        let mut nearest = f32::INFINITY;
-        self.visit_spans(ray, f32::INFINITY, |span| {
+    /// Distance along a ray, an origin in mm and a unit direction, to the shell; `None` for a
+    /// miss.
+    pub fn distance_mm(&self, ray: (DVec3, DVec3)) -> Option<f64> {
+        let mut nearest = f64::INFINITY;
+        self.visit_spans(ray, f64::INFINITY, |span| {
             nearest = nearest.min(span.t0);
             nearest
         });
         nearest.is_finite().then_some(nearest)
     }
+}
+
+/// The middle of the box around a mesh, mm.
+fn middle_mm(mesh: &Mesh) -> DVec3 {
+    let corners = mesh.triangles().iter().flatten();
+    let bounds = corners.fold(Aabb::EMPTY, |b, v| b.with_point(v.position_mm));
+    0.5 * (bounds.min.as_dvec3() + bounds.max.as_dvec3())
 }
 
 /// The mean normal at every point that faces share; `None` where normals cancel.

@@ -48,12 +48,12 @@ fn shade(cloth: &WovenSurface, mesh: &DrapedMesh, ray: &Ray, hit: &MeshHit, spre
     let stretch = hit.stretch[0].length().min(hit.stretch[1].length());
     let footprint = Footprint {
         position_mm: hit.uv_mm,
-        width_mm: spread * hit.distance_mm / stretch / w_out.z.abs().max(0.1),
+        width_mm: spread * hit.distance_mm as f32 / stretch / w_out.z.abs().max(0.1),
     };
     let side = hit.face_normal * hit.face_normal.dot(sun).signum();
     let lift = 1e-4 * mesh.bounds_mm().size().length();
-    let shadow = Ray::new(hit.position_mm + side * lift, sun);
-    let direct = if mesh.hit(&shadow, 0.0, f32::INFINITY).is_some() {
+    let shadow = Ray::new(hit.position_mm + (side * lift).as_dvec3(), sun);
+    let direct = if mesh.hit(&shadow, 0.0, f64::INFINITY).is_some() {
         Rgb::BLACK
     } else {
         cloth.eval(w_out, w_in, footprint) * (3.0 * w_in.z.abs())
@@ -82,8 +82,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let far = bounds.centre() + Vec3::new(0.3, 1.0, 1.1) * bounds.size().length();
     let aim = Ray::new(far, (bounds.centre() - far).normalize());
     let target = mesh
-        .hit(&aim, 0.0, f32::INFINITY)
-        .map_or(bounds.centre(), |h| h.position_mm);
+        .hit(&aim, 0.0, f64::INFINITY)
+        .map_or(bounds.centre(), |h| h.position_mm.as_vec3());
     let exposure = 0.25
         / cloth
             .eval(Vec3::Z, Vec3::new(0.3, 0.4, 0.866), Footprint::FAR)
@@ -102,7 +102,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     };
                     let u = rng.unit2();
                     let ray = camera.ray(film(x, k % OVER, u.x), film(y, k / OVER, u.y));
-                    if let Some(hit) = mesh.hit(&ray, 0.0, f32::INFINITY) {
+                    if let Some(hit) = mesh.hit(&ray, 0.0, f64::INFINITY) {
                         sum += shade(&cloth, &mesh, &ray, &hit, spread);
                     }
                 }

@@ -4,8 +4,8 @@
 //! Explicit fibres describe themselves ([`ExplicitFibres::body`](crate::ExplicitFibres)).
 
 use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMedium};
-use glam::{DVec3, UVec3, Vec3};
-use organza_basis::{CellGrid, FibrePopulation, Ray};
+use glam::{DVec3, UVec3};
+use organza_basis::{CellGrid, FibrePopulation};
 use organza_kernel::fibres::{Drape, DrapeSpan, FibrePlane};
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{
@@ -18,19 +18,17 @@ use std::sync::Arc;
 
 impl Drape for Draping {
     fn bounds_mm(&self) -> (DVec3, DVec3) {
-        let bounds = Draping::bounds_mm(self);
-        (bounds.min.as_dvec3(), bounds.max.as_dvec3())
+        Draping::bounds_mm(self)
     }
 
     fn visit_spans(
         &self,
-        origin_mm: Vec3,
-        direction: Vec3,
-        limit_mm: f32,
-        visit: &mut dyn FnMut(&DrapeSpan) -> f32,
+        origin_mm: DVec3,
+        direction: DVec3,
+        limit_mm: f64,
+        visit: &mut dyn FnMut(&DrapeSpan) -> f64,
     ) {
-        let ray = Ray::new(origin_mm, direction);
-        self.visit_whole_spans(&ray, limit_mm, &mut |span| {
+        self.visit_whole_spans((origin_mm, direction), limit_mm, &mut |span| {
             visit(&DrapeSpan {
                 t0: span.t0,
                 t1: span.t1,

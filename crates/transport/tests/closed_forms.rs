@@ -131,7 +131,7 @@ fn beer_lambert_at_every_angle_to_the_fibre() {
                     phi.to_radians(),
                 );
                 let ray = Ray::new(Vec3::new(0.03, 0.02, 0.0) - 5.0 * w, w);
-                let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+                let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
                 let mut rng = PathRng::new(4, k as u64, phi as u64);
                 let got: Moments = (0..20_000)
                     .map(|_| f64::from(transmittance(&medium, &local, &mut rng, &mut stats)))
@@ -167,7 +167,7 @@ fn stopping_early_is_unbiased() {
     let mut stats = Stats::default();
     for (sigma, seed) in [(3.0, 31), (14.0, 32), (30.0, 33)] {
         let medium = slab(sigma, 0.5, tilted(), Interpolation::Nearest);
-        let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+        let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
         let exact = f64::from(exact_transmittance(&medium, &local, &mut stats));
         let mut rng = PathRng::from_seed(seed);
         let (mut got, mut twin) = (Moments::default(), Moments::default());
@@ -194,7 +194,7 @@ fn mean_free_path() {
     let w = Vec3::new(0.0, 0.0, -1.0);
     let sigma = 300.0 * f64::from(tilted().quadratic(w).sqrt());
     let ray = Ray::new(Vec3::new(0.01, 0.02, 1.0), w);
-    let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+    let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
     let mut stats = Stats::default();
     let mut rng = PathRng::from_seed(5);
     for exact in [false, true] {
@@ -368,7 +368,7 @@ fn a_cut_edge_is_the_grid_cut_by_hand() {
             let w = organza_basis::warp::uniform_sphere(rng.unit2());
             let ray = Ray::new(p - 2.0 * w, w);
             let regular = Integrator::Regular.into();
-            let t = scene.transmittance(&ray, f32::INFINITY, regular, &mut rng.clone(), &mut stats);
+            let t = scene.transmittance(&ray, f64::INFINITY, regular, &mut rng.clone(), &mut stats);
             // The walk's start from far away belongs to the same box.
             let start = scene.near_start(&[], ray.origin.as_dvec3(), w.as_dvec3());
             through.push(t + start as f32);

@@ -153,22 +153,31 @@ fn a_flat_mesh_shows_the_flat_fibres() {
     assert!(other.abs() > 8.0, "darker fibres pass with {other}");
 }
 
-/// Wherever the mesh lies, the same rays are blocked: hits do not depend on the cuts of
-/// the shell. The twin's rays start beside.
+/// Wherever the mesh lies, the same rays are blocked: hits depend neither on the cuts of
+/// the shell nor on how far away it is. The twin's rays start beside.
 #[test]
 fn hits_are_those_of_flat_fibres() {
     let turn = Mat3::from_rotation_z(0.7) * Mat3::from_rotation_x(0.4);
-    let shift = Vec3::new(3.0, -2.0, 5.0);
+    hits_are_the_same(turn, Vec3::new(3.0, -2.0, 5.0));
+    // Corners of the mesh are whole numbers, which single precision keeps.
+    let quarter = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
+    for far_mm in [1e3, 1e5] {
+        hits_are_the_same(quarter, far_mm * Vec3::new(1.0, -0.5, 0.25));
+    }
+}
+
+fn hits_are_the_same(turn: Mat3, shift: Vec3) {
     let turned = |uv: Vec2| (turn * uv.extend(0.0) + shift, turn * Vec3::Z);
-    let (flat, draped) = (fibres(0.0), over(mesh(12.0, 5, &turned), fibres(0.0)));
+    let (flat, draped) = (fibres(0.0), over(mesh(12.0, 4, &turned), fibres(0.0)));
     let (flat, draped) = (scene(flat, Vec::new()), scene(draped, Vec::new()));
+    let place = |p: Vec3| (turn * p).as_dvec3() + shift.as_dvec3();
     let mut counts = [0u32; 3];
     let rays = 5000;
     for index in 0..rays {
         let mut rng = PathRng::new(3, 0, index);
         let at = Vec3::new(rng.unit(), rng.unit(), HEIGHT_MM * rng.unit());
         let w = warp::uniform_sphere(rng.unit2());
-        let blocked = |scene: &Scene, at: Vec3, w: Vec3| {
+        let blocked = |scene: &Scene, at: DVec3, w: Vec3| {
             let mut stats = Stats::default();
             let mut rng = PathRng::new(4, 0, 0);
             let ray = Ray::new(at, w);
@@ -177,10 +186,10 @@ fn hits_are_those_of_flat_fibres() {
             found.map(|c| c.t)
         };
         let low = Vec3::new(0.0, 0.0, 0.5 * HEIGHT_MM);
-        let there = blocked(&flat, at, w);
-        let here = blocked(&draped, turn * (at - low) + shift, turn * w);
-        let beside = blocked(&draped, turn * (at - low + 0.01) + shift, turn * w);
-        let differs = |a: Option<f32>, b: Option<f32>| match (a, b) {
+        let there = blocked(&flat, at.as_dvec3(), w);
+        let here = blocked(&draped, place(at - low), turn * w);
+        let beside = blocked(&draped, place(at - low + 0.01), turn * w);
+        let differs = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => (a - b).abs() > 1e-3,
             (a, b) => a.is_some() != b.is_some(),
         };
@@ -190,7 +199,7 @@ fn hits_are_those_of_flat_fibres() {
     }
     // A ray that grazes a fibre within rounding may go either way: fibres are 5 um wide
     // and places off by 1e-6 mm, so a thousandth of the rays is ten times what is expected.
-    assert!(counts[0] <= 5, "seed 3: {counts:?} of {rays} rays");
+    assert!(counts[0] <= 5, "seed 3, {shift}: {counts:?} of {rays} rays");
     assert!(
         counts[1] > 500,
         "seed 3: rays beside meet the same: {counts:?}"

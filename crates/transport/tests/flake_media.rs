@@ -64,7 +64,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
     let mut drawn_pdf = None::<f32>;
     let balance = |a: f32, b: f32| f64::from(a / (a + b));
     loop {
-        let local = medium.cell_grid().clip(&ray, f32::INFINITY);
+        let local = medium.cell_grid().clip(&ray, f64::INFINITY);
         let hit = local
             .as_ref()
             .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
@@ -79,7 +79,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
         let w_light = warp::uniform_sphere(rng.unit2());
         let through = medium
             .cell_grid()
-            .clip(&Ray::new(at, w_light), f32::INFINITY)
+            .clip(&Ray::new(at, w_light), f64::INFINITY)
             .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
         let pdf = medium.pdf(&site, w_out, w_light);
         let value = medium.eval(&site, w_out, w_light).0.x;
@@ -133,7 +133,7 @@ fn ratio_tracking_is_the_closed_form() {
         for w in [Vec3::NEG_Z, -Vec3::new(0.5, 0.4, 1.0).normalize()] {
             let local = medium
                 .cell_grid()
-                .clip(&Ray::new(Vec3::splat(0.12) - w, w), f32::INFINITY)
+                .clip(&Ray::new(Vec3::splat(0.12) - w, w), f64::INFINITY)
                 .unwrap();
             let exact = f64::from(exact_transmittance(&medium, &local, &mut stats));
             let mut rng = PathRng::new(93, k as u64, 0);

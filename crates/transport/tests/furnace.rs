@@ -98,7 +98,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
     let mut drawn_pdf = None::<f32>;
     let balance = |a: f32, b: f32| f64::from(a / (a + b));
     for _ in 0..10_000 {
-        let local = medium.cell_grid().clip(&ray, f32::INFINITY);
+        let local = medium.cell_grid().clip(&ray, f64::INFINITY);
         let hit = local
             .as_ref()
             .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
@@ -113,7 +113,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
         let shadow = Ray::new(at, w_light);
         let through = medium
             .cell_grid()
-            .clip(&shadow, f32::INFINITY)
+            .clip(&shadow, f64::INFINITY)
             .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
         let value = medium.eval(&site, w_out, w_light).0.x;
         let weight = balance(warp::UNIFORM_SPHERE_PDF, medium.pdf(&site, w_out, w_light));

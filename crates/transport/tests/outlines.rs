@@ -84,7 +84,7 @@ fn gaps_of_a_slab_stay_open() {
         let columns: f64 = (0..DIMS.x)
             .map(|x| {
                 let ray = ray((x as f32 + 0.5) * VOXEL_MM, 0.117);
-                let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+                let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
                 f64::from(exact_transmittance(&medium, &local, &mut stats))
             })
             .sum();
@@ -93,7 +93,7 @@ fn gaps_of_a_slab_stay_open() {
         let tracked: Moments = (0..20_000)
             .map(|_| {
                 let ray = ray(rng.unit() * width, rng.unit() * width);
-                let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+                let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
                 f64::from(transmittance(&medium, &local, &mut rng, &mut stats))
             })
             .collect();
@@ -136,7 +136,7 @@ fn gaps_stay_open_to_virtual_fibres() {
                 .map(|_| {
                     let at = Vec3::new(rng.unit() * width, rng.unit() * width, 1.0);
                     let ray = Ray::new(at, Vec3::NEG_Z);
-                    let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+                    let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
                     f64::from(transmittance(&medium, &local, &mut rng, &mut stats))
                 })
                 .collect();

@@ -126,7 +126,7 @@ fn transmittance_of_parallel_fibres() {
         {
             let w = -direction(theta, phi);
             let ray = Ray::new(Vec3::new(0.03, 0.02, 0.06) - w, w);
-            let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+            let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
             let mut rng = PathRng::new(31, k as u64, 0);
             let got: Moments = (0..20_000)
                 .map(|_| f64::from(transmittance(&medium, &local, &mut rng, &mut stats)))
@@ -430,7 +430,7 @@ fn a_lone_fibre_is_met_at_its_surface() {
     let mut stats = Stats::default();
     let mut depth_at = |y: f32| {
         let ray = Ray::new(middle + Vec3::new(0.0, y, 1.0), Vec3::NEG_Z);
-        let local = medium.cell_grid().clip(&ray, f32::INFINITY).unwrap();
+        let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
         let mut rng = PathRng::from_seed(71);
         let mean: Moments = (0..4000)
             .map(|_| f64::from(transmittance(&medium, &local, &mut rng, &mut stats)))

@@ -1,18 +1,18 @@
 //! What an endless cloth is laid over: stretches of rays in the cloth's own coordinates.
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Mat3};
 
 /// The part of a ray in which it is straight in the cloth, too.
 #[derive(Clone, Copy, Debug)]
 pub struct DrapeSpan {
     /// Distances along the ray at which it begins and ends, mm.
-    pub t0: f32,
+    pub t0: f64,
     /// Greater than `t0`.
-    pub t1: f32,
+    pub t1: f64,
     /// The place in the cloth at `t0`, mm.
-    pub cloth_mm: Vec3,
+    pub cloth_mm: DVec3,
     /// Change of that place per mm along the ray.
-    pub step: Vec3,
+    pub step: DVec3,
     /// Turns directions of the cloth to the world: orthogonal.
     pub world_from_cloth: Mat3,
     /// Takes differences of places of the cloth to the world.
@@ -29,9 +29,9 @@ pub trait Drape: Send + Sync {
     /// some that begin farther may come, too.
     fn visit_spans(
         &self,
-        origin_mm: Vec3,
-        direction: Vec3,
-        limit_mm: f32,
-        visit: &mut dyn FnMut(&DrapeSpan) -> f32,
+        origin_mm: DVec3,
+        direction: DVec3,
+        limit_mm: f64,
+        visit: &mut dyn FnMut(&DrapeSpan) -> f64,
     );
 }

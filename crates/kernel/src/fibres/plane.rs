@@ -5,8 +5,8 @@ use organza_basis::{Frame, PathRng, Rgb, warp};
 use std::f32::consts::FRAC_1_PI;
 
 /// A ray that starts on the plane is moved off by this part of its greatest
-/// coordinate: several roundings, and far below a fibre.
-const LIFT: f64 = 2e-6;
+/// coordinate: many roundings, and far below a fibre.
+const LIFT: f64 = 1e-12;
 
 /// An endless plane that scatters light evenly on both sides (Lambert) and may shine on
 /// the side of its normal, the same in all directions.

@@ -179,8 +179,8 @@ impl PlaneEvent<'_> {
             return None;
         }
         let from = self.plane.start_mm(self.at_mm, drawn.w_in);
-        let most = light.distance_along(&Ray::new(from.as_vec3(), drawn.w_in))?;
+        let most = light.distance_along(&Ray::new(from, drawn.w_in))?;
         let ray = (from, drawn.w_in.as_dvec3());
-        Some((ray, f64::from(most), light_in / keep))
+        Some((ray, most, light_in / keep))
     }
 }

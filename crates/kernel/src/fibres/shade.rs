@@ -410,11 +410,11 @@ fn send<F: Floats>(
         let toward = get(&ways, lane);
         let mut most = f32::INFINITY;
         if is_placed {
-            let origin = world_mm(matter, paths, slot, &from).as_vec3();
+            let origin = world_mm(matter, paths, slot, &from);
             let Some(distance) = light.distance_along(&Ray::new(origin, toward)) else {
                 continue;
             };
-            most = distance;
+            most = distance as f32;
         }
         let from = match (from, &matter.packed) {
             (LeavingPoint::Explicit(from), _) => from,

@@ -9,12 +9,12 @@ use super::matter::FibreMatter;
 use glam::{DVec3, Mat3, Vec3};
 
 /// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
-/// of the places there: what is met at a face belongs to one of its sides at least.
-const FACE_ROUNDINGS: f32 = 16.0;
+/// of distances in its cells: what is met at a face belongs to one of its sides at least.
+const FACE_ROUNDINGS: f64 = 16.0;
 
 /// Stretches through a shell are looked for so far at a time, in cells: most rays that
 /// leave a fibre meet the next one before.
-const CELLS_AHEAD: f32 = 4.0;
+const CELLS_AHEAD: f64 = 4.0;
 
 /// A ray's way, and the nearest that it met.
 #[derive(Clone, Debug)]
@@ -42,12 +42,12 @@ pub struct Trip {
 struct Over {
     /// Where it comes to the shell's box: from the origin, mm, and the place.
     entry_mm: f64,
-    entry: Vec3,
+    entry: DVec3,
     /// Parts in order, of which the next one is to be walked.
     spans: Vec<DrapeSpan>,
     next: usize,
     /// Parts that begin before were looked for, mm from the entry.
-    looked_mm: f32,
+    looked_mm: f64,
 }
 
 /// What lies at the end of a ray's way.
@@ -89,10 +89,10 @@ impl Trip {
             mm_per_own: 1.0,
             over: Over {
                 entry_mm: 0.0,
-                entry: Vec3::ZERO,
+                entry: DVec3::ZERO,
                 spans: Vec::new(),
                 next: 0,
-                looked_mm: f32::INFINITY,
+                looked_mm: f64::INFINITY,
             },
         }
     }
@@ -112,7 +112,7 @@ impl Trip {
         (self.reach_mm, self.met) = (most_mm, TripEnd::Nothing);
         self.looked_at = 0;
         self.over.spans.clear();
-        (self.over.next, self.over.looked_mm) = (0, f32::INFINITY);
+        (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
         for (number, plane) in matter.planes.iter().enumerate() {
             let t = plane.distance_mm(origin_mm, direction);
             if t < self.reach_mm {
@@ -127,23 +127,23 @@ impl Trip {
         loop {
             while let Some(&span) = self.over.spans.get(self.over.next) {
                 self.over.next += 1;
-                if self.over.entry_mm + f64::from(span.t0) >= self.reach_mm {
+                if self.over.entry_mm + span.t0 >= self.reach_mm {
                     // Nor does any after it count.
                     self.over.spans.clear();
-                    self.over.looked_mm = f32::INFINITY;
+                    self.over.looked_mm = f64::INFINITY;
                 } else if let Some(ray) = self.along(matter, &span) {
                     return Some(ray);
                 }
             }
-            if self.over.entry_mm + f64::from(self.over.looked_mm) < self.reach_mm {
+            if self.over.entry_mm + self.over.looked_mm < self.reach_mm {
                 let body = &matter.bodies[usize::from(self.body)];
                 if let Some(drape) = &body.drape {
-                    self.look(&**drape, CELLS_AHEAD * body.cells.min_edge_mm);
+                    self.look(&**drape, CELLS_AHEAD * f64::from(body.cells.min_edge_mm));
                     continue;
                 }
             }
             self.over.spans.clear();
-            (self.over.next, self.over.looked_mm) = (0, f32::INFINITY);
+            (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
             self.body = self.next_body(matter)?;
             let body = &matter.bodies[usize::from(self.body)];
             match &body.drape {
@@ -198,22 +198,20 @@ impl Trip {
             return;
         };
         self.over.entry_mm = near.max(0.0);
-        let at = self.origin_mm + self.over.entry_mm * self.direction;
-        self.over.entry = at.as_vec3();
+        self.over.entry = self.origin_mm + self.over.entry_mm * self.direction;
         self.over.looked_mm = 0.0;
     }
 
     /// Looks for the nearest parts that were not looked for yet, and for those that begin
     /// little later.
-    fn look(&mut self, drape: &dyn Drape, ahead_mm: f32) {
+    fn look(&mut self, drape: &dyn Drape, ahead_mm: f64) {
         let over = &mut self.over;
         let (from, spans) = (over.looked_mm, &mut over.spans);
         spans.clear();
         over.next = 0;
-        let direction = self.direction.as_vec3().normalize();
-        let limit = (self.reach_mm - over.entry_mm) as f32;
-        let mut nearest = f32::INFINITY;
-        drape.visit_spans(over.entry, direction, limit, &mut |span| {
+        let limit = self.reach_mm - over.entry_mm;
+        let mut nearest = f64::INFINITY;
+        drape.visit_spans(over.entry, self.direction, limit, &mut |span| {
             if span.t0 >= from {
                 nearest = nearest.min(span.t0);
                 spans.push(*span);
@@ -228,33 +226,29 @@ impl Trip {
     /// Through a part of the shell, as the general walk goes through it.
     fn along(&mut self, matter: &FibreMatter, span: &DrapeSpan) -> Option<CellRay> {
         let body = &matter.bodies[usize::from(self.body)];
-        let own_per_mm = f64::from(span.step.length());
-        let way = span.step.as_dvec3() / own_per_mm;
+        let own_per_mm = span.step.length();
+        let way = span.step / own_per_mm;
         if !way.is_finite() {
             return None;
         }
-        let direction = self.direction.as_vec3();
-        let end = self.over.entry + span.t1 * direction;
-        let place_mm = span.cloth_mm.abs().max_element();
-        let world_mm = end.abs().max(self.over.entry.abs()).max_element();
-        let rounding_mm = f64::from(f32::EPSILON * (place_mm + world_mm));
-        let slack_mm = f64::from(FACE_ROUNDINGS) * rounding_mm;
+        let inside_mm = (span.t1 - span.t0) * own_per_mm;
+        let slack_mm = slack_mm(span, inside_mm, self.over.entry);
+        let back_mm = if span.t0 > 0.0 { slack_mm } else { 0.0 };
         // A ray that starts among fibres has left its own.
-        let is_start = span.t0 <= 0.0 && self.over.entry_mm <= 0.0;
-        let (back_mm, least_mm) = if is_start {
-            (0.0, f64::from(body.start_mm).max(slack_mm))
+        let least_mm = if self.over.entry_mm > 0.0 {
+            0.0
         } else {
-            (slack_mm, 0.0)
+            (f64::from(body.start_mm) - span.t0 * own_per_mm + back_mm).max(0.0)
         };
-        let length_mm = back_mm + f64::from(span.t1 - span.t0) * own_per_mm + slack_mm;
-        let from = span.cloth_mm.as_dvec3() - back_mm * way;
+        let length_mm = back_mm + inside_mm + slack_mm;
+        let from = span.cloth_mm - back_mm * way;
         let entry = body.enter(from, way)?;
         if entry.distance_mm >= length_mm {
             return None;
         }
         self.mm_per_own = 1.0 / own_per_mm;
         let to_entry_mm = (entry.distance_mm - back_mm) * self.mm_per_own;
-        self.before_mm = self.over.entry_mm + f64::from(span.t0) + to_entry_mm;
+        self.before_mm = self.over.entry_mm + span.t0 + to_entry_mm;
         let reach = (self.reach_mm - self.before_mm) * own_per_mm;
         let most = reach.min(length_mm - entry.distance_mm) as f32;
         let least = (least_mm - entry.distance_mm).max(0.0) as f32;
@@ -279,7 +273,7 @@ impl Trip {
             None => None,
         };
         let (way, turn, stretch) = match span {
-            Some(s) => (s.step.normalize(), s.world_from_cloth, s.stretch),
+            Some(s) => (s.step.normalize().as_vec3(), s.world_from_cloth, s.stretch),
             None => (self.direction.as_vec3(), Mat3::IDENTITY, Mat3::IDENTITY),
         };
         self.reach_mm = t;
@@ -306,4 +300,13 @@ impl Trip {
     pub fn end_mm(&self) -> DVec3 {
         self.origin_mm + self.reach_mm.max(0.0) * self.direction
     }
+}
+
+/// How far a stretch of some length through a tetrahedron is looked at beyond its ends, mm
+/// of the cloth: the rounding of single precision in its cells, and of double precision in
+/// the places of its ends, of which the world's is `from_mm` or near it.
+fn slack_mm(span: &DrapeSpan, length_mm: f64, from_mm: DVec3) -> f64 {
+    let places_mm = (span.cloth_mm.abs() + from_mm.abs()).max_element() + span.t1;
+    let rounding_mm = f64::from(f32::EPSILON) * length_mm + f64::EPSILON * places_mm;
+    FACE_ROUNDINGS * rounding_mm
 }

@@ -121,7 +121,7 @@ fn seen_through(film: &Film) -> Estimate {
 fn transmittance(scene: &Scene, rays: u64) -> [Estimate; 2] {
     fn optical_depth(medium: &impl Medium, ray: &Ray) -> f64 {
         let mut depth = 0.0;
-        if let Some(local) = medium.cell_grid().clip(ray, f32::INFINITY) {
+        if let Some(local) = medium.cell_grid().clip(ray, f64::INFINITY) {
             let _ = medium.for_each_voxel(&local, |from, to, site| {
                 let sigma = medium.sigma_t(&site, -ray.direction);
                 depth += f64::from(to - from) * f64::from(sigma);

@@ -6,14 +6,14 @@ use crate::matter::plies::PlySite;
 use crate::matter::sheet::SheetSite;
 use crate::matter::site::{MediumSite, Site};
 use crate::{FlakeOctreeMedium, GridMedium, SggxOctreeMedium, SiteInfo, VirtualFibreMedium};
-use glam::{Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_scatter::LobeSample;
 
 /// A collision with some of the scene's matter.
 pub struct Collision<'a> {
     /// Distance from the ray's origin, mm.
-    pub t: f32,
+    pub t: f64,
     site: AnySite<'a>,
     /// From the matter's own directions to the world's, where they differ.
     turn: Option<Mat3>,
@@ -63,7 +63,7 @@ impl<'a> AnySite<'a> {
 }
 
 impl<'a> Collision<'a> {
-    pub(crate) fn new(t: f32, site: AnySite<'a>) -> Collision<'a> {
+    pub(crate) fn new(t: f64, site: AnySite<'a>) -> Collision<'a> {
         Collision {
             t,
             site,
@@ -73,7 +73,7 @@ impl<'a> Collision<'a> {
     }
 
     /// In matter whose directions differ from the world's.
-    pub(crate) fn turned(t: f32, site: AnySite<'a>, turn: Mat3) -> Collision<'a> {
+    pub(crate) fn turned(t: f64, site: AnySite<'a>, turn: Mat3) -> Collision<'a> {
         Collision {
             turn: Some(turn),
             ..Collision::new(t, site)
@@ -81,7 +81,7 @@ impl<'a> Collision<'a> {
     }
 
     /// In matter whose directions and lengths differ from the world's.
-    pub(crate) fn stretched(t: f32, site: AnySite<'a>, turn: Mat3, stretch: Mat3) -> Self {
+    pub(crate) fn stretched(t: f64, site: AnySite<'a>, turn: Mat3, stretch: Mat3) -> Self {
         Collision {
             stretch: Some(stretch),
             ..Collision::turned(t, site, turn)
@@ -142,11 +142,13 @@ impl<'a> Collision<'a> {
     /// distance to the cell's face, where matter has tables of it.
     pub(crate) fn local_visibility(
         &self,
-        at_mm: Vec3,
+        at_mm: DVec3,
         w_out: Vec3,
         w_in: Vec3,
     ) -> Option<(f32, f32)> {
-        self.site.as_site().local_visibility(at_mm, w_out, w_in)
+        self.site
+            .as_site()
+            .local_visibility(at_mm.as_vec3(), w_out, w_in)
     }
 
     /// Draws what the light meets at this collision; see

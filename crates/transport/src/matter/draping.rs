@@ -4,8 +4,8 @@ use crate::matter::collision::{AnySite, Collision};
 use crate::matter::sheet::SheetSite;
 use crate::matter::tracking;
 use crate::{Integrator, Medium, Stats, Tracking};
-use glam::{Mat3, Vec3};
-use organza_basis::{Aabb, CellGrid, Frame, LocalRay, PathRng, Ray};
+use glam::{DVec3, Mat3, Vec3};
+use organza_basis::{CellGrid, Frame, LocalRay, PathRng, Ray};
 use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};
 use organza_scatter::Surface;
 
@@ -26,12 +26,17 @@ impl Draping {
         Draping { mesh, shell }
     }
 
-    /// A box around all.
-    pub fn bounds_mm(&self) -> Aabb {
+    /// A box around all: least and greatest corner, mm.
+    pub fn bounds_mm(&self) -> (DVec3, DVec3) {
         let mesh = self.mesh.bounds_mm();
-        self.shell
-            .as_ref()
-            .map_or(mesh, |s| s.bounds_mm().union(&mesh))
+        let (low, high) = (mesh.min.as_dvec3(), mesh.max.as_dvec3());
+        match &self.shell {
+            None => (low, high),
+            Some(shell) => {
+                let (least, greatest) = shell.bounds_mm();
+                (low.min(least), high.max(greatest))
+            }
+        }
     }
 
     /// Whether there is a shell for media.
@@ -48,9 +53,9 @@ impl Draping {
     /// [`Shell::visit_whole_spans`].
     pub(crate) fn visit_whole_spans(
         &self,
-        ray: &Ray,
-        limit_mm: f32,
-        visit: &mut dyn FnMut(&ShellSpan) -> f32,
+        ray: (DVec3, DVec3),
+        limit_mm: f64,
+        visit: &mut dyn FnMut(&ShellSpan) -> f64,
     ) {
         if let Some(shell) = &self.shell {
             shell.visit_whole_spans(ray, limit_mm, visit);
@@ -58,13 +63,14 @@ impl Draping {
     }
 
     /// Distance along a ray to mesh or shell.
-    pub(crate) fn distance_mm(&self, ray: &Ray) -> Option<f32> {
+    pub(crate) fn distance_mm(&self, (origin_mm, direction): (DVec3, DVec3)) -> Option<f64> {
         match &self.shell {
-            Some(shell) => shell.distance_mm(ray),
-            None => self
-                .mesh
-                .hit(ray, 0.0, f32::INFINITY)
-                .map(|h| h.distance_mm),
+            Some(shell) => shell.distance_mm((origin_mm, direction)),
+            None => {
+                let ray = Ray::new(origin_mm, direction.as_vec3());
+                let hit = self.mesh.hit(&ray, 0.0, f64::INFINITY);
+                hit.map(|h| h.distance_mm)
+            }
         }
     }
 
@@ -75,19 +81,19 @@ impl Draping {
         &self,
         medium: &M,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         integrator: Integrator,
         rng: &mut PathRng,
         stats: &mut Stats,
-    ) -> Option<(f32, M::Site, Mat3)> {
+    ) -> Option<(f64, M::Site, Mat3)> {
         let mut nearest = None;
         let mut reach = limit;
-        self.shell.as_ref()?.visit_spans(ray, limit, |span| {
+        self.shell.as_ref()?.visit_spans(along(ray), limit, |span| {
             let turn = span.world_from_cloth;
             if let Some(local) = enter(medium.cell_grid(), span, ray) {
                 let found = find(medium, &local, integrator, rng, stats);
                 if let Some((t, site)) = found {
-                    reach = local.t_entry + t;
+                    reach = local.t_entry + f64::from(t);
                     nearest = Some((reach, site, turn));
                 }
             }
@@ -102,7 +108,7 @@ impl Draping {
         &self,
         medium: &M,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         integrator: Integrator,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -111,7 +117,7 @@ impl Draping {
         let Some(shell) = &self.shell else {
             return product;
         };
-        shell.visit_spans(ray, reach, |span| {
+        shell.visit_spans(along(ray), reach, |span| {
             if let Some(local) = enter(medium.cell_grid(), span, ray) {
                 product *= pass_through(medium, &local, integrator, rng, stats);
             }
@@ -125,7 +131,7 @@ impl Draping {
         &self,
         sheet: &'a dyn Surface,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -138,7 +144,7 @@ impl Draping {
             stats.tentative += 1;
             let at = tracking.detail.footprint_at(hit.uv_mm);
             if rng.unit() < sheet.gap(frame.frame_from_world(w_out), at) {
-                from = beyond(&hit);
+                from = hit.distance_mm + f64::from(margin_mm(&self.mesh));
                 continue;
             }
             stats.collisions += 1;
@@ -147,8 +153,8 @@ impl Draping {
                 at,
                 frame,
                 face_normal: hit.face_normal,
-                to_sheet_mm: hit.position_mm - ray.at(hit.distance_mm),
-                margin_mm: margin_mm(&hit),
+                to_sheet_mm: (hit.position_mm - ray.at(hit.distance_mm)).as_vec3(),
+                margin_mm: margin_mm(&self.mesh),
             };
             return Some(Collision::new(hit.distance_mm, AnySite::Sheet(site)));
         }
@@ -159,7 +165,7 @@ impl Draping {
         &self,
         sheet: &dyn Surface,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         stats: &mut Stats,
     ) -> f32 {
@@ -172,7 +178,7 @@ impl Draping {
             let frame = frame_toward(&hit, w_out);
             let at = tracking.detail.footprint_at(hit.uv_mm);
             product *= sheet.gap(frame.frame_from_world(w_out), at);
-            from = beyond(&hit);
+            from = hit.distance_mm + f64::from(margin_mm(&self.mesh));
         }
         product
     }
@@ -209,15 +215,14 @@ pub(crate) fn pass_through<M: Medium>(
     }
 }
 
-/// Room for rounding around a hit: positions are sums over corners in `f32`.
-fn margin_mm(hit: &MeshHit) -> f32 {
-    1e-6 + 8.0 * f32::EPSILON * hit.position_mm.abs().max_element()
+/// Room for rounding around a hit.
+fn margin_mm(mesh: &DrapedMesh) -> f32 {
+    1e-6 + 8.0 * mesh.rounding_mm()
 }
 
-/// Where a ray that passed a hit goes on, past what rounding may make a second
-/// one.
-fn beyond(hit: &MeshHit) -> f32 {
-    (hit.distance_mm * (1.0 + 4.0 * f32::EPSILON)).max(hit.distance_mm + margin_mm(hit))
+/// A ray with its direction in double precision.
+pub(crate) fn along(ray: &Ray) -> (DVec3, DVec3) {
+    (ray.origin, ray.direction.as_dvec3())
 }
 
 /// The fabric's frame where a ray comes along `-w_out`: with the face's own
@@ -242,8 +247,8 @@ fn frame_toward(hit: &MeshHit, w_out: Vec3) -> Frame {
 /// `ray` is the one in the world.
 fn enter(grid: &CellGrid, span: &ShellSpan, ray: &Ray) -> Option<LocalRay> {
     let bounds_mm = grid.bounds_mm();
-    let (low, high) = (bounds_mm.min.z, bounds_mm.max.z);
-    let (mut near, mut far) = (0.0f32, span.t1 - span.t0);
+    let (low, high) = (f64::from(bounds_mm.min.z), f64::from(bounds_mm.max.z));
+    let (mut near, mut far) = (0.0f64, span.t1 - span.t0);
     let (z, slope) = (span.cloth_mm.z, span.step.z);
     if slope == 0.0 {
         if z < low || z > high {
@@ -258,16 +263,16 @@ fn enter(grid: &CellGrid, span: &ShellSpan, ray: &Ray) -> Option<LocalRay> {
         return None;
     }
     let (dims, voxels_per_mm) = (grid.dims(), grid.voxels_per_mm());
-    let entry = (span.cloth_mm + near * span.step).as_dvec3();
+    let entry = span.cloth_mm + near * span.step;
     let mut local = (entry - bounds_mm.min.as_dvec3()) * voxels_per_mm.as_dvec3();
     local.x = local.x.rem_euclid(f64::from(dims.x));
     local.y = local.y.rem_euclid(f64::from(dims.y));
     Some(LocalRay {
         origin: local.as_vec3(),
-        step: span.step * voxels_per_mm,
+        step: span.step.as_vec3() * voxels_per_mm,
         direction: (span.world_from_cloth.transpose() * ray.direction).normalize(),
         t_entry: span.t0 + near,
-        length: far - near,
+        length: (far - near) as f32,
         left_yarn: ray.left_yarn,
     })
 }

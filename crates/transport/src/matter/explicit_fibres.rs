@@ -268,27 +268,27 @@ impl ExplicitFibres {
     }
 
     /// The first fibre that the ray enters before `limit` mm, and how far.
-    pub fn first_hit(&self, ray: &Ray, limit: f32, stats: &mut Stats) -> Option<(f32, FibreHit)> {
+    pub fn first_hit(&self, ray: &Ray, limit: f64, stats: &mut Stats) -> Option<(f64, FibreHit)> {
         let found = self.walk(ray, limit, false, &mut stats.tentative)?;
         stats.collisions += 1;
         Some((
-            found.distance_mm as f32,
+            found.distance_mm,
             self.describe(&found, ray.direction, ray.direction),
         ))
     }
 
     /// True when a fibre stands in the ray's way before `reach` mm.
-    pub fn blocks(&self, ray: &Ray, reach: f32, stats: &mut Stats) -> bool {
+    pub fn blocks(&self, ray: &Ray, reach: f64, stats: &mut Stats) -> bool {
         let tests = &mut stats.shadow_steps;
         self.walk(ray, reach, true, tests).is_some()
     }
 
     /// The nearest entry along a ray, or any.
-    pub(crate) fn walk(&self, ray: &Ray, limit: f32, any: bool, tests: &mut u64) -> Option<Found> {
+    pub(crate) fn walk(&self, ray: &Ray, limit: f64, any: bool, tests: &mut u64) -> Option<Found> {
         let clip = self.cell_grid.clip(ray, limit)?;
         let d = ray.direction.as_dvec3();
-        let t_entry = f64::from(clip.t_entry);
-        let p = ray.origin.as_dvec3() + t_entry * d - self.origin_mm;
+        let t_entry = clip.t_entry;
+        let p = ray.at(t_entry) - self.origin_mm;
         let length = f64::from(clip.length);
         // A ray that starts among fibres has left its own.
         let least = if t_entry > 0.0 { 0.0 } else { self.start_mm };

@@ -86,7 +86,7 @@ impl RayTarget for HybridFibres {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -98,7 +98,7 @@ impl RayTarget for HybridFibres {
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,

@@ -11,7 +11,7 @@ use crate::matter::ray_target::RayTarget;
 use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
-use organza_basis::{Frame, PathRng, Ray};
+use organza_basis::{Aabb, Frame, PathRng, Ray};
 use organza_scatter::Surface;
 use std::sync::Arc;
 
@@ -61,8 +61,11 @@ impl LevelledCloth {
         draping: Draping,
     ) -> Option<LevelledCloth> {
         // A flat mesh has a box without volume.
-        let bounds = draping.bounds_mm();
-        let bounds = bounds.grown(1e-4 * bounds.size().length());
+        let (low, high) = draping.bounds_mm();
+        let bounds = Aabb::new(low.as_vec3(), high.as_vec3());
+        let farthest_mm = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let rounding_mm = f32::EPSILON * farthest_mm;
+        let bounds = bounds.grown(1e-4 * bounds.size().length() + rounding_mm);
         let cell_grid = CellGrid::new(bounds, UVec3::ONE, false)?;
         let good = volumes.iter().all(|v| v.target().can_be_draped())
             && (volumes.is_empty() || draping.has_shell());
@@ -104,9 +107,8 @@ impl LevelledCloth {
         let beyond = match &self.draping {
             None => 0.0,
             Some(draping) => {
-                let at_box = (origin_mm + to_box * direction).as_vec3();
-                let ray = Ray::new(at_box, direction.as_vec3().normalize());
-                f64::from(draping.distance_mm(&ray)?)
+                let at_box = origin_mm + to_box * direction;
+                draping.distance_mm((at_box, direction))?
             }
         };
         Some(cone.width_at_mm(to_box + beyond))
@@ -116,14 +118,16 @@ impl LevelledCloth {
         self.volumes.get(self.steps.choose(detail))
     }
 
-    fn sheet_z_mm(&self) -> f32 {
-        self.cell_grid.bounds_mm().centre().z
+    fn sheet_z_mm(&self) -> f64 {
+        f64::from(self.cell_grid.bounds_mm().centre().z)
     }
 
-    fn sheet_distance_mm(&self, ray: &Ray) -> Option<f32> {
-        let t = (self.sheet_z_mm() - ray.origin.z) / ray.direction.z;
+    fn sheet_distance_mm(&self, ray: &Ray) -> Option<f64> {
+        let t = (self.sheet_z_mm() - ray.origin.z) / f64::from(ray.direction.z);
         // A ray in the plane of the sheet meets its edge at most: nothing.
-        (t > 0.0 && t.is_finite() && self.cell_grid.reach_mm().contains(ray.at(t))).then_some(t)
+        let reach_mm = self.cell_grid.reach_mm();
+        let is_met = t > 0.0 && t.is_finite() && reach_mm.contains(ray.at(t).as_vec3());
+        is_met.then_some(t)
     }
 }
 
@@ -156,7 +160,7 @@ impl RayTarget for LevelledCloth {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -177,7 +181,7 @@ impl RayTarget for LevelledCloth {
         let t = self.sheet_distance_mm(ray).filter(|&t| t < limit)?;
         stats.tentative += 1;
         let at = ray.at(t);
-        let footprint = tracking.detail.footprint_at(at.truncate());
+        let footprint = tracking.detail.footprint_at(at.truncate().as_vec2());
         if rng.unit() < sheet.gap(-ray.direction, footprint) {
             return None;
         }
@@ -191,8 +195,8 @@ impl RayTarget for LevelledCloth {
                 n: Vec3::Z,
             },
             face_normal: Vec3::Z,
-            to_sheet_mm: Vec3::new(0.0, 0.0, self.sheet_z_mm() - at.z),
-            margin_mm: 1e-6 + 4.0 * f32::EPSILON * self.sheet_z_mm().abs(),
+            to_sheet_mm: Vec3::new(0.0, 0.0, (self.sheet_z_mm() - at.z) as f32),
+            margin_mm: 1e-6 + 4.0 * f32::EPSILON * self.sheet_z_mm().abs() as f32,
         };
         Some(Collision::new(t, AnySite::Sheet(site)))
     }
@@ -200,7 +204,7 @@ impl RayTarget for LevelledCloth {
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -220,7 +224,8 @@ impl RayTarget for LevelledCloth {
             }
             (Some(sheet), None, Some(t)) if t < reach => {
                 stats.shadow_steps += 1;
-                let at = tracking.detail.footprint_at(ray.at(t).truncate());
+                let at = ray.at(t).truncate().as_vec2();
+                let at = tracking.detail.footprint_at(at);
                 sheet.gap(-ray.direction, at)
             }
             _ => 1.0,

@@ -123,7 +123,7 @@ fn look_around(
         let normal = FibreFrame::new(tangent, w).across(PI + aside);
         let reach = to_face_mm(point - origin_mm, w, voxel_mm);
         let ray = Ray::new(point + radius_mm * normal, w);
-        let free = !fibres.blocks(&ray, reach, &mut crate::Stats::default());
+        let free = !fibres.blocks(&ray, f64::from(reach), &mut crate::Stats::default());
         (from_world * w, free)
     }))
 }

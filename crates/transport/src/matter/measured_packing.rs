@@ -71,7 +71,7 @@ impl Default for PackingStudy {
 struct Flight {
     ray: Ray,
     /// Infinite of one that leaves the cloth.
-    length_mm: f32,
+    length_mm: f64,
     /// Part of the light that the walk carries.
     weight: f32,
     /// Material and yarn of the fibre that ends it.
@@ -155,11 +155,11 @@ fn walk(fibres: &ExplicitFibres, on_face: bool, rng: &mut PathRng) -> Vec<Flight
     let (mut flights, mut stats) = (Vec::new(), Stats::default());
     let mut throughput = Rgb::WHITE;
     for _ in 0..MAX_EVENTS {
-        let hit = fibres.first_hit(&ray, f32::INFINITY, &mut stats);
+        let hit = fibres.first_hit(&ray, f64::INFINITY, &mut stats);
         let yarn_of = |hit| fibres.info(hit).yarn.unwrap_or_default();
         flights.push(Flight {
             ray,
-            length_mm: hit.as_ref().map_or(f32::INFINITY, |h| h.0),
+            length_mm: hit.as_ref().map_or(f64::INFINITY, |h| h.0),
             weight: throughput.mean(),
             met: hit.as_ref().map(|h| (fibres.material(&h.1), yarn_of(&h.1))),
         });
@@ -175,7 +175,7 @@ fn walk(fibres: &ExplicitFibres, on_face: bool, rng: &mut PathRng) -> Vec<Flight
         };
         throughput = carried;
         let exit_mm = fibres.exit_mm(&hit, w_out, scatter.w_in, rng);
-        let start = ray.at(distance_mm) + exit_mm;
+        let start = ray.at(distance_mm) + exit_mm.as_dvec3();
         ray = Ray::new(start, scatter.w_in).leaving(Some(yarn_of(&hit)));
     }
     flights

@@ -21,8 +21,8 @@ pub struct Plane {
 }
 
 /// A ray that starts on the plane is moved off by this part of its greatest
-/// coordinate: several roundings, and far below a fibre.
-const LIFT: f32 = 2e-6;
+/// coordinate: many roundings, and far below a fibre.
+const LIFT: f64 = 1e-12;
 
 impl Plane {
     /// A plane through a point. `None` unless point and normal are finite, the
@@ -65,8 +65,8 @@ impl Plane {
         if t > 0.0 { t } else { f64::INFINITY }
     }
 
-    fn hit(&self, ray: &Ray, limit: f32) -> Option<f32> {
-        let t = self.distance_mm(ray.origin.as_dvec3(), ray.direction.as_dvec3()) as f32;
+    fn hit(&self, ray: &Ray, limit: f64) -> Option<f64> {
+        let t = self.distance_mm(ray.origin, ray.direction.as_dvec3());
         (t < limit).then_some(t)
     }
 
@@ -80,8 +80,8 @@ impl Plane {
     }
 
     /// How far above the plane a ray starts at a point, on the side of `w_in`.
-    fn lift_mm(&self, at: Vec3, w_in: Vec3) -> Vec3 {
-        let off = LIFT * at.abs().max_element().max(1.0);
+    fn lift_mm(&self, at: DVec3, w_in: Vec3) -> Vec3 {
+        let off = (LIFT * at.abs().max_element().max(1.0)) as f32;
         off * w_in.dot(self.normal).signum() * self.normal
     }
 
@@ -130,7 +130,7 @@ impl RayTarget for Plane {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         _stats: &mut Stats,
@@ -146,7 +146,7 @@ impl RayTarget for Plane {
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         _stats: &mut Stats,
@@ -158,7 +158,7 @@ impl RayTarget for Plane {
 /// Where a plane is hit.
 pub(crate) struct PlaneSite<'a> {
     plane: &'a Plane,
-    at: Vec3,
+    at: DVec3,
 }
 
 impl Site for PlaneSite<'_> {

@@ -166,34 +166,34 @@ impl RayTarget for Plies {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         _tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let mut gone = 0.0;
+        let mut gone = 0.0f64;
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);
             let found = self
                 .curves
                 .walk(&from, limit - gone, false, &mut stats.tentative)?;
             let entry = found.entry(&self.curves);
-            gone += found.distance_mm as f32;
+            gone += found.distance_mm;
             let Some((ply, place)) = self.of(&entry) else {
                 let site = self.single(&found, ray.direction, ray.direction);
                 stats.collisions += 1;
                 return Some(Collision::new(gone, site));
             };
             if let Some(t) = ply.first_fibre(&place, ray.direction, rng) {
-                if gone + t > limit {
+                if gone + f64::from(t) > limit {
                     return None;
                 }
                 stats.collisions += 1;
                 let d = ray.direction;
                 let site = entry_site(ply, &place, &entry, t, [d, d], rng);
-                return Some(Collision::new(gone + t, site));
+                return Some(Collision::new(gone + f64::from(t), site));
             }
-            gone += STEP_RADII * entry.radius_mm;
+            gone += f64::from(STEP_RADII * entry.radius_mm);
         }
         None
     }
@@ -201,12 +201,12 @@ impl RayTarget for Plies {
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         stats: &mut Stats,
     ) -> f32 {
-        let (mut gone, mut left) = (0.0, 1.0);
+        let (mut gone, mut left) = (0.0f64, 1.0);
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);
             let tests = &mut stats.shadow_steps;
@@ -221,7 +221,7 @@ impl RayTarget for Plies {
             if left < DARK {
                 return 0.0;
             }
-            gone += found.distance_mm as f32 + STEP_RADII * entry.radius_mm;
+            gone += found.distance_mm + f64::from(STEP_RADII * entry.radius_mm);
         }
         0.0
     }
@@ -238,12 +238,12 @@ impl RayTarget for Plies {
         &self,
         over: &Draping,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         _tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let mut gone = 0.0;
+        let mut gone = 0.0f64;
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);
             let (t, found, span) = self
@@ -251,7 +251,7 @@ impl RayTarget for Plies {
                 .nearest_draped(over, &from, limit - gone, stats)?;
             let entry = found.entry(&self.curves);
             let cloth_per_world = span.step.length();
-            let way = span.step / cloth_per_world;
+            let way = (span.step / cloth_per_world).as_vec3();
             gone += t;
             let light = (span.world_from_cloth.transpose() * ray.direction).normalize();
             let (turn, stretch) = (span.world_from_cloth, span.stretch);
@@ -261,7 +261,7 @@ impl RayTarget for Plies {
                 return Some(Collision::stretched(gone, site, turn, stretch));
             };
             if let Some(inside) = ply.first_fibre(&place, way, rng) {
-                let at = gone + inside / cloth_per_world;
+                let at = gone + f64::from(inside) / cloth_per_world;
                 if at > limit {
                     return None;
                 }
@@ -269,7 +269,7 @@ impl RayTarget for Plies {
                 let site = entry_site(ply, &place, &entry, inside, [way, light], rng);
                 return Some(Collision::stretched(at, site, turn, stretch));
             }
-            gone += STEP_RADII * entry.radius_mm / cloth_per_world;
+            gone += f64::from(STEP_RADII * entry.radius_mm) / cloth_per_world;
         }
         None
     }
@@ -278,12 +278,12 @@ impl RayTarget for Plies {
         &self,
         over: &Draping,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         stats: &mut Stats,
     ) -> f32 {
-        let (mut gone, mut left) = (0.0, 1.0);
+        let (mut gone, mut left) = (0.0f64, 1.0);
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);
             let Some((t, found, span)) =
@@ -296,11 +296,12 @@ impl RayTarget for Plies {
             let Some((ply, place)) = self.of(&entry) else {
                 return 0.0;
             };
-            left *= ply.transmittance(&place, span.step / cloth_per_world);
+            let way = (span.step / cloth_per_world).as_vec3();
+            left *= ply.transmittance(&place, way);
             if left < DARK {
                 return 0.0;
             }
-            gone += t + STEP_RADII * entry.radius_mm / cloth_per_world;
+            gone += t + f64::from(STEP_RADII * entry.radius_mm) / cloth_per_world;
         }
         0.0
     }

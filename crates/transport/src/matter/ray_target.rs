@@ -25,7 +25,7 @@ pub(crate) trait RayTarget: Sync {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -35,7 +35,7 @@ pub(crate) trait RayTarget: Sync {
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -57,7 +57,7 @@ pub(crate) trait RayTarget: Sync {
         &self,
         _over: &Draping,
         _ray: &Ray,
-        _limit: f32,
+        _limit: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         _stats: &mut Stats,
@@ -70,7 +70,7 @@ pub(crate) trait RayTarget: Sync {
         &self,
         _over: &Draping,
         _ray: &Ray,
-        _reach: f32,
+        _reach: f64,
         _tracking: Tracking,
         _rng: &mut PathRng,
         _stats: &mut Stats,
@@ -112,20 +112,21 @@ impl<M: SceneMedium> RayTarget for M {
     fn collide(
         &self,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
         let local = Medium::cell_grid(self).clip(ray, limit)?;
         let (t, site) = find(self, &local, tracking.integrator, rng, stats)?;
-        Some(Collision::new(local.t_entry + t, located(self, site)))
+        let t = local.t_entry + f64::from(t);
+        Some(Collision::new(t, located(self, site)))
     }
 
     fn pass(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -144,7 +145,7 @@ impl<M: SceneMedium> RayTarget for M {
         &self,
         over: &Draping,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,
@@ -157,7 +158,7 @@ impl<M: SceneMedium> RayTarget for M {
         &self,
         over: &Draping,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,

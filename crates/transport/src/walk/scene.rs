@@ -29,7 +29,7 @@ impl Scene {
     ) -> Option<Collision<'_>> {
         let mut nearest: Option<Collision<'_>> = None;
         for medium in &self.media {
-            let limit = nearest.as_ref().map_or(f32::INFINITY, |c| c.t);
+            let limit = nearest.as_ref().map_or(f64::INFINITY, |c| c.t);
             nearest = medium
                 .target()
                 .collide(ray, limit, tracking, rng, stats)
@@ -53,7 +53,7 @@ impl Scene {
     pub fn transmittance(
         &self,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         tracking: Tracking,
         rng: &mut PathRng,
         stats: &mut Stats,

@@ -57,11 +57,10 @@ pub fn trace_from(
     let mut tracking = tracking.into();
     let max_bounces = max_bounces.min(MAX_EVENTS);
     stats.paths += 1;
-    // The path goes on in f32 from a point near what it meets first, so that a
-    // far camera costs no precision.
+    // The path starts near what it meets first, so that a far camera costs no precision.
     let start_mm = scene.near_start(lights, origin_mm, direction);
     let mut ray = Ray::new(
-        (origin_mm + start_mm * direction).as_vec3(),
+        origin_mm + start_mm * direction,
         direction.as_vec3().normalize(),
     );
     let mut sample = PathSample {
@@ -73,15 +72,15 @@ pub fn trace_from(
     };
     let mut throughput = Rgb::WHITE;
     // Where the ray's direction was drawn, and how densely; none by a camera.
-    let mut drawn: Option<(Vec3, f32)> = None;
+    let mut drawn: Option<(DVec3, f32)> = None;
     let mut events_in_place = 0;
     loop {
         let collision = scene.first_collision(&ray, tracking, rng, stats);
-        let reach = collision.as_ref().map_or(f32::INFINITY, |c| c.t);
+        let reach = collision.as_ref().map_or(f64::INFINITY, |c| c.t);
         for light in lights {
             if light.distance_along(&ray).is_some_and(|t| t <= reach) {
                 let share = drawn.map_or(1.0, |(from, pdf)| {
-                    light.walk_share(from, ray.direction, pdf)
+                    light.walk_share(from.as_vec3(), ray.direction, pdf)
                 });
                 sample.radiance += share * throughput * light.radiance_toward(ray.direction);
             }
@@ -98,11 +97,11 @@ pub fn trace_from(
         if sample.bounces == 0 {
             sample.first = collision.info().map(|info| FirstEvent {
                 info,
-                depth_mm: start_mm + f64::from(collision.t),
+                depth_mm: start_mm + collision.t,
             });
         }
         let at = ray.at(collision.t);
-        let is_in_place = drawn.is_some_and(|(from, _)| from == at);
+        let is_in_place = drawn.is_some_and(|(from, _)| from.as_vec3() == at.as_vec3());
         events_in_place = if is_in_place { events_in_place + 1 } else { 0 };
         if sample.bounces == max_bounces || events_in_place == MAX_EVENTS_IN_PLACE {
             stats.cut += 1;
@@ -138,7 +137,7 @@ pub fn trace_from(
 
 /// A scattering event of a walk.
 struct Event<'a> {
-    at: Vec3,
+    at: DVec3,
     w_out: Vec3,
     throughput: Rgb,
     collision: &'a Collision<'a>,
@@ -147,8 +146,8 @@ struct Event<'a> {
 
 impl Event<'_> {
     /// Where a ray toward `w_in` starts.
-    fn start(&self, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        self.at + self.collision.exit_mm(self.w_out, w_in, rng)
+    fn start(&self, w_in: Vec3, rng: &mut PathRng) -> DVec3 {
+        self.at + self.collision.exit_mm(self.w_out, w_in, rng).as_dvec3()
     }
 
     /// What a shadow ray to a light adds to the path.
@@ -160,7 +159,7 @@ impl Event<'_> {
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Rgb {
-        let Some(toward) = light.sample_toward(self.at, rng) else {
+        let Some(toward) = light.sample_toward(self.at.as_vec3(), rng) else {
             return Rgb::BLACK;
         };
         let w_in = toward.w_in;
@@ -185,7 +184,7 @@ impl Event<'_> {
             None
         };
         let (visible, start) = match local {
-            Some((visible, skip_mm)) => (visible, self.at + skip_mm * w_in),
+            Some((visible, skip_mm)) => (visible, self.at + f64::from(skip_mm) * w_in.as_dvec3()),
             None => (1.0, self.start(w_in, rng)),
         };
         let shadow = Ray::new(start, w_in).leaving(self.collision.yarn());

@@ -184,7 +184,7 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
                 let on = Ray::new(at, drawn.w_in);
                 let next =
                     scene.first_collision(&on, Integrator::Woodcock.into(), &mut rng, &mut stats);
-                let reach = next.map_or(f32::INFINITY, |c| c.t);
+                let reach = next.map_or(f64::INFINITY, |c| c.t);
                 if light.distance_along(&on).is_some_and(|t| t <= reach) {
                     let light_pdf = light.pdf_toward(at, on.direction);
                     let share = shares(light_pdf, drawn.pdf).1;

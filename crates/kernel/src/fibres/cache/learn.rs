@@ -139,8 +139,8 @@ fn light_change_mm(scene: &FibreScene, place: DVec3) -> Option<f64> {
                 let drawn = (0..64).filter_map(|_| light.sample_toward(from, &mut rng));
                 let rays = drawn.map(|d| organza_basis::Ray::new(from, d.w_in));
                 let all = rays.filter_map(|ray| light.distance_along(&ray));
-                let near = all.fold(f32::INFINITY, f32::min);
-                near.is_finite().then_some(LAMP_CHANGE * f64::from(near))
+                let near = all.fold(f64::INFINITY, f64::min);
+                near.is_finite().then_some(LAMP_CHANGE * near)
             }
             _ => None,
         }

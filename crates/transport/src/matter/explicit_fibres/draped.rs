@@ -9,19 +9,19 @@
 
 use super::{ExplicitFibres, FibreHit, Found};
 use crate::Stats;
-use crate::matter::draping::Draping;
-use glam::Mat3;
+use crate::matter::draping::{Draping, along};
+use glam::{DVec3, Mat3};
 use organza_basis::Ray;
 use organza_mesh::ShellSpan;
 
 /// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
 /// of the places there: what is met at a face belongs to one of its sides at least.
-const FACE_ROUNDINGS: f32 = 16.0;
+const FACE_ROUNDINGS: f64 = 16.0;
 
 /// A hit in a shell, and the maps of its tetrahedron.
 pub(crate) struct DrapedHit {
     /// Along the ray, mm of the world.
-    pub distance_mm: f32,
+    pub distance_mm: f64,
     /// The hit, in the directions and places of the cloth.
     pub hit: FibreHit,
     /// Turns directions of the cloth to the world.
@@ -36,13 +36,13 @@ impl ExplicitFibres {
         &self,
         over: &Draping,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         stats: &mut Stats,
     ) -> Option<DrapedHit> {
         let (reach, found, span) = self.nearest_draped(over, ray, limit, stats)?;
         stats.collisions += 1;
         let light_direction = span.world_from_cloth.transpose() * ray.direction;
-        let direction = span.step.normalize();
+        let direction = span.step.normalize().as_vec3();
         Some(DrapedHit {
             distance_mm: reach,
             hit: self.describe(&found, direction, light_direction.normalize()),
@@ -57,13 +57,13 @@ impl ExplicitFibres {
         &self,
         over: &Draping,
         ray: &Ray,
-        limit: f32,
+        limit: f64,
         stats: &mut Stats,
-    ) -> Option<(f32, Found, ShellSpan)> {
+    ) -> Option<(f64, Found, ShellSpan)> {
         let mut nearest = None;
         let mut reach = limit;
-        over.shell()?.visit_spans(ray, limit, |span| {
-            if let Some((t, found)) = self.in_span(span, ray, false, &mut stats.tentative)
+        over.shell()?.visit_spans(along(ray), limit, |span| {
+            if let Some((t, found)) = self.in_span(span, ray.origin, false, &mut stats.tentative)
                 && t < reach
             {
                 reach = t;
@@ -79,15 +79,15 @@ impl ExplicitFibres {
         &self,
         over: &Draping,
         ray: &Ray,
-        reach: f32,
+        reach: f64,
         stats: &mut Stats,
     ) -> bool {
         let Some(shell) = over.shell() else {
             return false;
         };
         let mut is_blocked = false;
-        shell.visit_spans(ray, reach, |span| {
-            let found = self.in_span(span, ray, true, &mut stats.shadow_steps);
+        shell.visit_spans(along(ray), reach, |span| {
+            let found = self.in_span(span, ray.origin, true, &mut stats.shadow_steps);
             is_blocked |= found.is_some_and(|(t, _)| t < reach);
             if is_blocked { 0.0 } else { reach }
         });
@@ -98,30 +98,24 @@ impl ExplicitFibres {
     fn in_span(
         &self,
         span: &ShellSpan,
-        ray: &Ray,
+        origin: DVec3,
         any: bool,
         tests: &mut u64,
-    ) -> Option<(f32, Found)> {
-        let cloth_per_world = f64::from(span.step.length());
-        let d = span.step.as_dvec3() / cloth_per_world;
+    ) -> Option<(f64, Found)> {
+        let cloth_per_world = span.step.length();
+        let d = span.step / cloth_per_world;
         if !d.is_finite() {
             return None;
         }
-        let place_mm = span.cloth_mm.abs().max_element();
-        let world_mm = ray.at(span.t1).abs().max(ray.origin.abs()).max_element();
-        let rounding_mm = f64::from(f32::EPSILON * (place_mm + world_mm));
-        let slack_mm = f64::from(FACE_ROUNDINGS) * rounding_mm;
+        let places_mm = (span.cloth_mm.abs() + origin.abs()).max_element() + span.t1;
+        let slack_mm = FACE_ROUNDINGS * f64::EPSILON * places_mm;
         // A ray that starts among fibres has left its own.
-        let from_mm = if span.t0 > 0.0 {
-            -slack_mm
-        } else {
-            self.start_mm.max(slack_mm)
-        };
-        let length_mm = f64::from(span.t1 - span.t0) * cloth_per_world;
-        let p = span.cloth_mm.as_dvec3() - self.origin_mm;
+        let from_mm = (self.start_mm - span.t0 * cloth_per_world).max(-slack_mm);
+        let length_mm = (span.t1 - span.t0) * cloth_per_world;
+        let p = span.cloth_mm - self.origin_mm;
         let ends = (from_mm, length_mm + slack_mm);
         let found = self.walk_copies(p, d, ends, any, tests)?;
-        let t = f64::from(span.t0) + found.distance_mm / cloth_per_world;
-        Some(((t as f32).max(0.0), found))
+        let t = span.t0 + found.distance_mm / cloth_per_world;
+        Some((t.max(0.0), found))
     }
 }

@@ -189,26 +189,26 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
         let (mut hits, mut stats) = (0, Stats::default());
         for (i, mut ray) in rays(12, 480, box_mm).enumerate() {
             let middle = box_mm.centre();
-            let o = ray.origin.as_dvec3();
+            let o = ray.origin;
             let least = if traced
                 .cell_grid
-                .clip(&ray, f32::INFINITY)
+                .clip(&ray, f64::INFINITY)
                 .is_some_and(|c| c.t_entry == 0.0)
             {
                 traced.start_mm
             } else {
                 0.0
             };
-            let limit = 2.0f64 + (ray.origin - middle).length() as f64;
+            let limit = 2.0 + (ray.origin - middle.as_dvec3()).length();
             let d = ray.direction.as_dvec3();
             let nearest = all
                 .iter()
                 .filter_map(|p| p.entry(o, d, least, limit))
                 .reduce(f64::min);
-            let got = traced.first_hit(&ray, limit as f32, &mut stats);
-            let ahead = nearest.map(|t| ray.at(t as f32));
+            let got = traced.first_hit(&ray, limit, &mut stats);
+            let ahead = nearest.map(|t| ray.at(t));
             // Copies beyond those listed are not looked at.
-            let far = |p: Vec3| (p - middle).abs().max_element() > 0.6;
+            let far = |p: DVec3| (p - middle.as_dvec3()).abs().max_element() > 0.6;
             let met = got.map(|(t, _)| ray.at(t));
             if repeats && (ahead.is_some_and(far) || met.is_some_and(far)) {
                 continue;
@@ -216,16 +216,13 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
             match (nearest, got) {
                 (Some(t), Some((t_got, _))) => {
                     let slack = 1e-6 + 1e-6 * t;
-                    assert!(
-                        (f64::from(t_got) - t).abs() < slack,
-                        "seed 12, {i}: {t} {t_got}"
-                    );
+                    assert!((t_got - t).abs() < slack, "seed 12, {i}: {t} {t_got}");
                     hits += 1;
-                    assert!(traced.blocks(&ray, f32::INFINITY, &mut stats));
+                    assert!(traced.blocks(&ray, f64::INFINITY, &mut stats));
                     // From inside the slab, a far origin moved by periods.
                     ray.origin.x += 3.0 * 0.4;
                     assert_eq!(
-                        traced.blocks(&ray, f32::INFINITY, &mut stats),
+                        traced.blocks(&ray, f64::INFINITY, &mut stats),
                         repeats || hit_again(&all, &ray)
                     );
                 }
@@ -239,7 +236,7 @@ fn the_walk_finds_what_a_look_at_everything_finds() {
 }
 
 fn hit_again(all: &[FibrePiece], ray: &Ray) -> bool {
-    let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (o, d) = (ray.origin, ray.direction.as_dvec3());
     all.iter()
         .any(|p| p.entry(o, d, 8e-6, f64::INFINITY).is_some())
 }
@@ -268,14 +265,14 @@ fn fibres_are_closed_from_outside_and_open_from_inside() {
             continue;
         }
         let (t, _) = traced
-            .first_hit(&Ray::new(out, d), f32::INFINITY, &mut stats)
+            .first_hit(&Ray::new(out, d), f64::INFINITY, &mut stats)
             .unwrap_or_else(|| panic!("seed 13, {i}: missed {axis} along {d}"));
-        assert!(t <= 0.05 - 0.9 * RADIUS_MM, "seed 13, {i}: {t}");
+        assert!(t <= f64::from(0.05 - 0.9 * RADIUS_MM), "seed 13, {i}: {t}");
         let mut along = traced.curves.tangent(piece, share);
         along = (along + 0.1 * d).normalize();
         let inside = Ray::new(axis, along);
         let reach = 0.7 * RADIUS_MM / 0.1;
-        let wall = traced.first_hit(&inside, reach, &mut stats);
+        let wall = traced.first_hit(&inside, f64::from(reach), &mut stats);
         assert!(wall.is_none(), "seed 13, {i}: {wall:?}");
     }
 }
@@ -295,7 +292,7 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
         let h = k as f32 / 20.0;
         let d = Vec3::new(0.6, 0.0, -0.8);
         let ray = Ray::new(Vec3::new(-0.4, 0.1 * h, 0.5), d);
-        let (t, hit) = traced.first_hit(&ray, f32::INFINITY, &mut stats).unwrap();
+        let (t, hit) = traced.first_hit(&ray, f64::INFINITY, &mut stats).unwrap();
         let frame = FibreFrame::new(hit.tangent, -d);
         // t x d is the side that offsets count toward.
         let side = Vec3::Y.dot(frame.side);
@@ -307,11 +304,11 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
         let mut rng = PathRng::from_seed(14);
         for _ in 0..50 {
             let w_in = warp::uniform_sphere(rng.unit2());
-            let exit = ray.at(t) + traced.exit_mm(&hit, -d, w_in, &mut rng);
+            let exit = ray.at(t).as_vec3() + traced.exit_mm(&hit, -d, w_in, &mut rng);
             let rho = exit.yz();
             assert!((rho.length() - 0.1).abs() < 4.0 * f32::EPSILON, "{exit}");
             assert!(rho.dot(w_in.yz()) > -1e-5, "{exit} {w_in}");
-            let again = traced.first_hit(&Ray::new(exit, w_in), f32::INFINITY, &mut stats);
+            let again = traced.first_hit(&Ray::new(exit, w_in), f64::INFINITY, &mut stats);
             assert!(again.is_none(), "seed 14: {exit} {w_in}");
         }
     }

@@ -139,10 +139,10 @@ fn lattice_factor(start: Start, seed: u64) -> PackingFactor {
             }
         };
         let ray = Ray::new(from, w).leaving(Some(0));
-        let hit = fibres.first_hit(&ray, f32::INFINITY, &mut Stats::default());
+        let hit = fibres.first_hit(&ray, f64::INFINITY, &mut Stats::default());
         let flight = Flight {
             ray,
-            length_mm: hit.as_ref().map_or(f32::INFINITY, |h| h.0),
+            length_mm: hit.as_ref().map_or(f64::INFINITY, |h| h.0),
             weight: 1.0,
             met: hit.map(|_| (0, 0)),
         };

@@ -114,7 +114,7 @@ fn split(target: &dyn RayTarget, theta_deg: f32, seed: u64, paths: u64) -> [Vec3
         let mut weight = Vec3::ONE;
         for _ in 0..4000 {
             let tracking = Tracking::from(Integrator::Woodcock);
-            let Some(met) = target.collide(&ray, f32::INFINITY, tracking, &mut rng, &mut stats)
+            let Some(met) = target.collide(&ray, f64::INFINITY, tracking, &mut rng, &mut stats)
             else {
                 sums[usize::from(ray.direction.z < 0.0)] += weight / paths as f32;
                 break;
@@ -195,8 +195,8 @@ fn what_passes_is_what_shadow_rays_are_told() {
         };
         let ray = Ray::new(Vec3::new(x, 0.8 * rng.unit(), 0.0) - 0.4 * d, d);
         let tracking = Tracking::from(Integrator::Woodcock);
-        sums[0] += f64::from(plies.pass(&ray, f32::INFINITY, tracking, &mut rng, &mut stats));
-        let met = plies.collide(&ray, f32::INFINITY, tracking, &mut rng, &mut stats);
+        sums[0] += f64::from(plies.pass(&ray, f64::INFINITY, tracking, &mut rng, &mut stats));
+        let met = plies.collide(&ray, f64::INFINITY, tracking, &mut rng, &mut stats);
         sums[1] += f64::from(u8::from(met.is_none()));
     }
     let [told, passed] = sums.map(|s| s / n as f64);
@@ -223,7 +223,7 @@ fn copies_of_the_tile_are_alike() {
             plies
                 .collide(
                     &ray,
-                    f32::INFINITY,
+                    f64::INFINITY,
                     Tracking::from(Integrator::Woodcock),
                     &mut rng,
                     &mut stats,
