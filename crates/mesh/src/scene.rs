@@ -237,6 +237,9 @@ impl DrapedMesh {
 
 /// Distance along a ray to a box; zero from inside, infinite for a miss.
 pub(crate) fn distance_to_box(origin: DVec3, direction: DVec3, (low, high): (DVec3, DVec3)) -> f64 {
+    if origin.cmpge(low).all() && origin.cmple(high).all() {
+        return 0.0;
+    }
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
         let (o, d) = (origin[axis], direction[axis]);

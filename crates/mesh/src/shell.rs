@@ -137,6 +137,9 @@ impl Tetrahedron {
             } else if w < 0.0 {
                 return None;
             }
+            if t0 >= t1 {
+                return None;
+            }
         }
         (t0 < t1).then(|| {
             let step = self.cloth_from_world * direction;
