@@ -31,7 +31,7 @@ pub mod warp;
 pub use aabb::Aabb;
 pub use alias_table::AliasTable;
 pub use budget::{Budget, OverBudget};
-pub use cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
+pub use cell_grid::{CellGrid, CellSpan, Cells, LocalRay, MAX_PERIODS};
 pub use curve::{Segment, SegmentSource, Tile};
 pub use frame::Frame;
 pub use mixture::{FibrePopulation, MAX_POPULATIONS, MergedFlakes, Mixture};

@@ -9,11 +9,7 @@ use super::matter::FibreMatter;
 use crate::cpu::lanes::Floats;
 use crate::cpu::math::V3;
 use glam::{IVec2, IVec3, Vec3};
-
-/// Copies of the tile, in each direction, that a ray may pass without meeting a
-/// fibre: one exactly in the plane of the cloth, beside all fibres, would go on
-/// without end.
-const MAX_TILES: u32 = 4096;
+use organza_basis::MAX_PERIODS;
 
 /// Directions have no smaller component than this, so that dividing by it gives
 /// a number.
@@ -138,7 +134,7 @@ impl CellRay {
             min_mm,
             cell: cell.to_array(),
             period: period.to_array(),
-            cells_left: sum.saturating_mul(MAX_TILES),
+            cells_left: sum.saturating_mul(MAX_PERIODS),
             body: 0,
         })
     }

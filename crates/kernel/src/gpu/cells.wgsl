@@ -11,8 +11,8 @@ const PIECE_WORDS: u32 = 10u;
 const HULL_WORDS: u32 = 15u;
 const JOINT_WORDS: u32 = 8u;
 const CUT: u32 = 0x80000000u;
-// Copies of the tile that a ray may pass without meeting a fibre.
-const MAX_TILES: u32 = 4096u;
+// Copies of the tile that a ray may pass without meeting a fibre: MAX_PERIODS.
+const MAX_TILES: u32 = 256u;
 
 const ONWARD: u32 = 0u;
 const HIT: u32 = 1u;

@@ -43,6 +43,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     numbers.three("voxel_mm", grid.voxel_mm());
     numbers.number("scale_per_mm", medium.scale_per_mm);
     numbers.three("voxels_per_length", scene.voxels_per_length);
+    numbers.number("least_rise", scene.least_rise);
     let borders = scene.borders;
     numbers.two("border_low", borders.map(|b| b.low).unwrap_or_default());
     numbers.two("border_high", borders.map(|b| b.high).unwrap_or_default());

@@ -128,7 +128,8 @@ fn way_out(half: f32, at: f32, per_step: f32) -> f32 {
 // One flight to a tentative collision, and the look-up there.
 fn fly() {
     let u = units();
-    let step = path.direction * voxels_per_length();
+    var step = path.direction * voxels_per_length();
+    step.z = select(1.0, -1.0, step.z < 0.0) * max(abs(step.z), least_rise());
     let per_step = inverse_of_step(step);
 
     // At the bound to the border of what the voxel reaches, then at the greatest there is.

@@ -132,7 +132,7 @@ impl FibreVolume {
             period: period.to_array(),
             direction: departure.direction.to_array(),
             gone_mm,
-            end_mm: departure.end_mm,
+            end_mm: departure.end_mm.min(gone_mm + grid.most_mm() as f32),
             offset: 0.0,
             left_yarn: departure.left_yarn,
             rng: departure.rng,

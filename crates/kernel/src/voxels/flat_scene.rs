@@ -86,6 +86,9 @@ pub struct FlatScene {
     pub(crate) fibres: FibreTables,
     /// For lengths in units of one over the medium's scale.
     pub(crate) voxels_per_length: Vec3,
+    /// Rays rise or fall by so many voxels in a unit of length at least, so that all leave
+    /// endless matter: see [`MAX_PERIODS`].
+    pub(crate) least_rise: f32,
     pub(crate) nodes: Nodes,
     /// Parallel lights, then panels.
     pub(crate) lights: Vec<OpticalDepthTable>,
@@ -153,12 +156,16 @@ impl FlatScene {
             .collect();
         let brightness = Brightness::of(brightest(&groups, &skies));
         let environment = groups.environment;
+        let voxels_per_length = 1.0 / (cell_grid.voxel_mm() * medium.scale_per_mm);
+        let longest = cell_grid.most_mm() * f64::from(medium.scale_per_mm);
+        let least_rise = (f64::from(cell_grid.dims().z) / longest) as f32;
         let mut lights = optical_depth_tables(groups.direct, extinctions, &medium, nodes);
         Ok(FlatScene {
             depths: optical_depth_table::side_by_side(&mut lights),
             lights,
             nodes,
-            voxels_per_length: 1.0 / (cell_grid.voxel_mm() * medium.scale_per_mm),
+            voxels_per_length,
+            least_rise,
             medium,
             fibres,
             environment,

@@ -4,9 +4,6 @@ use super::blocks::Blocks;
 use glam::{IVec2, IVec3, Vec3};
 use organza_basis::CellGrid;
 
-/// A ray along an endless slab without matter in its way has to end some time.
-const MAX_STEPS: u64 = 1 << 20;
-
 /// The way of light to a place.
 pub struct ShadowRay<'a> {
     pub cell_grid: &'a CellGrid,
@@ -55,14 +52,15 @@ impl ShadowRay<'_> {
         let mut crossing = self.blocks.map_or(IVec2::ZERO, |(_, crossing)| crossing);
         let mut first = base(crossing);
         let turn = IVec2::new(if forth.x { 1 } else { -1 }, if forth.y { 1 } else { -1 });
+        let reach_mm = self.reach_mm.min(self.cell_grid.most_mm() as f32);
         let stop = self.sure_depth - (1.0 - self.chance).ln();
         let (mut at_mm, mut depth, mut steps) = (0.0f32, 0.0f32, 0);
         while let Some(extinction) = extinction_per_mm(first + place as usize) {
             let next_mm = x_mm.min(y_mm).min(z_mm);
-            depth += extinction * (next_mm.min(self.reach_mm) - at_mm).max(0.0);
+            depth += extinction * (next_mm.min(reach_mm) - at_mm).max(0.0);
             at_mm = next_mm;
             steps += 1;
-            if depth > stop || steps > MAX_STEPS {
+            if depth > stop {
                 return (0.0, steps);
             }
             // Through an edge both borders are passed at once.
@@ -88,7 +86,7 @@ impl ShadowRay<'_> {
                 }
                 first = base(crossing);
             }
-            if at_mm >= self.reach_mm {
+            if at_mm >= reach_mm {
                 break;
             }
         }

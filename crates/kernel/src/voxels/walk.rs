@@ -11,7 +11,7 @@ use super::optical_depth_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::block::Block;
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, minus_ln, positive};
+use crate::cpu::math::{LaneRng, V3, minus_ln, positive, with_sign_of};
 use crate::roulette::{VOXEL_SCALE, survivors};
 use glam::Vec3;
 use organza_film::Stats;
@@ -86,7 +86,9 @@ impl<F: Floats> Paths<F> {
     /// Turns the lanes of a mask.
     #[inline(always)]
     pub fn turn(&mut self, scene: &FlatScene, direction: V3<F>, mask: F::Mask) {
-        let step = direction.times(V3::splat(scene.voxels_per_length));
+        let mut step = direction.times(V3::splat(scene.voxels_per_length));
+        let least = F::splat(scene.least_rise);
+        step.z = with_sign_of(step.z.abs().max(least), step.z);
         self.direction = direction.or_where_not(mask, self.direction);
         self.step = step.or_where_not(mask, self.step);
         self.per_step = inverse_of_step(step).or_where_not(mask, self.per_step);
