@@ -9,7 +9,7 @@ use super::work::WAVE;
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::{LaneRng, V3};
 use crate::packed::volume_ray::VolumeRay;
-use glam::{IVec2, IVec3, Vec3};
+use glam::{DVec3, IVec2, IVec3, Vec3};
 use organza_film::FirstEvent;
 
 /// A number of every slot.
@@ -51,8 +51,11 @@ pub struct Paths {
     pub before_mm: [f64; WAVE],
     /// Density with which the direction was drawn; infinite of a camera's.
     pub pdf: Column,
-    /// Where it was drawn, in the world.
+    /// Where it was drawn, in the world: there the density of lights counts.
     pub drawn_at_mm: [Vec3; WAVE],
+    /// Where the ray begins, in the world, among lights that have a place: light leaves a
+    /// fibre beside where it came in.
+    pub sent_from_mm: [DVec3; WAVE],
     pub met: MetColumns,
     /// Where several bodies, draped ones or planes may be met: the ways of all rays.
     pub trips: Vec<Trip>,
@@ -119,6 +122,7 @@ impl Paths {
             before_mm: [0.0; WAVE],
             pdf: [f32::INFINITY; WAVE],
             drawn_at_mm: [Vec3::ZERO; WAVE],
+            sent_from_mm: [DVec3::ZERO; WAVE],
             met: MetColumns {
                 piece: [0; WAVE],
                 distance: zero,

@@ -150,6 +150,7 @@ pub fn meet_plane(
     paths.pdf[slot] = pdf;
     paths.drawn_at_mm[slot] = at_mm.as_vec3();
     let from = plane.start_mm(at_mm, w_in);
+    paths.sent_from_mm[slot] = from;
     set_out(matter, paths, slot, (from, w_in.as_dvec3()), None);
 }
 

@@ -42,6 +42,8 @@ pub struct Shading<'a> {
     pub max_bounces: u32,
     /// Whether some light is found by walks and shadow rays both.
     pub weighs: bool,
+    /// Whether some light has a place.
+    pub has_places: bool,
     /// Whether some cloth is draped, with directions of its own.
     pub is_draped: bool,
     /// What paths are divided and ended by, beside what they carry.
@@ -206,6 +208,9 @@ pub fn shade<F: Floats>(
             paths.drawn_at_mm[slot] = place_mm(shading.matter, paths, slot);
         }
         let from = leaving_point(paths, slot, get(&starts, lane));
+        if shading.has_places {
+            paths.sent_from_mm[slot] = world_mm(shading.matter, paths, slot, &from);
+        }
         let toward = get(&paths.direction, slot);
         let part = shading.matter.packed.as_ref();
         let goes_on_packed = |part: &&PackedPart| {

@@ -50,6 +50,7 @@ impl Walk<'_> {
             lights: self.lights,
             max_bounces: self.max_bounces,
             weighs: self.lights.iter().any(has_density),
+            has_places: self.lights.iter().any(has_place),
             is_draped: self.matter.is_draped(),
             importance: self
                 .importance
@@ -284,6 +285,7 @@ impl Walk<'_> {
         let way = direction.as_vec3().normalize();
         paths.begin(slot, key, index, way);
         paths.drawn_at_mm[slot] = origin_mm.as_vec3();
+        paths.sent_from_mm[slot] = origin_mm;
         paths.met.distance[slot] = f32::INFINITY;
         paths.in_volume[slot] = false;
         if !paths.trips.is_empty() {
@@ -378,7 +380,7 @@ impl Walk<'_> {
         let mut seen = Rgb::BLACK;
         for light in self.lights {
             if has_place(light) {
-                let from = paths.drawn_at_mm[slot].as_dvec3();
+                let from = paths.sent_from_mm[slot];
                 let met = light.distance_mm(from, direction.as_dvec3());
                 if met.is_some_and(|t| t <= reach) {
                     seen += self.share(light, paths, slot) * light.radiance_toward(direction);
