@@ -160,7 +160,7 @@ impl<'a> Collision<'a> {
 
     /// The yarn of the fibre that is met, where there is one.
     pub(crate) fn yarn(&self) -> Option<u32> {
-        self.site.as_site().info()?.yarn
+        self.site.as_site().yarn()
     }
 
     /// What to show of the place; `None` of a plane, which is no cloth.

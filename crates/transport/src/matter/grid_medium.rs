@@ -234,4 +234,8 @@ impl Medium for GridMedium {
             yarn: None,
         }
     }
+
+    fn yarn(&self, _site: &GridSite) -> Option<u32> {
+        None
+    }
 }

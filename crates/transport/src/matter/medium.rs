@@ -97,4 +97,10 @@ pub trait Medium: Sync {
 
     /// What to show of the site.
     fn info(&self, site: &Self::Site) -> SiteInfo;
+
+    /// The yarn of [`Medium::info`], which every event asks for: without the axis, where that
+    /// takes long to find.
+    fn yarn(&self, site: &Self::Site) -> Option<u32> {
+        self.info(site).yarn
+    }
 }

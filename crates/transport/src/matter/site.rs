@@ -26,6 +26,11 @@ pub(crate) trait Site {
     /// What to show of the place; `None` where there is no cloth.
     fn info(&self) -> Option<SiteInfo>;
 
+    /// The yarn of what was met, where there is one: [`Site::info`] may take longer.
+    fn yarn(&self) -> Option<u32> {
+        self.info()?.yarn
+    }
+
     /// Draws which part of the place the light meets, where that is left open.
     fn draw_event(&mut self, _w_out: Vec3, _rng: &mut PathRng) {}
 
@@ -66,6 +71,10 @@ impl<M: Medium> Site for MediumSite<'_, M> {
 
     fn info(&self) -> Option<SiteInfo> {
         Some(self.medium.info(&self.site))
+    }
+
+    fn yarn(&self) -> Option<u32> {
+        self.medium.yarn(&self.site)
     }
 
     fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
