@@ -51,11 +51,15 @@ impl ScanError {
         }
     }
 
-    /// An error of reading; the end of the file is an error of the format.
+    /// An error of reading; the end of the file, and data that cannot be unpacked, are errors of
+    /// the format.
     pub(crate) fn read(format: &'static str, place: &str, e: std::io::Error) -> ScanError {
         match e.kind() {
             std::io::ErrorKind::UnexpectedEof => {
                 ScanError::format(format, format!("it ends in {place}"))
+            }
+            std::io::ErrorKind::InvalidData | std::io::ErrorKind::InvalidInput => {
+                ScanError::format(format, format!("{place}: {e}"))
             }
             _ => ScanError::Io(e),
         }

@@ -25,6 +25,9 @@ pub const GRADIENT_RADII: f32 = 0.35;
 /// whole outline takes part, and its neighbours hardly do.
 pub const TENSOR_RADII: f32 = 0.9;
 
+/// Fibres are at most so many voxels thick in radius; more is a mistaken unit.
+const MAX_RADIUS_VOXELS: f64 = 100.0;
+
 /// What a scan is made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanSettings {
@@ -93,12 +96,13 @@ impl ScanSettings {
                 return fail(format!("a {name} of {x}; expected a number"));
             }
         }
-        if let Some(r) = self
-            .fibre_radius_mm
-            .filter(|r| !(*r > 0.0 && r.is_finite()))
+        let most_mm = MAX_RADIUS_VOXELS * v.max_element();
+        if let Some(r) = self.fibre_radius_mm.map(f64::from)
+            && !(r > 0.0 && r <= most_mm)
         {
             return fail(format!(
-                "a fibre radius of {r} mm; expected a positive number"
+                "a fibre radius of {r} mm; expected above 0 up to {most_mm} mm, \
+                 {MAX_RADIUS_VOXELS} voxels"
             ));
         }
         for (name, value) in [
