@@ -41,7 +41,8 @@ pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
 pub fn unreachable(path: &Path) -> Option<String> {
     let why = match about(path) {
         Ok(about) if about.is_dir() => ErrorKind::IsADirectory.into(),
-        Ok(_) => return None,
+        Ok(about) if about.is_file() => return None,
+        Ok(_) => no_file(),
         Err(e) => e,
     };
     Some(format!("{}: {}", path.display(), io_message(&why)))
@@ -54,8 +55,7 @@ fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
         return Err(ErrorKind::IsADirectory.into());
     }
     if !about.is_file() {
-        let why = "is a device or a pipe; expected a file";
-        return refuse(ErrorKind::InvalidInput, why.into());
+        return Err(no_file());
     }
     let (size, free) = (about.len(), free_memory_bytes());
     if size > free {
@@ -66,6 +66,11 @@ fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(free).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+fn no_file() -> std::io::Error {
+    let why = "is a device or a pipe; expected a file";
+    std::io::Error::new(ErrorKind::InvalidInput, why)
 }
 
 /// The text of a file, at most `MAX_TEXT_BYTES` long.
