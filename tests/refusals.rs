@@ -407,3 +407,20 @@ fn a_choice_of_engine_by_memory_is_reported() {
     let said = render("1GiB");
     assert!(!said.contains(warning), "{said}");
 }
+
+/// Before the work, not after it.
+#[test]
+fn a_name_that_the_system_cannot_take_is_refused() {
+    let folder = folder("refusals-long-names");
+    sailcloth(&folder);
+    write_grid_scene(&folder);
+    let long = |ending: &str| "x".repeat(300) + ending;
+    for arguments in [
+        &["render", "scene.toml", "-o", &long(".exr")][..],
+        &["voxelize", "sailcloth.toml", "-o", &long(".ovox")],
+    ] {
+        let message = complaint(&folder, arguments);
+        assert!(message.contains("too long"), "{message}");
+        assert!(!message.contains("cannot write"), "{message}");
+    }
+}

@@ -80,7 +80,7 @@ impl FileJournal {
             .with_context(cannot)?;
         if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
             return Err(input(format!(
-                "{}: is in use by another fit; expected a journal of its own",
+                "{}: is in use by another run; expected a journal of its own",
                 path.display()
             )));
         }
@@ -267,7 +267,7 @@ mod tests {
         first.once(&[3.0, 4.0], 0, || Ok(Vec::new())).unwrap();
         assert!(first.once(&[0.0], 1, || Err(input("no answer"))).is_err());
         let busy = open("a").map(|_| ()).unwrap_err().to_string();
-        assert!(busy.contains("is in use by another fit"), "{busy}");
+        assert!(busy.contains("is in use by another run"), "{busy}");
         drop(first);
         // As when the machine stops in the middle of a line, at any byte of it.
         let text = std::fs::read_to_string(&path).unwrap();

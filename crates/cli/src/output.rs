@@ -291,6 +291,14 @@ pub fn check_writable(path: &Path) -> Result<()> {
         )));
     }
     refuse_special(path)?;
+    // A name that the system cannot take, such as a longer one than it allows.
+    match std::fs::symlink_metadata(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            let why = io_message(&e);
+            return Err(input(format!("{}: {why}", path.display())));
+        }
+        _ => {}
+    }
     // Only writing shows whether the folder takes files: its mode does not tell.
     match temporary_file(path) {
         Ok(_) => Ok(()),

@@ -73,19 +73,13 @@ fn is_slice(path: &Path) -> bool {
 }
 
 fn open_file(path: &Path) -> Result<BufReader<File>> {
-    let opened = File::open(path).and_then(|f| match f.metadata()?.is_dir() {
-        true => Err(std::io::ErrorKind::IsADirectory.into()),
-        false => Ok(f),
-    });
-    match opened {
-        Ok(file) => Ok(BufReader::with_capacity(1 << 16, file)),
-        Err(e) => {
-            let why = read::unreachable(path);
-            let why =
-                why.unwrap_or_else(|| format!("{}: {}", path.display(), read::io_message(&e)));
-            Err(input(why))
-        }
+    // Asked before: to open a pipe is to wait for who writes to it.
+    if let Some(why) = read::unreachable(path) {
+        return Err(input(why));
     }
+    let named = |e| input(format!("{}: {}", path.display(), read::io_message(&e)));
+    let file = File::open(path).map_err(named)?;
+    Ok(BufReader::with_capacity(1 << 16, file))
 }
 
 /// Opens the volume.
