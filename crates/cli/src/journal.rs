@@ -8,6 +8,7 @@
 //! without its line break was being written when the run ended; it is dropped.
 
 use crate::error::input;
+use crate::locked_file::LockedFile;
 use anyhow::{Context, Result};
 use organza_scene::read;
 use sha2::{Digest, Sha256};
@@ -29,7 +30,7 @@ trait Storage: Send {
     fn truncate(&mut self, length: u64) -> std::io::Result<()>;
 }
 
-impl Storage for File {
+impl Storage for LockedFile {
     fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
         self.write_all(bytes)?;
         // A file system may accept what it cannot keep and report that here.
@@ -78,12 +79,12 @@ impl FileJournal {
             .truncate(false)
             .open(path)
             .with_context(cannot)?;
-        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
+        let Some(file) = LockedFile::new(file) else {
             return Err(input(format!(
                 "{}: is in use by another run; expected a journal of its own",
                 path.display()
             )));
-        }
+        };
         let text = read::text(path)?;
         let head = format!("{MAGIC} {}\n", hex(&Sha256::digest(key.as_bytes())));
         let content = Content::parse(&text, &head)

@@ -22,6 +22,7 @@ mod host;
 mod identity;
 mod interrupt;
 mod journal;
+mod locked_file;
 mod output;
 mod output_folder;
 mod picture;

@@ -6,6 +6,7 @@
 //! is not complete was being written when the run ended; it is dropped.
 
 use crate::error::input;
+use crate::locked_file::LockedFile;
 use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -21,7 +22,7 @@ const RECORD: usize = 16 + DIGEST;
 /// Slabs by their indices, on the disk.
 pub struct SlabJournal {
     path: PathBuf,
-    file: File,
+    file: LockedFile,
     /// Place, length and digest of the bytes of each slab.
     known: HashMap<u64, (u64, u64, [u8; DIGEST])>,
     /// Length of the complete records, bytes.
@@ -37,22 +38,22 @@ impl SlabJournal {
     pub fn open(path: &Path, key: &str) -> Result<SlabJournal> {
         let cannot = || format!("cannot write {}", path.display());
         let refuse = |why: &str| Err(input(format!("{}: {why}", path.display())));
-        let mut file = File::options()
+        let file = File::options()
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .open(path)
             .with_context(cannot)?;
-        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
+        let Some(mut file) = LockedFile::new(file) else {
             return refuse("is in use by another scan; expected a journal of its own");
-        }
+        };
         let mut head = [0u8; HEAD];
         head[..MAGIC.len()].copy_from_slice(MAGIC);
         head[MAGIC.len()..].copy_from_slice(&Sha256::digest(key.as_bytes()));
         let size = file.metadata().with_context(cannot)?.len();
         let mut found = Vec::new();
-        (&mut file)
+        (&mut *file)
             .take(HEAD as u64)
             .read_to_end(&mut found)
             .with_context(cannot)?;
@@ -84,7 +85,7 @@ impl SlabJournal {
 
     /// Finds the complete records.
     fn read_records(&mut self, size: u64) -> std::io::Result<()> {
-        let mut reader = BufReader::new(&self.file);
+        let mut reader = BufReader::new(&*self.file);
         while self.length + RECORD as u64 <= size {
             reader.seek(SeekFrom::Start(self.length))?;
             let mut record = [0u8; RECORD];
@@ -124,7 +125,7 @@ impl SlabJournal {
             .seek(SeekFrom::Start(start))
             .with_context(cannot)?;
         let mut bytes = Vec::new();
-        (&mut self.file)
+        (&mut *self.file)
             .take(length)
             .read_to_end(&mut bytes)
             .with_context(cannot)?;
