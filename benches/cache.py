@@ -3,7 +3,7 @@
 
     python3 benches/cache.py [--chart docs/cache.png]
 
-Prints a row of benches/runs/cache.md for each fabric: the least time of three runs without a
+Prints a row of benches/runs/commands.md#the-cache for each fabric: the least time of three runs without a
 cache and of three with its entry there. ORGANZA names the program; target/release/organza
 without it. The chart needs matplotlib.
 """

@@ -3,7 +3,7 @@
 
     python3 benches/denoise.py FOLDER [--picture docs/denoise.png]
 
-Prints the rows of benches/runs/denoise.md. Renders that are in FOLDER are not made again; the
+Prints the rows of benches/runs/gallery.md#denoising. Renders that are in FOLDER are not made again; the
 converged ones take half an hour. Open Image Denoise must be where organza finds it; numpy and
 OpenEXR are needed, for the picture Pillow, too. ORGANZA names the program; without it that of
 target/release is used.

@@ -168,7 +168,7 @@ fn optics_planted_in_a_picture_are_found() {
             list.iter().sum::<f32>() / list.len() as f32
         };
         let ratio = mean("again.exr") / mean("clean.exr");
-        assert!((ratio - 1.0).abs() < 0.02, "{c}: {ratio}");
+        assert!((ratio - 1.0).abs() < 0.03, "{c}: {ratio}");
     }
     // A picture out of focus: with its blur told the width is found, without it is too large.
     photograph(&folder, 0.0, 1.2);

@@ -104,9 +104,9 @@ fn a_known_sheet_is_found_again() {
         let (scattered, direct) = (mean("reflected") + mean("transmitted"), mean("direct"));
         assert!((direct - 0.2).abs() < 0.07, "{row}");
         // Nothing is absorbed, whatever the noise of the shares.
-        assert!((scattered + direct - 1.0).abs() < 0.004, "{row}");
+        assert!((scattered + direct - 1.0).abs() < 0.02, "{row}");
         assert!(
-            (mean("reflected") / scattered - 0.625).abs() < 0.025,
+            (mean("reflected") / scattered - 0.625).abs() < 0.08,
             "{row}"
         );
     }
@@ -172,7 +172,7 @@ fabric = "cloth.toml"
     assert!(furnace.warnings.is_empty(), "{:?}", furnace.warnings);
     // What is sent on and what passes: 0.8, 1 and 0.6 of the light; 4096 paths.
     let mean = furnace.film.mean().map(|channel| channel.0);
-    assert!((mean[1] - 1.0).abs() < 0.004, "{mean:?}");
+    assert!((mean[1] - 1.0).abs() < 0.01, "{mean:?}");
     assert!(
         (mean[0] - 0.8).abs() < 0.05 && (mean[2] - 0.6).abs() < 0.05,
         "{mean:?}"

@@ -14,8 +14,8 @@ fn figure(words: &str, line: &str, place: usize) -> f64 {
 }
 
 /// Scenes as they ship, smaller; the brightest sample over the mean, with nothing clamped.
-/// With 262,144 paths (64 x 64 pixels, 64 samples) the four have 24, 1.7, 31 and 3; a firefly
-/// is what exceeds twice that. Reduced, there are a sixteenth of the paths and the first
+/// With 262,144 paths (64 x 64 pixels, 64 samples) the four have about 29, 1.7, 20 to 31, and 1.5
+/// to 3, by seed; a firefly is far above that. Reduced, there are a sixteenth of the paths and the first
 /// scene has voxels of twice the width. The twin: a low sun is beyond the limit of the window.
 #[test]
 fn no_sample_of_the_standard_scenes_is_a_firefly() {
@@ -26,9 +26,9 @@ fn no_sample_of_the_standard_scenes_is_a_firefly() {
     let (window, low_sun) = ("environments/window.exr", "environments/evening.exr");
     const WINDOW_LIMIT: f64 = 3.4;
     for (name, light, limit) in [
-        ("first_light.toml", None, 48.0),
+        ("first_light.toml", None, 50.0),
         ("backlit_organza.toml", Some(window), WINDOW_LIMIT),
-        ("backlit_organza.toml", Some(low_sun), 62.0),
+        ("backlit_organza.toml", Some(low_sun), 60.0),
         ("towel.toml", None, 6.0),
     ] {
         let scene = scenes.join(name);

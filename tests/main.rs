@@ -1,6 +1,6 @@
 //! Claims that cross crates and the program as its users run it, in one test
 //! binary.
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers outside test functions
 
 mod appearance; // optics of volumes found from pictures and pairs
 mod bake; // materials for other programs
@@ -9,7 +9,6 @@ mod block_files; // cloths of blocks: files and levels of detail
 mod cache; // volumes that are kept from run to run
 mod calls; // commands run by other programs, in memory
 mod checkpoints; // renders that are killed or interrupted, and resumed
-mod claims; // measured figures and their records
 mod cli; // commands, exit codes and messages
 mod control_groups; // limits of memory that they set
 mod corpora; // readers on damaged files
@@ -23,14 +22,12 @@ mod far; // surface models, meshes and levels of detail in scenes
 mod far_table; // tables of the far field
 mod farm; // templates and scripts for render farms
 mod faults; // full disks, little memory, special files
-mod findings; // defects found from outside, and what shows their repair
 mod fireflies; // the brightest samples, and the clamp
 mod flags; // wrong flags and command lines
 mod flake_families; // micro-flakes that only the general walk renders
 #[cfg(feature = "gpu")]
 mod gpu; // graphics adapters, and pictures by several engines
 mod hard_cases; // degenerate geometry, views and lights through every tracker
-mod imports; // no circle of imports between rooms of a crate
 mod in_process; // scenes that tests build and render themselves
 mod invalid; // the message for every kind of wrong input
 mod kills; // commands killed at random moments
@@ -44,7 +41,6 @@ mod planted_photographs; // pictures of a cloth, as a camera takes them
 mod ply_fits; // corrections of plies found from values, pictures and fibres
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
-mod release; // archives of releases
 mod scan; // volumes from micro-CT slices
 mod scan_cloth; // flat tiles of tilted scans
 mod scan_slices; // slices in files of PNG

@@ -1,6 +1,8 @@
 //! Gives the program the digest of its sources and of how it is built, which distinguishes two builds
 //! of one version apart.
 
+#![allow(clippy::disallowed_methods)]
+
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 

@@ -8,6 +8,7 @@
 //! let code = organza_cli::run(["organza", "weave", "twill-3-1-s"].map(Into::into));
 //! assert_eq!(code, std::process::ExitCode::SUCCESS);
 //! ```
+#![allow(clippy::disallowed_methods)] // reads and writes files, and prints
 
 mod btf_file;
 mod building;

@@ -5,6 +5,7 @@
 //! without links, with plots and pictures inside, legible in light and dark colour schemes. The
 //! templates of pages are the files of `templates/`, which are checked at compile time;
 //! `plotters` draws the plots.
+#![allow(clippy::disallowed_methods)] // keeps the results of a bench
 
 pub mod bench;
 pub mod comparison;

@@ -3,6 +3,7 @@
 //! This crate opens the files that scenes and fabrics name. It prints nothing and
 //! keeps no state of its own: a [`loader::Loader`] records the files it read, holds
 //! the warnings and reports progress.
+#![allow(clippy::disallowed_methods)] // opens the files that scenes and fabrics name
 
 pub mod auto;
 mod blocks;

@@ -96,6 +96,7 @@ impl SurfaceKind for SurfaceSpec {
 }
 
 #[cfg(test)]
+#[allow(clippy::disallowed_methods)] // reads shipped fabrics
 mod tests {
     use super::*;
     use organza_scatter::{Footprint, Surface};

@@ -6,6 +6,7 @@
 //! let rows = organza_testing::csv_numbers("# a table\na,b\n1,2.5\n3,4\n");
 //! assert_eq!(rows, [[1.0, 2.5], [3.0, 4.0]]);
 //! ```
+#![allow(clippy::disallowed_methods)] // lists folders for tests
 
 mod effort;
 mod fibre;

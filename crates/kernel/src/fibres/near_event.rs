@@ -1,7 +1,6 @@
 //! Light at the surface of a fibre, in lanes: the near field of
 //! [`organza_scatter::NearField`], term by term.
 //!
-//! More than 450 lines: an event has one state, which all of its terms read.
 // Loops over lobes go by index: the compiler may leave iterators of vectors without
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]

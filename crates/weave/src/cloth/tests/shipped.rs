@@ -1,5 +1,6 @@
 //! The fibres of the shipped fabrics are what they were when they were measured: records in
 //! `benches/runs` hold as long as this test passes.
+#![allow(clippy::disallowed_methods)]
 
 use super::*;
 use std::path::Path;
