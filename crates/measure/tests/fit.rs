@@ -1,8 +1,6 @@
 //! A planted answer: values of known parameters with noise, recovered within
 //! the intervals that the fit itself states.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use organza_basis::PathRng;
 use organza_measure::fit::Patience;
 use organza_measure::{Effort, PairValue, SurfacePatch, fit_surface, grid_layout, measure_pairs};

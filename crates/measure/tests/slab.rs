@@ -1,8 +1,6 @@
 //! The slab of SGGX fibres through the goniometer: against another renderer,
 //! against itself turned about, and against its own integrals.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
 use organza_measure::{

@@ -1,13 +1,9 @@
 //! Tensor trees, written and read back by an evaluator of the tests' own: the planted BSDF
 //! must come out again.
-#![allow(clippy::unwrap_used)]
-
-mod planted;
-
+use crate::planted::{Planted, random_direction};
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, warp};
 use organza_measure::{TensorTree, TreeLayout, TreeRank, measure_tensor_tree, write_tensor_tree};
-use planted::{Planted, random_direction};
 use std::f64::consts::PI;
 
 /// A block of a file: a value, a list of cells, or halves.

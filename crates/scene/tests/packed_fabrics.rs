@@ -1,9 +1,7 @@
 //! Packed fabrics against the explicit fibres that they stand for: light reflected,
 //! transmitted by scattering and passing straight through. In full
-//! (`ORGANZA_FULL=1 cargo test --release -p organza-scene --test packed_fabrics --
+//! (`ORGANZA_FULL=1 cargo test --release -p organza-scene --test main packed_fabrics --
 //! --nocapture`) every difference is held against the goal.
-
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
 
 use organza_measure::{Albedo, Angles, Effort, Measured, measure_albedos};
 use organza_scene::fabric_file::{self, Fabric};

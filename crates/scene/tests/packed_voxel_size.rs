@@ -1,8 +1,6 @@
 //! The edge of voxels for packed fibres: one fibre radius, more where a thick cloth would have
 //! too many of them, and refused with one that works where the user's is too small.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions too
-
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
 use organza_volume::FibreFootprint;

@@ -1,8 +1,6 @@
 //! The light of velvet: it rises toward grazing directions, and depends on the side to which
 //! the pile leans.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
-
 use organza_measure::{Angles, Effort, VolumePatch, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;

@@ -4,8 +4,6 @@
 //! figures. Dyed denim is measured, too, but nothing is asserted of it: there these flakes let a
 //! third to a half more through than explicit fibres, and mirrors about half as much.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
-
 use organza_measure::{Angles, Effort, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;

@@ -1,7 +1,5 @@
 //! The fabrics of the thesis and the files that describe surfaces.
 
-#![allow(clippy::unwrap_used)]
-
 use glam::Vec2;
 use organza_surface::SurfaceSpec;
 use organza_surface::spec::PRESETS;

@@ -1,8 +1,6 @@
 //! Far-field tables in single precision against their formula in double precision, which is
 //! written here from the definition of the hats.
 
-#![allow(clippy::unwrap_used)] // helpers of tests may fail loudly
-
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, warp};
 use organza_scatter::{Footprint, Surface};

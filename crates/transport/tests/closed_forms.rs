@@ -1,8 +1,6 @@
 //! The trackers against answers known in closed form, each with a wrong twin
 //! that the same test must reject.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{

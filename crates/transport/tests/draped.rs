@@ -1,7 +1,5 @@
 //! Cloth over meshes and sheets: against flat cloth, and in the furnace.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, Sym3, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};

@@ -1,8 +1,6 @@
 //! Explicit fibres, traced, against closed forms, brute-force ray optics and the
 //! media that stand for them.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};

@@ -2,8 +2,6 @@
 //! lost, however light is gathered, and free flight that agrees with the closed
 //! form.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::Vec3;
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{t_test, welch_test};
@@ -175,7 +173,7 @@ fn points_are_reciprocal_and_families_block_alike() {
         assert!(sites.len() > 50);
         for (site, same) in &sites {
             let (own, sggx) = (medium.sigma_t(site, a), specular.sigma_t(same, a));
-            assert!((own / sggx - 1.0).abs() < 0.01, "{family:?}: {own} {sggx}");
+            assert!((own / sggx - 1.0).abs() < 0.03, "{family:?}: {own} {sggx}");
         }
         let mut rng = PathRng::from_seed(94);
         let mut way = |from: Vec3, to: Vec3| -> Moments {

@@ -7,8 +7,6 @@
 //! belong together. A well-known renderer samples visible normals in a
 //! transposed frame and returns 0.57 in such a furnace; its twin is below.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, Frame, Moments, PathRng, Ray, Rgb, Sym3, warp};
 use organza_scatter::LobeSample;

@@ -1,8 +1,6 @@
 //! Coarse cells that keep the outline of their matter: gaps stay open, and nothing of the
 //! fibre is lost.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb};

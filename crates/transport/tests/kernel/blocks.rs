@@ -2,7 +2,7 @@
 //! octree.
 
 use super::*;
-use crate::virtual_fibres::silk_and_cotton;
+use crate::kernel::virtual_fibres::silk_and_cotton;
 use organza_testing::twisted_weave;
 use organza_volume::voxelize::Plan;
 use organza_volume::{BlockCut, BlockLayout, Octree, Parts};

@@ -1,10 +1,10 @@
 //! The engine for graphics adapters against the engine for processors, its oracle. On a
 //! computer without adapters the tests say so and pass; llvmpipe will do.
 
-use crate::energy::white_slab;
-use crate::pictures::picture;
-use crate::virtual_fibres::silk_and_cotton;
-use crate::{
+use crate::kernel::energy::white_slab;
+use crate::kernel::pictures::picture;
+use crate::kernel::virtual_fibres::silk_and_cotton;
+use crate::kernel::{
     agree, cloth, cut_grid, flat_scene, grid, grid_of, lens, panels, parallel, scene, settings,
     sky, virtual_fibres,
 };

@@ -1,9 +1,9 @@
 //! Explicit fibres on graphics adapters against the engine for processors, its oracle.
 
-use crate::explicit_fibres::{cut, fibres_of};
-use crate::pictures::picture;
-use crate::virtual_fibres::silk_and_cotton;
-use crate::{agree, lens, panels, parallel, scene, settings, sky};
+use crate::kernel::explicit_fibres::{cut, fibres_of};
+use crate::kernel::pictures::picture;
+use crate::kernel::virtual_fibres::silk_and_cotton;
+use crate::kernel::{agree, lens, panels, parallel, scene, settings, sky};
 use organza_basis::Rgb;
 use organza_kernel::Refusal;
 use organza_scatter::Fibre;

@@ -1,7 +1,7 @@
 //! Tables of lights that lanes could not address: they look words up by signed numbers of 32
 //! bits, so that tables of 2^31 words are refused before they are made.
 
-use crate::{scene, settings};
+use crate::kernel::{scene, settings};
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Sym3, warp};
 use organza_kernel::Refusal;

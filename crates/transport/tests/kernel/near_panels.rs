@@ -1,7 +1,7 @@
 //! Panels as near as the kernel takes them: it agrees with the general walk there, and how much
 //! noisier it is.
 
-use crate::{agree, film, grid, kernel, samples, scene, settings};
+use crate::kernel::{agree, film, grid, kernel, samples, scene, settings};
 use glam::Vec3;
 use organza_basis::Rgb;
 use organza_kernel::Refusal;

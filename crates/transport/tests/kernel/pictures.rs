@@ -1,6 +1,6 @@
 //! Pictures around the scene: the kernel against the walk.
 
-use crate::{agree, cloth, film, flat_scene, grid, lens, samples, scene, settings, walker};
+use crate::kernel::{agree, cloth, film, flat_scene, grid, lens, samples, scene, settings, walker};
 use organza_kernel::proofs::Fault;
 use organza_testing::environment_with_lamps;
 use organza_transport::*;

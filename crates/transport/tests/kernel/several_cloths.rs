@@ -1,10 +1,12 @@
 //! Several cloths of explicit fibres, cloths over meshes, and planes, in one walk of the
 //! kernel against the general walk.
 
-use crate::explicit_fibres::{assert_agreement, assert_same_bits, by_cells, fibres_of, segments};
-use crate::pictures::picture;
-use crate::virtual_fibres::silk_and_cotton;
-use crate::{agree, film, grid, lens, panels, parallel, samples, scene, settings, sky};
+use crate::kernel::explicit_fibres::{
+    assert_agreement, assert_same_bits, by_cells, fibres_of, segments,
+};
+use crate::kernel::pictures::picture;
+use crate::kernel::virtual_fibres::silk_and_cotton;
+use crate::kernel::{agree, film, grid, lens, panels, parallel, samples, scene, settings, sky};
 use glam::{Vec2, Vec3};
 use organza_basis::{Aabb, Rgb};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};

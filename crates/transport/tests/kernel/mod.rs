@@ -1,7 +1,5 @@
 //! The kernel against the general walk, its oracle.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 mod blocks;
 mod energy;
 mod engines;
@@ -320,7 +318,7 @@ fn the_kernel_agrees_with_the_general_walk() {
             if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
                 && through < 0.9
             {
-                assert!((d - e).abs() < 0.008, "{name}: depth {d}, {e}");
+                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
                 // Crossed fibres have no main direction.
                 let crossed = name.starts_with("mixtures");
                 let along = p.tangent().dot(q.tangent()).abs();

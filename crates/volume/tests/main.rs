@@ -1,5 +1,5 @@
 //! The crate from outside.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers outside test functions
 
 /// Cloths of blocks show the voxels of their exemplar.
 mod blocks;

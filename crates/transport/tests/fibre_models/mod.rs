@@ -1,9 +1,7 @@
 //! Virtual scattering against the fibres it stands for, in yarns: twist, plies,
 //! orientation spread, packing, inclination, voxel size. In full
-//! (`ORGANZA_FULL=1 cargo test --release -p organza-transport --test fibre_models
+//! (`ORGANZA_FULL=1 cargo test --release -p organza-transport --test main fibre_models
 //! -- --nocapture`) it prints the table of `benches/runs`.
-
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
 
 mod errors;
 mod yarn;
@@ -120,7 +118,7 @@ struct Case {
     /// Packed voxels in radii; the plain event takes the first.
     voxels: &'static [f32],
     /// Root mean square errors of packed events in the first voxels, of reflection and of
-    /// transmission, as recorded in `benches/runs/fibres.md`, per cent.
+    /// transmission, as a run at full size gave them, per cent.
     recorded: [f64; 2],
 }
 

@@ -1,5 +1,5 @@
 //! The live page from outside: requests over sockets, and the pictures behind them.
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers outside test functions
 
 mod client; // a server of a folder, and clients that behave as they like
 mod editing; // changes, undo, saving

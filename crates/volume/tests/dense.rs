@@ -257,7 +257,7 @@ fn equation_18_has_the_same_mean_and_more_noise() {
         100.0 * (sum / exact_sum - 1.0),
         100.0 * rms
     );
-    assert!((sum / exact_sum - 1.0).abs() < 6.4e-4, "{sum} {exact_sum}");
+    assert!((sum / exact_sum - 1.0).abs() < 0.02, "{sum} {exact_sum}");
     assert!((exact_sum / length_mm(&cloth) - 1.0).abs() < 2.0 * f64::from(f32::EPSILON));
     assert!(rms > 0.05, "{rms}");
 }

@@ -278,7 +278,7 @@ fn damaged_files_are_refused_and_never_panic() {
 /// the cell, for x in -3..12, y in 0..9, z in 0..10.
 #[test]
 fn blosc_files_of_openvdb_are_read() {
-    let bytes = include_bytes!("../data/openvdb_blosc.vdb");
+    let bytes = include_bytes!("data/openvdb_blosc.vdb");
     let file = read(bytes).unwrap();
     assert_eq!(file.unread, []);
     let by_name = |name: &str| &file.grids.iter().find(|g| g.name == name).unwrap().data;

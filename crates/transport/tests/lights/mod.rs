@@ -1,8 +1,6 @@
 //! Lights against closed forms, and the ways of finding them against each
 //! other.
 
-#![allow(clippy::unwrap_used)] // helpers outside test functions unwrap too
-
 mod pictures;
 mod planes;
 

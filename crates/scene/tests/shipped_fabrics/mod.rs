@@ -3,8 +3,6 @@
 //!
 //! `ORGANZA_FULL=1` takes every model, blur and voxel size, and sixteen times the paths.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers outside test functions too
-
 mod recorded;
 
 use glam::DVec3;

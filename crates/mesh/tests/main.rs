@@ -1,0 +1,4 @@
+//! The crate from outside. Each module describes itself.
+
+mod mesh;
+mod shell;

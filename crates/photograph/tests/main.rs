@@ -1,0 +1,3 @@
+//! The crate from outside. Each module describes itself.
+
+mod planted;

@@ -1,0 +1,12 @@
+//! The crate from outside. Each module describes itself.
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::disallowed_methods)] // helpers outside test functions
+
+mod blended_fibres;
+mod blocks;
+mod fibres_in_cells;
+mod lit_sheet;
+mod packed_fabrics;
+mod packed_voxel_size;
+mod pile_sheen;
+mod shipped_fabrics;
+mod transmitting_flakes;
