@@ -1,4 +1,5 @@
 //! The crate from outside. Each module describes itself.
+#![allow(clippy::unwrap_used)] // helpers outside test functions
 
 mod adaptive;
 mod appearance;
