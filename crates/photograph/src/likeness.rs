@@ -162,7 +162,7 @@ mod tests {
         for blur in [0.2, 0.5, 1.3] {
             let found = variance(&kernel(36, blur));
             assert!(
-                (found / (blur * blur) - 1.0).abs() < 2e-11,
+                (found / (blur * blur) - 1.0).abs() < 1e-9,
                 "{blur}: {found}"
             );
         }
@@ -177,7 +177,7 @@ mod tests {
         let once = blurred(&picture, [24, 18], [1.0, 0.5]);
         let error = twice.iter().flatten().zip(once.iter().flatten());
         let error = error.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(error < 6e-10, "{error}");
+        assert!(error < 1e-7, "{error}");
         let sampled: Vec<f64> = (0..36usize)
             .map(|k| (-0.5 * (k.min(36 - k) as f64 / 0.5).powi(2)).exp())
             .collect();

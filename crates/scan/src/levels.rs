@@ -171,8 +171,8 @@ mod tests {
         }
         let l = h.levels(None, None, None).unwrap();
         assert!((l.air - 10.0).abs() < 1.5, "seed 3: {l:?}");
-        assert!((l.fibre - 80.0).abs() < 1.0, "seed 3: {l:?}");
-        assert!((l.threshold - 45.0).abs() < 1.5, "seed 3: {l:?}");
+        assert!((l.fibre - 80.0).abs() < 1.5, "seed 3: {l:?}");
+        assert!((l.threshold - 45.0).abs() < 2.0, "seed 3: {l:?}");
         assert!(h.levels(Some(500.0), None, None).is_err());
         assert!(h.levels(None, Some(90.0), None).is_err());
     }

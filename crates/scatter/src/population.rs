@@ -228,8 +228,8 @@ mod tests {
             };
             let (across, along) = (mean(&elliptic), mean(&f64::sin));
             let got = sggx_across_along(s);
-            assert!((f64::from(got.0) - across * across).abs() < 6.9e-8, "{s}");
-            assert!((f64::from(got.1) - along * along).abs() < 2e-8, "{s}");
+            assert!((f64::from(got.0) - across * across).abs() < 3e-6, "{s}");
+            assert!((f64::from(got.1) - along * along).abs() < 1e-6, "{s}");
         }
     }
 
@@ -241,8 +241,8 @@ mod tests {
                 let s = 0.0247 * i as f32;
                 let (broadside, end_on) = population_shape(s, end_on_ratio);
                 let got = table.look_up(s);
-                assert!((broadside - got.0).abs() < 1.6e-6, "{s}");
-                assert!((end_on - got.1).abs() < 5.6e-6, "{s}");
+                assert!((broadside - got.0).abs() < 1e-4, "{s}");
+                assert!((end_on - got.1).abs() < 1e-4, "{s}");
             }
         }
     }

@@ -229,7 +229,7 @@ mod tests {
                 let exact = mean_sine(sine, spread);
                 let got = f64::from(effective_cross_section(sine as f32, spread as f32));
                 let error = (got / exact - 1.0).abs();
-                assert!(error < 5.3e-4, "{spread} {sine}: {got} {exact}");
+                assert!(error < 1e-3, "{spread} {sine}: {got} {exact}");
             }
         }
     }
@@ -246,7 +246,7 @@ mod tests {
         // End-on the mean sine of a polar angle uniform on [0, 90] is 2 / pi.
         let end_on = effective_cross_section(0.0, f32::INFINITY);
         assert!(
-            (end_on - std::f32::consts::FRAC_2_PI).abs() < 1.2e-4,
+            (end_on - std::f32::consts::FRAC_2_PI).abs() < 1e-3,
             "{end_on}"
         );
     }

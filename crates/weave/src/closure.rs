@@ -141,7 +141,7 @@ mod tests {
                 let twist = c.twist_rad_per_mm(0.9) - yarn.twist_rad_per_mm;
                 let count = f64::from(c.fibres_per_ply()) / f64::from(fibres);
                 assert!(twist.abs() * yarn.ply_radius_mm < 0.06, "{turns}: {c:?}");
-                assert!((count - 1.0).abs() < 0.025, "{turns}: {c:?}");
+                assert!((count - 1.0).abs() < 0.08, "{turns}: {c:?}");
                 assert_eq!(gcd(c.turns.unsigned_abs() as usize, c.rounds as usize), 1);
             }
         }

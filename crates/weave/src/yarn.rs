@@ -356,7 +356,7 @@ mod tests {
         for k in 1..10 {
             let u = f64::from(k) / 10.0;
             let r = y.radius_at(u) / reach;
-            assert!((simpson(r) / simpson(1.0) - u).abs() < 3e-4, "{u}");
+            assert!((simpson(r) / simpson(1.0) - u).abs() < 1e-3, "{u}");
             assert!((r * r - u).abs() > 1e-2, "not uniform");
         }
     }

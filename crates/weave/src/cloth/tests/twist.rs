@@ -114,7 +114,7 @@ fn twist_of_the_fibres_is_inverse_to_thickness() {
     // Margin: an inequality.
     assert!(correlation < -0.9, "{correlation}");
     assert!(
-        (measured_cv / reported - 1.0).abs() < 0.03,
+        (measured_cv / reported - 1.0).abs() < 0.1,
         "{measured_cv} {reported}"
     );
     // The twin has twist that is the same all along each thread.
