@@ -1,10 +1,10 @@
 //! Pictures by the cache of radiance against pictures by whole paths.
 
-use crate::explicit_fibres::{by_cells, cut, fibres_of};
-use crate::pictures::picture;
-use crate::several_cloths;
-use crate::virtual_fibres::silk_and_cotton;
-use crate::{lens, panels, parallel, record, scene, settings, sky, vector_backends};
+use crate::kernel::explicit_fibres::{by_cells, cut, fibres_of};
+use crate::kernel::pictures::picture;
+use crate::kernel::several_cloths;
+use crate::kernel::virtual_fibres::silk_and_cotton;
+use crate::kernel::{lens, panels, parallel, record, scene, settings, sky, vector_backends};
 use organza_basis::{Moments, Rgb, hypothesis::t_test};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::sized;
