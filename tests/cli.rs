@@ -396,9 +396,6 @@ fabric = "cloth.toml"
     assert!(red("model.exr") > 0.0);
     assert_eq!(red("model.exr"), red("integrator.exr"));
     render("volume.exr", &["object.0.model=packed"]);
-    // The old name of the same, bit for bit.
-    render("old.exr", &["object.0.model=virtual-scattering"]);
-    assert_eq!(red("volume.exr"), red("old.exr"));
     let near = ["object.0.model=packed", "object.0.local_visibility=true"];
     render("near.exr", &near);
     assert_ne!(red("volume.exr"), red("near.exr"));
@@ -427,16 +424,6 @@ fabric = "cloth.toml"
         arguments.extend(sets);
         complaint(&folder, &arguments)
     };
-    let why = refuse(&[
-        "--set",
-        "object.0.model=fibres",
-        "--set",
-        "object.0.event=packed",
-    ]);
-    assert!(
-        why.contains("object[0].event") && why.contains("virtual-scattering"),
-        "{why}"
-    );
     let why = refuse(&["--set", "object.0.local_visibility=true"]);
     assert!(why.contains("object[0].local_visibility"), "{why}");
     let why = refuse(&["--set", "object.0.model=fibres", "--max-memory", "64KB"]);

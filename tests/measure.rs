@@ -118,11 +118,6 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
     let mut arguments = vec!["measure", "cloth.toml", "--pairs", "pairs.csv"];
     arguments.extend(["-o", "out.csv", "--model", "surface"]);
     succeed(&folder, &arguments);
-    let mut by_old_name = vec!["measure", "cloth.toml", "--pairs", "pairs.csv", "--json"];
-    by_old_name.extend(["--spp", "2", "--model", "volume"]);
-    let said = succeed(&folder, &by_old_name);
-    let warning = "warning: --model: \"volume\" is an old name; write \"auto\"";
-    assert!(said.contains(warning), "{said}");
     // Draft and spacing are the fabric's own: 2 over, 1 under, 0.5 by 1/1.8 mm,
     // and warp of the same yarn as the weft but denser shows at full pitch.
     let mut spec = SurfaceSpec::preset("cotton-twill").unwrap();

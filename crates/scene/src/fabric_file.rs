@@ -87,9 +87,6 @@ pub fn load_changed(
             loader.warn(path, warning);
         }
     }
-    if let Some(why) = file.scattering.old_names() {
-        loader.warn(path, format!("scattering{why}"));
-    }
     Ok(Fabric {
         file,
         cloth,

@@ -153,17 +153,6 @@ mod tests {
     }
 
     #[test]
-    fn old_names_are_read_with_one_warning() {
-        let loader = Loader::new();
-        let keys = "voxel_um = 40.0\nmodel = 'virtual-scattering'\nevent = 'plain'";
-        let scene = loaded(&cloth(keys), &loader).unwrap();
-        scene.build(None, &loader).unwrap();
-        scene.build(None, &loader).unwrap();
-        let old = |w: &&crate::loader::Warning| w.message.contains("is an old name");
-        assert_eq!(loader.warnings().iter().filter(old).count(), 1);
-    }
-
-    #[test]
     fn a_file_that_was_given_takes_the_place_of_one_on_the_disk() {
         let path = Path::new("no/such/folder/scene.toml");
         let text = "[[object]]\nkind = 'cloth'\nfabric = 'a.toml'\nvoxel_um = 60.0";

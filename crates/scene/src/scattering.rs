@@ -2,7 +2,7 @@
 //! keys of a scene's cloth.
 
 use crate::representation::{
-    MICROFLAKE, ModelKey, PACKED, PLAIN, PackedFrom, Representation, Settings, ShownAs, owners,
+    MICROFLAKE, ModelKey, PackedFrom, Representation, Settings, ShownAs, owners,
 };
 use organza_scatter::FlakeFamily;
 use serde::Deserialize;
@@ -15,33 +15,11 @@ pub struct ScatteringTable {
     pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
     pub flake: Option<FlakeFamily>,
-    /// With the old name `virtual-scattering`: which of its two representations.
-    pub event: Option<EventName>,
     /// Packed fibres: so many events of a path are with explicit fibres.
     pub first_events: Option<u32>,
     /// Packed fibres: events are with explicit fibres while the path carries at least this
     /// share of what it began with.
     pub while_weight: Option<f32>,
-}
-
-/// `event`, the old key that selected packed or plain virtual scattering.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum EventName {
-    /// Now `model = "packed"`.
-    #[default]
-    Packed,
-    /// Now `model = "plain"`.
-    Plain,
-}
-
-impl EventName {
-    fn representation(self) -> &'static Representation {
-        match self {
-            EventName::Packed => &PACKED,
-            EventName::Plain => &PLAIN,
-        }
-    }
 }
 
 impl ScatteringTable {
@@ -52,21 +30,8 @@ impl ScatteringTable {
     /// `.key: why` for a key of the scene that belongs to another representation; a
     /// fabric may have keys for several.
     pub fn over(self, fabric: ScatteringTable) -> Result<ShownAs, String> {
-        let event = self.event.or(fabric.event).unwrap_or_default();
         let own = self.model.or(fabric.model);
         let representation = match own.unwrap_or(ModelKey::Is(&MICROFLAKE)) {
-            ModelKey::VirtualScattering => event.representation(),
-            // A scene's `event` chooses between the two that a fabric may name.
-            ModelKey::Is(r) if self.model.is_none() && [&PACKED, &PLAIN].contains(&r) => {
-                self.event.map_or(r, EventName::representation)
-            }
-            ModelKey::Is(_) if self.event.is_some() => {
-                return Err(
-                    ".event: belongs to the old model = \"virtual-scattering\"; write \
-                            model = \"packed\" or model = \"plain\""
-                        .into(),
-                );
-            }
             ModelKey::Is(r) => r,
             ModelKey::Auto => {
                 return Err(
@@ -119,26 +84,6 @@ impl ScatteringTable {
             _ => Ok(()),
         }
     }
-
-    /// A warning about old names, if there are any: `.key: why`.
-    pub fn old_names(self) -> Option<String> {
-        let now = self.event.unwrap_or_default().representation();
-        match (self.model, self.event) {
-            (Some(ModelKey::VirtualScattering), None) => Some(format!(
-                ".model: \"virtual-scattering\" is an old name; write {:?}",
-                now.name
-            )),
-            (Some(ModelKey::VirtualScattering), Some(_)) => Some(format!(
-                ".model: \"virtual-scattering\" with `event` is an old name; write {:?} alone",
-                now.name
-            )),
-            (_, Some(_)) => Some(format!(
-                ".event: is an old key; write model = {:?}",
-                now.name
-            )),
-            _ => None,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -168,24 +113,5 @@ mod tests {
         for wrong in ["flake = 'gaussian'", "model = 'auto'"] {
             assert!(shown(wrong, "model = 'packed'").is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn old_names_are_read_with_a_warning() {
-        let old = "model = 'virtual-scattering'";
-        let name = |scene: &str, fabric: &str| {
-            let shown = table(scene).over(table(fabric));
-            shown.map(|s| s.representation.name)
-        };
-        assert_eq!(name(old, ""), Ok("packed"));
-        assert_eq!(name("", old), Ok("packed"));
-        assert_eq!(name("event = 'plain'", old), Ok("plain"));
-        assert_eq!(name("event = 'plain'", "model = 'packed'"), Ok("plain"));
-        assert!(name("event = 'plain'", "").is_err());
-        assert!(name("model = 'packed'\nevent = 'plain'", "").is_err());
-        let warning = table(&format!("{old}\nevent = 'plain'")).old_names();
-        assert!(warning.is_some_and(|w| w.ends_with("write \"plain\" alone")));
-        assert!(table("event = 'plain'").old_names().is_some());
-        assert_eq!(table("model = 'plain'").old_names(), None);
     }
 }

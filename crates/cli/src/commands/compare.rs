@@ -3,7 +3,7 @@
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::{InputError, input};
-use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::host::Host;
@@ -37,7 +37,7 @@ pub struct CompareArgs {
     /// What to compare; the first is the reference unless --data is
     /// [default: fibres if memory allows, auto, surface if the fabric has one]
     #[arg(long, value_delimiter = ',', value_parser = patch_model())]
-    pub models: Vec<ModelFlag>,
+    pub models: Vec<PatchModel>,
     /// Measured values to compare with, as the reference: CSV with r,g,b or a WINDOW file (.xml)
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
@@ -90,8 +90,7 @@ const MAX_DATA: usize = 2000;
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<()> {
-    warn_of_old_names("--models", &args.models, args.common.quiet);
-    let mut models: Vec<PatchModel> = args.models.iter().map(|m| m.model).collect();
+    let mut models = args.models.clone();
     let mut seen = Vec::new();
     models.retain(|m| {
         !seen.contains(m) && {

@@ -107,7 +107,6 @@ impl fmt::Display for Chosen {
 fn check(table: &ClothTable) -> Result<(), String> {
     let decided = [
         ("flake", table.flake.is_some()),
-        ("event", table.event.is_some()),
         ("local_visibility", table.local_visibility),
         ("first_events", table.first_events.is_some()),
         ("while_weight", table.while_weight.is_some()),

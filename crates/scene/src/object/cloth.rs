@@ -13,7 +13,7 @@ use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
-use crate::scattering::{EventName, ScatteringTable};
+use crate::scattering::ScatteringTable;
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
@@ -37,8 +37,6 @@ pub struct ClothTable {
     pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
     pub flake: Option<FlakeFamily>,
-    /// Old key of `model = "virtual-scattering"`.
-    pub event: Option<EventName>,
     /// Virtual scattering: direct light of the first event sees what stands in
     /// its way within two voxels as tables counted from the fibres tell.
     #[serde(default)]
@@ -86,7 +84,6 @@ impl ClothTable {
         ScatteringTable {
             model: self.model,
             flake: self.flake,
-            event: self.event,
             first_events: self.first_events,
             while_weight: self.while_weight,
         }
@@ -156,15 +153,8 @@ fn fabric_and_showing(
     fabric
         .override_optics(&table.optics)
         .map_err(|why| fail(&format!(".optics{why}")))?;
-    let named = table.scattering();
-    let mut shown = named
-        .over(fabric.file.scattering)
-        .map_err(|why| fail(&why))?;
-    if let Some(why) = named.old_names() {
-        options
-            .loader
-            .warn(scene_path, format!("object[{index}]{why}"));
-    }
+    let shown = table.scattering().over(fabric.file.scattering);
+    let mut shown = shown.map_err(|why| fail(&why))?;
     shown.settings.local_visibility = table.local_visibility;
     if table.local_visibility && !shown.representation.has_key("local_visibility") {
         let why = format!(

@@ -269,8 +269,6 @@ pub enum ModelKey {
     Is(&'static Representation),
     /// What suits the camera and the lights, as measured by `organza bench`.
     Auto,
-    /// The old name of two representations, which `event` distinguishes.
-    VirtualScattering,
 }
 
 impl<'de> Deserialize<'de> for ModelKey {
@@ -279,7 +277,6 @@ impl<'de> Deserialize<'de> for ModelKey {
         match (name.as_str(), Representation::named(&name)) {
             (_, Some(representation)) => Ok(ModelKey::Is(representation)),
             ("auto", _) => Ok(ModelKey::Auto),
-            ("virtual-scattering", _) => Ok(ModelKey::VirtualScattering),
             _ => Err(D::Error::unknown_variant(&name, &MODELS)),
         }
     }

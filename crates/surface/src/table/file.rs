@@ -5,9 +5,8 @@
 //! (f32) and its nodes (u32); the share of light straight through for each node of the front
 //! (f32); for each channel the natural logarithms of the values of the bytes 1 and 255 (f32
 //! each); for each node of front and back a factor for each channel (f32); for each pair of
-//! nodes `(a, b)` with `b <= a`, in the order of `a`, then `b`, a byte for each channel; from
-//! version 2 the number of textures, 0 or 1 (u32), and the texture; the SHA-256 of all bytes
-//! before it. Nothing follows.
+//! nodes `(a, b)` with `b <= a`, in the order of `a`, then `b`, a byte for each channel; the number
+//! of textures, 0 or 1 (u32), and the texture; the SHA-256 of all bytes before it. Nothing follows.
 //!
 //! The texture: its rings as those above; texels along weft and warp (u32 each); the corner of a
 //! period and the period, x and y in mm (f32 each); heights of the planes of its texels for
@@ -25,10 +24,8 @@ use glam::{UVec2, Vec2};
 use sha2::{Digest, Sha256};
 
 const MAGIC: [u8; 8] = *b"OFAR\r\n\x1a\n";
-/// The version that this program writes; it reads the ones before, too.
+/// The version of the format.
 const VERSION: u32 = 2;
-/// The first version with textures.
-const WITH_TEXTURE: u32 = 2;
 /// Most nodes of a texture's hemisphere.
 const MAX_TEXTURE_NODES: usize = 128;
 /// The longest description, bytes.
@@ -51,7 +48,7 @@ pub enum TableFileError {
     #[error("is not a table of organza: its first bytes are wrong")]
     Magic,
     /// A version that this program does not know.
-    #[error("is a table of version {0}; this program reads versions 1 to {VERSION}")]
+    #[error("is a table of version {0}; this program reads version {VERSION}")]
     Version(u32),
     /// It ends too early, or goes on too long.
     #[error("has a wrong length: {0}")]
@@ -157,7 +154,7 @@ pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFi
     let whole = bytes;
     let mut rest = Reader(whole.get(MAGIC.len()..).unwrap_or_default());
     let version = rest.word()?;
-    if !(1..=VERSION).contains(&version) {
+    if version != VERSION {
         return Err(TableFileError::Version(version));
     }
     let length = rest.word()? as usize;
@@ -170,11 +167,7 @@ pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFi
     let pairs = n * (n + 1) / 2;
     let matrix = 4 * (rings.hemisphere() + 6 + 3 * n) + 3 * pairs;
     let after = rest.0.get(matrix..).ok_or(CUT_OFF)?;
-    let texture = match version >= WITH_TEXTURE {
-        true => read_texture(&mut Reader(after))?,
-        false => (None, SUM),
-    };
-    let (texture, expected) = texture;
+    let (texture, expected) = read_texture(&mut Reader(after))?;
     if after.len() != expected {
         return Err(match after.len() < expected {
             true => CUT_OFF,

@@ -3,11 +3,10 @@
 //! Little-endian. `OVOX` CR LF SUB LF; version (u32); length of the header (u32), the header,
 //! its CRC-32. Then the octree's arrays one after another (yarn and material table; for each
 //! level the table of bricks, bricks, populations; of a cloth of blocks, which is version 5, the
-//! block of each crossing as u32, x fastest) and the files that the cloth was made from
-//! (since version 3), each cut into blocks of at most 1 MiB: stored length, raw length, CRC-32
-//! of the stored bytes (u32 each) and one LZ4 block (version 1: a zlib stream) of the raw
-//! bytes, regrouped so that bytes of equal position in their records are adjacent. Blocks are
-//! packed and unpacked in parallel. Nothing follows the last block.
+//! block of each crossing as u32, x fastest) and the files that the cloth was made from, each cut
+//! into blocks of at most 1 MiB: stored length, raw length, CRC-32 of the stored bytes (u32 each)
+//! and one LZ4 block of the raw bytes, regrouped so that bytes of equal position in their records
+//! are adjacent. Blocks are packed and unpacked in parallel. Nothing follows the last block.
 
 mod blocks;
 mod header;
@@ -44,11 +43,10 @@ pub static FORMAT: Format = Format {
 
 const ENDING: &str = ".ovox";
 const MAGIC: [u8; 8] = *b"OVOX\r\n\x1a\n";
-/// The newest version that this program reads. It writes version 4, which older programs read
-/// too, unless the volume is a cloth of blocks.
-pub const VERSION: u32 = 5;
-/// The version of a volume without blocks.
-const VERSION_WITHOUT_BLOCKS: u32 = 4;
+/// The version of a volume.
+const VERSION: u32 = 4;
+/// The version of a cloth of blocks.
+const VERSION_WITH_BLOCKS: u32 = 5;
 const BLOCK: usize = 1 << 20;
 /// Maximum size of a header, bytes; names of files make up most of it.
 const MAX_HEADER: u32 = 1 << 20;
@@ -73,8 +71,7 @@ pub struct SourceFile {
 pub struct Stored {
     /// The octree.
     pub octree: Octree,
-    /// The files that its cloth was made from; empty before version 3 or where they were not
-    /// kept.
+    /// The files that its cloth was made from; empty where they were not kept.
     pub files: Vec<SourceFile>,
 }
 
@@ -89,8 +86,8 @@ pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Resu
     }
     out.write_all(&MAGIC)?;
     let version = match octree.blocks() {
-        Some(_) => VERSION,
-        None => VERSION_WITHOUT_BLOCKS,
+        Some(_) => VERSION_WITH_BLOCKS,
+        None => VERSION,
     };
     out.write_all(&version.to_le_bytes())?;
     out.write_all(&(header.len() as u32).to_le_bytes())?;
@@ -127,9 +124,9 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
         return Err(wrong("its first bytes are wrong"));
     }
     let version = word(&start, 8);
-    if !(1..=VERSION).contains(&version) {
+    if ![VERSION, VERSION_WITH_BLOCKS].contains(&version) {
         return Err(wrong(format!(
-            "version {version}; this program reads versions 1 to {VERSION}"
+            "version {version}; this program reads versions {VERSION} and {VERSION_WITH_BLOCKS}"
         )));
     }
     let mut header = vec![0u8; word(&start, 12).min(MAX_HEADER) as usize];
@@ -139,38 +136,45 @@ pub fn read(input: &mut dyn Read, budget: &mut Budget) -> Result<Stored, Error> 
     if crc(&header) != word(&sum, 0) {
         return Err(wrong("its header was altered (checksum)"));
     }
-    let h = header::decode(&header, version).ok_or_else(|| wrong("its header is inconsistent"))?;
+    let has_blocks = version == VERSION_WITH_BLOCKS;
+    let h =
+        header::decode(&header, has_blocks).ok_or_else(|| wrong("its header is inconsistent"))?;
     let needed = u64::try_from(h.array_bytes()).unwrap_or(u64::MAX);
     budget.take(needed, "voxels")?;
-    let groups: Vec<[u32; 2]> = read_array(input, version, h.group_count)?;
-    let groups = groups.iter().map(|&[yarn, material]| Group {
-        yarn,
-        material: material as u16,
+    let groups: Vec<[u32; 2]> = read_array(input, h.group_count)?;
+    let groups = groups.iter().map(|&[yarn, material]| {
+        let material = u16::try_from(material).map_err(|_| {
+            wrong(format!(
+                "a yarn has the material {material}; expected a number below {}",
+                h.materials
+            ))
+        })?;
+        Ok(Group { yarn, material })
     });
-    let groups = groups.collect();
+    let groups = groups.collect::<Result<_, Error>>()?;
     let mut levels = Vec::new();
     for level in 0..h.lattice.levels {
         let grid = bricks_across(h.lattice.dims_at(level));
         let (bricks, records) = h.counts[usize::from(level)];
         levels.push(OctreeLevel {
             grid,
-            brick_of: read_array(input, version, grid.as_u64vec3().element_product())?,
-            bricks: read_array(input, version, bricks)?,
-            records: read_array(input, version, records)?,
+            brick_of: read_array(input, grid.as_u64vec3().element_product())?,
+            bricks: read_array(input, bricks)?,
+            records: read_array(input, records)?,
             density_per_quantum: h.lattice.density_of(h.quantum_mm, level),
         });
     }
     let blocks = match h.blocks {
         Some((crossings, block)) => {
             let count = u64::from(crossings.x) * u64::from(crossings.y);
-            let index = read_array(input, version, count)?;
+            let index = read_array(input, count)?;
             Some(BlockLayout::new(crossings, block, index).map_err(wrong)?)
         }
         None => None,
     };
     let mut files = Vec::new();
     for (name, size) in h.files {
-        let bytes = read_array(input, version, size)?;
+        let bytes = read_array(input, size)?;
         files.push(SourceFile { name, bytes });
     }
     if input.read(&mut [0])? != 0 {

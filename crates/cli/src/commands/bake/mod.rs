@@ -5,7 +5,7 @@ mod summary;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_level, parse_paths, parse_seed, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output::{self, note};
@@ -28,7 +28,7 @@ use organza_measure::{
 };
 use organza_scene::fabric_file;
 use organza_scene::memory::free_memory_bytes;
-use organza_scene::patches::{AnyPatch, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::Build;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -50,7 +50,7 @@ pub struct BakeArgs {
     pub resolution: u32,
     /// What is measured: explicit fibres or a volume
     #[arg(long, default_value = "fibres", value_parser = patch_model())]
-    pub model: ModelFlag,
+    pub model: PatchModel,
     /// Paths per texel of the textures, 4 to 4096
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = whole::<u32>(4..=4096))]
     pub texel_spp: u32,
@@ -124,7 +124,6 @@ struct Measurement {
 
 /// Runs the command.
 pub fn run(args: &BakeArgs) -> Result<()> {
-    warn_of_old_names("--model", &[args.model], args.common.quiet);
     output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
     with_threads(&args.common, || {
         let fabric = watched(&args.common, &args.cache, |loader| {
@@ -141,7 +140,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
             }
             Ok(fabric)
         })?;
-        let shown = args.model.model.of(&fabric, &args.fabric)?;
+        let shown = args.model.of(&fabric, &args.fabric)?;
         if matches!(shown.representation.build, Build::Surface(_)) {
             return Err(input(format!(
                 "--model {}: has no geometry to make maps of; expected fibres, packed, plain or \

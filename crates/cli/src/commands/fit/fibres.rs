@@ -309,7 +309,7 @@ pub fn yarns(fabric: &Fabric) -> Vec<String> {
 /// # Errors
 /// Keys of `[scattering]` that contradict each other; a surface.
 pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<(ShownAs, &'static FittedOptics)> {
-    let shown = args.model.model.of(fabric, args.fabric_path())?;
+    let shown = args.model.of(fabric, args.fabric_path())?;
     let fitted = shown.representation.fitted.ok_or_else(|| {
         input(format!(
             "{}: model {:?} has no fibres to fit; choose another with --model",

@@ -1,6 +1,6 @@
 //! `organza fit`
 
-use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
+use crate::flags::patch_model::{OWN, patch_model};
 use crate::flags::values::{
     parse_angles, parse_crop, parse_paths, parse_patience, parse_positive, parse_seed,
 };
@@ -57,7 +57,7 @@ pub struct FitArgs {
     pub data: Option<PathBuf>,
     /// Model of the volume; what plies are fitted to [default for plies: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
-    pub model: ModelFlag,
+    pub model: PatchModel,
     /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
@@ -207,8 +207,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         )?;
     }
     check_outputs(args, &[])?;
-    warn_of_old_names("--model", &[args.model], args.common.quiet);
-    if let PatchModel::Is(model) = args.model.model
+    if let PatchModel::Is(model) = args.model
         && matches!(model.build, Build::Surface(_))
     {
         return Err(input("--model: a surface cannot stand for the volume"));

@@ -47,10 +47,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
         None => {
             let patch = watched(&args.common, &args.cache, |loader| {
                 let options = options(args, loader);
-                let shown = args.model.model.of(&fabric, args.fabric_path())?;
+                let shown = args.model.of(&fabric, args.fabric_path())?;
                 Ok(fabric_patch(&fabric, args.fabric_path(), shown, &options)?)
             })?;
-            let shown = args.model.model.of(&fabric, args.fabric_path())?;
+            let shown = args.model.of(&fabric, args.fabric_path())?;
             let (data, results) = measure(args, shown, &read, &patch)?;
             // Gaps, and how much light goes through at all, are not in pairs.
             let fitted = results.fit().map_err(|e| input(e.to_string()))?;

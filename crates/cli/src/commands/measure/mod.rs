@@ -10,7 +10,7 @@ mod wanted;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::patch_model::{ModelFlag, OWN, patch_model, warn_of_old_names};
+use crate::flags::patch_model::{OWN, patch_model};
 use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_rows, parse_seed, parse_share,
     whole,
@@ -67,7 +67,7 @@ pub struct MeasureArgs {
     pub outfile: Option<PathBuf>,
     /// Model of the cloth
     #[arg(long, default_value = OWN, value_parser = patch_model())]
-    pub model: ModelFlag,
+    pub model: PatchModel,
     /// Paths per pair, at least 2; the maximum with --target-error
     #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
     pub spp: u64,
@@ -132,7 +132,6 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     let wanted = wanted(args)?;
     let rows = wanted.rows(args.rows.as_ref())?;
-    warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
         let (patch, grid, shown) = watched(&args.common, &args.cache, |loader| {
             if is_scene_text(&args.file, &loader.text_of(&args.file, FileKind::Either)?)? {
@@ -148,7 +147,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
             };
             let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
             check_outfile(args, loader)?;
-            let shown = args.model.model.of(&fabric, &args.file)?;
+            let shown = args.model.of(&fabric, &args.file)?;
             let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
             Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
         })?;
@@ -179,7 +178,7 @@ fn scene_patch(
     loader: &Loader<'_>,
 ) -> Result<(AnyPatch, TexelGrid, Option<ShownAs>)> {
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
-    match args.model.model {
+    match args.model {
         PatchModel::Own => {}
         PatchModel::Is(r) if r == &EXPLICIT_FIBRES => {
             file.render.integrator = IntegratorName::Fibres

@@ -70,7 +70,7 @@ pub fn write(
 
 /// What was measured: a representation, or what a scene names.
 fn model_name(args: &MeasureArgs, shown: Option<ShownAs>) -> &'static str {
-    match (shown, args.model.model) {
+    match (shown, args.model) {
         (Some(shown), _) => shown.representation.name,
         (None, PatchModel::Is(representation)) => representation.name,
         (None, PatchModel::Own) => OWN,

@@ -161,7 +161,7 @@ pub fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<Re
         return Err(input(format!(
             "{}: render.integrator: \"regular\" steps through constant voxels; \
              use interpolation = \"nearest\" and grids of one resolution, \
-             event = \"plain\" for virtual scattering, or \"woodcock\"",
+             model = \"plain\" in place of \"packed\", or \"woodcock\"",
             args.scene.display()
         )));
     }

@@ -6,7 +6,7 @@ mod texture;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::patch_model::{ModelFlag, patch_model, warn_of_old_names};
+use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::identity::VERSION;
@@ -49,7 +49,7 @@ pub struct TableArgs {
     pub outfile: PathBuf,
     /// Model that light is traced through
     #[arg(long, default_value = "fibres", value_parser = patch_model())]
-    pub model: ModelFlag,
+    pub model: PatchModel,
     /// Paths of light from each of the table's nodes; the maximum with --target-error
     #[arg(long, value_name = "N", default_value_t = 131072, value_parser = parse_paths)]
     pub spp: u64,
@@ -117,7 +117,7 @@ pub fn run(args: &TableArgs) -> Result<()> {
             args.outfile.display()
         )));
     }
-    if args.model.model == PatchModel::Is(&TABLE) {
+    if args.model == PatchModel::Is(&TABLE) {
         return Err(input("--model: a table cannot be made from a table"));
     }
     if args.target_error.is_some() && args.held_out < 8 {
@@ -132,7 +132,6 @@ pub fn run(args: &TableArgs) -> Result<()> {
         output::check_distinct(("the journal", journal), ("the table", &args.outfile))?;
         output::check_not_an_input(journal, [&args.fabric])?;
     }
-    warn_of_old_names("--model", &[args.model], args.common.quiet);
     with_threads(&args.common, || {
         let (work, about) = watched(&args.common, &args.cache, |loader| prepare(args, loader))?;
         make(args, work, about)
@@ -162,7 +161,7 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
     let rings = Rings::usual();
     let texels = texture::layout(&fabric, args.texels);
     check_memory(args, &rings, texels.as_ref())?;
-    let shown = args.model.model.of(&fabric, &args.fabric)?;
+    let shown = args.model.of(&fabric, &args.fabric)?;
     let options = PatchOptions {
         loader,
         voxel_um: args.voxel.voxel_um,

@@ -77,7 +77,7 @@ impl VolumeObject<'_> {
         let table = self.table;
         let is_flakes = table.model.is_none_or(|m| m == ModelKey::Is(&MICROFLAKE));
         let is_sggx = table.flake.is_none_or(|f| f == FlakeFamily::SGGX_SPECULAR);
-        if is_flakes && is_sggx && table.event.is_none() {
+        if is_flakes && is_sggx {
             return Ok(());
         }
         Err(self.fail(format!(

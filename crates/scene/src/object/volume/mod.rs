@@ -19,7 +19,6 @@ use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{MICROFLAKE, ModelKey, ShownAs, VoxelBuild};
 use crate::scan_file::ScanFile;
-use crate::scattering::EventName;
 use crate::volume_file;
 use organza_basis::{Aabb, Budget};
 use organza_scatter::{FlakeFamily, FlakeOptics};
@@ -50,12 +49,10 @@ pub struct VolumeTable {
     pub density_scale: Option<f32>,
     /// Single-scattering albedo, where the file has none.
     pub albedo: Option<[f32; 3]>,
-    /// The representation; the fabric's own if none, and so are the next two.
+    /// The representation; the fabric's own if none, and so is the next.
     pub model: Option<ModelKey>,
     /// Micro-flakes: their family.
     pub flake: Option<FlakeFamily>,
-    /// Virtual scattering: what a collision with a fibre is.
-    pub event: Option<EventName>,
     /// How fibres scatter, before what the file says of it.
     #[serde(default)]
     pub optics: OpticsFile,
@@ -85,7 +82,6 @@ impl VolumeTable {
             fabric: self.file.clone(),
             model: self.model,
             flake: self.flake,
-            event: self.event,
             local_visibility: false,
             first_events: None,
             while_weight: None,
@@ -129,7 +125,7 @@ impl VolumeTable {
         let shown = match self.model {
             Some(ModelKey::Is(r)) => r.voxels().is_some(),
             Some(ModelKey::Auto) => false,
-            Some(ModelKey::VirtualScattering) | None => true,
+            None => true,
         };
         if !shown {
             return Err(
@@ -344,11 +340,6 @@ impl<'a> VolumeObject<'a> {
             _ => {}
         }
         let keys = table.as_cloth().scattering();
-        if let Some(why) = keys.old_names() {
-            let scene_path = self.options.scene_path;
-            let loader = self.options.loader;
-            loader.warn(scene_path, format!("object[{}]{why}", self.index));
-        }
         if stored.files.is_empty() {
             self.check_plain_flakes(
                 "the file keeps no materials: voxelize its fabric again for others",

@@ -3,7 +3,7 @@
 use super::{BLOCK, ENDING};
 use crate::Error;
 use bytemuck::Pod;
-use flate2::{Crc, read::ZlibDecoder};
+use flate2::Crc;
 use lz4_flex::block::{compress, decompress_into};
 use rayon::prelude::*;
 use std::io::{Read, Write};
@@ -36,11 +36,7 @@ pub fn write_array<T: Pod + Send + Sync>(array: &[T], out: &mut dyn Write) -> Re
 /// Reads an array of `count` items, which were charged to a budget.
 ///
 /// # Errors Blocks that are cut off or altered, or hold more than `count` items.
-pub fn read_array<T: Pod + Send + Sync>(
-    input: &mut dyn Read,
-    version: u32,
-    count: u64,
-) -> Result<Vec<T>, Error> {
+pub fn read_array<T: Pod + Send + Sync>(input: &mut dyn Read, count: u64) -> Result<Vec<T>, Error> {
     let mut array: Vec<T> = Vec::new();
     while (array.len() as u64) < count {
         // Read enough blocks to occupy the threads, then unpack them in parallel.
@@ -68,7 +64,7 @@ pub fn read_array<T: Pod + Send + Sync>(
                 if crc(bytes) != *sum {
                     return None;
                 }
-                let planes = unpack(version, bytes, *raw)?;
+                let planes = unpack(bytes, *raw)?;
                 let mut records = vec![T::zeroed(); raw / size_of::<T>()];
                 let bytes = bytemuck::cast_slice_mut(&mut records);
                 records_from_planes(&planes, size_of::<T>(), bytes);
@@ -83,13 +79,7 @@ pub fn read_array<T: Pod + Send + Sync>(
 }
 
 /// The raw bytes of a block, if their number is the one declared.
-fn unpack(version: u32, stored: &[u8], raw: usize) -> Option<Vec<u8>> {
-    if version == 1 {
-        let mut bytes = Vec::with_capacity(raw);
-        let mut zlib = ZlibDecoder::new(stored).take(raw as u64 + 1);
-        zlib.read_to_end(&mut bytes).ok()?;
-        return (bytes.len() == raw).then_some(bytes);
-    }
+fn unpack(stored: &[u8], raw: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0u8; raw];
     let length = decompress_into(stored, &mut bytes).ok()?;
     (length == raw).then_some(bytes)

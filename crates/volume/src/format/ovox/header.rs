@@ -1,26 +1,28 @@
 //! The header: everything but the arrays.
 //!
-//! Since version 5, which only cloths of blocks have, the crossings along x and y and the
-//! finest voxels of a block along x, y and z (u32 each) stand before the packing factors.
+//! Of a cloth of blocks the crossings along x and y and the finest voxels of a block along x, y
+//! and z (u32 each) stand before the packing factors.
 //!
-//! Since version 4 it ends with the packing factors: the number of walks (u32; 0 where
-//! nothing was measured, and then nothing follows), and for each level and material the
-//! factor and its standard error (f32) for rays that leave the same yarn, then another
-//! yarn, then for rays from outside the cloth; a factor of 0 stands for none. They were measured
-//! with outlines inside coarse voxels where the last of the four bytes before the number of
-//! groups is 1; elsewhere only those of level 0 hold.
+//! It ends with the packing factors: the number of walks (u32; 0 where nothing was measured, and
+//! then nothing follows), and for each level and material the factor and its standard error (f32)
+//! for rays that leave the same yarn, then another yarn, then for rays from outside the cloth; a
+//! factor of 0 stands for none. Where there are factors, the last of the four bytes before the
+//! number of groups is 1: they were measured with outlines inside coarse voxels.
 
 use super::SourceFile;
 use super::blocks::word;
 use crate::footprint::FibreFootprint;
 use crate::lattice::{Lattice, MAX_LEVELS, bricks_across};
 use crate::octree::Octree;
-use crate::packing::{MaterialPacking, MeasuredPacking, PackingFactor};
+use crate::packing::{MeasuredPacking, PackingFactor};
 use crate::record::{Brick, RadiusScale, StoredPopulation};
 use glam::{DVec3, UVec2, UVec3};
 
-/// Marks factors of coarse levels that were measured with outlines.
+/// Marks factors that were measured with outlines.
 const WITH_OUTLINES: u8 = 1;
+
+/// Materials are numbered with 16 bits.
+const MAX_MATERIALS: u32 = 1 << 16;
 
 /// Names of files, and how many bytes each has.
 type FileTable = Vec<(String, u64)>;
@@ -31,16 +33,16 @@ pub struct Header {
     pub quantum_mm: f64,
     pub radii: RadiusScale,
     pub materials: u32,
-    /// Which voxels hold the length of thick fibres; since version 3.
+    /// Which voxels hold the length of thick fibres.
     pub footprint: FibreFootprint,
     pub group_count: u64,
     /// Bricks and populations of each level.
     pub counts: Vec<(u64, u64)>,
-    /// Names and sizes of the files that the cloth was made from; since version 3.
+    /// Names and sizes of the files that the cloth was made from.
     pub files: FileTable,
-    /// Measured packing factors; since version 4.
+    /// Measured packing factors.
     pub packing: Option<MeasuredPacking>,
-    /// Crossings, and voxels of a block; since version 5.
+    /// Crossings, and voxels of a block, of a cloth of blocks.
     pub blocks: Option<(UVec2, UVec3)>,
 }
 
@@ -150,22 +152,16 @@ fn decode_packing(
         let places = (0..materials).map(|m| 24 * (level * materials + m));
         places.map(of_material).collect()
     };
-    let mut packing = MeasuredPacking {
+    let packing = MeasuredPacking {
         walks,
         levels: (0..levels).map(of_level).collect(),
     };
-    if !packing.fits(u8::try_from(levels).ok()?, materials) {
-        return None;
-    }
-    if !with_outlines {
-        let coarse = packing.levels.iter_mut().skip(1);
-        coarse.for_each(|level| level.fill(MaterialPacking::default()));
-    }
-    Some(Some(packing))
+    let is_sound = with_outlines && packing.fits(u8::try_from(levels).ok()?, materials);
+    is_sound.then_some(Some(packing))
 }
 
 /// Decodes a header; `None` when its values are inconsistent.
-pub fn decode(h: &[u8], version: u32) -> Option<Header> {
+pub fn decode(h: &[u8], has_blocks: bool) -> Option<Header> {
     const FIXED: usize = 56 + 12 + 8 + 4 + 4 + 8;
     if h.len() < FIXED {
         return None;
@@ -193,30 +189,25 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
     };
     let footprint = match h[82] {
         0 => FibreFootprint::Covered,
-        1 if version >= 3 => FibreFootprint::Axis,
+        1 => FibreFootprint::Axis,
         _ => return None,
     };
     let rest = h.get(FIXED + 16 * levels..)?;
-    let (files, rest) = match version {
-        3.. => decode_files(rest)?,
-        _ => (Vec::new(), rest),
-    };
-    let (blocks, rest) = match version {
-        5.. => {
+    let (files, rest) = decode_files(rest)?;
+    let (blocks, rest) = match has_blocks {
+        true => {
             let (sizes, rest) = rest.split_at_checked(20)?;
             let n = |i: usize| word(sizes, 4 * i);
             let sizes = (UVec2::new(n(0), n(1)), UVec3::new(n(2), n(3), n(4)));
             (Some(sizes), rest)
         }
-        _ => (None, rest),
+        false => (None, rest),
     };
-    let packing = match version {
-        4.. => decode_packing(rest, levels, word(h, 76), h[83] == WITH_OUTLINES)?,
-        _ if rest.is_empty() => None,
-        _ => return None,
-    };
+    let materials = word(h, 76);
+    let packing = decode_packing(rest, levels, materials, h[83] == WITH_OUTLINES)?;
     let sound = (1..=MAX_LEVELS).contains(&lattice.levels)
         && h[81] <= 1
+        && materials <= MAX_MATERIALS
         && lattice.is_sound()
         && quantum_mm.is_finite()
         && quantum_mm > 0.0
@@ -227,7 +218,7 @@ pub fn decode(h: &[u8], version: u32) -> Option<Header> {
         lattice,
         quantum_mm,
         radii,
-        materials: word(h, 76),
+        materials,
         footprint,
         group_count: long(84),
         counts: (0..levels)

@@ -72,7 +72,7 @@ impl<'a> ClothModel<'a> {
             }
             None => Table::new(),
         };
-        let shown = match args.model.model {
+        let shown = match args.model {
             PatchModel::Own => ShownAs::usual(&EXPLICIT_FIBRES),
             PatchModel::Is(representation) => ShownAs::usual(representation),
         };

@@ -126,7 +126,7 @@ fn refuse_flags(args: &FitArgs) -> Result<()> {
         refuse_given(&picture_flags(args), why)?;
         refuse_given(&[("--back-light", args.back_light.is_some())], why)?;
     }
-    if let PatchModel::Is(model) = args.model.model {
+    if let PatchModel::Is(model) = args.model {
         if front || args.data.is_some() {
             return Err(input(
                 "--model: names what plies are fitted to; with --data or pictures there is no use \
@@ -158,7 +158,7 @@ impl Source {
                 Source::Is(Target::Pictures(Pictures::read(args, front, back, fabric)?))
             }
             _ => {
-                let model = match args.model.model {
+                let model = match args.model {
                     PatchModel::Own => PatchModel::Is(&EXPLICIT_FIBRES),
                     given => given,
                 };
