@@ -86,10 +86,54 @@ pub fn vdb(data: &[u8]) {
 
 /// A native volume; what is read is well formed.
 pub fn ovox(data: &[u8]) {
-    if let Ok(stored) = organza_volume::ovox::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
-        stored.octree.assert_well_formed();
+    for bytes in [data.to_vec(), sealed_ovox(data.to_vec())] {
+        let read = organza_volume::ovox::read(&mut &bytes[..], &mut Budget::new(MAX_BYTES));
+        let Ok(stored) = read else { continue };
+        let octree = stored.octree;
+        octree.assert_well_formed();
+        let optics = organza_scatter::FlakeOptics {
+            albedo: organza_basis::Rgb::WHITE,
+            end_on_ratio: 0.5,
+        };
+        let materials = organza_scatter::FlakeMaterials::new(vec![optics; octree.material_count()]);
+        octree.for_each_stored(0, |cell| {
+            let _ = materials.merged(&octree.mixture(0, cell));
+        });
     }
 }
+/// A native volume whose checksums are right: of its header, and of the blocks after it.
+fn sealed_ovox(mut bytes: Vec<u8>) -> Vec<u8> {
+    let word = |bytes: &[u8], at: usize| -> Option<usize> {
+        let word = bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(u32::from_le_bytes(word) as usize)
+    };
+    // Puts the checksum of so many bytes to a place, and gives where they end.
+    let seal = |bytes: &mut [u8], at: usize, from: usize, length: usize| -> Option<usize> {
+        let end = from.checked_add(length)?;
+        let sum = crc32(bytes.get(from..end)?);
+        bytes
+            .get_mut(at..at + 4)?
+            .copy_from_slice(&sum.to_le_bytes());
+        Some(end)
+    };
+    let header = word(&bytes, 12).and_then(|n| seal(&mut bytes, n.checked_add(16)?, 16, n));
+    let mut next = header.map(|end| end + 4);
+    while let Some(block) = next {
+        let stored = word(&bytes, block);
+        next = stored.and_then(|n| seal(&mut bytes, block + 8, block + 12, n));
+    }
+    bytes
+}
+
+/// The checksum of zlib.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
+            (sum >> 1) ^ (0xedb8_8320 & 0u32.wrapping_sub(sum & 1))
+        })
+    })
+}
+
 
 /// An array in NRRD, its data in the file itself.
 pub fn nrrd(data: &[u8]) {

@@ -69,7 +69,7 @@ fn damaged_ovox_files_are_refused_with_a_reason() {
             0..8 => assert!(why.contains("first bytes"), "{why}"),
             // Version 5 would have another header.
             8..12 if bad[8..12] != [5, 0, 0, 0] => {
-                assert!(why.contains("this program reads versions 1 to 5"), "{why}");
+                assert!(why.contains("this program reads versions 4 and 5"), "{why}");
             }
             _ => assert!(why.contains("not a readable .ovox file"), "{at}: {why}"),
         }
@@ -139,70 +139,61 @@ fn packing_factors_that_make_no_sense_are_refused() {
     }
 }
 
-/// Version 3 ends with the table of files, and has no packing factors.
-#[test]
-fn files_of_version_3_are_read() {
-    let tree = cotton_octree(0.1);
-    let mut bytes = Vec::new();
-    ovox::write(&tree, &files(), &mut bytes).unwrap();
-    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    assert_eq!((word(8), ovox::VERSION), (4, 5));
-    let end = 16 + word(12) as usize;
-    // No walks.
-    assert_eq!(word(end - 4), 0);
-    let header = &bytes[16..end - 4];
+fn checksum(bytes: &[u8]) -> [u8; 4] {
     let mut sum = flate2::Crc::new();
-    sum.update(header);
-    let mut old = bytes[..8].to_vec();
-    for n in [3, header.len() as u32] {
-        old.extend(n.to_le_bytes());
-    }
-    old.extend(header);
-    old.extend(sum.sum().to_le_bytes());
-    old.extend(&bytes[end + 4..]);
-    let back = ovox::read(&mut &old[..], &mut plenty()).unwrap();
-    assert!(back.octree == tree && back.files == files());
-    assert_eq!(back.octree.packing(), None);
+    sum.update(bytes);
+    sum.sum().to_le_bytes()
 }
 
-/// Factors of coarse levels from before their voxels kept outlines are left out, and those of
-/// level 0 are kept.
-#[test]
-fn factors_of_coarse_levels_without_outlines_are_left_out() {
-    let tree = cotton_octree(0.1);
-    let good = packing(&tree);
-    assert!(good.levels.len() > 1 && good.levels[1] != vec![MaterialPacking::default(); 4]);
-    let tree = tree.with_packing(Some(good.clone())).unwrap();
-    let mut bytes = Vec::new();
-    ovox::write(&tree, &files(), &mut bytes).unwrap();
-    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    let end = 16 + word(12) as usize;
-    let mark = 16 + 83;
-    assert_eq!(bytes[mark], 1);
-    bytes[mark] = 0;
-    let mut sum = flate2::Crc::new();
-    sum.update(&bytes[16..end]);
-    bytes[end..end + 4].copy_from_slice(&sum.sum().to_le_bytes());
-    let back = ovox::read(&mut &bytes[..], &mut plenty()).unwrap().octree;
-    let kept = back.packing().unwrap();
-    assert_eq!((kept.walks, &kept.levels[0]), (good.walks, &good.levels[0]));
-    let none = MaterialPacking::default();
-    assert!(kept.levels[1..].iter().flatten().all(|m| *m == none));
+/// A file whose header and table of yarns and materials are changed, with checksums that are
+/// right.
+fn altered(good: &[u8], header: impl Fn(&mut [u8]), groups: impl Fn(&mut [u8])) -> Vec<u8> {
+    let word = |at: usize| u32::from_le_bytes(good[at..at + 4].try_into().unwrap()) as usize;
+    let end = 16 + word(12);
+    let mut bytes = good[..end].to_vec();
+    header(&mut bytes[16..]);
+    bytes.extend(checksum(&bytes[16..]));
+    let first = end + 4;
+    let (stored, raw) = (word(first), word(first + 4));
+    let after = first + 12 + stored;
+    let mut table = lz4_flex::block::decompress(&good[first + 12..after], raw).unwrap();
+    groups(&mut table);
+    let packed = lz4_flex::block::compress(&table);
+    bytes.extend((packed.len() as u32).to_le_bytes());
+    bytes.extend((raw as u32).to_le_bytes());
+    bytes.extend(checksum(&packed));
+    bytes.extend(packed);
+    bytes.extend(&good[after..]);
+    bytes
 }
 
-/// A knit of 100 um voxels as version 1 of the format kept it.
+/// Whatever a file says of materials, no voxel has one that there is not.
 #[test]
-fn files_of_version_1_are_read() {
-    let old = include_bytes!("data/version_1.ovox");
-    let stored = ovox::read(&mut &old[..], &mut plenty()).unwrap();
-    assert!(stored.files.is_empty());
-    let tree = stored.octree;
-    tree.assert_well_formed();
-    assert_eq!((tree.level_count(), tree.occupied_voxels()), (2, 528));
-    assert!((tree.fibre_length_mm(0) - 767.365197).abs() < 1e-6);
-    let mut again = Vec::new();
-    ovox::write(&tree, &files(), &mut again).unwrap();
-    assert!(ovox::read(&mut &again[..], &mut plenty()).unwrap().octree == tree);
+fn materials_that_there_are_not_are_refused() {
+    let tree = cotton_octree(0.1);
+    let mut good = Vec::new();
+    ovox::write(&tree, &files(), &mut good).unwrap();
+    // The known-bad twin: checksums alone refuse nothing.
+    let same = altered(&good, |_| (), |_| ());
+    let same = ovox::read(&mut &same[..], &mut plenty()).unwrap();
+    assert!(same.octree == tree);
+    let why = |bytes: &[u8]| {
+        let read = ovox::read(&mut &bytes[..], &mut plenty());
+        read.map(|_| ()).unwrap_err().to_string()
+    };
+    let count = |n: u32| move |header: &mut [u8]| header[76..80].copy_from_slice(&n.to_le_bytes());
+    let fewer = why(&altered(&good, count(1), |_| ()));
+    assert!(fewer.contains("expected a number below 1"), "{fewer}");
+    let many = why(&altered(&good, count(65_537), |_| ()));
+    assert!(many.contains("its header is inconsistent"), "{many}");
+    // Bytes of equal position in their records are adjacent: the third byte of a material is
+    // behind the six before it, and makes 65536 of zero.
+    let beyond = |table: &mut [u8]| {
+        let groups = table.len() / 8;
+        table[6 * groups] = 1;
+    };
+    let beyond = why(&altered(&good, |_| (), beyond));
+    assert!(beyond.contains("expected a number below"), "{beyond}");
 }
 
 /// What an array keeps is what the grids of other formats hold; half of them raw.

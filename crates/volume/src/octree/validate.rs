@@ -1,6 +1,6 @@
 //! Checks of every invariant of the octree.
 
-use super::{EMPTY, Octree, OctreeLevel, broadside};
+use super::{EMPTY, Group, Octree, OctreeLevel, broadside};
 use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
 use crate::record::Brick;
 use crate::record::{decode_group, is_valid_direction};
@@ -28,6 +28,14 @@ impl Octree {
                 "{} levels stored, {} named",
                 self.levels.len(),
                 self.lattice.levels
+            ));
+        }
+        let materials = self.material_count;
+        let beyond = |g: &&Group| u32::from(g.material) >= materials;
+        if let Some(group) = self.groups.iter().find(beyond) {
+            return Err(format!(
+                "yarn {} has the material {}; expected a number below {materials}",
+                group.yarn, group.material
             ));
         }
         for (level, l) in self.levels.iter().enumerate() {
