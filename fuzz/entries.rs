@@ -3,13 +3,12 @@
 #![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
-use organza_cli::{FileJournal, SlabJournal};
+use organza_cli::{Journal, NumberJournal, Work};
 use organza_scan::ScanError;
 use organza_scan::input::{Slices, png::PngSlices, tiff::TiffSlices, vti::VtiSlices};
 use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
-use sha2::{Digest, Sha256};
 use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -22,7 +21,7 @@ const MAX_BYTES: u64 = 64 << 20;
 pub type Entry = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const ALL: [Entry; 25] = [
+pub const ALL: [Entry; 24] = [
     ("wif", wif),
     ("curve_text", curve_text),
     ("bcc", bcc),
@@ -45,7 +44,6 @@ pub const ALL: [Entry; 25] = [
     ("checkpoint", checkpoint),
     ("part", part),
     ("journal", journal),
-    ("slab_journal", slab_journal),
     ("peer", peer),
     ("view", view),
 ];
@@ -84,7 +82,8 @@ pub fn vdb(data: &[u8]) {
     }
 }
 
-/// A native volume; what is read is well formed.
+/// A native volume; also with checksums that are right, so that what they cover is tried. What is
+/// read is well formed, and every voxel has materials that there are.
 pub fn ovox(data: &[u8]) {
     for bytes in [data.to_vec(), sealed_ovox(data.to_vec())] {
         let read = organza_volume::ovox::read(&mut &bytes[..], &mut Budget::new(MAX_BYTES));
@@ -101,6 +100,7 @@ pub fn ovox(data: &[u8]) {
         });
     }
 }
+
 /// A native volume whose checksums are right: of its header, and of the blocks after it.
 fn sealed_ovox(mut bytes: Vec<u8>) -> Vec<u8> {
     let word = |bytes: &[u8], at: usize| -> Option<usize> {
@@ -133,7 +133,6 @@ fn crc32(bytes: &[u8]) -> u32 {
         })
     })
 }
-
 
 /// An array in NRRD, its data in the file itself.
 pub fn nrrd(data: &[u8]) {
@@ -259,26 +258,36 @@ pub fn fabric(data: &[u8]) {
     run(data, "fabric.toml", &["info", "fabric.toml", "--quiet"]);
 }
 
-/// A checkpoint from which a render resumes.
+/// A checkpoint from which a render resumes: as it is, and as the records of one under a head that
+/// is right, a line each.
 pub fn checkpoint(data: &[u8]) {
     let scene = "[camera]\norigin_mm=[0,0,1]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[2,2]\n";
     let _ = std::fs::write(folder().join("blank.toml"), scene);
-    run(
-        data,
-        "state",
-        &[
-            "render",
-            "blank.toml",
-            "-o",
-            "out.exr",
-            "--spp",
-            "1",
-            "--quiet",
-            "--checkpoint",
+    let work = Work {
+        command: "render",
+        key: "",
+    };
+    let mut sealed = Vec::new();
+    let records = data.split(|&byte| byte == b'\n').map(<[u8]>::to_vec);
+    let _ = Journal::write(&mut sealed, &work, records);
+    for state in [data, &sealed] {
+        run(
+            state,
             "state",
-            "--resume",
-        ],
-    );
+            &[
+                "render",
+                "blank.toml",
+                "-o",
+                "out.exr",
+                "--spp",
+                "1",
+                "--quiet",
+                "--checkpoint",
+                "state",
+                "--resume",
+            ],
+        );
+    }
 }
 
 /// A part of a picture that is to be merged.
@@ -287,24 +296,25 @@ pub fn part(data: &[u8]) {
     run(data, "part.exr", &arguments);
 }
 
-/// The key of the searches and scans below.
-const KEY: &str = "search";
-
-/// The journal of a search: as it is, and with every line the content of a record, under the head
-/// of this search. What can be opened is found again when it is opened once more.
+/// A journal of numbers: as it is, and as a record under a head that is right. What can be opened
+/// is found again when it is opened once more.
 pub fn journal(data: &[u8]) {
+    let work = Work {
+        command: "fit",
+        key: "search",
+    };
     let path = folder().join("journal");
-    let hex = |bytes: &[u8]| -> String { bytes.iter().map(|b| format!("{b:02x}")).collect() };
-    let mut sealed = format!("organza-journal 2 {}\n", hex(&Sha256::digest(KEY)));
-    for line in String::from_utf8_lossy(data).split('\n') {
-        let sum = &hex(&Sha256::digest(line))[..16];
-        sealed += &format!("{} {sum} {line}\n", line.len());
-    }
-    for bytes in [data, sealed.as_bytes()] {
+    let sealed = |out: &mut Vec<u8>| Journal::write(out, &work, [data.to_vec()]);
+    for is_sealed in [false, true] {
+        let mut bytes = data.to_vec();
+        if is_sealed {
+            bytes.clear();
+            let _ = sealed(&mut bytes);
+        }
         if std::fs::write(&path, bytes).is_err() {
             return;
         }
-        let Ok(mut first) = FileJournal::open(Some(&path), KEY) else {
+        let Ok(mut first) = NumberJournal::open(Some(&path), &work) else {
             continue;
         };
         let place = [0.5, f64::NAN];
@@ -312,37 +322,8 @@ pub fn journal(data: &[u8]) {
             continue;
         }
         drop(first);
-        let again = FileJournal::open(Some(&path), KEY).expect("it was opened before");
+        let again = NumberJournal::open(Some(&path), &work).expect("it was opened before");
         assert!(again.has(&place));
-    }
-}
-
-/// The journal of a scan: as it is, and under the head of this scan. Slabs that are added are
-/// found again.
-pub fn slab_journal(data: &[u8]) {
-    let path = folder().join("slabs");
-    let mut headed = b"organzaS".to_vec();
-    headed.extend_from_slice(&Sha256::digest(KEY));
-    headed.extend_from_slice(data);
-    for bytes in [data, &headed] {
-        if std::fs::write(&path, bytes).is_err() {
-            return;
-        }
-        let Ok(mut first) = SlabJournal::open(&path, KEY) else {
-            continue;
-        };
-        for index in 0..4 {
-            let _ = first.find(index);
-        }
-        let count = first.len();
-        if first.add(9, b"slab").is_err() {
-            continue;
-        }
-        drop(first);
-        let mut again = SlabJournal::open(&path, KEY).expect("it was opened before");
-        assert!(again.len() >= count);
-        let slab = again.find(9).expect("it can be read");
-        assert_eq!(slab.as_deref(), Some(&b"slab"[..]));
     }
 }
 

@@ -9,7 +9,7 @@ set -uo pipefail
 cd "$(dirname "$0")"
 targets=(wif curve_text bcc vol vdb ovox nrrd obj ply gltf ct_png ct_tiff vti
   picture klems far_table pairs scene fabric checkpoint part
-  journal slab_journal peer view)
+  journal peer view)
 
 seconds=${1:-1800} side_by_side=${2:-2} out=${3:-target/found} timeout=${TIMEOUT:-20}
 cargo +nightly fuzz build --fuzz-dir . || exit 1

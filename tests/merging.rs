@@ -1,7 +1,7 @@
 //! Renders in parts: sample ranges, and merging of the parts.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, complaint, exr_channels, folder, picture, succeed};
+use crate::program::{bytes, complaint, exr_channels, folder, picture, sources, succeed};
 
 #[test]
 fn parts_merge_to_the_unbroken_picture() {
@@ -101,6 +101,17 @@ fn what_does_not_belong_together_is_not_merged() {
     let changed = format!("{cannot}the contents of sigma_t.vol differ");
     assert_eq!(refuse("b.exr"), changed);
     std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
+    // The same scene by other code.
+    let part = bytes(&folder, "a.exr");
+    let (own, other) = (sources(), "0".repeat(32));
+    let at = part.windows(32).position(|w| w == own.as_bytes()).unwrap();
+    let foreign = [&part[..at], other.as_bytes(), &part[at + 32..]].concat();
+    std::fs::write(folder.join("b.exr"), foreign).unwrap();
+    let refused = refuse("b.exr");
+    assert!(
+        refused.contains(&format!("{cannot}code is 0.1.0 (sources {other})")),
+        "{refused}"
+    );
     // What only says how much to take and how to show it may differ.
     make(
         "b.exr",

@@ -40,6 +40,14 @@ pub fn complaint(folder: &Path, arguments: &[&str]) -> String {
     stderr
 }
 
+/// The digest of the sources of the program.
+pub fn sources() -> String {
+    let about = succeed(Path::new("."), &["--version", "--verbose"]);
+    let mut lines = about.lines();
+    let digest = lines.find_map(|line| line.strip_prefix("sources: "));
+    digest.unwrap().to_owned()
+}
+
 /// The channels of an EXR file, by name.
 pub fn exr_channels(path: &Path) -> BTreeMap<String, Vec<f32>> {
     let image = exr::prelude::read_first_flat_layer_from_file(path).unwrap();

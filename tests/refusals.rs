@@ -141,7 +141,7 @@ fn a_fit_does_not_resume_from_another_draft() {
     wif("30,30,200");
     let message = complaint(&folder, &fit);
     assert!(
-        message.contains("journal: belongs to another search"),
+        message.contains("journal: belongs to other inputs or settings"),
         "{message}"
     );
 }

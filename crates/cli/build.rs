@@ -1,5 +1,5 @@
-//! Gives the program the digest of its sources and of how it is built, which distinguishes two builds
-//! of one version apart.
+//! Gives the program the digest of its sources, by which it recognises what other code computed,
+//! and the digest of how it is built, by which the cache distinguishes two builds of one code.
 
 #![allow(clippy::disallowed_methods)]
 
@@ -7,39 +7,49 @@ use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 fn main() -> std::io::Result<()> {
-    let crates = Path::new("..");
+    // A packaged crate stands alone: there the version, which is published once, names the code.
+    let is_in_workspace = Path::new("../../crates/cli/Cargo.toml").is_file();
+    let sources = match is_in_workspace {
+        true => digest_of_workspace()?,
+        false => String::new(),
+    };
+    println!("cargo::rustc-env=ORGANZA_SOURCES={sources}");
+    let compiler = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let compiler = std::process::Command::new(compiler).arg("-vV").output()?;
+    let mut build = Digester::default();
+    build.feed(sources.as_bytes());
+    for name in ["TARGET", "OPT_LEVEL", "CARGO_ENCODED_RUSTFLAGS"] {
+        build.feed(std::env::var(name).unwrap_or_default().as_bytes());
+    }
+    build.feed(&compiler.stdout);
+    println!("cargo::rustc-env=ORGANZA_BUILD={}", build.digits());
+    println!("cargo::rerun-if-changed=build.rs");
+    Ok(())
+}
+
+/// The digest of the sources of all crates and of the versions of what they depend on. It is the
+/// same on every system.
+fn digest_of_workspace() -> std::io::Result<String> {
     let mut files = vec![PathBuf::from("../../Cargo.lock")];
-    for entry in std::fs::read_dir(crates)? {
+    for entry in std::fs::read_dir("..")? {
         let source = entry?.path().join("src");
         if source.is_dir() {
             gather(&source, &mut files)?;
         }
     }
-    files.sort();
-    let mut digest = Sha256::new();
-    let mut feed = |bytes: &[u8]| {
-        digest.update((bytes.len() as u64).to_le_bytes());
-        digest.update(bytes);
-    };
-    for file in &files {
-        if file.is_file() {
-            println!("cargo::rerun-if-changed={}", file.display());
-            feed(file.to_string_lossy().as_bytes());
-            feed(&std::fs::read(file)?);
-        }
+    let named = files.into_iter().filter(|file| file.is_file()).map(|file| {
+        let parts = file.iter().map(|part| part.to_string_lossy());
+        (parts.collect::<Vec<_>>().join("/"), file)
+    });
+    let mut named: Vec<(String, PathBuf)> = named.collect();
+    named.sort();
+    let mut digest = Digester::default();
+    for (name, file) in named {
+        println!("cargo::rerun-if-changed={}", file.display());
+        digest.feed(name.as_bytes());
+        digest.feed(&std::fs::read(file)?);
     }
-    for name in ["TARGET", "OPT_LEVEL", "CARGO_ENCODED_RUSTFLAGS"] {
-        feed(std::env::var(name).unwrap_or_default().as_bytes());
-    }
-    let compiler = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let version = std::process::Command::new(compiler).arg("-vV").output()?;
-    feed(&version.stdout);
-    let digits: String = digest.finalize()[..16]
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
-    println!("cargo::rustc-env=ORGANZA_SOURCES={digits}");
-    Ok(())
+    Ok(digest.digits())
 }
 
 /// Adds the files of a folder and of those in it.
@@ -53,4 +63,24 @@ fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// A digest of several lists of bytes, each with its length.
+#[derive(Default)]
+struct Digester(Sha256);
+
+impl Digester {
+    fn feed(&mut self, bytes: &[u8]) {
+        self.0.update((bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+    }
+
+    /// Its first 16 bytes in hexadecimal.
+    fn digits(self) -> String {
+        let digest = self.0.finalize();
+        digest[..16]
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
+    }
 }

@@ -1,27 +1,25 @@
 //! Checkpoints: the state of a render, from which it resumes.
 //!
-//! [`MAGIC`]; the version, a little-endian `u32`; the length of the header, the
-//! same; the [`Header`] as JSON; every pixel's words row by row, little-endian;
-//! and last the SHA-256 of all before.
+//! A checkpoint is a [`Journal`] that is replaced as a whole: a [`Header`] as JSON, then a record
+//! for each row of pixels with their words, little-endian.
 
 use crate::error::input;
-use crate::identity::{Difference, EngineKind, Identity, VERSION, crop_edges};
+use crate::identity::{Difference, EngineKind, Identity, crop_edges};
+use crate::journal::{Journal, Work};
 use crate::output;
+use crate::version;
 use anyhow::{Context, Result};
 use organza_transport::{Crop, Film, Pixel, Rendering, Stats};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::fs::File;
-use std::io::{Read, Write};
 use std::ops::Range;
 use std::path::Path;
 
-const MAGIC: &[u8; 8] = b"organzaR";
-const FORMAT: u32 = 3;
-/// Longest header that is read, bytes; a scene may name a hundred thousand files.
-const MAX_HEADER: usize = 16 << 20;
-const DIGEST_BYTES: usize = 32;
-const PREFIX_BYTES: usize = MAGIC.len() + 8;
+/// The header says what the samples are of, so that a difference can be named.
+const WORK: Work<'static> = Work {
+    command: "render",
+    key: "",
+};
+
 const PIXEL_BYTES: usize = 4 * Pixel::WORDS;
 
 /// What stands before the pixels.
@@ -34,17 +32,19 @@ struct Header {
     stats: Vec<u64>,
 }
 
-/// Writes through to a file and digests on the way.
-struct Digesting<W> {
-    out: W,
-    digest: Sha256,
+/// The record of a row of pixels.
+fn row_bytes(pixels: &[Pixel]) -> Vec<u8> {
+    let words = pixels.iter().flat_map(Pixel::to_words);
+    words.flat_map(u32::to_le_bytes).collect()
 }
 
-impl<W: Write> Digesting<W> {
-    fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
-        self.digest.update(bytes);
-        self.out.write_all(bytes)
+/// Sets a row from its record; `false` when that is of another number of pixels.
+fn set_row(row: &mut [Pixel], bytes: &[u8]) -> bool {
+    for (pixel, bytes) in row.iter_mut().zip(bytes.chunks_exact(PIXEL_BYTES)) {
+        let (words, _) = bytes.as_chunks::<4>();
+        *pixel = Pixel::from_words(&std::array::from_fn(|i| u32::from_le_bytes(words[i])));
     }
+    bytes.len() == row.len() * PIXEL_BYTES
 }
 
 /// Saves a render; the file's former content stays until the new one is
@@ -61,28 +61,11 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
         samples: rendering.taken(),
         stats: rendering.stats().to_words().to_vec(),
     })?;
-    let length = u32::try_from(header.len())?;
+    let film = rendering.film();
+    let rows = film.pixels().chunks(film.size().x as usize);
+    let records = std::iter::once(header).chain(rows.map(row_bytes));
     output::write_file(path, |out| {
-        let mut out = Digesting {
-            out,
-            digest: Sha256::new(),
-        };
-        let mut write = || -> std::io::Result<()> {
-            out.put(MAGIC)?;
-            out.put(&FORMAT.to_le_bytes())?;
-            out.put(&length.to_le_bytes())?;
-            out.put(&header)?;
-            for pixel in rendering.film().pixels() {
-                let mut bytes = [0; PIXEL_BYTES];
-                for (slot, word) in bytes.chunks_exact_mut(4).zip(pixel.to_words()) {
-                    slot.copy_from_slice(&word.to_le_bytes());
-                }
-                out.put(&bytes)?;
-            }
-            let digest = out.digest.clone().finalize();
-            out.out.write_all(&digest)
-        };
-        write().context("saving the checkpoint failed")
+        Journal::write(out, &WORK, records).context("saving the checkpoint failed")
     })
 }
 
@@ -97,26 +80,12 @@ pub fn resume<'a>(
     why_walk: Option<&str>,
     rendering: Rendering<'a>,
 ) -> Result<Rendering<'a>> {
-    let fail = |why: String| input(format!("{}: {why}", path.display()));
-    let size = rendering.film().size();
-    let pixels = size.x as usize * size.y as usize;
-    // No more than belongs to it, whatever the file is.
-    let most = PREFIX_BYTES + MAX_HEADER + pixels * PIXEL_BYTES + DIGEST_BYTES + 1;
-    let bytes = start(path, most as u64)?;
-    let (header, header_bytes) = Header::parse(path, &bytes)?;
-    let whole = PREFIX_BYTES + header_bytes + pixels * PIXEL_BYTES + DIGEST_BYTES;
-    if bytes.len() < whole {
-        return Err(fail(format!(
-            "is cut short after {} of {whole} bytes; it cannot be resumed",
-            bytes.len()
-        )));
-    }
-    let (content, digest) = bytes.split_at(whole - DIGEST_BYTES);
-    if Sha256::digest(content)[..] != *digest {
-        return Err(fail("is damaged: its checksum does not match".into()));
-    }
+    let fail = |why: &str| input(format!("{}: {why}", path.display()));
+    let damaged = || fail("is damaged: its checksums do not match");
+    let mut journal = Journal::<Vec<u8>>::read_only(path, &WORK)?;
+    let header = Header::read(path, &mut journal)?;
     if let Some(difference) = header.identity.difference(identity) {
-        return Err(fail(describe_difference(
+        return Err(fail(&describe_difference(
             &difference,
             &header.identity,
             identity,
@@ -128,21 +97,24 @@ pub fn resume<'a>(
     let stats: [u64; Stats::WORDS] = header
         .stats
         .try_into()
-        .map_err(|_| fail("is damaged: it holds other counts".into()))?;
-    let mut film = Film::new(size);
-    let rest = bytes.get(PREFIX_BYTES + header_bytes..).unwrap_or_default();
-    for (pixel, bytes) in film
-        .pixels_mut()
-        .iter_mut()
-        .zip(rest.chunks_exact(PIXEL_BYTES))
-    {
-        *pixel = Pixel::from_words(&std::array::from_fn(|i| u32_at(bytes, 4 * i)));
+        .map_err(|_| fail("is damaged: it holds other counts"))?;
+    let size = rendering.film().size();
+    let records = 1 + size.y as usize;
+    if journal.count() != records {
+        return Err(fail("is cut short; it cannot be resumed"));
     }
-    let next = header.samples.end;
+    let mut film = Film::new(size);
+    let rows = film.pixels_mut().chunks_mut(size.x as usize);
+    for (number, row) in (1..).zip(rows) {
+        let bytes = journal.read(number)?.ok_or_else(damaged)?;
+        if !set_row(row, &bytes) {
+            return Err(damaged());
+        }
+    }
     identity.engines = header.identity.engines;
     rendering
-        .resume(film, Stats::from_words(&stats), next)
-        .map_err(|e| fail(e.to_string()))
+        .resume(film, Stats::from_words(&stats), header.samples.end)
+        .map_err(|e| fail(&e.to_string()))
 }
 
 /// Why a checkpoint is of another picture.
@@ -154,9 +126,9 @@ fn describe_difference(
 ) -> String {
     let crop = |[x0, y0, x1, y1]: [u32; 4]| format!("{x0},{y0},{x1},{y1}");
     match difference {
-        Difference::Version => format!(
+        Difference::Code => format!(
             "is a checkpoint of organza {}; this is organza {}",
-            of_file.version, here.version
+            of_file.code, here.code
         ),
         Difference::Seed => format!(
             "is a checkpoint of seed {}; this render has seed {}",
@@ -192,9 +164,9 @@ fn describe_difference(
 /// # Errors
 /// As [`resume`].
 pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result<()> {
-    let (header, _) = Header::parse(path, &start(path, (PREFIX_BYTES + MAX_HEADER) as u64)?)?;
+    let header = Header::read(path, &mut Journal::read_only(path, &WORK)?)?;
     let here = Identity {
-        version: VERSION.into(),
+        code: version::code(),
         seed,
         crop: crop_edges(crop),
         ..header.identity.clone()
@@ -206,54 +178,16 @@ pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result
     header.check_samples(path, samples)
 }
 
-/// The first bytes of a file.
-fn start(path: &Path, count: u64) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|f| f.take(count).read_to_end(&mut bytes))
-        .map_err(|e| {
-            input(format!(
-                "{}: {}",
-                path.display(),
-                organza_scene::read::io_message(&e)
-            ))
-        })?;
-    Ok(bytes)
-}
-
 impl Header {
-    /// The header of a file, and its length.
-    fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, usize)> {
-        let fail = |why: String| Err(input(format!("{}: {why}", path.display())));
-        if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) || bytes.is_empty() {
-            return fail("is not a checkpoint of organza".into());
-        }
-        let cut = || {
-            fail(format!(
-                "is cut short after {} bytes; it cannot be resumed",
-                bytes.len()
+    fn read(path: &Path, journal: &mut Journal<Vec<u8>>) -> Result<Header> {
+        let header = journal.read(0)?;
+        let header = header.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        header.ok_or_else(|| {
+            input(format!(
+                "{}: is cut short or damaged: its header cannot be read",
+                path.display()
             ))
-        };
-        if bytes.len() < PREFIX_BYTES {
-            return cut();
-        }
-        let format = u32_at(bytes, MAGIC.len());
-        if format != FORMAT {
-            return fail(format!(
-                "is a checkpoint of format {format}; this program reads {FORMAT}"
-            ));
-        }
-        let length = u32_at(bytes, MAGIC.len() + 4) as usize;
-        if length > MAX_HEADER {
-            return fail("is damaged: its header is too long".into());
-        }
-        let Some(header) = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length) else {
-            return cut();
-        };
-        match serde_json::from_slice(header) {
-            Ok(header) => Ok((header, length)),
-            Err(e) => fail(format!("is damaged: its header cannot be read: {e}")),
-        }
+        })
     }
 
     fn check_samples(&self, path: &Path, wanted: &Range<u64>) -> Result<()> {
@@ -268,10 +202,4 @@ impl Header {
             wanted.end
         )))
     }
-}
-
-/// Four bytes as a number; zero beyond the end.
-fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    let four = bytes.get(at..at + 4).and_then(|b| b.try_into().ok());
-    u32::from_le_bytes(four.unwrap_or_default())
 }

@@ -11,9 +11,6 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The version of this program, which decides what a sample is.
-pub const VERSION: &str = env!("CARGO_PKG_VERSION");
-
 /// What takes the paths. Both estimate the same picture, with other random numbers. All
 /// engines of the kernel draw the same numbers, so that samples of several make one
 /// picture; those for processors give the same bits.
@@ -64,8 +61,10 @@ pub type NamedDigest = (String, String);
 /// A picture but for its samples.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
-    /// Version of the program.
-    pub version: String,
+    /// The code that decides what a sample is, see [`code`](crate::version::code). In a
+    /// checkpoint the head of the journal holds it.
+    #[serde(skip, default = "crate::version::code")]
+    pub code: String,
     /// Seed of the random numbers.
     pub seed: u64,
     /// Pixels of the whole picture: left, top, right, bottom.
@@ -85,8 +84,8 @@ pub struct Identity {
 /// How two pictures differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Difference {
-    /// Made by other versions of the program.
-    Version,
+    /// Made by other code of the program.
+    Code,
     /// Other random numbers.
     Seed,
     /// Other pixels.
@@ -103,7 +102,7 @@ impl Identity {
     /// The first difference, of those with the plainest words first.
     pub fn difference(&self, other: &Identity) -> Option<Difference> {
         let differ = |is_so: bool, what: Difference| is_so.then_some(what);
-        differ(self.version != other.version, Difference::Version)
+        differ(self.code != other.code, Difference::Code)
             .or_else(|| differ(self.seed != other.seed, Difference::Seed))
             .or_else(|| differ(self.crop != other.crop, Difference::Crop))
             .or_else(|| differ(self.engine != other.engine, Difference::Engine))
@@ -126,6 +125,7 @@ impl Identity {
         let inputs = serde_json::to_string(&self.inputs).unwrap_or_default();
         let [x0, y0, x1, y1] = self.crop;
         vec![
+            ("code", self.code.clone()),
             ("identity", self.scene.clone()),
             ("inputs", inputs),
             ("seed", self.seed.to_string()),
@@ -269,7 +269,7 @@ mod tests {
         };
         let scene = Path::new("scenes/a.toml");
         let of = |read: &[Input]| Identity {
-            version: VERSION.into(),
+            code: "0.1.0".into(),
             seed: 0,
             crop: [0, 0, 4, 4],
             engine: EngineKind::Kernel,

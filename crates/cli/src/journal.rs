@@ -1,361 +1,463 @@
-//! The journal of a search: evaluated points and their results, so that a
-//! search that was interrupted resumes where it ended.
+//! Journals: files of records that a run computed, from which a later run of the same work
+//! continues.
 //!
-//! The first line is [`MAGIC`] and the SHA-256 of the search's key. Each further
-//! line is a record: the length of its content in bytes, the first 16 digits of
-//! the content's SHA-256, and the content: hexadecimal words (the count of the
-//! place's numbers, their bits, the bits of the numbers found). A last line
-//! without its line break was being written when the run ended; it is dropped.
+//! A journal is [`MAGIC`], a head and any number of records. Head and records have one form: the
+//! length of the content in bytes (`u64`, little-endian), the SHA-256 of the content, the content.
+//! The head is JSON: the command, the code of the program ([`version::code`]) and the SHA-256 of
+//! the key, in which the command names whatever decides its records. What follows the last complete
+//! record was being written when the run ended; it is cut off. A record whose checksum is wrong
+//! counts as missing.
 
 use crate::error::input;
+use crate::identity::hex;
 use crate::locked_file::LockedFile;
+use crate::version;
 use anyhow::{Context, Result};
-use organza_scene::read;
+use organza_scene::read::io_message;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::collections::HashMap;
 use std::fs::File;
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-const MAGIC: &str = "organza-journal 2";
+const MAGIC: &[u8; 8] = b"organzaJ";
 
-/// Digits of a record's checksum.
-const CHECKSUM_DIGITS: usize = 16;
+/// Bytes before the content of a head or a record.
+const PREFIX: usize = 8 + 32;
 
-/// What a journal needs of the file that it adds to.
-trait Storage: Send {
-    /// Adds bytes, down to the disk.
-    fn append(&mut self, bytes: &[u8]) -> std::io::Result<()>;
-    /// Cuts what follows the first `length` bytes.
-    fn truncate(&mut self, length: u64) -> std::io::Result<()>;
+/// What one record of a journal holds.
+pub trait Record: Sized {
+    /// The content of the record.
+    fn to_bytes(&self) -> Vec<u8>;
+
+    /// The record of some content; `None` when it is none of this kind.
+    fn from_bytes(bytes: Vec<u8>) -> Option<Self>;
 }
 
-impl Storage for LockedFile {
-    fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
-        self.write_all(bytes)?;
-        // A file system may accept what it cannot keep and report that here.
-        self.sync_data()
+/// Any bytes.
+impl Record for Vec<u8> {
+    fn to_bytes(&self) -> Vec<u8> {
+        self.clone()
     }
 
-    fn truncate(&mut self, length: u64) -> std::io::Result<()> {
-        self.set_len(length)?;
-        self.seek(SeekFrom::Start(length)).map(|_| ())
+    fn from_bytes(bytes: Vec<u8>) -> Option<Vec<u8>> {
+        Some(bytes)
     }
 }
 
-/// Numbers by the bits of their places; each list is stored as soon as it is
-/// known.
-pub struct FileJournal {
-    known: HashMap<Vec<u64>, Vec<f64>>,
-    file: Option<Stored>,
+/// The work that a journal belongs to.
+#[derive(Clone, Copy, Debug)]
+pub struct Work<'a> {
+    /// The command of the program.
+    pub command: &'a str,
+    /// Whatever decides the records besides the code of the program.
+    pub key: &'a str,
 }
 
-/// A file with its records.
-struct Stored {
-    path: PathBuf,
-    storage: Box<dyn Storage>,
-    /// Length of the complete records, bytes.
+/// What the head of a journal holds.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    command: String,
+    code: String,
+    /// SHA-256 of the key, in hexadecimal.
+    key: String,
+}
+
+impl Head {
+    fn of(work: &Work<'_>) -> Head {
+        Head {
+            command: work.command.to_owned(),
+            code: version::code(),
+            key: hex(&Sha256::digest(work.key)),
+        }
+    }
+
+    /// With what comes before it.
+    fn to_bytes(&self) -> Vec<u8> {
+        let content = serde_json::to_vec(self).unwrap_or_default();
+        [&MAGIC[..], &framed(&content)].concat()
+    }
+
+    /// Why a journal with this head is not one of the expected head.
+    fn difference(&self, expected: &Head) -> Option<String> {
+        let Head { command, code, key } = self;
+        if *command != expected.command {
+            return Some(format!(
+                "is a journal of `organza {command}`; expected one of `organza {}`",
+                expected.command
+            ));
+        }
+        if *code != expected.code {
+            return Some(format!(
+                "was written by other code, organza {code}; this is organza {}; remove the file to \
+                 start again, or continue with that program",
+                expected.code
+            ));
+        }
+        (*key != expected.key).then(|| {
+            "belongs to other inputs or settings; remove the file to start again".to_owned()
+        })
+    }
+}
+
+/// The length, checksum and content of a head or a record.
+fn framed(content: &[u8]) -> Vec<u8> {
+    let length = (content.len() as u64).to_le_bytes();
+    [&length[..], &Sha256::digest(content), content].concat()
+}
+
+/// Where the content of a record lies in its file.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    start: u64,
     length: u64,
+    digest: [u8; 32],
 }
 
-impl FileJournal {
-    /// Opens the file of the search that `key` describes, or begins it. Without a
-    /// path, nothing is stored.
+impl Place {
+    /// What lies at `at` in a file of `size` bytes; `None` when it is not complete.
+    fn find(file: &mut (impl Read + Seek), at: u64, size: u64) -> std::io::Result<Option<Place>> {
+        let start = at.saturating_add(PREFIX as u64);
+        if start > size {
+            return Ok(None);
+        }
+        file.seek(SeekFrom::Start(at))?;
+        let (mut length, mut digest) = ([0; 8], [0; 32]);
+        file.read_exact(&mut length)?;
+        file.read_exact(&mut digest)?;
+        let length = u64::from_le_bytes(length);
+        let is_complete = length <= size - start;
+        Ok(is_complete.then_some(Place {
+            start,
+            length,
+            digest,
+        }))
+    }
+
+    fn end(&self) -> u64 {
+        self.start + self.length
+    }
+
+    /// The content, if its checksum is right.
+    fn content(&self, file: &mut File) -> std::io::Result<Option<Vec<u8>>> {
+        file.seek(SeekFrom::Start(self.start))?;
+        let mut content = Vec::new();
+        Read::by_ref(file)
+            .take(self.length)
+            .read_to_end(&mut content)?;
+        let is_right = Sha256::digest(&content)[..] == self.digest;
+        Ok(is_right.then_some(content))
+    }
+}
+
+/// A file of records.
+pub struct Journal<T> {
+    path: PathBuf,
+    file: File,
+    places: Vec<Place>,
+    /// The end of the last complete record, bytes.
+    end: u64,
+    /// Keeps other runs from writing to the file.
+    lock: Option<LockedFile>,
+    records: PhantomData<T>,
+}
+
+impl<T: Record> Journal<T> {
+    /// Opens the journal of some work, or begins it.
     ///
     /// # Errors
-    /// A file of another search, a damaged one, one that another run holds, or
+    /// A file of other work or other code, one that is no journal, one that another run holds, or
     /// one that cannot be read or written.
-    pub fn open(path: Option<&Path>, key: &str) -> Result<FileJournal> {
-        let Some(path) = path else {
-            return Ok(FileJournal {
-                known: HashMap::new(),
-                file: None,
-            });
-        };
+    pub fn open(path: &Path, work: &Work<'_>) -> Result<Journal<T>> {
         let cannot = || format!("cannot write {}", path.display());
         let file = File::options()
+            .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .open(path)
             .with_context(cannot)?;
-        let Some(file) = LockedFile::new(file) else {
+        let lock = LockedFile::new(file.try_clone().with_context(cannot)?);
+        if lock.is_none() {
             return Err(input(format!(
-                "{}: is in use by another run; expected a journal of its own",
-                path.display()
+                "{}: is in use by another `organza {}`; expected a journal of its own",
+                path.display(),
+                work.command
             )));
-        };
-        let text = read::text(path)?;
-        let head = format!("{MAGIC} {}\n", hex(&Sha256::digest(key.as_bytes())));
-        let content = Content::parse(&text, &head)
-            .map_err(|why| input(format!("{}: {why}", path.display())))?;
-        let mut stored = Stored {
-            path: path.to_owned(),
-            storage: Box::new(file),
-            length: content.length,
-        };
-        stored
-            .storage
-            .truncate(stored.length)
-            .with_context(cannot)?;
-        if stored.length == 0 {
-            stored.append(&head)?;
         }
-        Ok(FileJournal {
-            known: content.known,
-            file: Some(stored),
-        })
+        let size = file.metadata().with_context(cannot)?.len();
+        let head = Head::of(work).to_bytes();
+        if size < head.len() as u64 {
+            let mut found = Vec::new();
+            (&file).read_to_end(&mut found).with_context(cannot)?;
+            if head.starts_with(&found) {
+                // The run ended while it was begun.
+                let mut journal = Journal::empty(path, file);
+                journal.lock = lock;
+                journal.file.set_len(0).with_context(cannot)?;
+                journal.put(&head)?;
+                return Ok(journal);
+            }
+        }
+        let mut journal = Journal::load(path, file, work)?;
+        journal.lock = lock;
+        journal.file.set_len(journal.end).with_context(cannot)?;
+        Ok(journal)
     }
 
-    /// Whether the numbers of a place are stored.
-    pub fn has(&self, place: &[f64]) -> bool {
-        let key: Vec<u64> = place.iter().map(|x| x.to_bits()).collect();
-        self.known.contains_key(&key)
-    }
-
-    /// The `count` numbers of a place: those stored, or those that `find`
-    /// returns, which are then stored.
+    /// Opens a journal that is only read.
     ///
     /// # Errors
-    /// Those of `find`; a record of another length; a record that cannot be
-    /// stored ([`JournalError`] stands in the chain of these).
-    pub fn once(
-        &mut self,
-        place: &[f64],
-        count: usize,
-        find: impl FnOnce() -> Result<Vec<f64>>,
-    ) -> Result<Vec<f64>> {
-        let key: Vec<u64> = place.iter().map(|x| x.to_bits()).collect();
-        if let Some(list) = self.known.get(&key) {
-            if list.len() == count {
-                return Ok(list.clone());
-            }
-            let name = self.file.as_ref().map(|f| f.path.display().to_string());
-            let error = input(format!(
-                "{}: holds {} numbers for a place where {count} are expected; remove it to start \
-                 again",
-                name.unwrap_or_default(),
-                list.len()
-            ));
-            return Err(error.context(JournalError));
-        }
-        let list = find()?;
-        if let Some(file) = &mut self.file {
-            file.append(&record(&key, &list)).context(JournalError)?;
-        }
-        self.known.insert(key, list.clone());
-        Ok(list)
+    /// A file of other work or other code, one that is no journal or cannot be read.
+    pub fn read_only(path: &Path, work: &Work<'_>) -> Result<Journal<T>> {
+        let cannot = |e| input(format!("{}: {}", path.display(), io_message(&e)));
+        Journal::load(path, File::open(path).map_err(cannot)?, work)
     }
-}
 
-/// Marks errors of the journal itself, which end the search.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("the journal failed")]
-pub struct JournalError;
-
-impl Stored {
-    /// Adds a line; of one that failed, nothing stays.
-    fn append(&mut self, line: &str) -> Result<()> {
-        let added = self.storage.append(line.as_bytes());
-        if added.is_err() {
-            // Should this fail too, the next run finds a line without its end.
-            let _ = self.storage.truncate(self.length);
+    /// Writes a whole journal.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(
+        out: &mut dyn Write,
+        work: &Work<'_>,
+        records: impl IntoIterator<Item = T>,
+    ) -> std::io::Result<()> {
+        out.write_all(&Head::of(work).to_bytes())?;
+        for record in records {
+            out.write_all(&framed(&record.to_bytes()))?;
         }
-        added.with_context(|| format!("cannot write {}", self.path.display()))?;
-        self.length += line.len() as u64;
         Ok(())
     }
-}
 
-/// The line of a place and its numbers.
-fn record(place: &[u64], list: &[f64]) -> String {
-    let count = [place.len() as u64].into_iter();
-    let words = count
-        .chain(place.iter().copied())
-        .chain(list.iter().map(|x| x.to_bits()));
-    let words: Vec<String> = words.map(|w| format!("{w:x}")).collect();
-    let content = words.join(" ");
-    format!("{} {} {content}\n", content.len(), checksum(&content))
-}
+    fn empty(path: &Path, file: File) -> Journal<T> {
+        Journal {
+            path: path.to_owned(),
+            file,
+            places: Vec::new(),
+            end: 0,
+            lock: None,
+            records: PhantomData,
+        }
+    }
 
-fn checksum(content: &str) -> String {
-    let mut digits = hex(&Sha256::digest(content.as_bytes()));
-    digits.truncate(CHECKSUM_DIGITS);
-    digits
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
-}
-
-/// What a journal's file holds.
-struct Content {
-    known: HashMap<Vec<u64>, Vec<f64>>,
-    /// Length of the complete lines, bytes.
-    length: u64,
-}
-
-impl Content {
-    fn parse(text: &str, head: &str) -> Result<Content, String> {
-        let mut content = Content {
-            known: HashMap::new(),
-            length: 0,
+    /// Checks the head of a file and finds its records.
+    fn load(path: &Path, file: File, work: &Work<'_>) -> Result<Journal<T>> {
+        let cannot = || format!("cannot read {}", path.display());
+        let refuse = |why: &str| Err(input(format!("{}: {why}", path.display())));
+        let mut journal = Journal::empty(path, file);
+        let file = &mut journal.file;
+        let size = file.metadata().with_context(cannot)?.len();
+        let mut magic = Vec::new();
+        file.rewind().with_context(cannot)?;
+        Read::by_ref(file)
+            .take(MAGIC.len() as u64)
+            .read_to_end(&mut magic)
+            .with_context(cannot)?;
+        if magic != MAGIC {
+            return refuse(&format!(
+                "is not a journal; expected one of `organza {}`",
+                work.command
+            ));
+        }
+        let head = Place::find(file, MAGIC.len() as u64, size).with_context(cannot)?;
+        let Some(head) = head else {
+            return refuse("is cut short in its head; remove the file to start again");
         };
-        let mut lines = text.split_inclusive('\n');
-        match lines.next() {
-            // Ended while it was begun: nothing is lost.
-            None => return Ok(content),
-            Some(first) if !first.ends_with('\n') && head.starts_with(first) => return Ok(content),
-            Some(first) if first == head => content.length = first.len() as u64,
-            Some(first) if first.starts_with(MAGIC) => {
-                return Err(
-                    "belongs to another search, or to changed input files or another version of \
-                     organza; remove it to start again"
-                        .into(),
-                );
-            }
-            Some(_) => return Err("is not a journal of this version of organza".into()),
+        let content = head.content(file).with_context(cannot)?;
+        let found: Option<Head> = content.and_then(|c| serde_json::from_slice(&c).ok());
+        let Some(found) = found else {
+            return refuse("is damaged in its head; remove the file to start again");
+        };
+        if let Some(why) = found.difference(&Head::of(work)) {
+            return refuse(&why);
         }
-        for (i, line) in lines.enumerate() {
-            let Some(complete) = line.strip_suffix('\n') else {
-                break; // was being written when the run ended
-            };
-            let (place, list) = parse_record(complete).ok_or_else(|| {
-                format!("line {} is damaged; remove the file to start again", i + 2)
-            })?;
-            content.known.insert(place, list);
-            content.length += line.len() as u64;
+        let (mut places, mut end) = (Vec::new(), head.end());
+        let mut reader = BufReader::new(&journal.file);
+        while let Some(place) = Place::find(&mut reader, end, size).with_context(cannot)? {
+            end = place.end();
+            places.push(place);
         }
-        Ok(content)
+        (journal.places, journal.end) = (places, end);
+        Ok(journal)
     }
-}
 
-/// A place and its numbers, if length and checksum are right.
-fn parse_record(line: &str) -> Option<(Vec<u64>, Vec<f64>)> {
-    let mut parts = line.splitn(3, ' ');
-    let length: usize = parts.next()?.parse().ok()?;
-    let (sum, content) = (parts.next()?, parts.next()?);
-    if content.len() != length || checksum(content) != sum {
-        return None;
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
-    let words: Result<Vec<u64>, _> = content
-        .split(' ')
-        .map(|w| u64::from_str_radix(w, 16))
-        .collect();
-    let words = words.ok()?;
-    let (&count, rest) = words.split_first()?;
-    let (place, list) = rest.split_at_checked(usize::try_from(count).ok()?)?;
-    let list = list.iter().map(|&x| f64::from_bits(x)).collect();
-    Some((place.to_vec(), list))
+
+    /// Number of complete records.
+    pub fn count(&self) -> usize {
+        self.places.len()
+    }
+
+    /// A record by its number; `None` when it is damaged or there is none.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn read(&mut self, number: usize) -> Result<Option<T>> {
+        let Some(place) = self.places.get(number) else {
+            return Ok(None);
+        };
+        let content = place.content(&mut self.file);
+        let content = content.with_context(|| format!("cannot read {}", self.path.display()))?;
+        Ok(content.and_then(T::from_bytes))
+    }
+
+    /// Adds a record, down to the disk.
+    ///
+    /// # Errors
+    /// The file cannot be written; of a record that failed nothing stays.
+    pub fn add(&mut self, record: &T) -> Result<()> {
+        let content = record.to_bytes();
+        let place = Place {
+            start: self.end + PREFIX as u64,
+            length: content.len() as u64,
+            digest: Sha256::digest(&content).into(),
+        };
+        self.put(&framed(&content))?;
+        self.places.push(place);
+        Ok(())
+    }
+
+    /// Adds bytes; of those that failed nothing stays.
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        let added = self.file.seek(SeekFrom::Start(self.end));
+        let added = added.and_then(|_| self.file.write_all(bytes));
+        // A file system may accept what it cannot keep and report that here.
+        let added = added.and_then(|()| self.file.sync_data());
+        if added.is_err() {
+            // Should this fail too, the next run finds a record that is not complete.
+            let _ = self.file.set_len(self.end);
+        }
+        added.with_context(|| format!("cannot write {}", self.path.display()))?;
+        self.end += bytes.len() as u64;
+        Ok(())
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::{Arc, Mutex};
 
-    fn never() -> Result<Vec<f64>> {
-        panic!("known places are not looked at")
+    const WORK: Work<'_> = Work {
+        command: "fit",
+        key: "a",
+    };
+
+    fn open(path: &Path, work: &Work<'_>) -> Result<Journal<Vec<u8>>> {
+        Journal::open(path, work)
+    }
+
+    fn why_refused(path: &Path, work: &Work<'_>) -> String {
+        open(path, work).map(|_| ()).unwrap_err().to_string()
     }
 
     #[test]
-    fn a_search_that_was_interrupted_resumes() {
+    fn records_are_found_again_wherever_the_last_one_was_cut() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
-        let open = |key: &str| FileJournal::open(Some(&path), key);
-        let mut first = open("a").unwrap();
-        first.once(&[1.0, -2.5], 2, || Ok(vec![0.1, 7.0])).unwrap();
-        first.once(&[3.0, 4.0], 0, || Ok(Vec::new())).unwrap();
-        assert!(first.once(&[0.0], 1, || Err(input("no answer"))).is_err());
-        let busy = open("a").map(|_| ()).unwrap_err().to_string();
-        assert!(busy.contains("is in use by another run"), "{busy}");
-        drop(first);
-        // As when the machine stops in the middle of a line, at any byte of it.
-        let text = std::fs::read_to_string(&path).unwrap();
-        let line = record(&[0], &[2.0]);
-        for cut in 1..line.len() {
-            std::fs::write(&path, format!("{text}{}", &line[..cut])).unwrap();
-            let mut again = open("a").unwrap();
-            assert_eq!(again.once(&[1.0, -2.5], 2, never).unwrap(), [0.1, 7.0]);
-            assert!(again.once(&[3.0, 4.0], 0, never).unwrap().is_empty());
-            assert_eq!(again.once(&[0.0], 1, || Ok(vec![2.0])).unwrap(), [2.0]);
-            drop(again);
-            let mut last = open("a").unwrap();
-            assert_eq!(last.once(&[0.0], 1, never).unwrap(), [2.0], "cut at {cut}");
-        }
-        let other = open("another search").map(|_| ()).unwrap_err().to_string();
-        assert!(other.contains("belongs to another search"), "{other}");
-    }
-
-    #[test]
-    fn damaged_records_and_lists_of_another_length_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("journal");
-        let mut journal = FileJournal::open(Some(&path), "a").unwrap();
-        journal.once(&[1.0], 2, || Ok(vec![0.1, 7.0])).unwrap();
-        let short = journal.once(&[1.0], 3, never).unwrap_err();
-        assert!(short.is::<JournalError>());
-        let short = format!("{short:#}");
-        assert!(short.contains("2 numbers for a place where 3"), "{short}");
-        drop(journal);
-        let good = std::fs::read_to_string(&path).unwrap();
-        let start = good.find('\n').unwrap() + 1;
-        for at in start..good.len() - 1 {
-            let mut bytes = good.clone().into_bytes();
-            bytes[at] = if bytes[at] == b'0' { b'1' } else { b'0' };
-            std::fs::write(&path, &bytes).unwrap();
-            let refused = FileJournal::open(Some(&path), "a").map(|_| ()).unwrap_err();
-            assert!(
-                refused.to_string().contains("line 2 is damaged"),
-                "byte {at}"
+        open(&path, &WORK).unwrap().add(&b"first".to_vec()).unwrap();
+        let short = std::fs::read(&path).unwrap();
+        let mut longer = open(&path, &WORK).unwrap();
+        longer.add(&b"second".to_vec()).unwrap();
+        drop(longer);
+        let long = std::fs::read(&path).unwrap();
+        for cut in 0..long.len() {
+            std::fs::write(&path, &long[..cut]).unwrap();
+            let mut again = open(&path, &WORK).unwrap();
+            assert_eq!(
+                again.count(),
+                usize::from(cut >= short.len()),
+                "cut at {cut}"
             );
-        }
-    }
-
-    /// A disk that has room for some bytes.
-    #[derive(Clone, Default)]
-    struct SmallDisk {
-        bytes: Arc<Mutex<Vec<u8>>>,
-        room: usize,
-    }
-
-    impl Storage for SmallDisk {
-        fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
-            let mut held = self.bytes.lock().unwrap();
-            let fit = bytes.len().min(self.room.saturating_sub(held.len()));
-            held.extend(&bytes[..fit]);
-            match fit == bytes.len() {
-                true => Ok(()),
-                false => Err(std::io::ErrorKind::StorageFull.into()),
+            if cut >= short.len() {
+                assert_eq!(again.read(0).unwrap().as_deref(), Some(&b"first"[..]));
+                again.add(&b"second".to_vec()).unwrap();
+                drop(again);
+                assert_eq!(std::fs::read(&path).unwrap(), long);
             }
         }
+    }
 
-        fn truncate(&mut self, length: u64) -> std::io::Result<()> {
-            self.bytes.lock().unwrap().truncate(length as usize);
-            Ok(())
+    #[test]
+    fn a_record_that_is_damaged_is_missing_and_others_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let mut journal = open(&path, &WORK).unwrap();
+        journal.add(&b"first".to_vec()).unwrap();
+        journal.add(&b"second".to_vec()).unwrap();
+        let second = journal.places[1];
+        drop(journal);
+        let good = std::fs::read(&path).unwrap();
+        for at in second.start as usize - 32..good.len() {
+            let mut bent = good.clone();
+            bent[at] ^= 1;
+            std::fs::write(&path, &bent).unwrap();
+            let mut journal = open(&path, &WORK).unwrap();
+            assert_eq!(journal.read(0).unwrap().as_deref(), Some(&b"first"[..]));
+            assert_eq!(journal.read(1).unwrap(), None, "byte {at}");
         }
     }
 
     #[test]
-    fn a_record_that_cannot_be_stored_is_reported_at_once_and_leaves_nothing() {
-        let disk = SmallDisk {
-            room: 100,
-            ..SmallDisk::default()
+    fn what_does_not_belong_to_the_work_is_refused_and_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let held = open(&path, &WORK).unwrap();
+        let busy = why_refused(
+            &path,
+            &Work {
+                command: "table",
+                ..WORK
+            },
+        );
+        assert!(
+            busy.contains("is in use by another `organza table`"),
+            "{busy}"
+        );
+        drop(held);
+        let good = std::fs::read(&path).unwrap();
+        let other = why_refused(&path, &Work { key: "b", ..WORK });
+        assert!(other.contains("other inputs or settings"), "{other}");
+        let other = why_refused(
+            &path,
+            &Work {
+                command: "table",
+                ..WORK
+            },
+        );
+        assert!(
+            other.contains("is a journal of `organza fit`; expected one of `organza table`"),
+            "{other}"
+        );
+        assert_eq!(std::fs::read(&path).unwrap(), good);
+        let text = "notes of the user, longer than the head of a journal is; ".repeat(9);
+        std::fs::write(&path, &text).unwrap();
+        let foreign = why_refused(&path, &WORK);
+        assert!(foreign.contains("is not a journal"), "{foreign}");
+        assert_eq!(std::fs::read(&path).unwrap(), text.as_bytes());
+    }
+
+    #[test]
+    fn a_journal_of_other_code_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let other = Head {
+            code: "0.1.0 (sources 0123)".into(),
+            ..Head::of(&WORK)
         };
-        let mut journal = FileJournal {
-            known: HashMap::new(),
-            file: Some(Stored {
-                path: "journal".into(),
-                storage: Box::new(disk.clone()),
-                length: 0,
-            }),
-        };
-        journal.once(&[1.0], 1, || Ok(vec![2.0])).unwrap();
-        let held = disk.bytes.lock().unwrap().clone();
-        let failed = journal.once(&[2.0], 4, || Ok(vec![0.1, 0.2, 0.3, 0.4]));
-        let failed = failed.unwrap_err();
-        assert!(failed.is::<JournalError>());
-        assert!(format!("{failed:#}").contains("cannot write journal"));
-        assert_eq!(*disk.bytes.lock().unwrap(), held, "no half of a line");
+        std::fs::write(&path, other.to_bytes()).unwrap();
+        let refused = why_refused(&path, &WORK);
+        let expected = format!(
+            "was written by other code, organza 0.1.0 (sources 0123); this is organza {}",
+            version::code()
+        );
+        assert!(refused.contains(&expected), "{refused}");
+        // The known-bad twin: the same head of this code.
+        std::fs::write(&path, Head::of(&WORK).to_bytes()).unwrap();
+        open(&path, &WORK).unwrap();
     }
 }

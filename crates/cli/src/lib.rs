@@ -24,6 +24,7 @@ mod identity;
 mod interrupt;
 mod journal;
 mod locked_file;
+mod number_journal;
 mod output;
 mod output_folder;
 mod picture;
@@ -33,20 +34,15 @@ mod result_cache;
 mod results;
 mod sample_ranges;
 mod schedule;
-#[expect(
-    clippy::len_without_is_empty,
-    reason = "an empty journal is like any other"
-)]
-mod slab_journal;
 mod version;
 
 pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;
 pub use host::Caller;
-pub use journal::{FileJournal, JournalError};
+pub use journal::{Journal, Record, Work};
+pub use number_journal::NumberJournal;
 pub use organza_report::bench::Program;
 pub use results::{Array, Numbers, Results};
-pub use slab_journal::SlabJournal;
 
 use clap::error::ErrorKind;
 use host::Host;

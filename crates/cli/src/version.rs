@@ -1,28 +1,41 @@
-//! What `organza --version --verbose` prints: which build of the program this is.
+//! Which code and which build of it this program is.
 
 use organza_transport::ENGINES;
 
 /// The commit that the program was built from: the variable `ORGANZA_COMMIT` of the build.
 const COMMIT: Option<&str> = option_env!("ORGANZA_COMMIT");
 
-/// Digest of the sources, the compiler and its options, see `build.rs`.
+/// Digest of the sources, see `build.rs`; empty in a packaged crate.
 const SOURCES: &str = env!("ORGANZA_SOURCES");
 
-/// What distinguishes this build from others, of the same version or not.
-pub fn build() -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    match COMMIT {
-        Some(commit) => format!("{version}, commit {commit}, sources {SOURCES}"),
-        None => format!("{version}, sources {SOURCES}"),
+/// Digest of the sources, the compiler and its options, see `build.rs`.
+const BUILD: &str = env!("ORGANZA_BUILD");
+
+/// The version of this program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What distinguishes this code from other code: samples, journals and checkpoints of two codes do
+/// not belong together. Builds of one code on all systems share it.
+pub fn code() -> String {
+    match SOURCES {
+        "" => VERSION.to_owned(),
+        sources => format!("{VERSION} (sources {sources})"),
     }
+}
+
+/// What distinguishes this build from others, of the same code or not.
+pub fn build() -> String {
+    format!("{}, build {BUILD}", code())
 }
 
 /// Optional features that the program was built with.
 const FEATURES: &[&str] = if cfg!(feature = "gpu") { &["gpu"] } else { &[] };
 
-/// Version, commit, digest of the sources, target, features and engines, one a line.
+/// What `organza --version --verbose` prints: version, commit, digest of the sources, target,
+/// features and engines, one a line.
 pub fn description() -> String {
-    let (version, commit) = (env!("CARGO_PKG_VERSION"), COMMIT.unwrap_or("unknown"));
+    let commit = COMMIT.unwrap_or("unknown");
+    let sources = Some(SOURCES).filter(|s| !s.is_empty()).unwrap_or("unknown");
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     let features = listed(FEATURES);
     let engines = |is_here: bool| {
@@ -32,8 +45,8 @@ pub fn description() -> String {
     let here = listed(&[&["walk"], &engines(true)[..]].concat());
     let absent = listed(&engines(false));
     format!(
-        "organza {version}\ncommit: {commit}\nsources: {SOURCES}\nbuilt for: {os}, {arch}\nfeatures: {features}\n\
-         engines on this computer: {here}\nengines it lacks: {absent}\n"
+        "organza {VERSION}\ncommit: {commit}\nsources: {sources}\nbuild: {BUILD}\nbuilt for: {os}, {arch}\n\
+         features: {features}\nengines on this computer: {here}\nengines it lacks: {absent}\n"
     )
 }
 

@@ -124,7 +124,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             format!("{key} is {}, but {} in {first}", word(&part), word(&all))
         };
         let why = match difference {
-            Difference::Version => differ("version"),
+            Difference::Code => differ("code") + "; render both with one program",
             Difference::Seed => differ("seed"),
             Difference::Crop => differ("crop"),
             Difference::Engine => differ("backend") + "; render both with one --engine",
@@ -180,7 +180,7 @@ fn identity(part: &Part<'_>) -> Result<Identity> {
         .filter_map(|n| n.parse().ok())
         .collect();
     Ok(Identity {
-        version: value("version")?.to_owned(),
+        code: value("code")?.to_owned(),
         seed: value("seed")?.parse().map_err(|_| missing("seed"))?,
         crop: crop.try_into().map_err(|_| missing("crop"))?,
         engine: EngineKind::of_backend(value("backend")?),

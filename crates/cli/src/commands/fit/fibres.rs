@@ -1,11 +1,11 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
-use super::{FitArgs, check_outputs, effort, finish, journal_key, options, table};
+use super::{FitArgs, check_outputs, effort, finish, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
 use crate::host::Host;
-use crate::journal::{FileJournal, JournalError};
+use crate::number_journal::JournalError;
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
@@ -192,7 +192,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         ["fibres_per_ply", "ply_radius_mm"].map(|key| format!("yarn.{name}.{key}"))
     }));
     let key = journal_key(args, &shown.to_string(), &read)?;
-    let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
+    let mut journal = open_journal(args, &key)?;
     let mut failure = None;
     // A journal that fails ends the search, which then has no use for places.
     let fatal = RefCell::new(None);

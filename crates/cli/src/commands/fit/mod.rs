@@ -19,7 +19,9 @@ mod volume_scene;
 
 use super::{Command, with_threads};
 use crate::error::input;
-use crate::identity::{self, VERSION};
+use crate::identity;
+use crate::journal::Work;
+use crate::number_journal::NumberJournal;
 use crate::output;
 use crate::output::note;
 use crate::results::Results;
@@ -246,7 +248,16 @@ fn check_outputs(args: &FitArgs, read: &[Input]) -> Result<()> {
     Ok(())
 }
 
-/// What a search is of: the program, the fabric after all overrides, the bytes of
+/// The journal of a search of this key, if one is asked for.
+fn open_journal(args: &FitArgs, key: &str) -> Result<NumberJournal> {
+    let work = Work {
+        command: "fit",
+        key,
+    };
+    NumberJournal::open(args.journal.as_deref(), &work)
+}
+
+/// What a search is of: the fabric after all overrides, the bytes of
 /// every file that it names and of the measured values, each in its role, and how
 /// the places of the search are measured.
 fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
@@ -259,7 +270,6 @@ fn journal_key(args: &FitArgs, shown: &str, read: &[Input]) -> Result<String> {
     let data = args.data.as_deref().map(|path| loader.bytes(path));
     let data = data.transpose()?;
     let key = json!({
-        "version": VERSION,
         "fabric": identity::digest(&Value::Table(fabric)),
         "inputs": identity::named_inputs(args.fabric_path(), read),
         "data": data.map(|bytes| identity::hex(&Sha256::digest(&bytes))),

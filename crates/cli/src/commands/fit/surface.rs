@@ -1,11 +1,10 @@
 //! Fitting the surface model: to the volume of the same file, or to measured
 //! values.
 
-use super::{FitArgs, check_outputs, effort, finish, journal_key, options, table};
+use super::{FitArgs, check_outputs, effort, finish, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
 use crate::error::input;
-use crate::journal::FileJournal;
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use organza_basis::Rgb;
@@ -100,7 +99,7 @@ fn measure(
     pairs.extend(in_plane_layout(30.0));
     pairs.extend(in_plane_layout(60.0));
     let key = journal_key(args, &shown.to_string(), read)?;
-    let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
+    let mut journal = open_journal(args, &key)?;
     let progress = Progress::new("measuring", pairs.len() as u64, &args.common);
     let mut list = Vec::with_capacity(pairs.len());
     for (batch, pairs) in pairs.chunks(BATCH).enumerate() {

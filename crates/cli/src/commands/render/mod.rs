@@ -20,7 +20,7 @@ use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
-use crate::identity::{self, Identity, VERSION, crop_edges};
+use crate::identity::{self, Identity, crop_edges};
 use crate::interrupt;
 use crate::output;
 use crate::output::note;
@@ -29,6 +29,7 @@ use crate::process_usage::cpu_seconds;
 use crate::progress::Progress;
 use crate::sample_ranges::parse_range;
 use crate::schedule::{Stop, Targets};
+use crate::version;
 use anyhow::{Context, Result};
 use clap::Args;
 use clap::builder::ArgPredicate;
@@ -220,7 +221,7 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         _ => input(e.to_string()),
     })?;
     let mut identity = Identity {
-        version: VERSION.into(),
+        code: version::code(),
         seed: file.render.seed,
         crop: crop_edges(rendering.crop()),
         engine: engine.kind(),

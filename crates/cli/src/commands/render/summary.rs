@@ -1,12 +1,13 @@
 //! What a render says of itself: in its file, on the terminal, as JSON.
 
 use super::RenderArgs;
-use crate::identity::{Identity, VERSION};
+use crate::identity::Identity;
 use crate::output;
 use crate::output::note;
 use crate::process_usage::peak_memory_bytes;
 use crate::sample_ranges::SampleRanges;
 use crate::schedule::{Stop, Targets};
+use crate::version;
 use anyhow::Result;
 use organza_picture::{Attributes, Display};
 use organza_scene::auto::Chosen;
@@ -131,7 +132,7 @@ pub fn attributes(
 ) -> Attributes {
     let name = args.scene.file_name().unwrap_or_default();
     let mut attributes = vec![
-        ("version", VERSION.to_owned()),
+        ("version", version::VERSION.to_owned()),
         ("scene", name.to_string_lossy().into_owned()),
         ("backend", identity.all_engines(rendering)),
     ];

@@ -8,11 +8,10 @@ use super::{Command, with_threads};
 use crate::error::input;
 use crate::flags::values::{parse_positive, whole};
 use crate::flags::{CommonArgs, MemoryArgs};
-use crate::identity::{self, VERSION};
+use crate::identity;
+use crate::journal::{Journal, Work};
 use crate::output::{self, note};
 use crate::progress::Progress;
-use crate::slab_journal::SlabJournal;
-
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -303,12 +302,17 @@ fn slabs(
     let mut journal = match &args.journal {
         Some(path) => {
             let key = journal_key(args, files, scan, survey, settings)?;
-            let journal = SlabJournal::open(path, &key)?;
-            if journal.len() > 0 && !args.common.quiet {
+            let work = Work {
+                command: "scan",
+                key: &key,
+            };
+            // The bytes of the slabs, in order.
+            let journal = Journal::<Vec<u8>>::open(path, &work)?;
+            if journal.count() > 0 && !args.common.quiet {
                 note!(
                     "{}: {} of {} slabs are finished",
                     path.display(),
-                    journal.len(),
+                    journal.count(),
                     scan.slab_count()
                 );
             }
@@ -321,7 +325,7 @@ fn slabs(
     let mut field = scan.field(budget).map_err(fail)?;
     for index in 0..count {
         let known = match &mut journal {
-            Some(journal) => journal.find(index)?,
+            Some(journal) => journal.read(index)?,
             None => None,
         };
         let known = known.and_then(|bytes| Slab::from_bytes(scan, index, &bytes));
@@ -333,8 +337,11 @@ fn slabs(
                     true
                 };
                 let slab = scan.slab(slices, index, &watch).map_err(fail)?;
-                if let Some(journal) = &mut journal {
-                    journal.add(index, &slab.to_bytes())?;
+                // One that is damaged stays: those after it have their places.
+                if let Some(journal) = &mut journal
+                    && journal.count() == index
+                {
+                    journal.add(&slab.to_bytes())?;
                 }
                 slab
             }
@@ -358,7 +365,7 @@ fn octree(args: &ScanArgs, field: &ScannedField, budget: &Budget) -> Result<Octr
     octree.map_err(|e| input(format!("{}: {e}", input::name_of(&args.files))))
 }
 
-/// What the slabs of a journal depend on: the program, the bytes of all files, the settings and
+/// What the slabs of a journal depend on beside the code: the bytes of all files, the settings and
 /// what was found with them.
 fn journal_key(
     args: &ScanArgs,
@@ -369,7 +376,6 @@ fn journal_key(
 ) -> Result<String> {
     let digests: Result<Vec<String>> = files.iter().map(|f| digest(f)).collect();
     let key = json!({
-        "version": VERSION,
         "files": digests?,
         "array": args.array,
         "raw": format!("{:?}", (args.raw_size, args.raw_type, args.raw_header, args.raw_big_endian)),

@@ -9,12 +9,13 @@ use crate::error::input;
 use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
-use crate::identity::VERSION;
-use crate::journal::FileJournal;
+use crate::journal;
+use crate::number_journal::NumberJournal;
 use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
 use crate::results::Results;
+use crate::version;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{
@@ -143,7 +144,7 @@ struct Work {
     patch: AnyPatch,
     rings: Rings,
     shown: ShownAs,
-    journal: FileJournal,
+    journal: NumberJournal,
     paths: AtomicU64,
     /// The surface model of the fabric, whose error at the held-out pairs is printed, too.
     surface: Option<Box<dyn Surface>>,
@@ -173,7 +174,7 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
     let surface = has_surface.then(|| fabric.surface(&args.fabric));
     let surface = surface.transpose()?.map(|s| s.surface);
     let about = json!({
-        "program": format!("organza {VERSION}"),
+        "program": format!("organza {}", version::VERSION),
         "fabric": fabric.file.name.clone().unwrap_or_else(|| args.fabric.display().to_string()),
         FABRIC_KEY: fabric.look_digest(),
         "model": shown.to_string(),
@@ -182,7 +183,12 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
     });
     let texels = texels.and_then(|layout| texture::at_height(layout, &patch, args.seed));
     let key = json!({ "table": 1, "of": about, "held_out": args.held_out_spp });
-    let journal = FileJournal::open(args.journal.as_deref(), &key.to_string())?;
+    let key = key.to_string();
+    let of = journal::Work {
+        command: "table",
+        key: &key,
+    };
+    let journal = NumberJournal::open(args.journal.as_deref(), &of)?;
     let work = Work {
         patch,
         rings,

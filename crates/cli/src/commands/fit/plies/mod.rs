@@ -7,11 +7,11 @@ mod target;
 
 use super::fibres::yarns;
 use super::flag_groups::{picture_flags, refuse_given, volume_flags};
-use super::{FitArgs, check_outputs, finish_with, journal_key, options, table};
+use super::{FitArgs, check_outputs, finish_with, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::error::input;
 use crate::identity;
-use crate::journal::{FileJournal, JournalError};
+use crate::number_journal::{JournalError, NumberJournal};
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use corrections::Corrections;
@@ -47,7 +47,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     (PLIES.check)(&fabric, args.fabric_path(), &args.common.host.loader())?;
     let source = Source::new(args, &fabric)?;
     let key = format!("plies {}", journal_key(args, &source.key(args)?, &read)?);
-    let mut journal = FileJournal::open(args.journal.as_deref(), &key)?;
+    let mut journal = open_journal(args, &key)?;
     let own = match &source {
         // Means of a picture do not tell yarns apart.
         Source::Is(Target::Pictures(_)) => Vec::new(),
@@ -188,7 +188,12 @@ impl Source {
     }
 
     /// The observed values; those of a representation are measured, or come from the journal.
-    fn target(self, args: &FitArgs, fabric: &Fabric, journal: &mut FileJournal) -> Result<Target> {
+    fn target(
+        self,
+        args: &FitArgs,
+        fabric: &Fabric,
+        journal: &mut NumberJournal,
+    ) -> Result<Target> {
         let shown = match self {
             Source::Is(target) => return Ok(target),
             Source::Patch(shown) => shown,
@@ -218,7 +223,7 @@ struct Fitted<'a> {
     target: &'a Target,
     /// No correction that is searched for changes the geometry.
     matter: Option<Matter>,
-    journal: FileJournal,
+    journal: NumberJournal,
 }
 
 type Answer = (Vec<f64>, f64, Vec<organza_measure::fit::Determined>);
