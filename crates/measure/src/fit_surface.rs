@@ -9,7 +9,7 @@ use crate::PairValue;
 use crate::fit::{Bound, Determined, Patience, determine, non_negative, search};
 use organza_basis::Rgb;
 use organza_surface::components::{Components, Parts};
-use organza_surface::spec::{ShadowingSpec, SurfaceSpec, TransmissionSpec, YarnSpec};
+use organza_surface::spec::{ShadowingSpec, SurfaceSpec, SurfaceYarnSpec, TransmissionSpec};
 use rayon::prelude::*;
 
 /// A fitted surface.
@@ -177,7 +177,7 @@ impl<'a> Problem<'a> {
                 1.0 / (se * se + (RELATIVE_WEIGHT * mean).powi(2) + floor * floor).sqrt()
             })
         };
-        let own = |y: &YarnSpec| {
+        let own = |y: &SurfaceYarnSpec| {
             let colour = y.diffuse.unwrap_or(Rgb::WHITE).0.to_array();
             colour.map(|c| f64::from(c).max(1e-3))
         };

@@ -22,13 +22,13 @@ const BANDS: [&str; 3] = ["Visible", "CIE-u", "CIE-v"];
 const NOISE_ALLOWANCE: f64 = 2.0;
 
 /// A block of cells.
-enum Block {
+enum TreeBlock {
     /// A single cell, or cells that are joined: their mean.
     Joined(DVec3),
     /// All cells below are written.
     Full,
     /// Its halves along every dimension, the first dimension fastest.
-    Halves(Vec<Block>),
+    Halves(Vec<TreeBlock>),
 }
 
 /// Mean and variance of the mean of a block.
@@ -64,15 +64,15 @@ impl Matrix<'_> {
     }
 
     /// The block of `size` cells along every dimension from a place on.
-    fn block(&self, place: [usize; 4], size: usize) -> (Block, Level) {
+    fn block(&self, place: [usize; 4], size: usize) -> (TreeBlock, Level) {
         if size == 1 {
             let cell = self.cell(place);
             let mean = DVec3::from_array(cell.mean.map(f64::from));
             let variance = f64::from(cell.variance);
-            return (Block::Joined(mean), Level { mean, variance });
+            return (TreeBlock::Joined(mean), Level { mean, variance });
         }
         let halves = 1 << self.layout.dimensions();
-        let (blocks, levels): (Vec<Block>, Vec<Level>) = (0..halves)
+        let (blocks, levels): (Vec<TreeBlock>, Vec<Level>) = (0..halves)
             .map(|number| self.block(self.half(place, size, number), size / 2))
             .unzip();
         let count = halves as f64;
@@ -80,15 +80,15 @@ impl Matrix<'_> {
             mean: levels.iter().map(|l| l.mean).sum::<DVec3>() / count,
             variance: levels.iter().map(|l| l.variance).sum::<f64>() / (count * count),
         };
-        let joined = blocks.iter().all(|b| matches!(b, Block::Joined(_)));
+        let joined = blocks.iter().all(|b| matches!(b, TreeBlock::Joined(_)));
         if joined && self.is_even(&levels, &level) {
-            return (Block::Joined(level.mean), level);
+            return (TreeBlock::Joined(level.mean), level);
         }
-        let is_full = |b: &Block| matches!(b, Block::Full) || size == 2;
+        let is_full = |b: &TreeBlock| matches!(b, TreeBlock::Full) || size == 2;
         if blocks.iter().all(is_full) {
-            return (Block::Full, level);
+            return (TreeBlock::Full, level);
         }
-        (Block::Halves(blocks), level)
+        (TreeBlock::Halves(blocks), level)
     }
 
     /// Whether halves differ by no more than the tolerance and the noise.
@@ -106,25 +106,25 @@ impl Matrix<'_> {
     }
 
     /// How many values a block of `size` cells along every dimension has in the file.
-    fn values(&self, block: &Block, size: usize) -> usize {
+    fn values(&self, block: &TreeBlock, size: usize) -> usize {
         match block {
-            Block::Joined(_) => 1,
-            Block::Full => size.pow(self.layout.dimensions() as u32),
-            Block::Halves(blocks) => blocks.iter().map(|b| self.values(b, size / 2)).sum(),
+            TreeBlock::Joined(_) => 1,
+            TreeBlock::Full => size.pow(self.layout.dimensions() as u32),
+            TreeBlock::Halves(blocks) => blocks.iter().map(|b| self.values(b, size / 2)).sum(),
         }
     }
 
     fn write(
         &self,
-        block: &Block,
+        block: &TreeBlock,
         at: ([usize; 4], usize),
         band: usize,
         out: &mut dyn Write,
     ) -> Result<()> {
         let (place, size) = at;
         match block {
-            Block::Joined(mean) => writeln!(out, "{{ {:.4e} }}", value(*mean, band)),
-            Block::Full => {
+            TreeBlock::Joined(mean) => writeln!(out, "{{ {:.4e} }}", value(*mean, band)),
+            TreeBlock::Full => {
                 writeln!(out, "{{")?;
                 let d = self.layout.dimensions();
                 for index in 0..size.pow(d as u32) {
@@ -137,7 +137,7 @@ impl Matrix<'_> {
                 }
                 writeln!(out, "}}")
             }
-            Block::Halves(blocks) => {
+            TreeBlock::Halves(blocks) => {
                 writeln!(out, "{{")?;
                 for (number, half) in blocks.iter().enumerate() {
                     let at = (self.half(place, size, number), size / 2);

@@ -2,16 +2,16 @@
 
 use glam::{UVec2, Vec2};
 use organza_measure::{Effort, SurfacePatch, TexelGrid, irawan_layout};
-use organza_report::comparison::{Comparison, Measurement, Plan, judge};
+use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
 use organza_surface::SurfaceSpec;
 
-fn measured(plan: &Plan, name: &str) -> Measurement {
+fn measured(plan: &ComparisonPlan, name: &str) -> Measurement {
     let model = SurfaceSpec::preset(name).unwrap().build().unwrap();
     plan.measure(name, &SurfacePatch(model), &|_| ()).unwrap()
 }
 
 fn comparison() -> Comparison {
-    let plan = Plan {
+    let plan = ComparisonPlan {
         layout: irawan_layout(),
         effort: Effort {
             paths: 2,

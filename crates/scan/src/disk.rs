@@ -4,7 +4,7 @@
 //! section (value in the middle, slope at the outline, radius at the threshold) is that of a
 //! blurred disk, whose true radius, blur and grey value follow from the three.
 
-use crate::rays::Section;
+use crate::rays::FibreSection;
 use std::f32::consts::TAU;
 
 /// What the mean section says of fibres.
@@ -33,7 +33,12 @@ const LEAST_MIDDLE: f32 = 0.5;
 
 /// The fibre whose blurred disk is the mean section: of a radius at the threshold, grey values
 /// of air, threshold and middle, and the slope at the outline. A given grey value of fibre stays.
-pub(crate) fn unblurred(section: &Section, air: f32, threshold: f32, grey: Option<f32>) -> Fibre {
+pub(crate) fn unblurred(
+    section: &FibreSection,
+    air: f32,
+    threshold: f32,
+    grey: Option<f32>,
+) -> Fibre {
     let mut fibre = Fibre {
         radius_mm: section.radius_mm,
         grey: grey.unwrap_or(section.middle),
@@ -127,7 +132,7 @@ mod tests {
             let (air, grey, threshold) = (60.0, 160.0, 100.0);
             let at = |r: f32| air + (grey - air) * blurred_disk(r, radius, blur);
             let r = bisect(0.1, 2.0 * radius, |r| at(r) > threshold);
-            let section = Section {
+            let section = FibreSection {
                 radius_mm: r,
                 length_mm: 0.0,
                 unroundness: 0.0,

@@ -3,7 +3,7 @@
 
 use crate::levels::Levels;
 use crate::orientation::{Core, Scales, analyse};
-use crate::smooth::{Block, gaussian, reach};
+use crate::smooth::{ValueBox, gaussian, reach};
 use crate::window::Window;
 use glam::{DVec3, Vec3};
 use organza_basis::PathRng;
@@ -44,7 +44,7 @@ pub(crate) fn residues(
     let sigma = Vec3::splat(radius_mm / GRAIN_RADII) / voxel_mm.as_vec3();
     let kernels = sigma.min(Vec3::splat(8.0)).to_array().map(gaussian);
     let around = [0, 1, 2].map(|a| reach(&kernels[a]));
-    let mut noise = Block::zeros(around.map(|r| edge + 2 * r));
+    let mut noise = ValueBox::zeros(around.map(|r| edge + 2 * r));
     let mut rng = PathRng::from_seed(SEED);
     noise.data.fill_with(|| rng.normal2().x);
     let [x, y, z] = &kernels;

@@ -9,7 +9,7 @@
 
 use crate::field::ScannedVoxel;
 use crate::levels::Levels;
-use crate::smooth::{Block, gaussian, reach};
+use crate::smooth::{ValueBox, gaussian, reach};
 use crate::window::Window;
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::Sym3;
@@ -198,7 +198,7 @@ pub(crate) fn analyse(
 }
 
 /// The index that a voxel climbs to, across its axis, from neighbour to highest neighbour.
-fn climb(ridge: &Block, from: usize, wide: [usize; 3], axis: Vec3, scales: &Scales) -> usize {
+fn climb(ridge: &ValueBox, from: usize, wide: [usize; 3], axis: Vec3, scales: &Scales) -> usize {
     // The block of heights is one voxel larger on each side.
     let strides = [1, ridge.dims[0], ridge.dims[0] * ridge.dims[1]];
     let mm = 1.0 / scales.per_mm;
@@ -234,7 +234,13 @@ fn climb(ridge: &Block, from: usize, wide: [usize; 3], axis: Vec3, scales: &Scal
 }
 
 /// The smoothed filling of a box and of one voxel around it.
-fn ridge(window: &Window, core: Core, wide: [usize; 3], scales: &Scales, levels: &Levels) -> Block {
+fn ridge(
+    window: &Window,
+    core: Core,
+    wide: [usize; 3],
+    scales: &Scales,
+    levels: &Levels,
+) -> ValueBox {
     let margin = scales.margin();
     let around: [usize; 3] = std::array::from_fn(|a| reach(&scales.ridge[a]) + 1);
     let dims = std::array::from_fn(|a| wide[a] + 2 * around[a]);
@@ -299,8 +305,8 @@ fn axis_of(tensor: [f32; 6], residue: f32) -> Axis {
 
 /// A copy of a window's box that begins `before` voxels ahead of the core; values beyond an edge
 /// of the volume equal those at the edge.
-fn copy(window: &Window, core: Core, dims: [usize; 3], before: [usize; 3]) -> Block {
-    let mut block = Block::zeros(dims);
+fn copy(window: &Window, core: Core, dims: [usize; 3], before: [usize; 3]) -> ValueBox {
+    let mut block = ValueBox::zeros(dims);
     let from = |at: usize, before: usize, i: usize, most: usize| {
         (at + i).saturating_sub(before).min(most - 1)
     };
@@ -326,7 +332,7 @@ fn fills(
     wide: [usize; 3],
     margin: [usize; 3],
     levels: &Levels,
-) -> Block {
+) -> ValueBox {
     let dims = wide.map(|n| n + 2 * EDGE);
     let grey = copy(window, core, dims, margin.map(|m| m + EDGE));
     let mut near: Vec<u8> = grey
@@ -346,7 +352,7 @@ fn fills(
                 .fold(0, |m, j| m | before[j]);
         }
     }
-    let mut out = Block::zeros(wide);
+    let mut out = ValueBox::zeros(wide);
     for i in 0..out.data.len() {
         let [x, y, z] = place(i, wide);
         let j = grey.index(x + EDGE, y + EDGE, z + EDGE);
@@ -358,7 +364,7 @@ fn fills(
 }
 
 /// The six averaged products of gradients in the core and its margin.
-fn tensors(window: &Window, core: Core, scales: &Scales, levels: &Levels) -> [Block; 6] {
+fn tensors(window: &Window, core: Core, scales: &Scales, levels: &Levels) -> [ValueBox; 6] {
     let r = scales.reach();
     let tensor = [0, 1, 2].map(|a| reach(&scales.tensor[a]));
     let gradient = [0, 1, 2].map(|a| reach(&scales.gradient[a]));
@@ -387,14 +393,14 @@ fn tensors(window: &Window, core: Core, scales: &Scales, levels: &Levels) -> [Bl
     [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|(i, j)| {
         let (a, b) = (&gradients[i], &gradients[j]);
         let data = a.data.iter().zip(&b.data).map(|(a, b)| a * b).collect();
-        let product = Block { dims: a.dims, data };
+        let product = ValueBox { dims: a.dims, data };
         product.smoothed([tx, ty, tz])
     })
 }
 
 /// Clears gradients beyond the faces of the volume and beside them: values that equal those at the
 /// face would have fibres seem to run into it. `first` is the voxel that the blocks begin with.
-fn clear_border(gradients: &mut [Block; 3], first: [i64; 3], size: [usize; 3]) {
+fn clear_border(gradients: &mut [ValueBox; 3], first: [i64; 3], size: [usize; 3]) {
     let dims = gradients[0].dims;
     let inside = |i: usize, a: usize| {
         let at = first[a] + i as i64;
@@ -417,9 +423,9 @@ fn clear_border(gradients: &mut [Block; 3], first: [i64; 3], size: [usize; 3]) {
 
 /// The derivative along an axis, by differences of fourth order; two voxels are lost at each end
 /// of every axis.
-fn difference(block: &Block, axis: usize, per_mm: f32) -> Block {
+fn difference(block: &ValueBox, axis: usize, per_mm: f32) -> ValueBox {
     let dims = block.dims.map(|n| n - 2 * DIFFERENCE);
-    let mut out = Block::zeros(dims);
+    let mut out = ValueBox::zeros(dims);
     let stride = [1, block.dims[0], block.dims[0] * block.dims[1]][axis];
     let (near, far) = (8.0 / 12.0 * per_mm, -1.0 / 12.0 * per_mm);
     for z in 0..dims[2] {

@@ -44,7 +44,7 @@ const ROUND: f32 = 0.6;
 
 /// One cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Section {
+pub(crate) struct FibreSection {
     /// Half the width of the fibre, mm.
     pub radius_mm: f32,
     /// Length that a straight line along the fibre stays inside it, mm; at most twice the
@@ -190,7 +190,7 @@ impl<'a> Rays<'a> {
 
     /// The section at a place inside a fibre; `None` where it is not round or meets the
     /// border of the window.
-    pub fn section(&self, place: Vec3, planes: &[Frame]) -> Option<Section> {
+    pub fn section(&self, place: Vec3, planes: &[Frame]) -> Option<FibreSection> {
         let mut across = self.across(place, self.rough_radius_mm(place, planes)?)?;
         // Again with a radius that does not span neighbours.
         across = self.across(place, median_length(&across.ends))?;
@@ -241,7 +241,7 @@ impl<'a> Rays<'a> {
             let off = p.x * plane.s + p.y * plane.t + p.z * plane.n;
             self.window.at(at + off * scale)
         };
-        Some(Section {
+        Some(FibreSection {
             radius_mm,
             inner_covariance: interior::covariance(
                 radius_mm / self.voxel_mm,

@@ -11,7 +11,7 @@ use crate::interior::TWISTS;
 use crate::levels::{Histogram, Levels};
 use crate::noise;
 use crate::orientation::{Analysed, CORE, Core, Scales, analyse};
-use crate::rays::{Section, median};
+use crate::rays::{FibreSection, median};
 use crate::sections::{sections, single_fibres};
 use crate::settings::{Denoise, ScanSettings};
 use crate::window::{Window, window_bytes};
@@ -349,7 +349,7 @@ impl Survey {
     fn take_sections(
         &mut self,
         settings: &ScanSettings,
-        found: &[Section],
+        found: &[FibreSection],
         tried: usize,
     ) -> Result<f32, ScanError> {
         let threshold = self.levels.threshold;
@@ -366,8 +366,8 @@ impl Survey {
             ));
         }
         let found = single_fibres(found);
-        let of = |value: &dyn Fn(&Section) -> f32| median(found.iter().map(value));
-        let middle = Section {
+        let of = |value: &dyn Fn(&FibreSection) -> f32| median(found.iter().map(value));
+        let middle = FibreSection {
             radius_mm: of(&|s| s.radius_mm),
             length_mm: of(&|s| s.length_mm / (2.0 * s.radius_mm)),
             middle: of(&|s| s.middle),

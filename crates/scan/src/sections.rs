@@ -9,7 +9,7 @@
 //! Where neighbours touch, the outline does not fall to air, and is none of this fibre alone.
 //! Radius and slope are those of the free rest of the outline, beyond which there is air.
 
-use crate::rays::{Rays, Section, median};
+use crate::rays::{FibreSection, Rays, median};
 use crate::window::Window;
 use glam::{DVec3, Vec3};
 use organza_basis::{Frame, PathRng};
@@ -50,7 +50,7 @@ pub(crate) fn sections(
     shrunk_mm: f32,
     noise_reach: f32,
     seed: u64,
-) -> (Vec<Section>, usize) {
+) -> (Vec<FibreSection>, usize) {
     let mut rays = Rays::new(window, threshold, air, voxel_mm, shrunk_mm, noise_reach);
     let planes = planes();
     let size = Vec3::new(
@@ -80,15 +80,15 @@ pub(crate) fn sections(
         rays.limit(LONGEST_CHORDS * chord_mm);
     }
     let found = places.par_iter().map(|p| rays.section(*p, &planes));
-    let found: Vec<Option<Section>> = found.collect();
+    let found: Vec<Option<FibreSection>> = found.collect();
     (found.into_iter().flatten().collect(), places.len())
 }
 
 /// The sections that belong to single fibres: those with free outlines, if there are enough; of
 /// them the rounder half, because fibres that are not told apart are not round; and of these the
 /// half whose radii are closest to each other.
-pub(crate) fn single_fibres(found: &[Section]) -> Vec<Section> {
-    let mut free: Vec<Section> = found.iter().copied().filter(|s| s.is_free).collect();
+pub(crate) fn single_fibres(found: &[FibreSection]) -> Vec<FibreSection> {
+    let mut free: Vec<FibreSection> = found.iter().copied().filter(|s| s.is_free).collect();
     if free.len() < LEAST_SORTED {
         return found.to_vec();
     }
@@ -96,8 +96,8 @@ pub(crate) fn single_fibres(found: &[Section]) -> Vec<Section> {
     free.truncate(free.len() / 2);
     free.sort_by(|a, b| a.radius_mm.total_cmp(&b.radius_mm));
     let count = free.len().div_ceil(2);
-    let ratio = |half: &&[Section]| half[count - 1].radius_mm / half[0].radius_mm;
+    let ratio = |half: &&[FibreSection]| half[count - 1].radius_mm / half[0].radius_mm;
     let halves = free.windows(count);
     let closest = halves.min_by(|a, b| ratio(a).total_cmp(&ratio(b)));
-    closest.map_or_else(Vec::new, <[Section]>::to_vec)
+    closest.map_or_else(Vec::new, <[FibreSection]>::to_vec)
 }

@@ -25,14 +25,14 @@ pub(crate) fn reach(kernel: &[f32]) -> usize {
 
 /// A box of values, x fastest, then y, z.
 #[derive(Clone, Debug)]
-pub(crate) struct Block {
+pub(crate) struct ValueBox {
     pub dims: [usize; 3],
     pub data: Vec<f32>,
 }
 
-impl Block {
-    pub fn zeros(dims: [usize; 3]) -> Block {
-        Block {
+impl ValueBox {
+    pub fn zeros(dims: [usize; 3]) -> ValueBox {
+        ValueBox {
             dims,
             data: vec![0.0; dims.iter().product()],
         }
@@ -44,15 +44,15 @@ impl Block {
 
     /// Smoothed by one kernel per axis. The result is smaller by the reach of each kernel at
     /// both ends, so that no value depends on what lies outside.
-    pub fn smoothed(&self, kernels: [&[f32]; 3]) -> Block {
+    pub fn smoothed(&self, kernels: [&[f32]; 3]) -> ValueBox {
         self.along_z(kernels[2])
             .along_y(kernels[1])
             .along_x(kernels[0])
     }
 
-    fn along_z(&self, kernel: &[f32]) -> Block {
+    fn along_z(&self, kernel: &[f32]) -> ValueBox {
         let [nx, ny, nz] = self.dims;
-        let mut out = Block::zeros([nx, ny, nz + 1 - kernel.len()]);
+        let mut out = ValueBox::zeros([nx, ny, nz + 1 - kernel.len()]);
         let plane = nx * ny;
         for (z, o) in out.data.chunks_exact_mut(plane).enumerate() {
             for (k, &w) in kernel.iter().enumerate() {
@@ -62,10 +62,10 @@ impl Block {
         out
     }
 
-    fn along_y(&self, kernel: &[f32]) -> Block {
+    fn along_y(&self, kernel: &[f32]) -> ValueBox {
         let [nx, ny, nz] = self.dims;
         let my = ny + 1 - kernel.len();
-        let mut out = Block::zeros([nx, my, nz]);
+        let mut out = ValueBox::zeros([nx, my, nz]);
         let planes = self.data.chunks_exact(nx * ny);
         for (o, plane) in out.data.chunks_exact_mut(nx * my).zip(planes) {
             for (k, &w) in kernel.iter().enumerate() {
@@ -75,10 +75,10 @@ impl Block {
         out
     }
 
-    fn along_x(&self, kernel: &[f32]) -> Block {
+    fn along_x(&self, kernel: &[f32]) -> ValueBox {
         let [nx, ny, nz] = self.dims;
         let mx = nx + 1 - kernel.len();
-        let mut out = Block::zeros([mx, ny, nz]);
+        let mut out = ValueBox::zeros([mx, ny, nz]);
         let rows = self.data.chunks_exact(nx);
         for (o, row) in out.data.chunks_exact_mut(mx).zip(rows) {
             for (k, &w) in kernel.iter().enumerate() {
@@ -143,7 +143,7 @@ mod tests {
             let share = variance / (sigma * sigma);
             assert!((0.95..1.02).contains(&share), "{sigma}: {share}");
         }
-        let mut b = Block::zeros([12, 11, 10]);
+        let mut b = ValueBox::zeros([12, 11, 10]);
         for z in 0..10 {
             for y in 0..11 {
                 for x in 0..12 {

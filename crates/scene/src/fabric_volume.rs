@@ -8,7 +8,7 @@ use crate::volume_cache::{self, VolumePlan};
 use crate::{blocks, exemplar_voxels};
 use organza_basis::SegmentSource;
 use organza_transport::{PackingStudy, measure_packing};
-use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions};
+use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan};
 use organza_weave::Synthesis;
 use std::path::Path;
 use std::sync::Arc;
@@ -240,12 +240,12 @@ impl Fabric {
             self.check_packed(path, size_um, allowed_bytes)?;
         }
         let plan = match &self.synthesis {
-            None => Plan::new(&self.cloth, &options),
+            None => VoxelizePlan::new(&self.cloth, &options),
             Some(synthesis) => {
                 if footprint == FibreFootprint::Axis {
                     self.whole(path, "packed fibres")?;
                 }
-                Plan::of_parts(&self.cloth, blocks::parts(synthesis), &options)
+                VoxelizePlan::of_parts(&self.cloth, blocks::parts(synthesis), &options)
             }
         };
         let plan = plan.map_err(|e| input(format!("{}: {e}", path.display())))?;

@@ -6,7 +6,7 @@ use crate::memory::free_memory_bytes;
 use organza_basis::Budget;
 use organza_cache::{Cache, Description, Key};
 use organza_volume::ovox::{self, SourceFile};
-use organza_volume::{Error, FibreFootprint, Octree, Plan, VoxelizeOptions};
+use organza_volume::{Error, FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan};
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub struct ResultCache {
 
 /// A fabric's voxelization that has not begun.
 pub struct VolumePlan<'a> {
-    plan: Plan<'a>,
+    plan: VoxelizePlan<'a>,
     voxel_mm: f32,
     footprint: FibreFootprint,
     wanted_um: Option<f32>,
@@ -34,7 +34,7 @@ impl<'a> VolumePlan<'a> {
     /// A plan with the options that it was made with, and the voxels' edge that fibres want if
     /// they had to be larger.
     pub(crate) fn new(
-        plan: Plan<'a>,
+        plan: VoxelizePlan<'a>,
         options: &VoxelizeOptions,
         wanted_um: Option<f32>,
     ) -> VolumePlan<'a> {
@@ -66,7 +66,7 @@ impl<'a> VolumePlan<'a> {
         self.plan.memory_bytes()
     }
 
-    /// Voxelizes; see [`Plan::run`].
+    /// Voxelizes; see [`VoxelizePlan::run`].
     pub(crate) fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
         self.plan.run(progress)
     }

@@ -50,9 +50,9 @@ pub struct SurfaceSpec {
     /// Draft and dimensions.
     pub weave: Option<Weave>,
     /// The warp.
-    pub warp: YarnSpec,
+    pub warp: SurfaceYarnSpec,
     /// The weft.
-    pub weft: YarnSpec,
+    pub weft: SurfaceYarnSpec,
     /// Irregularity; none by default.
     pub noise: Option<NoiseSpec>,
     /// Shadowing between warp and weft; none by default.
@@ -64,7 +64,7 @@ pub struct SurfaceSpec {
 /// One system of yarn.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct YarnSpec {
+pub struct SurfaceYarnSpec {
     /// Twist of the fibres against the yarn, degrees; 0 is filament yarn.
     pub psi_deg: Option<f64>,
     /// Steepest inclination of the yarn, degrees.
@@ -140,9 +140,9 @@ pub struct TransmissionSpec {
     pub concentration: f64,
 }
 
-impl YarnSpec {
-    fn over(self, base: YarnSpec) -> YarnSpec {
-        YarnSpec {
+impl SurfaceYarnSpec {
+    fn over(self, base: SurfaceYarnSpec) -> SurfaceYarnSpec {
+        SurfaceYarnSpec {
             psi_deg: self.psi_deg.or(base.psi_deg),
             u_max_deg: self.u_max_deg.or(base.u_max_deg),
             kappa: self.kappa.or(base.kappa),

@@ -5,7 +5,7 @@ use crate::matter::{Built, Matter};
 use crate::news::Phase;
 use crate::saving::{self, WriteFiles};
 use crate::session::{Save, Session, Task, Work};
-use crate::tracing::{Plan, Stop, Tracing};
+use crate::tracing::{PicturePlan, Stop, Tracing};
 use glam::UVec2;
 use hyper::body::Bytes;
 use organza_picture::{Attributes, Display, Exposure, Rendered, png};
@@ -166,7 +166,7 @@ impl Render<'_> {
             coarse(session, task, &file, matter, &is_wanted)?;
         }
         session.tell(|news| news.task = Some("laying out the scene".into()));
-        let plan = Plan {
+        let plan = PicturePlan {
             file: &matter.file,
             samples: None,
             max_bytes: limit_bytes,
@@ -283,7 +283,7 @@ fn coarse(
         let Ok(camera) = table.build() else { break };
         let began = Instant::now();
         matter.scene.camera = camera;
-        let plan = Plan {
+        let plan = PicturePlan {
             file,
             samples: Some(1),
             max_bytes: free_memory_bytes(),

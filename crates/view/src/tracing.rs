@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const PASS: Duration = Duration::from_millis(400);
 
 /// What a picture needs beside its scene.
-pub struct Plan<'a> {
+pub struct PicturePlan<'a> {
     /// The scene's file.
     pub file: &'a SceneFile,
     /// Samples of a pixel; the file's if none.
@@ -49,7 +49,7 @@ impl<'a> Tracing<'a> {
     ///
     /// # Errors
     /// A scene that no engine renders as its file asks, in the memory allowed.
-    pub fn new(scene: &'a Scene, plan: &Plan<'_>) -> Result<Tracing<'a>, Stop> {
+    pub fn new(scene: &'a Scene, plan: &PicturePlan<'_>) -> Result<Tracing<'a>, Stop> {
         let table = &plan.file.render;
         let failed = |why: String| Stop::Failed(why);
         let integrator = Integrator::from(table.integrator);

@@ -74,4 +74,4 @@ pub use known_mixtures::{MixtureGrid, MixtureSource, octree_of_mixtures};
 pub use octree::{BlockCut, Octree, sub_cell_bit};
 pub use packing::{MaterialPacking, MeasuredPacking, PackingFactor};
 pub use parts::Parts;
-pub use voxelize::{Plan, VoxelizeOptions, voxelize};
+pub use voxelize::{VoxelizeOptions, VoxelizePlan, voxelize};

@@ -53,7 +53,7 @@ const BATCHES: usize = 4;
 /// Blocks that a thread is given at a time.
 const BLOCKS: usize = 16;
 
-/// Voxelizes all segments of a source: [`Plan::new`] and [`Plan::run`].
+/// Voxelizes all segments of a source: [`VoxelizePlan::new`] and [`VoxelizePlan::run`].
 ///
 /// # Errors
 /// As those.
@@ -64,13 +64,13 @@ pub fn voxelize(
 ) -> Result<Octree, Error> {
     let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
     if options.max_memory_bytes.is_some() {
-        return Plan::new(source, options)?.run(progress);
+        return VoxelizePlan::new(source, options)?.run(progress);
     }
     run(source, (&lattice, None), options, progress)
 }
 
 /// A voxelization that has not begun.
-pub struct Plan<'a> {
+pub struct VoxelizePlan<'a> {
     source: &'a dyn SegmentSource,
     options: VoxelizeOptions,
     lattice: Lattice,
@@ -78,33 +78,33 @@ pub struct Plan<'a> {
     memory_bytes: u64,
 }
 
-impl<'a> Plan<'a> {
+impl<'a> VoxelizePlan<'a> {
     /// Estimates the memory from a sample of the batches of the source (a sixteenth of them, at
     /// most eight).
     ///
     /// # Errors For an invalid voxel edge or tile, when more memory is needed than allowed, and
-    /// as [`Plan::run`] for the segments of the sample.
+    /// as [`VoxelizePlan::run`] for the segments of the sample.
     pub fn new(
         source: &'a dyn SegmentSource,
         options: &VoxelizeOptions,
-    ) -> Result<Plan<'a>, Error> {
+    ) -> Result<VoxelizePlan<'a>, Error> {
         let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
-        Plan::on(lattice, source, None, options)
+        VoxelizePlan::on(lattice, source, None, options)
     }
 
     /// The same for a tile of equal parts, each of which is to be whole voxels of every level.
     /// Voxels outside the needed parts are incomplete or empty.
     ///
     /// # Errors
-    /// As [`Plan::new`].
+    /// As [`VoxelizePlan::new`].
     pub fn of_parts(
         source: &'a dyn SegmentSource,
         parts: Parts,
         options: &VoxelizeOptions,
-    ) -> Result<Plan<'a>, Error> {
+    ) -> Result<VoxelizePlan<'a>, Error> {
         let (tile, count) = (source.tile(), parts.count());
         let lattice = Lattice::of_parts(&tile, count, options.voxel_mm, options.levels)?;
-        Plan::on(lattice, source, Some(parts), options)
+        VoxelizePlan::on(lattice, source, Some(parts), options)
     }
 
     fn on(
@@ -112,8 +112,8 @@ impl<'a> Plan<'a> {
         source: &'a dyn SegmentSource,
         parts: Option<Parts>,
         options: &VoxelizeOptions,
-    ) -> Result<Plan<'a>, Error> {
-        let mut plan = Plan {
+    ) -> Result<VoxelizePlan<'a>, Error> {
+        let mut plan = VoxelizePlan {
             source,
             options: *options,
             lattice,
@@ -205,7 +205,7 @@ fn run(
 struct Tiled<'a> {
     lattice: &'a Lattice,
     footprint: FibreFootprint,
-    blocks: Vec<Block>,
+    blocks: Vec<BlockRuns>,
     routed: Vec<Routed>,
     /// Pieces in `routed`.
     waiting: usize,
@@ -215,7 +215,7 @@ struct Tiled<'a> {
 }
 
 #[derive(Default)]
-struct Block {
+struct BlockRuns {
     /// Batch among `routed` and its run for this block.
     runs: Vec<(u32, u32)>,
     /// The sums that were taken before.
@@ -229,7 +229,7 @@ impl<'a> Tiled<'a> {
         Tiled {
             lattice,
             footprint,
-            blocks: (0..count).map(|_| Block::default()).collect(),
+            blocks: (0..count).map(|_| BlockRuns::default()).collect(),
             routed: Vec::new(),
             waiting: 0,
             groups: Vec::new(),
@@ -259,7 +259,7 @@ impl<'a> Tiled<'a> {
     }
 
     /// The waiting pieces of a block together with the sums that it kept.
-    fn filled(&self, index: u32, block: &mut Block) -> Vec<GatheredPopulation> {
+    fn filled(&self, index: u32, block: &mut BlockRuns) -> Vec<GatheredPopulation> {
         let mut pieces: Vec<(u64, &RoutePiece)> = Vec::new();
         for &(batch, run) in &block.runs {
             let r = &self.routed[batch as usize];
@@ -312,7 +312,7 @@ impl<'a> Tiled<'a> {
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Octree, Error> {
         let scales = self.scales()?;
-        let mut blocks: Vec<(u32, Block)> = std::mem::take(&mut self.blocks)
+        let mut blocks: Vec<(u32, BlockRuns)> = std::mem::take(&mut self.blocks)
             .into_iter()
             .enumerate()
             .filter(|(_, b)| !(b.runs.is_empty() && b.kept.is_empty()))
@@ -345,7 +345,7 @@ fn table_bytes(lattice: &Lattice) -> u64 {
     };
     let blocks = lattice.blocks_across().as_u64vec3().element_product();
     let levels: u64 = (0..lattice.levels).map(bricks).sum();
-    4 * levels + size_of::<Block>() as u64 * blocks
+    4 * levels + size_of::<BlockRuns>() as u64 * blocks
 }
 
 /// Bytes of everything else, under the assumption that no two batches share a voxel.

@@ -1,7 +1,7 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec2, UVec3, Vec3};
 use organza_basis::Budget;
-use organza_volume::voxelize::Plan;
+use organza_volume::voxelize::VoxelizePlan;
 use organza_volume::{BlockCut, BlockLayout, Octree, Parts, VoxelizeOptions, ovox};
 
 const ENDS: u32 = 4;
@@ -16,7 +16,7 @@ fn of_parts(parts: Parts) -> Octree {
         voxel_mm: 0.024,
         ..VoxelizeOptions::default()
     };
-    let plan = Plan::of_parts(&weave, parts, &options).unwrap();
+    let plan = VoxelizePlan::of_parts(&weave, parts, &options).unwrap();
     plan.run(&|_| {}).unwrap()
 }
 

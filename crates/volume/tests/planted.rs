@@ -1,7 +1,7 @@
 use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{UVec3, Vec3};
 use organza_basis::{Segment, SegmentSource};
-use organza_volume::{FibreFootprint, Octree, Plan, VoxelizeOptions, voxelize};
+use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan, voxelize};
 
 fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
     let options = VoxelizeOptions {
@@ -303,7 +303,7 @@ fn hard_sources_are_survived_or_refused() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("1000 are allowed"), "{error}");
-    let need = Plan::new(&PlainWeave::cotton(2), &options)
+    let need = VoxelizePlan::new(&PlainWeave::cotton(2), &options)
         .unwrap()
         .memory_bytes();
     let just_short = VoxelizeOptions {

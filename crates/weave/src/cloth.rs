@@ -29,7 +29,7 @@ use crate::dye::Dye;
 use crate::knit::Knit;
 use crate::path::{Hermite, Path};
 use crate::pile::Tufts;
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::strand::Strand;
 use crate::sway::Sway;
 use crate::yarn::Yarn;
@@ -99,7 +99,7 @@ struct ThreadAtRest {
     /// The yarn as spun: with the mass of this thread.
     spun: Spun,
     dye: Dye,
-    section: Section,
+    section: ThreadSection,
 }
 
 /// A piece of cloth that repeats in x and y, or imported curves that do not.

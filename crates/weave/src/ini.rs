@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 /// Sections by normalised name (upper case, single spaces).
 #[derive(Debug, Default)]
 pub(crate) struct Ini {
-    sections: BTreeMap<String, Section>,
+    sections: BTreeMap<String, IniSection>,
 }
 
 /// Values by normalised key.
 #[derive(Debug, Default)]
-pub(crate) struct Section {
+pub(crate) struct IniSection {
     values: BTreeMap<String, String>,
 }
 
@@ -27,7 +27,7 @@ impl Ini {
             Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
         };
         let mut ini = Ini::default();
-        let mut section: Option<&mut Section> = None;
+        let mut section: Option<&mut IniSection> = None;
         for line in text.split(['\n', '\r']).map(str::trim) {
             if line.starts_with([';', '#']) {
                 continue;
@@ -45,7 +45,7 @@ impl Ini {
         ini
     }
 
-    pub fn section(&self, name: &str) -> Option<&Section> {
+    pub fn section(&self, name: &str) -> Option<&IniSection> {
         self.sections.get(name)
     }
 
@@ -55,7 +55,7 @@ impl Ini {
     }
 }
 
-impl Section {
+impl IniSection {
     /// The value of a key; an empty value counts as absent.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.values

@@ -17,7 +17,7 @@ const MAX_SAMPLES: usize = 1 << 16;
 
 /// Factors on the width and height of a thread's round cross-section.
 #[derive(Clone, Debug)]
-pub(crate) struct Section {
+pub(crate) struct ThreadSection {
     /// Without crossings; what all users see of a thread whose section is the same everywhere.
     pub flatten: DVec2,
     /// Factors on the width, by which the height is divided, at equal distances along the
@@ -25,10 +25,10 @@ pub(crate) struct Section {
     widening: Option<Arc<[f64]>>,
 }
 
-impl Section {
+impl ThreadSection {
     /// The same along the whole thread.
-    pub fn even(flatten: DVec2) -> Section {
-        Section {
+    pub fn even(flatten: DVec2) -> ThreadSection {
+        ThreadSection {
             flatten,
             widening: None,
         }
@@ -131,7 +131,7 @@ impl Pressed<'_> {
 
     /// The section of a thread that follows `path`, whose samples lie at these places along the
     /// axis before it was displaced.
-    pub fn section(&self, flatten: DVec2, path: &Path, path_mm: &[f64]) -> Section {
+    pub fn section(&self, flatten: DVec2, path: &Path, path_mm: &[f64]) -> ThreadSection {
         let samples = (SAMPLES_PER_CROSSING * self.crossing_mm.len()).min(MAX_SAMPLES);
         let place_mm = |i: usize| {
             let arc_mm = i as f64 / samples as f64 * path.length_mm();
@@ -139,7 +139,7 @@ impl Pressed<'_> {
             path_mm[k] + t * (path_mm[k + 1] - path_mm[k])
         };
         let places_mm: Vec<f64> = (0..samples).map(place_mm).collect();
-        Section {
+        ThreadSection {
             flatten,
             widening: Some(self.widening(&places_mm).into()),
         }

@@ -9,7 +9,7 @@ use crate::dye::{Dye, FibreDye};
 use crate::evenness::{MOST, Profile};
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts, ROUNDS, ROUNDS_OF_CRIMPED};
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::wander::Wander;
 use crate::yarn::Yarn;
 use glam::DVec2;
@@ -38,7 +38,7 @@ pub(crate) struct Strand<'a> {
     pub path: &'a Path,
     pub closure: Closure,
     /// Its cross-section.
-    pub section: &'a Section,
+    pub section: &'a ThreadSection,
     /// Seed of the random numbers of the yarn.
     pub seed: (u64, u64),
     /// The properties that all segments share.

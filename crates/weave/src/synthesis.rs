@@ -109,7 +109,7 @@ pub struct YarnHeights {
 
 /// A block: a crossing of the exemplar, in the colours of the design.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Block {
+pub struct CrossingBlock {
     /// End and pick of the exemplar.
     pub place: [usize; 2],
     /// Colours in the design.
@@ -150,7 +150,7 @@ pub struct Synthesis {
     /// See `warp_colours`.
     pub weft_colours: Vec<Option<Rgb>>,
     /// The blocks.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<CrossingBlock>,
     /// The block of each crossing of the design, x fastest.
     pub index: Vec<u32>,
     /// Crossings of a window beside its middle.
@@ -209,7 +209,7 @@ impl Synthesis {
         };
         let (ends, picks) = (design.ends(), design.picks());
         let mut blocks = Vec::new();
-        let mut numbers: HashMap<Block, u32> = HashMap::new();
+        let mut numbers: HashMap<CrossingBlock, u32> = HashMap::new();
         let mut index = Vec::with_capacity(ends * picks);
         let mut replaced_crossings = 0;
         for p in 0..picks {
@@ -217,7 +217,7 @@ impl Synthesis {
                 let choice = &choices[&windows.of_crossing[p * ends + e]];
                 replaced_crossings += usize::from(choice.is_replaced);
                 let drawn = mix(seed, (p * ends + e) as u64) % choice.places.len() as u64;
-                let block = Block {
+                let block = CrossingBlock {
                     place: choice.places[drawn as usize],
                     colours: CrossingColours {
                         warp: around(&warp, e),

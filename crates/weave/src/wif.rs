@@ -10,7 +10,7 @@ mod threads;
 
 use crate::draft::{MAX_CROSSINGS, MAX_THREADS};
 use crate::error::did_you_mean;
-use crate::ini::{Ini, Section};
+use crate::ini::{Ini, IniSection};
 use crate::{Draft, Error};
 
 const SECTIONS: [&str; 22] = [
@@ -173,7 +173,7 @@ impl Reader {
     }
 
     /// The section, unless it is missing or `CONTENTS` declares it absent.
-    fn used(&self, name: &str) -> Option<&Section> {
+    fn used(&self, name: &str) -> Option<&IniSection> {
         let disowned = matches!(self.flag("CONTENTS", name), Ok(Some(false)));
         self.ini.section(name).filter(|_| !disowned)
     }

@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_report::bench::{
-    Bench, BenchReport, Found, Laboratory, PIXELS_MM, Peer, Plan, QUICK_PIXELS_MM, Sample, View,
-    WriteError, write_rooms,
+    Bench, BenchPlan, BenchReport, Laboratory, PIXELS_MM, Peer, QUICK_PIXELS_MM, Sample,
+    SampleSource, View, WriteError, write_rooms,
 };
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table_file;
@@ -186,15 +186,15 @@ fn check_inputs_elsewhere(args: &BenchArgs) -> Result<()> {
 }
 
 /// The fabrics that are named, or those that the program brings.
-fn found(args: &BenchArgs) -> Result<Vec<Found>> {
+fn found(args: &BenchArgs) -> Result<Vec<SampleSource>> {
     let named: Vec<&str> = match args.fabrics.len() {
         0 => Sample::names().to_vec(),
         _ => args.fabrics.iter().map(String::as_str).collect(),
     };
     let found = named
         .into_iter()
-        .map(Found::named)
-        .collect::<Result<Vec<Found>, _>>()?;
+        .map(SampleSource::named)
+        .collect::<Result<Vec<SampleSource>, _>>()?;
     for (i, one) in found.iter().enumerate() {
         if found.iter().take(i).any(|other| other.name() == one.name()) {
             let name = one.name();
@@ -204,13 +204,13 @@ fn found(args: &BenchArgs) -> Result<Vec<Found>> {
     Ok(found)
 }
 
-fn plan(args: &BenchArgs, scenes: PathBuf) -> Plan {
+fn plan(args: &BenchArgs, scenes: PathBuf) -> BenchPlan {
     let (pixels_mm, spp, truth_spp) = if args.quick {
         (QUICK_PIXELS_MM.to_vec(), 192, 512)
     } else {
         (PIXELS_MM.to_vec(), 512, 4096)
     };
-    Plan {
+    BenchPlan {
         quick: args.quick,
         every_tracker: args.trackers == Trackers::All,
         pixels_mm: match args.pixel_mm.is_empty() {

@@ -14,7 +14,7 @@ use crate::results::Results;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems};
-use organza_report::comparison::{Comparison, Measurement, Plan, judge};
+use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
 use organza_scene::file_kind::Wanted;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs, TABLE};
@@ -120,7 +120,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
             let ready = ready.filter(|r| (r.is_ready)(&fabric, &args.fabric, &loader));
             models.extend(ready.map(PatchModel::Is));
         }
-        let plan = Plan {
+        let plan = ComparisonPlan {
             layout: match &data {
                 Some(values) => values.iter().map(|v| v.pair).collect(),
                 None => irawan_layout(),
@@ -215,7 +215,7 @@ pub fn read_data(path: &Path, host: &Host) -> Result<Vec<PairValue>> {
 
 fn measure(
     args: &CompareArgs,
-    plan: &Plan,
+    plan: &ComparisonPlan,
     shown: ShownAs,
     patch: &AnyPatch,
 ) -> Result<Measurement> {

@@ -1,7 +1,7 @@
 //! The engine for graphics adapters.
 
 use super::device::{Device, Limits};
-use super::pass::{BRIGHT_WORDS, Division, Found, Session};
+use super::pass::{BRIGHT_WORDS, Division, PassResult, Session};
 use super::program::{FirstEventOf, PassNumbers, ProgramScene};
 use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
 use super::{fibre_scene, voxel_scene};
@@ -129,7 +129,7 @@ impl GpuEngine {
         session: &mut Session,
         block: &Block<'_>,
         samples: [u32; 2],
-    ) -> Result<(u32, Found), Lost> {
+    ) -> Result<(u32, PassResult), Lost> {
         let pixels = block.pixels.len() as u32;
         let slots_per_pixel = session
             .slots_per_pixel(pixels, samples[1] - samples[0])
@@ -149,7 +149,7 @@ impl GpuEngine {
     }
 
     /// Adds what was found to the pixels of a block.
-    fn add(&self, block: &mut Block<'_>, slots_per_pixel: u32, found: &Found) {
+    fn add(&self, block: &mut Block<'_>, slots_per_pixel: u32, found: &PassResult) {
         let (pixels, width) = (block.pixels.len(), block.width as usize);
         let rows = pixels / width;
         let lines = block.pixels.par_chunks_mut(width).enumerate();
@@ -172,7 +172,7 @@ impl GpuEngine {
     }
 }
 
-fn stats(found: &Found) -> Stats {
+fn stats(found: &PassResult) -> Stats {
     let [
         paths,
         tentative,

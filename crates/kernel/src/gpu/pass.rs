@@ -32,7 +32,7 @@ const BRIGHT_ROOM: u32 = 4096;
 const CHUNK_BYTES: u64 = 64 << 20;
 
 /// What a pass found.
-pub struct Found {
+pub struct PassResult {
     /// Words of all slots.
     pub slots: Vec<u32>,
     /// Samples too bright for them, [`BRIGHT_WORDS`] each.
@@ -180,7 +180,7 @@ impl Session {
     ///
     /// # Errors
     /// The device was lost.
-    pub fn take(&mut self, mut numbers: PassNumbers) -> Result<Found, Lost> {
+    pub fn take(&mut self, mut numbers: PassNumbers) -> Result<PassResult, Lost> {
         self.make_sums(numbers.slots);
         numbers.bright_room = BRIGHT_ROOM;
         numbers.lanes = self.lanes.min(numbers.slots.div_ceil(GROUP) * GROUP);
@@ -225,7 +225,7 @@ impl Session {
                 self.read(&sums.buffer, &sums.copy, at, bytes, &mut slots)?;
                 at += bytes;
             }
-            return Ok(Found {
+            return Ok(PassResult {
                 slots,
                 bright,
                 counts: std::array::from_fn(count),

@@ -15,7 +15,7 @@ use crate::refusal::Refusal;
 use organza_scatter::Fibre;
 
 /// Greatest deviation of the blur of a fibre's reflection.
-pub const MAX_BLUR_RAD: f32 = 0.35;
+pub const MAX_EVEN_BLUR_RAD: f32 = 0.35;
 
 /// Greatest share of the extinction that is caused by populations spread by more than
 /// a radian.
@@ -27,7 +27,7 @@ const MAX_WIDE_SHARE: f32 = 0.2;
 /// Fibres that the general walk samples with less noise.
 pub fn tables(medium: &FlatMedium, fibres: &[Fibre]) -> Result<FibreTables, Refusal> {
     let used = || medium.fibres().filter_map(|i| fibres.get(i));
-    let is_rough = |f: &Fibre| f.far_parts().blurs_rad()[0] > MAX_BLUR_RAD;
+    let is_rough = |f: &Fibre| f.far_parts().blurs_rad()[0] > MAX_EVEN_BLUR_RAD;
     if used().any(is_rough) || medium.wide_share() > MAX_WIDE_SHARE {
         return Err(Refusal::Skewed);
     }

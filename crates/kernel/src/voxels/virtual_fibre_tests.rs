@@ -1,6 +1,6 @@
 //! Virtual fibres in lanes against the scalar lobes.
 
-use super::even_fibres::MAX_BLUR_RAD;
+use super::even_fibres::MAX_EVEN_BLUR_RAD;
 use super::event::{Event, Meeting};
 use super::fibre_tables::{FibreTables, area_squared, end_on_ratio};
 use super::virtual_fibres::VirtualFibres;
@@ -244,7 +244,7 @@ fn lanes_draw_what_they_scatter() {
 }
 
 /// What an event among parallel fibres sends on, and how unevenly: the reason for
-/// [`MAX_BLUR_RAD`].
+/// [`MAX_EVEN_BLUR_RAD`].
 #[test]
 fn weights_of_fibres_that_are_taken_are_even() {
     let (narrow, axis, _) = population(Vec3::Z, 1e-3);
@@ -275,7 +275,7 @@ fn weights_of_fibres_that_are_taken_are_even() {
             is_taken,
             "seed 65, {blur_deg}: {weights:?}"
         );
-        assert_eq!(blur_deg.to_radians() <= MAX_BLUR_RAD, is_taken);
+        assert_eq!(blur_deg.to_radians() <= MAX_EVEN_BLUR_RAD, is_taken);
     }
 }
 

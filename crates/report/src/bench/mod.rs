@@ -16,9 +16,9 @@ mod try_all;
 pub use crate::write_file::{WriteError, WriteFile};
 pub use peer::Peer;
 pub use scaling::{Point, Series, Size};
-pub use stage::{Found, PIXELS_MM, QUICK_PIXELS_MM, Sample, View, distance_m, write_rooms};
+pub use stage::{PIXELS_MM, QUICK_PIXELS_MM, Sample, SampleSource, View, distance_m, write_rooms};
 pub use trial::{Laboratory, Program};
-pub use try_all::{PeerResult, Plan, Refusal, Tried, ViewResult};
+pub use try_all::{BenchPlan, PeerResult, Refusal, Tried, ViewResult};
 
 use crate::ReportError;
 use organza_scene::auto::table::{Candidate, Recommendation, Row, candidates, recommend};
@@ -34,7 +34,7 @@ pub struct FabricResult<'a> {
 /// All results of a bench.
 pub struct Bench<'a> {
     /// The extent of the bench.
-    pub plan: &'a Plan,
+    pub plan: &'a BenchPlan,
     /// Results by fabric.
     pub fabrics: Vec<FabricResult<'a>>,
     /// The growth of cost with size, for the first fabric.
@@ -43,7 +43,7 @@ pub struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// The number of renders that [`Bench::run`] makes at most.
-    pub fn max_trials(plan: &Plan, samples: &[Sample], with_scaling: bool) -> usize {
+    pub fn max_trials(plan: &BenchPlan, samples: &[Sample], with_scaling: bool) -> usize {
         let choices = |s: &Sample| plan.views().len() * (1 + plan.choices(s).len());
         let scaling = if with_scaling {
             scaling::max_trials(plan.quick)
@@ -59,7 +59,7 @@ impl<'a> Bench<'a> {
     /// # Errors Files that cannot be read or written, a reference that cannot be rendered, or
     /// an interruption.
     pub fn run(
-        plan: &'a Plan,
+        plan: &'a BenchPlan,
         samples: &'a [Sample],
         peers: &[Peer],
         with_scaling: bool,

@@ -54,20 +54,20 @@ impl Sample {
 }
 
 /// A fabric that is known to exist, before any file is written.
-pub enum Found {
+pub enum SampleSource {
     /// A built-in fabric: name and text.
     Carried(&'static str, &'static str),
     /// A file of the user's.
     File(Box<Sample>),
 }
 
-impl Found {
+impl SampleSource {
     /// A fabric by name or by its file.
     ///
     /// # Errors When there is no such fabric, or it is invalid.
-    pub fn named(named: &str) -> Result<Found, ReportError> {
+    pub fn named(named: &str) -> Result<SampleSource, ReportError> {
         if let Some((name, text)) = NAMED.iter().find(|(name, _)| *name == named) {
-            return Ok(Found::Carried(name, text));
+            return Ok(SampleSource::Carried(name, text));
         }
         if !named.ends_with(".toml") {
             let near = nearest_name(named, Sample::names())
@@ -79,14 +79,14 @@ impl Found {
         }
         let path = PathBuf::from(named);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        Sample::read(&name, &path).map(|s| Found::File(Box::new(s)))
+        Sample::read(&name, &path).map(|s| SampleSource::File(Box::new(s)))
     }
 
     /// Its name, short enough for files.
     pub fn name(&self) -> &str {
         match self {
-            Found::Carried(name, _) => name,
-            Found::File(sample) => &sample.name,
+            SampleSource::Carried(name, _) => name,
+            SampleSource::File(sample) => &sample.name,
         }
     }
 
@@ -96,12 +96,12 @@ impl Found {
     /// A file that cannot be written.
     pub fn sample(self, write_file: WriteFile<'_>, folder: &Path) -> Result<Sample, ReportError> {
         match self {
-            Found::Carried(name, text) => {
+            SampleSource::Carried(name, text) => {
                 let path = folder.join(format!("{name}.toml"));
                 write_file(&path, text.as_bytes()).map_err(ReportError::Write)?;
                 Sample::read(name, &path)
             }
-            Found::File(sample) => Ok(*sample),
+            SampleSource::File(sample) => Ok(*sample),
         }
     }
 }
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn the_error_of_an_unknown_name_gives_the_nearest() {
-        let error = Found::named("denin").err().unwrap().to_string();
+        let error = SampleSource::named("denin").err().unwrap().to_string();
         assert!(error.ends_with("did you mean \"denim\"?"), "{error}");
     }
 }

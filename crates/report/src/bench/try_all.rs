@@ -13,7 +13,7 @@ use organza_scene::representation::{EXPLICIT_FIBRES, Tracker};
 use std::path::PathBuf;
 
 /// The extent of a bench.
-pub struct Plan {
+pub struct BenchPlan {
     /// Fewer choices.
     pub quick: bool,
     /// All trackers of a representation; otherwise its usual one, for the reference, too.
@@ -80,7 +80,7 @@ pub struct ViewResult {
     pub peers: Vec<PeerResult>,
 }
 
-impl Plan {
+impl BenchPlan {
     /// The views of every fabric.
     pub fn views(&self) -> Vec<View> {
         let lights = |&pixel_mm: &f64| Lit::ALL.map(|lit| View { pixel_mm, lit });

@@ -54,7 +54,7 @@ impl Measurement {
 }
 
 /// The measurements of every model, and their effort.
-pub struct Plan {
+pub struct ComparisonPlan {
     /// Pairs of directions.
     pub layout: Vec<Pair>,
     /// Paths per pair, and the target error.
@@ -65,7 +65,7 @@ pub struct Plan {
     pub texel_paths: u64,
 }
 
-impl Plan {
+impl ComparisonPlan {
     /// Measures a model. `watch` is called with the number of finished paths, from any thread.
     ///
     /// # Errors

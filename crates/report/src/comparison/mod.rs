@@ -8,7 +8,7 @@ mod record;
 
 pub(crate) use judge::flip;
 pub use judge::{Judged, judge};
-pub use measure::{Measurement, Plan};
+pub use measure::{ComparisonPlan, Measurement};
 
 use organza_measure::Angles;
 

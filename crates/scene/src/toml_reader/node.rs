@@ -25,11 +25,11 @@ pub enum Value {
     Truth(bool),
     Date,
     List(Vec<Node>),
-    Table(Vec<Entry>),
+    Table(Vec<NodeEntry>),
 }
 
 /// A key with its value.
-pub struct Entry {
+pub struct NodeEntry {
     key: String,
     span: Option<Range<usize>>,
     node: Node,
@@ -45,7 +45,7 @@ impl Value {
         for (key, value) in table {
             let span = Some(value.span());
             let value = Value::of_parsed(value.into_inner());
-            entries.push(Entry {
+            entries.push(NodeEntry {
                 span: Some(key.span()),
                 key: key.into_inner().into_owned(),
                 node: Node {
@@ -98,7 +98,7 @@ impl Value {
     }
 
     pub fn of_table(table: toml::Table) -> Value {
-        let entry = |(key, value)| Entry {
+        let entry = |(key, value)| NodeEntry {
             key,
             span: None,
             node: Node {
@@ -106,7 +106,7 @@ impl Value {
                 span: None,
             },
         };
-        let mut entries: Vec<Entry> = table.into_iter().map(entry).collect();
+        let mut entries: Vec<NodeEntry> = table.into_iter().map(entry).collect();
         entries.sort_by_key(|entry| entry.key != FIRST_KEY);
         Value::Table(entries)
     }
@@ -204,7 +204,7 @@ impl<'de> SeqAccess<'de> for ListAccess {
 }
 
 struct TableAccess {
-    entries: std::vec::IntoIter<Entry>,
+    entries: std::vec::IntoIter<NodeEntry>,
     /// The value of the key that was just given out.
     node: Option<Node>,
 }

@@ -17,7 +17,7 @@ use crate::draft::MAX_THREADS;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
 use crate::relax::System;
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::spec::{DraftSpec, FabricGeometry};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::synthesis::Synthesis;
@@ -326,7 +326,7 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
             yarn,
             spun,
             dye: materials.dye(&yarns[yarn], colour)?,
-            section: Section::even(DVec2::ONE),
+            section: ThreadSection::even(DVec2::ONE),
         });
     }
     let half = knit.depth_mm() + reach;

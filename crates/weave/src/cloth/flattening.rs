@@ -5,7 +5,7 @@ use super::lean;
 use crate::fit::{Fit, Threads};
 use crate::path::{Hermite, Path};
 use crate::relax::{Relaxed, System, relax};
-use crate::section::{Pressed, Section};
+use crate::section::{Pressed, ThreadSection};
 use crate::sway::Sway;
 use crate::{Draft, Error};
 use glam::{DVec2, DVec3};
@@ -27,8 +27,8 @@ const DEPTH_LEFT: f64 = 0.005;
 /// The threads of a weave at rest, with their sections.
 pub(super) struct AtRest {
     pub relaxed: Relaxed,
-    pub warp: Vec<Section>,
-    pub weft: Vec<Section>,
+    pub warp: Vec<ThreadSection>,
+    pub weft: Vec<ThreadSection>,
 }
 
 /// Brings threads to rest. If they flatten, the forces between threads of even section show
@@ -49,7 +49,7 @@ pub(super) fn at_rest(
     let even = rest(None)?;
     let flattens = |t: &Threads| t.yarns.iter().any(|y| y.flattening.is_some());
     if !flattens(warp) && !flattens(weft) {
-        let sections = |all: &[DVec2]| all.iter().copied().map(Section::even).collect();
+        let sections = |all: &[DVec2]| all.iter().copied().map(ThreadSection::even).collect();
         return Ok(AtRest {
             relaxed: even,
             warp: sections(&fitted.warp),
@@ -164,7 +164,7 @@ impl Side<'_> {
         factors.iter().enumerate().flat_map(widening).collect()
     }
 
-    fn sections(&self, curves: &[Hermite], axis: DVec3, sways: &[Sway]) -> Vec<Section> {
+    fn sections(&self, curves: &[Hermite], axis: DVec3, sways: &[Sway]) -> Vec<ThreadSection> {
         let each = curves.iter().zip(self.factors()).enumerate();
         each.map(|(i, (curve, factors))| {
             let sway = sways.get(i);

@@ -5,7 +5,7 @@ use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::curve_file::CurveSet;
 use crate::protruding::longest_protruding_mm;
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::spec::{CurveKind, FabricGeometry};
 use crate::strand::{reach_mm, thickest_fibre_mm};
 use crate::{Error, Loader};
@@ -67,7 +67,7 @@ pub(super) fn imported(
             yarn,
             spun,
             dye: materials.dye(&yarns[yarn], colour)?,
-            section: Section::even(DVec2::ONE),
+            section: ThreadSection::even(DVec2::ONE),
         };
         match &thread.line {
             Centreline::Imported { points, closed } => {

@@ -9,7 +9,7 @@ use crate::Error;
 use crate::blend::spread;
 use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::separate::{Line, Room, overlap, separate};
 use crate::spec::{FabricGeometry, NeedledSides, NeedlingSpec, NonwovenSpec};
 use crate::strand::{radius_of_part_mm, thickest_fibre_mm, unit};
@@ -321,7 +321,7 @@ fn cloth(
             yarn: index,
             spun: Spun::even(yarn),
             dye: Dye::Even(material),
-            section: Section::even(DVec2::ONE),
+            section: ThreadSection::even(DVec2::ONE),
         });
     }
     let [width, height] = spec.tile_mm.map(|s| s as f32);

@@ -9,7 +9,7 @@ use super::{Centreline, Cloth, ThreadAtRest};
 use crate::Error;
 use crate::draft::MAX_THREADS;
 use crate::openwork::{Course, Openwork, OpenworkKind};
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::separate::{Line, Room, overlap, separate};
 use crate::spec::FabricGeometry;
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
@@ -154,7 +154,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
             yarn,
             spun,
             dye: materials.dye(&yarns[yarn], colour)?,
-            section: Section::even(DVec2::ONE),
+            section: ThreadSection::even(DVec2::ONE),
         });
     }
     let mut cloth = Cloth {

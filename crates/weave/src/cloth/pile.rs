@@ -10,7 +10,7 @@ use crate::Error;
 use crate::dye::Dye;
 use crate::path::Hermite;
 use crate::pile::{Ridge, Tuft, Tufts};
-use crate::section::Section;
+use crate::section::ThreadSection;
 use crate::spec::{FabricGeometry, PileKind, PileSides, PileSpec};
 use crate::strand::{normal, protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::yarn::Yarn;
@@ -172,7 +172,7 @@ impl Place<'_> {
                     yarn,
                     spun: Spun::new(&self.yarn, length_mm, seed, first + column),
                     dye: self.dyes[column % self.dyes.len()].clone(),
-                    section: Section::even(DVec2::ONE),
+                    section: ThreadSection::even(DVec2::ONE),
                 };
                 let spun = &thread.spun.yarn;
                 let hairs = spun.radius_mm() + protruding_mm(spun);

@@ -3,7 +3,7 @@
 use super::{Reader, expected_number, expected_whole, real, whole, wrong};
 use crate::draft::MAX_THREADS;
 use crate::error::did_you_mean;
-use crate::ini::Section;
+use crate::ini::IniSection;
 use crate::{Error, Thread};
 use organza_basis::Rgb;
 
@@ -147,7 +147,7 @@ impl Reader {
         let default = self.real(system, quantity)?;
         let name = format!("{system} {quantity}");
         let mut own: Vec<Option<f64>> = vec![None; count];
-        for (key, value) in self.used(&name).into_iter().flat_map(Section::entries) {
+        for (key, value) in self.used(&name).into_iter().flat_map(IniSection::entries) {
             let line = whole(key).ok_or_else(|| wrong(&name, key, "expected a line number"))?;
             let length = real(value).ok_or_else(|| wrong(&name, key, expected_number(value)))?;
             if (1..=count).contains(&line) {

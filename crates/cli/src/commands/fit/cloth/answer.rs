@@ -3,7 +3,7 @@
 use super::agreement::{self, Agreement};
 use super::model::SYSTEMS;
 use super::photographs::Photographs;
-use super::search::Found;
+use super::search::SearchResult;
 use super::sides::Side;
 use crate::commands::fit::FitArgs;
 use anyhow::Result;
@@ -33,7 +33,7 @@ pub struct Answer<'a> {
     /// Whether the arguments name it.
     pub is_given: bool,
     /// The other values.
-    pub found: &'a Found,
+    pub found: &'a SearchResult,
     /// The photographs.
     pub sides: &'a [Side],
     /// How well the pictures agree with them.

@@ -35,7 +35,7 @@ const PLACE_RANGES: [f64; 3] = [0.3, 0.3, 0.2];
 const FLOOR: f64 = 0.01;
 
 /// The result of a search.
-pub struct Found {
+pub struct SearchResult {
     /// The best values.
     pub trial: Trial,
     /// The pictures, moved and blurred, in the units of the photographs.
@@ -253,7 +253,7 @@ impl<'a> Search<'a> {
         start: Trial,
         placed: Vec<Placed>,
         step: &mut dyn FnMut(),
-    ) -> Result<Found> {
+    ) -> Result<SearchResult> {
         let (mut trial, mut placed) = first_guess(self, (start, placed), step)?;
         if self.sides.iter().any(|s| !s.view.is_parallel()) {
             step();
@@ -271,7 +271,7 @@ impl<'a> Search<'a> {
         let shown: Vec<Texels> = rest
             .map(|((picture, at), side)| at.shown(picture, side))
             .collect();
-        Ok(Found {
+        Ok(SearchResult {
             trial,
             parameters: settled.parameters(self, &trial),
             residual: self.residual(&shown),
