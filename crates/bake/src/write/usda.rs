@@ -3,23 +3,30 @@
 use super::{Baked, FOLDER, PATCH_MM, number, ratio};
 
 /// One texture of the material.
-struct Texture<'a> {
-    name: &'a str,
-    file: &'a str,
-    space: &'a str,
+struct Texture {
+    name: &'static str,
+    file: &'static str,
+    space: &'static str,
     scale: [f64; 4],
     bias: [f64; 4],
-    output: &'a str,
-    kind: &'a str,
+    output: &'static str,
+    kind: &'static str,
 }
 
 /// The whole file. Lengths are millimetres.
 pub fn write_usda(baked: &Baked<'_>) -> String {
-    let (p, own, maps) = (baked.usd_preview, baked.openpbr, baked.maps);
-    let (low, high) = maps.height_range_mm();
-    let half = f64::from(0.5 * PATCH_MM);
-    let repeats = PATCH_MM / maps.tile_mm;
-    let (u, v) = (number(repeats.x.into()), number(repeats.y.into()));
+    let path = format!("/{}/Material", baked.name);
+    let mut text = patch(baked, &path) + &surface(baked, &path);
+    for texture in textures(baked) {
+        text += &texture.shader(&path);
+    }
+    text + "    }\n}\n"
+}
+
+/// The textures that the surface reads.
+fn textures(baked: &Baked<'_>) -> [Texture; 5] {
+    let (p, own) = (baked.usd_preview, baked.openpbr);
+    let (low, high) = baked.maps.height_range_mm();
     let base = p.reflectance;
     let plain = |name, file, output| Texture {
         name,
@@ -30,7 +37,7 @@ pub fn write_usda(baked: &Baked<'_>) -> String {
         output,
         kind: "float",
     };
-    let textures = [
+    [
         Texture {
             space: "sRGB",
             scale: [base[0], base[1], base[2], 1.0],
@@ -53,11 +60,19 @@ pub fn write_usda(baked: &Baked<'_>) -> String {
             bias: [f64::from(low); 4],
             ..plain("height", "height.png", "r")
         },
-    ];
-    let name = baked.name;
-    let path = format!("/{name}/Material");
-    let connect = |texture: &str, output: &str| format!("<{path}/{texture}.outputs:{output}>");
-    let mut text = format!(
+    ]
+}
+
+/// An output of a shader of the material of this path.
+fn connection(path: &str, shader: &str, output: &str) -> String {
+    format!("<{path}/{shader}.outputs:{output}>")
+}
+
+/// The head of the file and the square of cloth, with the material of this path.
+fn patch(baked: &Baked<'_>, path: &str) -> String {
+    let half = f64::from(0.5 * PATCH_MM);
+    let repeats = PATCH_MM / baked.maps.tile_mm;
+    format!(
         r#"#usda 1.0
 (
     defaultPrim = "{name}"
@@ -89,7 +104,21 @@ def Xform "{name}" (
         uniform token subdivisionScheme = "none"
     }}
 
-    def Material "Material"
+"#,
+        name = baked.name,
+        side = number(PATCH_MM.into()),
+        low_corner = number(-half),
+        corner = number(half),
+        u = number(repeats.x.into()),
+        v = number(repeats.y.into()),
+    )
+}
+
+/// The material of this path and its surface; textures follow.
+fn surface(baked: &Baked<'_>, path: &str) -> String {
+    let connect = |shader: &str, output: &str| connection(path, shader, output);
+    format!(
+        r#"    def Material "Material"
     {{
         token outputs:displacement.connect = {displacement}
         token outputs:surface.connect = {surface}
@@ -117,9 +146,6 @@ def Xform "{name}" (
             float2 outputs:result
         }}
 "#,
-        side = number(PATCH_MM.into()),
-        low_corner = number(-half),
-        corner = number(half),
         displacement = connect("Surface", "displacement"),
         surface = connect("Surface", "surface"),
         diffuse = connect("baseColor", "rgb"),
@@ -127,11 +153,15 @@ def Xform "{name}" (
         normal = connect("normal", "rgb"),
         opacity = connect("opacity", "r"),
         roughness = connect("roughness", "r"),
-        ior = number(p.ior),
-    );
-    for t in textures {
+        ior = number(baked.usd_preview.ior),
+    )
+}
+
+impl Texture {
+    /// The shader that reads it, in the material of this path.
+    fn shader(&self, path: &str) -> String {
         let four = |v: [f64; 4]| v.map(number).join(", ");
-        text += &format!(
+        format!(
             r#"
         def Shader "{name}"
         {{
@@ -146,15 +176,14 @@ def Xform "{name}" (
             {kind} outputs:{output}
         }}
 "#,
-            name = t.name,
-            bias = four(t.bias),
-            file = t.file,
-            scale = four(t.scale),
-            space = t.space,
-            st = connect("Coordinates", "result"),
-            kind = t.kind,
-            output = t.output,
-        );
+            name = self.name,
+            bias = four(self.bias),
+            file = self.file,
+            scale = four(self.scale),
+            space = self.space,
+            st = connection(path, "Coordinates", "result"),
+            kind = self.kind,
+            output = self.output,
+        )
     }
-    text + "    }\n}\n"
 }

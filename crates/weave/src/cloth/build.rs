@@ -14,12 +14,15 @@ use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::draft::MAX_THREADS;
+use crate::dye::Dye;
 use crate::fit::{Threads, fit};
 use crate::knit::Knit;
+use crate::path::Hermite;
 use crate::relax::System;
 use crate::section::ThreadSection;
 use crate::spec::{DraftSpec, FabricGeometry};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
+use crate::sway::Sway;
 use crate::synthesis::Synthesis;
 use crate::{Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
@@ -153,6 +156,46 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     Ok(cloth)
 }
 
+/// A thread of a weave in its place.
+struct Woven<'a> {
+    curve: Hermite,
+    axis: DVec3,
+    origin: DVec3,
+    yarn: usize,
+    spun: &'a Spun,
+    colour: Option<Rgb>,
+    section: ThreadSection,
+    sway: Option<Sway>,
+}
+
+impl Woven<'_> {
+    /// Between which heights its fibres lie, mm.
+    fn heights_mm(&self) -> (f64, f64) {
+        let yarn = &self.spun.yarn;
+        let highest = self.section.highest();
+        let body = highest * reach_mm(yarn);
+        let hairs = highest * yarn.radius_mm() + protruding_mm(yarn);
+        let reach = body.max(hairs) + thickest_fibre_mm(yarn);
+        let (low, high) = self.curve.range_mm();
+        (low - reach, high + reach)
+    }
+
+    fn at_rest(self, dye: Dye) -> ThreadAtRest {
+        ThreadAtRest {
+            line: Centreline::Woven {
+                curve: self.curve,
+                axis: self.axis,
+                origin: self.origin,
+                sway: self.sway,
+            },
+            yarn: self.yarn,
+            spun: self.spun.clone(),
+            dye,
+            section: self.section,
+        }
+    }
+}
+
 /// A cloth of this very draft. Its threads have the cross-sections that they would have in the
 /// cloth of a design, if there is one, and its yarns meet at the borders of its blocks.
 pub(super) fn weave(
@@ -209,56 +252,36 @@ pub(super) fn weave(
             100.0 * fitted.compaction
         ));
     }
+    let of_warp = rest.relaxed.warp.into_iter().zip(rest.warp).enumerate();
+    let of_warp = of_warp.map(|(e, (curve, section))| Woven {
+        curve,
+        axis: DVec3::Y,
+        origin: warp.position_mm[e] * DVec3::X,
+        yarn: warp_yarns[e % warp_yarns.len()],
+        spun: &warp_spun[e],
+        colour: draft.warp[e].colour,
+        section,
+        sway: sways[0].get(e).cloned(),
+    });
+    let of_weft = rest.relaxed.weft.into_iter().zip(rest.weft).enumerate();
+    let of_weft = of_weft.map(|(p, (curve, section))| Woven {
+        curve,
+        axis: DVec3::X,
+        origin: weft.position_mm[p] * DVec3::Y,
+        yarn: weft_yarns[p % weft_yarns.len()],
+        spun: &weft_spun[p],
+        colour: draft.weft[p].colour,
+        section,
+        sway: sways[1].get(p).cloned(),
+    });
     let mut materials = Materials::default();
     let mut placed = Vec::with_capacity(ends + picks);
     let mut heights = (f64::INFINITY, f64::NEG_INFINITY);
-    let of_warp = rest.relaxed.warp.into_iter().zip(rest.warp).enumerate();
-    let of_warp = of_warp.map(|(e, (curve, section))| {
-        let origin = warp.position_mm[e] * DVec3::X;
-        (
-            curve,
-            DVec3::Y,
-            origin,
-            warp_yarns[e % warp_yarns.len()],
-            &warp_spun[e],
-            draft.warp[e],
-            section,
-            sways[0].get(e).cloned(),
-        )
-    });
-    let of_weft = rest.relaxed.weft.into_iter().zip(rest.weft).enumerate();
-    let of_weft = of_weft.map(|(p, (curve, section))| {
-        let origin = weft.position_mm[p] * DVec3::Y;
-        (
-            curve,
-            DVec3::X,
-            origin,
-            weft_yarns[p % weft_yarns.len()],
-            &weft_spun[p],
-            draft.weft[p],
-            section,
-            sways[1].get(p).cloned(),
-        )
-    });
-    for (curve, axis, origin, yarn, spun, thread, section, sway) in of_warp.chain(of_weft) {
-        let highest = section.highest();
-        let body = highest * reach_mm(&spun.yarn);
-        let hairs = highest * spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
-        let reach = body.max(hairs) + thickest_fibre_mm(&spun.yarn);
-        let (low, high) = curve.range_mm();
-        heights = (heights.0.min(low - reach), heights.1.max(high + reach));
-        placed.push(ThreadAtRest {
-            line: Centreline::Woven {
-                curve,
-                axis,
-                origin,
-                sway,
-            },
-            yarn,
-            spun: spun.clone(),
-            dye: materials.dye(&yarns[yarn], thread.colour)?,
-            section,
-        });
+    for thread in of_warp.chain(of_weft) {
+        let (low, high) = thread.heights_mm();
+        heights = (heights.0.min(low), heights.1.max(high));
+        let dye = materials.dye(&yarns[thread.yarn], thread.colour)?;
+        placed.push(thread.at_rest(dye));
     }
     Ok(Cloth {
         draft: Some(draft),

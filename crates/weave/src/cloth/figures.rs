@@ -2,12 +2,14 @@
 
 use super::cover::{cover_factor, openness};
 use super::nonwoven::Web;
-use super::pile::loop_cover;
+use super::pile::{Pile, loop_cover};
 use super::{Centreline, Cloth, CurveLevel, ThreadAtRest};
 use crate::closure::Closure;
+use crate::curve_file::PolyCurve;
 use crate::openwork::OpenworkKind;
 use crate::pile::Tufts;
 use crate::spec::PileKind;
+use crate::yarn::Yarn;
 use organza_basis::Segment;
 use std::f64::consts::PI;
 
@@ -175,134 +177,186 @@ impl Sum<'_> {
     }
 }
 
+/// What the threads of a tile add up to.
+struct Sums<'a> {
+    warp: Sum<'a>,
+    weft: Sum<'a>,
+    /// Threads of neither system; imported curves are in none, which have neither courses nor
+    /// crimp.
+    other: Sum<'a>,
+    wales: usize,
+    fibre_length_mm: f64,
+    fibre_volume_mm3: f64,
+    mass_mg: f64,
+    low_mm: f64,
+    high_mm: f64,
+    /// Fibre volume fraction of the densest ply.
+    packing: f64,
+    covered_mm2: f64,
+    /// Threads that are laid as curves: their length, mass and number.
+    laid_mm: f64,
+    laid_mg: f64,
+    laid: f64,
+}
+
+impl<'a> Sums<'a> {
+    fn new() -> Sums<'a> {
+        Sums {
+            warp: Sum::default(),
+            weft: Sum::default(),
+            other: Sum::default(),
+            wales: 0,
+            fibre_length_mm: 0.0,
+            fibre_volume_mm3: 0.0,
+            mass_mg: 0.0,
+            low_mm: f64::INFINITY,
+            high_mm: f64::NEG_INFINITY,
+            packing: 0.0,
+            covered_mm2: 0.0,
+            laid_mm: 0.0,
+            laid_mg: 0.0,
+            laid: 0.0,
+        }
+    }
+
+    fn reach(&mut self, low_mm: f64, high_mm: f64) {
+        self.low_mm = self.low_mm.min(low_mm);
+        self.high_mm = self.high_mm.max(high_mm);
+    }
+
+    fn add_fibre(&mut self, yarn: &Yarn, length_mm: f64, radius_mm: f64) {
+        let volume = length_mm * PI * radius_mm * radius_mm;
+        self.fibre_length_mm += length_mm;
+        self.fibre_volume_mm3 += volume;
+        self.mass_mg += volume * yarn.fibre_density_g_per_cm3;
+    }
+
+    fn add_bare(&mut self, yarn: &Yarn, curve: &PolyCurve) {
+        curve.for_each_segment(&mut |s| {
+            let radius = 0.5 * f64::from(s.start_radius_mm + s.end_radius_mm);
+            self.add_fibre(yarn, f64::from(s.length_mm()), radius);
+            self.covered_mm2 += f64::from(s.length_mm()) * 2.0 * radius;
+        });
+        for (p, &r) in curve.points_mm.iter().zip(&curve.radii_mm) {
+            self.reach(f64::from(p.z - r), f64::from(p.z + r));
+        }
+    }
+
+    fn add(&mut self, cloth: &Cloth, thread: &'a ThreadAtRest) {
+        let yarn = &*thread.spun.yarn;
+        if let Centreline::Bare(curve) = &thread.line {
+            return self.add_bare(yarn, curve);
+        }
+        let path = cloth.path(thread, CurveLevel::Ply);
+        let length = path.length_mm();
+        let profile = thread.spun.profile.as_deref();
+        let closure = Closure::of_profile(yarn, profile, length);
+        // Of the fibres of the thickest place, those that are there on average.
+        let present = profile.map_or(1.0, |p| p.mean(|mass| mass / p.most()));
+        let per_length = yarn.fibre_per_length_at(
+            closure.twist_rad_per_mm(length),
+            closure.ply_twist_rad_per_mm(yarn.plies, length),
+        );
+        let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
+        let fibre_mm = length * present * fibres * per_length;
+        self.add_fibre(yarn, fibre_mm, yarn.fibre_radius_mm);
+
+        let diameter = 2.0 * yarn.radius_mm() * thread.mean_size();
+        if let Centreline::Laid { .. } = thread.line {
+            self.laid_mm += length;
+            self.laid += 1.0;
+            let volume = fibre_mm * PI * yarn.fibre_radius_mm.powi(2);
+            self.laid_mg += volume * yarn.fibre_density_g_per_cm3;
+        }
+        let sum = match &thread.line {
+            Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut self.warp,
+            Centreline::Knitted { knit, .. } => {
+                self.wales = knit.wales;
+                &mut self.weft
+            }
+            Centreline::Woven { .. } => &mut self.weft,
+            _ => &mut self.other,
+        };
+        if let Centreline::Woven { .. } = thread.line {
+            sum.woven.push(thread);
+        }
+        sum.threads += 1.0;
+        sum.tex += yarn.tex();
+        sum.length_mm += length;
+        sum.period_mm += path.period.length();
+        sum.width_mm += diameter.x;
+        sum.height_mm += diameter.y;
+        self.covered_mm2 += length * diameter.x;
+        for (p, arc) in path.points.iter().zip(&path.arc_mm) {
+            let half = yarn.radius_mm() * thread.section.at(arc / length).y;
+            self.reach(p.z - half, p.z + half);
+        }
+        let packing = yarn.fibre_volume_fraction() / thread.section.area();
+        self.packing = self.packing.max(packing);
+    }
+
+    /// The figures of a pile; cut pile is added to the sums first.
+    fn pile(&mut self, cloth: &Cloth, pile: &Pile) -> PileFigures {
+        let size = cloth.tile.bounds_mm.size().as_dvec3();
+        let area = size.x * size.y;
+        let (mut height_mm, mut tips) = (pile.loop_height_mm, 0.0);
+        if let Some(tufts) = &pile.tufts {
+            let sums = cloth.sum_of_tufts(tufts);
+            self.fibre_length_mm += sums.length_mm;
+            self.fibre_volume_mm3 += sums.volume_mm3;
+            self.laid_mg = sums.volume_mm3 * tufts.yarn.fibre_density_g_per_cm3;
+            self.mass_mg += self.laid_mg;
+            self.reach(sums.low_mm, sums.high_mm);
+            tips = sums.tips;
+            height_mm = sums.tip_height_mm / tips.max(1.0) - pile.face_mm;
+            self.laid_mm = sums.length_mm / f64::from(tufts.fibres());
+            self.other.length_mm += self.laid_mm;
+        }
+        let is_looped = pile.tufts.is_none();
+        PileFigures {
+            kind: pile.kind,
+            height_mm,
+            tufts_per_cm2: 100.0 * pile.count as f64 / area,
+            tips_per_mm2: tips / area,
+            yarn_per_tuft_mm: self.laid_mm / pile.count.max(1) as f64,
+            pile_ratio: is_looped.then(|| self.laid_mm / (self.laid.max(1.0) * size.y)),
+            loop_cover: is_looped.then(|| loop_cover(cloth, pile.face_mm)),
+            areal_density_g_per_m2: 1000.0 * self.laid_mg / area,
+        }
+    }
+}
+
 impl Cloth {
     /// The textile figures of the cloth, from closed forms over the threads
     /// at rest; fibres are generated of cut pile only.
     pub fn figures(&self) -> Figures {
         let size = self.tile.bounds_mm.size().as_dvec3();
-        // Imported curves have neither courses nor crimp, so they are left out.
-        let [mut warp, mut weft, mut other] = [(); 3].map(|()| Sum::default());
-        let (mut fibre_length, mut fibre_volume, mut mass_mg) = (0.0, 0.0, 0.0);
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let (mut packing, mut covered) = (0.0f64, 0.0);
-        let mut wales = 0;
-        let (mut laid_mm, mut pile_mg, mut pile_ends) = (0.0, 0.0, 0.0f64);
-        for thread in &self.threads {
-            let yarn = &*thread.spun.yarn;
-            let mut add = |fibre: f64, radius: f64| {
-                let volume = fibre * PI * radius * radius;
-                fibre_length += fibre;
-                fibre_volume += volume;
-                mass_mg += volume * yarn.fibre_density_g_per_cm3;
-            };
-            if let Centreline::Bare(curve) = &thread.line {
-                curve.for_each_segment(&mut |s| {
-                    let radius = 0.5 * f64::from(s.start_radius_mm + s.end_radius_mm);
-                    add(f64::from(s.length_mm()), radius);
-                    covered += f64::from(s.length_mm()) * 2.0 * radius;
-                });
-                let z = curve.points_mm.iter().zip(&curve.radii_mm);
-                for (p, &r) in z {
-                    low = low.min(f64::from(p.z - r));
-                    high = high.max(f64::from(p.z + r));
-                }
-                continue;
-            }
-            let path = self.path(thread, CurveLevel::Ply);
-            let length = path.length_mm();
-            let profile = thread.spun.profile.as_deref();
-            let closure = Closure::of_profile(yarn, profile, length);
-            // Of the fibres of the thickest place, those that are there on average.
-            let present = profile.map_or(1.0, |p| p.mean(|mass| mass / p.most()));
-            let per_length = yarn.fibre_per_length_at(
-                closure.twist_rad_per_mm(length),
-                closure.ply_twist_rad_per_mm(yarn.plies, length),
-            );
-            let fibres = f64::from(closure.fibres_per_ply() * yarn.plies);
-            add(length * present * fibres * per_length, yarn.fibre_radius_mm);
-
-            let diameter = 2.0 * yarn.radius_mm() * thread.mean_size();
-            if let Centreline::Laid { .. } = thread.line {
-                laid_mm += length;
-                pile_ends += 1.0;
-                let volume =
-                    length * present * fibres * per_length * PI * yarn.fibre_radius_mm.powi(2);
-                pile_mg += volume * yarn.fibre_density_g_per_cm3;
-            }
-            let sum = match &thread.line {
-                Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
-                Centreline::Knitted { knit, .. } => {
-                    wales = knit.wales;
-                    &mut weft
-                }
-                Centreline::Woven { .. } => &mut weft,
-                _ => &mut other,
-            };
-            if let Centreline::Woven { .. } = thread.line {
-                sum.woven.push(thread);
-            }
-            sum.threads += 1.0;
-            sum.tex += yarn.tex();
-            sum.length_mm += length;
-            sum.period_mm += path.period.length();
-            sum.width_mm += diameter.x;
-            sum.height_mm += diameter.y;
-            covered += length * diameter.x;
-            for (p, arc) in path.points.iter().zip(&path.arc_mm) {
-                let half = yarn.radius_mm() * thread.section.at(arc / length).y;
-                low = low.min(p.z - half);
-                high = high.max(p.z + half);
-            }
-            packing = packing.max(yarn.fibre_volume_fraction() / thread.section.area());
-        }
         let area = size.x * size.y;
-        let pile = self.pile.as_ref().map(|pile| {
-            let (mut height_mm, mut tips) = (pile.loop_height_mm, 0.0);
-            if let Some(tufts) = &pile.tufts {
-                let sums = self.sum_of_tufts(tufts);
-                fibre_length += sums.length_mm;
-                fibre_volume += sums.volume_mm3;
-                pile_mg = sums.volume_mm3 * tufts.yarn.fibre_density_g_per_cm3;
-                mass_mg += pile_mg;
-                low = low.min(sums.low_mm);
-                high = high.max(sums.high_mm);
-                tips = sums.tips;
-                height_mm = sums.tip_height_mm / tips.max(1.0) - pile.face_mm;
-                laid_mm = sums.length_mm / f64::from(tufts.fibres());
-                other.length_mm += laid_mm;
-            }
-            PileFigures {
-                kind: pile.kind,
-                height_mm,
-                tufts_per_cm2: 100.0 * pile.count as f64 / area,
-                tips_per_mm2: tips / area,
-                yarn_per_tuft_mm: laid_mm / pile.count.max(1) as f64,
-                pile_ratio: pile
-                    .tufts
-                    .is_none()
-                    .then(|| laid_mm / (pile_ends.max(1.0) * size.y)),
-                loop_cover: pile.tufts.is_none().then(|| loop_cover(self, pile.face_mm)),
-                areal_density_g_per_m2: 1000.0 * pile_mg / area,
-            }
-        });
-        let knit = wales > 0;
-        let yarn_length_mm = warp.length_mm + weft.length_mm + other.length_mm;
-        let (warp_figures, weft_figures) = (warp.figures(size.x), weft.figures(size.y));
-        let cover_factor = match (&warp_figures, &weft_figures) {
+        let mut sums = Sums::new();
+        for thread in &self.threads {
+            sums.add(self, thread);
+        }
+        let pile = self.pile.as_ref().map(|pile| sums.pile(self, pile));
+        let wales = (sums.wales > 0).then_some(sums.wales as f64);
+        let yarn_length_mm = sums.warp.length_mm + sums.weft.length_mm + sums.other.length_mm;
+        let (warp, weft) = (sums.warp.figures(size.x), sums.weft.figures(size.y));
+        let cover_factor = match (&warp, &weft) {
             (Some(a), Some(b)) => {
                 let each = (1.0 - a.cover_factor) * (1.0 - b.cover_factor);
-                1.0 - openness(&warp.woven, &weft.woven, size.truncate()).unwrap_or(each)
+                let open = openness(&sums.warp.woven, &sums.weft.woven, size.truncate());
+                1.0 - open.unwrap_or(each)
             }
             // Fibres that lie anywhere leave a place free with the probability of Poisson.
-            _ if self.web.is_some() => 1.0 - (-covered / area).exp(),
-            _ => (covered / area).min(1.0),
+            _ if self.web.is_some() => 1.0 - (-sums.covered_mm2 / area).exp(),
+            _ => (sums.covered_mm2 / area).min(1.0),
         };
+        let thickness_mm = sums.high_mm - sums.low_mm;
         Figures {
             tile_mm: [size.x, size.y],
-            warp: warp_figures,
-            weft: weft_figures,
-            wales_per_cm: knit.then(|| 10.0 * wales as f64 / size.x),
-            loop_length_mm: knit.then(|| yarn_length_mm / (weft.threads * wales as f64)),
+            warp,
+            weft,
+            wales_per_cm: wales.map(|wales| 10.0 * wales / size.x),
+            loop_length_mm: wales.map(|wales| yarn_length_mm / (sums.weft.threads * wales)),
             pile,
             openwork: self.net.as_ref().map(|net| OpenworkFigures {
                 kind: net.kind,
@@ -315,12 +369,12 @@ impl Cloth {
             }),
             nonwoven: self.web.as_ref().map(|w| self.nonwoven_figures(w)),
             cover_factor,
-            thickness_mm: high - low,
-            areal_density_g_per_m2: 1000.0 * mass_mg / area,
-            fibre_volume_fraction: fibre_volume / (area * (high - low)),
-            ply_fibre_volume_fraction: packing,
+            thickness_mm,
+            areal_density_g_per_m2: 1000.0 * sums.mass_mg / area,
+            fibre_volume_fraction: sums.fibre_volume_mm3 / (area * thickness_mm),
+            ply_fibre_volume_fraction: sums.packing,
             yarn_length_mm,
-            fibre_length_mm: fibre_length,
+            fibre_length_mm: sums.fibre_length_mm,
             compaction: self.compaction,
             compression: self.compression,
         }

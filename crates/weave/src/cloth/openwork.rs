@@ -13,8 +13,10 @@ use crate::section::ThreadSection;
 use crate::separate::{Line, Room, overlap, separate};
 use crate::spec::FabricGeometry;
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
+use crate::yarn::Yarn;
 use glam::{DVec2, Vec3};
 use organza_basis::{Aabb, Tile};
+use std::sync::Arc;
 
 /// The largest number of meshes in a tile.
 const MAX_MESHES: usize = 1 << 14;
@@ -39,129 +41,41 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     let name = fabric.draft.openwork.as_deref().unwrap_or_default();
     let kind = OpenworkKind::named(name)?;
     let mut yarns = Yarns::new(&fabric.yarn);
-    let of_warp = yarns.of_system("warp", &fabric.warp)?;
-    let of_weft = yarns.of_system("weft", &fabric.weft)?;
-    let yarns = yarns.built;
-    let thickest = |used: &[usize]| {
-        let radii = used.iter().map(|&y| yarns[y].radius_mm());
-        radii.fold(0.0, f64::max)
+    let threads = Threads {
+        of_warp: yarns.of_system("warp", &fabric.warp)?,
+        of_weft: yarns.of_system("weft", &fabric.weft)?,
+        yarns: yarns.built,
     };
-    for (key, is_given) in [
-        ("warp.wander", fabric.warp.wander.is_some()),
-        ("weft.wander", fabric.weft.wander.is_some()),
-        ("warp.reed_dents", fabric.warp.reed_dents.is_some()),
-        ("weft.reed_dents", fabric.weft.reed_dents.is_some()),
-    ] {
-        if is_given {
-            let message = "belongs to a weave (draft.weave, draft.wif or draft.drawdown)";
-            return Err(Error::spec(key, message));
-        }
-    }
-    let [rx, ry] = repeats(fabric)?;
-    let [ends, rows] = kind.repeat();
-    let ends = threads(ends, &of_warp, &fabric.warp).saturating_mul(rx);
-    // The colours of diagonal threads repeat over the ends.
-    let (ends, rows) = match kind {
-        OpenworkKind::Bobbinet => {
-            let ends = lcm(ends, threads(1, &of_weft, &fabric.weft));
-            (ends, ends.saturating_mul(2).saturating_mul(ry))
-        }
-        OpenworkKind::Leno => (
-            ends,
-            threads(rows, &of_weft, &fabric.weft).saturating_mul(ry),
-        ),
-    };
-    if ends > MAX_THREADS || rows > MAX_THREADS || ends.saturating_mul(rows) > MAX_MESHES {
-        let message =
-            format!("{ends} ends x {rows} rows in one tile are more than {MAX_MESHES} meshes");
-        return Err(Error::spec("tile.repeats", message));
-    }
-    let open = Openwork {
-        kind,
-        ends,
-        rows,
-        end_mm: spacing_mm("warp", &fabric.warp, None, 0)?,
-        row_mm: spacing_mm("weft", &fabric.weft, None, 0)?,
-        warp_mm: thickest(&of_warp),
-        weft_mm: thickest(&of_weft),
-    };
-    if let Some(why) = open.jam() {
-        return Err(Error::Jammed(why));
-    }
-
+    refuse_keys_of_weaves(fabric)?;
+    let open = threads.openwork(fabric, kind)?;
     let courses = open.courses();
     let step_mm = 0.5 * open.warp_mm.min(open.weft_mm);
-    let length_mm: f64 = courses.iter().map(Course::length_mm).sum();
-    if length_mm / step_mm > MAX_POINTS {
-        let message = format!(
-            "the threads of {ends} ends and {rows} rows are {:.0} m long, and at most {:.0} m of \
-             them are laid; more threads per cm or fewer repeats are shorter",
-            1e-3 * length_mm,
-            1e-3 * MAX_POINTS * step_mm
-        );
-        return Err(Error::spec("tile.repeats", message));
-    }
-    let number = |i: usize| if i < ends { i } else { i - ends };
-    let yarn_of = |i: usize| {
-        let used = if i < ends { &of_warp } else { &of_weft };
-        used[number(i) % used.len()]
+    check_length(&open, &courses, step_mm)?;
+    let size_mm = DVec2::new(
+        open.ends as f64 * open.end_mm,
+        open.rows as f64 * open.row_mm,
+    );
+    let room = Room {
+        size_mm,
+        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
     };
     let mut lines: Vec<Line> = courses
         .iter()
         .enumerate()
         .map(|(i, c)| Line {
             points: c.rounded(step_mm),
-            radius_mm: yarns[yarn_of(i)].radius_mm(),
+            radius_mm: threads.yarn(&open, i).radius_mm(),
             period: Some(c.period),
         })
         .collect();
-    let size_mm = DVec2::new(ends as f64 * open.end_mm, rows as f64 * open.row_mm);
-    let room = Room {
-        size_mm,
-        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
-    };
     separate(&mut lines, room);
     let (mean, most, _) = overlap(&lines, room);
-
-    let mut materials = Materials::default();
-    let mut placed = Vec::with_capacity(lines.len());
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (i, (line, course)) in lines.into_iter().zip(&courses).enumerate() {
-        let yarn = yarn_of(i);
-        let spec = if course.is_end {
-            &fabric.warp
-        } else {
-            &fabric.weft
-        };
-        let colour = spec
-            .colours
-            .get(number(i) % spec.colours.len().max(1))
-            .copied();
-        let spun = Spun::new(&yarns[yarn], line.length_mm(), seed, i);
-        let hairs = spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
-        let out = reach_mm(&spun.yarn).max(hairs) + 2.0 * thickest_fibre_mm(&spun.yarn);
-        // The smooth line bulges between points by less than an eighth of a step.
-        let step = line.length_mm() / line.points.len() as f64;
-        for p in &line.points {
-            low = low.min(p.z - out - step);
-            high = high.max(p.z + out + step);
-        }
-        placed.push(ThreadAtRest {
-            line: Centreline::Laid {
-                points: line.points.into(),
-                period: course.period,
-            },
-            yarn,
-            spun,
-            dye: materials.dye(&yarns[yarn], colour)?,
-            section: ThreadSection::even(DVec2::ONE),
-        });
-    }
+    let laid = threads.laid(fabric, &open, lines, &courses, seed)?;
     let mut cloth = Cloth {
         draft: None,
-        yarns,
-        threads: placed,
-        materials: materials.0,
+        yarns: threads.yarns,
+        threads: laid.threads,
+        materials: laid.materials.0,
         pile: None,
         web: None,
         net: Some(Net {
@@ -173,8 +87,8 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         }),
         tile: Tile {
             bounds_mm: Aabb::new(
-                Vec3::new(0.0, 0.0, (low as f32).next_down()),
-                size_mm.extend(high).as_vec3(),
+                Vec3::new(0.0, 0.0, (laid.low_mm as f32).next_down()),
+                size_mm.extend(laid.high_mm).as_vec3(),
             ),
             repeats: true,
         },
@@ -186,6 +100,155 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     };
     cloth.warn_of_sharp_bends();
     Ok(cloth)
+}
+
+/// Refuses what only weaves have.
+fn refuse_keys_of_weaves(fabric: &FabricGeometry) -> Result<(), Error> {
+    let keys = [
+        ("warp.wander", fabric.warp.wander.is_some()),
+        ("weft.wander", fabric.weft.wander.is_some()),
+        ("warp.reed_dents", fabric.warp.reed_dents.is_some()),
+        ("weft.reed_dents", fabric.weft.reed_dents.is_some()),
+    ];
+    let Some((key, _)) = keys.iter().find(|(_, is_given)| *is_given) else {
+        return Ok(());
+    };
+    let message = "belongs to a weave (draft.weave, draft.wif or draft.drawdown)";
+    Err(Error::spec(*key, message))
+}
+
+/// Refuses threads of more points than are pushed apart.
+fn check_length(open: &Openwork, courses: &[Course], step_mm: f64) -> Result<(), Error> {
+    let length_mm: f64 = courses.iter().map(Course::length_mm).sum();
+    if length_mm / step_mm <= MAX_POINTS {
+        return Ok(());
+    }
+    let message = format!(
+        "the threads of {} ends and {} rows are {:.0} m long, and at most {:.0} m of \
+         them are laid; more threads per cm or fewer repeats are shorter",
+        open.ends,
+        open.rows,
+        1e-3 * length_mm,
+        1e-3 * MAX_POINTS * step_mm
+    );
+    Err(Error::spec("tile.repeats", message))
+}
+
+/// The yarns of a net, and which of them its ends and its other threads repeat.
+struct Threads {
+    yarns: Vec<Arc<Yarn>>,
+    of_warp: Vec<usize>,
+    of_weft: Vec<usize>,
+}
+
+/// Threads in their places, with the lowest and the highest point of their fibres.
+struct Laid {
+    threads: Vec<ThreadAtRest>,
+    materials: Materials,
+    low_mm: f64,
+    high_mm: f64,
+}
+
+impl Threads {
+    /// The net of one tile.
+    fn openwork(&self, fabric: &FabricGeometry, kind: OpenworkKind) -> Result<Openwork, Error> {
+        let [rx, ry] = repeats(fabric)?;
+        let [ends, rows] = kind.repeat();
+        let ends = threads(ends, &self.of_warp, &fabric.warp).saturating_mul(rx);
+        // The colours of diagonal threads repeat over the ends.
+        let (ends, rows) = match kind {
+            OpenworkKind::Bobbinet => {
+                let ends = lcm(ends, threads(1, &self.of_weft, &fabric.weft));
+                (ends, ends.saturating_mul(2).saturating_mul(ry))
+            }
+            OpenworkKind::Leno => (
+                ends,
+                threads(rows, &self.of_weft, &fabric.weft).saturating_mul(ry),
+            ),
+        };
+        if ends > MAX_THREADS || rows > MAX_THREADS || ends.saturating_mul(rows) > MAX_MESHES {
+            let message =
+                format!("{ends} ends x {rows} rows in one tile are more than {MAX_MESHES} meshes");
+            return Err(Error::spec("tile.repeats", message));
+        }
+        let thickest = |used: &[usize]| {
+            let radii = used.iter().map(|&y| self.yarns[y].radius_mm());
+            radii.fold(0.0, f64::max)
+        };
+        let open = Openwork {
+            kind,
+            ends,
+            rows,
+            end_mm: spacing_mm("warp", &fabric.warp, None, 0)?,
+            row_mm: spacing_mm("weft", &fabric.weft, None, 0)?,
+            warp_mm: thickest(&self.of_warp),
+            weft_mm: thickest(&self.of_weft),
+        };
+        match open.jam() {
+            Some(why) => Err(Error::Jammed(why)),
+            None => Ok(open),
+        }
+    }
+
+    /// The index of the yarn of a course.
+    fn yarn_index(&self, open: &Openwork, course: usize) -> usize {
+        let (used, number) = match course < open.ends {
+            true => (&self.of_warp, course),
+            false => (&self.of_weft, course - open.ends),
+        };
+        used[number % used.len()]
+    }
+
+    fn yarn(&self, open: &Openwork, course: usize) -> &Arc<Yarn> {
+        &self.yarns[self.yarn_index(open, course)]
+    }
+
+    /// Threads along lines that no longer overlap.
+    fn laid(
+        &self,
+        fabric: &FabricGeometry,
+        open: &Openwork,
+        lines: Vec<Line>,
+        courses: &[Course],
+        seed: u64,
+    ) -> Result<Laid, Error> {
+        let mut laid = Laid {
+            threads: Vec::with_capacity(lines.len()),
+            materials: Materials::default(),
+            low_mm: f64::INFINITY,
+            high_mm: f64::NEG_INFINITY,
+        };
+        for (i, (line, course)) in lines.into_iter().zip(courses).enumerate() {
+            let yarn = self.yarn(open, i);
+            let spec = if course.is_end {
+                &fabric.warp
+            } else {
+                &fabric.weft
+            };
+            let number = if i < open.ends { i } else { i - open.ends };
+            let colour = spec.colours.get(number % spec.colours.len().max(1));
+            let spun = Spun::new(yarn, line.length_mm(), seed, i);
+            let hairs = spun.yarn.radius_mm() + protruding_mm(&spun.yarn);
+            let out = reach_mm(&spun.yarn).max(hairs) + 2.0 * thickest_fibre_mm(&spun.yarn);
+            // The smooth line bulges between points by less than an eighth of a step.
+            let step = line.length_mm() / line.points.len() as f64;
+            for p in &line.points {
+                laid.low_mm = laid.low_mm.min(p.z - out - step);
+                laid.high_mm = laid.high_mm.max(p.z + out + step);
+            }
+            laid.threads.push(ThreadAtRest {
+                line: Centreline::Laid {
+                    points: line.points.into(),
+                    period: course.period,
+                },
+                yarn: self.yarn_index(open, i),
+                spun,
+                dye: laid.materials.dye(yarn, colour.copied())?,
+                section: ThreadSection::even(DVec2::ONE),
+            });
+        }
+        Ok(laid)
+    }
 }
 
 impl Cloth {
