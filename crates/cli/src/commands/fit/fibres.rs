@@ -199,8 +199,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let options = options(args, &unwatched);
     // Colour and roughness change no voxel; the last density comes first.
     let mut matter: Option<(f64, Matter)> = None;
-    // What is expected of errors is the same everywhere, lest the search end
-    // where noise is largest: that of the first place.
+    // The expected errors of the first place hold everywhere, lest the search end where noise is
+    // largest.
     let mut errors: Option<Vec<f64>> = None;
     let mut residuals = |place: &[f64]| {
         if fatal.borrow().is_some() {

@@ -83,7 +83,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     finish(args, &table, &fitted.parameters, &words)
 }
 
-/// Rings and azimuths of the light whose way through the cloth is measured,
+/// Rings and azimuths of the light whose transmission through the cloth is measured,
 /// degrees.
 const THETA_DEG: [f64; 5] = [0.0, 20.0, 40.0, 55.0, 70.0];
 const PHI_DEG: [f64; 3] = [0.0, 45.0, 90.0];

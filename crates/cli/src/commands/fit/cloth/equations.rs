@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
-/// Least eigenvalue of the products of different cloths, as a share of the noise in that of their
-/// mean: such a step is too short, where one by a smaller eigenvalue, made by noise, would have no
+/// Least eigenvalue of the products of different cloths, as a share of the noise in the same
+/// eigenvalue of their mean: such a step is too short, where one by a smaller eigenvalue, made by noise, would have no
 /// limit.
 const NOISE: f64 = 0.3;
 
@@ -66,8 +66,8 @@ impl Equations {
         change.component_mul(&self.ranges)
     }
 
-    /// The change to which so many turns add up: what the pictures hardly determine is still on its
-    /// way then, but has moved further, and by more of the noise, than in one turn.
+    /// The change to which so many turns add up: what the pictures hardly determine still
+    /// moves then, but has moved further, and by more of the noise, than in one turn.
     pub fn settled(&self, rest: &DVector<f64>, turns: u32) -> DVector<f64> {
         let along = self.eigen.eigenvectors.transpose() * (&self.right * rest);
         let values = self.eigen.eigenvalues.iter().zip(along.iter());
@@ -96,7 +96,7 @@ fn moved(v: f64, turns: u32) -> f64 {
 mod tests {
     use super::*;
 
-    /// Derivatives with noise, that of the photographs being one.
+    /// Derivatives with noise; the noise of the photographs is one.
     fn noisy(seed: u64) -> DMatrix<f64> {
         let mut rng = organza_basis::PathRng::new(seed, 0, 0);
         DMatrix::from_fn(600, 3, |i, k| {

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod answer;
+mod broyden;
 mod equations;
 mod first_guess;
 pub mod flags;
@@ -11,7 +12,6 @@ mod pictures;
 mod placed;
 mod recognise;
 mod search;
-mod secant;
 mod settled;
 mod sides;
 mod unknowns;

@@ -43,7 +43,7 @@ pub const BLACK: f64 = 0.02;
 /// Channels do not mix: one picture shows white warp, white weft, and both.
 pub const LOOK_COLOURS: [[f64; 3]; 2] = [[WHITE, BLACK, WHITE], [BLACK, WHITE, WHITE]];
 
-/// A draft that may be that of the cloth.
+/// A draft that the cloth may have.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// One whole repeat.
@@ -54,7 +54,7 @@ pub struct Candidate {
     pub trial: Trial,
 }
 
-/// Compares drafts with the photograph, the best first. `step` hears of each picture.
+/// Compares drafts with the photograph, the best first. `step` is called after each picture.
 ///
 /// # Errors
 /// Those of the pictures, if no draft has any.

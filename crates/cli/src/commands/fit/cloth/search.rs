@@ -244,7 +244,7 @@ impl<'a> Search<'a> {
         self.weights = self.sides.iter().flat_map(weights).collect();
     }
 
-    /// The search. `step` hears of each cloth.
+    /// The search. `step` is called after each cloth.
     ///
     /// # Errors
     /// Those of the pictures.
@@ -336,7 +336,7 @@ fn shadings(pictures: &[Computed]) -> Shadings {
 }
 
 /// Weights of the texels of a side. The variance of single texels is noisy itself, so half of it is
-/// that of all texels.
+/// the variance of all texels.
 fn weights(side: &Side) -> Vec<[f64; 3]> {
     let variances = side.fold.variances();
     let n = variances.len() as f64;

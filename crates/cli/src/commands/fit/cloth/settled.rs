@@ -1,11 +1,11 @@
 //! The end of a search: what rounds of several cloths settle on, and how certain it is.
 
+use super::broyden::Broyden;
 use super::equations::Equations;
 use super::model::Trial;
 use super::pictures::Computed;
 use super::placed::Placed;
 use super::search::{REACH, Search, TURNS};
-use super::secant::Secant;
 use super::unknowns::Unknown;
 use anyhow::Result;
 use nalgebra::DVector;
@@ -56,7 +56,7 @@ impl Round {
 /// What the rounds of a search settled on.
 pub struct Settled {
     equations: Equations,
-    secant: Secant,
+    broyden: Broyden,
     /// Ranges of the unknowns.
     ranges: DVector<f64>,
     last: Round,
@@ -72,7 +72,7 @@ pub struct Settled {
 
 impl Settled {
     /// Rounds that begin with a trial in its places, until one changes nothing by more than noise.
-    /// `step` hears of each cloth.
+    /// `step` is called after each cloth.
     ///
     /// # Errors
     /// Those of the pictures.
@@ -87,7 +87,7 @@ impl Settled {
         let ranges = search.unknowns.iter().map(|u| u.range());
         let mut this = Settled {
             equations,
-            secant: Secant::new(free),
+            broyden: Broyden::new(free),
             ranges: DVector::from_iterator(free, ranges),
             last: Round::new(vec![DVector::zeros(free)]),
             answers: Vec::new(),
@@ -123,9 +123,9 @@ impl Settled {
                 let moved = this.difference(search, before, trial);
                 let noise = this.last.variances.sum() + now.variances.sum();
                 let (before, now) = (&this.last.asked, &now.asked);
-                this.secant.learn(&moved, before, now, noise);
+                this.broyden.learn(&moved, before, now, noise);
             }
-            let mut change = this.secant.change(&now.asked);
+            let mut change = this.broyden.change(&now.asked);
             change *= (REACH / change.amax()).min(1.0);
             let is_near = now.is_near(&change);
             before = Some(*trial);
@@ -145,7 +145,7 @@ impl Settled {
         for (k, (from, asks)) in rounds.iter().enumerate() {
             let moved = this.difference(search, trial, from);
             if k == last || moved.amax() <= LINEAR {
-                let answer = |ask: &DVector<f64>| &moved + this.secant.change(ask);
+                let answer = |ask: &DVector<f64>| &moved + this.broyden.change(ask);
                 this.answers.extend(asks.iter().map(answer));
             }
         }
@@ -183,7 +183,7 @@ impl Settled {
     pub fn parameters(&self, search: &Search<'_>, trial: &Trial) -> Vec<Determined> {
         let mut variances = Round::new(self.answers.clone()).variances;
         for list in &self.strips {
-            let answer = |rest: &DVector<f64>| self.secant.change(&self.asked(rest));
+            let answer = |rest: &DVector<f64>| self.broyden.change(&self.asked(rest));
             let answers: Vec<DVector<f64>> = list.iter().map(answer).collect();
             for (k, variance) in variances.iter_mut().enumerate() {
                 *variance += jackknife(answers.iter().map(|s| s[k]));

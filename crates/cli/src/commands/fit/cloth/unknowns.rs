@@ -141,7 +141,7 @@ impl Unknown {
         next
     }
 
-    /// The value of a trial with its standard error, from that of the unknown.
+    /// The value of a trial with its standard error, from the standard error `se` of the unknown.
     pub fn determined(self, model: &ClothModel<'_>, trial: &Trial, se: f64) -> Determined {
         let (name, value, se, range) = match self {
             Unknown::Count(k) => {

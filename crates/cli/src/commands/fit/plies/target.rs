@@ -107,8 +107,8 @@ impl Target {
         Target::Lists([list(0), list(1)])
     }
 
-    /// The numbers of all values: means and standard errors of the fitted ones, then of those
-    /// that are held out.
+    /// The numbers of all values: means and standard errors of the fitted ones, then the
+    /// same of the values that are held out.
     pub fn numbers(&self) -> Vec<f64> {
         let parts = [Part::Fitted, Part::HeldOut].map(|part| self.values(part));
         let all = parts.iter().flatten();
