@@ -113,9 +113,6 @@ macro_rules! lights {
             )*
         }
 
-        /// The names of all kinds.
-        pub const LIGHT_KINDS: &[&str] = &[$($name,)*];
-
         impl LightTable {
             /// Its kind, as files name it.
             pub fn kind(&self) -> &'static str {

@@ -21,7 +21,7 @@ mod rectangle;
 mod spherical_rectangle;
 mod spot;
 
-pub use catalogue::{LIGHT_KINDS, LightError, LightKind, LightTable, LoadPicture, LoadedPicture};
+pub use catalogue::{LightError, LightKind, LightTable, LoadPicture, LoadedPicture};
 pub use directional::{DirectionalLight, DirectionalTable};
 pub use environment::{EnvironmentLight, EnvironmentTable, Hemisphere};
 pub use image_environment::{ImageEnvironment, ImageEnvironmentError, ImageLight};

@@ -31,8 +31,6 @@ pub struct ClothSurface {
 pub trait SurfaceKind: DeserializeOwned + Clone + fmt::Debug + PartialEq + 'static {
     /// Its name in the key `model`.
     const NAME: &'static str;
-    /// A description in one line.
-    const ABOUT: &'static str;
 
     /// The surface of a cloth.
     ///
@@ -51,10 +49,6 @@ macro_rules! surface_models {
         pub enum SurfaceTable {
             $(#[doc = concat!("See [`", stringify!($spec), "`].")] $variant($spec),)*
         }
-
-        /// Name and description of every surface model.
-        pub const SURFACE_MODELS: &[(&str, &str)] =
-            &[$((<$spec>::NAME, <$spec>::ABOUT),)*];
 
         /// The names alone.
         const NAMES: &[&str] = &[$(<$spec>::NAME,)*];

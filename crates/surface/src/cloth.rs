@@ -83,7 +83,6 @@ fn visible_width_mm(system: &SystemFigures, pitch_mm: f64) -> f64 {
 
 impl SurfaceKind for SurfaceSpec {
     const NAME: &'static str = "irawan";
-    const ABOUT: &'static str = "woven yarn segments with highlights, gaps and transmitted light";
 
     fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error> {
         let surface = self.clone().for_cloth(cloth)?.build()?;

@@ -31,8 +31,6 @@ pub struct DiffuseSpec {
 
 impl SurfaceKind for DiffuseSpec {
     const NAME: &'static str = "diffuse";
-    const ABOUT: &'static str = "an ideally diffuse sheet with holes: reflectance, transmittance, \
-                                 openness";
 
     fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error> {
         Ok(ClothSurface {

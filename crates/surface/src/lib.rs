@@ -67,7 +67,7 @@ pub mod transmission_fit;
 pub mod weave;
 pub mod woven_surface;
 
-pub use catalogue::{ClothSurface, SURFACE_MODELS, SurfaceKind, SurfaceTable};
+pub use catalogue::{ClothSurface, SurfaceKind, SurfaceTable};
 pub use components::{Components, Parts};
 pub use error::Error;
 pub use parameters::{WovenParameters, YarnParameters};

@@ -81,4 +81,4 @@ pub use openwork::OpenworkKind;
 pub use picture::Picture;
 pub use spec::FabricGeometry;
 pub use synthesis::{Exemplar, Synthesis, SynthesisFigures, SynthesisSpec, YarnHeights};
-pub use yarn::{Hairs, Loops, MAX_FIBRE_VOLUME_FRACTION, MAX_FIBRES_PER_PLY, Yarn};
+pub use yarn::{Hairs, Loops, Yarn};

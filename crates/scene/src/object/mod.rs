@@ -96,9 +96,6 @@ macro_rules! objects {
             )*
         }
 
-        /// The names of all kinds.
-        pub const OBJECT_KINDS: &[&str] = &[$($name,)*];
-
         impl ObjectTable {
             /// Its kind, as files name it.
             pub fn kind(&self) -> &'static str {
