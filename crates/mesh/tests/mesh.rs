@@ -1,6 +1,5 @@
 //! Reading, repairing and meeting meshes.
 
-
 use glam::{DVec3, Vec2, Vec3};
 use organza_basis::{Budget, PathRng, Ray, warp};
 use organza_mesh::{DrapedMesh, Error, Mesh, Placement, Vertex, read_obj};

@@ -8,5 +8,6 @@ mod lit_sheet;
 mod packed_fabrics;
 mod packed_voxel_size;
 mod pile_sheen;
+mod sameness;
 mod shipped_fabrics;
 mod transmitting_flakes;

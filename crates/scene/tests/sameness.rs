@@ -5,7 +5,6 @@
 //! At small size everything is changed at once, for each model; `ORGANZA_FULL=1` changes one
 //! thing at a time, for shipped fabrics, too.
 
-
 use glam::{DMat3, DVec2, DVec3};
 use organza_basis::hypothesis::{sidak, z_test};
 use organza_scene::from_str;
