@@ -49,7 +49,7 @@ fn rays(medium: &SggxOctreeMedium) -> Vec<LocalRay> {
             continue;
         };
         if let Some((t, _)) = sample_collision(medium, &local, &mut rng, &mut stats) {
-            let at = ray.at(local.t_entry + t);
+            let at = ray.at(local.t_entry + f64::from(t));
             let shadow = Ray::new(at, toward);
             rays.extend(medium.cell_grid().clip(&shadow, f64::INFINITY));
         }
