@@ -46,6 +46,7 @@ mod scan_cloth; // flat tiles of tilted scans
 mod scan_slices; // slices in files of PNG
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
+mod studios; // cloths that come without a scene
 mod tidy; // the repository itself
 mod view; // the live page as a process
 mod volumes; // volume files: what they keep, and what is refused

@@ -39,6 +39,8 @@ pub struct Host {
     has_output: bool,
     /// The program on the disk, where it is not the process's own.
     renderer: Option<Program>,
+    /// Files that the command itself made in memory, with those of the caller.
+    made: Option<Arc<GivenFiles>>,
 }
 
 impl std::fmt::Debug for Host {
@@ -61,6 +63,7 @@ impl Host {
             command_line,
             has_output,
             renderer: None,
+            made: None,
         }
     }
 
@@ -119,11 +122,23 @@ impl Host {
         self.with_given(Loader::new())
     }
 
-    /// The loader with the files of the caller.
+    /// The loader with the files of the caller, and those that the command made.
     pub fn with_given<'p>(&self, loader: Loader<'p>) -> Loader<'p> {
-        match &self.caller {
-            Some(caller) => loader.with_given(caller.given()),
-            None => loader,
+        match (&self.made, &self.caller) {
+            (Some(made), _) => loader.with_given(Arc::clone(made)),
+            (None, Some(caller)) => loader.with_given(caller.given()),
+            (None, None) => loader,
+        }
+    }
+
+    /// The same host with files that the command made in memory.
+    pub fn with_made(&self, made: GivenFiles) -> Host {
+        let given = self.caller.as_ref().map(|c| c.given());
+        let mut all = given.map_or_else(GivenFiles::default, Arc::unwrap_or_clone);
+        all.extend(made);
+        Host {
+            made: Some(Arc::new(all)),
+            ..self.clone()
         }
     }
 

@@ -317,7 +317,14 @@ fn without_path(e: std::io::Error) -> std::io::Error {
         let source = std::error::Error::source(inner)?;
         source.downcast_ref::<std::io::Error>()?.raw_os_error()
     });
-    code.map_or(e, std::io::Error::from_raw_os_error)
+    match code {
+        Some(code) => std::io::Error::from_raw_os_error(code),
+        // Newer versions show the system's words themselves, and then the path.
+        None => match e.to_string().split_once(" at path ") {
+            Some((words, _)) => std::io::Error::new(e.kind(), words.to_owned()),
+            None => e,
+        },
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,15 @@
-//! Progress on stderr: a bar with rate and time left on a terminal, silence
+//! Progress on stderr: a bar with rate and time left on a terminal, a line at intervals
 //! elsewhere.
 
 use crate::host::{Host, Watch};
+use crate::output::note;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
-use std::time::Instant;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Time before the first line of a task that no terminal shows, and between two.
+const BETWEEN_LINES: Duration = Duration::from_secs(4);
 
 /// A running task that a person may be watching.
 pub struct Progress {
@@ -12,6 +17,8 @@ pub struct Progress {
     label: &'static str,
     host: Host,
     started: Instant,
+    /// When the last line was printed, or the task began, where lines take the place of a bar.
+    line: Option<Mutex<Instant>>,
 }
 
 impl Progress {
@@ -37,6 +44,7 @@ impl Progress {
             label,
             host,
             started: Instant::now(),
+            line: (!shown && !watch.is_quiet && !is_program).then(|| Mutex::new(Instant::now())),
         }
     }
 
@@ -52,6 +60,26 @@ impl Progress {
         if done > self.bar.position() {
             self.bar.set_position(done);
         }
+        // Another thread that prints the line does it for all.
+        if let Some(line) = &self.line
+            && let Ok(mut last) = line.try_lock()
+            && last.elapsed() >= BETWEEN_LINES
+        {
+            *last = Instant::now();
+            self.print_line();
+        }
+    }
+
+    fn print_line(&self) {
+        let total = self.bar.length().unwrap_or(0).max(1);
+        let share = self.bar.position() as f64 / total as f64;
+        let left = self.started.elapsed().as_secs_f64() * (1.0 / share.max(1e-9) - 1.0);
+        let left = match share {
+            // Too early to know.
+            s if s < 0.01 => String::new(),
+            _ => format!(", about {left:.0} s left"),
+        };
+        note!("{}: {:.0} %{left}", self.label, 100.0 * share);
     }
 
     /// Ends the task and says how long it took, seconds.

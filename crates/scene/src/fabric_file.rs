@@ -6,6 +6,7 @@ pub use crate::fabric_table::{FabricFile, VoxelTable};
 use crate::fibre_model;
 use crate::file_kind::Wanted;
 use crate::finish_optics;
+use crate::large_design;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::optics::{self, OpticsFile};
@@ -82,6 +83,9 @@ pub fn load_changed(
     for warning in cloth.warnings() {
         loader.warn(path, warning.to_string());
     }
+    if let (Some(synthesis), None) = (&synthesis, &file.synthesis) {
+        loader.warn(path, large_design::warning(synthesis));
+    }
     if file.print.is_some() {
         for warning in print_file::warnings(&file.optics) {
             loader.warn(path, warning);
@@ -154,9 +158,15 @@ fn build(
         relaxation: file.relaxation,
         tile: file.tile,
         ideal: file.ideal,
+        fit_yarn: file.fit_yarn,
     };
     let failed = |e| input(format!("{}: {e}", path.display()));
-    let (mut cloth, synthesis, volumes) = match &file.synthesis {
+    let mut geometry = geometry;
+    let automatic = match &file.synthesis {
+        None if file.print.is_none() => large_design::blocks(&mut geometry, open),
+        _ => None,
+    };
+    let (mut cloth, synthesis, volumes) = match file.synthesis.as_ref().or(automatic.as_ref()) {
         None => {
             let cloth = Cloth::build(&geometry, open, file.seed).map_err(failed)?;
             (cloth, None, Vec::new())
@@ -168,7 +178,15 @@ fn build(
             let named =
                 named.filter_map(|(name, v)| Some((name.clone(), v.as_ref()?.exemplar.clone())));
             let named = named.collect();
-            let built = Cloth::build_exemplar(&geometry, spec, &named, open, file.seed);
+            let mut spec = spec.clone();
+            let built = loop {
+                let built = Cloth::build_exemplar(&geometry, &spec, &named, open, file.seed);
+                let is_automatic = automatic.is_some();
+                match built {
+                    Err(e) if is_automatic && large_design::enlarge(&mut spec, &e) => {}
+                    built => break built,
+                }
+            };
             let (exemplar, synthesis) = built.map_err(failed)?;
             woven_volume::check_spacing(&exemplar, &synthesis, &spec.exemplars, &volumes)
                 .map_err(fail)?;
@@ -244,8 +262,9 @@ impl Fabric {
             return Ok(());
         }
         Err(input(format!(
-            "{}: {what} need the whole cloth, and [synthesis] makes it of blocks; choose model = \
-             \"microflake\" or \"plain\", or leave [synthesis] out",
+            "{}: {what} need the whole cloth, and it is made of blocks, as [synthesis] and large \
+             designs are; choose model = \"microflake\" or \"plain\", or a part of the design, \
+             such as draft.part = [0, 0, 64, 64]",
             path.display()
         )))
     }

@@ -46,6 +46,9 @@ pub struct FabricFile {
     /// Leaves out all irregularity of threads and yarns.
     #[serde(default)]
     pub ideal: bool,
+    /// Makes yarns that the threads have no room for finer until they fit.
+    #[serde(default)]
+    pub fit_yarn: bool,
     /// How the fibres of a yarn scatter light, by the yarn's name.
     #[serde(default)]
     pub optics: OpticsFile,
@@ -129,6 +132,7 @@ impl FabricFile {
                 is_woven,
                 woven,
             ),
+            ("draft.part", draft.part.is_some(), is_woven, woven),
             ("pile", self.pile.is_some(), is_woven, woven),
             ("weft.per_cm", weft.per_cm.is_some(), !is_curves, spaced),
             (

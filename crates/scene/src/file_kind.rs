@@ -87,7 +87,7 @@ fn fabric_of(scene: &Table) -> Option<&str> {
 }
 
 /// Whether a text has the section that every WIF file begins with.
-fn is_wif(text: &str) -> bool {
+pub(crate) fn is_wif(text: &str) -> bool {
     let mut lines = text.lines().map(str::trim);
     lines.any(|l| l.eq_ignore_ascii_case("[wif]"))
 }

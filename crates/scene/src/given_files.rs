@@ -18,6 +18,11 @@ impl GivenFiles {
     pub fn insert(&mut self, path: PathBuf, bytes: Vec<u8>) {
         self.0.insert(path, bytes);
     }
+
+    /// Gives the files of others, too; theirs take the place of those of the same path.
+    pub fn extend(&mut self, others: GivenFiles) {
+        self.0.extend(others.0);
+    }
 }
 
 impl<P: Into<PathBuf>, B: Into<Vec<u8>>> FromIterator<(P, B)> for GivenFiles {

@@ -6,6 +6,7 @@
 #![allow(clippy::disallowed_methods)] // opens the files that scenes and fabrics name
 
 pub mod auto;
+pub mod bare_fabric;
 mod blocks;
 mod build_options;
 pub mod camera;
@@ -24,6 +25,7 @@ mod fibre_model;
 pub mod file_kind;
 mod finish_optics;
 mod given_files;
+mod large_design;
 pub mod level;
 pub mod light_pictures;
 mod loaded_scene;
@@ -42,6 +44,8 @@ pub mod scan_file;
 pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;
+pub mod studio;
+pub mod subject;
 mod toml_reader;
 mod volume_cache;
 pub mod volume_file;

@@ -114,6 +114,11 @@ impl<'p> Loader<'p> {
         }
     }
 
+    /// A loader that knows the same files in memory and reports to nobody.
+    pub(crate) fn silent(&self) -> Loader<'static> {
+        Loader::new().with_given(Arc::clone(&self.given))
+    }
+
     /// From now on a file of this path has these bytes, whatever is on the disk. The path is
     /// compared as scenes and fabrics make it: the folder of the file that names it, joined
     /// with the name.

@@ -7,44 +7,37 @@ use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
 use organza_scene::read::{self, beside};
 use organza_scene::scene_file::{self, is_scene};
-use organza_scene::{InputError, fabric_file};
+use organza_scene::bare_fabric::DraftName;
+use organza_scene::studio::{self, Studio, Subject};
+use organza_scene::{InputError, fabric_file, subject};
 use std::path::Path;
 use std::sync::Arc;
 use toml_edit::DocumentMut;
 
-/// Half the side of the cloth in a scene made for a fabric, mm.
-const HALF_SIDE_MM: f32 = 40.0;
-/// Threads across the first picture of a fabric.
-const THREADS_ACROSS: f32 = 16.0;
-/// Horizontal angle of view of a scene made for a fabric, degrees.
-const FOV_DEG: f32 = 20.0;
-/// Width of the first picture of a cloth without threads that have a spacing, mm.
-const USUAL_WIDTH_MM: f32 = 8.0;
-
-/// Reads a scene, a fabric or a draft (`.wif`) with `key.path=value` overrides, which apply
-/// to scenes and fabrics.
+/// Reads a scene, a fabric, a draft (`.wif`) or a named weave, with `key.path=value` overrides,
+/// which apply to scenes and fabrics.
 ///
 /// # Errors
 /// Names the file, the place and the key at fault.
 pub fn open(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
-    let is_draft = path
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("wif"));
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
         _ => ".".into(),
     };
-    let path = &folder.join(path.file_name().unwrap_or_default());
-    if is_draft {
+    if let Some(bare) = subject::draft_of(path, &Loader::new())? {
         if let Some(why) = overrides.first() {
             let why = format!("--set {why}: a draft has no keys; name a fabric or a scene");
             return Err(InputError(why));
         }
-        let bytes = Loader::new().bytes(path)?;
         let name = file_name(path);
-        let fabric = made_fabric::of_draft(&path.with_extension("toml"), &name, &bytes)?;
-        return around(fabric, &folder);
+        let (named, stem) = match bare.is_file {
+            true => (DraftName::Wif(&name), path.with_extension("")),
+            false => (DraftName::Weave(&name), path.to_owned()),
+        };
+        let made = folder.join(format!("{}.toml", file_name(&stem)));
+        return around(made_fabric::made(&made, named, &bare.draft)?, &folder);
     }
+    let path = &folder.join(path.file_name().unwrap_or_default());
     if is_scene(path)? {
         return of_scene(path, overrides);
     }
@@ -128,39 +121,22 @@ fn around(fabric: FabricDocument, folder: &Path) -> Result<Document, InputError>
     };
     let loader = document.loader(None);
     let cloth = fabric_file::load(&fabric.path, &[], &loader)?;
-    let spacing_mm = cloth.thread_spacing_mm();
-    let text = scene_text(&fabric.name, spacing_mm);
+    let repeat = cloth.cloth.draft().map(|draft| {
+        let repeat = draft.smallest_repeat();
+        [repeat.ends(), repeat.picks()]
+    });
+    let shown = Subject {
+        fabric: &fabric.name,
+        cloth: &cloth,
+        repeat,
+    };
+    let text = studio::scene(Studio::default(), &shown)?.text;
     let parsed = text.parse().map_err(|e: toml_edit::TomlError| {
         let why = format!("a scene for it cannot be made: {e}");
         fault(&fabric.path, &why)
     })?;
     document.scene = parsed;
     Ok(document)
-}
-
-/// A scene that shows a fabric from above, at an angle, under a lamp and a sky.
-fn scene_text(fabric: &str, spacing_mm: f32) -> String {
-    let width_mm = match spacing_mm {
-        s if s.is_finite() => (THREADS_ACROSS * s).clamp(0.1, HALF_SIDE_MM),
-        _ => USUAL_WIDTH_MM,
-    };
-    let distance_mm = width_mm / (2.0 * (0.5 * FOV_DEG).to_radians().tan());
-    let (sin, cos) = 25.0f32.to_radians().sin_cos();
-    let (y, z) = (-distance_mm * sin, distance_mm * cos);
-    let name = toml_edit::Value::from(fabric);
-    let name = name.to_string();
-    format!(
-        "# A scene that `organza view` made for {name}.\n\n\
-         [render]\nspp = 128\nexposure = 0.5\n\n\
-         [camera]\nkind = \"perspective\"\norigin_mm = [0.0, {y:.3}, {z:.3}]\n\
-         target_mm = [0.0, 0.0, 0.0]\nup = [0.0, 1.0, 0.0]\nfov_deg = {FOV_DEG:.1}\n\
-         resolution = [640, 480]\n\n\
-         [[light]]\nkind = \"directional\"\ndirection = [0.60, -0.35, -0.72]\n\
-         irradiance = [1.5, 1.42, 1.3]\n\n\
-         [[light]]\nkind = \"environment\"\nradiance = [0.60, 0.63, 0.67]\nhemisphere = \"front\"\n\n\
-         [[object]]\nkind = \"cloth\"\nfabric = {name}\nmodel = \"auto\"\n\
-         extent_mm = [-{HALF_SIDE_MM:.1}, -{HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}, {HALF_SIDE_MM:.1}]\n"
-    )
 }
 
 /// A fabric for a dropped draft that takes the place of `old`.

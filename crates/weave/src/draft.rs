@@ -162,6 +162,29 @@ impl Draft {
         }
     }
 
+    /// So many ends and picks of the endless repetition of this draft, from the end and the
+    /// pick `first` on.
+    ///
+    /// # Errors
+    /// As [`Draft::from_fn`].
+    pub fn part(&self, first: [usize; 2], size: [usize; 2]) -> Result<Draft, Error> {
+        let [ends, picks] = size;
+        // Sums stay small.
+        let first = [first[0] % self.ends(), first[1] % self.picks()];
+        let mut part = Draft::from_fn(ends, picks, |e, p| {
+            self.warp_up(first[0] + e, first[1] + p)
+        })?;
+        let threads = |all: &[Thread], first: usize, count: usize| {
+            let from_first = all.iter().copied().cycle().skip(first);
+            from_first.take(count).collect()
+        };
+        part.warp = threads(&self.warp, first[0], ends);
+        part.weft = threads(&self.weft, first[1], picks);
+        part.title.clone_from(&self.title);
+        part.warnings.clone_from(&self.warnings);
+        Ok(part)
+    }
+
     /// The properties of the draft that a listing shows.
     pub fn summary(&self) -> DraftSummary {
         let repeat = self.repeat();

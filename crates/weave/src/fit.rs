@@ -21,6 +21,15 @@ pub(crate) struct Threads {
 }
 
 impl Threads {
+    /// The same so many times farther apart.
+    fn spaced(&self, factor: f64) -> Threads {
+        Threads {
+            name: self.name,
+            spacing_mm: self.spacing_mm.iter().map(|s| s * factor).collect(),
+            yarns: self.yarns.clone(),
+        }
+    }
+
     fn period_mm(&self) -> f64 {
         self.spacing_mm.iter().sum()
     }
@@ -45,8 +54,79 @@ pub(crate) struct Fit {
 ///   lie side by side [Love1954]. Threads that miss the limit shrink until it is met or their
 ///   fibres are packed as densely as circles can be.
 ///
-/// # Errors [`Error::Jammed`], which names the threads, when even that is not enough.
+/// # Errors [`Error::Jammed`], which names the threads, the counts of yarn that would fit and the
+/// threads per centimetre that would fit, when even that is not enough.
 pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, Error> {
+    let changes = Changes::new(draft);
+    fit_at(&changes, warp, weft).map_err(|why| {
+        let way_out = room_factor(&changes, warp, weft).map_or_else(String::new, |factor| {
+            format!("; {}", way_out(factor, warp, weft))
+        });
+        Error::Jammed(why + &way_out)
+    })
+}
+
+/// See [`room_factor`].
+pub(crate) fn needed_room(draft: &Draft, warp: &Threads, weft: &Threads) -> Option<f64> {
+    room_factor(&Changes::new(draft), warp, weft)
+}
+
+/// How many times farther apart all threads must lie for their yarns to fit, rounded up to a
+/// thousandth; `None` where a hundred times is not enough.
+pub(crate) fn room_factor(changes: &Changes, warp: &Threads, weft: &Threads) -> Option<f64> {
+    let fits = |factor: f64| {
+        let [warp, weft] = [warp, weft].map(|t| t.spaced(factor));
+        fit_at(changes, &warp, &weft).is_ok()
+    };
+    if fits(1.0) {
+        return Some(1.0);
+    }
+    let (mut low, mut high) = (1.0f64, 100.0f64);
+    if !fits(high) {
+        return None;
+    }
+    while high / low > 1.0005 {
+        let middle = (low * high).sqrt();
+        if fits(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Some((high * 1000.0).ceil() / 1000.0)
+}
+
+/// What to change for threads that lack room by a factor.
+fn way_out(factor: f64, warp: &Threads, weft: &Threads) -> String {
+    let floor1 = |x: f64| match x {
+        x if x >= 10.0 => (10.0 * x).floor() / 10.0,
+        x => (100.0 * x).floor() / 100.0,
+    };
+    let mut yarns: Vec<&Yarn> = Vec::new();
+    for yarn in warp.yarns.iter().chain(&weft.yarns) {
+        if !yarns.iter().any(|y| y.name == yarn.name) {
+            yarns.push(yarn);
+        }
+    }
+    let finer: Vec<String> = yarns
+        .iter()
+        .map(|y| {
+            let tex = floor1(y.tex() / (factor * factor));
+            format!("tex {tex} for yarn {} (now {:.1})", y.name, y.tex())
+        })
+        .collect();
+    let [ends, picks] = [warp, weft].map(|t| {
+        let mean_mm = t.period_mm() / t.spacing_mm.len() as f64;
+        floor1(10.0 / (factor * mean_mm))
+    });
+    format!(
+        "what fits: {}, which --fit-yarn takes; or {ends} warp and {picks} weft threads per cm",
+        finer.join(" and ")
+    )
+}
+
+/// The cross-sections of threads that fit; the error says which do not.
+fn fit_at(changes: &Changes, warp: &Threads, weft: &Threads) -> Result<Fit, String> {
     let (warp_flat, weft_flat) = (side_by_side(warp)?, side_by_side(weft)?);
     let shrunk = |k: f64| {
         let all = |v: &[DVec2]| v.iter().map(|f| *f * k).collect::<Vec<_>>();
@@ -56,7 +136,7 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
             compaction: k,
         }
     };
-    let overfull = |k: f64| Peirce::new(draft, warp, weft, &shrunk(k)).excess() > 0.0;
+    let overfull = |k: f64| Peirce::new(changes, warp, weft, &shrunk(k)).excess() > 0.0;
     if !overfull(1.0) {
         return Ok(shrunk(1.0));
     }
@@ -69,17 +149,17 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
         .map(|(y, f)| min_scale(y) / (f.x * f.y).sqrt())
         .fold(0.0, f64::max);
     if densest >= 1.0 || overfull(densest) {
-        let p = Peirce::new(draft, warp, weft, &shrunk(densest.min(1.0)));
+        let p = Peirce::new(changes, warp, weft, &shrunk(densest.min(1.0)));
         let crowded = if p.warp < p.weft { warp } else { weft };
         let count = crowded.spacing_mm.len() as f64;
-        return Err(Error::Jammed(format!(
+        return Err(format!(
             "{} {} threads per cm (yarn {}) leave the crossing threads no room, even with fibres \
              packed to {MAX_FIBRE_VOLUME_FRACTION}; give the {} fewer per cm or finer yarn",
             (1000.0 * count / crowded.period_mm()).round() / 100.0,
             crowded.name,
             crowded.yarns.first().map_or("", |y| y.name.as_str()),
             crowded.name,
-        )));
+        ));
     }
     let (mut low, mut high) = (densest, 1.0);
     for _ in 0..40 {
@@ -93,6 +173,39 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
     Ok(shrunk(low))
 }
 
+/// How often neighbouring threads lie on different sides of the threads that they cross.
+pub(crate) struct Changes {
+    /// Of each end and the next.
+    warp: Vec<usize>,
+    /// Of each pick and the next.
+    weft: Vec<usize>,
+}
+
+impl Changes {
+    /// The mean shares of the crossing threads that pass between two neighbouring ends, and
+    /// between two neighbouring picks.
+    pub fn mean_shares(&self) -> [f64; 2] {
+        let crossings = (self.warp.len() * self.weft.len()) as f64;
+        [&self.warp, &self.weft].map(|c| c.iter().sum::<usize>() as f64 / crossings)
+    }
+
+    pub fn new(draft: &Draft) -> Changes {
+        let (ends, picks) = (draft.ends(), draft.picks());
+        let mut changes = Changes {
+            warp: vec![0; ends],
+            weft: vec![0; picks],
+        };
+        for p in 0..picks {
+            for e in 0..ends {
+                let up = draft.warp_up(e, p);
+                changes.warp[e] += usize::from(up != draft.warp_up(e + 1, p));
+                changes.weft[p] += usize::from(up != draft.warp_up(e, p + 1));
+            }
+        }
+        changes
+    }
+}
+
 /// The linear factor at which a yarn's plies are packed most densely.
 fn min_scale(yarn: &Yarn) -> f64 {
     (yarn.fibre_volume_fraction() / MAX_FIBRE_VOLUME_FRACTION)
@@ -101,7 +214,7 @@ fn min_scale(yarn: &Yarn) -> f64 {
 }
 
 /// Presses each thread into its own spacing.
-fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
+fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, String> {
     let each = threads.yarns.iter().zip(&threads.spacing_mm).enumerate();
     each.map(|(i, (yarn, &spacing))| {
         let diameter = 2.0 * yarn.radius_mm();
@@ -115,13 +228,13 @@ fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, Error> {
         if (flat.x * flat.y).sqrt() >= min_scale(yarn) {
             return Ok(flat);
         }
-        Err(Error::Jammed(format!(
+        Err(format!(
             "{} thread {} (yarn {}, {diameter:.3} mm thick) has only {spacing:.3} mm of room, too \
              little even with fibres packed to {MAX_FIBRE_VOLUME_FRACTION}",
             threads.name,
             i + 1,
             yarn.name,
-        )))
+        ))
     })
     .collect()
 }
@@ -133,7 +246,7 @@ struct Peirce {
 }
 
 impl Peirce {
-    fn new(draft: &Draft, warp: &Threads, weft: &Threads, fit: &Fit) -> Peirce {
+    fn new(changes: &Changes, warp: &Threads, weft: &Threads, fit: &Fit) -> Peirce {
         let thickness = |t: &Threads, f: &[DVec2]| {
             let heights = t
                 .yarns
@@ -144,8 +257,8 @@ impl Peirce {
         };
         let reach = thickness(warp, &fit.warp) + thickness(weft, &fit.weft);
         Peirce {
-            warp: room(warp, &fit.warp, draft.picks(), |e, p| draft.warp_up(e, p)) / reach,
-            weft: room(weft, &fit.weft, draft.ends(), |p, e| draft.warp_up(e, p)) / reach,
+            warp: room(warp, &fit.warp, changes.weft.len(), &changes.warp) / reach,
+            weft: room(weft, &fit.weft, changes.warp.len(), &changes.weft) / reach,
         }
     }
 
@@ -158,20 +271,13 @@ impl Peirce {
 
 /// Mean space per interlacing between threads of a system, less the width of floating
 /// neighbours and the straight part of flat threads; infinite when nothing interlaces.
-fn room(
-    threads: &Threads,
-    fit: &[DVec2],
-    crossings: usize,
-    up: impl Fn(usize, usize) -> bool,
-) -> f64 {
+fn room(threads: &Threads, fit: &[DVec2], crossings: usize, changes: &[usize]) -> f64 {
     let n = threads.yarns.len();
     let size = |i: usize| 2.0 * threads.yarns[i].radius_mm() * fit[i];
     let (mut left, mut interlacings) = (crossings as f64 * threads.period_mm(), 0usize);
     for i in 0..n {
         let (a, b) = (size(i), size((i + 1) % n));
-        let changes = (0..crossings)
-            .filter(|&c| up(i, c) != up((i + 1) % n, c))
-            .count();
+        let changes = changes[i];
         interlacings += changes;
         left -= (crossings - changes) as f64 * 0.5 * (a.x + b.x);
         left -= changes as f64 * 0.5 * (a.x - a.y + b.x - b.y);

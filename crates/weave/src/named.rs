@@ -89,12 +89,27 @@ impl Draft {
             ("herringbone", &[u, d, w]) => herringbone(&[u, d], w),
             _ => Err(wrong(format!(
                 "no weave is called \"{name}\"{}; expected {}",
-                did_you_mean(&lower, FORMS),
+                nearest(&lower, &family),
                 FORMS.join(", ")
             ))),
         }?;
         draft.title = lower;
         Ok(draft)
+    }
+}
+
+/// The nearest weave: another family with the same numbers, if that is one, or a form.
+fn nearest(name: &str, family: &str) -> String {
+    let families = FORMS.map(|f| f.split(|c: char| c.is_ascii_digit()).next().unwrap_or(f));
+    let families = families.map(|f| f.trim_end_matches('-'));
+    let rest = name.strip_prefix(family).unwrap_or_default();
+    let better = organza_basis::nearest_name(family, families)
+        .filter(|f| *f != family)
+        .map(|f| format!("{f}{rest}"))
+        .filter(|whole| Draft::named(whole).is_ok());
+    match better {
+        Some(whole) => format!("; did you mean \"{whole}\"?"),
+        None => did_you_mean(name, FORMS),
     }
 }
 
@@ -228,6 +243,9 @@ mod tests {
     fn wrong_names_are_answered_with_the_nearest() {
         for (name, message) in [
             ("plane", "did you mean \"plain\""),
+            ("twil-2-2", "did you mean \"twill-2-2\""),
+            ("twil-2-1-1-2-s", "did you mean \"twill-2-1-1-2-s\""),
+            ("heringbone", "did you mean \"herringbone\""),
             ("satin-6", "there is no satin over 6 ends"),
             ("satin-8-4", "steps by 3, 5"),
             ("twill-3", "no weave is called"),

@@ -46,6 +46,10 @@ pub struct FabricGeometry {
     /// Leaves out all irregularity: see [`FabricGeometry::without_irregularity`].
     #[serde(default)]
     pub ideal: bool,
+    /// Makes yarns that the threads have no room for finer, all by the same factor, until they
+    /// fit.
+    #[serde(default)]
+    pub fit_yarn: bool,
 }
 
 impl FabricGeometry {
@@ -99,6 +103,10 @@ pub struct DraftSpec {
     /// it by `drawdown`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
+    /// The part of a woven draft that is used, all of it if none: first end, first pick (both
+    /// from 0), number of ends, number of picks. It goes on at the other side of the draft.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<[u32; 4]>,
     /// A knit by name: `stockinette`, `garter`, `rib-1-1`, `rib-2-2`. Its
     /// courses are `[weft]`.
     pub knit: Option<String>,
@@ -140,11 +148,12 @@ pub struct ThreadSetSpec {
         skip_serializing_if = "Vec::is_empty"
     )]
     pub yarn: Vec<String>,
-    /// Linear colours from 0 to 1, which repeat along the system; without them
-    /// the draft's own colours, if it has any.
+    /// Colours, which repeat along the system; without them the draft's own, if it has any. In
+    /// files three linear channels from 0 to 1 each, or as weavers write them:
+    /// `"8 red, 4 #ece8df"`, `"B/24 R4 K24 Y/4"`.
     #[serde(
         default,
-        deserialize_with = "one_at_least",
+        deserialize_with = "crate::colour_list::deserialize",
         skip_serializing_if = "Vec::is_empty"
     )]
     pub colours: Vec<Rgb>,
@@ -387,15 +396,4 @@ fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>
         }
     }
     deserializer.deserialize_any(Names)
-}
-
-/// An empty list is an error: it would silently mean the same as a missing key.
-fn one_at_least<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Rgb>, D::Error> {
-    let colours = Vec::<Rgb>::deserialize(deserializer)?;
-    if colours.is_empty() {
-        return Err(serde::de::Error::custom(
-            "expected colours such as [[0.8, 0.1, 0.1]], found an empty list",
-        ));
-    }
-    Ok(colours)
 }

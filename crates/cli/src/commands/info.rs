@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it; or list graphics adapters", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
 pub struct InfoArgs {
-    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt), table (.bsdf) or picture that `render` wrote (.exr)
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt), table (.bsdf) or picture (.exr, .png, .hdr)
     #[arg(required_unless_present = "devices", conflicts_with = "devices")]
     pub file: Option<PathBuf>,
     /// List the graphics adapters that `render --engine gpu` can use, the preferred one first
@@ -93,6 +93,7 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             Ok(curves_info(&set))
         }
         "exr" => picture_info(path),
+        "png" | "hdr" => plain_picture_info(path),
         far_table::ENDING => {
             let (table, about) = far_table::read(path, &Loader::new())?;
             Ok(table_info(&table, &about))
@@ -102,7 +103,7 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             || {
                 fail(
                     "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt, \
-                     .bsdf or .exr"
+                     .bsdf, .exr, .png or .hdr"
                         .into(),
                 )
             },
@@ -318,6 +319,17 @@ fn picture_info(path: &Path) -> Result<Value> {
         "kind": "picture",
         "resolution": size.to_array(),
         "attributes": attributes,
+    }))
+}
+
+/// A picture that keeps nothing of its render.
+fn plain_picture_info(path: &Path) -> Result<Value> {
+    let decoded = organza_picture::decode(&read::bytes(path)?, free_memory_bytes());
+    let (picture, format) = decoded.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    Ok(json!({
+        "kind": "picture",
+        "format": format.name,
+        "resolution": picture.size.to_array(),
     }))
 }
 

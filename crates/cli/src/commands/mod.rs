@@ -9,6 +9,7 @@ mod cache;
 mod compare;
 mod completions;
 mod denoise;
+mod develop;
 mod difference;
 mod export;
 mod fit;
@@ -42,6 +43,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<compare::CompareArgs>(),
     Registration::of::<difference::DifferenceArgs>(),
     Registration::of::<denoise::DenoiseArgs>(),
+    Registration::of::<develop::DevelopArgs>(),
     Registration::of::<fit::FitArgs>(),
     Registration::of::<bench::BenchArgs>(),
     Registration::of::<weave::WeaveArgs>(),
@@ -115,7 +117,7 @@ pub fn definition() -> clap::Command {
                 .action(clap::ArgAction::SetTrue)
                 .help("With --version: print commit, features and engines, too"),
         )
-        .after_help("Try first:\n  organza render scenes/first_light.toml -o first_light.png\n  organza weave twill-3-1-s -o twill.png")
+        .after_help("Try first:\n  organza render twill-3-1-s -o twill.png\n  organza render my_draft.wif -o my_draft.png\n  organza weave twill-3-1-s -o draft.png")
         .subcommands(COMMANDS.iter().map(|c| (c.define)()));
     with_negative_numbers(program)
 }

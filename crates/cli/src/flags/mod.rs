@@ -4,6 +4,7 @@
 pub mod display;
 pub mod patch_model;
 pub mod set_help;
+pub mod studio;
 pub mod values;
 
 use crate::host::{Host, Watch};
@@ -12,7 +13,7 @@ use std::ffi::OsString;
 use values::{parse_bytes, parse_micrometres, whole};
 
 /// Flags that every command takes.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct CommonArgs {
     /// Threads to use [default: all cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::from(u16::MAX)))]
@@ -38,7 +39,7 @@ impl<'a> From<&'a CommonArgs> for Watch<'a> {
 }
 
 /// How much memory may be used.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct MemoryArgs {
     /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
     #[arg(long, value_name = "SIZE", allow_hyphen_values = true, value_parser = parse_bytes)]
@@ -46,7 +47,7 @@ pub struct MemoryArgs {
 }
 
 /// Where results are kept from run to run.
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct CacheArgs {
     /// Keep built volumes in this folder, and take them from there: a folder, "auto" (the user's cache folder) or "off" [default: the variable ORGANZA_CACHE, off without it]; see `organza cache`
     #[arg(long, value_name = "FOLDER")]

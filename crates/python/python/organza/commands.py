@@ -31,18 +31,21 @@ def render(
     target_median_error: Optional[float] = None,
     clamp: Optional[float] = None,
     engine: str = "auto",
+    studio: Optional[str] = None,
+    fit_yarn: bool = False,
     outfile: Optional[AnyPath] = None,
     set: Settings = None,
     threads: Optional[int] = None,
     max_memory: Union[str, int, None] = None,
     cache: Optional[AnyPath] = None,
 ) -> dict[str, Any]:
-    """Path-traces a scene, as ``organza render`` does.
+    """Path-traces a scene, or a cloth in a studio, as ``organza render`` does.
 
     Parameters
     ----------
     scene
-        A :class:`Scene`, a dictionary with its keys, or the path of a scene file.
+        A :class:`Scene` or a :class:`Fabric`, a dictionary with its keys, the path of a scene, a
+        fabric or a draft, or the name of a weave.
     spp
         Samples per pixel, the most with a target error or a time limit; the scene's if None.
     seed
@@ -63,6 +66,11 @@ def render(
         Darken single samples above this radiance, which biases the picture.
     engine
         What traces the paths: ``auto``, ``cpu``, ``walk`` or the name of a vector kernel.
+    studio
+        How a cloth is shown that comes without a scene: ``swatch`` (if None), ``macro``,
+        ``drape``, ``window`` or ``flat``.
+    fit_yarn
+        Make yarns that the threads of a fabric have no room for finer until they fit.
     outfile
         Also write the picture: ``.exr``, ``.png`` and others, by the ending.
     set
@@ -105,8 +113,8 @@ def render(
     options = dict(
         spp=spp, seed=seed, crop=crop, samples=samples, time_limit=time_limit,
         target_error=target_error, target_median_error=target_median_error, clamp=clamp,
-        engine=engine, outfile=outfile, set=set, threads=threads, max_memory=max_memory,
-        cache=cache,
+        engine=engine, studio=studio, fit_yarn=fit_yarn, outfile=outfile, set=set,
+        threads=threads, max_memory=max_memory, cache=cache,
     )  # fmt: skip
     found = run("render", [files.give_table(scene)], options, files.files, progress)
     del found["files"]

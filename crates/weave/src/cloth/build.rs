@@ -2,7 +2,7 @@
 
 use super::borders::join_at_borders;
 use super::displaced::{mark_by_reed, thread_sways};
-use super::exemplar::fit_of_design;
+use super::exemplar::{fit_of_design, needed_room_of_design};
 use super::flattening::at_rest;
 use super::import::imported;
 use super::nonwoven;
@@ -15,7 +15,7 @@ use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
 use crate::draft::MAX_THREADS;
 use crate::dye::Dye;
-use crate::fit::{Threads, fit};
+use crate::fit::{Threads, fit, needed_room};
 use crate::knit::Knit;
 use crate::path::Hermite;
 use crate::relax::System;
@@ -24,6 +24,7 @@ use crate::spec::{DraftSpec, FabricGeometry};
 use crate::strand::{protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::sway::Sway;
 use crate::synthesis::Synthesis;
+use crate::yarn::Yarn;
 use crate::{Draft, Error, Thread};
 use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Tile};
@@ -226,6 +227,13 @@ pub(super) fn weave(
     };
     let warp = beside("warp", warp_mm, &warp_spun);
     let weft = beside("weft", weft_mm, &weft_spun);
+    if fabric.fit_yarn
+        && let Some((finer, warning)) = finer_yarns(fabric, &yarns, &warp, &weft, &draft, design)
+    {
+        let mut cloth = weave(&finer, draft, design, seed)?;
+        cloth.warnings.insert(0, warning);
+        return Ok(cloth);
+    }
     let fitted = match design {
         None => fit(&draft, &warp, &weft)?,
         Some(synthesis) => fit_of_design(&synthesis.design, &warp, &weft)?,
@@ -298,6 +306,46 @@ pub(super) fn weave(
         compression: rest.relaxed.compression,
         warnings,
     })
+}
+
+/// The fabric with yarns that its threads have room for, and what to warn of; `None` where they
+/// fit as they are, or no yarn would.
+fn finer_yarns(
+    fabric: &FabricGeometry,
+    yarns: &[Arc<Yarn>],
+    warp: &Threads,
+    weft: &Threads,
+    draft: &Draft,
+    design: Option<&Synthesis>,
+) -> Option<(FabricGeometry, String)> {
+    let room = match design {
+        None => needed_room(draft, warp, weft),
+        Some(synthesis) => needed_room_of_design(&synthesis.design, warp, weft),
+    };
+    let factor = room.filter(|room| *room > 1.0)?;
+    // A count of whole fibres can come out a little above what was asked for.
+    let share = (1.02 * factor).powi(-2);
+    let mut finer = fabric.clone();
+    finer.fit_yarn = false;
+    let mut words = Vec::new();
+    for yarn in yarns {
+        let spec = finer.yarn.entry(yarn.name.clone()).or_default();
+        match &mut spec.fibres_per_ply {
+            Some(fibres) => *fibres = ((f64::from(*fibres) * share) as u32).max(1),
+            None => spec.tex = Some(yarn.tex() * share),
+        }
+        if let Some(radius) = &mut spec.ply_radius_mm {
+            *radius *= share.sqrt();
+        }
+        words.push(format!(
+            "{} of tex {:.2} for {:.2}",
+            yarn.name,
+            yarn.tex() * share,
+            yarn.tex()
+        ));
+    }
+    let warning = format!("finer yarns, so that they fit: {}", words.join(", "));
+    Some((finer, warning))
 }
 
 fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Error> {
@@ -382,7 +430,29 @@ fn tile(width_mm: f64, height_mm: f64, z: (f64, f64)) -> Tile {
     }
 }
 
-pub(super) fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
+impl Draft {
+    /// The draft that a description of a weave names, or the part of it that is asked for.
+    ///
+    /// # Errors
+    /// It names none, or one that cannot be read.
+    pub fn of_spec(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
+        read_draft(spec, load)
+    }
+}
+
+/// The draft of a description, or the part of it that is asked for.
+pub(crate) fn read_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
+    let whole = whole_draft(spec, load)?;
+    let Some(part) = spec.part else {
+        return Ok(whole);
+    };
+    let [end, pick, ends, picks] = part.map(|n| n as usize);
+    whole
+        .part([end, pick], [ends, picks])
+        .map_err(|e| Error::spec("draft.part", e.to_string()))
+}
+
+fn whole_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
     if let Some(name) = &spec.weave {
         return Draft::named(name);
     }

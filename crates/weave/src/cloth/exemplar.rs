@@ -4,7 +4,7 @@ use super::build::{check_colours, colour, read_draft, warn_of_loose_threads, wea
 use super::repeats::{lcm, repeats, threads};
 use super::yarns::Yarns;
 use super::{Cloth, Loader};
-use crate::fit::{Fit, Threads, fit};
+use crate::fit::{Fit, Threads, fit, needed_room};
 use crate::spec::{FabricGeometry, ThreadSetSpec};
 use crate::synthesis::{Exemplar, Synthesis, SynthesisSpec};
 use crate::{Draft, Error};
@@ -149,20 +149,31 @@ impl Cloth {
 
 /// Cross-sections of the exemplar's threads: those that the threads of the design have.
 pub(super) fn fit_of_design(design: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, Error> {
-    let like = |threads: &Threads, count: usize| Threads {
-        name: threads.name,
-        spacing_mm: vec![threads.spacing_mm[0]; count],
-        yarns: vec![threads.yarns[0].clone(); count],
-    };
-    let fitted = fit(
-        design,
-        &like(warp, design.ends()),
-        &like(weft, design.picks()),
-    )?;
+    let [all_warp, all_weft] = threads_of_design(design, warp, weft);
+    let fitted = fit(design, &all_warp, &all_weft)?;
     Ok(Fit {
         warp: vec![fitted.warp[0]; warp.yarns.len()],
         weft: vec![fitted.weft[0]; weft.yarns.len()],
         compaction: fitted.compaction,
+    })
+}
+
+/// See [`needed_room`].
+pub(super) fn needed_room_of_design(
+    design: &Draft,
+    warp: &Threads,
+    weft: &Threads,
+) -> Option<f64> {
+    let [all_warp, all_weft] = threads_of_design(design, warp, weft);
+    needed_room(design, &all_warp, &all_weft)
+}
+
+/// As many threads as the design has, each like the first of the exemplar.
+fn threads_of_design(design: &Draft, warp: &Threads, weft: &Threads) -> [Threads; 2] {
+    [(warp, design.ends()), (weft, design.picks())].map(|(threads, count)| Threads {
+        name: threads.name,
+        spacing_mm: vec![threads.spacing_mm[0]; count],
+        yarns: vec![threads.yarns[0].clone(); count],
     })
 }
 

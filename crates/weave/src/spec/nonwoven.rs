@@ -12,7 +12,7 @@ pub struct NonwovenSpec {
     /// Linear colours, which repeat over the fibres; those of the yarn without them.
     #[serde(
         default,
-        deserialize_with = "super::one_at_least",
+        deserialize_with = "crate::colour_list::deserialize",
         skip_serializing_if = "Vec::is_empty"
     )]
     pub colours: Vec<Rgb>,

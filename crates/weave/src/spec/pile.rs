@@ -27,7 +27,7 @@ pub struct PileSpec {
     /// Linear colours, which repeat across the ends; the yarn's own without them.
     #[serde(
         default,
-        deserialize_with = "super::one_at_least",
+        deserialize_with = "crate::colour_list::deserialize",
         skip_serializing_if = "Vec::is_empty"
     )]
     pub colours: Vec<Rgb>,

@@ -1,10 +1,10 @@
 //! `organza render --contact-sheet`: several scenes at a small size on one picture.
 
-use super::{Prepared, RenderArgs, prepare, scene, tracing};
+use super::{Prepared, RenderArgs, made_scene, prepare, scene, tracing};
 use crate::building::watched;
 use crate::commands::with_threads;
 use crate::error::input;
-use crate::flags::{CacheArgs, CommonArgs, MemoryArgs};
+use crate::flags::MemoryArgs;
 use crate::output;
 use crate::output::note;
 use crate::picture;
@@ -12,7 +12,6 @@ use crate::schedule::Stop;
 use anyhow::{Result, anyhow};
 use organza_picture::contact_sheet::{Cell, Layout};
 use organza_picture::{Attributes, Picture, Rendered};
-use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::{scene_build, scene_file};
 use std::path::{Path, PathBuf};
@@ -90,8 +89,20 @@ pub fn run(args: &RenderArgs, path: &Path) -> Result<()> {
 
 /// The flags of one scene's render, at the size of its cell. The scene is read and checked.
 fn cell_args(args: &RenderArgs, sheet: &Path, scene: &Path, max_memory: u64) -> Result<RenderArgs> {
-    let loader = Loader::new();
-    let file = scene_file::load(scene, &args.common.set, &loader)?;
+    let named = RenderArgs {
+        scene: scene.to_owned(),
+        more_scenes: Vec::new(),
+        outfile: sheet.to_owned(),
+        contact_sheet: None,
+        memory: MemoryArgs {
+            max_memory: args.memory.max_memory.map(|_| max_memory),
+        },
+        ..args.clone()
+    };
+    let mut cell = made_scene::in_studio(&named)?.unwrap_or(named);
+    let loader = cell.common.host.loader();
+    let scene = &cell.scene;
+    let file = scene_file::load(scene, &cell.common.set, &loader)?;
     let whole = file.camera(scene)?.resolution;
     scene_build::check(&file, scene, &loader)?;
     let longest = whole[0].max(whole[1]).max(1);
@@ -101,32 +112,9 @@ fn cell_args(args: &RenderArgs, sheet: &Path, scene: &Path, max_memory: u64) -> 
         rounded.max(1)
     };
     let [width, height] = whole.map(scaled);
-    let mut set = args.common.set.clone();
-    set.push(format!("camera.resolution=[{width},{height}]"));
-    Ok(RenderArgs {
-        scene: scene.to_owned(),
-        more_scenes: Vec::new(),
-        outfile: sheet.to_owned(),
-        contact_sheet: None,
-        memory: MemoryArgs {
-            max_memory: args.memory.max_memory.map(|_| max_memory),
-        },
-        cache: CacheArgs {
-            cache: args.cache.cache.clone(),
-        },
-        common: CommonArgs {
-            threads: args.common.threads,
-            quiet: args.common.quiet,
-            set,
-            host: args.common.host.clone(),
-        },
-        crop: None,
-        samples: None,
-        checkpoint: None,
-        display_server: None,
-        display: args.display.clone(),
-        ..*args
-    })
+    let resolution = format!("camera.resolution=[{width},{height}]");
+    cell.common.set.push(resolution);
+    Ok(cell)
 }
 
 fn render(args: &RenderArgs) -> Result<Cell> {

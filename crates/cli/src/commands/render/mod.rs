@@ -2,6 +2,7 @@
 
 mod contact_sheet;
 mod engine;
+mod made_scene;
 mod results;
 mod scene;
 mod summary;
@@ -16,6 +17,7 @@ use crate::denoising::Denoiser;
 use crate::display_server::{Address, DisplayServer};
 use crate::error::input;
 use crate::flags::display::DisplayArgs;
+use crate::flags::studio::StudioArgs;
 use crate::flags::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
@@ -43,13 +45,13 @@ use std::time::{Duration, Instant};
 use summary::Times;
 
 /// `organza render`
-#[derive(Debug, Args)]
-#[command(about = "Path-trace a scene to .exr (linear, with variance and AOVs) or .png", after_help = "Example:\n  organza render scenes/first_light.toml -o first_light.exr --spp 256 --stats", mut_arg("set", |a| a.help(set_help::SCENE)),
+#[derive(Clone, Debug, Args)]
+#[command(about = "Path-trace a scene, or any cloth in a studio, to .exr (linear, with variance and AOVs) or .png", after_help = "Examples:\n  organza render twill-3-1-s -o twill.png\n  organza render my_draft.wif -o my_draft.png --studio macro\n  organza render scenes/fabrics/denim.toml -o denim.png --spp 128\n  organza render scenes/first_light.toml -o first_light.exr --spp 256 --stats\n\nA cloth in a studio takes up to a minute on two cores; Ctrl-C keeps the picture so far.", mut_arg("set", |a| a.help(set_help::SCENE)),
     mut_arg("outfile", |a| a.help(outfile_help())))]
 pub struct RenderArgs {
-    /// Scene file (TOML)
+    /// Scene or fabric file (TOML), draft (.wif), or the name of a weave such as twill-3-1-s
     pub scene: PathBuf,
-    /// Further scenes, with --contact-sheet
+    /// Further ones, with --contact-sheet
     pub more_scenes: Vec<PathBuf>,
     /// Picture to write; its ending chooses the format
     #[arg(
@@ -115,6 +117,8 @@ pub struct RenderArgs {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub studio: StudioArgs,
+    #[command(flatten)]
     pub display: DisplayArgs,
     #[command(flatten)]
     pub memory: MemoryArgs,
@@ -169,7 +173,10 @@ impl Command for RenderArgs {
                 interrupt::watch()?;
             }
         }
-        with_threads(&self.common, || render(self))
+        with_threads(&self.common, || match made_scene::in_studio(self)? {
+            Some(args) => render(&args),
+            None => render(self),
+        })
     }
 }
 
@@ -309,6 +316,10 @@ fn render(args: &RenderArgs) -> Result<()> {
         let (name, size) = (args.outfile.to_string_lossy(), rendering.film().size());
         DisplayServer::start(address, &name, size, args.common.quiet)
     });
+    // What is built is lost in any case; from here on the first interrupt keeps the picture.
+    if args.checkpoint.is_none() && args.common.host.caller().is_none() {
+        interrupt::watch()?;
+    }
     let (rendering, stop) = tracing::trace(args, &identity, rendering, started, display.as_ref())?;
     let saved = match &args.checkpoint {
         Some(path) => checkpoint::save(path, &identity, &rendering),
@@ -383,6 +394,13 @@ fn render(args: &RenderArgs) -> Result<()> {
     }
     if let Some(display) = display {
         display.finish(rendering.film());
+    }
+    if stop == Stop::Interrupted {
+        return Err(anyhow::anyhow!(
+            "interrupted with {}; {} holds the picture so far",
+            summary::describe_samples_taken(&rendering),
+            args.outfile.display()
+        ));
     }
     // The picture is whole whatever became of the checkpoint.
     saved.with_context(|| {

@@ -1,0 +1,150 @@
+//! A fabric for a draft that comes alone: distances, yarn and colours from what the draft has,
+//! otherwise those of a good cloth of its weave.
+
+use crate::error::{Result, input};
+use organza_basis::Rgb;
+use organza_weave::{Draft, Thread, colour_list};
+use std::fmt::Write;
+
+/// Threads of a tile at least, where copies of the draft make it: fewer show that it repeats.
+const MIN_THREADS: usize = 20;
+/// Colours of threads of drafts that give none, linear: an indigo and undyed cotton, so that the
+/// weave is seen.
+const WARP: Rgb = Rgb::new(0.026, 0.040, 0.095);
+const WEFT: Rgb = Rgb::new(0.60, 0.55, 0.45);
+/// What dyed yarn reflects at least and at most, linear (estimated): drafts are coloured on
+/// screens, whose black and white no yarn has.
+const DYED: [f32; 2] = [0.012, 0.72];
+
+/// Where a draft is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DraftName<'a> {
+    /// In a WIF file of this name, beside the fabric.
+    Wif(&'a str),
+    /// A named weave.
+    Weave(&'a str),
+}
+
+/// The text of a fabric file for a draft, or for a part of it: first end, first pick, ends,
+/// picks.
+///
+/// # Errors
+/// No cloth can be woven from the draft; names it.
+pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> Result<String> {
+    let (key, value) = match name {
+        DraftName::Wif(file) => ("wif", file),
+        DraftName::Weave(weave) => ("weave", weave),
+    };
+    let fail = |e: organza_weave::Error| input(format!("{value}: {e}"));
+    let sett = draft.sett().map_err(fail)?;
+    let mut shown = draft.clone();
+    if let Some([end, pick, ends, picks]) = part.map(|p| p.map(|n| n as usize)) {
+        shown = draft.part([end, pick], [ends, picks]).map_err(fail)?;
+    }
+    dye(&mut shown.warp, WARP);
+    dye(&mut shown.weft, WEFT);
+    let tile = shown.smallest_repeat();
+    let has_colours = |threads: &[Thread]| threads.iter().any(|t| t.colour.is_some());
+    let guessed: Vec<&str> = [
+        (sett.per_cm[0].is_some(), "threads per cm"),
+        (true, "yarn"),
+        (!has_colours(&draft.warp) && !has_colours(&draft.weft), "colours"),
+    ]
+    .iter()
+    .filter_map(|(is_so, what)| is_so.then_some(*what))
+    .collect();
+    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    let copies = |threads: usize| MIN_THREADS.div_ceil(threads);
+    let mut text = format!(
+        "# Cloth for the draft {value}, written by organza. Not in the draft, and chosen so that\n\
+         # the cloth is good: {}.\n\n[draft]\n{key} = {}\n",
+        guessed.join(", "),
+        quoted(value)
+    );
+    if let Some(part) = part {
+        let _ = writeln!(text, "part = {part:?}");
+    }
+    let _ = write!(
+        text,
+        "\n[tile]\nrepeats = [{}, {}]\n",
+        copies(tile.ends()),
+        copies(tile.picks())
+    );
+    for (i, (system, threads)) in [("warp", &tile.warp), ("weft", &tile.weft)].into_iter().enumerate() {
+        let colours: Vec<Rgb> = threads.iter().filter_map(|t| t.colour).collect();
+        let period = period_of(&colours);
+        let _ = write!(text, "\n[{system}]\nyarn = {}\n", quoted(sett.preset));
+        if let Some(per_cm) = sett.per_cm[i] {
+            let _ = writeln!(text, "per_cm = {per_cm:?}");
+        }
+        let _ = write!(
+            text,
+            "spacing_cv_percent = 3.0\ncolours = {}\n",
+            quoted(&colour_list::written(&colours[..period]))
+        );
+    }
+    let _ = write!(
+        text,
+        "\n[yarn.{}]\npreset = {}\nirregularity = {}\ntex = {:?}\naspect = {:?}\n",
+        sett.preset,
+        quoted(sett.preset),
+        quoted(sett.irregularity),
+        sett.tex,
+        sett.aspect
+    );
+    if let Some(radius_um) = sett.fibre_radius_um {
+        let _ = writeln!(text, "fibre_radius_um = {radius_um:?}  # thick: few fibres stand for many");
+    }
+    Ok(text)
+}
+
+/// Threads get the colours of dyed yarn.
+fn dye(threads: &mut [Thread], usual: Rgb) {
+    let [black, white] = DYED;
+    for thread in threads {
+        let colour = thread.colour.map(|c| Rgb(c.0 * (white - black) + black));
+        thread.colour = Some(colour.unwrap_or(usual));
+    }
+}
+
+/// After how many colours they repeat.
+fn period_of(colours: &[Rgb]) -> usize {
+    let n = colours.len();
+    let repeats = |d: &usize| n.is_multiple_of(*d) && (*d..n).all(|i| colours[i] == colours[i - d]);
+    (1..n).find(repeats).unwrap_or(n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric_file;
+    use crate::loader::Loader;
+    use std::path::Path;
+
+    /// A plain weave of two ends and two picks with a spacing in centimetres, if any.
+    fn plain(spacing_cm: Option<f64>) -> String {
+        let spacing = spacing_cm.map_or(String::new(), |cm| {
+            format!("Units=centimeters\nSpacing={cm}\n")
+        });
+        format!(
+            "[WIF]\nVersion=1.1\n[WARP]\nThreads=2\n{spacing}[WEFT]\nThreads=2\n{spacing}\
+             [THREADING]\n1=1\n2=2\n[LIFTPLAN]\n1=1\n2=2\n"
+        )
+    }
+
+    #[test]
+    fn a_draft_alone_becomes_a_fabric_whose_threads_fit() {
+        for spacing in [None, Some(0.05), Some(0.212), Some(0.004)] {
+            let wif = plain(spacing);
+            let draft = Draft::from_wif(wif.as_bytes()).unwrap();
+            let text = of_draft(DraftName::Wif("a.wif"), &draft, None).unwrap();
+            let path = Path::new("folder/made.toml");
+            let mut loader = Loader::new();
+            loader.give(path, text);
+            loader.give("folder/a.wif", wif);
+            let cloth = fabric_file::load(path, &[], &loader).unwrap();
+            let figures = cloth.cloth.figures();
+            assert!(figures.cover_factor > 0.7, "{spacing:?}: {figures:?}");
+        }
+    }
+}
