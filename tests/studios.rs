@@ -32,13 +32,18 @@ const PLAIN: &str = "[WIF]\nVersion=1.1\n[WARP]\nThreads=2\n[WEFT]\nThreads=2\n\
 /// Renders a small picture, which must not be black.
 fn render(folder: &Path, what: &str, more: &[&str]) -> String {
     let small = "camera.resolution=[24,24]";
-    let run = ["render", what, "-o", "out.png", "--spp", "2", "--set", small];
+    let run = [
+        "render", what, "-o", "out.png", "--spp", "2", "--set", small,
+    ];
     let words = succeed(folder, &[&run[..], more].concat());
     let picture = std::fs::read(folder.join("out.png")).unwrap();
     let (picture, _) = organza_picture::decode(&picture, 1 << 20).unwrap();
     assert_eq!(picture.size.to_array(), [24, 24]);
     let lit = picture.pixels.iter().filter(|p| p.mean() > 0.0).count();
-    assert!(lit > 24 * 24 / 2, "{what} {more:?}: {lit} pixels are not black");
+    assert!(
+        lit > 24 * 24 / 2,
+        "{what} {more:?}: {lit} pixels are not black"
+    );
     std::fs::remove_file(folder.join("out.png")).unwrap();
     words
 }
@@ -70,7 +75,16 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
     assert!(words.contains("synthesis:"), "{words}");
     let refused = complaint(
         &folder,
-        &["measure", "large.toml", "--model", "fibres", "-o", "x.csv", "--spp", "1"],
+        &[
+            "measure",
+            "large.toml",
+            "--model",
+            "fibres",
+            "-o",
+            "x.csv",
+            "--spp",
+            "1",
+        ],
     );
     assert!(refused.contains("draft.part = [0, 0, 64, 64]"), "{refused}");
 }
@@ -92,9 +106,18 @@ fn a_jam_names_what_fits_and_that_fits() {
     std::fs::write(folder.join("fine.toml"), fabric(tex)).unwrap();
     succeed(&folder, &["info", "fine.toml"]);
     let (_, per_cm) = refused.split_once("; or ").unwrap();
-    let per_cm: Vec<&str> = per_cm.split(' ').filter(|w| w.parse::<f64>().is_ok()).collect();
-    let (warp, weft) = (format!("warp.per_cm={}", per_cm[0]), format!("weft.per_cm={}", per_cm[1]));
-    succeed(&folder, &["info", "jam.toml", "--set", &warp, "--set", &weft]);
+    let per_cm: Vec<&str> = per_cm
+        .split(' ')
+        .filter(|w| w.parse::<f64>().is_ok())
+        .collect();
+    let (warp, weft) = (
+        format!("warp.per_cm={}", per_cm[0]),
+        format!("weft.per_cm={}", per_cm[1]),
+    );
+    succeed(
+        &folder,
+        &["info", "jam.toml", "--set", &warp, "--set", &weft],
+    );
     let words = render(&folder, "jam.toml", &["--fit-yarn"]);
     assert!(words.contains("finer yarns, so that they fit"), "{words}");
 }
@@ -129,15 +152,27 @@ fn colours_are_read_as_weavers_write_them() {
 #[test]
 fn what_cannot_be_rendered_is_refused_with_the_nearest() {
     let folder = folder("studio-wrong");
-    std::fs::write(folder.join("bad.wif"), "[WIF]\nVersion=1.1\n[WARP]\nThreads=2\n").unwrap();
+    std::fs::write(
+        folder.join("bad.wif"),
+        "[WIF]\nVersion=1.1\n[WARP]\nThreads=2\n",
+    )
+    .unwrap();
     std::fs::write(folder.join("notes.txt"), "no cloth\n").unwrap();
-    std::fs::write(folder.join("scene.toml"), "[camera]\norigin_mm = [0, 0, 1]\n").unwrap();
+    std::fs::write(
+        folder.join("scene.toml"),
+        "[camera]\norigin_mm = [0, 0, 1]\n",
+    )
+    .unwrap();
     for (what, more, words) in [
         ("twil-2-2", &[][..], "did you mean \"twill-2-2\"?"),
         ("bad.wif", &[], "bad.wif: ["),
         ("none.wif", &[], "none.wif: no such file"),
         ("notes.txt", &[], "notes.txt: is not TOML"),
-        ("scene.toml", &["--studio", "macro"], "--studio macro: scene.toml is a scene"),
+        (
+            "scene.toml",
+            &["--studio", "macro"],
+            "--studio macro: scene.toml is a scene",
+        ),
         ("plain", &["--set", "warp.per_cn=3"], "per_cn"),
         ("plain", &["--set", "camera.fow=3"], "fow"),
     ] {
@@ -152,10 +187,24 @@ fn what_cannot_be_rendered_is_refused_with_the_nearest() {
 fn a_finished_render_is_developed_again() {
     let folder = folder("studio-develop");
     let small = "camera.resolution=[24,24]";
-    succeed(&folder, &["render", "plain", "-o", "a.exr", "--spp", "2", "--set", small]);
+    succeed(
+        &folder,
+        &[
+            "render", "plain", "-o", "a.exr", "--spp", "2", "--set", small,
+        ],
+    );
     let words = succeed(
         &folder,
-        &["develop", "a.exr", "-o", "b.png", "--tone-mapping", "agx", "--size-px", "12"],
+        &[
+            "develop",
+            "a.exr",
+            "-o",
+            "b.png",
+            "--tone-mapping",
+            "agx",
+            "--size-px",
+            "12",
+        ],
     );
     assert!(words.contains("b.png: 12 x 12, exposure "), "{words}");
     let listed = succeed(&folder, &["info", "b.png"]);
@@ -179,9 +228,15 @@ fn an_interrupt_keeps_the_picture_so_far() {
         .unwrap();
     // The first line of progress shows that paths are being traced.
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    lines.find(|l| l.as_ref().unwrap().starts_with("rendering: ")).unwrap().unwrap();
+    lines
+        .find(|l| l.as_ref().unwrap().starts_with("rendering: "))
+        .unwrap()
+        .unwrap();
     let pid = child.id().to_string();
-    std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    std::process::Command::new("kill")
+        .args(["-INT", &pid])
+        .status()
+        .unwrap();
     let last = lines.last().unwrap().unwrap();
     assert!(!child.wait().unwrap().success());
     assert!(last.contains("x.png holds the picture so far"), "{last}");

@@ -48,7 +48,10 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
     let guessed: Vec<&str> = [
         (sett.per_cm[0].is_some(), "threads per cm"),
         (true, "yarn"),
-        (!has_colours(&draft.warp) && !has_colours(&draft.weft), "colours"),
+        (
+            !has_colours(&draft.warp) && !has_colours(&draft.weft),
+            "colours",
+        ),
     ]
     .iter()
     .filter_map(|(is_so, what)| is_so.then_some(*what))
@@ -70,7 +73,10 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
         copies(tile.ends()),
         copies(tile.picks())
     );
-    for (i, (system, threads)) in [("warp", &tile.warp), ("weft", &tile.weft)].into_iter().enumerate() {
+    for (i, (system, threads)) in [("warp", &tile.warp), ("weft", &tile.weft)]
+        .into_iter()
+        .enumerate()
+    {
         let colours: Vec<Rgb> = threads.iter().filter_map(|t| t.colour).collect();
         let period = period_of(&colours);
         let _ = write!(text, "\n[{system}]\nyarn = {}\n", quoted(sett.preset));
@@ -93,7 +99,10 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
         sett.aspect
     );
     if let Some(radius_um) = sett.fibre_radius_um {
-        let _ = writeln!(text, "fibre_radius_um = {radius_um:?}  # thick: few fibres stand for many");
+        let _ = writeln!(
+            text,
+            "fibre_radius_um = {radius_um:?}  # thick: few fibres stand for many"
+        );
     }
     Ok(text)
 }

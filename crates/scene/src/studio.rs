@@ -39,11 +39,19 @@ struct View {
 impl Studio {
     /// Every studio with its name and a line for help, the usual one first.
     pub const ALL: [(Studio, &'static str, &'static str); 5] = [
-        (Studio::Swatch, "swatch", "A piece of the cloth, seen obliquely, in the light of a soft box"),
+        (
+            Studio::Swatch,
+            "swatch",
+            "A piece of the cloth, seen obliquely, in the light of a soft box",
+        ),
         (Studio::Macro, "macro", "Some threads through a macro lens"),
         (Studio::Drape, "drape", "A length of the cloth in folds"),
         (Studio::Window, "window", "The cloth before a bright window"),
-        (Studio::Flat, "flat", "The whole repeat from straight above, in even light"),
+        (
+            Studio::Flat,
+            "flat",
+            "The whole repeat from straight above, in even light",
+        ),
     ];
 
     /// Its name.
@@ -122,9 +130,24 @@ const CELLS: usize = 96;
 /// The light of a studio: the key from the left behind, a strip on the right as the rim, and a
 /// weak broad fill from the front. The environment adds [`AMBIENT`].
 const STUDIO: [Panel; 3] = [
-    Panel { azimuth_deg: 62.0, elevation_deg: 40.0, size_deg: [60.0, 44.0], radiance: [5.2, 4.9, 4.5] },
-    Panel { azimuth_deg: -74.0, elevation_deg: 24.0, size_deg: [20.0, 44.0], radiance: [2.2, 2.4, 2.8] },
-    Panel { azimuth_deg: 180.0, elevation_deg: 52.0, size_deg: [90.0, 44.0], radiance: [0.55, 0.56, 0.58] },
+    Panel {
+        azimuth_deg: 62.0,
+        elevation_deg: 40.0,
+        size_deg: [60.0, 44.0],
+        radiance: [5.2, 4.9, 4.5],
+    },
+    Panel {
+        azimuth_deg: -74.0,
+        elevation_deg: 24.0,
+        size_deg: [20.0, 44.0],
+        radiance: [2.2, 2.4, 2.8],
+    },
+    Panel {
+        azimuth_deg: 180.0,
+        elevation_deg: 52.0,
+        size_deg: [90.0, 44.0],
+        radiance: [0.55, 0.56, 0.58],
+    },
 ];
 /// Radiance of what is no lamp in a studio.
 const AMBIENT: [f64; 3] = [0.13, 0.135, 0.145];
@@ -167,7 +190,12 @@ pub fn scene(studio: Studio, subject: &Subject<'_>) -> Result<StudioScene, Input
     match studio {
         Studio::Window => frame.window(&mut text),
         Studio::Flat => {
-            let even = Panel { azimuth_deg: 45.0, elevation_deg: 42.0, size_deg: [30.0, 30.0], radiance: [9.0, 8.7, 8.2] };
+            let even = Panel {
+                azimuth_deg: 45.0,
+                elevation_deg: 42.0,
+                size_deg: [30.0, 30.0],
+                radiance: [9.0, 8.7, 8.2],
+            };
             frame.panel(&mut text, &even);
             environment(&mut text, [0.62, 0.64, 0.67], "front");
         }
@@ -222,147 +250,153 @@ struct Frame {
 }
 
 impl Frame {
-/// A camera that looks down at the middle of the cloth from below in the picture. The aperture
-/// is a share of its distance; 0 for a pinhole.
-fn oblique(&self, text: &mut String, elevation_deg: f64, fov_deg: f64, aperture: f64) {
-    let width_mm = self.width_mm;
-    let distance_mm = width_mm / (2.0 * (0.5 * fov_deg.to_radians()).tan());
-    let (sin, cos) = elevation_deg.to_radians().sin_cos();
-    let kind = match aperture > 0.0 {
-        true => format!("kind = \"thin-lens\"\naperture_mm = {:.4}\n", aperture * distance_mm),
-        false => "kind = \"perspective\"\n".to_owned(),
-    };
-    let origin = self.middle_mm + distance_mm * DVec3::new(-0.06, -cos, sin);
-    let _ = write!(
-        text,
-        "[camera]\n{kind}origin_mm = {}\ntarget_mm = {}\nfov_deg = {fov_deg:?}\n\
+    /// A camera that looks down at the middle of the cloth from below in the picture. The aperture
+    /// is a share of its distance; 0 for a pinhole.
+    fn oblique(&self, text: &mut String, elevation_deg: f64, fov_deg: f64, aperture: f64) {
+        let width_mm = self.width_mm;
+        let distance_mm = width_mm / (2.0 * (0.5 * fov_deg.to_radians()).tan());
+        let (sin, cos) = elevation_deg.to_radians().sin_cos();
+        let kind = match aperture > 0.0 {
+            true => format!(
+                "kind = \"thin-lens\"\naperture_mm = {:.4}\n",
+                aperture * distance_mm
+            ),
+            false => "kind = \"perspective\"\n".to_owned(),
+        };
+        let origin = self.middle_mm + distance_mm * DVec3::new(-0.06, -cos, sin);
+        let _ = write!(
+            text,
+            "[camera]\n{kind}origin_mm = {}\ntarget_mm = {}\nfov_deg = {fov_deg:?}\n\
          resolution = [{PIXELS}, {PIXELS}]\nfilter = \"gaussian\"\n\n",
-        list(origin),
-        list(self.middle_mm)
-    );
-}
-
-/// A camera straight above whole repeats.
-fn flat(&self, text: &mut String, subject: &Subject<'_>) {
-    let width_mm = self.width_mm;
-    let size = subject.cloth.tile_mm();
-    let aspect = match subject.repeat {
-        Some([ends, picks]) if ends.max(picks) > 24 => f64::from(size.y / size.x).clamp(0.25, 4.0),
-        _ => 1.0,
-    };
-    let (width_mm, height_mm) = match aspect > 1.0 {
-        true => (width_mm / aspect, width_mm),
-        false => (width_mm, width_mm * aspect),
-    };
-    let pixels = |mm: f64| ((f64::from(PIXELS) * mm / width_mm.max(height_mm)).round() as u32).max(1);
-    let target = (0.5 * size).as_dvec2().extend(0.0);
-    let _ = write!(
-        text,
-        "[camera]\nkind = \"orthographic\"\norigin_mm = {}\ntarget_mm = {}\n\
-         width_mm = {width_mm:.4}\nresolution = [{}, {}]\nfilter = \"gaussian\"\n\n",
-        list(target + 10.0 * width_mm * DVec3::Z),
-        list(target),
-        pixels(width_mm),
-        pixels(height_mm),
-    );
-}
-
-/// A lamp.
-fn panel(&self, text: &mut String, panel: &Panel) {
-    let (sin_a, cos_a) = panel.azimuth_deg.to_radians().sin_cos();
-    let (sin_e, cos_e) = panel.elevation_deg.to_radians().sin_cos();
-    let away = DVec3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
-    let distance_mm = LAMP_DISTANCE * self.width_mm;
-    let half = |deg: f64| distance_mm * (0.5 * deg.to_radians()).tan();
-    let right = away.cross(DVec3::Z).normalize();
-    let up = right.cross(away);
-    // The side to which `u x v` points shines.
-    let (u, v) = (
-        up * 2.0 * half(panel.size_deg[1]),
-        right * 2.0 * half(panel.size_deg[0]),
-    );
-    let corner = self.middle_mm + away * distance_mm - 0.5 * (u + v);
-    rectangle(text, [corner, u, v], panel.radiance);
-}
-
-/// A window of panes behind the cloth, and the pale room in front of it.
-fn window(&self, text: &mut String) {
-    let width_mm = self.width_mm;
-    let (pane, bar) = (0.46 * width_mm, 0.05 * width_mm);
-    let depth_mm = -1.2 * width_mm;
-    for row in -2..2 {
-        for column in -2..2 {
-            let place = |n: i32| f64::from(n) * (pane + bar) + 0.5 * bar;
-            let corner = DVec3::new(place(column), place(row) + 0.35 * width_mm, depth_mm);
-            let high = f64::from(row + 2) / 3.0;
-            let radiance = [1.7 - 0.3 * high, 1.75 - 0.05 * high, 1.7 + 0.5 * high];
-            let corner = corner + self.middle_mm;
-            rectangle(text, [corner, DVec3::X * pane, DVec3::Y * pane], radiance);
-        }
+            list(origin),
+            list(self.middle_mm)
+        );
     }
-    environment(text, [0.16, 0.15, 0.135], "all");
-}
 
-/// A mesh in OBJ: a sheet with folds that fan out, in texture coordinates of its arc length in
-/// millimetres.
-fn folds(&self) -> String {
-    let width_mm = self.width_mm;
-    let half = 0.95 * width_mm;
-    let height = |x: f64, y: f64| {
-        // x and y from -1 to 1. Folds run upwards and fan out; a wave crosses them.
-        let fan = x * (1.0 - 0.28 * y) + 0.10 * (2.2 * y).sin();
-        let deep = 0.5 + 0.5 * (0.5 - 0.5 * y);
-        let folds = 0.085 * (7.6 * fan + 0.5).sin() + 0.03 * (13.1 * fan + 1.9 + 0.6 * y).sin();
-        width_mm * (deep * folds + 0.03 * (2.4 * y + 1.3 * x).sin())
-    };
-    let at = |i: usize| 2.0 * i as f64 / CELLS as f64 - 1.0;
-    let point = |i: usize, j: usize| {
-        let (x, y) = (at(i), at(j));
-        DVec3::new(half * x, half * y, height(x, y))
-    };
-    let mut text = String::from("# Folds, written by organza.\n");
-    // Lengths along rows and along columns, so that the cloth is hardly stretched.
-    let mut rows = vec![vec![DVec3::ZERO; CELLS + 1]; CELLS + 1];
-    for (j, row) in rows.iter_mut().enumerate() {
-        let (mut u, middle) = (0.0, CELLS / 2);
-        let lengths: Vec<f64> = (0..=CELLS)
-            .map(|i| {
-                if i > 0 {
-                    u += point(i, j).distance(point(i - 1, j));
-                }
-                u
-            })
-            .collect();
-        for (i, slot) in row.iter_mut().enumerate() {
-            slot.x = lengths[i] - lengths[middle];
-        }
-    }
-    for i in 0..=CELLS {
-        let mut v = 0.0;
-        for j in 0..=CELLS {
-            if j > 0 {
-                v += point(i, j).distance(point(i, j - 1));
+    /// A camera straight above whole repeats.
+    fn flat(&self, text: &mut String, subject: &Subject<'_>) {
+        let width_mm = self.width_mm;
+        let size = subject.cloth.tile_mm();
+        let aspect = match subject.repeat {
+            Some([ends, picks]) if ends.max(picks) > 24 => {
+                f64::from(size.y / size.x).clamp(0.25, 4.0)
             }
-            rows[j][i].y = v;
-        }
+            _ => 1.0,
+        };
+        let (width_mm, height_mm) = match aspect > 1.0 {
+            true => (width_mm / aspect, width_mm),
+            false => (width_mm, width_mm * aspect),
+        };
+        let pixels =
+            |mm: f64| ((f64::from(PIXELS) * mm / width_mm.max(height_mm)).round() as u32).max(1);
+        let target = (0.5 * size).as_dvec2().extend(0.0);
+        let _ = write!(
+            text,
+            "[camera]\nkind = \"orthographic\"\norigin_mm = {}\ntarget_mm = {}\n\
+         width_mm = {width_mm:.4}\nresolution = [{}, {}]\nfilter = \"gaussian\"\n\n",
+            list(target + 10.0 * width_mm * DVec3::Z),
+            list(target),
+            pixels(width_mm),
+            pixels(height_mm),
+        );
     }
-    for (j, row) in rows.iter().enumerate() {
-        for (i, uv) in row.iter().enumerate() {
-            let p = point(i, j);
-            let (p, uv) = (p + self.middle_mm, *uv + self.middle_mm);
-            let _ = writeln!(text, "v {:.4} {:.4} {:.4}", p.x, p.y, p.z);
-            let _ = writeln!(text, "vt {:.5} {:.5}", uv.x, uv.y);
-        }
+
+    /// A lamp.
+    fn panel(&self, text: &mut String, panel: &Panel) {
+        let (sin_a, cos_a) = panel.azimuth_deg.to_radians().sin_cos();
+        let (sin_e, cos_e) = panel.elevation_deg.to_radians().sin_cos();
+        let away = DVec3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
+        let distance_mm = LAMP_DISTANCE * self.width_mm;
+        let half = |deg: f64| distance_mm * (0.5 * deg.to_radians()).tan();
+        let right = away.cross(DVec3::Z).normalize();
+        let up = right.cross(away);
+        // The side to which `u x v` points shines.
+        let (u, v) = (
+            up * 2.0 * half(panel.size_deg[1]),
+            right * 2.0 * half(panel.size_deg[0]),
+        );
+        let corner = self.middle_mm + away * distance_mm - 0.5 * (u + v);
+        rectangle(text, [corner, u, v], panel.radiance);
     }
-    for j in 0..CELLS {
-        for i in 0..CELLS {
-            let n = |i: usize, j: usize| j * (CELLS + 1) + i + 1;
-            let [a, b, c, d] = [n(i, j), n(i + 1, j), n(i + 1, j + 1), n(i, j + 1)];
-            let _ = writeln!(text, "f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}");
+
+    /// A window of panes behind the cloth, and the pale room in front of it.
+    fn window(&self, text: &mut String) {
+        let width_mm = self.width_mm;
+        let (pane, bar) = (0.46 * width_mm, 0.05 * width_mm);
+        let depth_mm = -1.2 * width_mm;
+        for row in -2..2 {
+            for column in -2..2 {
+                let place = |n: i32| f64::from(n) * (pane + bar) + 0.5 * bar;
+                let corner = DVec3::new(place(column), place(row) + 0.35 * width_mm, depth_mm);
+                let high = f64::from(row + 2) / 3.0;
+                let radiance = [1.7 - 0.3 * high, 1.75 - 0.05 * high, 1.7 + 0.5 * high];
+                let corner = corner + self.middle_mm;
+                rectangle(text, [corner, DVec3::X * pane, DVec3::Y * pane], radiance);
+            }
         }
+        environment(text, [0.16, 0.15, 0.135], "all");
     }
-    text
-}
+
+    /// A mesh in OBJ: a sheet with folds that fan out, in texture coordinates of its arc length in
+    /// millimetres.
+    fn folds(&self) -> String {
+        let width_mm = self.width_mm;
+        let half = 0.95 * width_mm;
+        let height = |x: f64, y: f64| {
+            // x and y from -1 to 1. Folds run upwards and fan out; a wave crosses them.
+            let fan = x * (1.0 - 0.28 * y) + 0.10 * (2.2 * y).sin();
+            let deep = 0.5 + 0.5 * (0.5 - 0.5 * y);
+            let folds = 0.085 * (7.6 * fan + 0.5).sin() + 0.03 * (13.1 * fan + 1.9 + 0.6 * y).sin();
+            width_mm * (deep * folds + 0.03 * (2.4 * y + 1.3 * x).sin())
+        };
+        let at = |i: usize| 2.0 * i as f64 / CELLS as f64 - 1.0;
+        let point = |i: usize, j: usize| {
+            let (x, y) = (at(i), at(j));
+            DVec3::new(half * x, half * y, height(x, y))
+        };
+        let mut text = String::from("# Folds, written by organza.\n");
+        // Lengths along rows and along columns, so that the cloth is hardly stretched.
+        let mut rows = vec![vec![DVec3::ZERO; CELLS + 1]; CELLS + 1];
+        for (j, row) in rows.iter_mut().enumerate() {
+            let (mut u, middle) = (0.0, CELLS / 2);
+            let lengths: Vec<f64> = (0..=CELLS)
+                .map(|i| {
+                    if i > 0 {
+                        u += point(i, j).distance(point(i - 1, j));
+                    }
+                    u
+                })
+                .collect();
+            for (i, slot) in row.iter_mut().enumerate() {
+                slot.x = lengths[i] - lengths[middle];
+            }
+        }
+        for i in 0..=CELLS {
+            let mut v = 0.0;
+            for j in 0..=CELLS {
+                if j > 0 {
+                    v += point(i, j).distance(point(i, j - 1));
+                }
+                rows[j][i].y = v;
+            }
+        }
+        for (j, row) in rows.iter().enumerate() {
+            for (i, uv) in row.iter().enumerate() {
+                let p = point(i, j);
+                let (p, uv) = (p + self.middle_mm, *uv + self.middle_mm);
+                let _ = writeln!(text, "v {:.4} {:.4} {:.4}", p.x, p.y, p.z);
+                let _ = writeln!(text, "vt {:.5} {:.5}", uv.x, uv.y);
+            }
+        }
+        for j in 0..CELLS {
+            for i in 0..CELLS {
+                let n = |i: usize, j: usize| j * (CELLS + 1) + i + 1;
+                let [a, b, c, d] = [n(i, j), n(i + 1, j), n(i + 1, j + 1), n(i, j + 1)];
+                let _ = writeln!(text, "f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}");
+            }
+        }
+        text
+    }
 }
 
 /// A point or direction as a file has it.

@@ -137,7 +137,11 @@ impl BareDraft {
     /// A path beside it, with this end of the name.
     fn beside(&self, end: &str) -> PathBuf {
         let stem = match self.is_file {
-            true => self.source.file_stem().unwrap_or_default().to_string_lossy(),
+            true => self
+                .source
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy(),
             false => self.source.to_string_lossy(),
         };
         self.source.with_file_name(format!("{stem}{end}"))
@@ -150,7 +154,9 @@ impl BareDraft {
 /// The file cannot be read, or is a draft that is wrong; there is no such weave.
 pub fn draft_of(word: &Path, loader: &Loader<'_>) -> Result<Option<BareDraft>> {
     let text = word.to_string_lossy();
-    let is_wif = word.extension().is_some_and(|e| e.eq_ignore_ascii_case("wif"));
+    let is_wif = word
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("wif"));
     let made = |draft, is_file| BareDraft {
         source: word.to_owned(),
         is_file,
@@ -158,9 +164,8 @@ pub fn draft_of(word: &Path, loader: &Loader<'_>) -> Result<Option<BareDraft>> {
     };
     let missing = loader.unreachable(word);
     if missing.is_some() && !is_wif && !text.contains(['.', '/', '\\']) {
-        let draft = Draft::named(&text).map_err(|e| {
-            input(format!("{text}: no such file, and no named weave: {e}"))
-        })?;
+        let draft = Draft::named(&text)
+            .map_err(|e| input(format!("{text}: no such file, and no named weave: {e}")))?;
         return Ok(Some(made(draft, false)));
     }
     if let Some(why) = missing {
@@ -169,7 +174,9 @@ pub fn draft_of(word: &Path, loader: &Loader<'_>) -> Result<Option<BareDraft>> {
     let bytes = match is_wif {
         true => loader.bytes(word)?,
         false => {
-            let is_toml = word.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+            let is_toml = word
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
             let bytes = match is_toml {
                 true => return Ok(None),
                 false => loader.bytes(word)?,
@@ -260,7 +267,9 @@ fn shown(
         let excess = fibre_mm(&cloth) / MAX_FIBRE_MM;
         let is_whole = matches!(studio, Studio::Drape | Studio::Flat);
         let may_shrink = cloth.synthesis.is_none() && !is_whole && excess > 1.0;
-        let shrinks = parts.as_mut().is_some_and(|p| may_shrink && p.shrink(excess));
+        let shrinks = parts
+            .as_mut()
+            .is_some_and(|p| may_shrink && p.shrink(excess));
         if !shrinks {
             return Ok((cloth, text));
         }
@@ -272,8 +281,11 @@ fn fibre_mm(cloth: &Fabric) -> f64 {
     let Some(draft) = cloth.cloth.draft() else {
         return 0.0;
     };
-    let size_mm = organza_basis::SegmentSource::tile(&cloth.cloth).bounds_mm.size();
-    let thread_mm = draft.ends() as f64 * f64::from(size_mm.y) + draft.picks() as f64 * f64::from(size_mm.x);
+    let size_mm = organza_basis::SegmentSource::tile(&cloth.cloth)
+        .bounds_mm
+        .size();
+    let thread_mm =
+        draft.ends() as f64 * f64::from(size_mm.y) + draft.picks() as f64 * f64::from(size_mm.x);
     let yarns = cloth.cloth.yarns();
     let fibres = yarns.iter().map(|yarn| {
         let ratio = yarn.radius_mm() / yarn.fibre_radius_mm;
@@ -297,7 +309,8 @@ impl Parts {
     fn new(draft: &Draft, repeat: [usize; 2], studio: Studio, yarns: [usize; 2]) -> Parts {
         let met = studio.threads_met(repeat);
         let is_whole = matches!(studio, Studio::Drape | Studio::Flat);
-        let shown = (!is_whole && repeat.iter().any(|n| *n > met)).then(|| repeat.map(|n| n.min(met)));
+        let shown =
+            (!is_whole && repeat.iter().any(|n| *n > met)).then(|| repeat.map(|n| n.min(met)));
         Parts {
             all: [draft.ends(), draft.picks()],
             shown,
@@ -328,13 +341,19 @@ impl Parts {
 /// The draft of a fabric that is woven.
 fn woven_draft(path: &Path, file: &FabricFile, loader: &Loader<'_>) -> Result<Option<Draft>> {
     let spec = &file.draft;
-    if spec.weave.is_none() && spec.wif.is_none() && spec.drawdown.is_none() && spec.picture.is_none() {
+    if spec.weave.is_none()
+        && spec.wif.is_none()
+        && spec.drawdown.is_none()
+        && spec.picture.is_none()
+    {
         return Ok(None);
     }
     let open = |name: &str| loader.bytes_or_why(&read::beside(path, name));
     let fail = |why: String| input(format!("{}: {why}", path.display()));
     let spec = draft_picture::resolved(spec, &open).map_err(fail)?;
-    Draft::of_spec(&spec, &open).map(Some).map_err(|e| fail(e.to_string()))
+    Draft::of_spec(&spec, &open)
+        .map(Some)
+        .map_err(|e| fail(e.to_string()))
 }
 
 /// Ends and picks after which interlacing and colours repeat.
@@ -370,7 +389,11 @@ fn with_part(path: &Path, text: &str, file: &FabricFile, part: [u32; 4]) -> Resu
         ("weft", &file.weft, part[1], part[3]),
     ] {
         if threads.colours.len() > 1 {
-            let all = threads.colours.iter().cycle().skip(first as usize % threads.colours.len());
+            let all = threads
+                .colours
+                .iter()
+                .cycle()
+                .skip(first as usize % threads.colours.len());
             let shown = all.take(count as usize).map(|c| {
                 let channels = c.0.to_array().map(|c| Value::Float(f64::from(c)));
                 Value::Array(channels.to_vec())
@@ -391,7 +414,10 @@ fn finish(
     studio: Studio,
     scene_path: &Path,
 ) -> Result<Made> {
-    let name = fabric_path.file_name().unwrap_or_default().to_string_lossy();
+    let name = fabric_path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy();
     let subject = Subject {
         fabric: &name,
         cloth: &cloth,
@@ -401,7 +427,9 @@ fn finish(
     Ok(Made {
         scene_path: scene_path.to_owned(),
         scene: made.text,
-        mesh: made.mesh.map(|(name, text)| (read::beside(scene_path, &name), text)),
+        mesh: made
+            .mesh
+            .map(|(name, text)| (read::beside(scene_path, &name), text)),
         fabric_path: fabric_path.to_owned(),
         fabric,
     })

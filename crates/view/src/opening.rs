@@ -3,11 +3,11 @@
 
 use crate::document::{Document, FabricDocument, file_name};
 use crate::made_fabric;
+use organza_scene::bare_fabric::DraftName;
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
 use organza_scene::read::{self, beside};
 use organza_scene::scene_file::{self, is_scene};
-use organza_scene::bare_fabric::DraftName;
 use organza_scene::studio::{self, Studio, Subject};
 use organza_scene::{InputError, fabric_file, subject};
 use std::path::Path;

@@ -112,7 +112,9 @@ fn listed_runs(text: &str) -> Result<Vec<(usize, Rgb)>, String> {
                 ));
             }
         };
-        let count = number.map_or(Ok(1), |n| counted(n).map_err(|e| format!("entry {}: {e}", i + 1)));
+        let count = number.map_or(Ok(1), |n| {
+            counted(n).map_err(|e| format!("entry {}: {e}", i + 1))
+        });
         let colour = one(name).map_err(|e| format!("entry {}: {e}", i + 1));
         Ok((count?, colour?))
     })
@@ -133,11 +135,11 @@ pub(crate) fn one(name: &str) -> Result<Rgb, String> {
         let value = u32::from_str_radix(digits, 16);
         return match (value, digits.len(), is_hex) {
             (Ok(hex), 6, true) => Ok(of_hex(hex)),
-            (Ok(hex), 3, true) => Ok(of_hex(
-                [8, 4, 0]
-                    .into_iter()
-                    .fold(0, |all, shift| all << 8 | 0x11 * (hex >> shift & 0xf)),
-            )),
+            (Ok(hex), 3, true) => {
+                Ok(of_hex([8, 4, 0].into_iter().fold(0, |all, shift| {
+                    all << 8 | 0x11 * (hex >> shift & 0xf)
+                })))
+            }
             _ => Err(format!(
                 "expected a colour such as #c03 or #cc0033, found \"{name}\""
             )),
@@ -185,7 +187,10 @@ fn tartan_runs(text: &str) -> Option<Result<Vec<(usize, Rgb)>, String>> {
             let known = LETTERS.map(|(known, _)| known).join(", ");
             format!("thread count: there is no colour {letters}; there are {known}")
         })?;
-        Ok((counted(digits).map_err(|e| format!("thread count: {e}"))?, colour))
+        Ok((
+            counted(digits).map_err(|e| format!("thread count: {e}"))?,
+            colour,
+        ))
     };
     let mut runs: Vec<(usize, Rgb)> = match parts.iter().map(run).collect() {
         Ok(runs) => runs,
@@ -226,7 +231,9 @@ fn token(text: &str) -> Option<(&str, bool, &str)> {
 ///
 /// # Errors
 /// What is wrong with it; an empty list, which would silently mean the same as a missing key.
-pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Rgb>, D::Error> {
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<Rgb>, D::Error> {
     struct List;
     impl<'de> Visitor<'de> for List {
         type Value = Vec<Rgb>;
@@ -297,7 +304,9 @@ mod tests {
     fn a_tartan_turns_at_its_pivots() {
         let counts = |text: &str| {
             let all = parse(text).unwrap();
-            all.chunk_by(|a, b| a == b).map(<[Rgb]>::len).collect::<Vec<_>>()
+            all.chunk_by(|a, b| a == b)
+                .map(<[Rgb]>::len)
+                .collect::<Vec<_>>()
         };
         assert_eq!(counts("B/24 R4 K24 Y/4"), [24, 4, 24, 4, 24, 4]);
         assert_eq!(counts("B24 R4 K24"), [24, 4, 24]);
@@ -306,7 +315,10 @@ mod tests {
     #[test]
     fn wrong_colours_name_the_place_and_the_nearest() {
         for (text, words) in [
-            ("8 redd, 8 blue", "entry 1: there is no colour \"redd\"; did you mean \"red\"?"),
+            (
+                "8 redd, 8 blue",
+                "entry 1: there is no colour \"redd\"; did you mean \"red\"?",
+            ),
             ("8 red, 0 blue", "entry 2: expected a number of threads"),
             ("8 red blue", "entry 1: expected a number and a colour"),
             ("#12345", "expected a colour such as #c03"),

@@ -171,9 +171,8 @@ impl Draft {
         let [ends, picks] = size;
         // Sums stay small.
         let first = [first[0] % self.ends(), first[1] % self.picks()];
-        let mut part = Draft::from_fn(ends, picks, |e, p| {
-            self.warp_up(first[0] + e, first[1] + p)
-        })?;
+        let mut part =
+            Draft::from_fn(ends, picks, |e, p| self.warp_up(first[0] + e, first[1] + p))?;
         let threads = |all: &[Thread], first: usize, count: usize| {
             let from_first = all.iter().copied().cycle().skip(first);
             from_first.take(count).collect()

@@ -71,7 +71,11 @@ impl Draft {
         let apart = changes.mean_shares().map(|share| CLOSENESS * (1.0 + share));
         let given = [&self.warp, &self.weft].map(|threads| mean_spacing_mm(threads));
         // The diameter that fills given distances as the rule says.
-        let filled: Vec<f64> = given.iter().zip(apart).filter_map(|(g, a)| Some((*g)? / a)).collect();
+        let filled: Vec<f64> = given
+            .iter()
+            .zip(apart)
+            .filter_map(|(g, a)| Some((*g)? / a))
+            .collect();
         let (preset, tex) = if filled.is_empty() {
             ("cotton", USUAL_TEX)
         } else {
@@ -151,7 +155,9 @@ fn round3(x: f64) -> f64 {
 /// The distances that a draft gives, if it gives one for every thread and all are believed.
 fn own_spacings_mm(threads: &[Thread]) -> Option<Vec<f64>> {
     let believed = |mm: &f64| (BELIEVED_MM[0]..=BELIEVED_MM[1]).contains(mm);
-    let each = threads.iter().map(|t| t.spacing_mm.map(f64::from).filter(believed));
+    let each = threads
+        .iter()
+        .map(|t| t.spacing_mm.map(f64::from).filter(believed));
     each.collect()
 }
 
@@ -201,7 +207,12 @@ mod tests {
 
     #[test]
     fn a_yarn_fills_the_distances_that_a_draft_gives() {
-        for (mm, preset) in [(0.1, "cotton"), (0.5, "cotton"), (2.12, "wool"), (5.0, "wool")] {
+        for (mm, preset) in [
+            (0.1, "cotton"),
+            (0.5, "cotton"),
+            (2.12, "wool"),
+            (5.0, "wool"),
+        ] {
             let mut draft = Draft::named("plain").unwrap();
             for thread in draft.warp.iter_mut().chain(&mut draft.weft) {
                 thread.spacing_mm = Some(mm);

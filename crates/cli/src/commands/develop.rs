@@ -102,7 +102,10 @@ fn shrunk(picture: &Picture, longer: u32) -> Result<Picture, u32> {
         };
     }
     let scale = f64::from(longer) / f64::from(longest);
-    let size = (picture.size.as_dvec2() * scale).round().as_uvec2().max(UVec2::ONE);
+    let size = (picture.size.as_dvec2() * scale)
+        .round()
+        .as_uvec2()
+        .max(UVec2::ONE);
     // One axis after the other: the mean over a rectangle is that of means over its rows.
     let (columns, rows) = (picture.size.x as usize, picture.size.y as usize);
     let narrow: Vec<_> = picture
@@ -144,9 +147,8 @@ mod tests {
         let picture = Picture { size, pixels };
         let small = shrunk(&picture, 3).unwrap();
         assert_eq!(small.size, UVec2::new(3, 2));
-        let mean = |p: &Picture| {
-            p.pixels.iter().map(|c| c.mean()).sum::<f32>() / p.pixels.len() as f32
-        };
+        let mean =
+            |p: &Picture| p.pixels.iter().map(|c| c.mean()).sum::<f32>() / p.pixels.len() as f32;
         // Roundings of some thirty products.
         assert!((mean(&small) - mean(&picture)).abs() < 64.0 * 17.0 * f32::EPSILON);
         assert_eq!(shrunk(&picture, 7).unwrap(), picture);

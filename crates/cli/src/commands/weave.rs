@@ -70,7 +70,9 @@ impl Named {
     /// No such file or weave, or a file that cannot be read.
     fn of(word: &str, overrides: &[String], loader: &Loader<'_>) -> Result<Named> {
         let path = Path::new(word);
-        let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let is_toml = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
         if let (Some(set), false) = (overrides.first(), is_toml) {
             return Err(input(format!(
                 "--set {set}: {word} has no keys to override; only a fabric file (.toml) has"

@@ -159,11 +159,7 @@ pub(super) fn fit_of_design(design: &Draft, warp: &Threads, weft: &Threads) -> R
 }
 
 /// See [`needed_room`].
-pub(super) fn needed_room_of_design(
-    design: &Draft,
-    warp: &Threads,
-    weft: &Threads,
-) -> Option<f64> {
+pub(super) fn needed_room_of_design(design: &Draft, warp: &Threads, weft: &Threads) -> Option<f64> {
     let [all_warp, all_weft] = threads_of_design(design, warp, weft);
     needed_room(design, &all_warp, &all_weft)
 }
