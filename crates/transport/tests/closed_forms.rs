@@ -368,7 +368,7 @@ fn a_cut_edge_is_the_grid_cut_by_hand() {
             let regular = Integrator::Regular.into();
             let t = scene.transmittance(&ray, f64::INFINITY, regular, &mut rng.clone(), &mut stats);
             // The walk's start from far away belongs to the same box.
-            let start = scene.near_start(&[], ray.origin.as_dvec3(), w.as_dvec3());
+            let start = scene.near_start(&[], ray.origin, w.as_dvec3());
             through.push(t + start as f32);
         }
         through

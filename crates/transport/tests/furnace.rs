@@ -105,7 +105,7 @@ fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
             let weight = drawn_pdf.map_or(1.0, |p| balance(p, warp::UNIFORM_SPHERE_PDF));
             return sum + throughput * weight;
         };
-        let at = ray.at(local.t_entry + t);
+        let at = ray.at(local.t_entry + f64::from(t));
         let w_out = -ray.direction;
         let w_light = warp::uniform_sphere(rng.unit2());
         let shadow = Ray::new(at, w_light);

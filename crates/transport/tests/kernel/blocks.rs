@@ -4,7 +4,7 @@
 use super::*;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use organza_testing::twisted_weave;
-use organza_volume::voxelize::Plan;
+use organza_volume::voxelize::VoxelizePlan;
 use organza_volume::{BlockCut, BlockLayout, Octree, Parts};
 
 /// Crossings of the exemplar each way.
@@ -21,7 +21,7 @@ fn octree(turned: bool) -> Octree {
         max_memory_bytes: None,
     };
     let weave = twisted_weave();
-    let plan = Plan::of_parts(&weave, Parts::all(UVec2::splat(PARTS)), &options).unwrap();
+    let plan = VoxelizePlan::of_parts(&weave, Parts::all(UVec2::splat(PARTS)), &options).unwrap();
     let exemplar = plan.run(&|_| ()).unwrap();
     let dims = exemplar.dims(0);
     let block = UVec3::new(dims.x / PARTS, dims.y / PARTS, dims.z);

@@ -164,7 +164,7 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
         let met = scene.first_collision(&ray, Integrator::Woodcock.into(), &mut rng, &mut stats);
         if let Some(collision) = met {
             let (at, w_out) = (ray.at(collision.t), -ray.direction);
-            if let Some(to) = light.sample_toward(at, &mut rng) {
+            if let Some(to) = light.sample_toward(at.as_vec3(), &mut rng) {
                 let share = shares(to.pdf, collision.pdf(w_out, to.w_in)).0;
                 let shadow = Ray::new(at, to.w_in);
                 let reach = light.distance_along(&shadow).unwrap_or(0.0);
@@ -184,7 +184,7 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
                     scene.first_collision(&on, Integrator::Woodcock.into(), &mut rng, &mut stats);
                 let reach = next.map_or(f64::INFINITY, |c| c.t);
                 if light.distance_along(&on).is_some_and(|t| t <= reach) {
-                    let light_pdf = light.pdf_toward(at, on.direction);
+                    let light_pdf = light.pdf_toward(at.as_vec3(), on.direction);
                     let share = shares(light_pdf, drawn.pdf).1;
                     let seen = drawn.weight * light.radiance_toward(on.direction);
                     sum += share * seen.0.x;

@@ -130,7 +130,7 @@ fn split(target: &dyn RayTarget, theta_deg: f32, seed: u64, paths: u64) -> [Vec3
                 }
                 weight *= 2.0;
             }
-            let from = ray.at(met.t) + met.exit_mm(w_out, next.w_in, &mut rng);
+            let from = ray.at(met.t) + met.exit_mm(w_out, next.w_in, &mut rng).as_dvec3();
             ray = Ray::new(from, next.w_in);
         }
     }
@@ -232,7 +232,7 @@ fn copies_of_the_tile_are_alike() {
         };
         match (meet(from), meet(there)) {
             (Some(a), Some(b)) => assert!(
-                (a - b).abs() < 32.0 * f32::EPSILON,
+                (a - b).abs() < f64::from(32.0 * f32::EPSILON),
                 "seed 106, {i}: {a} {b}"
             ),
             (a, b) => assert_eq!(a.is_some(), b.is_some(), "seed 106, {i}"),
