@@ -277,6 +277,8 @@ impl<'de> Deserialize<'de> for ModelKey {
         match (name.as_str(), Representation::named(&name)) {
             (_, Some(representation)) => Ok(ModelKey::Is(representation)),
             ("auto", _) => Ok(ModelKey::Auto),
+            // The name of the model rather than of how its fibres are packed.
+            ("virtual-scattering", _) => Ok(ModelKey::Is(&PACKED)),
             _ => Err(D::Error::unknown_variant(&name, &MODELS)),
         }
     }
