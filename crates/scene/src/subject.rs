@@ -10,14 +10,10 @@ use crate::given_files::GivenFiles;
 use crate::loader::Loader;
 use crate::read;
 use crate::scene_file;
-use crate::studio::{self, Studio, Subject};
+use crate::studio::{self, MAX_FIBRE_MM, Studio, Subject, fibre_mm};
 use organza_weave::Draft;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-
-/// Length of the fibres of a tile at most, mm. They take about 13 kB each, with the cells in which
-/// rays find them (measured on a twill of cotton): 1.2 GB in all.
-const MAX_FIBRE_MM: f64 = 9.0e4;
 
 /// A scene made for a cloth. It is on no disk.
 #[derive(Debug)]
@@ -274,24 +270,6 @@ fn shown(
             return Ok((cloth, text));
         }
     }
-}
-
-/// Length of all fibres of a tile of woven cloth, mm (estimated from its threads).
-fn fibre_mm(cloth: &Fabric) -> f64 {
-    let Some(draft) = cloth.cloth.draft() else {
-        return 0.0;
-    };
-    let size_mm = organza_basis::SegmentSource::tile(&cloth.cloth)
-        .bounds_mm
-        .size();
-    let thread_mm =
-        draft.ends() as f64 * f64::from(size_mm.y) + draft.picks() as f64 * f64::from(size_mm.x);
-    let yarns = cloth.cloth.yarns();
-    let fibres = yarns.iter().map(|yarn| {
-        let ratio = yarn.radius_mm() / yarn.fibre_radius_mm;
-        yarn.fibre_volume_fraction() * ratio * ratio
-    });
-    thread_mm * fibres.sum::<f64>() / yarns.len().max(1) as f64
 }
 
 /// The part of a draft that a studio shows.
