@@ -54,7 +54,7 @@ fn no_file_that_an_input_names_is_written_over() {
     let grid = ["state.exr", "--checkpoint", "sigma_t.vol", "--resume"];
     let message = complaint(&folder, &[&render[..], &grid[..]].concat());
     assert!(
-        message.contains("sigma_t.vol: is not a checkpoint"),
+        message.contains("sigma_t.vol: is not a journal; expected one of `organza render`"),
         "{message}"
     );
     let both = ["x.exr", "--checkpoint", "./x.exr"];

@@ -87,7 +87,10 @@ fn a_design_becomes_a_cloth_of_blocks() {
             .map(|_| ()),
     ] {
         let why = what.unwrap_err().to_string();
-        assert!(why.contains("[synthesis] makes it of blocks"), "{why}");
+        assert!(
+            why.contains("it is made of blocks, as [synthesis]"),
+            "{why}"
+        );
     }
 }
 

@@ -54,14 +54,14 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 
 /// What the pictures of some seeds have more than those by whole paths, relative.
 fn gains(scene: &Scene, plan: &CachePlan) -> (Moments, f64) {
-    let exact = settings(0..sized(16_384, 131_072), u32::MAX);
+    let exact = settings(0..sized(32_768, 131_072), u32::MAX);
     let (film, _) = by_cells(scene, &exact, Backend::widest());
     let (mean, error) = film.mean()[1];
     let mut gains = Moments::default();
     for seed in 0..8 {
         let settings = RenderSettings {
             seed: 100 + seed,
-            ..settings(0..sized(2_048, 16_384), u32::MAX)
+            ..settings(0..sized(4_096, 16_384), u32::MAX)
         };
         let (film, _) = by_cache(scene, &settings, plan, Backend::widest());
         gains.add(film.mean()[1].0 / mean - 1.0);
@@ -83,8 +83,8 @@ fn the_mean_is_that_of_whole_paths() {
                 "seed 100, {name}, {mode:?}: {} +- {all}",
                 gains.mean
             );
-            // It tells a picture that is 3 % dimmer apart.
-            assert!(all < 0.03 / 4.0, "{name}, {mode:?}: +- {all}");
+            // It tells a picture that is 5 % dimmer apart.
+            assert!(all < 0.05 / 4.0, "{name}, {mode:?}: +- {all}");
         }
     }
 }
@@ -139,6 +139,7 @@ fn all_learn_the_same() {
         work: 200_000,
         ..plan(CacheMode::FirstFibre)
     };
+    let mut filled = 0;
     for (name, scene) in scenes() {
         let settings = settings(0..24, 40);
         let (first, report) = by_cache(&scene, &settings, &plan, Backend::Scalar);
@@ -157,6 +158,10 @@ fn all_learn_the_same() {
             ..settings.clone()
         };
         let (_, other) = by_cache(&scene, &other, &plan, Backend::widest());
-        assert_ne!(other.digest, report.digest, "{name}");
+        if report.bins != [0, 0] {
+            assert_ne!(other.digest, report.digest, "{name}");
+            filled += 1;
+        }
     }
+    assert!(filled > 4, "{filled} scenes have bins");
 }
