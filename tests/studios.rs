@@ -83,7 +83,7 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
             "-o",
             "x.csv",
             "--spp",
-            "1",
+            "2",
         ],
     );
     assert!(refused.contains("draft.part = [0, 0, 64, 64]"), "{refused}");

@@ -83,8 +83,8 @@ fn the_mean_is_that_of_whole_paths() {
                 "seed 100, {name}, {mode:?}: {} +- {all}",
                 gains.mean
             );
-            // It tells a picture that is 5 % dimmer apart.
-            assert!(all < 0.05 / 4.0, "{name}, {mode:?}: +- {all}");
+            // It tells a picture that is 6 % dimmer apart.
+            assert!(all < 0.06 / 4.0, "{name}, {mode:?}: +- {all}");
         }
     }
 }
