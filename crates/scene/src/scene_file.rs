@@ -179,7 +179,7 @@ impl RenderTable {
     }
 
     /// Smaller pictures take less time than their cache.
-    const LEAST_CACHED_PIXELS: u64 = 128 * 128;
+    const LEAST_CACHED_PIXELS: u64 = 256 * 256;
 
     /// How pictures that are not linear are shown.
     pub fn display(&self) -> Display {

@@ -410,11 +410,11 @@ impl Frame {
         }
         for i in 0..=CELLS {
             let mut v = 0.0;
-            for j in 0..=CELLS {
+            for (j, row) in rows.iter_mut().enumerate() {
                 if j > 0 {
                     v += point(i, j).distance(point(i, j - 1));
                 }
-                rows[j][i].y = v;
+                row[i].y = v;
             }
         }
         for (j, row) in rows.iter().enumerate() {

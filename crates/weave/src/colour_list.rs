@@ -137,7 +137,7 @@ pub(crate) fn one(name: &str) -> Result<Rgb, String> {
             (Ok(hex), 6, true) => Ok(of_hex(hex)),
             (Ok(hex), 3, true) => {
                 Ok(of_hex([8, 4, 0].into_iter().fold(0, |all, shift| {
-                    all << 8 | 0x11 * (hex >> shift & 0xf)
+                    (all << 8) | (0x11 * ((hex >> shift) & 0xf))
                 })))
             }
             _ => Err(format!(

@@ -31,7 +31,7 @@ impl CachePlan {
     /// Work for every pixel: pieces of fibre that rays are held against, in sixteens.
     const WORK_PER_PIXEL: f64 = 250.0;
     /// A smaller picture learns as much as one of so many pixels.
-    const MIN_PIXELS: u64 = 1 << 15;
+    const MIN_PIXELS: u64 = 1 << 17;
     /// Bytes of bins.
     pub const BYTES: u64 = 64 << 20;
     /// Error of blocks above which more is learned.
