@@ -80,6 +80,8 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
             "large.toml",
             "--model",
             "fibres",
+            "--layout",
+            "irawan",
             "-o",
             "x.csv",
             "--spp",
