@@ -80,6 +80,7 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
             "large.toml",
             "--model",
             "fibres",
+            "--quiet",
             "--layout",
             "irawan",
             "-o",
