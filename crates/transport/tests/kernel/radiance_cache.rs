@@ -74,7 +74,7 @@ fn gains(scene: &Scene, plan: &CachePlan) -> (Moments, f64) {
 #[test]
 fn the_mean_is_that_of_whole_paths() {
     let mut weights = 0.0f64;
-    for (name, scene) in scenes().into_iter().take(sized(2, 64) as usize) {
+    for (name, scene) in scenes().into_iter().take(sized(2, 64)) {
         for mode in [CacheMode::SecondFibre, CacheMode::FirstFibre] {
             let (gains, error) = gains(&scene, &plan(mode));
             let own = gains.variance() / gains.count as f64;
