@@ -89,13 +89,13 @@ pub struct RenderTable {
     pub png_bits: PngBits,
     /// The most a channel of a sample may be; no limit if none.
     pub clamp: Option<f32>,
-    /// Whether paths end in a cache of radiance; chosen by the size of the picture if none.
+    /// Whether paths end in a cache of radiance; chosen by the picture if none.
     pub cache: Option<CacheName>,
     /// How much the cache learns, in multiples of the usual.
     pub cache_learning: f64,
     /// More is learned where the error of the cache in blocks of 16 x 16 pixels is surely
-    /// above this fraction of the picture's mean.
-    pub cache_error: f64,
+    /// above this fraction of the picture's mean; never if none.
+    pub cache_error: Option<f64>,
     /// Memory of the cache while it is learned, MiB.
     pub cache_mib: u32,
 }
@@ -108,7 +108,7 @@ pub enum CacheName {
     Off,
     /// Paths end at their second fibre.
     SecondFibre,
-    /// In flat cloth at their first fibre, elsewhere at the second.
+    /// At their first fibre where samples can share its light, elsewhere at the second.
     FirstFibre,
 }
 
@@ -126,7 +126,7 @@ impl Default for RenderTable {
             clamp: None,
             cache: None,
             cache_learning: 1.0,
-            cache_error: CachePlan::BLOCK_ERROR,
+            cache_error: None,
             cache_mib: (CachePlan::BYTES >> 20) as u32,
         }
     }
@@ -150,8 +150,7 @@ impl RenderTable {
                 "cache_learning: expected 0.01 to 1000, found {found}"
             ));
         }
-        if !(1e-4..=1.0).contains(&self.cache_error) {
-            let found = self.cache_error;
+        if let Some(found) = self.cache_error.filter(|e| !(1e-4..=1.0).contains(e)) {
             return Err(format!("cache_error: expected 0.0001 to 1, found {found}"));
         }
         if !(1..=4096).contains(&self.cache_mib) {
@@ -168,18 +167,21 @@ impl RenderTable {
         let mode = match self.cache {
             Some(CacheName::Off) => return None,
             None if pixels < Self::LEAST_CACHED_PIXELS => return None,
-            Some(CacheName::SecondFibre) | None => CacheMode::SecondFibre,
             Some(CacheName::FirstFibre) => CacheMode::FirstFibre,
+            None if self.spp <= Self::MOST_SHARED_SAMPLES => CacheMode::FirstFibre,
+            Some(CacheName::SecondFibre) | None => CacheMode::SecondFibre,
         };
         Some(CachePlan {
             bytes: u64::from(self.cache_mib) << 20,
-            block_error: self.cache_error,
+            block_error: self.cache_error.unwrap_or(f64::INFINITY),
             ..CachePlan::of_picture(mode, pixels, self.cache_learning)
         })
     }
 
     /// Smaller pictures take less time than their cache.
     const LEAST_CACHED_PIXELS: u64 = 256 * 256;
+    /// With more samples a picture has less noise than what samples share.
+    const MOST_SHARED_SAMPLES: u32 = 64;
 
     /// How pictures that are not linear are shown.
     pub fn display(&self) -> Display {

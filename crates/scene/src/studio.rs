@@ -126,6 +126,8 @@ struct Panel {
 /// Samples of a pixel, and pixels along the longer edge: some 40 seconds of two processors.
 const SPP: u32 = 16;
 const PIXELS: u32 = 512;
+/// How much the cache of radiance learns, in multiples of the usual.
+const LEARNING: f64 = 0.8;
 /// Lamps stand so many widths of the picture away.
 const LAMP_DISTANCE: f64 = 8.0;
 /// Cells of the mesh of folds, each way.
@@ -177,11 +179,10 @@ pub fn scene(studio: Studio, subject: &Subject<'_>) -> Result<StudioScene, Input
         width_mm,
     };
     let mut text = format!(
-        "# The studio \"{}\" for {}, written by organza.\n\n[render]\nspp = {}\n\
-         exposure = \"auto\"\n\n",
+        "# The studio \"{}\" for {}, written by organza.\n\n[render]\nspp = {SPP}\n\
+         cache_learning = {LEARNING}\nexposure = \"auto\"\n\n",
         studio.name(),
-        subject.fabric,
-        SPP
+        subject.fabric
     );
     let mut mesh = None;
     match studio {

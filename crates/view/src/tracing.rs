@@ -44,6 +44,15 @@ pub enum Stop {
     Failed(String),
 }
 
+/// The same plan for somebody who waits: less is learned.
+fn soon(plan: CachePlan) -> CachePlan {
+    const SHARE: f64 = 0.25;
+    CachePlan {
+        work: (SHARE * plan.work as f64) as u64,
+        ..plan
+    }
+}
+
 impl<'a> Tracing<'a> {
     /// A picture without samples.
     ///
@@ -92,7 +101,7 @@ impl<'a> Tracing<'a> {
         let resolution = plan.file.camera.as_ref().map(|camera| camera.resolution);
         Ok(Tracing {
             rendering,
-            to_learn: resolution.and_then(|size| table.cache_plan(size)),
+            to_learn: resolution.and_then(|size| table.cache_plan(size)).map(soon),
             why_walk,
             seconds: 0.0,
             learned_s: 0.0,

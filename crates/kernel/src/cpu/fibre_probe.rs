@@ -100,7 +100,7 @@ impl Work for ProbeWork<'_> {
         })
     }
 
-    fn end(&mut self, slot: usize, end: &End, _: &mut Stats) {
+    fn end(&mut self, slot: usize, end: &End<'_>, _: &mut Stats) {
         let index = self.under_way[slot] - self.paths.paths.start;
         self.samples[index as usize] = PathSample {
             radiance: Rgb(end.radiance),

@@ -50,6 +50,8 @@ pub struct Head {
 /// All cells.
 pub struct Cells {
     pub grid: Grid,
+    /// Mean radius of the pieces, mm.
+    pub mean_radius_mm: f64,
     /// Half the edges of a cell, mm, and the least edge.
     pub half_mm: [f32; 3],
     pub min_edge_mm: f32,
@@ -140,6 +142,7 @@ impl Cells {
             lead_mm: LEAD * min_edge_mm,
             slack_mm: SLACK * min_edge_mm,
             grid,
+            mean_radius_mm: mean,
             heads: Vec::new(),
             blocks: Vec::new(),
             hulls: Vec::new(),

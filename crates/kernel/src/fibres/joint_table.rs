@@ -79,8 +79,27 @@ impl JointTable {
 
     /// The yarn of a piece.
     pub fn yarn(&self, piece: u32) -> u32 {
-        let strand = self.words[(piece * JOINT + 7) as usize] & !CUT;
-        self.strands[strand as usize].yarn
+        self.strands[self.strand(piece) as usize].yarn
+    }
+
+    /// Which of all strands a piece belongs to.
+    #[inline]
+    pub fn strand(&self, piece: u32) -> u32 {
+        self.words[(piece * JOINT + 7) as usize] & !CUT
+    }
+
+    /// The length of the piece that begins at a joint, if one does.
+    pub fn length_mm(&self, joint: u32) -> Option<f64> {
+        let per_length = f64::from(self.float(joint, 5));
+        (per_length > 0.0).then(|| 1.0 / per_length)
+    }
+
+    /// What share of a piece lies before a point that is so far from the mitre before its
+    /// first joint.
+    #[inline]
+    pub fn share_along(&self, piece: u32, along_mm: f32) -> f32 {
+        let beyond_mitre = along_mm - self.float(piece, 4);
+        (beyond_mitre * self.float(piece, 5)).clamp(0.0, 1.0)
     }
 
     #[inline(always)]

@@ -62,8 +62,8 @@ pub struct Paths {
     pub branches: Branches,
     /// Fibres met so far.
     pub fibres_met: [u32; WAVE],
-    /// Where a path noted a place for the cache.
-    pub note: [Option<Note>; WAVE],
+    /// Where paths noted places for the cache.
+    pub notes: Vec<Vec<Note>>,
 }
 
 /// What the paths met.
@@ -140,7 +140,7 @@ impl Paths {
             },
             branches: Branches::new(),
             fibres_met: [0; WAVE],
-            note: [None; WAVE],
+            notes: vec![Vec::new(); WAVE],
         })
     }
 
@@ -154,7 +154,7 @@ impl Paths {
         put(&mut self.absorbed, slot, Vec3::ZERO);
         self.bounces[slot] = 0;
         self.fibres_met[slot] = 0;
-        self.note[slot] = None;
+        self.notes[slot].clear();
         self.first[slot] = None;
         self.before_mm[slot] = 0.0;
         self.pdf[slot] = f32::INFINITY;

@@ -345,7 +345,7 @@ impl Walk<'_> {
             first: paths.first[slot],
             absorbed: get(&paths.absorbed, slot),
             escape: escaped.then(|| (get(&paths.direction, slot), get(&paths.throughput, slot))),
-            note: paths.note[slot],
+            notes: &paths.notes[slot],
         };
         work.end(slot, &end, stats);
         self.begin(paths, slot, work, stats);

@@ -21,7 +21,7 @@ pub struct Start {
 
 /// A path that has ended.
 #[derive(Clone, Copy, Debug)]
-pub struct End {
+pub struct End<'a> {
     pub radiance: Vec3,
     pub bounces: u32,
     pub first: Option<FirstEvent>,
@@ -29,8 +29,8 @@ pub struct End {
     pub absorbed: Vec3,
     /// Where it left the matter and what it carried, if it did.
     pub escape: Option<(Vec3, Vec3)>,
-    /// Where it noted a place for the cache.
-    pub note: Option<Note>,
+    /// Where it noted places for the cache.
+    pub notes: &'a [Note],
 }
 
 /// Gives out paths and takes what they found. Every slot of a wave has one path
@@ -39,7 +39,7 @@ pub trait Work {
     /// The next path of a slot.
     fn begin(&mut self, slot: usize, stats: &mut Stats) -> Option<Start>;
     /// The path of a slot has ended.
-    fn end(&mut self, slot: usize, end: &End, stats: &mut Stats);
+    fn end(&mut self, slot: usize, end: &End<'_>, stats: &mut Stats);
 }
 
 /// Slots of a wave.
@@ -122,7 +122,7 @@ impl Work for FilmWork<'_, '_> {
         })
     }
 
-    fn end(&mut self, slot: usize, end: &End, stats: &mut Stats) {
+    fn end(&mut self, slot: usize, end: &End<'_>, stats: &mut Stats) {
         let post = &mut self.posts[slot];
         let Some((pixel, ..)) = post.pixel else {
             return;

@@ -281,8 +281,8 @@ fn learned<'a>(
     {
         note!(
             "organza: warning: {}: the cache of radiance is off by {:.1} % of the mean in blocks \
-             of {edge} x {edge} pixels, more than render.cache_error allows; \
-             render.cache_learning = 8 makes it better, render.cache = \"off\" goes without",
+             of {edge} x {edge} pixels, more than render.cache_error allows, after eight times \
+             the usual learning",
             args.scene.display(),
             100.0 * cache.block_error().0,
             edge = CacheReport::BLOCK,

@@ -81,6 +81,7 @@ pub fn figures(
             "bins": cache.bins,
             "mean_error": cache.mean_error,
             "block_error_squared": cache.block_error_squared,
+            "shared_noise": cache.shared_noise,
         })),
         "chosen": chosen,
         "display": shown.map(|d| json!({
@@ -107,8 +108,9 @@ fn describe_cache(cache: &CacheReport) -> String {
     let shared = match first {
         0 => String::new(),
         _ => format!(
-            "; {first} bins at first fibres by {} paths",
-            cache.shared_paths
+            "; {first} bins at first fibres by {} paths, with {:.1} % of noise",
+            cache.shared_paths,
+            100.0 * cache.shared_noise,
         ),
     };
     format!(

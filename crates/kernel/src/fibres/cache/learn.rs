@@ -1,10 +1,11 @@
 //! Learning paths: from the camera, over the whole picture, walked to their ends.
 
-use super::place::{Level, Places};
+use super::flow::Flow;
+use super::place::Places;
 use super::plan::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
 use super::table::RadianceTable;
 use super::tree::{RadianceTree, Record};
-use super::{CacheUse, RadianceCache};
+use super::{CacheUse, Note, Notes, RadianceCache};
 use crate::cpu::math::pixel_key;
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::work::{End, Start, WAVE, Work};
@@ -29,10 +30,15 @@ const GOES: u64 = 16;
 const TESTED: f64 = 0.15;
 /// Share of the rest that fills the bins at the first fibre, if those are used.
 const SHARED: f64 = 0.5;
+/// Share of the paths of a table in which bins divide.
+const DIVIDED: f64 = 0.3;
+/// Arrivals after which bins divide at the first fibre, whose noise is that of the picture, and
+/// at later ones.
+const SPLIT: [u32; 2] = [16, 6];
 /// Distance over which the light of a lamp changes, in distances to the lamp.
 const LAMP_CHANGE: f64 = 0.1;
 /// How often more is learned where the error is too large; each time as much as before.
-const MORE: u32 = 2;
+const MORE: u32 = 7;
 /// Visits that may be made for one purpose.
 const NAMES: u64 = 1 << 24;
 
@@ -47,58 +53,78 @@ pub fn learn(
     watch: &LearnWatch<'_>,
 ) -> Result<RadianceCache, Stopped> {
     let picture = Tiles::new(&scene.camera, scene.seed);
-    let (picture_mm, middle) = picture.seen(walk);
+    let (pixel_mm, middle) = picture.seen(walk);
     let light_mm = light_change_mm(scene, middle);
-    let places = Places::new(&scene.matter, picture_mm, light_mm);
+    let columns = scene.camera.resolution().x;
+    let places = Places::new(&scene.matter, (pixel_mm, columns), light_mm);
     let shares = plan.mode == CacheMode::FirstFibre && places.are_shared_at_first();
-    let whole_paths = |order| CacheUse {
+    let whole_paths = |notes| CacheUse {
         places: Some(&places),
-        notes_at: Some(order),
+        notes,
         ..CacheUse::default()
     };
-    let bytes = if shares { plan.bytes / 2 } else { plan.bytes };
-    let new_tree = |order| RadianceTree::new(places.levels(order), bytes);
-    let (tested, left) = (TESTED * plan.work as f64, (1.0 - TESTED) * plan.work as f64);
+    let [flow_bytes, tree_bytes] = [plan.bytes / 2, plan.bytes / 4];
+    let new_tree =
+        |order: u32| RadianceTree::new(places.levels(order), SPLIT[order as usize], tree_bytes);
+    let more = if shares { CachePlan::SHARED } else { 1.0 };
+    let usual = more * plan.work as f64;
+    let (tested, left) = (TESTED * usual, (1.0 - TESTED) * usual);
     let shared = if shares { SHARED * left } else { 0.0 };
     let mut paths = Paths {
         picture: &picture,
         walk,
         watch,
-        all: plan.work as f64,
+        all: usual,
         done: 0.0,
         made: [0; 3],
     };
 
-    let mut second_tree = new_tree(1);
-    let (mut light, mut learned) = (Light::default(), 0);
+    let mut light = Light::default();
+    let mut later_tree = new_tree(1);
+    let divided = DIVIDED * (left - shared);
+    let mut learned = paths.walk(0, divided, whole_paths(Notes::From(1)), |go| {
+        light.add(go);
+        later_tree.learn(&go.all_records());
+    })?;
+    let mut flow = Flow::new(later_tree.table(), places.levels(1), flow_bytes);
+    drop(later_tree);
     let mut error = ErrorOfBlocks::default();
     let mut rounds = 0;
     loop {
-        learned += paths.walk(0, left - shared, whole_paths(1), |go| {
+        let work = left - shared - if rounds == 0 { divided } else { 0.0 };
+        let whole = CacheUse {
+            picture_mean: light.if_any(),
+            ..whole_paths(Notes::From(1))
+        };
+        learned += paths.walk(0, work, whole, |go| {
             light.add(go);
-            second_tree.learn(&go.records);
+            go.flow_into(&mut flow);
         })?;
-        let second = second_tree.table();
-        let picture_mean = light.mean() as f32;
+        let second = flow.table();
         let mut first_paths = 0;
         let first = if shares {
             let to_second = CacheUse {
-                tables: [None, Some(&second)],
-                picture_mean: Some(picture_mean).filter(|mean| *mean > 0.0),
-                ..whole_paths(0)
+                tables: [None, Some(second)],
+                picture_mean: light.if_any(),
+                ..whole_paths(Notes::At(0))
             };
             let mut first_tree = new_tree(0);
             let work = shared * f64::from(rounds + 1);
-            first_paths = paths.walk(1, work, to_second, |go| first_tree.learn(&go.records))?;
+            for part in [DIVIDED * work, (1.0 - DIVIDED) * work] {
+                first_paths +=
+                    paths.walk(1, part, to_second, |go| first_tree.learn(&go.records))?;
+                first_tree.divide_no_more();
+            }
             Some(first_tree.table())
         } else {
             None
         };
-        let (order, table) = first.as_ref().map_or((1, &second), |first| (0, first));
+        let order = u32::from(first.is_none());
+        let picture_mean = light.mean() as f32;
         error.restart();
         let work = tested * f64::from(rounds + 1);
-        paths.walk(2, work, whole_paths(order), |go| {
-            error.add(go, table, places.levels(order));
+        paths.walk(2, work, whole_paths(Notes::From(order)), |go| {
+            error.add(go, [first.as_ref(), Some(second)], &places);
         })?;
         let [mean_error, block_error_squared] = error.relative_to(f64::from(picture_mean));
         let digest = first.as_ref().map_or(0, RadianceTable::digest);
@@ -111,17 +137,18 @@ pub fn learn(
             ],
             mean_error,
             block_error_squared,
+            shared_noise: first.as_ref().map_or(0.0, |_| error.noise(picture_mean)),
             digest: mix64(second.digest() ^ mix64(digest)),
         };
         if rounds < MORE && report.is_surely_above(plan.block_error) {
             rounds += 1;
-            paths.all += plan.work as f64 + f64::from(rounds) * (shared + tested);
+            paths.all += usual + f64::from(rounds) * (shared + tested);
             continue;
         }
         return Ok(RadianceCache {
             places,
             first,
-            second,
+            second: flow.into_table(),
             picture_mean,
             report,
         });
@@ -216,6 +243,10 @@ impl Light {
     fn mean(&self) -> f64 {
         self.sum / self.paths.max(1) as f64
     }
+
+    fn if_any(&self) -> Option<f32> {
+        Some(self.mean() as f32).filter(|mean| *mean > 0.0)
+    }
 }
 
 /// What paths found beyond what a table says, by blocks of the picture: a pair of visits to a
@@ -227,6 +258,8 @@ struct ErrorOfBlocks {
     squares: f64,
     products: f64,
     products_squared: f64,
+    noise_squares: f64,
+    records: u64,
 }
 
 impl ErrorOfBlocks {
@@ -234,20 +267,37 @@ impl ErrorOfBlocks {
         *self = ErrorOfBlocks::default();
     }
 
-    fn add(&mut self, go: &Go, table: &RadianceTable, levels: &[Level]) {
-        let beyond = |record: &Record| {
-            let known = table.radiance(&record.place, levels);
-            known.map_or(0.0, |q| {
-                let error = record.carried * q - record.found;
-                f64::from(error.element_sum()) / 3.0
+    /// Takes paths that noted all fibres, from the first one on where a table is read there.
+    fn add(&mut self, go: &Go, tables: [Option<&RadianceTable>; 2], places: &Places) {
+        let from = usize::from(tables[0].is_none());
+        // Where a path would have ended, what it would have read there, and with what noise.
+        let read = |path: usize| {
+            let (light, notes) = go.of_path(path)?;
+            notes.iter().enumerate().find_map(|(order, note)| {
+                let order = (order + from).min(1);
+                let levels = places.levels(order as u32);
+                let table = tables[order]?;
+                let bin = table.find(&note.place, levels)?;
+                let added = note.carried * table.radiance_of(bin);
+                let noise = if order == 0 { table.noise_of(bin) } else { 0.0 };
+                Some((added, light - note.found, noise))
             })
         };
+        let mean_of = |v: Vec3| f64::from(v.element_sum()) / 3.0;
+        let mut beyond = vec![0.0; go.lights.len()];
+        for (path, beyond) in beyond.iter_mut().enumerate() {
+            if let Some((added, found, noise)) = read(path) {
+                *beyond = mean_of(added - found);
+                self.records += 1;
+                self.noise_squares += (mean_of(added) * f64::from(noise)).powi(2);
+            }
+        }
         for pair in 0..VISITS as usize / 2 {
             let of = |half: usize| {
                 let visit = (2 * pair + half) * VISIT as usize;
                 let range = visit..visit + VISIT as usize;
                 let count = go.lights[range.clone()].iter().flatten().count();
-                let sum: f64 = go.records[range].iter().flatten().map(beyond).sum();
+                let sum: f64 = beyond[range].iter().sum();
                 (count > 0).then(|| sum / count as f64)
             };
             if let (Some(a), Some(b)) = (of(0), of(1)) {
@@ -258,6 +308,11 @@ impl ErrorOfBlocks {
                 self.products_squared += (a * b) * (a * b);
             }
         }
+    }
+
+    /// Root mean square of the noise of bins where paths read them.
+    fn noise(&self, mean: f32) -> f64 {
+        (self.noise_squares / self.records.max(1) as f64).sqrt() / f64::from(mean)
     }
 
     /// Mean and mean square, each with its standard error.
@@ -278,9 +333,39 @@ impl ErrorOfBlocks {
 
 /// What the paths of one go found, in the order of their names.
 struct Go {
+    /// Of the first note of every path.
     records: Vec<Option<Record>>,
+    /// All notes of paths that ended, and where those of a path lie.
+    notes: Vec<Note>,
+    notes_of: Vec<std::ops::Range<u32>>,
     /// Radiance of every path; none of those beyond the picture's edge.
     lights: Vec<Option<Vec3>>,
+}
+
+impl Go {
+    fn of_path(&self, path: usize) -> Option<(Vec3, &[Note])> {
+        let range = &self.notes_of[path];
+        let notes = &self.notes[range.start as usize..range.end as usize];
+        Some((self.lights[path]?, notes))
+    }
+
+    /// Of all notes.
+    fn all_records(&self) -> Vec<Option<Record>> {
+        let paths = (0..self.lights.len()).filter_map(|path| self.of_path(path));
+        let all = paths.flat_map(|(light, notes)| {
+            let records = notes.iter().map(move |note| Record::new(note, light));
+            records.map(Some)
+        });
+        all.collect()
+    }
+
+    fn flow_into(&self, flow: &mut Flow) {
+        for path in 0..self.lights.len() {
+            if let Some((light, notes)) = self.of_path(path) {
+                flow.take(light, notes);
+            }
+        }
+    }
 }
 
 /// A picture in tiles, which are visited so that few visits are spread over all of it.
@@ -318,7 +403,7 @@ impl Tiles {
         (work.go, stats)
     }
 
-    /// Width of the picture where paths meet fibres, mm, and a place there.
+    /// Width of a pixel where paths meet fibres, mm, and a place there.
     fn seen(&self, walk: &Walker<'_>) -> (f64, DVec3) {
         let mut work = Learning::new(self, 0);
         walk(CacheUse::default(), &mut work);
@@ -328,8 +413,7 @@ impl Tiles {
         let forward = (pose.target_mm - pose.origin_mm).normalize();
         let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
         let pixel_mm = self.camera.pixel_cone(forward).width_at_mm(depth);
-        let width = pixel_mm * f64::from(self.camera.resolution().x);
-        (width, pose.origin_mm + depth * forward)
+        (pixel_mm, pose.origin_mm + depth * forward)
     }
 
     /// Pixel and sample of a path; none beyond the edge.
@@ -371,6 +455,8 @@ impl<'a> Learning<'a> {
             depths_mm: Vec::new(),
             go: Go {
                 records: vec![None; paths],
+                notes: Vec::new(),
+                notes_of: vec![0..0; paths],
                 lights: vec![None; paths],
             },
         }
@@ -405,18 +491,18 @@ impl Work for Learning<'_> {
         })
     }
 
-    fn end(&mut self, slot: usize, end: &End, _: &mut Stats) {
+    fn end(&mut self, slot: usize, end: &End<'_>, _: &mut Stats) {
         let path = self.under_way[slot];
         // A light that is not finite would make a whole bin so.
         if !end.radiance.is_finite() {
             return;
         }
         self.go.lights[path] = Some(end.radiance);
-        self.go.records[path] = end.note.map(|note| Record {
-            place: note.place,
-            carried: note.carried,
-            found: end.radiance - note.found,
-        });
+        let first = end.notes.first();
+        self.go.records[path] = first.map(|note| Record::new(note, end.radiance));
+        let start = self.go.notes.len() as u32;
+        self.go.notes.extend_from_slice(end.notes);
+        self.go.notes_of[path] = start..self.go.notes.len() as u32;
         if let Some(first) = end.first {
             self.depths_mm.push(first.depth_mm);
         }

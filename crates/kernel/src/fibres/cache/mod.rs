@@ -3,22 +3,24 @@
 //! Most of the noise of a picture of fibres is the lottery of long paths, and most of the time
 //! goes into them. Paths that begin at the camera therefore end at the second fibre that they
 //! meet: there they add what they carry times the radiance that *learning paths*, which were
-//! walked to their ends, found at such places. Of flat cloth the place is that in the tile, so
-//! that all repeats learn for one another. A second table holds the radiance at the *first*
-//! fibre, learned from paths that end in the first table: samples that see the same place of
-//! the tile share their light.
+//! walked to their ends, found at such places; if nothing is known there, they go on to the next
+//! one. Of flat cloth the place is that in the tile, so that all repeats learn for one another.
+//! A second table holds the radiance at the *first* fibre, learned from paths that end in the
+//! first table: samples that see the same stretch of a fibre share its light.
 //!
 //! A bin keeps two sums over its learning paths, of the light `L` that they found after their
 //! arrival and of what they carried on arrival, `T`; its radiance is the quotient. The sum of
 //! `T q` over all arrivals is then the sum of `L`: within a bin light is only moved about, and no
-//! lobe, light or geometry enters. Two conditions keep that true: a table learns only from
-//! arrivals of the order at which it is read, and no light counts in two bins that are both
-//! read (see [`tree`]).
+//! lobe, light or geometry enters. Bins at the first fibre take the light to the ends of paths,
+//! and none counts in two bins that are both read (see [`tree`]). Bins at later fibres take the
+//! light up to the next bin, and what flows on from there (see [`flow`]).
 //!
 //! - [`place`]: where light meets a fibre, in bins of several sizes that nest.
 //! - [`tree`]: bins that divide while they learn; [`table`]: what is read.
+//! - [`flow`]: the radiances of bins between which paths go, solved together.
 //! - [`learn`]: learning paths, and an estimate of the error of the cache.
 
+pub(crate) mod flow;
 pub(crate) mod learn;
 pub(crate) mod place;
 pub(crate) mod plan;
@@ -38,7 +40,7 @@ pub struct RadianceCache {
     pub places: Places,
     /// Radiance at the first fibre of a path from the camera, if samples share it.
     pub first: Option<RadianceTable>,
-    /// At the second one.
+    /// At later ones.
     pub second: RadianceTable,
     /// Mean radiance of the picture, over pixels and channels.
     pub picture_mean: f32,
@@ -51,7 +53,7 @@ impl RadianceCache {
         CacheUse {
             places: Some(&self.places),
             tables: [self.first.as_ref(), Some(&self.second)],
-            notes_at: None,
+            notes: Notes::None,
             picture_mean: Some(self.picture_mean).filter(|mean| *mean > 0.0),
         }
     }
@@ -68,12 +70,23 @@ impl RadianceCache {
 pub struct CacheUse<'a> {
     /// How places are found; none where neither happens.
     pub places: Option<&'a Places>,
-    /// Tables that end paths at the first and at the second fibre.
+    /// Tables that end paths at the first fibre and at later ones.
     pub tables: [Option<&'a RadianceTable>; 2],
-    /// The fibre, counted from zero, at which paths note where they are.
-    pub notes_at: Option<u32>,
+    /// Where paths note where they are.
+    pub notes: Notes,
     /// Mean radiance of the picture: shadow rays are kept by what they add to it.
     pub picture_mean: Option<f32>,
+}
+
+/// At which fibres, counted from zero, paths note where they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Notes {
+    #[default]
+    None,
+    /// At one.
+    At(u32),
+    /// At one and at all later ones.
+    From(u32),
 }
 
 /// Where a path was on its way, and what it carried and had found by then.
@@ -96,16 +109,20 @@ impl CacheUse<'_> {
         order: u32,
     ) -> Option<Vec3> {
         let places = self.places?;
-        let table = self.tables.get(order as usize).copied().flatten();
-        let is_noted = self.notes_at == Some(order);
+        let table = self.tables[order.min(1) as usize];
+        let is_noted = match self.notes {
+            Notes::None => false,
+            Notes::At(noted) => order == noted,
+            Notes::From(first) => order >= first,
+        };
         if table.is_none() && !is_noted {
             return None;
         }
-        let place = places.of(matter, paths, slot);
+        let place = places.of(matter, paths, slot, order);
         let carried = get(&paths.throughput, slot);
         if is_noted {
             let found = get(&paths.radiance, slot);
-            paths.note[slot] = Some(Note {
+            paths.notes[slot].push(Note {
                 place,
                 carried,
                 found,

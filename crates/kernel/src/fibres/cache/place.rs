@@ -1,9 +1,10 @@
 //! Where light meets a fibre, in bins of several sizes that nest.
 
+use super::super::body::Body;
 use super::super::matter::FibreMatter;
 use super::super::paths::{Paths, get};
 use super::super::trip::TripEnd;
-use glam::{DVec3, IVec3, Vec3};
+use glam::{DVec3, Vec3};
 use organza_basis::mix64;
 
 /// Finest steps of a place in a cell of the grid of fibres, as a power of two: eighths.
@@ -13,17 +14,24 @@ const TOWARD_BITS: i32 = 6;
 /// Finest steps of the widest bin of draped cloth, as a power of two.
 const PATCH_BITS: i32 = 5;
 
+/// Finest steps along a piece of fibre, and about a fibre, as powers of two.
+const PIECE_BITS: i32 = 4;
+const ABOUT_BITS: i32 = 3;
+
 /// A place at a fibre and the way of the light there, in whole numbers of the finest steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// In the tile of flat cloth, or in the world.
+    /// In the tile of flat cloth, or in the world; along a fibre, pieces on.
     at: [i32; 3],
-    /// Of flat cloth the patch of the world; of other cloth the layer of cells across it.
+    /// Of flat cloth the patch of the world; of other cloth the layer of cells across it; of
+    /// a fibre which repeat, or the patch.
     beside: [i32; 2],
     /// The way of the path in an octahedral map, of the cloth where that is draped.
     toward: [u8; 2],
-    /// Which body, and along which of its axes the fibre runs.
-    what: u16,
+    /// The side of a fibre.
+    about: u8,
+    /// Which body, and along which of its axes the fibre runs; or which fibre.
+    what: u32,
 }
 
 /// Bins of one size: how many bits of a place are left out.
@@ -32,10 +40,25 @@ pub struct Level {
     at: u8,
     beside: u8,
     toward: u8,
+    about: u8,
 }
 
 const fn level(at: u8, beside: u8, toward: u8) -> Level {
-    Level { at, beside, toward }
+    Level {
+        at,
+        beside,
+        toward,
+        about: ABOUT_BITS as u8,
+    }
+}
+
+const fn on_fibre(at: u8, toward: u8, about: u8) -> Level {
+    Level {
+        at,
+        beside: 0,
+        toward,
+        about,
+    }
 }
 
 /// Bins in the tile at the second fibre: from two cells and 64 directions to an eighth of a
@@ -59,6 +82,22 @@ const TILE_FIRST: &[Level] = &[
     level(1, 0, 1),
     level(1, 0, 0),
     level(0, 0, 0),
+];
+
+/// Bins on a fibre, where its width fills a pixel: from 32 of its pieces to a sixteenth of one
+/// and an eighth of the way about it. Directions of view are 6 to 3 degrees apart.
+const ON_FIBRE: &[Level] = &[
+    on_fibre(9, 2, 3),
+    on_fibre(8, 2, 3),
+    on_fibre(7, 2, 3),
+    on_fibre(6, 2, 3),
+    on_fibre(5, 1, 3),
+    on_fibre(4, 1, 3),
+    on_fibre(3, 1, 2),
+    on_fibre(2, 1, 2),
+    on_fibre(2, 0, 1),
+    on_fibre(1, 0, 1),
+    on_fibre(0, 0, 0),
 ];
 
 /// Bins in the world at the second fibre. Nothing is wider than the first: where that is not
@@ -95,49 +134,150 @@ impl Place {
 
 /// How the places of a scene are counted.
 #[derive(Clone, Copy, Debug)]
-pub enum Places {
-    /// In the tile of one flat cloth, all repeats of which see the same light within patches
+pub struct Places {
+    at_second: Frame,
+    at_first: First,
+}
+
+/// What places are counted in.
+#[derive(Clone, Copy, Debug)]
+enum Frame {
+    /// The tile of one flat cloth, all repeats of which see the same light within patches
     /// of so many mm, if not everywhere.
     Tile { patch_mm: Option<f64> },
-    /// In the world: of draped cloth and of several bodies, in steps of so many mm.
+    /// The world: of draped cloth and of several bodies, in steps of so many mm.
     World { step_mm: f64 },
 }
 
+/// What samples share at their first fibres.
+#[derive(Clone, Copy, Debug)]
+enum First {
+    /// Nothing.
+    Alone,
+    /// The light of a place in the tile.
+    InTile,
+    /// The light of a stretch of a fibre, in bins from that size on.
+    OnFibre(usize),
+}
+
 impl Places {
-    /// Of matter in a picture that is so wide where the matter is. `light_mm` is the distance
-    /// over which the light changes, if it does.
-    pub fn new(matter: &FibreMatter, picture_mm: f64, light_mm: Option<f64>) -> Places {
+    /// Of matter in a picture whose pixels are so wide where the matter is. `light_mm` is the
+    /// distance over which the light changes, if it does.
+    pub fn new(
+        matter: &FibreMatter,
+        (pixel_mm, columns): (f64, u32),
+        light_mm: Option<f64>,
+    ) -> Places {
         /// Widest bins in a picture's width.
         const PATCHES: f64 = 16.0;
-        if matter.is_one_body() {
-            return Places::Tile { patch_mm: light_mm };
+        let at_second = if matter.is_one_body() {
+            Frame::Tile { patch_mm: light_mm }
+        } else {
+            let widest_mm = (pixel_mm * f64::from(columns) / PATCHES).clamp(1e-6, 1e6);
+            let step_mm = widest_mm / f64::from(1 << PATCH_BITS);
+            Frame::World { step_mm }
+        };
+        let at_first = match (widest_on_fibre(matter, pixel_mm), at_second) {
+            _ if matter.has_packed() => First::Alone,
+            (Some(from), _) => First::OnFibre(from),
+            (None, Frame::Tile { .. }) => First::InTile,
+            (None, Frame::World { .. }) => First::Alone,
+        };
+        Places {
+            at_second,
+            at_first,
         }
-        let widest_mm = (picture_mm / PATCHES).clamp(1e-6, 1e6);
-        let step_mm = widest_mm / f64::from(1 << PATCH_BITS);
-        Places::World { step_mm }
     }
 
     /// Whether samples may share the light at their first fibres.
     pub fn are_shared_at_first(&self) -> bool {
-        matches!(self, Places::Tile { .. })
+        !matches!(self.at_first, First::Alone)
     }
 
     /// The sizes of bins at a path's fibre of that number, counted from zero; coarse to fine.
     pub fn levels(&self, order: u32) -> &'static [Level] {
-        match (self, order) {
-            (Places::Tile { .. }, 0) => TILE_FIRST,
-            (Places::Tile { .. }, _) => TILE_SECOND,
-            (Places::World { .. }, _) => WORLD_SECOND,
+        match (order, self.at_first, self.at_second) {
+            (0, First::OnFibre(from), _) => &ON_FIBRE[from..],
+            (0, First::InTile, _) => TILE_FIRST,
+            (_, _, Frame::Tile { .. }) => TILE_SECOND,
+            (_, _, Frame::World { .. }) => WORLD_SECOND,
         }
     }
 
-    /// Where the path of a slot has met a fibre.
-    pub fn of(&self, matter: &FibreMatter, paths: &Paths, slot: usize) -> Place {
-        match *self {
-            Places::Tile { patch_mm } => in_tile(matter, paths, slot, patch_mm),
-            Places::World { step_mm } => in_world(matter, paths, slot, step_mm),
+    /// Where the path of a slot has met its fibre of that number.
+    pub fn of(&self, matter: &FibreMatter, paths: &Paths, slot: usize, order: u32) -> Place {
+        match (order, self.at_first, self.at_second) {
+            (0, First::OnFibre(_), frame) => on_its_fibre(matter, paths, slot, frame),
+            (_, _, Frame::Tile { patch_mm }) => in_tile(matter, paths, slot, patch_mm),
+            (_, _, Frame::World { step_mm }) => in_world(matter, paths, slot, step_mm),
         }
     }
+}
+
+/// Which bins on fibres are the widest that do not blur a picture: the number of their size.
+/// None where fibres are thinner than pixels.
+fn widest_on_fibre(matter: &FibreMatter, pixel_mm: f64) -> Option<usize> {
+    /// Most pixels along a bin, and most widths of a fibre.
+    const PIXELS: f64 = 16.0;
+    const WIDTHS: f64 = 16.0;
+    /// Narrowest fibres that share their light, in pixels.
+    const THIN: f64 = 0.6;
+    let joints = &matter.joints;
+    let stride = (joints.count() / 4096).max(1) as usize;
+    let some = (0..joints.count()).step_by(stride);
+    let lengths: Vec<f64> = some.filter_map(|joint| joints.length_mm(joint)).collect();
+    let piece_mm = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+    let radius_mm = |body: &Body| body.cells.mean_radius_mm;
+    let width_mm = 2.0
+        * matter
+            .bodies
+            .iter()
+            .map(radius_mm)
+            .fold(f64::INFINITY, f64::min);
+    let most_mm = (PIXELS * pixel_mm).min(WIDTHS * width_mm);
+    let length_mm = |level: &Level| piece_mm * f64::from(level.at as i32 - PIECE_BITS).exp2();
+    let is_seen = lengths.len() > 1 && width_mm > THIN * pixel_mm;
+    is_seen.then(|| {
+        let fits = ON_FIBRE
+            .iter()
+            .position(|level| length_mm(level) <= most_mm);
+        fits.unwrap_or(ON_FIBRE.len() - 1)
+    })
+}
+
+fn on_its_fibre(matter: &FibreMatter, paths: &Paths, slot: usize, frame: Frame) -> Place {
+    let joints = &matter.joints;
+    let (piece, along_mm) = (paths.met.piece[slot], paths.met.along[slot]);
+    let steps = f32::from(1u8 << PIECE_BITS);
+    let within = (joints.share_along(piece, along_mm) * steps).min(steps - 1.0);
+    let out = get(&paths.met.out, slot);
+    let tangent = joints.tangent(piece, along_mm);
+    let (u, v) = tangent.any_orthonormal_pair();
+    let turn = out.dot(v).atan2(out.dot(u)) / std::f32::consts::TAU + 0.5;
+    let sides = f32::from(1u8 << ABOUT_BITS);
+    let (beside, toward) = match frame {
+        Frame::Tile { patch_mm } => (
+            patch(matter, paths, slot, patch_mm),
+            get(&paths.direction, slot),
+        ),
+        Frame::World { .. } => (paths.met.period[slot].to_array(), get(&paths.met.way, slot)),
+    };
+    Place {
+        at: [(piece << PIECE_BITS) as i32 + within as i32, 0, 0],
+        beside,
+        toward: octahedral(toward),
+        about: (turn * sides).clamp(0.0, sides - 1.0) as u8,
+        what: joints.strand(piece),
+    }
+}
+
+/// The patch of the world in which a slot's path has met a fibre.
+fn patch(matter: &FibreMatter, paths: &Paths, slot: usize, patch_mm: Option<f64>) -> [i32; 2] {
+    patch_mm.map_or([0; 2], |patch_mm| {
+        let place = super::super::shade::place_mm(matter, paths, slot).as_dvec3();
+        let patch = (place / patch_mm).floor().as_ivec3();
+        [patch.x, patch.y]
+    })
 }
 
 fn in_tile(matter: &FibreMatter, paths: &Paths, slot: usize, patch_mm: Option<f64>) -> Place {
@@ -147,22 +287,19 @@ fn in_tile(matter: &FibreMatter, paths: &Paths, slot: usize, patch_mm: Option<f6
     let packed = matter.packed.as_ref().filter(|_| paths.in_volume[slot]);
     let (at, what) = if packed.is_some() {
         let ray = &paths.volume_rays[slot];
-        ((ray.at() * steps).floor().as_ivec3(), 1)
+        ((ray.at() * steps).floor().as_ivec3(), 0)
     } else {
         let from_centre = get(&paths.met.axis_at, slot) + get(&paths.met.out, slot);
         let within = (from_centre / grid.cell_mm().as_vec3() + 0.5) * steps;
         let within = within.floor().clamp(Vec3::ZERO, Vec3::splat(steps - 1.0));
-        ((paths.met.cell[slot] << CELL_BITS) + within.as_ivec3(), 0)
+        ((paths.met.cell[slot] << CELL_BITS) + within.as_ivec3(), 1)
     };
-    let patch = |patch_mm: f64| {
-        let place = super::super::shade::place_mm(matter, paths, slot).as_dvec3();
-        (place / patch_mm).floor().as_ivec3()
-    };
-    let patch = patch_mm.map_or(IVec3::ZERO, patch);
+    let what = what + 2 * super::super::met_fibres::yarn(matter, paths, slot);
     Place {
         at: at.to_array(),
-        beside: [patch.x, patch.y],
+        beside: patch(matter, paths, slot, patch_mm),
         toward: octahedral(direction),
+        about: 0,
         what,
     }
 }
@@ -185,7 +322,8 @@ fn in_world(matter: &FibreMatter, paths: &Paths, slot: usize, step_mm: f64) -> P
         at: at.as_ivec3().to_array(),
         beside: [paths.met.cell[slot].z, 0],
         toward: octahedral(get(&paths.met.way, slot)),
-        what: body * 4 + axis,
+        about: 0,
+        what: u32::from(body * 4 + axis),
     }
 }
 
@@ -213,7 +351,8 @@ impl Place {
         let place = x | y << 21 | z << 42;
         let [u, v] = self.toward.map(|t| u64::from(t >> level.toward));
         let [b, c] = self.beside.map(|v| low(v, level.beside));
-        let rest = b | c << 21 | (u | v << 6) << 42 | (number as u64) << 54;
+        let about = u64::from(self.about >> level.about);
+        let rest = b | c << 21 | (u | v << 6) << 42 | (number as u64) << 54 | about << 60;
         let what = u64::from(self.what).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         mix64(place ^ mix64(rest ^ what)) | 1
     }
@@ -234,10 +373,11 @@ mod tests {
                 0.3 * (1.7 * k as f32).cos(),
                 (0.3 * k as f32).sin() + 0.01,
             )),
+            about: (k % 8) as u8,
             what: 0,
         };
         let places: Vec<Place> = (0..600).map(place).collect();
-        for levels in [TILE_FIRST, TILE_SECOND, WORLD_SECOND] {
+        for levels in [TILE_FIRST, TILE_SECOND, WORLD_SECOND, ON_FIBRE] {
             let mut shared = 0;
             for (i, a) in places.iter().enumerate() {
                 for b in &places[..i] {

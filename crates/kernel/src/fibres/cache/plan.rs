@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 /// Which fibres end paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CacheMode {
-    /// The second: every sample looks for light at the fibre that it sees.
+    /// The second and later ones: every sample looks for light at the fibre that it sees.
     #[default]
     SecondFibre,
-    /// The first as well, where samples may share light: in flat cloth.
+    /// The first as well, where samples may share light: where fibres are as wide as pixels, and
+    /// in flat cloth.
     FirstFibre,
 }
 
@@ -20,7 +21,7 @@ pub struct CachePlan {
     /// How much to learn, in units of the time of a picture: see
     /// [`CachePlan::of_picture`].
     pub work: u64,
-    /// Most bytes of bins while they learn.
+    /// Most bytes of bins and of what flows between them while they learn.
     pub bytes: u64,
     /// More is learned where the error of blocks is surely above this fraction of the
     /// picture's mean, see [`CacheReport::block_error_squared`].
@@ -30,12 +31,13 @@ pub struct CachePlan {
 impl CachePlan {
     /// Work for every pixel: pieces of fibre that rays are held against, in sixteens.
     const WORK_PER_PIXEL: f64 = 250.0;
+    /// So many times more is learned where samples share the light of their first fibres: there
+    /// learning replaces samples.
+    pub(super) const SHARED: f64 = 4.0;
     /// A smaller picture learns as much as one of so many pixels.
     const MIN_PIXELS: u64 = 1 << 17;
     /// Bytes of bins.
-    pub const BYTES: u64 = 64 << 20;
-    /// Error of blocks above which more is learned.
-    pub const BLOCK_ERROR: f64 = 0.02;
+    pub const BYTES: u64 = 192 << 20;
 
     /// The plan for a picture of so many pixels; `factor` times the usual work. What is
     /// learned depends on scene and picture alone, not on samples, so that all parts of a
@@ -46,7 +48,7 @@ impl CachePlan {
             mode,
             work: (factor * pixels * CachePlan::WORK_PER_PIXEL) as u64,
             bytes: CachePlan::BYTES,
-            block_error: CachePlan::BLOCK_ERROR,
+            block_error: f64::INFINITY,
         }
     }
 }
@@ -66,6 +68,8 @@ pub struct CacheReport {
     /// Square of the root mean square over blocks of 16 x 16 pixels, and its standard error;
     /// may be negative by chance.
     pub block_error_squared: [f64; 2],
+    /// Noise of what samples share, root mean square over samples.
+    pub shared_noise: f64,
     /// Digest of the tables.
     pub digest: u64,
 }

@@ -18,10 +18,12 @@ impl Entry {
     const READ: u32 = 1;
     const SPLIT: u32 = 2;
 
-    /// Whether a bin has a radiance, for the places in it that have no finer bin, and whether
-    /// there may be finer ones.
-    pub fn state(is_read: bool, is_split: bool) -> u32 {
-        u32::from(is_read) * Entry::READ + u32::from(is_split) * Entry::SPLIT
+    /// Whether a bin has a radiance, for the places in it that have no finer bin; whether there
+    /// may be finer ones; and the radiance's standard error as a share of it, whose lowest bits
+    /// make room.
+    pub fn state(is_read: bool, is_split: bool, noise: f32) -> u32 {
+        let known = u32::from(is_read) * Entry::READ + u32::from(is_split) * Entry::SPLIT;
+        known | noise.to_bits() & !(Entry::READ | Entry::SPLIT)
     }
 }
 
@@ -58,16 +60,48 @@ impl RadianceTable {
         size_of_val(&self.entries[..]) as u64
     }
 
+    /// Numbers of bins are below this.
+    pub fn room(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// The radiance of every number, zero where there is no bin.
+    pub fn radiances(&self) -> impl Iterator<Item = Vec3> + '_ {
+        self.entries.iter().map(|e| Vec3::from_array(e.radiance))
+    }
+
+    /// Gives the bin of a number another radiance.
+    pub fn set_radiance(&mut self, number: usize, radiance: Vec3) {
+        self.entries[number].radiance = radiance.to_array();
+    }
+
     /// The radiance in the finest bin at a place.
     #[inline]
     pub fn radiance(&self, place: &Place, levels: &[Level]) -> Option<Vec3> {
+        Some(self.radiance_of(self.find(place, levels)?))
+    }
+
+    /// The radiance of a bin.
+    pub fn radiance_of(&self, number: usize) -> Vec3 {
+        Vec3::from_array(self.entries[number].radiance)
+    }
+
+    /// Its standard error as a share of it.
+    pub fn noise_of(&self, number: usize) -> f32 {
+        f32::from_bits(self.entries[number].state & !(Entry::READ | Entry::SPLIT))
+    }
+
+    /// The number of the finest bin at a place.
+    #[inline]
+    pub fn find(&self, place: &Place, levels: &[Level]) -> Option<usize> {
         let mut found = None;
         for (number, level) in levels.iter().enumerate() {
-            let Some(entry) = self.entry(place.key(number, *level)) else {
+            let Some(at) = self.number(place.key(number, *level)) else {
                 break;
             };
+            let entry = &self.entries[at];
             if entry.state & Entry::READ != 0 {
-                found = Some(Vec3::from_array(entry.radiance));
+                found = Some(at);
             }
             if entry.state & Entry::SPLIT == 0 {
                 break;
@@ -77,13 +111,13 @@ impl RadianceTable {
     }
 
     #[inline]
-    fn entry(&self, key: u64) -> Option<&Entry> {
+    fn number(&self, key: u64) -> Option<usize> {
         let room = self.entries.len();
         let mut at = home(key, room);
         loop {
             let entry = &self.entries[at];
             if entry.key == key {
-                return Some(entry);
+                return Some(at);
             }
             if entry.key == 0 {
                 return None;

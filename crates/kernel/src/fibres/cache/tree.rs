@@ -1,22 +1,19 @@
 //! Bins that divide while they learn.
 //!
 //! A path adds to one bin only: the finest that there is at its place. A bin that has taken
-//! [`SPLIT`] paths divides, and later paths go to the bins of the next size within it, so that
+//! enough paths divides, and later paths go to the bins of the next size within it, so that
 //! bins are small where there are many paths. What a bin took before it divided counts no
-//! more. In the end, bins that took fewer than [`LEAST`] paths are taken together in the bin
+//! more. Where noise matters more than size, bins divide only at first, and then fill. In the end, bins that took fewer than half as many are taken together in the bin
 //! around them, which then speaks for just those; where they are too few even together, the
 //! poorest of their neighbours joins them. So every path that counts is in exactly
 //! one bin that is read.
 
+use super::Note;
 use super::place::{Level, Place};
 use super::table::{Entry, RadianceTable, home};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Paths after which a bin divides.
-const SPLIT: u32 = 32;
-/// Paths that a bin must have to be read.
-const LEAST: u32 = 16;
 /// Parts of the tree that learn at the same time.
 const SHARDS: usize = 16;
 /// Bytes of a bin with its place in the index, at most.
@@ -31,10 +28,23 @@ pub struct Record {
     pub found: Vec3,
 }
 
+impl Record {
+    /// Of a path that noted a place and found so much light to its end.
+    pub fn new(note: &Note, light: Vec3) -> Record {
+        Record {
+            place: note.place,
+            carried: note.carried,
+            found: light - note.found,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     found: Vec3,
     carried: Vec3,
+    /// Of the light found, summed over channels, the squares.
+    squares: f32,
     count: u32,
 }
 
@@ -42,7 +52,29 @@ impl Sums {
     fn add(&mut self, o: &Sums) {
         self.found += o.found;
         self.carried += o.carried;
+        self.squares += o.squares;
         self.count += o.count;
+    }
+
+    fn of(record: &Record) -> Sums {
+        let sum = record.found.element_sum();
+        Sums {
+            found: record.found,
+            carried: record.carried,
+            squares: sum * sum,
+            count: 1,
+        }
+    }
+
+    /// Standard error of the radiance as a share of it.
+    fn noise(&self) -> f32 {
+        let (sum, n) = (self.found.element_sum(), self.count as f32);
+        let variance = self.squares / (sum * sum) - 1.0 / n;
+        if sum > 0.0 {
+            variance.max(0.0).sqrt()
+        } else {
+            0.0
+        }
     }
 
     fn radiance(&self) -> Vec3 {
@@ -83,21 +115,31 @@ pub struct RadianceTree {
     shards: Vec<Shard>,
     /// Most bins of a shard.
     room: usize,
+    /// Paths after which a bin divides, and those that it must have to be read.
+    split: u32,
+    least: u32,
 }
 
 impl RadianceTree {
-    /// Without bins, of which there may be so many bytes.
-    pub fn new(levels: &'static [Level], bytes: u64) -> RadianceTree {
+    /// Without bins, which divide after so many paths and of which there may be so many bytes.
+    pub fn new(levels: &'static [Level], split: u32, bytes: u64) -> RadianceTree {
         RadianceTree {
             levels,
             shards: (0..SHARDS).map(|_| Shard::default()).collect(),
             room: (bytes / BIN_BYTES / SHARDS as u64).max(1) as usize,
+            split,
+            least: split / 2,
         }
+    }
+
+    /// From now on no bin divides.
+    pub fn divide_no_more(&mut self) {
+        self.split = u32::MAX;
     }
 
     /// Takes the records of many paths, in their order.
     pub fn learn(&mut self, records: &[Option<Record>]) {
-        let (levels, room) = (self.levels, self.room);
+        let (levels, room, split) = (self.levels, self.room, self.split);
         let of: Vec<u8> = records
             .iter()
             .map(|record| match record {
@@ -115,7 +157,7 @@ impl RadianceTree {
                     .filter(|(_, of)| usize::from(**of) == n)
                 {
                     if let Some(record) = record {
-                        shard.take(record, levels, room);
+                        shard.take(record, levels, room, split);
                     }
                 }
             });
@@ -123,7 +165,11 @@ impl RadianceTree {
 
     /// What is read.
     pub fn table(&self) -> RadianceTable {
-        let entries: Vec<Vec<Entry>> = self.shards.par_iter().map(Shard::entries).collect();
+        let entries: Vec<Vec<Entry>> = self
+            .shards
+            .par_iter()
+            .map(|s| s.entries(self.least))
+            .collect();
         RadianceTable::new(&entries.concat())
     }
 }
@@ -170,7 +216,7 @@ impl Shard {
         }
     }
 
-    fn take(&mut self, record: &Record, levels: &[Level], room: usize) {
+    fn take(&mut self, record: &Record, levels: &[Level], room: usize, split: u32) {
         let mut parent = NONE;
         for (number, level) in levels.iter().enumerate() {
             let key = record.place.key(number, *level);
@@ -179,27 +225,19 @@ impl Shard {
             };
             let bin = &mut self.bins[at as usize];
             if !bin.is_split {
-                bin.sums.add(&Sums {
-                    found: record.found,
-                    carried: record.carried,
-                    count: 1,
-                });
-                bin.is_split = bin.sums.count >= SPLIT && number + 1 < levels.len();
+                bin.sums.add(&Sums::of(record));
+                bin.is_split = bin.sums.count >= split && number + 1 < levels.len();
                 return;
             }
             parent = at;
         }
         // There is no room for a bin of its own: the one around it learns on.
         if let Some(bin) = self.bins.get_mut(parent as usize) {
-            bin.sums.add(&Sums {
-                found: record.found,
-                carried: record.carried,
-                count: 1,
-            });
+            bin.sums.add(&Sums::of(record));
         }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    fn entries(&self, least: u32) -> Vec<Entry> {
         // The bins right within every bin, as lists.
         let (mut inner, mut next) = (vec![NONE; self.bins.len()], vec![NONE; self.bins.len()]);
         for (at, bin) in self.bins.iter().enumerate() {
@@ -211,7 +249,7 @@ impl Shard {
         // Bins are made after those around them, so that this goes from the finest up.
         let mut read: Vec<Sums> = self.bins.iter().map(Bin::own).collect();
         for (at, bin) in self.bins.iter().enumerate().rev() {
-            while bin.is_split && (1..LEAST).contains(&read[at].count) {
+            while bin.is_split && (1..least).contains(&read[at].count) {
                 // The poorest of those within it is given up for it.
                 let within =
                     std::iter::successors(Some(inner[at]), |i| next.get(*i as usize).copied());
@@ -223,17 +261,17 @@ impl Shard {
                 let given = std::mem::take(&mut read[poorest]);
                 read[at].add(&given);
             }
-            if bin.parent != NONE && read[at].count < LEAST {
+            if bin.parent != NONE && read[at].count < least {
                 let poor = std::mem::take(&mut read[at]);
                 read[bin.parent as usize].add(&poor);
             }
         }
         let entry = |(bin, sums): (&Bin, &Sums)| {
-            let is_read = sums.count >= LEAST;
+            let is_read = sums.count >= least;
             (is_read || bin.is_split).then(|| Entry {
                 key: bin.key,
                 radiance: sums.radiance().to_array(),
-                state: Entry::state(is_read, bin.is_split),
+                state: Entry::state(is_read, bin.is_split, sums.noise()),
             })
         };
         self.bins.iter().zip(&read).filter_map(entry).collect()
@@ -246,6 +284,7 @@ mod tests {
     use organza_basis::{Moments, PathRng};
 
     const SEED: u64 = 41;
+    const SPLIT: u32 = 32;
 
     /// An arrival somewhere, what it carries, and the light that it finds. In each of a few
     /// regions most paths come to one dark spot, whose bins divide, and the others to bright
@@ -267,7 +306,7 @@ mod tests {
     fn gain(learned: u64, seed: u64, read: impl Fn(&RadianceTree, &Place) -> Option<Vec3>) -> f64 {
         let levels = super::super::place::LINE;
         let mut rng = PathRng::from_seed(seed);
-        let mut tree = RadianceTree::new(levels, 64 << 20);
+        let mut tree = RadianceTree::new(levels, SPLIT, 64 << 20);
         for _ in 0..learned / 512 {
             let some: Vec<_> = (0..512).map(|_| Some(arrival(&mut rng))).collect();
             tree.learn(&some);
@@ -328,7 +367,11 @@ mod tests {
     fn bins_keep_to_their_bytes() {
         let mut rng = PathRng::from_seed(SEED);
         let some: Vec<_> = (0..50_000).map(|_| Some(arrival(&mut rng))).collect();
-        let mut tree = RadianceTree::new(super::super::place::LINE, 40 * SHARDS as u64 * BIN_BYTES);
+        let mut tree = RadianceTree::new(
+            super::super::place::LINE,
+            SPLIT,
+            40 * SHARDS as u64 * BIN_BYTES,
+        );
         tree.learn(&some);
         let bins: usize = tree.shards.iter().map(|s| s.bins.len()).sum();
         assert!(bins <= 40 * SHARDS && bins > 40, "{bins}");
@@ -353,11 +396,11 @@ mod tests {
                     }
                 }
                 let read = all.iter().zip(&shard.bins);
-                let read = read.filter(|(sums, _)| sums.count >= LEAST);
+                let read = read.filter(|(sums, _)| sums.count >= SPLIT / 2);
                 read.map(|(sums, bin)| Entry {
                     key: bin.key,
                     radiance: sums.radiance().to_array(),
-                    state: Entry::state(true, bin.is_split),
+                    state: Entry::state(true, bin.is_split, 0.0),
                 })
                 .collect::<Vec<_>>()
             };
