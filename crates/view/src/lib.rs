@@ -41,6 +41,7 @@ mod pile_and_print;
 mod render;
 mod requests;
 mod saving;
+mod seats;
 mod server;
 mod session;
 mod tables;

@@ -90,6 +90,12 @@ impl Answering {
         }
     }
 
+    /// Whether a request comes from a page of this session.
+    pub(crate) fn is_own<B>(&self, request: &Request<B>) -> bool {
+        let checked = self.guard.check(request.headers(), request.uri().path());
+        checked.is_ok()
+    }
+
     /// Answers a request: with what it asks for, or with why not.
     pub async fn answer<B>(&self, request: Request<B>) -> Answer
     where

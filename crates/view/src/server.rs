@@ -2,20 +2,21 @@
 
 use crate::patient::Patient;
 use crate::requests::Answering;
+use crate::seats::{Seat, Seats};
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use std::convert::Infallible;
+use std::future::{Future, poll_fn};
 use std::net::{Ipv4Addr, TcpListener};
+use std::pin::pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::sync::Semaphore;
 
-/// Connections at a time; others wait to be taken.
-const MAX_CONNECTIONS: usize = 64;
 /// Bytes of the head of a request, and its headers, at most.
 const MAX_HEAD_BYTES: usize = 16 << 10;
 const MAX_HEADERS: usize = 64;
@@ -70,13 +71,13 @@ pub fn serve(
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         let answering = Arc::new(answering);
-        let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        let seats = Arc::new(Seats::default());
         while !is_over() {
             let next = async {
-                let seat = Arc::clone(&room).acquire_owned().await;
-                (seat, listener.accept().await)
+                seats.wait().await;
+                listener.accept().await
             };
-            let Ok((seat, accepted)) = tokio::time::timeout(LOOK, next).await else {
+            let Ok(accepted) = tokio::time::timeout(LOOK, next).await else {
                 continue;
             };
             let Ok((stream, _)) = accepted else {
@@ -85,10 +86,15 @@ pub fn serve(
                 continue;
             };
             let _ = stream.set_nodelay(true);
-            let answering = Arc::clone(&answering);
+            let (answering, seat) = (Arc::clone(&answering), seats.take());
             tokio::spawn(async move {
-                converse(stream, &answering, waits).await;
-                drop(seat);
+                let mut taken_away = pin!(seat.is_taken_away());
+                let mut talk = pin!(converse(stream, &answering, waits, Some(&seat)));
+                let either = |context: &mut Context<'_>| match taken_away.as_mut().poll(context) {
+                    Poll::Ready(()) => Poll::Ready(()),
+                    Poll::Pending => talk.as_mut().poll(context),
+                };
+                poll_fn(either).await;
             });
         }
         std::io::Result::Ok(())
@@ -99,11 +105,18 @@ pub fn serve(
 }
 
 /// Answers the requests of one connection until it ends, breaks off or takes too long.
-pub async fn converse<S>(stream: S, answering: &Arc<Answering>, waits: Waits)
-where
+pub(crate) async fn converse<S>(
+    stream: S,
+    answering: &Arc<Answering>,
+    waits: Waits,
+    seat: Option<&Seat>,
+) where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
     let service = service_fn(|request: Request<Incoming>| {
+        if let Some(seat) = seat.filter(|_| answering.is_own(&request)) {
+            seat.keep();
+        }
         let answering = Arc::clone(answering);
         async move { Ok::<_, Infallible>(answering.answer(request).await) }
     });

@@ -23,7 +23,7 @@ pub fn talk(answering: &Arc<Answering>, bytes: &[u8]) -> io::Result<Vec<u8>> {
         let (mut from_server, mut to_server) = tokio::io::split(client);
         let answering = Arc::clone(answering);
         let serving = tokio::spawn(async move {
-            converse(server, &answering, Waits::default()).await;
+            converse(server, &answering, Waits::default(), None).await;
         });
         let bytes = bytes.to_vec();
         let sending = tokio::spawn(async move {

@@ -84,6 +84,11 @@ impl Served {
 
     /// Serves a file of the folder, with a render or without.
     pub fn of(file: &str, is_rendered: bool) -> Served {
+        Served::waiting(file, is_rendered, SHORT)
+    }
+
+    /// The same with so long for the head of a request.
+    pub fn waiting(file: &str, is_rendered: bool, head: Duration) -> Served {
         let outer = tempfile::tempdir().unwrap();
         let folder = outer.path().join("inner");
         std::fs::create_dir(&folder).unwrap();
@@ -102,7 +107,7 @@ impl Served {
             picture: Duration::from_secs(60),
         };
         let waits = Waits {
-            head: SHORT,
+            head,
             write: SHORT,
             connection: Duration::from_secs(60),
         };

@@ -70,6 +70,35 @@ fn more_connections_than_seats_are_served_in_turn() {
     assert_eq!(served.get("").status, 200);
 }
 
+/// Heads that never end have a minute, and the request that follows does not wait for it. What
+/// has asked for the page before keeps its connection.
+#[test]
+fn half_open_connections_hold_up_no_request() {
+    let served = Served::waiting("scene.toml", false, 6 * SOON);
+    let request = format!("GET /token/ HTTP/1.1\r\nHost: {}\r\n", served.host());
+    let mut tab = served.connect();
+    tab.write_all(format!("{request}\r\n").as_bytes()).unwrap();
+    let mut first = [0; 15];
+    tab.read_exact(&mut first).unwrap();
+    let half_open: Vec<_> = (0..200)
+        .map(|_| {
+            let mut stream = served.connect();
+            stream.write_all(b"GET /nobody/ HTTP/1.1\r\nHo").unwrap();
+            stream
+        })
+        .collect();
+    let began = Instant::now();
+    assert_eq!(served.get("").status, 200);
+    assert!(began.elapsed() < SOON, "{:?}", began.elapsed());
+    tab.write_all(format!("{request}Connection: close\r\n\r\n").as_bytes())
+        .unwrap();
+    let mut rest = Vec::new();
+    tab.read_to_end(&mut rest).unwrap();
+    let rest = String::from_utf8_lossy(&rest);
+    assert!(rest.contains("HTTP/1.1 200 OK"), "{rest}");
+    drop(half_open);
+}
+
 #[test]
 fn connections_that_are_gone_leave_nothing_behind() {
     let served = Served::new();
