@@ -7,7 +7,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const SAILCLOTH: &str = r#"name = "sailcloth"
+/// A plain cotton cloth.
+pub const SAILCLOTH: &str = r#"name = "sailcloth"
 [draft]
 weave = "plain"
 [warp]
@@ -423,4 +424,39 @@ fn a_name_that_the_system_cannot_take_is_refused() {
         assert!(message.contains("too long"), "{message}");
         assert!(!message.contains("cannot write"), "{message}");
     }
+}
+
+/// The larger picture states so many pixels in 2 kB that it takes seconds to decode, or more
+/// memory than is allowed.
+#[test]
+fn sizes_of_pictures_are_compared_before_they_are_decoded() {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds,
+        Layer, LayerAttributes, WritableImage,
+    };
+    let folder = folder("difference-sizes");
+    for (name, window) in [("small.exr", (2, 2)), ("large.exr", (15_000, 8000))] {
+        let channels = ["B", "G", "R"].map(|n| AnyChannel::new(n, FlatSamples::F32(vec![0.0; 4])));
+        let layer = Layer::new(
+            (2, 2),
+            LayerAttributes::default(),
+            Encoding::SMALL_LOSSLESS,
+            AnyChannels::sort(channels.into_iter().collect()),
+        );
+        let window = ImageAttributes::new(IntegerBounds::from_dimensions(window));
+        let image = Image::from_layers(window, vec![layer]);
+        image.write().to_file(folder.join(name)).unwrap();
+    }
+    let words = complaint(
+        &folder,
+        &[
+            "difference",
+            "small.exr",
+            "large.exr",
+            "--max-memory",
+            "1MiB",
+        ],
+    );
+    let expected = "large.exr: has 15000 x 8000 pixels; small.exr has 2 x 2";
+    assert!(words.contains(expected), "{words}");
 }

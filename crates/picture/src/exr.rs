@@ -27,6 +27,7 @@ pub const FORMAT: Format = Format {
     keeps_sums: true,
     reader: Some(Reader {
         size,
+        shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::OpenExr),
         decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::OpenExr),
     }),
     writer: Some(write),
@@ -190,12 +191,12 @@ fn size(bytes: &[u8]) -> Result<UVec2, PictureError> {
     Ok(largest)
 }
 
-/// The film of a file that `organza render` wrote, and its attributes.
+/// The size of the film in a file that `organza render` wrote, and its attributes, from the
+/// header alone.
 ///
 /// # Errors
-/// No OpenEXR file, or not one of this program; the film would take more than
-/// `max_memory_bytes`.
-pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attributes), PictureError> {
+/// No OpenEXR file, or not one of this program.
+pub fn stated_film(bytes: &[u8]) -> Result<(UVec2, Attributes), PictureError> {
     let broken = |e: exr::error::Error| PictureError::broken("EXR", e);
     let meta = MetaData::read_from_buffered(bytes, false).map_err(broken)?;
     let header = meta.headers.first();
@@ -217,6 +218,17 @@ pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attribute
         edge(header.layer_size.width()),
         edge(header.layer_size.height()),
     );
+    Ok((size, attributes))
+}
+
+/// The film of a file that `organza render` wrote, and its attributes.
+///
+/// # Errors
+/// No OpenEXR file, or not one of this program; the film would take more than
+/// `max_memory_bytes`.
+pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attributes), PictureError> {
+    let broken = |e: exr::error::Error| PictureError::broken("EXR", e);
+    let (size, attributes) = stated_film(bytes)?;
     // The decoded channels, one more copy of the sums, and the film.
     let of_pixel = 3 * Film::memory_bytes(UVec2::ONE);
     check_memory(size, of_pixel, max_memory_bytes)?;

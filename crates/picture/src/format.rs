@@ -11,8 +11,10 @@ impl<T: Write + Seek + ?Sized> WriteSeek for T {}
 /// How a format is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader {
-    /// The size that the file states, from its header alone.
+    /// The largest size that the file states, from its header alone: what memory is taken for.
     pub size: fn(&[u8]) -> Result<UVec2, PictureError>,
+    /// The size of the picture, from the header alone.
+    pub shown_size: fn(&[u8]) -> Result<UVec2, PictureError>,
     /// The pixels.
     pub decode: fn(&[u8]) -> Result<Picture, PictureError>,
 }
@@ -79,6 +81,17 @@ pub fn decode(
     };
     check_memory((reader.size)(bytes)?, BYTES_OF_PIXEL, max_memory_bytes)?;
     Ok(((reader.decode)(bytes)?, format))
+}
+
+/// The size of the picture that [`decode`] would read, from the header alone.
+///
+/// # Errors
+/// Another kind of file, or a broken header.
+pub fn stated_size(bytes: &[u8]) -> Result<UVec2, PictureError> {
+    match format_of_bytes(bytes).and_then(|f| f.reader) {
+        Some(reader) => (reader.shown_size)(bytes),
+        None => Err(PictureError::Unknown(Format::list(|f| f.reader.is_some()))),
+    }
 }
 
 /// Refuses a picture whose pixels take more memory than allowed.

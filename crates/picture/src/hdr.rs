@@ -16,6 +16,7 @@ pub const FORMAT: Format = Format {
     keeps_sums: false,
     reader: Some(Reader {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Hdr),
+        shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Hdr),
         decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::Hdr),
     }),
     writer: None,

@@ -39,7 +39,9 @@ mod white_balance;
 pub use attributes::Attributes;
 pub use display::{Display, Exposure, PngBits};
 pub use error::PictureError;
-pub use format::{Format, Reader, WriteSeek, Writer, decode, format_of_bytes, format_of_ending};
+pub use format::{
+    Format, Reader, WriteSeek, Writer, decode, format_of_bytes, format_of_ending, stated_size,
+};
 pub use picture::{Picture, Rendered};
 pub use tone_mapping::ToneMapping;
 pub use white_balance::WhiteBalance;

@@ -21,6 +21,7 @@ pub const FORMAT: Format = Format {
     keeps_sums: false,
     reader: Some(Reader {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Png),
+        shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Png),
         decode,
     }),
     writer: Some(write),

@@ -19,6 +19,7 @@ pub const FORMAT: Format = Format {
     keeps_sums: false,
     reader: Some(Reader {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Tiff),
+        shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Tiff),
         decode: |bytes| decoder::decode_floats(NAME, bytes, ImageFormat::Tiff),
     }),
     writer: Some(write),

@@ -48,20 +48,17 @@ impl Command for DifferenceArgs {
             output::check_not_an_input(path, [&self.reference, &self.picture])?;
         }
         let allowed = self.memory.max_memory.unwrap_or_else(free_memory_bytes);
-        let reference = Measured::read(&self.reference, allowed)?;
-        let compared = Measured::read(&self.picture, allowed)?;
-        let (a, b) = (&reference.picture, &compared.picture);
-        if a.size != b.size {
-            return Err(input(format!(
-                "{}: has {} x {} pixels; {} has {} x {}",
-                self.picture.display(),
-                b.size.x,
-                b.size.y,
-                self.reference.display(),
-                a.size.x,
-                a.size.y
-            )));
+        let of_reference = read::bytes(&self.reference)?;
+        let of_picture = read::bytes(&self.picture)?;
+        // From the headers: a small file can state a size that takes long to decode.
+        let stated = [stated_size(&of_reference), stated_size(&of_picture)];
+        if let [Some(a), Some(b)] = stated {
+            self.check_sizes(a, b)?;
         }
+        let reference = Measured::read(&self.reference, &of_reference, allowed)?;
+        let compared = Measured::read(&self.picture, &of_picture, allowed)?;
+        let (a, b) = (&reference.picture, &compared.picture);
+        self.check_sizes(a.size, b.size)?;
         if let Some(path) = &self.outfile {
             let pairs = b.pixels.iter().zip(&a.pixels);
             let difference: Vec<Rgb> = pairs.map(|(b, a)| Rgb(b.0 - a.0)).collect();
@@ -75,6 +72,31 @@ impl Command for DifferenceArgs {
     }
 }
 
+impl DifferenceArgs {
+    fn check_sizes(&self, a: UVec2, b: UVec2) -> Result<()> {
+        if a == b {
+            return Ok(());
+        }
+        Err(input(format!(
+            "{}: has {} x {} pixels; {} has {} x {}",
+            self.picture.display(),
+            b.x,
+            b.y,
+            self.reference.display(),
+            a.x,
+            a.y
+        )))
+    }
+}
+
+/// The size that [`Measured::read`] will find, if the header is one.
+fn stated_size(bytes: &[u8]) -> Option<UVec2> {
+    match exr::stated_film(bytes) {
+        Ok((size, attributes)) if attributes.get(exr::DENOISED).is_none() => Some(size),
+        _ => organza_picture::stated_size(bytes).ok(),
+    }
+}
+
 /// A picture, and the variance of its values where the file holds it.
 struct Measured {
     picture: Picture,
@@ -83,13 +105,12 @@ struct Measured {
 }
 
 impl Measured {
-    fn read(path: &Path, max_memory_bytes: u64) -> Result<Measured> {
+    fn read(path: &Path, bytes: &[u8], max_memory_bytes: u64) -> Result<Measured> {
         let fail = |e: PictureError| input(format!("{}: {e}", path.display()));
-        let bytes = read::bytes(path)?;
-        match exr::read_film(&bytes, max_memory_bytes) {
+        match exr::read_film(bytes, max_memory_bytes) {
             // Its own colours are no means of samples.
             Ok((_, attributes)) if attributes.get(exr::DENOISED).is_some() => Ok(Measured {
-                picture: organza_picture::decode(&bytes, max_memory_bytes)
+                picture: organza_picture::decode(bytes, max_memory_bytes)
                     .map_err(fail)?
                     .0,
                 variance: None,
@@ -111,7 +132,7 @@ impl Measured {
             Err(e @ PictureError::Memory { .. }) => Err(fail(e)),
             // A picture of another kind or another program.
             Err(_) => Ok(Measured {
-                picture: organza_picture::decode(&bytes, max_memory_bytes)
+                picture: organza_picture::decode(bytes, max_memory_bytes)
                     .map_err(fail)?
                     .0,
                 variance: None,
