@@ -2,6 +2,9 @@
 
 use crate::cli::write_grid_scene;
 use crate::program::{bytes, exr_channels, folder, picture, succeed};
+use crate::refusals::SAILCLOTH;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// The number before " of N samples" in the final line.
 fn taken(words: &str) -> u64 {
@@ -116,4 +119,37 @@ fn statistics_tell_fireflies_and_memory() {
         words.contains("all samples taken; 4 of 4 samples"),
         "{words}"
     );
+}
+
+/// Rays beside all matter of a cloth without end, whose samples once took for ever.
+#[test]
+fn the_time_limit_ends_a_view_along_the_cloth() {
+    let folder = folder("time-limit-edge");
+    std::fs::write(folder.join("cloth.toml"), SAILCLOTH).unwrap();
+    let scene = "[camera]\norigin_mm = [10.0, 0.1, 0.0]\ntarget_mm = [0.0, 0.1, 0.0]\n\
+        up = [0.0, 0.0, 1.0]\nwidth_mm = 0.02\nresolution = [2, 40]\n[[light]]\n\
+        kind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n[[object]]\nkind = \"cloth\"\n\
+        fabric = \"cloth.toml\"\nmodel = \"packed\"\nlod = 0\n";
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let mut run = Command::new(env!("CARGO_BIN_EXE_organza"))
+        .current_dir(&folder)
+        .args(["render", "scene.toml", "-o", "out.exr", "--spp", "4000000"])
+        .args(["--time-limit", "300ms", "--quiet"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    let status = loop {
+        if let Some(status) = run.try_wait().unwrap() {
+            break status;
+        }
+        if began.elapsed() > Duration::from_secs(120) {
+            run.kill().unwrap();
+            run.wait().unwrap();
+            panic!("no end");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    assert!(status.success(), "{status}");
+    println!("{:?}", began.elapsed());
 }

@@ -121,7 +121,11 @@ impl Fabric {
         max_memory_bytes: Option<u64>,
         loader: &Loader<'_>,
     ) -> Result<Octree> {
-        let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+        // The voxels stay while paths go through the fibres.
+        let allowed = match max_memory_bytes {
+            Some(bytes) => bytes.saturating_sub(octree.memory_bytes()),
+            None => free_memory_bytes(),
+        };
         let own = &self.optics[self.optics.len() - 1..];
         let fibres = self.explicit_fibres_of(own, path, allowed, loader);
         let fibres = fibres.and_then(|fibres| {

@@ -4,8 +4,10 @@
 mod blended_fibres;
 mod blocks;
 mod fibres_in_cells;
+mod flat_cloth;
 mod lit_sheet;
 mod packed_fabrics;
+mod packed_memory;
 mod packed_voxel_size;
 mod pile_sheen;
 mod sameness;

@@ -26,7 +26,7 @@ const ALPHA: f64 = 1e-3;
 const OLD_LOSS: f64 = 0.06;
 
 /// A cloth of few fibres, so that it is made in a moment.
-const LITTLE: &str = r#"
+pub(crate) const LITTLE: &str = r#"
 [draft]
 weave = "plain"
 [warp]

@@ -4,7 +4,7 @@
 use crate::levelled_engine::LevelledEngine;
 use crate::{
     AnyMedium, Draping, Integrator, LevelledCloth, MAX_EVENTS, Medium, RenderSettings, Scene,
-    VirtualFibreEvent,
+    VirtualFibreEvent, VirtualFibreMedium,
 };
 use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, FibrePlane, FibreScene};
 use organza_kernel::{
@@ -204,16 +204,40 @@ fn fibre_matter(
             if m.has_local_visibility() {
                 return Some(Err(KernelRefusal::LocalVisibility));
             }
-            let matter = FibreMatter::of_packed(m, max_bytes);
-            Some(matter.map_err(KernelRefusal::from))
+            let beside = beside_packed_bytes(m);
+            let matter = FibreMatter::of_packed(m, left_beside(beside, max_bytes));
+            Some(matter.map_err(|why| with_memory(why, beside, max_bytes).into()))
         }
         [(AnyMedium::HybridFibres(m), None)] => {
-            Some(m.matter(max_bytes).map_err(KernelRefusal::from))
+            let beside = beside_packed_bytes(m.packed());
+            let matter = m.matter(left_beside(beside, max_bytes));
+            Some(matter.map_err(|why| with_memory(why, beside, max_bytes).into()))
         }
         media if media.iter().any(|m| fibres_of(m).is_some()) => {
             Some(explicit_matter(media, max_bytes))
         }
         _ => None,
+    }
+}
+
+/// Bytes of packed fibres while the kernel lays them out: the octree, and for every voxel the
+/// tables of the general walk and room to work beyond what the kernel counts (measured).
+fn beside_packed_bytes(medium: &VirtualFibreMedium) -> u64 {
+    const OF_VOXEL: u64 = 27;
+    let dims = Medium::cell_grid(medium).dims();
+    medium.octree().memory_bytes() + OF_VOXEL * dims.as_u64vec3().element_product()
+}
+
+/// What is left for the kernel: at least so much that it says what it needs.
+fn left_beside(bytes: u64, allowed: u64) -> u64 {
+    allowed.saturating_sub(bytes).max(1 << 20)
+}
+
+/// A refusal that counts what else is in memory.
+fn with_memory(why: Refusal, beside: u64, allowed: u64) -> Refusal {
+    match why {
+        Refusal::Memory(needed, _) => Refusal::Memory(needed + beside, allowed),
+        other => other,
     }
 }
 

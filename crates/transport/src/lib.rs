@@ -93,7 +93,7 @@ pub use organza_scatter::{FlakeFamily, FlakeOptics, population_shape};
 pub use organza_basis::cell_grid::{CellGrid, CellSpan, Cells, LocalRay};
 pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
-    PixelErrors, PixelFilter, Projection, SiteInfo, Stats, aperture_mm,
+    PixelErrors, PixelFilter, Projection, SiteInfo, Stats, Tail, aperture_mm,
 };
 pub use organza_kernel::fibres::{CacheMode, CachePlan, CacheReport, LearnWatch};
 pub use organza_kernel::packed::Switch;

@@ -33,7 +33,7 @@ pub use fibre_hit::FibreHit;
 use glam::{DVec2, DVec3, UVec3, Vec3, Vec3A};
 use hierarchy::Hierarchy;
 use obvhs::ray::{Ray as BvhRay, RayHit};
-use organza_basis::CellGrid;
+use organza_basis::{CellGrid, MAX_PERIODS};
 use organza_basis::{Ray, SegmentSource, Tile};
 use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::Fibre;
@@ -93,11 +93,6 @@ const START_RADII: f64 = 1e-3;
 
 /// Copies of the tile overlap by so much, for what is met at a face.
 const FACE_SLACK_MM: f64 = 1e-9;
-
-/// Copies of the tile that a ray may pass without meeting a fibre before it
-/// counts as one that never does: one exactly in the plane of the cloth, beside
-/// all fibres, would go on without end.
-const MAX_TILES: u32 = 65_536;
 
 /// Explicit fibres of one tile, alone or repeated without end.
 pub struct ExplicitFibres {
@@ -314,7 +309,8 @@ impl ExplicitFibres {
         for axis in 0..2 {
             p[axis] = p[axis].rem_euclid(self.period_mm[axis]);
         }
-        for _ in 0..MAX_TILES {
+        // One in the plane of the cloth, beside all fibres, would go on without end.
+        for _ in 0..MAX_PERIODS {
             let ahead = |axis: usize| match d[axis] {
                 0.0 => f64::INFINITY,
                 along if along > 0.0 => (self.period_mm[axis] - p[axis]) / along,

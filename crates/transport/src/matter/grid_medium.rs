@@ -239,3 +239,28 @@ impl Medium for GridMedium {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every event asks for the yarn: the answer is that of the whole description, whose axis
+    /// takes an eigendecomposition.
+    #[test]
+    fn the_yarn_is_known_without_the_axis() {
+        let axis = Vec3::new(0.48, 0.6, 0.64);
+        let medium = GridMedium::new(
+            Aabb::new(Vec3::ZERO, Vec3::ONE),
+            false,
+            Interpolation::Nearest,
+            Grid::constant([3.0]),
+            Grid::constant(Sym3::axial(axis, 1.0, 0.04).to_array()),
+            Grid::constant([0.5; 3]),
+        )
+        .unwrap();
+        let site = medium.site(Vec3::splat(0.5));
+        let info = medium.info(&site);
+        assert_eq!(medium.yarn(&site), info.yarn);
+        assert!(info.axis.dot(axis).abs() > 0.9999, "{}", info.axis);
+    }
+}

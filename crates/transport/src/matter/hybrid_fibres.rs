@@ -44,6 +44,11 @@ impl HybridFibres {
         })
     }
 
+    /// The packed fibres.
+    pub(crate) fn packed(&self) -> &VirtualFibreMedium {
+        &self.packed
+    }
+
     /// The fibres for the kernel, in at most `max_bytes`.
     ///
     /// # Errors
