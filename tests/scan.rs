@@ -41,6 +41,15 @@ fn a_scan_is_shown_described_and_measured_like_a_volume() {
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["kind"], "scan");
     assert_eq!(info["scan"]["scan"]["fibre_radius_um"].as_f64(), Some(9.0));
+    // The box is that of the voxels of the scan, of which the octree has more.
+    let (voxels, scanned) = (&info["levels"][0]["dims"], &info["scan"]["scan"]["size"]);
+    assert_ne!(voxels, scanned);
+    for axis in 0..3 {
+        let edge = |key: &str| info["box"][key][axis].as_f64().unwrap();
+        let size_mm = 3.5e-3 * scanned[axis].as_f64().unwrap();
+        let found = edge("max_mm") - edge("min_mm");
+        assert!((found - size_mm).abs() < 1e-5, "{axis}: {found}, {size_mm}");
+    }
     let scene = "[camera]\nkind = \"orthographic\"\norigin_mm = [0.16, 0.16, 2.0]\n\
         target_mm = [0.16, 0.16, 0.0]\nup = [0.0, 1.0, 0.0]\nwidth_mm = 0.3\n\
         resolution = [16, 16]\n[[light]]\nkind = \"directional\"\ndirection = [0.2, 0.1, -0.97]\n\

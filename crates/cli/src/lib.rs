@@ -35,6 +35,7 @@ mod results;
 mod sample_ranges;
 mod schedule;
 mod version;
+mod waiting;
 
 pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;

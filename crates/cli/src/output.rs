@@ -6,6 +6,8 @@ use organza_scene::read::io_message;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tempfile::NamedTempFile;
 
 /// What encoders need of a file.
@@ -172,9 +174,24 @@ macro_rules! note {
     ($($words:tt)*) => {{
         use std::io::Write as _;
         let _ = writeln!(std::io::stderr(), $($words)*);
+        $crate::output::printed();
     }};
 }
 pub(crate) use note;
+
+/// When the last line was printed.
+static LAST_LINE: Mutex<Option<Instant>> = Mutex::new(None);
+
+/// Remembers that something was printed just now.
+pub fn printed() {
+    *LAST_LINE.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+}
+
+/// Whether nothing was printed for so long.
+pub fn is_silent_for(time: Duration) -> bool {
+    let last = *LAST_LINE.lock().unwrap_or_else(PoisonError::into_inner);
+    last.is_none_or(|last| last.elapsed() >= time)
+}
 
 /// Whether two paths lead to one file, or would if both were written.
 pub fn is_same_file(a: &Path, b: &Path) -> bool {

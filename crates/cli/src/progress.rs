@@ -2,7 +2,7 @@
 //! elsewhere.
 
 use crate::host::{Host, Watch};
-use crate::output::note;
+use crate::output::{note, printed};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -59,6 +59,9 @@ impl Progress {
         // Threads report out of order; the bar only moves on.
         if done > self.bar.position() {
             self.bar.set_position(done);
+        }
+        if !self.bar.is_hidden() {
+            printed();
         }
         // Another thread that prints the line does it for all.
         if let Some(line) = &self.line

@@ -11,6 +11,7 @@ use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
 use crate::results::Results;
+use crate::waiting::Waiting;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems};
@@ -105,6 +106,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     for name in ["report.html", "report.json", "pairs.csv"] {
         output::check_not_an_input(&args.outdir.join(name), &args.data)?;
     }
+    let _waiting = Waiting::new("comparing", &args.common);
     let host = &args.common.host;
     let data = args.data.as_deref().map(|path| read_data(path, host));
     let data = data.transpose()?;

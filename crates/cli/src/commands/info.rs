@@ -3,6 +3,7 @@
 use super::{Command, with_threads};
 use crate::error::input;
 use crate::flags::{CommonArgs, set_help};
+use crate::waiting::Waiting;
 use crate::{output, picture};
 use anyhow::Result;
 use clap::Args;
@@ -51,7 +52,9 @@ impl Command for InfoArgs {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<()> {
+    let waiting = Waiting::new("reading", &args.common);
     let listing = with_threads(&args.common, || tell(args))?;
+    drop(waiting);
     let mut text = String::new();
     if args.json {
         text = serde_json::to_string_pretty(&listing)? + "\n";
@@ -164,9 +167,33 @@ fn volume(format: &Format, path: &Path) -> Result<Value> {
     if let Some(text) = listing.get("scan").and_then(Value::as_str)
         && let Ok(table) = toml::from_str::<toml::Table>(text)
     {
+        if let Some(scanned) = scanned_box(&listing["box"], &table) {
+            listing["box"] = scanned;
+        }
         listing["scan"] = json!(table);
     }
     Ok(listing)
+}
+
+/// The box of the voxels that a scan has: coarse levels need more about them, evenly on both
+/// sides.
+fn scanned_box(padded: &Value, scan: &toml::Table) -> Option<Value> {
+    let scan = scan.get("scan")?;
+    let mut scanned = padded.clone();
+    for axis in 0..3 {
+        let number = |key: &str| match scan.get(key)?.get(axis)? {
+            toml::Value::Integer(n) => Some(*n as f64),
+            toml::Value::Float(x) => Some(*x),
+            _ => None,
+        };
+        let [low, high] = ["min_mm", "max_mm"].map(|key| padded[key][axis].as_f64());
+        let (low, high) = (low?, high?);
+        let size_mm = (number("size")? * 1e-3 * number("voxel_um")?).min(high - low);
+        let middle = 0.5 * (low + high);
+        scanned["min_mm"][axis] = json!(middle - 0.5 * size_mm);
+        scanned["max_mm"][axis] = json!(middle + 0.5 * size_mm);
+    }
+    Some(scanned)
 }
 
 /// A fabric or a scene.

@@ -21,6 +21,7 @@ use super::{FitArgs, FitWhat, finish_with};
 use crate::error::input;
 use crate::output;
 use crate::progress::Progress;
+use crate::waiting::Waiting;
 use agreement::Agreement;
 use answer::{Answer, shown_name};
 use anyhow::Result;
@@ -219,6 +220,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         output::check_report_folder(folder, ("choices.csv", "the report of a bench"))?;
         output::check_report_folder(folder, ("pairs.csv", "a comparison"))?;
     }
+    let _waiting = Waiting::new("looking", &args.common);
     let given = given_draft(args)?;
     let photographs = Photographs::read(args, front)?;
     let fail = |why: String| input(format!("{}: {why}", front.display()));
