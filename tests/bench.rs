@@ -63,9 +63,9 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     for view in views {
         let results = view["results"].as_array().unwrap();
         let refused = view["refused"].as_array().unwrap();
-        // Seven ways at the fabric's own voxels, three at level 1, plies, explicit fibres in
-        // the kernel, and the reference.
-        assert_eq!(results.len() + refused.len(), 13, "{view}");
+        // Seven ways at the fabric's own voxels, three at level 1, explicit fibres in the
+        // kernel, and the reference.
+        assert_eq!(results.len() + refused.len(), 12, "{view}");
         assert_eq!(results.last().unwrap()["choice"]["tracker"], "kernel");
         assert_eq!(results[0]["choice"]["model"], "fibres");
         assert_eq!(results[0]["rmse"]["value"], 0.0);
@@ -224,7 +224,7 @@ fn auto_takes_what_it_says() {
     let model = choice["model"].as_str().unwrap();
     let voxels = if matches!(model, "surface" | "table") {
         String::new()
-    } else if matches!(model, "fibres" | "plies") {
+    } else if model == "fibres" {
         "lod = \"volume\"\n".to_owned()
     } else {
         let scale = choice["voxel_scale"].as_f64().unwrap();

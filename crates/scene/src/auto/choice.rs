@@ -39,7 +39,8 @@ impl Choice {
     }
 
     /// Everything that is tried beside the reference `truth`: only the quick part of it if
-    /// asked, and every tracker or only the usual one of each representation.
+    /// asked, and every tracker or only the usual one of each representation. Plies, which
+    /// neither keep all light nor are reciprocal, are left out.
     pub fn all(
         truth: Choice,
         quick: bool,
@@ -73,8 +74,6 @@ impl Choice {
         }
         let surfaces = built().filter(|r| matches!(r.build, Build::Surface(_)) && is_ready(r));
         list.extend(surfaces.map(Choice::usual));
-        let plies = built().filter(|r| matches!(r.build, Build::Plies(_)) && is_ready(r));
-        list.extend(plies.map(Choice::usual));
         let fibres = own(&&EXPLICIT_FIBRES);
         list.extend(fibres.filter(|choice| *choice != truth));
         list

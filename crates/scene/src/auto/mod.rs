@@ -178,7 +178,8 @@ fn choose(
     let possible = |model: &Representation| match &model.build {
         _ if mesh.is_some() && !model.drapes => false,
         Build::ExplicitFibres(_) => !regular,
-        Build::Plies(_) => !regular && (model.is_ready)(&fabric, &path, loader),
+        // They neither keep all light nor are reciprocal.
+        Build::Plies(_) => false,
         Build::Surface(_) => (model.is_ready)(&fabric, &path, loader),
         Build::Voxels(_) => true,
     };
