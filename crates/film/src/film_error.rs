@@ -14,7 +14,55 @@ pub struct PixelErrors {
     pub worst_hundredth: f64,
 }
 
+/// How much of the noise of a film the brightest sample and the noisiest pixel have.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tail {
+    /// The share of the brightest sample in the squares of all.
+    pub sample: f64,
+    /// The largest share of a pixel in the variances of all.
+    pub pixel: f64,
+}
+
+impl Tail {
+    /// Above this share in both, others as bright may not have been met, and the standard errors
+    /// are too small. Where samples have no variance, the largest has a good part of the squares
+    /// however many there are; where they have one, its share goes to zero.
+    const HEAVY: f64 = 0.05;
+
+    /// Whether standard errors cannot be trusted.
+    pub fn is_heavy(&self) -> bool {
+        self.sample > Tail::HEAVY && self.pixel > Tail::HEAVY
+    }
+}
+
 impl Film {
+    /// The tail of the samples, of which the brightest channel of any is
+    /// [`Stats::brightest`](crate::Stats::brightest); `None` of fewer than a thousand.
+    pub fn tail(&self, brightest: f32) -> Option<Tail> {
+        let samples: u64 = self.pixels().iter().map(|p| p.count()).sum();
+        if samples < 1000 {
+            return None;
+        }
+        let (mut squares, mut tail) = (0.0f64, Tail::default());
+        for channel in 0..3 {
+            let (mut of_channel, mut sum, mut most) = (0.0, 0.0, 0.0f64);
+            for m in self.pixels().iter().map(|p| p.moments(channel)) {
+                of_channel += m.sum_sq_dev + m.count as f64 * m.mean * m.mean;
+                let variance = variance_of_mean(&m);
+                sum += variance;
+                most = most.max(variance);
+            }
+            squares = squares.max(of_channel);
+            if sum > 0.0 {
+                tail.pixel = tail.pixel.max(most / sum);
+            }
+        }
+        if squares > 0.0 {
+            tail.sample = f64::from(brightest).powi(2) / squares;
+        }
+        Some(tail)
+    }
+
     /// Standard error of a pixel, root mean square over pixels and channels,
     /// over the mean of the picture. A black picture has none: zero.
     pub fn relative_error(&self) -> f64 {
@@ -92,6 +140,38 @@ mod tests {
             assert!((film(n) / expected - 1.0).abs() < 4.0 * f64::EPSILON);
         }
         assert_eq!(Film::new(UVec2::ONE).relative_error(), 0.0);
+    }
+
+    /// Powers of a uniform number, one with a variance and one without, and a lamp that all
+    /// samples of a pixel see.
+    #[test]
+    fn samples_without_a_variance_have_a_heavy_tail() {
+        let tail = |power: f32, lamp: f32| {
+            let mut film = Film::new(UVec2::new(30, 30));
+            let mut rng = organza_basis::PathRng::from_seed(5);
+            let mut brightest = 0.0f32;
+            for i in 0..16 {
+                for (place, pixel) in film.pixels_mut().iter_mut().enumerate() {
+                    let drawn = (1.0 - rng.unit()).powf(power);
+                    let level = if place == 0 { lamp + drawn } else { drawn };
+                    brightest = brightest.max(level);
+                    let sample = PathSample {
+                        radiance: Rgb::splat(level),
+                        bounces: 0,
+                        first: None,
+                        absorbed: Rgb::BLACK,
+                        escape: None,
+                    };
+                    pixel.add(&sample, i);
+                }
+            }
+            film.tail(brightest).unwrap()
+        };
+        assert!(tail(-0.9, 0.0).is_heavy(), "{:?}", tail(-0.9, 0.0));
+        for (power, lamp) in [(-0.2, 0.0), (1.0, 0.0), (1.0, 1000.0)] {
+            assert!(!tail(power, lamp).is_heavy(), "{power} {lamp}");
+        }
+        assert!(Film::new(UVec2::ONE).tail(1.0).is_none());
     }
 
     /// Pixel i has errors i times as large; dark ones and those beside the cloth

@@ -19,7 +19,7 @@ mod wide_sum;
 pub use camera::{Camera, CameraError, CameraPose, PixelFilter, Projection, aperture_mm};
 pub use camera_rays::CameraParts;
 pub use film::Film;
-pub use film_error::PixelErrors;
+pub use film_error::{PixelErrors, Tail};
 pub use path_sample::{Escape, FirstEvent, PathSample, SiteInfo};
 pub use pixel_cone::PixelCone;
 pub use pixel_sums::Pixel;

@@ -31,6 +31,8 @@ pub struct NodeSums {
     pub straight: f64,
     /// Light that left the cloth, straight or scattered, for each channel.
     pub escaped: [f64; 3],
+    /// Squares of the same.
+    pub escaped_squares: [f64; 3],
     /// Scattered light for each node of the sphere and channel.
     pub scattered: Vec<[f64; 3]>,
 }
@@ -38,25 +40,27 @@ pub struct NodeSums {
 impl NodeSums {
     /// The sums as a list, as journals keep them.
     pub fn to_list(&self) -> Vec<f64> {
-        let head = [self.paths, self.straight].into_iter().chain(self.escaped);
+        let head = [self.paths, self.straight].into_iter();
+        let head = head.chain(self.escaped).chain(self.escaped_squares);
         head.chain(self.scattered.iter().flatten().copied())
             .collect()
     }
 
     /// Length of the list for a number of nodes of the sphere.
     pub fn list_length(nodes: usize) -> usize {
-        5 + 3 * nodes
+        8 + 3 * nodes
     }
 
     /// The sums of a list; `None` for a list of another length.
     pub fn from_list(list: &[f64], nodes: usize) -> Option<NodeSums> {
-        let [paths, straight, r, g, b, rest @ ..] = list else {
+        let [paths, straight, r, g, b, rr, gg, bb, rest @ ..] = list else {
             return None;
         };
         (rest.len() == 3 * nodes).then(|| NodeSums {
             paths: *paths,
             straight: *straight,
             escaped: [*r, *g, *b],
+            escaped_squares: [*rr, *gg, *bb],
             scattered: rest.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
         })
     }
@@ -68,6 +72,7 @@ impl NodeSums {
         self.scattered.resize(other.scattered.len(), [0.0; 3]);
         let add = |a: &mut [f64; 3], b: &[f64; 3]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
         add(&mut self.escaped, &other.escaped);
+        add(&mut self.escaped_squares, &other.escaped_squares);
         for (a, b) in self.scattered.iter_mut().zip(&other.scattered) {
             add(a, b);
         }
@@ -107,8 +112,10 @@ pub fn measure_node(
             return;
         }
         let channels = weight.0.to_array().map(f64::from);
-        for (sum, v) in sums.escaped.iter_mut().zip(channels) {
+        let escaped = sums.escaped.iter_mut().zip(&mut sums.escaped_squares);
+        for ((sum, square), v) in escaped.zip(channels) {
             *sum += v;
+            *square += v * v;
         }
         if exit.is_straight {
             sums.straight += 1.0;
@@ -254,6 +261,7 @@ pub(crate) mod tests {
             paths: 8.0,
             straight: 2.0,
             escaped: [7.0, 6.0, 5.0],
+            escaped_squares: [6.5, 5.5, 4.5],
             scattered: vec![[1.0, 2.0, 3.0]; 4],
         };
         let list = sums.to_list();

@@ -75,6 +75,9 @@ pub struct Results<T> {
     pub list: Vec<T>,
     /// Sums over all of them.
     pub stats: Stats,
+    /// Entries whose standard errors are too small to be trusted: one path carries so much of
+    /// the squared deviations that others as bright may not have been met.
+    pub heavy_tails: usize,
 }
 
 /// Why a measurement failed.
@@ -198,10 +201,10 @@ pub(crate) fn gather_pairs(
             }
         },
     )
-    .map(|(list, stats)| Results {
+    .map(|found| Results {
         list: pairs
             .iter()
-            .zip(list)
+            .zip(found.list)
             .map(|(&pair, [moments])| PairValue {
                 pair,
                 bsdf: if patch.is_exact() {
@@ -215,7 +218,8 @@ pub(crate) fn gather_pairs(
                 paths: moments[0].count,
             })
             .collect(),
-        stats,
+        stats: found.stats,
+        heavy_tails: found.heavy_tails,
     })
 }
 
@@ -264,10 +268,10 @@ pub fn measure_albedo_rows(
             }
         },
     )
-    .map(|(list, stats)| Results {
+    .map(|found| Results {
         list: incident
             .iter()
-            .zip(list)
+            .zip(found.list)
             .map(|(&incident, moments)| {
                 let [reflected, transmitted, direct, absorbed, sum] =
                     moments.each_ref().map(Measured::of);
@@ -282,7 +286,8 @@ pub fn measure_albedo_rows(
                 }
             })
             .collect(),
-        stats,
+        stats: found.stats,
+        heavy_tails: found.heavy_tails,
     })
 }
 
@@ -320,8 +325,61 @@ pub fn measure_openness(
     Ok(direct.map_or((0.0, f64::INFINITY), |d| (d.mean[0], d.se[0])))
 }
 
-/// Means and standard errors of `N` colours for every item, in order.
-pub(crate) type Gathered<const N: usize> = (Vec<[[Moments; 3]; N]>, Stats);
+/// What was gathered of `N` colours.
+pub(crate) struct Gathered<const N: usize> {
+    /// Means and standard errors for every item, in order.
+    pub list: Vec<[[Moments; 3]; N]>,
+    /// Sums over all of them.
+    pub stats: Stats,
+    /// See [`Results::heavy_tails`].
+    pub heavy_tails: usize,
+}
+
+/// A tail is heavy if one path has more than this share of the squared deviations. Where values
+/// have no variance, the largest has a good part however many there are.
+const HEAVY: f64 = 0.25;
+/// Of fewer paths nobody expects a good error.
+const ENOUGH_PATHS: u64 = 256;
+
+/// Sums of the paths of an item.
+#[derive(Clone)]
+struct Sums<const N: usize> {
+    moments: [[Moments; 3]; N],
+    /// The largest values.
+    largest: [[f64; 3]; N],
+    stats: Stats,
+}
+
+impl<const N: usize> Sums<N> {
+    fn new() -> Self {
+        Sums {
+            moments: [[Moments::default(); 3]; N],
+            largest: [[f64::NEG_INFINITY; 3]; N],
+            stats: Stats::default(),
+        }
+    }
+
+    fn merge(&mut self, other: &Sums<N>) {
+        let moments = self.moments.iter_mut().flatten();
+        for (sum, more) in moments.zip(other.moments.iter().flatten()) {
+            sum.merge(more);
+        }
+        let largest = self.largest.iter_mut().flatten();
+        for (most, more) in largest.zip(other.largest.iter().flatten()) {
+            *most = most.max(*more);
+        }
+        self.stats.merge(&other.stats);
+    }
+
+    fn has_heavy_tail(&self) -> bool {
+        let all = self.moments.iter().flatten();
+        let mut all = all.zip(self.largest.iter().flatten());
+        all.any(|(m, largest)| {
+            let square = (largest - m.mean).powi(2);
+            m.count >= ENOUGH_PATHS && square > HEAVY * m.sum_sq_dev && m.sum_sq_dev > 0.0
+        })
+    }
+}
 
 /// Measures every item. An estimate gives the values of all given paths, in order.
 pub(crate) fn gather<T: Sync, const N: usize, E>(
@@ -338,8 +396,7 @@ where
     let one = |(stream, item): (usize, &T)| {
         let estimate = estimate(item);
         let stream = first_stream + stream as u64;
-        let mut moments = [[Moments::default(); 3]; N];
-        let mut stats = Stats::default();
+        let mut sums = Sums::<N>::new();
         let mut done = 0;
         while done < effort.paths {
             let round = match effort.target_error {
@@ -347,8 +404,7 @@ where
                 None => MAX_AT_ONCE,
             };
             let end = (done + round).min(effort.paths);
-            let chunks: Vec<([[Moments; 3]; N], Stats)> = (done.div_ceil(CHUNK)
-                ..end.div_ceil(CHUNK))
+            let chunks: Vec<Sums<N>> = (done.div_ceil(CHUNK)..end.div_ceil(CHUNK))
                 .into_par_iter()
                 .map(|c| {
                     let paths = c * CHUNK..((c + 1) * CHUNK).min(end);
@@ -361,49 +417,122 @@ where
                     chunk(&estimate, &names)
                 })
                 .collect();
-            for (part, counts) in &chunks {
-                let channels = moments.iter_mut().flatten();
-                for (sum, more) in channels.zip(part.iter().flatten()) {
-                    sum.merge(more);
-                }
-                stats.merge(counts);
+            for part in &chunks {
+                sums.merge(part);
             }
             done = end;
-            let reached = |e| moments.iter().flatten().all(|m| enough(m, e));
+            let reached = |e| sums.moments.iter().flatten().all(|m| enough(m, e));
             if effort.target_error.is_some_and(reached) {
                 break;
             }
         }
-        (moments, stats)
+        sums
     };
     let all: Vec<_> = items.par_iter().enumerate().map(one).collect();
     let mut stats = Stats::default();
-    let mut list = Vec::with_capacity(all.len());
-    for (moments, counts) in all {
-        list.push(moments);
-        stats.merge(&counts);
+    for sums in &all {
+        stats.merge(&sums.stats);
     }
     MeasureError::check(&stats)?;
-    Ok((list, stats))
+    Ok(Gathered {
+        list: all.iter().map(|sums| sums.moments).collect(),
+        stats,
+        heavy_tails: all.iter().filter(|sums| sums.has_heavy_tail()).count(),
+    })
 }
 
 fn chunk<const N: usize>(
     estimate: &impl Fn(&PathNames, &mut Stats, &mut dyn FnMut([Rgb; N])),
     names: &PathNames,
-) -> ([[Moments; 3]; N], Stats) {
-    let mut moments = [[Moments::default(); 3]; N];
-    let (mut stats, mut rejected) = (Stats::default(), 0);
+) -> Sums<N> {
+    let Sums {
+        mut moments,
+        mut largest,
+        mut stats,
+    } = Sums::new();
+    let mut rejected = 0;
     estimate(names, &mut stats, &mut |values| {
         if !values.iter().all(|v| v.0.is_finite()) {
             rejected += 1;
             return;
         }
-        for (sums, value) in moments.iter_mut().zip(values) {
-            for (sum, x) in sums.iter_mut().zip(value.0.to_array()) {
-                sum.add(f64::from(x));
+        let sums = moments.iter_mut().zip(&mut largest);
+        for ((sums, largest), value) in sums.zip(values) {
+            let channels = sums.iter_mut().zip(largest);
+            for ((sum, most), x) in channels.zip(value.0.to_array().map(f64::from)) {
+                sum.add(x);
+                *most = most.max(x);
             }
         }
     });
     stats.rejected += rejected;
-    (moments, stats)
+    Sums {
+        moments,
+        largest,
+        stats,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Vec2, Vec3};
+    use organza_basis::PathRng;
+
+    /// A patch whose values are powers of a uniform number.
+    struct Powers(f32);
+
+    impl PatchResponse for Powers {
+        fn estimate_bsdf(&self, _: Vec3, _: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb {
+            stats.paths += 1;
+            Rgb::splat((1.0 - rng.unit()).powf(self.0))
+        }
+
+        fn estimate_at(
+            &self,
+            _: Vec2,
+            w_in: Vec3,
+            w_out: Vec3,
+            rng: &mut PathRng,
+            stats: &mut Stats,
+        ) -> Rgb {
+            self.estimate_bsdf(w_in, w_out, rng, stats)
+        }
+
+        fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> crate::Exit {
+            crate::Exit::default()
+        }
+
+        fn is_exact(&self) -> bool {
+            false
+        }
+    }
+
+    /// A uniform number to the power of -0.9 has a mean and no variance: the largest of many has
+    /// more than a quarter of the squares nearly always. To the power of -0.2 it has a variance.
+    #[test]
+    fn values_without_a_variance_have_heavy_tails() {
+        let normal = Angles {
+            theta_deg: 0.0,
+            phi_deg: 0.0,
+        };
+        let pairs = [Pair {
+            incident: normal,
+            exitant: normal,
+        }; 64];
+        for paths in [1024, 16_384] {
+            let effort = Effort {
+                paths,
+                seed: 7,
+                target_error: None,
+            };
+            let heavy = |power: f32| {
+                let found = measure_pairs(&Powers(power), &pairs, &effort, &|_| ());
+                found.unwrap().heavy_tails
+            };
+            assert!(heavy(-0.9) > 32, "{paths}: {}", heavy(-0.9));
+            assert_eq!(heavy(-0.2), 0, "{paths}");
+            assert_eq!(heavy(1.0), 0, "{paths}");
+        }
+    }
 }

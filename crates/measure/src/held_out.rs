@@ -10,7 +10,7 @@ pub const OBLIQUE_DEG: f64 = 80.0;
 const LIMIT_DEG: f64 = 89.0;
 
 /// The kind of a held-out pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HeldOutKind {
     /// Both directions on one side, at most 80 degrees from its normal.
@@ -77,7 +77,7 @@ pub fn held_out_pairs(count: usize, seed: u64) -> Vec<Pair> {
 }
 
 /// How far values are from the truth over pairs of one kind.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HeldOutError {
     /// Which pairs.
     pub kind: HeldOutKind,

@@ -66,6 +66,7 @@ mod sharpening;
 mod surface_patch;
 mod sweep;
 mod table;
+mod table_noise;
 mod tensor_tree;
 mod tensor_tree_file;
 mod texture;
@@ -109,6 +110,7 @@ pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,
 };
 pub use table::{write_albedos, write_pairs, write_sweep};
+pub use table_noise::{RingNoise, TableErrors, ring_noise};
 pub use tensor_tree::{TensorTree, TreeCell, TreeLayout, TreeRank, measure_tensor_tree};
 pub use tensor_tree_file::write_tensor_tree;
 pub use texture::{TexelGrid, Texture, measure_texture};

@@ -68,7 +68,7 @@ pub fn measure_sweep(
         return Err(MeasureError::TooFewPaths(effort.paths));
     }
     let enough = |m: &organza_basis::Moments, target: f64| m.standard_error() <= target * m.mean;
-    let (list, _): Gathered<1> = gather(
+    let Gathered::<1> { list, .. } = gather(
         lamps,
         1 << 61,
         effort,

@@ -16,22 +16,23 @@ use crate::flags::values::{
     whole,
 };
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs, set_help};
+use crate::output::note;
 use crate::progress::Progress;
 use crate::{btf_file, output};
 use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
 use organza_measure::{
-    Effort, MeasureError, TexelGrid, VolumePatch, front_and_back, measure_albedo_rows,
+    Effort, MeasureError, TableErrors, TexelGrid, VolumePatch, front_and_back, measure_albedo_rows,
     measure_klems, measure_openness, measure_pair_rows, measure_sweep, measure_texture,
     write_albedos, write_klems, write_pairs, write_sweep,
 };
 use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::loader::Loader;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs};
+use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
-use organza_scene::{LoadedScene, fabric_file};
+use organza_scene::{LoadedScene, fabric_file, far_table};
 use ptm::PtmArgs;
 use rgl::RglArgs;
 use serde_json::{Value, json};
@@ -235,28 +236,34 @@ fn measure(
         extra: Vec::new(),
         result_line: None,
         dark: [0, 0],
+        heavy_tails: 0,
         count,
         paths: 0,
     };
     match wanted {
         Wanted::Pairs(pairs) => {
-            let result = measure_pair_rows(patch, pairs, rows, &effort, &watch).map_err(failed)?;
+            let result = measure_pair_rows(patch, pairs, rows, &effort, &watch);
+            let mut result = result.map_err(failed)?;
+            widen(args, shown, |table| table.widen_pairs(&mut result.list))?;
             write(args, |out| write_pairs(&result.list, out))?;
             host.give(|| results::pairs(&result.list, result.stats.paths));
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
+            summary.heavy_tails = result.heavy_tails;
             summary.result_line = median_error(&result.list);
             summary.dark = dark_pairs(shown, &result.list);
         }
         Wanted::Incident(incident) => {
             let result = measure_albedo_rows(patch, incident, rows, &effort, &watch);
-            let result = result.map_err(failed)?;
+            let mut result = result.map_err(failed)?;
+            widen(args, shown, |table| table.widen_albedos(&mut result.list))?;
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
             host.give(|| results::albedos(&result.list, [open, se], result.stats.paths));
             summary.what = "albedo";
             summary.list = listed(args, &result.list);
             summary.paths = result.stats.paths;
+            summary.heavy_tails = result.heavy_tails;
             summary.extra = vec![
                 ("openness", json!(open)),
                 ("cover_factor", json!(1.0 - open)),
@@ -330,6 +337,28 @@ fn measure(
     }
     let seconds = progress.finish();
     report(args, shown, summary, seconds)
+}
+
+/// Adds the errors of a table itself to those of what was measured of it.
+fn widen(
+    args: &MeasureArgs,
+    shown: Option<ShownAs>,
+    add: impl FnOnce(&TableErrors) -> bool,
+) -> Result<()> {
+    if !shown.is_some_and(|s| s.representation == &TABLE) {
+        return Ok(());
+    }
+    let path = far_table::beside(&args.file);
+    let (_, about) = far_table::read(&path, &args.common.host.loader())?;
+    let known: TableErrors = serde_json::from_value(about).unwrap_or_default();
+    if !add(&known) && !args.common.quiet {
+        note!(
+            "organza: warning: {}: does not say how far it is off, and no standard error has it; \
+             organza table with --held-out measures it",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 /// Values as JSON, which takes ten times the memory, where somebody wants it.

@@ -46,6 +46,8 @@ pub struct Summary {
     pub result_line: Option<String>,
     /// Pairs without light in any path, of how many.
     pub dark: [usize; 2],
+    /// See [`organza_measure::Results::heavy_tails`].
+    pub heavy_tails: usize,
     /// How many directions or pairs.
     pub count: usize,
     /// Paths traced.
@@ -94,6 +96,7 @@ pub fn report(
     put("seed", json!(args.seed));
     put("paths", json!(summary.paths));
     put("seconds", json!(seconds));
+    put("heavy_tails", json!(summary.heavy_tails));
     put(summary.what, summary.list);
     for (key, value) in summary.extra {
         put(key, value);
@@ -120,6 +123,15 @@ pub fn report(
         );
         if let Some(line) = summary.result_line {
             note!("{line}");
+        }
+        if summary.heavy_tails > 0 {
+            note!(
+                "organza: warning: {}: in {} of {} one path carries more than a quarter of the \
+                 squares, so that standard errors are too small; more --spp helps",
+                args.file.display(),
+                summary.heavy_tails,
+                summary.count
+            );
         }
         let [dark, pairs] = summary.dark;
         if dark > 0 {

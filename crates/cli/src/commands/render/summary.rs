@@ -12,7 +12,7 @@ use anyhow::Result;
 use organza_picture::{Attributes, Display};
 use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
-use organza_transport::{CacheReport, Film, KernelRefusal, Pixel, Rendering};
+use organza_transport::{CacheReport, Film, KernelRefusal, Pixel, Rendering, Tail};
 use serde_json::json;
 use std::path::Path;
 
@@ -75,6 +75,7 @@ pub fn figures(
         "cut": stats.cut,
         "rejected": stats.rejected,
         "brightest": stats.brightest,
+        "heavy_tail": film.tail(stats.brightest).map(|tail| tail.is_heavy()),
         "cache": rendering.cache().map(|cache| json!({
             "learning_paths": cache.paths,
             "sharing_paths": cache.shared_paths,
@@ -228,6 +229,19 @@ pub fn print(
         film.size().y,
         rate * 1e-6,
     );
+    // A clamp takes the tail away, and the light in it.
+    if file.render.clamp.is_none()
+        && let Some(tail) = film.tail(stats.brightest).filter(Tail::is_heavy)
+    {
+        note!(
+            "organza: warning: {}: the brightest sample has {:.0} % of the squares of all, and the \
+             noisiest pixel {:.0} % of the noise: others as bright may not have been met, and \
+             standard errors are too small; take more samples",
+            args.outfile.display(),
+            100.0 * tail.sample,
+            100.0 * tail.pixel
+        );
+    }
     if !args.stats {
         return;
     }

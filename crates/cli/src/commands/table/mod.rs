@@ -19,8 +19,9 @@ use crate::version;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{
-    Effort, HeldOutError, MOST_STEPS, Measured, NodeSums, Pair, PairValue, Sharpened, Sharpening,
-    far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
+    Effort, HeldOutError, MOST_STEPS, Measured, NodeSums, Pair, PairValue, RingNoise, Sharpened,
+    Sharpening, far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
+    ring_noise,
 };
 use organza_scatter::{Footprint, Surface};
 use organza_scene::far_table::{ENDING, FABRIC_KEY, TEXTURE_KEY};
@@ -182,7 +183,7 @@ fn prepare(args: &TableArgs, loader: &Loader<'_>) -> Result<(Work, Value)> {
         "seed": args.seed,
     });
     let texels = texels.and_then(|layout| texture::at_height(layout, &patch, args.seed));
-    let key = json!({ "table": 1, "of": about, "held_out": args.held_out_spp });
+    let key = json!({ "table": 2, "of": about, "held_out": args.held_out_spp });
     let key = key.to_string();
     let of = journal::Work {
         command: "table",
@@ -319,6 +320,7 @@ struct Made {
     paths_per_node: u64,
     residual: f64,
     sharpened: Sharpened,
+    noise: Vec<RingNoise>,
     errors: Vec<HeldOutError>,
 }
 
@@ -359,6 +361,7 @@ fn make(args: &TableArgs, mut work: Work, mut about: Value) -> Result<()> {
         map.insert("paths_per_node".into(), json!(made.paths_per_node));
         map.insert("sharpened".into(), json!(made.sharpened));
         map.insert("held_out_paths".into(), json!(args.held_out_spp));
+        map.insert("noise".into(), json!(made.noise));
         map.insert("errors".into(), json!(made.errors));
         if let Some(surface) = surface {
             map.insert("errors_of_surface_model".into(), json!(surface));
@@ -419,6 +422,7 @@ fn solve(
         parts: balanced.parts,
         residual: balanced.residual,
         sharpened,
+        noise: ring_noise(&work.rings, sums),
         table,
         paths_per_node,
     })
