@@ -531,7 +531,8 @@ mod tests {
                 found.unwrap().heavy_tails
             };
             assert!(heavy(-0.9) > 32, "{paths}: {}", heavy(-0.9));
-            assert_eq!(heavy(-0.2), 0, "{paths}");
+            // Now and then one of so many is far above the others.
+            assert!(heavy(-0.2) < 4, "{paths}: {}", heavy(-0.2));
             assert_eq!(heavy(1.0), 0, "{paths}");
         }
     }

@@ -140,3 +140,39 @@ impl TableErrors {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::far_table::tests::{SHEET, small_rings};
+    use crate::{Sharpening, SurfacePatch, far_matrix, measure_node};
+    use organza_surface::diffuse::DiffuseSheet;
+
+    /// Shares of a known sheet are off by as much as is said; half or twice as much is rejected.
+    #[test]
+    fn shares_are_as_noisy_as_is_said() {
+        let patch = SurfacePatch(DiffuseSheet::new(&SHEET).unwrap());
+        let rings = small_rings();
+        let nodes: Vec<NodeSums> = (0..rings.sphere())
+            .map(|node| measure_node(&patch, &rings, node, 0..2048, 11).unwrap().0)
+            .collect();
+        let (matrix, _) = far_matrix(&rings, &nodes, Sharpening::Steps(0)).unwrap();
+        let noise = ring_noise(&rings, &nodes);
+        let (mut squares, mut count) = (0.0, 0.0);
+        let mut first = 0;
+        for ((_, of_ring), noise) in rings.list().zip(&noise) {
+            for a in first..first + of_ring as usize {
+                for c in [0, 1, 2] {
+                    let truth = f64::from(SHEET.reflectance.0[c] + SHEET.transmittance.0[c]);
+                    squares += ((matrix.shares[a][c] - truth) / noise.scattered[c]).powi(2);
+                    count += 1.0;
+                }
+            }
+            first += of_ring as usize;
+        }
+        // About 60 nodes, which share paths with their neighbours, and one sample of events in
+        // all channels.
+        let ratio: f64 = squares / count;
+        assert!((0.5..2.0).contains(&ratio), "seed 11: {ratio}");
+    }
+}

@@ -93,3 +93,36 @@ impl ShadowRay<'_> {
         ((-depth.min(self.sure_depth)).exp(), steps)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::UVec3;
+    use organza_basis::Aabb;
+
+    /// In the plane of the cloth, where no matter is: 256 periods of 4 mm, in voxels of half a
+    /// millimetre. The twin is light that is stopped before.
+    #[test]
+    fn light_along_the_cloth_comes_to_an_end() {
+        let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(4.0, 2.0, 1.0));
+        let cell_grid = CellGrid::new(bounds_mm, UVec3::new(8, 4, 2), true).unwrap();
+        let seen = |extinction: f32, tilt: f32| {
+            let ray = ShadowRay {
+                cell_grid: &cell_grid,
+                blocks: None,
+                at: Vec3::new(1.5, 1.5, 1.5),
+                toward: Vec3::new(0.8, 0.6, tilt),
+                reach_mm: f32::INFINITY,
+                sure_depth: 20.0,
+                chance: 0.0,
+            };
+            ray.transmittance(|_| Some(extinction))
+        };
+        for tilt in [0.0, 1e-9, -1e-9] {
+            let (passed, steps) = seen(0.0, tilt);
+            assert_eq!(passed, 1.0);
+            assert!((2500..3000).contains(&steps), "{tilt}: {steps}");
+        }
+        assert!(seen(1.0, 0.0).1 < 100);
+    }
+}

@@ -220,7 +220,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         output::check_report_folder(folder, ("choices.csv", "the report of a bench"))?;
         output::check_report_folder(folder, ("pairs.csv", "a comparison"))?;
     }
-    let _waiting = Waiting::new("looking", &args.common);
+    let _waiting = Waiting::new("fitting", &args.common);
     let given = given_draft(args)?;
     let photographs = Photographs::read(args, front)?;
     let fail = |why: String| input(format!("{}: {why}", front.display()));
