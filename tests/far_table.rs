@@ -115,6 +115,9 @@ fn a_known_sheet_is_found_again() {
             "{row}"
         );
     }
+    let open = |key: &str| found[key].as_f64().unwrap();
+    assert!(open("se_openness") > 0.006, "{}", open("se_openness"));
+    assert!((open("openness") - 0.2).abs() < 5.0 * open("se_openness"));
     let about = succeed(&folder, &["info", "cloth.bsdf", "--json"]);
     let about: serde_json::Value = serde_json::from_str(&about).unwrap();
     assert_eq!(

@@ -27,22 +27,30 @@ const TRIALS: u64 = 64;
 /// The noise of a table's shares, ring by ring from the normal, before bytes round them.
 pub fn ring_noise(rings: &Rings, nodes: &[NodeSums]) -> Vec<RingNoise> {
     let overlaps = rings.overlaps();
+    // Variances of the means of what `of` gives: the sums of a value of paths and its square.
     let variances = |of: &dyn Fn(&NodeSums) -> [f64; 2]| -> Vec<f64> {
-        let errors = nodes.iter().map(|node| {
+        let of_node = |node: &NodeSums| {
             let [mean, square] = of(node).map(|sum| sum / node.paths);
-            ((square - mean * mean).max(0.0) / node.paths).sqrt()
-        });
-        sharpened_variances(&errors.collect::<Vec<_>>(), &overlaps)
+            (square - mean * mean).max(0.0) / node.paths
+        };
+        nodes.iter().map(of_node).collect()
     };
-    let straight = variances(&|node| [node.straight; 2]);
+    let sharp = |list: Vec<f64>| sharpened_variances(&list, &overlaps);
+    // Light straight through is the mean over both ways, and scattered light is what else escapes.
+    let half_straight = variances(&|n| [0.5 * n.straight, 0.25 * n.straight]);
+    let with_back = |list: &[f64]| -> Vec<f64> {
+        let both = list.iter().enumerate();
+        both.map(|(a, v)| v + half_straight[rings.opposite(a)])
+            .collect()
+    };
+    let straight = sharp(with_back(&half_straight));
     let of_channel = |c: usize| {
-        [
-            variances(&|n| {
-                let squares = n.escaped_squares[c] - n.straight;
-                [n.escaped[c] - n.straight, squares]
-            }),
-            variances(&|n| [n.escaped[c], n.escaped_squares[c]]),
-        ]
+        let own = variances(&|n| {
+            let squares = n.escaped_squares[c] - 0.75 * n.straight;
+            [n.escaped[c] - 0.5 * n.straight, squares]
+        });
+        let escaped = variances(&|n| [n.escaped[c], n.escaped_squares[c]]);
+        [sharp(with_back(&own)), sharp(escaped)]
     };
     let channels = [0, 1, 2].map(of_channel);
     let mut first = 0;
@@ -64,8 +72,9 @@ pub fn ring_noise(rings: &Rings, nodes: &[NodeSums]) -> Vec<RingNoise> {
     rings.list().map(ring).collect()
 }
 
-/// Variances of sharpened means whose own standard errors are these.
-fn sharpened_variances(errors: &[f64], overlaps: &[Vec<(u32, f64)>]) -> Vec<f64> {
+/// Variances of sharpened means whose own variances are these.
+fn sharpened_variances(variances: &[f64], overlaps: &[Vec<(u32, f64)>]) -> Vec<f64> {
+    let errors: Vec<f64> = variances.iter().map(|v| v.sqrt()).collect();
     let mut squares = vec![0.0; errors.len()];
     for trial in 0..TRIALS {
         let mut rng = PathRng::new(0, 1 << 56, trial);

@@ -256,9 +256,14 @@ fn measure(
         Wanted::Incident(incident) => {
             let result = measure_albedo_rows(patch, incident, rows, &effort, &watch);
             let mut result = result.map_err(failed)?;
-            widen(args, shown, |table| table.widen_albedos(&mut result.list))?;
+            let mut of_table = 0.0;
+            widen(args, shown, |table| {
+                of_table = table.noise.first().map_or(0.0, |normal| normal.straight);
+                table.widen_albedos(&mut result.list)
+            })?;
             write(args, |out| write_albedos(&result.list, out))?;
             let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
+            let se = se.hypot(of_table);
             host.give(|| results::albedos(&result.list, [open, se], result.stats.paths));
             summary.what = "albedo";
             summary.list = listed(args, &result.list);
