@@ -14,7 +14,7 @@
 //! effect falls with their number; the first look comes at
 //! [`SAMPLES_PER_LOOK`] samples a pixel at the earliest.
 
-use organza_transport::{Film, Rendering};
+use organza_transport::Rendering;
 use std::time::Duration;
 
 /// Samples of every pixel between two looks at the error, at the least.
@@ -28,16 +28,16 @@ fn samples_per_look(taken: u64) -> u64 {
 /// Which errors end a render: all that are given.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Targets {
-    /// [`organza_transport::Film::relative_error`].
+    /// [`Rendering::relative_error`].
     pub picture: Option<f64>,
-    /// [`organza_transport::PixelErrors::median`].
+    /// The median of [`Rendering::pixel_errors`].
     pub median: Option<f64>,
 }
 
 impl Targets {
-    /// The errors of a film that meets all targets, if there are any.
-    fn met(&self, film: &Film) -> Option<Targets> {
-        let reached = self.errors(film);
+    /// The errors of a picture that meets all targets, if there are any.
+    fn met(&self, rendering: &Rendering<'_>) -> Option<Targets> {
+        let reached = self.errors(rendering);
         let within = |error: Option<f64>, target: Option<f64>| match (error, target) {
             (Some(error), Some(target)) => error <= target,
             _ => true,
@@ -51,17 +51,17 @@ impl Targets {
         *self != Targets::default()
     }
 
-    /// The errors of a film that there are targets for.
-    pub fn errors(&self, film: &Film) -> Targets {
+    /// The errors of a picture that there are targets for.
+    pub fn errors(&self, rendering: &Rendering<'_>) -> Targets {
         Targets {
-            picture: self.picture.map(|_| film.relative_error()),
-            median: self.median.map(|_| film.pixel_errors().median),
+            picture: self.picture.map(|_| rendering.relative_error()),
+            median: self.median.map(|_| rendering.pixel_errors().median),
         }
     }
 
-    /// Whether a film meets them all.
-    pub fn are_met(&self, film: &Film) -> bool {
-        self.met(film).is_some()
+    /// Whether a picture meets them all.
+    pub fn are_met(&self, rendering: &Rendering<'_>) -> bool {
+        self.met(rendering).is_some()
     }
 
     /// In words that follow others.
@@ -136,7 +136,7 @@ impl Schedule {
         }
         if taken > 0
             && until_look == per_look
-            && let Some(errors) = self.targets.met(rendering.film())
+            && let Some(errors) = self.targets.met(rendering)
         {
             return Next::Stop(Stop::TargetError(errors));
         }

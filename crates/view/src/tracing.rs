@@ -167,18 +167,23 @@ impl<'a> Tracing<'a> {
     /// What it has cost.
     pub fn cost(&self, build_s: f64) -> Cost {
         let samples = self.taken();
-        let film = self.rendering.film();
-        let noise = (samples > 1).then(|| film.relative_error());
-        let median_noise = (samples > 1).then(|| film.pixel_errors().median);
+        let noise = (samples > 1).then(|| self.rendering.relative_error());
+        let median_noise = (samples > 1).then(|| self.rendering.pixel_errors().median);
+        let shared = self.rendering.shared_noise();
         let sampled_s = self.seconds - self.learned_s;
-        let to_5_percent = |noise: f64| self.learned_s + sampled_s * (noise / 0.05).powi(2);
+        // Samples do not lessen what they share.
+        let to_5_percent = |noise: f64| {
+            let [falls, may_be_left] = [noise, 0.05].map(|n: f64| n * n - shared * shared);
+            let seconds = self.learned_s + sampled_s * falls / may_be_left;
+            (may_be_left > 0.0).then_some(seconds)
+        };
         Cost {
             samples,
             build_s,
             render_s: self.seconds,
             noise,
             median_noise,
-            seconds_to_5_percent: median_noise.map(to_5_percent),
+            seconds_to_5_percent: median_noise.and_then(to_5_percent),
             paths_per_s: self.rendering.stats().paths as f64 / self.seconds.max(1e-9),
             engine: self.rendering.engine().map_or("walk", |e| e.name()).into(),
             why_walk: self.why_walk.as_ref().map(ToString::to_string),

@@ -1,6 +1,6 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::{Film, Integrator, Pixel, Scene, Stats, trace_path};
+use crate::{Film, Integrator, Pixel, PixelErrors, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
 use organza_kernel::fibres::{CachePlan, CacheReport, LearnWatch};
@@ -152,6 +152,26 @@ impl<'a> Rendering<'a> {
     /// What was learned, if the samples use a cache.
     pub fn cache(&self) -> Option<&CacheReport> {
         self.cache.as_ref()
+    }
+
+    /// [`Film::relative_error`], with the noise of what samples share.
+    pub fn relative_error(&self) -> f64 {
+        self.film().relative_error().hypot(self.shared_noise())
+    }
+
+    /// [`Film::pixel_errors`], with the noise of what samples share.
+    pub fn pixel_errors(&self) -> PixelErrors {
+        let errors = self.film().pixel_errors();
+        PixelErrors {
+            median: errors.median.hypot(self.shared_noise()),
+            worst_hundredth: errors.worst_hundredth.hypot(self.shared_noise()),
+        }
+    }
+
+    /// Noise of the light that samples share, which more of them do not lessen, over the mean
+    /// of the picture.
+    pub fn shared_noise(&self) -> f64 {
+        self.cache.as_ref().map_or(0.0, |cache| cache.shared_noise)
     }
 
     /// Darkens every sample whose brightest channel is above `limit` to it, which

@@ -67,7 +67,7 @@ pub fn figures(
         "peak_memory_bytes": peak_memory_bytes(),
         "mean": film.mean().map(|m| m.0),
         "standard_error": known.then(|| film.mean().map(|m| m.1)),
-        "relative_error": known.then(|| film.relative_error()),
+        "relative_error": known.then(|| rendering.relative_error()),
         "collisions": stats.collisions,
         "tentative": stats.tentative,
         "shadow_rays": stats.shadow_rays,
@@ -186,7 +186,6 @@ const UNKNOWN: &str = "unknown (one sample)";
 
 /// Prints why the render stopped.
 pub fn print_reason(rendering: &Rendering<'_>, stop: Stop, targets: Targets) {
-    let film = rendering.film();
     let why = match stop {
         Stop::Done => "all samples taken",
         Stop::TimeLimit => "time limit reached",
@@ -199,8 +198,12 @@ pub fn print_reason(rendering: &Rendering<'_>, stop: Stop, targets: Targets) {
         _ if !has_errors(rendering) => format!(", error {UNKNOWN}"),
         _ => format!(
             ", target error {}reached{}",
-            if targets.are_met(film) { "" } else { "not " },
-            targets.errors(film).description()
+            if targets.are_met(rendering) {
+                ""
+            } else {
+                "not "
+            },
+            targets.errors(rendering).description()
         ),
     };
     note!(
@@ -285,11 +288,11 @@ pub fn print(
         }
     }
     let mean = means.iter().map(|m| m.0).sum::<f64>() / 3.0;
-    let pixels = film.pixel_errors();
+    let pixels = rendering.pixel_errors();
     match known {
         true => note!(
             "error         {:.5} of the mean; of its own value {:.5} in the median pixel, {:.5} in the worst hundredth",
-            film.relative_error(),
+            rendering.relative_error(),
             pixels.median,
             pixels.worst_hundredth
         ),
