@@ -13,7 +13,7 @@
 //! | a [`Mixture`](organza_basis::Mixture), plain virtual scattering | [`sigma_t_per_mm`] | [`meet_fibre`], then [`Fibre::far_field`] of its tangent |
 //! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], and on from [`PackedEvent::exit_mm`] |
 //! | cloth without thickness | [`Surface::gap`] | the other methods of [`Surface`] |
-//! | explicit fibres in a hierarchy | - | [`FibreFrame::new`], [`FibreFrame::offset`] of the surface normal, [`Fibre::near_field`], and on from the axis plus the radius times [`NearField::exit_normal`] |
+//! | explicit fibres | - | [`FibreFrame::new`], [`FibreFrame::offset`] of the surface normal, [`Fibre::near_field`], and on from the axis plus the radius times [`NearField::exit_normal`] |
 //!
 //! The directions, measures and weights of all of these are those of [`Lobe`]:
 //! unit vectors away from the event, `w_out` back along the walk, `w_in` where

@@ -375,28 +375,3 @@ impl Fabric {
             .map_err(|e| input(format!("{}: {e}", path.display())))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Where explicit fibres overlap they are one body, and less than the volume
-    /// that stands for them: how much less is a property of our yarns.
-    #[test]
-    fn fibres_of_the_projects_fabrics_overlap_little() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/");
-        for (name, most) in [("denim", 0.05), ("organza", 0.015)] {
-            let loader = Loader::new();
-            let path = Path::new(folder).join(name).with_extension("toml");
-            let fabric = load(&path, &[], &loader).unwrap();
-            let fibres = fabric.explicit_fibres(&path, None, &loader).unwrap();
-            let overlap = fibres.measure_overlap(100_000, 1);
-            let shared = 1.0 - overlap.union / overlap.sum;
-            println!(
-                "{name}: {} bytes, {overlap:?}, {shared:.3} of it shared",
-                fibres.memory_bytes()
-            );
-            assert!(shared < most, "seed 1, {name}: {overlap:?}");
-        }
-    }
-}

@@ -129,7 +129,7 @@ impl Fabric {
         let own = &self.optics[self.optics.len() - 1..];
         let fibres = self.explicit_fibres_of(own, path, allowed, loader);
         let fibres = fibres.and_then(|fibres| {
-            let checked = fibres.check_hierarchy(allowed);
+            let checked = fibres.check_walk(allowed);
             checked.map_err(|e| input(format!("{}: {e}", path.display())))?;
             Ok(fibres)
         });

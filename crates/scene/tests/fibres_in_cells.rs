@@ -1,5 +1,5 @@
 //! Shipped fabrics in the cells of the kernel: hits against trying every piece of fibre in
-//! double precision, and transmission against the general walk with its hierarchy.
+//! double precision, and transmission against the general walk.
 //!
 //! `ORGANZA_FULL=1 cargo test --release -p organza-scene --test main fibres_in_cells --
 //! --nocapture` takes 100,000 rays, and paths for 0.2 % of the transmission.
@@ -136,6 +136,36 @@ fn rays_meet_what_trying_every_piece_finds() {
             twins > all / 4,
             "seed {seed}, {name}: the twin differs in {twins}"
         );
+    }
+}
+
+/// Where explicit fibres overlap they are one body, and less than the volume that stands for
+/// them: how much less is a property of our yarns. Margin: half of the bounds.
+#[test]
+fn fibres_of_the_projects_fabrics_overlap_little() {
+    for (name, most) in [("denim", 0.05), ("organza", 0.015)] {
+        let fibres = fibres_of(name, &[]);
+        let (body, bounds) = (fibres.body(None), fibres.cell_grid().bounds_mm());
+        let period = bounds.size().truncate().as_dvec2();
+        let (mut union, mut sum) = (0, 0);
+        for place in 0..512 {
+            let mut rng = PathRng::new(1, 0, place);
+            let mut unit = || Vec3::new(rng.unit(), rng.unit(), rng.unit());
+            let at = bounds.min + unit() * bounds.size();
+            let origin_mm = body.origin_mm.as_dvec3();
+            let near = Exhaustive::near(body.strands, origin_mm, period, at.as_dvec3(), 0.05);
+            for _ in 0..64 {
+                let held = near.holding((at + 0.05 * (unit() - 0.5)).as_dvec3());
+                union += usize::from(held > 0);
+                sum += held;
+            }
+        }
+        let shared = 1.0 - union as f64 / sum as f64;
+        println!(
+            "{name}: {union} of {} points in fibres, {shared:.4} shared",
+            512 * 64
+        );
+        assert!(union > 1000 && shared < most, "seed 1, {name}: {shared}");
     }
 }
 

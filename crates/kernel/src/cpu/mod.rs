@@ -2,7 +2,7 @@
 //! compute with.
 
 mod backend;
-mod dispatch;
+pub(crate) mod dispatch;
 mod fibre_engine;
 mod fibre_probe;
 pub mod lanes;

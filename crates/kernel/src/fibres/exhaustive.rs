@@ -96,6 +96,27 @@ impl<'a> Exhaustive<'a> {
         best
     }
 
+    /// How many strands, copies counted apart, hold a place of the world.
+    pub fn holding(&self, place_mm: DVec3) -> usize {
+        let mut found: Vec<(u32, IVec2)> = Vec::new();
+        for candidate in &self.near {
+            let [a, b] = [0, 1].map(|i| &self.strands.joints[(candidate.piece + i) as usize]);
+            let by = (candidate.shift.as_dvec2() * self.period_mm).extend(0.0) + self.origin_mm;
+            let [from_a, from_b] = [a, b].map(|j| place_mm - (j.position.as_dvec3() + by));
+            let along = from_a - from_b;
+            let share = (from_a.dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
+            let radius = f64::from(a.radius_mm + share as f32 * (b.radius_mm - a.radius_mm));
+            let is_kept = (!a.cut || from_a.dot(a.tangent.as_dvec3()) >= 0.0)
+                && (!b.cut || from_b.dot(b.tangent.as_dvec3()) < 0.0);
+            let key = (a.strand, candidate.shift);
+            let is_inside = is_kept && (from_a - share * along).length() < radius;
+            if is_inside && !found.contains(&key) {
+                found.push(key);
+            }
+        }
+        found.len()
+    }
+
     fn entry(&self, candidate: &Candidate, o: DVec3, d: DVec3) -> Option<TriedEntry> {
         let piece = candidate.piece;
         let [a, b] = [piece, piece + 1].map(|i| &self.strands.joints[i as usize]);

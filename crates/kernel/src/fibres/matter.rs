@@ -8,7 +8,9 @@ use super::joint_table::JointTable;
 use super::optics::Optics;
 use super::plane::FibrePlane;
 use super::strands::Strands;
-use crate::cpu::lanes::one;
+use crate::cpu::Backend;
+use crate::cpu::dispatch::{Job, dispatch_sixteen};
+use crate::cpu::lanes::Floats;
 use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
 use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
@@ -154,20 +156,44 @@ impl FibreMatter {
     }
 
     /// The first fibre that a ray enters in the first body, as if that were flat and
-    /// alone, by one lane: for tests and probes.
+    /// alone. A ray that starts among fibres has left its own.
     pub fn first_hit(&self, origin_mm: DVec3, direction: DVec3) -> Option<FibreEntry> {
+        let ends_mm = (self.start_mm(), f64::INFINITY);
+        self.entry_between((origin_mm, direction), ends_mm, false, &mut 0)
+    }
+
+    /// A ray that starts among the fibres of the first body meets none before, mm.
+    pub fn start_mm(&self) -> f64 {
+        self.bodies.first().map_or(0.0, |b| f64::from(b.start_mm))
+    }
+
+    /// The first fibre that a ray, an origin and a unit direction, enters beyond one distance
+    /// and up to another in the first body, as if that were flat and alone; or any, if `any`.
+    /// `tests` counts pieces.
+    pub fn entry_between(
+        &self,
+        (origin_mm, direction): (DVec3, DVec3),
+        (min_mm, max_mm): (f64, f64),
+        any: bool,
+        tests: &mut u64,
+    ) -> Option<FibreEntry> {
         let body = self.bodies.first()?;
         let entry = body.enter(origin_mm, direction)?;
-        let d = direction.as_vec3();
-        let grid = &body.cells.grid;
-        let mut ray = CellRay::new(grid, &entry.at, d, entry.min_mm, entry.end_mm)?;
-        loop {
-            match ray.visit::<one::F>(&body.cells, &self.joints, false, &mut 0) {
-                Visit::Met(hit) => return Some(self.entry(body, &hit, entry.distance_mm)),
-                Visit::Onward => {}
-                Visit::Left => return None,
-            }
+        if entry.distance_mm >= max_mm {
+            return None;
         }
+        let least = (min_mm - entry.distance_mm).max(0.0) as f32;
+        let most = ((max_mm - entry.distance_mm) as f32).min(entry.end_mm);
+        let grid = &body.cells.grid;
+        let search = Search {
+            ray: CellRay::new(grid, &entry.at, direction.as_vec3(), least, most)?,
+            body,
+            joints: &self.joints,
+            any,
+            tests,
+        };
+        let hit = dispatch_sixteen(Backend::widest(), search)?;
+        Some(self.entry(body, &hit, entry.distance_mm))
     }
 
     fn entry(&self, body: &Body, hit: &CellHit, before_mm: f64) -> FibreEntry {
@@ -180,7 +206,35 @@ impl FibreMatter {
             piece: hit.piece,
             distance_mm: before_mm + f64::from(hit.distance_mm),
             at_mm,
+            out_mm: hit.out_mm,
             tangent: self.joints.tangent(hit.piece, hit.along_mm),
+        }
+    }
+}
+
+/// A ray from cell to cell, to the first fibre that it enters.
+struct Search<'a> {
+    ray: CellRay,
+    body: &'a Body,
+    joints: &'a JointTable,
+    any: bool,
+    tests: &'a mut u64,
+}
+
+impl Job for Search<'_> {
+    type Output = Option<CellHit>;
+
+    fn run<F: Floats>(mut self) -> Option<CellHit> {
+        let cells = &self.body.cells;
+        loop {
+            match self
+                .ray
+                .visit::<F>(cells, self.joints, self.any, self.tests)
+            {
+                Visit::Met(hit) => return Some(hit),
+                Visit::Onward => {}
+                Visit::Left => return None,
+            }
         }
     }
 }
@@ -194,6 +248,8 @@ pub struct FibreEntry {
     pub distance_mm: f64,
     /// In the world.
     pub at_mm: DVec3,
+    /// From the axis to there.
+    pub out_mm: Vec3,
     /// Unit tangent of the fibre there.
     pub tangent: Vec3,
 }

@@ -171,8 +171,7 @@ pub enum Tracker {
     /// The vector kernel, many paths at once: delta tracking in voxels, cells of explicit
     /// fibres.
     Kernel,
-    /// The general walk: delta tracking in voxels, a hierarchy of boxes around explicit
-    /// fibres, and surfaces.
+    /// The general walk: delta tracking in voxels, cells of explicit fibres, and surfaces.
     Woodcock,
     /// The general walk with exact stepping through voxels.
     Regular,

@@ -59,8 +59,8 @@ impl RayTarget for ExplicitFibres {
         self.cell_grid().repeats()
     }
 
-    fn hierarchy_bytes(&self) -> u64 {
-        self.hierarchy_bytes()
+    fn walk_bytes(&self) -> u64 {
+        self.walk_bytes()
     }
 
     fn collide_draped(

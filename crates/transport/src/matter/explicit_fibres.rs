@@ -1,28 +1,24 @@
 //! Explicit fibres: the reference for media of fibres.
 //!
 //! Every fibre of a tile is a chain of cylinders (or cones, where it tapers)
-//! joined at ellipses, in a hierarchy of boxes. Light meets its surface at an
+//! joined at ellipses, sorted into the cells of the kernel. Light meets its surface at an
 //! offset h across its width, is scattered by the near-field lobe at that offset
 //! and leaves from that lobe's own exit point on the cylinder [Marschner2003]:
 //! leaving from where it came in would shift reflection by 4 to 8 %.
 //!
-//! A tile that repeats is walked copy by copy, with the ray moved into the tile:
-//! an endless cloth takes no more memory than one period.
+//! A tile that repeats is walked period by period: an endless cloth takes no more
+//! memory than one.
 //!
 //! # Inside fibres
 //! A fibre is met where a ray **enters** it from outside. What starts inside a
 //! fibre leaves it freely: exit points lie on the surface, so that the fibre just
 //! left is never met again by rounding, and no epsilon is needed; a later bend of
 //! the same fibre is. Fibres that are placed to overlap are, where they do, one
-//! body with the surface of their union. [`ExplicitFibres::measure_overlap`] returns
-//! how much of their volume that concerns.
+//! body with the surface of their union.
 
 mod curves;
 mod draped;
 mod fibre_hit;
-mod hierarchy;
-mod overlap;
-mod piece;
 mod random_point;
 #[cfg(test)]
 mod tests;
@@ -30,15 +26,11 @@ mod tests;
 use crate::Stats;
 use curves::{Curves, count_joints};
 pub use fibre_hit::FibreHit;
-use glam::{DVec2, DVec3, UVec3, Vec3, Vec3A};
-use hierarchy::Hierarchy;
-use obvhs::ray::{Ray as BvhRay, RayHit};
-use organza_basis::{CellGrid, MAX_PERIODS};
-use organza_basis::{Ray, SegmentSource, Tile};
-use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, Joint, Strand, Unfit};
+use glam::{DVec3, UVec3, Vec3};
+use organza_basis::CellGrid;
+use organza_basis::{Ray, SegmentSource};
+use organza_kernel::fibres::{Drape, FibreBody, FibreEntry, FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::Fibre;
-pub use overlap::Overlap;
-use piece::FibrePiece;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -78,21 +70,8 @@ pub enum ExplicitFibresError {
 /// strand's. An estimate.
 const BYTES_PER_JOINT: u64 = 80;
 
-/// Peak bytes per joint while the hierarchy is built, copies at the tile's faces
-/// included: 36 of the joint, 12 per copy, the boxes and the builder's nodes.
-/// An estimate.
-const HIERARCHY_BYTES_PER_JOINT: u64 = 320;
-
-/// A ray starts so much before its origin in the hierarchy, which drops boxes
-/// that end within 1e-4 of it.
-const BVH_LEAD_MM: f32 = 3e-4;
-
-/// A ray that starts among fibres meets none so near, in radii of the thinnest:
-/// at a bend it may start a rounding outside the fibre that it leaves.
-const START_RADII: f64 = 1e-3;
-
-/// Copies of the tile overlap by so much, for what is met at a face.
-const FACE_SLACK_MM: f64 = 1e-9;
+/// Peak bytes per joint while fibres are sorted into cells that hold lists. An estimate.
+const CELL_BYTES_PER_JOINT: u64 = 320;
 
 /// Explicit fibres of one tile, alone or repeated without end.
 pub struct ExplicitFibres {
@@ -100,15 +79,12 @@ pub struct ExplicitFibres {
     fibres: Vec<Fibre>,
     /// The tile's box as one cell.
     cell_grid: CellGrid,
-    /// The tile's least corner, from which everything below is counted.
-    origin_mm: DVec3,
-    period_mm: DVec2,
-    start_mm: f64,
-    tile: Tile,
-    /// Built when the general walk first asks for it: the kernel has cells.
-    hierarchy: Arc<OnceLock<Hierarchy>>,
+    /// The tile's least corner, from which joints are counted.
+    origin_mm: Vec3,
+    /// What cells for the general walk should take at most; they take more where even lists do.
+    max_bytes: u64,
     /// In cells, flat and alone, once they were asked for.
-    in_cells: Arc<OnceLock<Result<FibreMatter, Unfit>>>,
+    in_cells: Arc<OnceLock<FibreMatter>>,
 }
 
 impl ExplicitFibres {
@@ -152,23 +128,18 @@ impl ExplicitFibres {
         let cell_grid =
             CellGrid::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
         progress(1.0);
-        let start_mm = curves.joints.iter().map(|j| f64::from(j.radius_mm));
-        let start_mm = START_RADII * start_mm.fold(f64::INFINITY, f64::min);
         Ok(ExplicitFibres {
-            origin_mm: tile.bounds_mm.min.as_dvec3(),
-            period_mm: tile.period_mm().as_dvec2(),
-            start_mm,
+            origin_mm: tile.bounds_mm.min,
+            max_bytes: allowed,
             curves: Arc::new(curves),
             fibres,
             cell_grid,
-            tile,
-            hierarchy: Arc::default(),
             in_cells: Arc::default(),
         })
     }
 
     /// The same fibres with other scattering, as many materials as before: they share
-    /// their hierarchy and cells with these ones.
+    /// their cells with these ones.
     ///
     /// # Errors
     /// When one has no scattering.
@@ -188,10 +159,7 @@ impl ExplicitFibres {
             fibres,
             cell_grid: self.cell_grid,
             origin_mm: self.origin_mm,
-            period_mm: self.period_mm,
-            start_mm: self.start_mm,
-            tile: self.tile,
-            hierarchy: Arc::clone(&self.hierarchy),
+            max_bytes: self.max_bytes,
             in_cells: Arc::clone(&self.in_cells),
         })
     }
@@ -213,45 +181,65 @@ impl ExplicitFibres {
     /// # Errors
     /// See [`Unfit`].
     pub(crate) fn alone_in_cells(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
-        let laid_out = || FibreMatter::new(&[self.body(None)], Vec::new(), max_bytes);
-        match self.in_cells.get_or_init(laid_out) {
-            Ok(matter) => Ok(matter.with_fibres(&self.fibres)),
-            Err(why) => Err(*why),
+        if let Some(matter) = self.in_cells.get() {
+            return Ok(matter.with_fibres(&self.fibres));
         }
+        let matter = self.laid_out(max_bytes)?;
+        Ok(self
+            .in_cells
+            .get_or_init(|| matter)
+            .with_fibres(&self.fibres))
+    }
+
+    fn laid_out(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
+        FibreMatter::new(&[self.body(None)], Vec::new(), max_bytes)
+    }
+
+    /// The cells that the general walk asks.
+    ///
+    /// # Panics
+    /// Where a cell would hold more than a million pieces of fibre.
+    fn cells(&self) -> &FibreMatter {
+        self.in_cells.get_or_init(|| {
+            let mut allowed = self.max_bytes;
+            loop {
+                match self.laid_out(allowed) {
+                    Ok(matter) => return matter,
+                    // What is needed is known step by step.
+                    Err(Unfit::Memory(needed)) => allowed = needed.max(allowed.saturating_add(1)),
+                    Err(Unfit::TooMany) => panic!("a million pieces of fibre lie in one place"),
+                }
+            }
+        })
     }
 
     /// The fibres as the kernel takes them, flat or over what they are laid over.
     pub fn body(&self, drape: Option<Arc<dyn Drape>>) -> FibreBody<'_> {
         FibreBody {
             strands: self.curves.strands(),
-            origin_mm: self.origin_mm.as_vec3(),
+            origin_mm: self.origin_mm,
             reach: &self.cell_grid,
             fibres: &self.fibres,
             drape,
         }
     }
 
-    /// Checks that the hierarchy, which the general walk builds when it first asks for it,
+    /// Checks that the cells, which the general walk lays out when it first asks for them,
     /// will fit into `allowed` bytes together with the fibres.
     ///
     /// # Errors
     /// [`ExplicitFibresError::Memory`].
-    pub fn check_hierarchy(&self, allowed: u64) -> Result<(), ExplicitFibresError> {
-        let needed = self.hierarchy_bytes();
+    pub fn check_walk(&self, allowed: u64) -> Result<(), ExplicitFibresError> {
+        let needed = self.walk_bytes();
         if needed > allowed {
             return Err(ExplicitFibresError::Memory { needed, allowed });
         }
         Ok(())
     }
 
-    /// Peak bytes of the fibres and their hierarchy; an estimate.
-    pub(crate) fn hierarchy_bytes(&self) -> u64 {
-        (self.curves.joints.len() as u64).saturating_mul(HIERARCHY_BYTES_PER_JOINT)
-    }
-
-    fn hierarchy(&self) -> &Hierarchy {
-        self.hierarchy
-            .get_or_init(|| Hierarchy::new(&self.curves, &self.tile))
+    /// Peak bytes of the fibres and their cells; an estimate.
+    pub(crate) fn walk_bytes(&self) -> u64 {
+        (self.curves.joints.len() as u64).saturating_mul(CELL_BYTES_PER_JOINT)
     }
 
     /// Bytes in use.
@@ -259,7 +247,7 @@ impl ExplicitFibres {
         let of = |count: usize, size: usize| (count * size) as u64;
         of(self.curves.joints.len(), size_of::<Joint>())
             + of(self.curves.curves.len(), size_of::<Strand>())
-            + self.hierarchy.get().map_or(0, Hierarchy::memory_bytes)
+            + self.in_cells.get().map_or(0, FibreMatter::memory_bytes)
     }
 
     /// The first fibre that the ray enters before `limit` mm, and how far.
@@ -280,120 +268,19 @@ impl ExplicitFibres {
 
     /// The nearest entry along a ray, or any.
     pub(crate) fn walk(&self, ray: &Ray, limit: f64, any: bool, tests: &mut u64) -> Option<Found> {
-        let clip = self.cell_grid.clip(ray, limit)?;
-        let d = ray.direction.as_dvec3();
-        let t_entry = clip.t_entry;
-        let p = ray.at(t_entry) - self.origin_mm;
-        let length = f64::from(clip.length);
-        // A ray that starts among fibres has left its own.
-        let least = if t_entry > 0.0 { 0.0 } else { self.start_mm };
-        let found = if self.cell_grid.repeats() {
-            self.walk_copies(p, d, (least, length), any, tests)
-        } else {
-            self.in_tile(p, d, (least, length), any, tests)
-        };
-        found.map(|f| f.later(t_entry))
-    }
-
-    /// From copy to copy of the tile, each in its own coordinates: the nearest entry, or
-    /// any, between `least` and `length` mm from `p` along the unit direction `d`.
-    fn walk_copies(
-        &self,
-        mut p: DVec3,
-        d: DVec3,
-        (mut least, length): (f64, f64),
-        any: bool,
-        tests: &mut u64,
-    ) -> Option<Found> {
-        let mut gone = 0.0;
-        for axis in 0..2 {
-            p[axis] = p[axis].rem_euclid(self.period_mm[axis]);
-        }
-        // One in the plane of the cloth, beside all fibres, would go on without end.
-        for _ in 0..MAX_PERIODS {
-            let ahead = |axis: usize| match d[axis] {
-                0.0 => f64::INFINITY,
-                along if along > 0.0 => (self.period_mm[axis] - p[axis]) / along,
-                along => p[axis] / -along,
-            };
-            let (x, y) = (ahead(0), ahead(1));
-            let axis = usize::from(y < x);
-            let span = x.min(y).max(0.0);
-            let most = (span + FACE_SLACK_MM).min(length - gone);
-            if let Some(found) = self.in_tile(p, d, (least, most), any, tests) {
-                return Some(found.later(gone));
-            }
-            gone += span;
-            if gone >= length || !gone.is_finite() {
-                return None;
-            }
-            p += span * d;
-            p[axis] = if d[axis] > 0.0 {
-                0.0
-            } else {
-                self.period_mm[axis]
-            };
-            least = -FACE_SLACK_MM;
-        }
-        None
-    }
-
-    /// The nearest entry, or any, in the tile.
-    fn in_tile(
-        &self,
-        o: DVec3,
-        d: DVec3,
-        (least, most): (f64, f64),
-        any: bool,
-        tests: &mut u64,
-    ) -> Option<Found> {
-        let lead = f64::from(BVH_LEAD_MM);
-        let ray = BvhRay::new(
-            (o - lead * d).as_vec3a(),
-            // The hierarchy loses rays with a component of minus zero.
-            d.as_vec3a() + Vec3A::ZERO,
-            0.0,
-            (most + lead) as f32 * (1.0 + 1e-6),
-        );
-        let hierarchy = self.hierarchy();
-        let mut nearest: Option<Found> = None;
-        let mut most = most;
-        let mut test = |_: &BvhRay, leaf: usize| -> f32 {
-            *tests += 1;
-            let placed = &hierarchy.placed[leaf];
-            let shift_mm = placed.shift.as_dvec2() * self.period_mm;
-            let piece = self.curves.piece(placed.piece, shift_mm);
-            let Some(t) = piece.entry(o, d, least, most) else {
-                return f32::INFINITY;
-            };
-            most = t;
-            nearest = Some(Found {
-                distance_mm: t,
-                point: o + t * d,
-                piece,
-                index: placed.piece,
-            });
-            // Rounded up: boxes at the same distance are still looked into.
-            ((t + lead) as f32).next_up()
-        };
-        if any {
-            hierarchy.boxes.ray_traverse_miss(ray, test);
-        } else {
-            hierarchy
-                .boxes
-                .ray_traverse(ray, &mut RayHit::none(), &mut test);
-        }
-        nearest
+        let (matter, ray) = (self.cells(), (ray.origin, ray.direction.as_dvec3()));
+        Found::between(matter, ray, (matter.start_mm(), limit), any, tests)
     }
 }
 
-/// An entry into a piece, in the coordinates of its copy of the tile.
+/// An entry into a fibre, in the places of the tile and its copies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found {
     pub distance_mm: f64,
-    point: DVec3,
-    piece: FibrePiece,
-    index: u32,
+    /// From the point at that distance to the axis: rounding of the distance does not take
+    /// the exit point off the surface.
+    to_axis_mm: Vec3,
+    entry: FibreEntry,
 }
 
 /// An entry as plies take it.
@@ -408,28 +295,36 @@ pub(crate) struct Entry {
 }
 
 impl Found {
+    /// The nearest along a ray, or any, beyond one distance and up to another.
+    fn between(
+        matter: &FibreMatter,
+        (origin, direction): (DVec3, DVec3),
+        ends_mm: (f64, f64),
+        any: bool,
+        tests: &mut u64,
+    ) -> Option<Found> {
+        let entry = matter.entry_between((origin, direction), ends_mm, any, tests)?;
+        let point = origin + entry.distance_mm * direction;
+        Some(Found {
+            distance_mm: entry.distance_mm,
+            to_axis_mm: (entry.at_mm - entry.out_mm.as_dvec3() - point).as_vec3(),
+            entry,
+        })
+    }
+
     /// What was entered, and where.
     pub fn entry(&self, fibres: &ExplicitFibres) -> Entry {
-        let share = self.piece.nearest(self.point);
-        let tangent = fibres.curves.tangent(self.index, share as f32);
-        let out = (self.point - self.piece.axis_point(share)).as_vec3();
+        let (tangent, out) = (self.entry.tangent, self.entry.out_mm);
         let radius_mm = out.length();
         // Across the tangent, which at a bend is not that of the cylinder.
         let across = out - tangent * tangent.dot(out);
-        let strand = fibres.curves.curve_of(self.index);
+        let strand = fibres.curves.curve_of(self.entry.piece);
         Entry {
             tangent,
             out_mm: radius_mm * across.normalize_or(tangent.any_orthonormal_vector()),
             radius_mm,
             material: strand.material,
             yarn: strand.yarn,
-        }
-    }
-
-    fn later(self, by_mm: f64) -> Found {
-        Found {
-            distance_mm: self.distance_mm + by_mm,
-            ..self
         }
     }
 }

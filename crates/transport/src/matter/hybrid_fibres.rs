@@ -84,8 +84,8 @@ impl RayTarget for HybridFibres {
         false
     }
 
-    fn hierarchy_bytes(&self) -> u64 {
-        self.explicit.hierarchy_bytes()
+    fn walk_bytes(&self) -> u64 {
+        self.explicit.walk_bytes()
     }
 
     fn collide(

@@ -152,8 +152,8 @@ impl RayTarget for LevelledCloth {
         self.volumes.iter().all(AnyMedium::is_piecewise_constant)
     }
 
-    fn hierarchy_bytes(&self) -> u64 {
-        let volumes = self.volumes.iter().map(|v| v.target().hierarchy_bytes());
+    fn walk_bytes(&self) -> u64 {
+        let volumes = self.volumes.iter().map(|v| v.target().walk_bytes());
         volumes.fold(0, u64::saturating_add)
     }
 

@@ -30,7 +30,7 @@ pub(crate) mod voxel_fibres;
 pub use any_medium::AnyMedium;
 pub use collision::Collision;
 pub use draping::Draping;
-pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit, Overlap};
+pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit};
 pub use flake_octree_medium::{FamilyFlakes, FlakeOctreeMedium, FlakeSite};
 pub use grid::{Grid, GridMediumError, Interpolation, MAX_EXTINCTION_PER_MM};
 pub use grid_medium::GridMedium;

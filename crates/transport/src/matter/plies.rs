@@ -1,6 +1,6 @@
 //! Plies: every ply of a cloth as a chain of cylinders full of fibres.
 //!
-//! A ply is to the tracer a thick fibre: pieces that meet in ellipses, in the hierarchy of
+//! A ply is to the tracer a thick fibre: pieces that meet in ellipses, in the cells of
 //! [`ExplicitFibres`](super::ExplicitFibres), endless where the tile repeats, and over meshes
 //! too. Where a ray enters one, it passes or meets one of the fibres inside, which scatters
 //! as [`Ply`] says [Montazeri2020]. Hairs are single fibres, met at their surface.
@@ -20,7 +20,7 @@ use crate::matter::level_choice::Tracking;
 use crate::matter::ray_target::RayTarget;
 use crate::matter::site::Site;
 use crate::{ExplicitFibres, ExplicitFibresError, SiteInfo, Stats};
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use organza_basis::{CellGrid, PathRng, Ray, Rgb, SegmentSource};
 use organza_scatter::{Fibre, Lobe, LobeSample, Ply, PlyEvent, PlyParameters, PlyPlace};
 use rayon::prelude::*;
@@ -73,7 +73,7 @@ impl Plies {
     }
 
     /// The same plies with fibres of other scattering and other parameters, but for the radius:
-    /// they share the hierarchy.
+    /// they share the cells.
     ///
     /// # Errors
     /// When one has no scattering, or is not possible.
@@ -108,32 +108,125 @@ impl Plies {
         Some((ply, place))
     }
 
-    /// A single fibre that is met by a ray along `way`, with light that travels along
-    /// `light`.
-    fn single(&self, found: &Found, way: Vec3, light: Vec3) -> AnySite<'_> {
-        AnySite::ExplicitFibres(ExplicitFibreSite {
-            fibres: &self.curves,
-            hit: self.curves.describe(found, way, light),
+    /// The nearest entry of a ray before `limit` mm, flat or in a shell.
+    fn nearest(
+        &self,
+        over: Option<&Draping>,
+        ray: &Ray,
+        limit: f64,
+        tests: &mut u64,
+    ) -> Option<Meeting> {
+        let Some(over) = over else {
+            let found = self.curves.walk(ray, limit, false, tests)?;
+            return Some(Meeting {
+                distance_mm: found.distance_mm,
+                entry: found.entry(&self.curves),
+                found,
+                along: ray.direction,
+                light: ray.direction,
+                own_per_mm: 1.0,
+                maps: None,
+            });
+        };
+        let (distance_mm, found, span) = self.curves.nearest_draped(over, ray, limit, tests)?;
+        let own_per_mm = span.step.length();
+        Some(Meeting {
+            distance_mm,
+            entry: found.entry(&self.curves),
+            found,
+            along: (span.step / own_per_mm).as_vec3(),
+            light: (span.world_from_cloth.transpose() * ray.direction).normalize(),
+            own_per_mm,
+            maps: Some((span.world_from_cloth, span.stretch)),
         })
+    }
+
+    /// The first fibre that a ray meets, in a ply or by itself.
+    fn first(
+        &self,
+        over: Option<&Draping>,
+        ray: &Ray,
+        limit: f64,
+        rng: &mut PathRng,
+        stats: &mut Stats,
+    ) -> Option<Collision<'_>> {
+        let mut gone = 0.0f64;
+        for _ in 0..MAX_PASSED {
+            let from = Ray::new(ray.at(gone), ray.direction);
+            let met = self.nearest(over, &from, limit - gone, &mut stats.tentative)?;
+            gone += met.distance_mm;
+            let (at, site) = match self.of(&met.entry) {
+                None => {
+                    let hit = self.curves.describe(&met.found, met.along, met.light);
+                    let fibres = &self.curves;
+                    (
+                        gone,
+                        AnySite::ExplicitFibres(ExplicitFibreSite { fibres, hit }),
+                    )
+                }
+                Some((ply, place)) => {
+                    let Some(inside) = ply.first_fibre(&place, met.along, rng) else {
+                        gone += f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
+                        continue;
+                    };
+                    let at = gone + f64::from(inside) / met.own_per_mm;
+                    if at > limit {
+                        return None;
+                    }
+                    let site = PlySite {
+                        ply,
+                        event: ply.event(&place, inside, met.along, -met.light, rng),
+                        axis: met.entry.tangent,
+                        yarn: met.entry.yarn,
+                    };
+                    (at, AnySite::Ply(site))
+                }
+            };
+            stats.collisions += 1;
+            return Some(match met.maps {
+                None => Collision::new(at, site),
+                Some((turn, stretch)) => Collision::stretched(at, site, turn, stretch),
+            });
+        }
+        None
+    }
+
+    /// The share of light that passes up to `reach` mm along a ray.
+    fn share(&self, over: Option<&Draping>, ray: &Ray, reach: f64, stats: &mut Stats) -> f32 {
+        let (mut gone, mut left) = (0.0f64, 1.0);
+        for _ in 0..MAX_PASSED {
+            let from = Ray::new(ray.at(gone), ray.direction);
+            let tests = &mut stats.shadow_steps;
+            let Some(met) = self.nearest(over, &from, reach - gone, tests) else {
+                return left;
+            };
+            let Some((ply, place)) = self.of(&met.entry) else {
+                return 0.0;
+            };
+            left *= ply.transmittance(&place, met.along);
+            if left < DARK {
+                return 0.0;
+            }
+            let step = f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
+            gone += met.distance_mm + step;
+        }
+        0.0
     }
 }
 
-/// The site of a fibre met `t_mm` after a ray along `way` entered a ply, with light that
-/// travels along `light`.
-fn entry_site<'a>(
-    ply: &'a Ply,
-    place: &PlyPlace,
-    entry: &Entry,
-    t_mm: f32,
-    [way, light]: [Vec3; 2],
-    rng: &mut PathRng,
-) -> AnySite<'a> {
-    AnySite::Ply(PlySite {
-        ply,
-        event: ply.event(place, t_mm, way, -light, rng),
-        axis: entry.tangent,
-        yarn: entry.yarn,
-    })
+/// An entry of a ray into a curve, flat or in a shell.
+struct Meeting {
+    /// Along the ray, mm.
+    distance_mm: f64,
+    found: Found,
+    entry: Entry,
+    /// The directions of the ray through the places of the cloth, and of its light.
+    along: Vec3,
+    light: Vec3,
+    /// Millimetres of the cloth for one along the ray.
+    own_per_mm: f64,
+    /// Turns directions of a shell to the world, and takes differences of places there.
+    maps: Option<(Mat3, Mat3)>,
 }
 
 fn walked(
@@ -171,31 +264,7 @@ impl RayTarget for Plies {
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let mut gone = 0.0f64;
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let found = self
-                .curves
-                .walk(&from, limit - gone, false, &mut stats.tentative)?;
-            let entry = found.entry(&self.curves);
-            gone += found.distance_mm;
-            let Some((ply, place)) = self.of(&entry) else {
-                let site = self.single(&found, ray.direction, ray.direction);
-                stats.collisions += 1;
-                return Some(Collision::new(gone, site));
-            };
-            if let Some(t) = ply.first_fibre(&place, ray.direction, rng) {
-                if gone + f64::from(t) > limit {
-                    return None;
-                }
-                stats.collisions += 1;
-                let d = ray.direction;
-                let site = entry_site(ply, &place, &entry, t, [d, d], rng);
-                return Some(Collision::new(gone + f64::from(t), site));
-            }
-            gone += f64::from(STEP_RADII * entry.radius_mm);
-        }
-        None
+        self.first(None, ray, limit, rng, stats)
     }
 
     fn pass(
@@ -206,32 +275,15 @@ impl RayTarget for Plies {
         _rng: &mut PathRng,
         stats: &mut Stats,
     ) -> f32 {
-        let (mut gone, mut left) = (0.0f64, 1.0);
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let tests = &mut stats.shadow_steps;
-            let Some(found) = self.curves.walk(&from, reach - gone, false, tests) else {
-                return left;
-            };
-            let entry = found.entry(&self.curves);
-            let Some((ply, place)) = self.of(&entry) else {
-                return 0.0;
-            };
-            left *= ply.transmittance(&place, ray.direction);
-            if left < DARK {
-                return 0.0;
-            }
-            gone += found.distance_mm + f64::from(STEP_RADII * entry.radius_mm);
-        }
-        0.0
+        self.share(None, ray, reach, stats)
     }
 
     fn can_be_draped(&self) -> bool {
         self.curves.cell_grid().repeats()
     }
 
-    fn hierarchy_bytes(&self) -> u64 {
-        self.curves.hierarchy_bytes()
+    fn walk_bytes(&self) -> u64 {
+        self.curves.walk_bytes()
     }
 
     fn collide_draped(
@@ -243,35 +295,7 @@ impl RayTarget for Plies {
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let mut gone = 0.0f64;
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let (t, found, span) = self
-                .curves
-                .nearest_draped(over, &from, limit - gone, stats)?;
-            let entry = found.entry(&self.curves);
-            let cloth_per_world = span.step.length();
-            let way = (span.step / cloth_per_world).as_vec3();
-            gone += t;
-            let light = (span.world_from_cloth.transpose() * ray.direction).normalize();
-            let (turn, stretch) = (span.world_from_cloth, span.stretch);
-            let Some((ply, place)) = self.of(&entry) else {
-                let site = self.single(&found, way, light);
-                stats.collisions += 1;
-                return Some(Collision::stretched(gone, site, turn, stretch));
-            };
-            if let Some(inside) = ply.first_fibre(&place, way, rng) {
-                let at = gone + f64::from(inside) / cloth_per_world;
-                if at > limit {
-                    return None;
-                }
-                stats.collisions += 1;
-                let site = entry_site(ply, &place, &entry, inside, [way, light], rng);
-                return Some(Collision::stretched(at, site, turn, stretch));
-            }
-            gone += f64::from(STEP_RADII * entry.radius_mm) / cloth_per_world;
-        }
-        None
+        self.first(Some(over), ray, limit, rng, stats)
     }
 
     fn pass_draped(
@@ -283,27 +307,7 @@ impl RayTarget for Plies {
         _rng: &mut PathRng,
         stats: &mut Stats,
     ) -> f32 {
-        let (mut gone, mut left) = (0.0f64, 1.0);
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let Some((t, found, span)) =
-                self.curves.nearest_draped(over, &from, reach - gone, stats)
-            else {
-                return left;
-            };
-            let entry = found.entry(&self.curves);
-            let cloth_per_world = span.step.length();
-            let Some((ply, place)) = self.of(&entry) else {
-                return 0.0;
-            };
-            let way = (span.step / cloth_per_world).as_vec3();
-            left *= ply.transmittance(&place, way);
-            if left < DARK {
-                return 0.0;
-            }
-            gone += t + f64::from(STEP_RADII * entry.radius_mm) / cloth_per_world;
-        }
-        0.0
+        self.share(Some(over), ray, reach, stats)
     }
 }
 

@@ -48,7 +48,7 @@ pub(crate) trait RayTarget: Sync {
     }
 
     /// Peak bytes of what the general walk builds when it first meets the matter.
-    fn hierarchy_bytes(&self) -> u64 {
+    fn walk_bytes(&self) -> u64 {
         0
     }
 

@@ -130,7 +130,6 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
         models.push((format!("packed {v} r"), VirtualFibreEvent::Packed, v));
     }
     let mut errors: Vec<Errors> = models.iter().map(|_| Errors::default()).collect();
-    let (mut union, mut sum) = (0.0, 0.0);
     for (k, &(theta, phi)) in case.views.iter().enumerate() {
         let view = warp::direction_from_angles(theta.to_radians(), phi.to_radians());
         let mut truth = Shares::default();
@@ -138,11 +137,6 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
         for r in 0..realisations {
             let source = case.yarn.segments(300 + r);
             let fibres = explicit(&source, &fibre);
-            if k == 0 {
-                let overlap = fibres.measure_overlap(100_000, r);
-                union += overlap.union;
-                sum += overlap.sum;
-            }
             let seed = 1000 * r + k as u64;
             let medium = AnyMedium::ExplicitFibres(fibres);
             add(&mut truth, &measure(medium, view, paths, seed));
@@ -168,11 +162,6 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
             e.take(&truth, g);
         }
     }
-    println!(
-        "{}: overlap {:.2} % of the fibres' volume",
-        case.name,
-        100.0 * (sum / union - 1.0)
-    );
     let names = models.into_iter().map(|m| m.0);
     let results: Vec<_> = names.zip(errors).collect();
     for (name, e) in &results {

@@ -1,9 +1,10 @@
-//! Explicit fibres in cells against the general walk and its hierarchy.
+//! Explicit fibres in cells against the general walk.
 
 use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
-    agree, film, lens, panels, parallel, record, samples, scene, settings, sky, vector_backends,
+    agree, film, furnace, lens, panels, parallel, record, samples, scene, settings, sky,
+    vector_backends,
 };
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::Rgb;
@@ -94,10 +95,10 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// Holds cells to the general walk.
-pub fn assert_agreement(name: &str, scene: &Scene) {
+/// Holds the kernel to the general walk; gives the counts of both.
+pub fn assert_agreement(name: &str, scene: &Scene) -> [Stats; 2] {
     let settings = settings(0..samples(), u32::MAX);
-    let (oracle, _) = film(scene, &settings, None);
+    let (oracle, of_walk) = film(scene, &settings, None);
     let (own, stats) = by_cells(scene, &settings, Backend::widest());
     assert_eq!(stats.rejected, 0, "{name}");
     let (spread, mean) = agree(&own, &oracle);
@@ -108,6 +109,7 @@ pub fn assert_agreement(name: &str, scene: &Scene) {
         depths.iter().sum::<f64>() / depths.len().max(1) as f64
     };
     assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+    [stats, of_walk]
 }
 
 /// Holds all back ends, numbers of threads and portions of samples to the same bits.
@@ -189,20 +191,7 @@ fn lists_give_the_picture_of_copies() {
 /// Fibres that keep all light are not seen under an even sky.
 #[test]
 fn clear_fibres_vanish_in_a_furnace() {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad: 0.1,
-        azimuthal_rad: 0.17,
-    };
-    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let even = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let cloth = fibres_of(true, vec![clear(), clear()]);
-    let scene = scene(cloth, vec![even], flat);
+    let scene = furnace(|fibres| fibres_of(true, fibres));
     let settings = settings(0..samples(), u32::MAX);
     let (film, stats) = by_cells(&scene, &settings, Backend::widest());
     assert!(stats.collisions > stats.paths, "{stats:?}");

@@ -21,7 +21,8 @@ use organza_basis::hypothesis::{Verdict, z_test};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Block, Lost, Refusal, Unsuited};
-use organza_testing::little_weave;
+use organza_scatter::Fibre;
+use organza_testing::{dielectric_fibre, little_weave};
 use organza_transport::*;
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
@@ -184,6 +185,18 @@ fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene
         lights,
         camera: Camera::new(projection, pose, UVec2::new(7, 5), filter).unwrap(),
     }
+}
+
+/// Cloth whose two fibres keep all light, under an even white sky: white in every pixel.
+fn furnace(cloth: impl Fn(Vec<Fibre>) -> AnyMedium) -> Scene {
+    let clear = dielectric_fibre(Rgb::BLACK, 0.1, 0.17);
+    let even = EnvironmentLight {
+        radiance: Rgb::WHITE,
+        hemisphere: Hemisphere::All,
+    };
+    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let cloth = cloth(vec![clear.clone(), clear]);
+    scene(cloth, vec![Light::from(even)], flat)
 }
 
 fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {

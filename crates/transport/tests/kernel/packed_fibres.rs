@@ -1,17 +1,19 @@
 //! Packed fibres in the kernel, with the events of explicit ones, against the general walk.
 
-use crate::kernel::explicit_fibres::{by_cells, fibres_of, segments};
+use crate::kernel::explicit_fibres::{
+    assert_agreement, assert_same_bits, by_cells, fibres_of, segments,
+};
 use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
-    agree, film, lens, panels, parallel, samples, scene, settings, sky, vector_backends,
+    agree, film, furnace, lens, panels, parallel, samples, scene, settings, sky, vector_backends,
 };
 use glam::Vec2;
 use organza_basis::Rgb;
 use organza_kernel::FibreEngine;
 use organza_kernel::fibres::{FibreMatter, FibreScene};
 use organza_kernel::proofs::PackedFault;
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_scatter::Fibre;
 use organza_transport::*;
 use organza_volume::{
     FibreFootprint, MaterialPacking, MeasuredPacking, PackingFactor, VoxelizeOptions, voxelize,
@@ -119,24 +121,19 @@ fn faulty(scene: &Scene, settings: &RenderSettings, fault: PackedFault) -> Film 
     rendering.into_parts().0
 }
 
+/// Holds the kernel to the general walk, and to its number of events.
+fn assert_agreement_in_events(name: &str, scene: &Scene) {
+    let [own, of_walk] = assert_agreement(name, scene);
+    assert_eq!(own.majorant_violations, 0, "{name}");
+    let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
+    let (m, n) = (per_path(&own), per_path(&of_walk));
+    assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+}
+
 #[test]
 fn packed_fibres_agree_with_the_general_walk() {
     for (name, scene) in scenes() {
-        let settings = settings(0..samples(), u32::MAX);
-        let (oracle, of_walk) = film(&scene, &settings, None);
-        let (own, stats) = by_cells(&scene, &settings, Backend::widest());
-        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-        let (spread, mean) = agree(&own, &oracle);
-        let p = spread.p_value.min(mean.p_value);
-        assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
-        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
-        let (m, n) = (per_path(&stats), per_path(&of_walk));
-        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
-        let depth = |film: &Film| {
-            let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
-            depths.iter().sum::<f64>() / depths.len().max(1) as f64
-        };
-        assert!((depth(&own) - depth(&oracle)).abs() < 5e-3, "{name}");
+        assert_agreement_in_events(name, &scene);
     }
 }
 
@@ -168,44 +165,14 @@ fn faults_of_packed_fibres_are_rejected() {
 #[test]
 fn back_ends_walk_packed_fibres_alike() {
     for (name, scene) in scenes() {
-        let settings = settings(0..24, 40);
-        let (first, _) = by_cells(&scene, &settings, Backend::Scalar);
-        for backend in vector_backends() {
-            let (film, _) = by_cells(&scene, &settings, backend);
-            assert!(film == first, "{name}: {backend:?}");
-        }
-        // Samples in other portions, by another number of threads.
-        let walks = engine(&scene, &settings, EngineChoice::Fastest, u64::MAX).unwrap();
-        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let film = pool.unwrap().install(|| {
-            let mut rendering = rendering.with_engine(walks);
-            while rendering.left() > 0 {
-                rendering = rendering.take(7, &|_| ControlFlow::Continue(())).unwrap();
-            }
-            rendering.into_parts().0
-        });
-        assert!(film == first, "{name}: portions");
+        assert_same_bits(name, &scene);
     }
 }
 
 /// Packed fibres that keep all light are not seen under an even sky.
 #[test]
 fn clear_packed_fibres_vanish_in_a_furnace() {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad: 0.1,
-        azimuthal_rad: 0.17,
-    };
-    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let even = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let cloth = AnyMedium::VirtualFibres(packed(true, vec![clear(), clear()]));
-    let scene = scene(cloth, vec![even], flat);
+    let scene = furnace(|fibres| AnyMedium::VirtualFibres(packed(true, fibres)));
     let settings = settings(0..samples(), u32::MAX);
     let (film, stats) = by_cells(&scene, &settings, Backend::widest());
     assert!(stats.collisions > stats.paths, "{stats:?}");
@@ -242,17 +209,8 @@ fn hybrid_fibres_agree_with_the_general_walk() {
         ("cut", cut, panels()),
     ] {
         let scene = scene(medium, lights, flat);
-        let settings = settings(0..samples(), u32::MAX);
-        let (oracle, of_walk) = film(&scene, &settings, None);
-        let (own, stats) = by_cells(&scene, &settings, Backend::widest());
-        assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-        let (spread, mean) = agree(&own, &oracle);
-        let p = spread.p_value.min(mean.p_value);
-        assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
-        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
-        let (m, n) = (per_path(&stats), per_path(&of_walk));
-        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
-        let few = self::settings(0..24, 40);
+        assert_agreement_in_events(name, &scene);
+        let few = settings(0..24, 40);
         let (first, _) = by_cells(&scene, &few, Backend::Scalar);
         for backend in vector_backends() {
             assert!(

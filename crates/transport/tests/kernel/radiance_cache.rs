@@ -4,9 +4,10 @@ use crate::kernel::explicit_fibres::{by_cells, cut, fibres_of};
 use crate::kernel::pictures::picture;
 use crate::kernel::several_cloths;
 use crate::kernel::virtual_fibres::silk_and_cotton;
-use crate::kernel::{lens, panels, parallel, record, scene, settings, sky, vector_backends};
-use organza_basis::{Moments, Rgb, hypothesis::t_test};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use crate::kernel::{
+    furnace, lens, panels, parallel, record, scene, settings, sky, vector_backends,
+};
+use organza_basis::{Moments, hypothesis::t_test};
 use organza_testing::sized;
 use organza_transport::*;
 use std::ops::ControlFlow;
@@ -95,20 +96,7 @@ fn the_mean_is_that_of_whole_paths() {
 /// White fibres under a white sky: every bin and the picture is white.
 #[test]
 fn a_furnace_stays_white() {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad: 0.1,
-        azimuthal_rad: 0.17,
-    };
-    let clear = || Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
-    let even = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let cloth = fibres_of(true, vec![clear(), clear()]);
-    let scene = scene(cloth, vec![even], flat);
+    let scene = furnace(|fibres| fibres_of(true, fibres));
     for mode in [CacheMode::SecondFibre, CacheMode::FirstFibre] {
         let mut means = Moments::default();
         for seed in 0..8 {

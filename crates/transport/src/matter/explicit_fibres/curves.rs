@@ -1,7 +1,6 @@
 //! The fibres of one tile as chains of joints.
 
-use super::piece::FibrePiece;
-use glam::{DVec2, DVec3, Vec3};
+use glam::Vec3;
 use organza_basis::{Aabb, Segment, SegmentSource, Tile};
 use organza_kernel::fibres::{Joint, Strand, Strands};
 use rayon::prelude::*;
@@ -200,31 +199,6 @@ impl Curves {
         Strands {
             joints: &self.joints,
             strands: &self.curves,
-        }
-    }
-
-    /// Indices of all pieces.
-    pub fn pieces(&self) -> impl Iterator<Item = u32> + '_ {
-        self.strands().pieces()
-    }
-
-    /// A piece in the copy of the tile that lies `shift_mm` on.
-    pub fn piece(&self, index: u32, shift_mm: DVec2) -> FibrePiece {
-        let [a, b] = [self.joints[index as usize], self.joints[index as usize + 1]];
-        let cut = |j: &Joint| {
-            if j.cut {
-                j.tangent.as_dvec3()
-            } else {
-                DVec3::ZERO
-            }
-        };
-        FibrePiece {
-            a: a.position.as_dvec3() + shift_mm.extend(0.0),
-            b: b.position.as_dvec3() + shift_mm.extend(0.0),
-            radius_a: f64::from(a.radius_mm),
-            radius_b: f64::from(b.radius_mm),
-            cut_a: cut(&a),
-            cut_b: cut(&b),
         }
     }
 

@@ -15,7 +15,7 @@ use organza_basis::Ray;
 use organza_mesh::ShellSpan;
 
 /// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
-/// of the places there: what is met at a face belongs to one of its sides at least.
+/// of places and of distances in cells: what is met at a face belongs to one of its sides at least.
 const FACE_ROUNDINGS: f64 = 16.0;
 
 /// A hit in a shell, and the maps of its tetrahedron.
@@ -39,7 +39,7 @@ impl ExplicitFibres {
         limit: f64,
         stats: &mut Stats,
     ) -> Option<DrapedHit> {
-        let (reach, found, span) = self.nearest_draped(over, ray, limit, stats)?;
+        let (reach, found, span) = self.nearest_draped(over, ray, limit, &mut stats.tentative)?;
         stats.collisions += 1;
         let light_direction = span.world_from_cloth.transpose() * ray.direction;
         let direction = span.step.normalize().as_vec3();
@@ -58,12 +58,12 @@ impl ExplicitFibres {
         over: &Draping,
         ray: &Ray,
         limit: f64,
-        stats: &mut Stats,
+        tests: &mut u64,
     ) -> Option<(f64, Found, ShellSpan)> {
         let mut nearest = None;
         let mut reach = limit;
         over.shell()?.visit_spans(along(ray), limit, |span| {
-            if let Some((t, found)) = self.in_span(span, ray.origin, false, &mut stats.tentative)
+            if let Some((t, found)) = self.in_span(span, ray.origin, false, tests)
                 && t < reach
             {
                 reach = t;
@@ -107,15 +107,16 @@ impl ExplicitFibres {
         if !d.is_finite() {
             return None;
         }
+        let (matter, length_mm) = (self.cells(), (span.t1 - span.t0) * cloth_per_world);
         let places_mm = (span.cloth_mm.abs() + origin.abs()).max_element() + span.t1;
-        let slack_mm = FACE_ROUNDINGS * f64::EPSILON * places_mm;
+        let rounding_mm = f64::from(f32::EPSILON) * length_mm + f64::EPSILON * places_mm;
+        let slack_mm = FACE_ROUNDINGS * rounding_mm;
+        let back_mm = if span.t0 > 0.0 { slack_mm } else { 0.0 };
         // A ray that starts among fibres has left its own.
-        let from_mm = (self.start_mm - span.t0 * cloth_per_world).max(-slack_mm);
-        let length_mm = (span.t1 - span.t0) * cloth_per_world;
-        let p = span.cloth_mm - self.origin_mm;
-        let ends = (from_mm, length_mm + slack_mm);
-        let found = self.walk_copies(p, d, ends, any, tests)?;
-        let t = span.t0 + found.distance_mm / cloth_per_world;
+        let from_mm = (matter.start_mm() - span.t0 * cloth_per_world + back_mm).max(0.0);
+        let ends = (from_mm, back_mm + length_mm + slack_mm);
+        let found = Found::between(matter, (span.cloth_mm - back_mm * d, d), ends, any, tests)?;
+        let t = span.t0 + (found.distance_mm - back_mm) / cloth_per_world;
         Some((t.max(0.0), found))
     }
 }

@@ -29,22 +29,19 @@ impl ExplicitFibres {
         direction: Vec3,
         light_direction: Vec3,
     ) -> FibreHit {
-        let share = found.piece.nearest(found.point);
-        let to_axis = found.piece.axis_point(share) - found.point;
-        let tangent = self.curves.tangent(found.index, share as f32);
-        let out = -to_axis.as_vec3();
+        let (tangent, out) = (found.entry.tangent, found.entry.out_mm);
         let frame = FibreFrame::new(tangent, -direction);
         // Across the tangent, which at a bend is not that of the cylinder.
         let across = out - tangent * tangent.dot(out);
         let normal = across.try_normalize().unwrap_or(-frame.forward);
         let offset = frame.offset(normal);
         let light_frame = FibreFrame::new(tangent, -light_direction);
-        let fibre = self.fibre(found.index);
+        let fibre = self.fibre(found.entry.piece);
         FibreHit {
-            piece: found.index,
+            piece: found.entry.piece,
             tangent,
             offset,
-            to_axis_mm: to_axis.as_vec3(),
+            to_axis_mm: found.to_axis_mm,
             radius_mm: out.length(),
             near: *fibre.near_field(light_frame, offset).event(),
         }

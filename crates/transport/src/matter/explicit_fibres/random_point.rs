@@ -23,7 +23,7 @@ impl ExplicitFibres {
             let taken = a.strand == b.strand && of_material && rng.unit() * longest < length;
             let share = rng.unit();
             taken.then(|| {
-                let at = a.position.lerp(b.position, share) + self.origin_mm.as_vec3();
+                let at = a.position.lerp(b.position, share) + self.origin_mm;
                 let radius_mm = a.radius_mm + share * (b.radius_mm - a.radius_mm);
                 (at, self.curves.tangent(index, share), radius_mm)
             })
