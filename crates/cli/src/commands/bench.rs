@@ -1,6 +1,5 @@
 //! `organza bench`
 
-use super::Command;
 use crate::error::input;
 use crate::flags::values::{parse_share, whole};
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
@@ -80,17 +79,7 @@ fn parse_pixel_mm(text: &str) -> Result<f64, String> {
     }
 }
 
-impl Command for BenchArgs {
-    const NAME: &'static str = "bench";
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(BenchArgs, "bench");
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<()> {

@@ -1,6 +1,6 @@
 //! `organza compare`
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::building::watched;
 use crate::error::{InputError, input};
 use crate::flags::patch_model::patch_model;
@@ -73,18 +73,7 @@ pub struct CompareArgs {
     pub common: CommonArgs,
 }
 
-impl Command for CompareArgs {
-    const NAME: &'static str = "compare";
-    const OUTPUT: Option<&'static str> = Some("report");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(CompareArgs, "compare", "report");
 
 /// Pairs of measured data that are compared at most.
 const MAX_DATA: usize = 2000;

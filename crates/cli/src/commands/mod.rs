@@ -3,6 +3,25 @@
 //! A new command is a file with a [`clap::Args`] that implements [`Command`],
 //! and a line in [`COMMANDS`]. Help, completions and manual pages follow.
 
+/// A command of `CommonArgs` whose work is the function `run` beside its flags: its name, and
+/// one for the output of commands that another program may run without.
+macro_rules! command {
+    ($args:ty, $name:literal $(, $output:literal)?) => {
+        impl $crate::commands::Command for $args {
+            const NAME: &'static str = $name;
+            $(const OUTPUT: Option<&'static str> = Some($output);)?
+
+            fn common(&mut self) -> Option<&mut CommonArgs> {
+                Some(&mut self.common)
+            }
+
+            fn run(&self) -> Result<()> {
+                run(self)
+            }
+        }
+    };
+}
+
 mod bake;
 mod bench;
 mod cache;

@@ -1,6 +1,6 @@
 //! `organza voxelize`
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::values::{parse_level, whole};
@@ -67,18 +67,7 @@ pub enum FootprintName {
     Axis,
 }
 
-impl Command for VoxelizeArgs {
-    const NAME: &'static str = "voxelize";
-    const OUTPUT: Option<&'static str> = Some("volume.ovox");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(VoxelizeArgs, "voxelize", "volume.ovox");
 
 /// Runs the command.
 pub fn run(args: &VoxelizeArgs) -> Result<()> {

@@ -2,7 +2,11 @@
 //! processor may lack is entered.
 
 use super::backend::Backend;
+#[cfg(target_arch = "x86_64")]
+use super::lanes::Two;
 use super::lanes::{Floats, one};
+#[cfg(target_arch = "x86_64")]
+use super::vector;
 
 /// Something to do with the lanes of a back end.
 pub trait Job {
@@ -12,66 +16,48 @@ pub trait Job {
     fn run<F: Floats>(self) -> Self::Output;
 }
 
-/// Does a job with two vectors of the back end, or one lane: the most paths at once.
-/// The processor must have been asked for the back end.
-#[allow(unsafe_code)]
-pub fn dispatch_widest<J: Job>(backend: Backend, job: J) -> J::Output {
-    assert!(backend.is_available(), "{backend:?} is not available");
-    #[cfg(target_arch = "x86_64")]
-    {
-        use super::lanes::Two;
-        use super::vector;
+/// A function that does a job in the code of a back end, with vectors made from its own.
+macro_rules! dispatch {
+    ($(#[$doc:meta])* $name:ident, $avx512:ty, $avx2:ty) => {
+        $(#[$doc])*
+        #[allow(unsafe_code)]
+        pub fn $name<J: Job>(backend: Backend, job: J) -> J::Output {
+            assert!(backend.is_available(), "{backend:?} is not available");
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(
+                    enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
+                )]
+                fn avx512<J: Job>(job: J) -> J::Output {
+                    job.run::<$avx512>()
+                }
 
-        #[target_feature(
-            enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
-        )]
-        fn avx512<J: Job>(job: J) -> J::Output {
-            job.run::<Two<vector::avx512::F>>()
-        }
+                #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+                fn avx2<J: Job>(job: J) -> J::Output {
+                    job.run::<$avx2>()
+                }
 
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-        fn avx2<J: Job>(job: J) -> J::Output {
-            job.run::<Two<vector::avx2::F>>()
+                match backend {
+                    Backend::Avx512 => return unsafe { avx512(job) },
+                    Backend::Avx2 => return unsafe { avx2(job) },
+                    Backend::Scalar => {}
+                }
+            }
+            dispatch_one(job)
         }
-
-        match backend {
-            Backend::Avx512 => return unsafe { avx512(job) },
-            Backend::Avx2 => return unsafe { avx2(job) },
-            Backend::Scalar => {}
-        }
-    }
-    dispatch_one(job)
+    };
 }
 
-/// Does a job with one vector of sixteen lanes, or two of eight, or one lane. The
-/// processor must have been asked for the back end.
-#[allow(unsafe_code)]
-pub fn dispatch_sixteen<J: Job>(backend: Backend, job: J) -> J::Output {
-    assert!(backend.is_available(), "{backend:?} is not available");
-    #[cfg(target_arch = "x86_64")]
-    {
-        use super::lanes::Two;
-        use super::vector;
+dispatch! {
+    /// Does a job with two vectors of the back end, or one lane: the most paths at once.
+    /// The processor must have been asked for the back end.
+    dispatch_widest, Two<vector::avx512::F>, Two<vector::avx2::F>
+}
 
-        #[target_feature(
-            enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,popcnt,lzcnt"
-        )]
-        fn avx512<J: Job>(job: J) -> J::Output {
-            job.run::<vector::avx512::F>()
-        }
-
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-        fn avx2<J: Job>(job: J) -> J::Output {
-            job.run::<Two<vector::avx2::F>>()
-        }
-
-        match backend {
-            Backend::Avx512 => return unsafe { avx512(job) },
-            Backend::Avx2 => return unsafe { avx2(job) },
-            Backend::Scalar => {}
-        }
-    }
-    dispatch_one(job)
+dispatch! {
+    /// Does a job with one vector of sixteen lanes, or two of eight, or one lane. The
+    /// processor must have been asked for the back end.
+    dispatch_sixteen, vector::avx512::F, Two<vector::avx2::F>
 }
 
 /// Does a job with one lane.

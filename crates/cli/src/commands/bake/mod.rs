@@ -2,7 +2,7 @@
 
 mod summary;
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::patch_model::patch_model;
@@ -79,18 +79,7 @@ pub struct BakeArgs {
     pub common: CommonArgs,
 }
 
-impl Command for BakeArgs {
-    const NAME: &'static str = "bake";
-    const OUTPUT: Option<&'static str> = Some("material");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(BakeArgs, "bake", "material");
 
 /// Polar angles at which light that passes straight through is measured, degrees, and the
 /// azimuths: along the weft, along the warp.

@@ -17,7 +17,7 @@ mod volume;
 mod volume_picture;
 mod volume_scene;
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::error::input;
 use crate::identity;
 use crate::journal::Work;
@@ -123,18 +123,7 @@ pub struct FitArgs {
     pub common: CommonArgs,
 }
 
-impl Command for FitArgs {
-    const NAME: &'static str = "fit";
-    const OUTPUT: Option<&'static str> = Some("fitted.toml");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(FitArgs, "fit", "fitted.toml");
 
 /// Direction towards the light of a picture by default, degrees.
 const LIGHT: [f64; 2] = [45.0, 0.0];

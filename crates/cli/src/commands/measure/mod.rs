@@ -7,7 +7,7 @@ mod summary;
 mod tensor_tree;
 mod wanted;
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::patch_model::{OWN, patch_model};
@@ -112,18 +112,7 @@ pub struct MeasureArgs {
     pub common: CommonArgs,
 }
 
-impl Command for MeasureArgs {
-    const NAME: &'static str = "measure";
-    const OUTPUT: Option<&'static str> = Some("table.csv");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(MeasureArgs, "measure", "table.csv");
 
 /// Runs the command.
 pub fn run(args: &MeasureArgs) -> Result<()> {

@@ -4,7 +4,7 @@ mod cloth;
 mod input;
 mod record;
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::error::input;
 use crate::flags::values::{parse_positive, whole};
 use crate::flags::{CommonArgs, MemoryArgs};
@@ -177,17 +177,7 @@ fn parse_denoise(text: &str) -> Result<Denoise, String> {
     }
 }
 
-impl Command for ScanArgs {
-    const NAME: &'static str = "scan";
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(ScanArgs, "scan");
 
 /// Runs the command.
 pub fn run(args: &ScanArgs) -> Result<()> {

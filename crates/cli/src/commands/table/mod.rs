@@ -3,7 +3,7 @@
 mod report;
 mod texture;
 
-use super::{Command, with_threads};
+use super::with_threads;
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::patch_model::patch_model;
@@ -92,18 +92,7 @@ pub struct TableArgs {
     pub common: CommonArgs,
 }
 
-impl Command for TableArgs {
-    const NAME: &'static str = "table";
-    const OUTPUT: Option<&'static str> = Some("table.bsdf");
-
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        Some(&mut self.common)
-    }
-
-    fn run(&self) -> Result<()> {
-        run(self)
-    }
-}
+command!(TableArgs, "table", "table.bsdf");
 
 /// With a target error, the first table has one in so many of the paths.
 const FIRST_SHARE: u64 = 8;
