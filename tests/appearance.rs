@@ -1,6 +1,6 @@
 //! Optics of volumes found from pictures and pairs: what was planted comes back.
 
-use crate::program::{complaint, exr_channels, folder, succeed};
+use crate::program::{argv, complaint, exr_channels, folder, succeed};
 use organza_basis::{Budget, PathRng};
 use organza_volume::ovox;
 use serde_json::Value;
@@ -45,14 +45,7 @@ fn scenes(test: &str) -> std::path::PathBuf {
 
 /// The fitted value and error of each parameter, and whether the data fixes it.
 fn fitted(folder: &Path, more: &[&str]) -> (String, Vec<(String, f64, f64, bool)>) {
-    let mut words = vec![
-        "fit",
-        "scene.toml",
-        "-o",
-        "fitted.toml",
-        "--json",
-        "--quiet",
-    ];
+    let mut words = argv("fit scene.toml -o fitted.toml --json --quiet");
     words.extend(more);
     let answer: Value = serde_json::from_str(&succeed(folder, &words)).unwrap();
     let list = answer["parameters"].as_array().unwrap().iter().map(|p| {
@@ -70,16 +63,7 @@ fn fitted(folder: &Path, more: &[&str]) -> (String, Vec<(String, f64, f64, bool)
 
 /// The planted picture, with noise and blurred as a camera would.
 fn photograph(folder: &Path, noise: f32, blur_px: f32) {
-    let words = [
-        "render",
-        "planted.toml",
-        "-o",
-        "clean.exr",
-        "--spp",
-        "128",
-        "--seed",
-        "7",
-    ];
+    let words = argv("render planted.toml -o clean.exr --spp 128 --seed 7");
     succeed(folder, &words);
     let channels = exr_channels(&folder.join("clean.exr"));
     let mut rng = PathRng::from_seed(11);
@@ -135,16 +119,7 @@ fn optics_planted_in_a_picture_are_found() {
     let folder = scenes("appearance_picture");
     // Noise of 5 % of the mean of red, another seed.
     photograph(&folder, 0.01, 0.0);
-    let flags = [
-        "--what",
-        "picture",
-        "--data",
-        "photo.exr",
-        "--spp",
-        "16",
-        "--seed",
-        "1",
-    ];
+    let flags = argv("--what picture --data photo.exr --spp 16 --seed 1");
     let noise = ["--noise", "0.01"];
     let (words, list) = fitted(&folder, &[&flags[..], &noise].concat());
     assert!(words.starts_with("Met"), "{words}");
@@ -186,26 +161,10 @@ fn optics_and_density_planted_in_pairs_are_found() {
     let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,0,0\n30,0,30,180\n60,0,30,90\n\
                  30,90,30,270\n0,0,150,0\n30,0,180,0\n60,90,130,200\n45,45,20,300\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let words = [
-        "measure",
-        "thin.toml",
-        "--pairs",
-        "pairs.csv",
-        "-o",
-        "measured.csv",
-    ];
+    let words = argv("measure thin.toml --pairs pairs.csv -o measured.csv");
     let effort = ["--spp", "20000", "--seed", "5", "--quiet"];
     succeed(&folder, &[&words[..], &effort].concat());
-    let flags = [
-        "--what",
-        "fibres",
-        "--data",
-        "measured.csv",
-        "--spp",
-        "700",
-        "--seed",
-        "1",
-    ];
+    let flags = argv("--what fibres --data measured.csv --spp 700 --seed 1");
     let (words, list) = fitted(&folder, &[&flags[..], &["--fit-density"]].concat());
     assert!(words.starts_with("Met"), "{words}");
     check(
@@ -269,16 +228,7 @@ fn materials_of_a_volume_without_a_fabric_have_names() {
         "{why}"
     );
     // Twice the fibre lets less light through.
-    let fit = [
-        "fit",
-        "scene.toml",
-        "-o",
-        "f.toml",
-        "--what",
-        "picture",
-        "--data",
-        "out.exr",
-    ];
+    let fit = argv("fit scene.toml -o f.toml --what picture --data out.exr");
     let why = complaint(&folder, &fit);
     assert!(why.contains("scan.toml"), "{why}");
     scene("named.ovox", &all);

@@ -1,7 +1,7 @@
 //! `organza bench` and `model = "auto"`, tiny.
 
 use crate::fabrics::cotton;
-use crate::program::{complaint, folder, succeed};
+use crate::program::{argv, complaint, folder, succeed};
 use std::path::Path;
 
 /// Few thick fibres in large voxels: little to trace.
@@ -36,21 +36,10 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
 fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     let folder = folder("bench");
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
-    let bench = [
-        "bench",
-        "plain.toml",
-        "-o",
-        "report",
-        "--quick",
-        "--resolution",
-        "4",
-        "--spp",
-        "8",
-        "--truth-spp",
-        "16",
-        "--set",
-        "render.max_bounces=8",
-    ];
+    let bench = argv(
+        "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 --set \
+         render.max_bounces=8",
+    );
     let said = succeed(&folder, &bench);
     assert!(
         said.contains("plain, pixels of 0.1 mm (34 cm away), lit from the front, within 2.0 %: "),
@@ -198,15 +187,7 @@ fn auto_takes_what_it_says() {
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
     let scene = SCENE_OF_AUTO;
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    let render = [
-        "render",
-        "scene.toml",
-        "-o",
-        "a.exr",
-        "--spp",
-        "4",
-        "--json",
-    ];
+    let render = argv("render scene.toml -o a.exr --spp 4 --json");
     let said = succeed(&folder, &render);
     let printed: serde_json::Value =
         serde_json::from_str(&said[said.find('{').unwrap()..=said.rfind('}').unwrap()]).unwrap();

@@ -1,6 +1,6 @@
 //! Commands run by another program: files in memory in, arrays out, the same numbers.
 
-use crate::program::{exr_channels, folder, succeed};
+use crate::program::{argv, exr_channels, folder, succeed};
 use organza_cli::{Caller, Failure, FailureKind, Numbers, Results, call};
 use organza_scene::GivenFiles;
 use std::ffi::OsString;
@@ -129,14 +129,7 @@ fn a_rendered_array_is_the_picture_of_the_command_bit_for_bit() {
     let (_, given) = inputs("calls_render");
     let other = results(
         given,
-        &[
-            "render",
-            "--spp=5",
-            "--seed=4",
-            "--engine=cpu",
-            "--",
-            "<scene>",
-        ],
+        &argv("render --spp=5 --seed=4 --engine=cpu -- <scene>"),
     );
     let (_, numbers) = floats(&other, "rgb");
     assert_ne!(column(&numbers, 0, 3), bits("R"));

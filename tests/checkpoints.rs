@@ -1,7 +1,7 @@
 //! Renders that are killed or interrupted and resumed from a checkpoint.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, complaint, folder, picture, sources, succeed};
+use crate::program::{argv, bytes, complaint, folder, picture, sources, succeed};
 use sha2::Digest;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -117,14 +117,7 @@ fn checkpoints_that_do_not_belong_are_refused() {
     let good = bytes(&folder, "state");
     let refuse = |content: &[u8], more: &[&str]| {
         std::fs::write(folder.join("state"), content).unwrap();
-        let arguments = [
-            "render",
-            "scene.toml",
-            "-o",
-            "no.exr",
-            "--checkpoint",
-            "state",
-        ];
+        let arguments = argv("render scene.toml -o no.exr --checkpoint state");
         let all = [&arguments[..], &["--resume"], more].concat();
         let words = complaint(&folder, &all);
         assert_eq!(bytes(&folder, "state"), content, "the file is kept");
@@ -188,14 +181,7 @@ fn checkpoints_that_do_not_belong_are_refused() {
     std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
     assert!(!folder.join("no.exr").exists());
     std::fs::remove_file(folder.join("state")).unwrap();
-    let arguments = [
-        "render",
-        "scene.toml",
-        "-o",
-        "no.exr",
-        "--checkpoint",
-        "state",
-    ];
+    let arguments = argv("render scene.toml -o no.exr --checkpoint state");
     assert_eq!(
         complaint(&folder, &[&arguments[..], &["--resume"]].concat()),
         "organza: state: no such file"

@@ -1,6 +1,6 @@
 //! Commands, exit codes and messages.
 
-use crate::program::{complaint, exr_channels, folder, organza, succeed, write_vol};
+use crate::program::{argv, complaint, exr_channels, folder, organza, succeed, write_vol};
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -33,16 +33,7 @@ pub fn write_grid_scene(folder: &Path) {
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
     assert!(succeed(&folder, &["--help"]).contains("organza render"));
-    let commands = [
-        "render",
-        "merge",
-        "voxelize",
-        "measure",
-        "weave",
-        "info",
-        "completions",
-        "man",
-    ];
+    let commands = argv("render merge voxelize measure weave info completions man");
     for command in commands {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
@@ -194,27 +185,13 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
     );
     complaint(
         &folder,
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "out.exr",
-            "--crop",
-            "0,0,17,8",
-        ],
+        &argv("render scene.toml -o out.exr --crop 0,0,17,8"),
     );
     complaint(&folder, &["render", "scene.toml", "-o", "out.webp"]);
     complaint(&folder, &["render", "scene.toml", "-o", "nowhere/out.exr"]);
     complaint(
         &folder,
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "x.exr",
-            "--set",
-            "render.sppp=3",
-        ],
+        &argv("render scene.toml -o x.exr --set render.sppp=3"),
     );
 }
 
@@ -311,14 +288,7 @@ fn drafts_and_curves_go_through_the_command_line() {
     std::fs::write(folder.join("import.toml"), import).unwrap();
     succeed(
         &folder,
-        &[
-            "weave",
-            "import.toml",
-            "--level",
-            "fibre",
-            "-o",
-            "again.txt",
-        ],
+        &argv("weave import.toml --level fibre -o again.txt"),
     );
     let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(text("again.txt") == text("yarns.txt"));
@@ -327,14 +297,7 @@ fn drafts_and_curves_go_through_the_command_line() {
     let loose =
         "[draft]\ndrawdown = [\"XX\", \"XX\"]\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 20.0\n";
     std::fs::write(folder.join("loose.toml"), loose).unwrap();
-    let voxelize = [
-        "voxelize",
-        "loose.toml",
-        "-o",
-        "loose.ovox",
-        "--voxel-um",
-        "60",
-    ];
+    let voxelize = argv("voxelize loose.toml -o loose.ovox --voxel-um 60");
     let warning = "organza: warning: loose.toml: draft: 2 of 2 ends never interlace";
     let printed = succeed(&folder, &voxelize);
     assert!(printed.starts_with(warning), "{printed}");
@@ -406,17 +369,7 @@ fabric = "cloth.toml"
     .unwrap();
     let printed = succeed(
         &folder,
-        &[
-            "measure",
-            "cloth.toml",
-            "--model",
-            "fibres",
-            "--pairs",
-            "pairs.csv",
-            "--spp",
-            "64",
-            "--json",
-        ],
+        &argv("measure cloth.toml --model fibres --pairs pairs.csv --spp 64 --json"),
     );
     assert!(printed.contains("\"model\": \"fibres\""), "{printed}");
     let refuse = |sets: &[&str]| {

@@ -4,7 +4,7 @@
 #![cfg(target_os = "linux")]
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, exr_channels, folder, organza, picture, succeed};
+use crate::program::{argv, bytes, exr_channels, folder, organza, picture, succeed};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -50,15 +50,7 @@ fn a_denoised_picture_keeps_the_noisy_one_and_all_that_was_rendered() {
     let plain = picture(&folder, &["--spp", "4"]);
     let rendered = run(
         &folder,
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "clean.exr",
-            "--spp",
-            "4",
-            "--denoise",
-        ],
+        &argv("render scene.toml -o clean.exr --spp 4 --denoise"),
     );
     assert!(rendered.status.success(), "{}", printed(&rendered));
     let out = run(&folder, &["denoise", "out.exr", "-o", "same.exr"]);
@@ -147,15 +139,7 @@ fn without_the_library_nothing_is_rendered_and_the_message_says_how_to_get_it() 
         words
     };
     // So many samples would take hours.
-    let render = [
-        "render",
-        "scene.toml",
-        "-o",
-        "x.exr",
-        "--spp",
-        "1000000000",
-        "--denoise",
-    ];
+    let render = argv("render scene.toml -o x.exr --spp 1000000000 --denoise");
     let words = no_library(Path::new("none.so"), &render);
     assert!(words.contains("ORGANZA_OIDN names none.so"), "{words}");
     std::fs::write(folder.join("text.so"), "no library").unwrap();

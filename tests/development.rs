@@ -1,7 +1,7 @@
 //! How display formats show a picture: exposure, tone mapping, white balance, bits.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, succeed};
+use crate::program::{argv, bytes, folder, organza, succeed};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -58,16 +58,7 @@ fn what_auto_finds_is_printed_and_gives_the_same_picture() {
 fn settings_reach_the_png_and_leave_linear_files_alone() {
     let folder = folder("development-linear");
     write_grid_scene(&folder);
-    let all = [
-        "--exposure",
-        "auto",
-        "--tone-mapping",
-        "agx",
-        "--white-balance",
-        "3200",
-        "--png-bits",
-        "16",
-    ];
+    let all = argv("--exposure auto --tone-mapping agx --white-balance 3200 --png-bits 16");
     render(&folder, "plain.exr", &[]);
     let printed = render(&folder, "all.exr", &all);
     assert!(bytes(&folder, "plain.exr") == bytes(&folder, "all.exr"));
@@ -124,20 +115,10 @@ fn a_contact_sheet_shows_each_scene_as_render_does() {
     write_grid_scene(&folder);
     let text = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
     std::fs::write(folder.join("other.toml"), format!("{text}\n")).unwrap();
-    let sheet = [
-        "render",
-        "--contact-sheet",
-        "sheet.png",
-        "scene.toml",
-        "other.toml",
-        "scene.toml",
-        "--cell-px",
-        "32",
-        "--spp",
-        "2",
-        "--exposure",
-        "auto",
-    ];
+    let sheet = argv(
+        "render --contact-sheet sheet.png scene.toml other.toml scene.toml --cell-px 32 --spp \
+         2 --exposure auto",
+    );
     let printed = succeed(&folder, &sheet);
     assert!(printed.contains("sheet.png: 3 scenes"), "{printed}");
     let (shown, width, height) = pixels(&folder, "sheet.png");

@@ -2,7 +2,7 @@
 //! test's own.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, picture, succeed};
+use crate::program::{argv, bytes, folder, organza, picture, succeed};
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -173,14 +173,7 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     assert!(started.elapsed() < Duration::from_secs(60));
     drop(listener);
     // No server at all for a wrong address, before anything is rendered.
-    let wrong = [
-        "render",
-        "scene.toml",
-        "-o",
-        "none.exr",
-        "--display-server",
-        "here",
-    ];
+    let wrong = argv("render scene.toml -o none.exr --display-server here");
     let out = organza(&folder, &wrong);
     assert_eq!(out.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&out.stderr).contains("expected HOST:PORT"));

@@ -3,7 +3,7 @@
 
 use crate::fabrics::cotton;
 use crate::in_process::{build, mistake, picture};
-use crate::program::{bytes, complaint, folder, succeed};
+use crate::program::{argv, bytes, complaint, folder, succeed};
 use organza_scene::loader::Loader;
 use organza_testing::csv_numbers;
 use organza_transport::{EngineChoice, Film, Integrator, RenderSettings, Rendering, engine};
@@ -31,14 +31,7 @@ fn sheet(folder: &Path) {
 }
 
 fn make(folder: &Path, out: &str, more: &[&str]) -> String {
-    let table = [
-        "table",
-        "cloth.toml",
-        "--model",
-        "surface",
-        "--held-out",
-        "32",
-    ];
+    let table = argv("table cloth.toml --model surface --held-out 32");
     let mut arguments = [&table[..], &["--held-out-spp", "2", "-o", out]].concat();
     if !more.contains(&"--spp") {
         arguments.extend(["--spp", "512"]);
@@ -56,14 +49,7 @@ fn a_known_sheet_is_found_again() {
     let pairs =
         "theta_i,phi_i,theta_o,phi_o\n10,20,40,200\n60,0,150,70\n130,10,20,33\n80,5,75,185\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let measure = [
-        "measure",
-        "cloth.toml",
-        "--model",
-        "table",
-        "--pairs",
-        "pairs.csv",
-    ];
+    let measure = argv("measure cloth.toml --model table --pairs pairs.csv");
     succeed(&folder, &[&measure[..], &["-o", "out.csv"]].concat());
     let rows = csv_numbers(&String::from_utf8(bytes(&folder, "out.csv")).unwrap());
     let [reflected, transmitted] = [[0.4, 0.5, 0.1], [0.2, 0.3, 0.3]];
@@ -86,15 +72,7 @@ fn a_known_sheet_is_found_again() {
         "theta_i,phi_i\n0,0\n50,40\n150,10\n",
     )
     .unwrap();
-    let albedo = [
-        "measure",
-        "cloth.toml",
-        "--model",
-        "table",
-        "--albedo",
-        "--pairs",
-        "from.csv",
-    ];
+    let albedo = argv("measure cloth.toml --model table --albedo --pairs from.csv");
     let rest = ["--spp", "20000", "-o", "albedo.json"];
     succeed(&folder, &[&albedo[..], &rest].concat());
     let text = String::from_utf8(bytes(&folder, "albedo.json")).unwrap();

@@ -4,7 +4,7 @@
 //! the engines themselves.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, picture, succeed};
+use crate::program::{argv, bytes, folder, organza, picture, succeed};
 use crate::slab::write_slab;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -296,14 +296,7 @@ fn tables_of_a_template_are_those_of_single_runs() {
         must_succeed(&run("JoinRows", &[("Fabric", fabric)]));
     }
     must_succeed(&run("JoinFabrics", &[]));
-    let measure = [
-        "measure",
-        "slab.toml",
-        "--pairs",
-        "pairs.csv",
-        "--spp",
-        "64",
-    ];
+    let measure = argv("measure slab.toml --pairs pairs.csv --spp 64");
     succeed(&folder, &[&measure[..], &["-o", "whole.csv"]].concat());
     let whole = String::from_utf8(bytes(&folder, "whole.csv")).unwrap();
     for fabric in [1, 2] {

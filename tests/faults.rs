@@ -5,7 +5,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{complaint, files_left, folder, organza, succeed};
+use crate::program::{argv, complaint, files_left, folder, organza, succeed};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -212,45 +212,13 @@ fn too_little_memory_is_reported_before_it_is_taken() {
     for arguments in [
         &["render", "scene.toml", "-o", "x.exr", "--set", large][..],
         &["render", "cloth_scene.toml", "-o", "x.exr"],
-        &[
-            "measure",
-            "cloth.toml",
-            "--layout",
-            "irawan",
-            "-o",
-            "x.exr",
-            "--model",
-            "surface",
-        ],
-        &[
-            "render",
-            "cloth_scene.toml",
-            "-o",
-            "x.exr",
-            "--set",
-            "render.integrator='fibres'",
-        ],
+        &argv("measure cloth.toml --layout irawan -o x.exr --model surface"),
+        &argv("render cloth_scene.toml -o x.exr --set render.integrator='fibres'"),
         &["voxelize", "cloth.toml", "-o", "x.ovox"],
         &["measure", "cloth.toml", "--layout", "grid", "-o", "x.csv"],
         &["measure", "cloth.toml", "--layout", "irawan", "-o", "x.csv"],
-        &[
-            "measure",
-            "cloth.toml",
-            "--layout",
-            "irawan",
-            "-o",
-            "x.csv",
-            "--model",
-            "fibres",
-        ],
-        &[
-            "compare",
-            "cloth.toml",
-            "-o",
-            "report",
-            "--models",
-            "packed,plain",
-        ],
+        &argv("measure cloth.toml --layout irawan -o x.csv --model fibres"),
+        &argv("compare cloth.toml -o report --models packed,plain"),
         &["fit", "cloth.toml", "-o", "x.toml"],
         &["export", "mitsuba", "cloth_scene.toml", "-o", "out"],
     ] {
@@ -331,14 +299,7 @@ fn a_scene_writes_nowhere() {
             "{said}"
         );
     }
-    let names = [
-        "inner",
-        "link.vol",
-        "loop.vol",
-        "out.png",
-        "scene.toml",
-        "sggx.vol",
-    ];
+    let names = argv("inner link.vol loop.vol out.png scene.toml sggx.vol");
     for name in [files_left(&folder), files_left(&inner)].concat() {
         assert!(
             names.contains(&name.as_str()) || name == "sigma_t.vol",

@@ -1,7 +1,7 @@
 //! How far a single sample may stand out, and what a clamp takes away.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, exr_channels, folder, organza, succeed};
+use crate::program::{argv, complaint, exr_channels, folder, organza, succeed};
 use std::path::Path;
 
 /// The number at a place after a word in the statistics of a render.
@@ -110,14 +110,7 @@ fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
         &[&arguments[..], &["--backend", "scalar"]].concat(),
     );
     assert!(said.contains("clamping needs the general walk"), "{said}");
-    let wrong = [
-        "render",
-        "scene.toml",
-        "-o",
-        "x.exr",
-        "--set",
-        "render.clamp=-1.0",
-    ];
+    let wrong = argv("render scene.toml -o x.exr --set render.clamp=-1.0");
     let said = complaint(&folder, &wrong);
     assert_eq!(
         said,

@@ -1,7 +1,7 @@
 //! Pictures by graphics adapters, and by several engines.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, exr_channels, folder, organza, succeed};
+use crate::program::{argv, complaint, exr_channels, folder, organza, succeed};
 use std::path::Path;
 
 /// Whether this program can use an adapter, if only one in software.
@@ -58,15 +58,7 @@ fn several_engines_make_one_picture() {
         assert!((own / whole - 1.0).abs() < 0.02, "{name}: {own} {whole}");
     }
     // The walk has other random numbers.
-    let walked = [
-        "--engine",
-        "walk",
-        "--spp",
-        "64",
-        "--checkpoint",
-        "state",
-        "--resume",
-    ];
+    let walked = argv("--engine walk --spp 64 --checkpoint state --resume");
     let run = ["render", "scene.toml", "-o", "c.exr"];
     let refused = complaint(&folder, &[&run[..], &walked].concat());
     assert!(

@@ -7,7 +7,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{contents, files_left, folder, succeed};
+use crate::program::{argv, contents, files_left, folder, succeed};
 use organza_basis::PathRng;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -235,20 +235,9 @@ fn a_volume_or_a_table_has_its_name_only_when_whole() {
     voxelize("voxelize .vol", "cloth.vol", three);
     Victim {
         name: "measure",
-        arguments: &[
-            "measure",
-            "cloth.toml",
-            "--layout",
-            "grid",
-            "--grid",
-            "2,4",
-            "--spp",
-            "64",
-            "--voxel-um",
-            "40",
-            "-o",
-            "out.csv",
-        ],
+        arguments: &argv(
+            "measure cloth.toml --layout grid --grid 2,4 --spp 64 --voxel-um 40 -o out.csv",
+        ),
         outputs: &["out.csv"],
         state: None,
         keep: &[],
@@ -263,18 +252,7 @@ fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
     std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     Victim {
         name: "fit",
-        arguments: &[
-            "fit",
-            "cloth.toml",
-            "--spp",
-            "48",
-            "--voxel-um",
-            "40",
-            "--patience",
-            "4,6",
-            "-o",
-            "fitted.toml",
-        ],
+        arguments: &argv("fit cloth.toml --spp 48 --voxel-um 40 --patience 4,6 -o fitted.toml"),
         outputs: &["fitted.toml"],
         state: Some("journal"),
         keep: &["--journal", "journal"],
@@ -324,22 +302,10 @@ fn a_scan_killed_at_any_moment_goes_on_to_the_same_bytes() {
     write_ct(&folder.join("ct.raw"));
     Victim {
         name: "scan",
-        arguments: &[
-            "scan",
-            "ct.raw",
-            "--raw-size",
-            "24,24,24",
-            "--raw-type",
-            "u8",
-            "--voxel-um",
-            "3.5",
-            "--fibre-radius-um",
-            "10.5",
-            "--fibre",
-            "170",
-            "-o",
-            "scan.ovox",
-        ],
+        arguments: &argv(
+            "scan ct.raw --raw-size 24,24,24 --raw-type u8 --voxel-um 3.5 --fibre-radius-um \
+             10.5 --fibre 170 -o scan.ovox",
+        ),
         outputs: &["scan.ovox"],
         state: Some("journal"),
         keep: &["--journal", "journal"],
@@ -354,24 +320,10 @@ fn a_baked_folder_has_its_name_only_when_whole() {
     std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     Victim {
         name: "bake",
-        arguments: &[
-            "bake",
-            "cloth.toml",
-            "-o",
-            "material",
-            "--resolution",
-            "16",
-            "--texel-spp",
-            "4",
-            "--pairs",
-            "64",
-            "--spp",
-            "2",
-            "--fit-texels",
-            "16",
-            "--voxel-um",
-            "60",
-        ],
+        arguments: &argv(
+            "bake cloth.toml -o material --resolution 16 --texel-spp 4 --pairs 64 --spp 2 \
+             --fit-texels 16 --voxel-um 60",
+        ),
         outputs: &["material"],
         state: None,
         keep: &[],

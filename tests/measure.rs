@@ -2,7 +2,7 @@
 //! a fabric as volume and as surface; wrong pairs files.
 
 use crate::fabrics::cotton;
-use crate::program::{complaint, folder, succeed};
+use crate::program::{argv, complaint, folder, succeed};
 use crate::slab::write_slab;
 use organza_measure::parse_pairs;
 use organza_scatter::{Footprint, Surface};
@@ -51,14 +51,7 @@ fn rows_measured_apart_make_the_whole_table() {
     write_slab(&folder);
     let table = include_str!("data/slab_mitsuba.csv");
     std::fs::write(folder.join("pairs.csv"), table).unwrap();
-    let run = [
-        "measure",
-        "slab.toml",
-        "--pairs",
-        "pairs.csv",
-        "--spp",
-        "64",
-    ];
+    let run = argv("measure slab.toml --pairs pairs.csv --spp 64");
     // Sixteen pairs have nine incident directions.
     for (more, parts) in [
         (&[][..], ["0..1", "1..9", "9..16"]),
@@ -209,24 +202,8 @@ fn wrong_pairs_are_reported_with_line_and_column() {
     for arguments in [
         &["measure", "slab.toml", "--pairs", "pairs.csv"][..],
         &["measure", "slab.toml", "-o", "out.csv"],
-        &[
-            "measure",
-            "slab.toml",
-            "--layout",
-            "irawan",
-            "-o",
-            "nowhere/out.csv",
-        ],
-        &[
-            "measure",
-            "slab.toml",
-            "--layout",
-            "irawan",
-            "-o",
-            "out.csv",
-            "--model",
-            "surface",
-        ],
+        &argv("measure slab.toml --layout irawan -o nowhere/out.csv"),
+        &argv("measure slab.toml --layout irawan -o out.csv --model surface"),
     ] {
         let out = crate::program::organza(&folder, arguments);
         assert_eq!(out.status.code(), Some(2), "{arguments:?}");

@@ -1,7 +1,7 @@
 //! Corrections of plies found from measured values, pictures and fibres: what was planted comes
 //! back.
 
-use crate::program::{complaint, files_left, folder, succeed};
+use crate::program::{argv, complaint, files_left, folder, succeed};
 use glam::UVec2;
 use organza_measure::{Angles, Pair, measure_texture};
 use organza_scene::fabric_file;
@@ -197,14 +197,7 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
 #[test]
 fn fits_of_plies_to_fibres_resume_and_end_alike() {
     let folder = workplace("ply-fit-fibres");
-    let flags = [
-        "--spp",
-        "16",
-        "--patience",
-        "0,12",
-        "--journal",
-        "fit.journal",
-    ];
+    let flags = argv("--spp 16 --patience 0,12 --journal fit.journal");
     let first = fit(&folder, &flags);
     let length = std::fs::metadata(folder.join("fit.journal")).unwrap().len();
     let again = fit(&folder, &flags);

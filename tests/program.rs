@@ -30,6 +30,11 @@ pub fn succeed(folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8_lossy(&out.stdout).into_owned() + &stderr
 }
 
+/// The words of a command line without quotes.
+pub fn argv(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
 /// Runs `organza`, demands the exit status of wrong input, and returns the
 /// message, which must be one line.
 pub fn complaint(folder: &Path, arguments: &[&str]) -> String {

@@ -1,7 +1,7 @@
 //! What commands refuse before they begin, and leave as it was.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, folder, organza, succeed};
+use crate::program::{argv, complaint, folder, organza, succeed};
 use organza_testing::file_names;
 use std::fs;
 use std::path::Path;
@@ -66,25 +66,11 @@ fn no_file_that_an_input_names_is_written_over() {
     );
     // A fabric of curves, and the pairs of a measurement.
     sailcloth(&folder);
-    let curves = [
-        "weave",
-        "sailcloth.toml",
-        "--level",
-        "yarn",
-        "-o",
-        "curves.txt",
-    ];
+    let curves = argv("weave sailcloth.toml --level yarn -o curves.txt");
     succeed(&folder, &curves);
     let imported = "[draft]\ncurves = 'curves.txt'\n[yarn.cotton]\npreset = 'cotton'\ntex = 30.0\n";
     fs::write(folder.join("imported.toml"), imported).unwrap();
-    let again = [
-        "weave",
-        "imported.toml",
-        "--level",
-        "yarn",
-        "-o",
-        "curves.txt",
-    ];
+    let again = argv("weave imported.toml --level yarn -o curves.txt");
     refused("curves.txt", &again);
     fs::write(
         folder.join("p.csv"),
@@ -93,14 +79,7 @@ fn no_file_that_an_input_names_is_written_over() {
     .unwrap();
     refused(
         "p.csv",
-        &[
-            "measure",
-            "sailcloth.toml",
-            "--pairs",
-            "p.csv",
-            "-o",
-            "p.csv",
-        ],
+        &argv("measure sailcloth.toml --pairs p.csv -o p.csv"),
     );
 }
 
@@ -121,21 +100,10 @@ fn a_fit_does_not_resume_from_another_draft() {
     };
     let text = SAILCLOTH.replace("weave = \"plain\"", "wif = \"draft.wif\"");
     fs::write(folder.join("drafted.toml"), text).unwrap();
-    let fit = [
-        "fit",
-        "drafted.toml",
-        "-o",
-        "fitted.toml",
-        "--journal",
-        "journal",
-        "--spp",
-        "2",
-        "--voxel-um",
-        "160",
-        "--patience",
-        "0,1",
-        "--quiet",
-    ];
+    let fit = argv(
+        "fit drafted.toml -o fitted.toml --journal journal --spp 2 --voxel-um 160 --patience \
+         0,1 --quiet",
+    );
     wif("200,30,30");
     succeed(&folder, &fit);
     succeed(&folder, &fit); // the known-bad twin: nothing changed
@@ -157,14 +125,7 @@ fn no_input_is_written_over() {
     assert_eq!(text, SAILCLOTH);
     let printed = complaint(&folder, &["fit", "sailcloth.toml", "-o", "fitted.png"]);
     assert!(printed.contains("ends in .toml"), "{printed}");
-    let fit = [
-        "fit",
-        "sailcloth.toml",
-        "-o",
-        "fitted.toml",
-        "--journal",
-        "none/journal",
-    ];
+    let fit = argv("fit sailcloth.toml -o fitted.toml --journal none/journal");
     let printed = complaint(&folder, &fit);
     assert!(
         printed.contains("the folder none does not exist"),
@@ -238,22 +199,8 @@ fn nothing_is_left_where_inputs_are_wrong() {
     for arguments in [
         &["bench", "denm", "-o", "report"][..],
         &["bench", "denim", "none.toml", "-o", "report"],
-        &[
-            "compare",
-            "sailcloth.toml",
-            "-o",
-            "report",
-            "--data",
-            "none.csv",
-        ],
-        &[
-            "compare",
-            "sailcloth.toml",
-            "-o",
-            "report",
-            "--models",
-            "surface",
-        ],
+        &argv("compare sailcloth.toml -o report --data none.csv"),
+        &argv("compare sailcloth.toml -o report --models surface"),
         &["compare", "sailcloth.toml", "-o", "file"],
         &["bench", "denim", "-o", "file"],
         &["info", "first.wif", "--set", "a.b=3"],
@@ -367,13 +314,7 @@ fn a_bench_does_not_fill_the_folder_of_its_inputs() {
     let fabric = crate::fabrics::cotton("plain", "tex = 30.0", 40.0);
     let own = folder.join("report/scenes/plain.toml");
     fs::write(&own, &fabric).unwrap();
-    let named = [
-        "bench",
-        "report/scenes/plain.toml",
-        "-o",
-        "report",
-        "--quick",
-    ];
+    let named = argv("bench report/scenes/plain.toml -o report --quick");
     let said = complaint(&folder, &named);
     assert!(
         said.contains("report/scenes/plain.toml: is an input and lies in report"),

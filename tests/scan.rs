@@ -1,7 +1,7 @@
 //! Scans through the program: a phantom that the repository holds, what becomes of it, and what
 //! is refused.
 
-use crate::program::{complaint, exr_channels, folder, organza, succeed};
+use crate::program::{argv, complaint, exr_channels, folder, organza, succeed};
 use organza_basis::{Aabb, Budget, SegmentSource};
 use organza_scan::input::Slices;
 use organza_scan::input::tiff::TiffSlices;
@@ -57,15 +57,7 @@ fn a_scan_is_shown_described_and_measured_like_a_volume() {
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
     succeed(
         &folder,
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "out.exr",
-            "--spp",
-            "8",
-            "--quiet",
-        ],
+        &argv("render scene.toml -o out.exr --spp 8 --quiet"),
     );
     let channels = exr_channels(&folder.join("out.exr"));
     let mean = |name: &str| {

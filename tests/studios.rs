@@ -1,7 +1,7 @@
 //! Cloths that come without a scene: drafts, weaves and fabrics in studios, drafts of any size,
 //! and the fabrics that are written for drafts.
 
-use crate::program::{complaint, folder, organza, succeed};
+use crate::program::{argv, complaint, folder, organza, succeed};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -75,19 +75,7 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
     assert!(words.contains("synthesis:"), "{words}");
     let refused = complaint(
         &folder,
-        &[
-            "measure",
-            "large.toml",
-            "--model",
-            "fibres",
-            "--quiet",
-            "--layout",
-            "irawan",
-            "-o",
-            "x.csv",
-            "--spp",
-            "2",
-        ],
+        &argv("measure large.toml --model fibres --quiet --layout irawan -o x.csv --spp 2"),
     );
     assert!(refused.contains("draft.part = [0, 0, 64, 64]"), "{refused}");
 }
@@ -198,16 +186,7 @@ fn a_finished_render_is_developed_again() {
     );
     let words = succeed(
         &folder,
-        &[
-            "develop",
-            "a.exr",
-            "-o",
-            "b.png",
-            "--tone-mapping",
-            "agx",
-            "--size-px",
-            "12",
-        ],
+        &argv("develop a.exr -o b.png --tone-mapping agx --size-px 12"),
     );
     assert!(words.contains("b.png: 12 x 12, exposure "), "{words}");
     let listed = succeed(&folder, &["info", "b.png"]);
