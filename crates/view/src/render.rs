@@ -270,7 +270,7 @@ fn coarse(
     let Some(table) = &file.camera else {
         return Ok(());
     };
-    let is_walked = matter.scene.walk_bytes() == 0;
+    let is_walked = matter.scene.hierarchy_bytes() == 0;
     let own = matter.scene.camera;
     // Of a picture as coarse as the next one.
     let mut seconds = 0.0;

@@ -82,7 +82,7 @@ impl<'a> Tracing<'a> {
             _ => Err(KernelRefusal::Clamp),
         };
         let rendering = Rendering::new(scene, settings).map_err(|e| failed(e.to_string()))?;
-        let needed = scene.walk_bytes();
+        let needed = scene.hierarchy_bytes();
         let (rendering, why_walk) = match made {
             Ok(engine) => (rendering.with_engine(engine), None),
             Err(_) if needed > plan.max_bytes => {

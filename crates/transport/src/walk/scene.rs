@@ -43,7 +43,7 @@ impl Scene {
 
     /// Peak bytes of the cells of explicit fibres that the general walk lays out when it
     /// first meets them: an estimate, 0 without explicit fibres.
-    pub fn walk_bytes(&self) -> u64 {
+    pub fn hierarchy_bytes(&self) -> u64 {
         let media = self.media.iter().map(|m| m.target().walk_bytes());
         media.fold(0, u64::saturating_add)
     }

@@ -148,7 +148,7 @@ fn check_walk(
     why: Option<&KernelRefusal>,
     max_bytes: u64,
 ) -> Result<()> {
-    let mut needed = scene.walk_bytes();
+    let mut needed = scene.hierarchy_bytes();
     if needed <= max_bytes {
         return Ok(());
     }
