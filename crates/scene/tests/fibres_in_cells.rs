@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
-use organza_kernel::fibres::exhaustive::{Exhaustive, TriedEntry};
+use organza_kernel::fibres::exhaustive::{Compared, Exhaustive};
 use organza_kernel::fibres::{FibreEntry, FibreMatter};
 use organza_measure::{Albedo, Angles, Effort, Exit, PatchResponse, VolumePatch, measure_albedos};
 use organza_scene::fabric_file;
@@ -44,19 +44,6 @@ fn ray(axis: DVec3, radius_mm: f64, at: DVec3, i: u64, rng: &mut PathRng) -> (DV
         2.0 * radius_mm * f64::from(rng.unit()) * warp::uniform_sphere(rng.unit2()).as_dvec3();
     let back = if i % 4 == 3 { 0.1 } else { 0.0 };
     (at + aside - back * d, d)
-}
-
-/// Whether both found the same: places apart by less than a thousandth of a radius, seen
-/// along the normal.
-fn is_same(own: &Option<FibreEntry>, tried: &Option<TriedEntry>) -> bool {
-    match (own, tried) {
-        (None, None) => true,
-        (Some(own), Some(tried)) => {
-            let apart = (own.distance_mm - tried.distance_mm).abs();
-            apart * tried.cosine.max(1e-3) < 1e-3 * tried.radius_mm
-        }
-        _ => false,
-    }
 }
 
 /// None missed, none extra, none wrong, but for rays that graze a fibre, which rounding
@@ -100,24 +87,19 @@ fn rays_meet_what_trying_every_piece_finds() {
                 let least = if is_inside { start_mm } else { 0.0 };
                 let within = |h: &FibreEntry| h.distance_mm < REACH_MM && h.distance_mm > least;
                 let own = matter.first_hit(from, d).filter(within);
-                let try_at = |by: DVec3| tried.first(from + by, d, (least, REACH_MM));
-                let found = try_at(DVec3::ZERO);
-                met += u64::from(found.is_some());
-                let aside = DVec3::new(0.0, 0.0, 2.0 * f64::from(a.radius_mm));
-                twins += u64::from(!is_same(&own, &try_at(aside)));
-                if is_same(&own, &found) {
-                    continue;
-                }
-                // A hair aside: a ray that rounding decides finds either.
+                let ends = (least, REACH_MM);
+                met += u64::from(tried.first(from, d, ends).is_some());
                 let hair = 1e-4 * f64::from(a.radius_mm);
-                let ways = [DVec3::X, DVec3::Y, DVec3::Z];
-                let mut ways = ways.iter().flat_map(|&e| [hair * e, -hair * e]);
-                let grazes = found.as_ref().is_some_and(|h| h.cosine < 0.02);
-                if grazes || ways.any(|by| is_same(&own, &try_at(by))) {
-                    grazing += 1;
-                } else {
-                    wrong += 1;
-                    println!("{name}, place {place}, ray {i}: {from} {d}: {own:?} {found:?}");
+                let aside = DVec3::new(0.0, 0.0, 2.0 * f64::from(a.radius_mm));
+                let compare = |from| tried.compare(own.as_ref(), (from, d), ends, hair);
+                twins += u64::from(compare(from + aside) != Compared::Same);
+                match compare(from) {
+                    Compared::Same => {}
+                    Compared::Grazing => grazing += 1,
+                    Compared::Wrong => {
+                        wrong += 1;
+                        println!("{name}, place {place}, ray {i}: {from} {d}: {own:?}");
+                    }
                 }
             }
         }

@@ -2,6 +2,7 @@
 //! cells are held against.
 
 use super::copies::mitre_mm;
+use super::matter::FibreEntry;
 use super::strands::Strands;
 use glam::{DVec2, DVec3, IVec2};
 
@@ -10,6 +11,17 @@ use glam::{DVec2, DVec3, IVec2};
 struct Candidate {
     piece: u32,
     shift: IVec2,
+}
+
+/// What a hit in cells is beside what trying finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compared {
+    /// Both found nothing, or places less than a thousandth of a radius apart, seen along
+    /// the normal.
+    Same,
+    /// The ray grazes a fibre: rounding decides.
+    Grazing,
+    Wrong,
 }
 
 /// Pieces near a place.
@@ -115,6 +127,38 @@ impl<'a> Exhaustive<'a> {
             }
         }
         found.len()
+    }
+
+    /// Compares what was found for a ray between two distances. A ray that rounding decides
+    /// finds either a `hair_mm` aside.
+    pub fn compare(
+        &self,
+        own: Option<&FibreEntry>,
+        (origin_mm, direction): (DVec3, DVec3),
+        ends_mm: (f64, f64),
+        hair_mm: f64,
+    ) -> Compared {
+        let is_same = |tried: &Option<TriedEntry>| match (own, tried) {
+            (None, None) => true,
+            (Some(own), Some(tried)) => {
+                let apart = (own.distance_mm - tried.distance_mm).abs();
+                apart * tried.cosine.max(1e-3) < 1e-3 * tried.radius_mm
+            }
+            _ => false,
+        };
+        let found = self.first(origin_mm, direction, ends_mm);
+        if is_same(&found) {
+            return Compared::Same;
+        }
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let mut aside = axes.iter().flat_map(|&e| [hair_mm * e, -hair_mm * e]);
+        let grazes = found.is_some_and(|f| f.cosine < 0.02)
+            || aside.any(|by| is_same(&self.first(origin_mm + by, direction, ends_mm)));
+        if grazes {
+            Compared::Grazing
+        } else {
+            Compared::Wrong
+        }
     }
 
     fn entry(&self, candidate: &Candidate, o: DVec3, d: DVec3) -> Option<TriedEntry> {

@@ -2,7 +2,7 @@
 
 use super::body::FibreBody;
 use super::cells::Unfit;
-use super::exhaustive::{Exhaustive, TriedEntry};
+use super::exhaustive::{Compared, Exhaustive};
 use super::matter::{FibreEntry, FibreMatter};
 use super::strands::{Joint, Strand, Strands};
 use glam::{DVec2, DVec3, UVec3, Vec3};
@@ -144,24 +144,6 @@ fn matter_within(
     FibreMatter::new(&[body], Vec::new(), max_bytes)
 }
 
-/// A hit that rounding may decide either way: the ray grazes.
-fn grazes(hit: &TriedEntry) -> bool {
-    hit.cosine < 0.02
-}
-
-/// Whether both found the same: places on the surface apart by less than a
-/// thousandth of a radius, seen along the normal.
-fn agree(own: &Option<FibreEntry>, tried: &Option<TriedEntry>) -> bool {
-    match (own, tried) {
-        (None, None) => true,
-        (Some(own), Some(tried)) => {
-            let apart = (own.distance_mm - tried.distance_mm).abs();
-            apart * tried.cosine.max(1e-3) < 1e-3 * tried.radius_mm
-        }
-        _ => false,
-    }
-}
-
 fn direction(rng: &mut PathRng, i: u64) -> DVec3 {
     let d = warp::uniform_sphere(rng.unit2());
     let d = match i % 6 {
@@ -223,29 +205,14 @@ fn compare_in(
             } else {
                 0.0
             };
-            let found = tried.first(from, d, (least, 0.5 * size));
-            if agree(&own, &found) {
-                continue;
-            }
-            // A hair aside: a ray that rounding decides finds either.
-            let shaken = [
-                DVec3::X,
-                DVec3::Y,
-                DVec3::Z,
-                -DVec3::X,
-                -DVec3::Y,
-                -DVec3::Z,
-            ]
-            .iter()
-            .any(|e| {
-                let by = 1e-4 * size * f64::from(RADIUS_MM) * e;
-                agree(&own, &tried.first(from + by, d, (least, 0.5 * size)))
-            });
-            if shaken || found.as_ref().is_some_and(grazes) {
-                grazing += 1;
-            } else {
-                wrong += 1;
-                eprintln!("seed {seed} place {place} ray {i}: {from} {d}: {own:?} {found:?}");
+            let hair = 1e-4 * size * f64::from(RADIUS_MM);
+            match tried.compare(own.as_ref(), (from, d), (least, 0.5 * size), hair) {
+                Compared::Same => {}
+                Compared::Grazing => grazing += 1,
+                Compared::Wrong => {
+                    wrong += 1;
+                    eprintln!("seed {seed} place {place} ray {i}: {from} {d}: {own:?}");
+                }
             }
         }
     }
@@ -326,21 +293,15 @@ fn rays_along_fibres_meet_what_trying_finds() {
         let d = (DVec3::X + tilt * u).normalize();
         let within = |h: &FibreEntry| h.distance_mm < 0.5;
         let own = matter.first_hit(from, d).filter(within);
-        let try_at = |by: DVec3| tried.first(from + by, d, (least, 0.5));
-        let found = try_at(DVec3::ZERO);
-        met += u64::from(found.is_some());
-        if agree(&own, &found) {
-            continue;
-        }
+        met += u64::from(tried.first(from, d, (least, 0.5)).is_some());
         let hair = 1e-4 * f64::from(RADIUS_MM);
-        let mut ways = [DVec3::Y, DVec3::Z]
-            .iter()
-            .flat_map(|&e| [hair * e, -hair * e]);
-        if found.as_ref().is_some_and(grazes) || ways.any(|by| agree(&own, &try_at(by))) {
-            close += 1;
-        } else {
-            wrong += 1;
-            eprintln!("seed 7 ray {i}: {from} {d}: {own:?} {found:?}");
+        match tried.compare(own.as_ref(), (from, d), (least, 0.5), hair) {
+            Compared::Same => {}
+            Compared::Grazing => close += 1,
+            Compared::Wrong => {
+                wrong += 1;
+                eprintln!("seed 7 ray {i}: {from} {d}: {own:?}");
+            }
         }
     }
     assert_eq!(wrong, 0, "seed 7");

@@ -152,18 +152,24 @@ fn an_adapter_agrees_with_a_processor_pixel_by_pixel() {
             per_path(counts.tentative, &counts),
         );
         assert!((a / b - 1.0).abs() < 0.1, "{name}: {a} {b} look-ups a path");
-        for (p, q) in own.pixels().iter().zip(oracle.pixels()) {
-            assert_eq!(p.count(), q.count());
-            let n = samples() as f64;
-            let through = f64::from(q.straight_through());
-            let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
-            let apart = f64::from(p.straight_through()) - through;
-            assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
-            if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
-                && through < 0.9
-            {
-                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
-            }
+        let counts = |film: &Film| film.pixels().iter().map(Pixel::count).collect::<Vec<_>>();
+        assert_eq!(counts(&own), counts(&oracle), "{name}");
+        assert_depths_agree(name, &own, &oracle, samples());
+    }
+}
+
+/// Holds what is seen through, and depths, to those of more samples.
+pub fn assert_depths_agree(name: &str, own: &Film, oracle: &Film, samples: u64) {
+    for (p, q) in own.pixels().iter().zip(oracle.pixels()) {
+        let n = samples as f64;
+        let through = f64::from(q.straight_through());
+        let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
+        let apart = f64::from(p.straight_through()) - through;
+        assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
+        if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
+            && through < 0.9
+        {
+            assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
         }
     }
 }

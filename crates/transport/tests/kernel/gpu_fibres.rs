@@ -1,9 +1,10 @@
 //! Explicit fibres on graphics adapters against the engine for processors, its oracle.
 
 use crate::kernel::explicit_fibres::{cut, fibres_of};
+use crate::kernel::gpu::assert_depths_agree;
 use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
-use crate::kernel::{agree, lens, panels, parallel, scene, settings, sky};
+use crate::kernel::{agree, furnace, lens, panels, parallel, scene, settings, sky};
 use organza_basis::Rgb;
 use organza_kernel::Refusal;
 use organza_scatter::Fibre;
@@ -70,18 +71,7 @@ fn explicit_fibres_on_an_adapter_agree_with_a_processor() {
         // Under lamps a processor divides paths, and an adapter does not.
         let alike = (a / b - 1.0).abs() < 0.05;
         assert!(alike || name != "sky", "{name}: {a} {b} events a path");
-        for (p, q) in own.pixels().iter().zip(oracle.pixels()) {
-            let n = samples() as f64;
-            let through = f64::from(q.straight_through());
-            let error = (2.0 * through * (1.0 - through) / n).sqrt() + 4.0 / n;
-            let apart = f64::from(p.straight_through()) - through;
-            assert!(apart.abs() < 5.0 * error, "{name}: {apart} of {error}");
-            if let (Some(d), Some(e)) = (p.depth_mm(), q.depth_mm())
-                && through < 0.9
-            {
-                assert!((d - e).abs() < 0.02, "{name}: depth {d}, {e}");
-            }
-        }
+        assert_depths_agree(name, &own, &oracle, samples());
     }
 }
 
@@ -114,17 +104,7 @@ fn darker_fibres_on_an_adapter_are_rejected() {
 /// Clear fibres lose no light: they vanish in even light.
 #[test]
 fn clear_fibres_vanish_in_even_light_on_an_adapter() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
-    let clear: Fibre = organza_testing::dielectric_fibre(Rgb::BLACK, 0.1, 0.17);
-    let even = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
-    let scene = scene(
-        fibres_of(true, vec![clear.clone(), clear]),
-        vec![even],
-        flat,
-    );
+    let scene = furnace(|fibres| fibres_of(true, fibres));
     let settings = settings(0..4 * samples(), u32::MAX);
     let Some((own, stats)) = film(&scene, &settings, "gpu") else {
         return;
