@@ -21,6 +21,7 @@ pub enum Compared {
     Same,
     /// The ray grazes a fibre: rounding decides.
     Grazing,
+    /// They differ.
     Wrong,
 }
 

@@ -97,42 +97,22 @@ impl AnyMedium {
     }
 }
 
-impl SceneMedium for GridMedium {
-    fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        self.cell_grid_mut()
-    }
+/// A medium and its variant among all matter.
+macro_rules! scene_medium {
+    ($medium:ty, $variant:ident) => {
+        impl SceneMedium for $medium {
+            fn cell_grid_mut(&mut self) -> &mut CellGrid {
+                self.cell_grid_mut()
+            }
 
-    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
-        AnySite::Grid(site)
-    }
+            fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
+                AnySite::$variant(site)
+            }
+        }
+    };
 }
 
-impl SceneMedium for SggxOctreeMedium {
-    fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        self.cell_grid_mut()
-    }
-
-    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
-        AnySite::SggxOctree(site)
-    }
-}
-
-impl SceneMedium for FlakeOctreeMedium {
-    fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        self.cell_grid_mut()
-    }
-
-    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
-        AnySite::FlakeOctree(site)
-    }
-}
-
-impl SceneMedium for VirtualFibreMedium {
-    fn cell_grid_mut(&mut self) -> &mut CellGrid {
-        self.cell_grid_mut()
-    }
-
-    fn any_site(site: MediumSite<'_, Self>) -> AnySite<'_> {
-        AnySite::VirtualFibres(site)
-    }
-}
+scene_medium!(GridMedium, Grid);
+scene_medium!(SggxOctreeMedium, SggxOctree);
+scene_medium!(FlakeOctreeMedium, FlakeOctree);
+scene_medium!(VirtualFibreMedium, VirtualFibres);

@@ -1,13 +1,11 @@
 //! Explicit fibres as a ray meets them.
 
 use crate::matter::collision::{AnySite, Collision};
-use crate::matter::draping::Draping;
-use crate::matter::level_choice::Tracking;
-use crate::matter::ray_target::RayTarget;
+use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{ExplicitFibres, FibreHit, SiteInfo, Stats};
 use glam::{Vec2, Vec3};
-use organza_basis::{CellGrid, PathRng, Ray, Rgb};
+use organza_basis::{CellGrid, PathRng, Rgb};
 use organza_scatter::LobeSample;
 
 /// Where a fibre is hit.
@@ -33,26 +31,29 @@ impl RayTarget for ExplicitFibres {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        _tracking: Tracking,
+        query: Query<'_>,
         _rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
+        let (ray, limit) = (query.ray, query.reach_mm);
+        if let Some(over) = query.over {
+            let met = self.first_draped_hit(over, ray, limit, stats)?;
+            let (fibres, hit) = (self, met.hit);
+            let site = AnySite::ExplicitFibres(ExplicitFibreSite { fibres, hit });
+            let (turn, stretch) = (met.world_from_cloth, met.stretch);
+            return Some(Collision::stretched(met.distance_mm, site, turn, stretch));
+        }
         let (t, hit) = self.first_hit(ray, limit, stats)?;
         let site = ExplicitFibreSite { fibres: self, hit };
         Some(Collision::new(t, AnySite::ExplicitFibres(site)))
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        f32::from(!self.blocks(ray, reach, stats))
+    fn pass(&self, query: Query<'_>, _rng: &mut PathRng, stats: &mut Stats) -> f32 {
+        let (ray, reach) = (query.ray, query.reach_mm);
+        f32::from(!match query.over {
+            Some(over) => self.blocks_draped(over, ray, reach, stats),
+            None => self.blocks(ray, reach, stats),
+        })
     }
 
     fn can_be_draped(&self) -> bool {
@@ -61,36 +62,6 @@ impl RayTarget for ExplicitFibres {
 
     fn walk_bytes(&self) -> u64 {
         self.walk_bytes()
-    }
-
-    fn collide_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        limit: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        let met = self.first_draped_hit(over, ray, limit, stats)?;
-        let site = AnySite::ExplicitFibres(ExplicitFibreSite {
-            fibres: self,
-            hit: met.hit,
-        });
-        let (turn, stretch) = (met.world_from_cloth, met.stretch);
-        Some(Collision::stretched(met.distance_mm, site, turn, stretch))
-    }
-
-    fn pass_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        f32::from(!self.blocks_draped(over, ray, reach, stats))
     }
 }
 

@@ -6,10 +6,10 @@
 
 use crate::matter::collision::Collision;
 use crate::matter::level_choice::Tracking;
-use crate::matter::ray_target::RayTarget;
+use crate::matter::ray_target::{Query, RayTarget};
 use crate::{ExplicitFibres, Stats, VirtualFibreEvent, VirtualFibreMedium};
 use glam::Vec2;
-use organza_basis::{CellGrid, PathRng, Ray};
+use organza_basis::{CellGrid, PathRng};
 use organza_kernel::Refusal;
 use organza_kernel::fibres::FibreMatter;
 use organza_kernel::packed::Switch;
@@ -90,25 +90,14 @@ impl RayTarget for HybridFibres {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        tracking: Tracking,
+        query: Query<'_>,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let target = self.met_by(&tracking);
-        target.collide(ray, limit, tracking, rng, stats)
+        self.met_by(&query.tracking).collide(query, rng, stats)
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        let target = self.met_by(&tracking);
-        target.pass(ray, reach, tracking, rng, stats)
+    fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32 {
+        self.met_by(&query.tracking).pass(query, rng, stats)
     }
 }

@@ -6,8 +6,8 @@ use crate::PixelCone;
 use crate::Stats;
 use crate::matter::collision::{AnySite, Collision};
 use crate::matter::draping::Draping;
-use crate::matter::level_choice::{Detail, LevelSteps, Tracking};
-use crate::matter::ray_target::RayTarget;
+use crate::matter::level_choice::{Detail, LevelSteps};
+use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
@@ -159,21 +159,20 @@ impl RayTarget for LevelledCloth {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        tracking: Tracking,
+        query: Query<'_>,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        if let Some(volume) = self.volume(tracking.detail) {
-            return match &self.draping {
-                None => volume.target().collide(ray, limit, tracking, rng, stats),
-                Some(draping) => {
-                    let volume = volume.target();
-                    volume.collide_draped(draping, ray, limit, tracking, rng, stats)
-                }
-            };
+        if let Some(volume) = self.volume(query.tracking.detail) {
+            let over = self.draping.as_deref();
+            return volume.target().collide(Query { over, ..query }, rng, stats);
         }
+        let Query {
+            ray,
+            reach_mm: limit,
+            tracking,
+            ..
+        } = query;
         let sheet = self.sheet.as_deref()?;
         if let Some(draping) = &self.draping {
             return draping.collide_sheet(sheet, ray, limit, tracking, rng, stats);
@@ -201,23 +200,17 @@ impl RayTarget for LevelledCloth {
         Some(Collision::new(t, AnySite::Sheet(site)))
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        if let Some(volume) = self.volume(tracking.detail) {
-            return match &self.draping {
-                None => volume.target().pass(ray, reach, tracking, rng, stats),
-                Some(draping) => {
-                    let volume = volume.target();
-                    volume.pass_draped(draping, ray, reach, tracking, rng, stats)
-                }
-            };
+    fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32 {
+        if let Some(volume) = self.volume(query.tracking.detail) {
+            let over = self.draping.as_deref();
+            return volume.target().pass(Query { over, ..query }, rng, stats);
         }
+        let Query {
+            ray,
+            reach_mm: reach,
+            tracking,
+            ..
+        } = query;
         match (&self.sheet, &self.draping, self.sheet_distance_mm(ray)) {
             (Some(sheet), Some(draping), _) => {
                 draping.pass_sheet(sheet.as_ref(), ray, reach, tracking, stats)

@@ -1,8 +1,7 @@
 //! An opaque plane: the table below the cloth, or a table of light.
 
 use crate::matter::collision::{AnySite, Collision};
-use crate::matter::level_choice::Tracking;
-use crate::matter::ray_target::RayTarget;
+use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{SiteInfo, Stats};
 use glam::{DVec3, Vec2, Vec3};
@@ -129,13 +128,12 @@ impl RayTarget for Plane {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        _tracking: Tracking,
+        query: Query<'_>,
         _rng: &mut PathRng,
         _stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let t = self.hit(ray, limit)?;
+        let ray = query.ray;
+        let t = self.hit(ray, query.reach_mm)?;
         let site = PlaneSite {
             plane: self,
             at: ray.at(t),
@@ -143,15 +141,8 @@ impl RayTarget for Plane {
         Some(Collision::new(t, AnySite::Plane(site)))
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        _stats: &mut Stats,
-    ) -> f32 {
-        f32::from(self.hit(ray, reach).is_none())
+    fn pass(&self, query: Query<'_>, _rng: &mut PathRng, _stats: &mut Stats) -> f32 {
+        f32::from(self.hit(query.ray, query.reach_mm).is_none())
     }
 }
 

@@ -16,8 +16,7 @@ use super::explicit_fibre_site::ExplicitFibreSite;
 use super::explicit_fibres::{Entry, Found};
 use crate::matter::collision::{AnySite, Collision};
 use crate::matter::draping::Draping;
-use crate::matter::level_choice::Tracking;
-use crate::matter::ray_target::RayTarget;
+use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{ExplicitFibres, ExplicitFibresError, SiteInfo, Stats};
 use glam::{Mat3, Vec2, Vec3};
@@ -140,78 +139,6 @@ impl Plies {
             maps: Some((span.world_from_cloth, span.stretch)),
         })
     }
-
-    /// The first fibre that a ray meets, in a ply or by itself.
-    fn first(
-        &self,
-        over: Option<&Draping>,
-        ray: &Ray,
-        limit: f64,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        let mut gone = 0.0f64;
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let met = self.nearest(over, &from, limit - gone, &mut stats.tentative)?;
-            gone += met.distance_mm;
-            let (at, site) = match self.of(&met.entry) {
-                None => {
-                    let hit = self.curves.describe(&met.found, met.along, met.light);
-                    let fibres = &self.curves;
-                    (
-                        gone,
-                        AnySite::ExplicitFibres(ExplicitFibreSite { fibres, hit }),
-                    )
-                }
-                Some((ply, place)) => {
-                    let Some(inside) = ply.first_fibre(&place, met.along, rng) else {
-                        gone += f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
-                        continue;
-                    };
-                    let at = gone + f64::from(inside) / met.own_per_mm;
-                    if at > limit {
-                        return None;
-                    }
-                    let site = PlySite {
-                        ply,
-                        event: ply.event(&place, inside, met.along, -met.light, rng),
-                        axis: met.entry.tangent,
-                        yarn: met.entry.yarn,
-                    };
-                    (at, AnySite::Ply(site))
-                }
-            };
-            stats.collisions += 1;
-            return Some(match met.maps {
-                None => Collision::new(at, site),
-                Some((turn, stretch)) => Collision::stretched(at, site, turn, stretch),
-            });
-        }
-        None
-    }
-
-    /// The share of light that passes up to `reach` mm along a ray.
-    fn share(&self, over: Option<&Draping>, ray: &Ray, reach: f64, stats: &mut Stats) -> f32 {
-        let (mut gone, mut left) = (0.0f64, 1.0);
-        for _ in 0..MAX_PASSED {
-            let from = Ray::new(ray.at(gone), ray.direction);
-            let tests = &mut stats.shadow_steps;
-            let Some(met) = self.nearest(over, &from, reach - gone, tests) else {
-                return left;
-            };
-            let Some((ply, place)) = self.of(&met.entry) else {
-                return 0.0;
-            };
-            left *= ply.transmittance(&place, met.along);
-            if left < DARK {
-                return 0.0;
-            }
-            let step = f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
-            gone += met.distance_mm + step;
-        }
-        0.0
-    }
 }
 
 /// An entry of a ray into a curve, flat or in a shell.
@@ -258,24 +185,82 @@ impl RayTarget for Plies {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        _tracking: Tracking,
+        query: Query<'_>,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        self.first(None, ray, limit, rng, stats)
+        let Query {
+            ray,
+            reach_mm: limit,
+            over,
+            ..
+        } = query;
+        let mut gone = 0.0f64;
+        for _ in 0..MAX_PASSED {
+            let from = Ray::new(ray.at(gone), ray.direction);
+            let met = self.nearest(over, &from, limit - gone, &mut stats.tentative)?;
+            gone += met.distance_mm;
+            let (at, site) = match self.of(&met.entry) {
+                None => {
+                    let hit = self.curves.describe(&met.found, met.along, met.light);
+                    let fibres = &self.curves;
+                    (
+                        gone,
+                        AnySite::ExplicitFibres(ExplicitFibreSite { fibres, hit }),
+                    )
+                }
+                Some((ply, place)) => {
+                    let Some(inside) = ply.first_fibre(&place, met.along, rng) else {
+                        gone += f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
+                        continue;
+                    };
+                    let at = gone + f64::from(inside) / met.own_per_mm;
+                    if at > limit {
+                        return None;
+                    }
+                    let site = PlySite {
+                        ply,
+                        event: ply.event(&place, inside, met.along, -met.light, rng),
+                        axis: met.entry.tangent,
+                        yarn: met.entry.yarn,
+                    };
+                    (at, AnySite::Ply(site))
+                }
+            };
+            stats.collisions += 1;
+            return Some(match met.maps {
+                None => Collision::new(at, site),
+                Some((turn, stretch)) => Collision::stretched(at, site, turn, stretch),
+            });
+        }
+        None
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        self.share(None, ray, reach, stats)
+    fn pass(&self, query: Query<'_>, _rng: &mut PathRng, stats: &mut Stats) -> f32 {
+        let Query {
+            ray,
+            reach_mm: reach,
+            over,
+            ..
+        } = query;
+        let (mut gone, mut left) = (0.0f64, 1.0);
+        for _ in 0..MAX_PASSED {
+            let from = Ray::new(ray.at(gone), ray.direction);
+            let tests = &mut stats.shadow_steps;
+            let Some(met) = self.nearest(over, &from, reach - gone, tests) else {
+                return left;
+            };
+            let Some((ply, place)) = self.of(&met.entry) else {
+                return 0.0;
+            };
+            left *= ply.transmittance(&place, met.along);
+            if left < DARK {
+                return 0.0;
+            }
+            let step = f64::from(STEP_RADII * met.entry.radius_mm) / met.own_per_mm;
+            gone += met.distance_mm + step;
+        }
+        0.0
     }
 
     fn can_be_draped(&self) -> bool {
@@ -284,30 +269,6 @@ impl RayTarget for Plies {
 
     fn walk_bytes(&self) -> u64 {
         self.curves.walk_bytes()
-    }
-
-    fn collide_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        limit: f64,
-        _tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        self.first(Some(over), ray, limit, rng, stats)
-    }
-
-    fn pass_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        self.share(Some(over), ray, reach, stats)
     }
 }
 

@@ -8,6 +8,16 @@ use crate::{Medium, Stats};
 use glam::Vec2;
 use organza_basis::{CellGrid, PathRng, Ray};
 
+/// A ray, how far it is followed, and how.
+#[derive(Clone, Copy)]
+pub(crate) struct Query<'a> {
+    pub ray: &'a Ray,
+    pub reach_mm: f64,
+    pub tracking: Tracking,
+    /// What the matter is laid over, if it is not flat.
+    pub over: Option<&'a Draping>,
+}
+
 /// Matter that a ray can meet: media, explicit fibres, planes and cloths of several of
 /// them.
 pub(crate) trait RayTarget: Sync {
@@ -21,25 +31,16 @@ pub(crate) trait RayTarget: Sync {
     /// True when exact stepping is possible, or nothing is stepped through.
     fn is_piecewise_constant(&self) -> bool;
 
-    /// The first collision along a ray before `limit` mm.
+    /// The first collision that a query finds.
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        tracking: Tracking,
+        query: Query<'_>,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>>;
 
-    /// Estimates the transmittance from a point to `reach` mm along a ray.
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32;
+    /// Estimates the transmittance along a query.
+    fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32;
 
     /// Whether it can fill a shell: it repeats, and asks for nothing but what straight
     /// lines meet.
@@ -50,32 +51,6 @@ pub(crate) trait RayTarget: Sync {
     /// Peak bytes of what the general walk builds when it first meets the matter.
     fn walk_bytes(&self) -> u64 {
         0
-    }
-
-    /// [`RayTarget::collide`] of what fills a shell.
-    fn collide_draped(
-        &self,
-        _over: &Draping,
-        _ray: &Ray,
-        _limit: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        _stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        None
-    }
-
-    /// [`RayTarget::pass`] of what fills a shell.
-    fn pass_draped(
-        &self,
-        _over: &Draping,
-        _ray: &Ray,
-        _reach: f64,
-        _tracking: Tracking,
-        _rng: &mut PathRng,
-        _stats: &mut Stats,
-    ) -> f32 {
-        1.0
     }
 }
 
@@ -111,58 +86,33 @@ impl<M: SceneMedium> RayTarget for M {
 
     fn collide(
         &self,
-        ray: &Ray,
-        limit: f64,
-        tracking: Tracking,
+        query: Query<'_>,
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let local = Medium::cell_grid(self).clip(ray, limit)?;
-        let (t, site) = find(self, &local, tracking.integrator, rng, stats)?;
+        let (ray, integrator) = (query.ray, query.tracking.integrator);
+        if let Some(over) = query.over {
+            let found = over.collide(self, ray, query.reach_mm, integrator, rng, stats);
+            return found.map(|(t, site, turn)| Collision::turned(t, located(self, site), turn));
+        }
+        let local = Medium::cell_grid(self).clip(ray, query.reach_mm)?;
+        let (t, site) = find(self, &local, integrator, rng, stats)?;
         let t = local.t_entry + f64::from(t);
         Some(Collision::new(t, located(self, site)))
     }
 
-    fn pass(
-        &self,
-        ray: &Ray,
-        reach: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        let local = Medium::cell_grid(self).clip(ray, reach);
+    fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32 {
+        let (ray, integrator) = (query.ray, query.tracking.integrator);
+        if let Some(over) = query.over {
+            return over.pass(self, ray, query.reach_mm, integrator, rng, stats);
+        }
+        let local = Medium::cell_grid(self).clip(ray, query.reach_mm);
         local.map_or(1.0, |local| {
-            pass_through(self, &local, tracking.integrator, rng, stats)
+            pass_through(self, &local, integrator, rng, stats)
         })
     }
 
     fn can_be_draped(&self) -> bool {
         Medium::cell_grid(self).repeats()
-    }
-
-    fn collide_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        limit: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
-        let found = over.collide(self, ray, limit, tracking.integrator, rng, stats);
-        found.map(|(t, site, turn)| Collision::turned(t, located(self, site), turn))
-    }
-
-    fn pass_draped(
-        &self,
-        over: &Draping,
-        ray: &Ray,
-        reach: f64,
-        tracking: Tracking,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> f32 {
-        over.pass(self, ray, reach, tracking.integrator, rng, stats)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::matter::collision::Collision;
 use crate::matter::level_choice::{Detail, Progress, Tracking};
+use crate::matter::ray_target::Query;
 use crate::{AnyMedium, Camera, Integrator, Light, Stats};
 use glam::DVec3;
 use organza_basis::{PathRng, Ray};
@@ -29,11 +30,13 @@ impl Scene {
     ) -> Option<Collision<'_>> {
         let mut nearest: Option<Collision<'_>> = None;
         for medium in &self.media {
-            let limit = nearest.as_ref().map_or(f64::INFINITY, |c| c.t);
-            nearest = medium
-                .target()
-                .collide(ray, limit, tracking, rng, stats)
-                .or(nearest);
+            let query = Query {
+                ray,
+                reach_mm: nearest.as_ref().map_or(f64::INFINITY, |c| c.t),
+                tracking,
+                over: None,
+            };
+            nearest = medium.target().collide(query, rng, stats).or(nearest);
         }
         if let Some(collision) = &mut nearest {
             collision.draw_event(-ray.direction, rng);
@@ -59,9 +62,15 @@ impl Scene {
         stats: &mut Stats,
     ) -> f32 {
         stats.shadow_rays += 1;
+        let query = Query {
+            ray,
+            reach_mm: reach,
+            tracking,
+            over: None,
+        };
         let mut product = 1.0;
         for medium in &self.media {
-            product *= medium.target().pass(ray, reach, tracking, rng, stats);
+            product *= medium.target().pass(query, rng, stats);
             if product == 0.0 {
                 break;
             }

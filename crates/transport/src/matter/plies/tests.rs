@@ -48,6 +48,16 @@ fn thrown(seed: u64) -> Vec<DVec2> {
     places
 }
 
+/// A ray without end.
+fn along(ray: &Ray) -> Query<'_> {
+    Query {
+        ray,
+        reach_mm: f64::INFINITY,
+        tracking: Integrator::Woodcock.into(),
+        over: None,
+    }
+}
+
 /// A straight ply along x, fibre by fibre; they wind about it by so much.
 fn fibre_by_fibre(seed: u64, twist_rad_per_mm: f64) -> ExplicitFibres {
     let mut segments = Vec::new();
@@ -113,9 +123,7 @@ fn split(target: &dyn RayTarget, theta_deg: f32, seed: u64, paths: u64) -> [Vec3
         let mut ray = Ray::new(at - 0.3 * d, d);
         let mut weight = Vec3::ONE;
         for _ in 0..4000 {
-            let tracking = Tracking::from(Integrator::Woodcock);
-            let Some(met) = target.collide(&ray, f64::INFINITY, tracking, &mut rng, &mut stats)
-            else {
+            let Some(met) = target.collide(along(&ray), &mut rng, &mut stats) else {
                 sums[usize::from(ray.direction.z < 0.0)] += weight / paths as f32;
                 break;
             };
@@ -194,9 +202,8 @@ fn what_passes_is_what_shadow_rays_are_told() {
             6.0 * rng.unit()
         };
         let ray = Ray::new(Vec3::new(x, 0.8 * rng.unit(), 0.0) - 0.4 * d, d);
-        let tracking = Tracking::from(Integrator::Woodcock);
-        sums[0] += f64::from(plies.pass(&ray, f64::INFINITY, tracking, &mut rng, &mut stats));
-        let met = plies.collide(&ray, f64::INFINITY, tracking, &mut rng, &mut stats);
+        sums[0] += f64::from(plies.pass(along(&ray), &mut rng, &mut stats));
+        let met = plies.collide(along(&ray), &mut rng, &mut stats);
         sums[1] += f64::from(u8::from(met.is_none()));
     }
     let [told, passed] = sums.map(|s| s / n as f64);
@@ -221,13 +228,7 @@ fn copies_of_the_tile_are_alike() {
             let mut rng = PathRng::new(107, 0, i);
             let ray = Ray::new(from, d);
             plies
-                .collide(
-                    &ray,
-                    f64::INFINITY,
-                    Tracking::from(Integrator::Woodcock),
-                    &mut rng,
-                    &mut stats,
-                )
+                .collide(along(&ray), &mut rng, &mut stats)
                 .map(|met| met.t)
         };
         match (meet(from), meet(there)) {
