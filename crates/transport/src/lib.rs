@@ -95,6 +95,7 @@ pub use organza_film::{
     Camera, CameraError, CameraPose, Escape, Film, FirstEvent, PathSample, Pixel, PixelCone,
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, Tail, aperture_mm,
 };
+pub use organza_kernel::Refusal;
 pub use organza_kernel::fibres::{CacheMode, CachePlan, CacheReport, LearnWatch};
 pub use organza_kernel::packed::Switch;
 pub use organza_kernel::{

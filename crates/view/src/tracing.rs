@@ -3,7 +3,7 @@
 use crate::news::Cost;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{
-    CachePlan, EngineChoice, Film, Integrator, KernelRefusal, RenderError, RenderSettings,
+    CachePlan, EngineChoice, Film, Integrator, KernelRefusal, Refusal, RenderError, RenderSettings,
     Rendering, Scene, engine,
 };
 use std::time::{Duration, Instant};
@@ -85,6 +85,9 @@ impl<'a> Tracing<'a> {
         let needed = scene.hierarchy_bytes();
         let (rendering, why_walk) = match made {
             Ok(engine) => (rendering.with_engine(engine), None),
+            Err(why @ KernelRefusal::Kernel(Refusal::TooManyPieces)) => {
+                return Err(failed(why.to_string()));
+            }
             Err(_) if needed > plan.max_bytes => {
                 return Err(failed(format!(
                     "explicit fibres need about {needed} bytes of memory, {} are allowed: show \

@@ -106,7 +106,12 @@ pub fn choose<'a>(
         EngineName::Cpu => EngineChoice::Processor,
         EngineName::Kernel(record) => EngineChoice::Named(record),
         EngineName::Walk => {
-            check_walk(args, scene, None, max_bytes)?;
+            // Of so many fibres a million pieces may lie in one place, where no cell holds them.
+            const MANY_BYTES: u64 = 256 << 20;
+            let is_many = scene.hierarchy_bytes() > MANY_BYTES;
+            let made = is_many.then(|| engine(scene, settings, EngineChoice::Processor, max_bytes));
+            let why = made.and_then(Result::err);
+            check_walk(args, scene, why.as_ref(), max_bytes)?;
             return Ok(Chosen {
                 engine: None,
                 why_walk: None,
@@ -140,14 +145,18 @@ pub fn choose<'a>(
     }
 }
 
-/// Refuses explicit fibres whose hierarchy, which only the general walk needs, would not
-/// fit into memory; `why` is why the kernel does not render them.
+/// Refuses explicit fibres whose cells would not fit into memory or hold too many pieces; `why`
+/// is why the kernel does not render them.
 fn check_walk(
     args: &RenderArgs,
     scene: &Scene,
     why: Option<&KernelRefusal>,
     max_bytes: u64,
 ) -> Result<()> {
+    if let Some(KernelRefusal::Kernel(Refusal::TooManyPieces)) = why {
+        let why = Refusal::TooManyPieces;
+        return Err(input(format!("{}: {why}", args.scene.display())));
+    }
     let mut needed = scene.hierarchy_bytes();
     if needed <= max_bytes {
         return Ok(());
