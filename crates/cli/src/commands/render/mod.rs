@@ -281,7 +281,7 @@ fn learned<'a>(
     {
         note!(
             "organza: warning: {}: the cache of radiance is off by {:.1} % of the mean in blocks \
-             of {edge} x {edge} pixels, more than render.cache_error allows, after eight times \
+             of {edge} x {edge} pixels, more than render.cache_error allows, after four times \
              the usual learning",
             args.scene.display(),
             100.0 * cache.block_error().0,

@@ -57,7 +57,8 @@ impl Flow {
             table,
             levels,
             moves: Vec::new(),
-            room: (bytes / size_of::<Move>() as u64) as usize,
+            // They are sorted into a copy to be solved.
+            room: bytes as usize / (size_of::<Move>() + size_of::<(u32, Vec3)>()),
         }
     }
 

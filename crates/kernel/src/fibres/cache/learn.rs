@@ -38,7 +38,7 @@ const SPLIT: [u32; 2] = [16, 6];
 /// Distance over which the light of a lamp changes, in distances to the lamp.
 const LAMP_CHANGE: f64 = 0.1;
 /// How often more is learned where the error is too large; each time as much as before.
-const MORE: u32 = 7;
+const MORE: u32 = 3;
 /// Visits that may be made for one purpose.
 const NAMES: u64 = 1 << 24;
 
@@ -312,7 +312,12 @@ impl ErrorOfBlocks {
 
     /// Root mean square of the noise of bins where paths read them.
     fn noise(&self, mean: f32) -> f64 {
-        (self.noise_squares / self.records.max(1) as f64).sqrt() / f64::from(mean)
+        let noise = (self.noise_squares / self.records.max(1) as f64).sqrt();
+        if mean > 0.0 {
+            noise / f64::from(mean)
+        } else {
+            0.0
+        }
     }
 
     /// Mean and mean square, each with its standard error.
@@ -506,5 +511,18 @@ impl Work for Learning<'_> {
         if let Some(first) = end.first {
             self.depths_mm.push(first.depth_mm);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The errors of a picture without light are zero and not unknown.
+    #[test]
+    fn the_dark_has_no_noise() {
+        let error = ErrorOfBlocks::default();
+        assert_eq!(error.noise(0.0), 0.0);
+        assert_eq!(error.relative_to(0.0), [[0.0; 2]; 2]);
     }
 }
