@@ -72,7 +72,7 @@ fn a_large_draft_is_listed_and_rendered_at_once() {
     render(&folder, "large.wif", &["--studio", "macro"]);
     succeed(&folder, &["weave", "large.wif", "-o", "large.toml"]);
     let words = succeed(&folder, &["info", "large.toml"]);
-    assert!(words.contains("synthesis:"), "{words}");
+    assert!(words.contains("Synthesis\n"), "{words}");
     let refused = complaint(
         &folder,
         &argv("measure large.toml --model fibres --quiet --layout irawan -o x.csv --spp 2"),

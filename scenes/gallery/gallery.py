@@ -1,9 +1,10 @@
-"""Renders the scenes of the gallery, and measures the noise and the error of their pictures.
+"""Renders the scenes of the gallery, and measures the errors of their pictures.
 
-Each scene is rendered as two halves with different samples. They are merged to the picture, which
-is denoised, and their difference shows how far the denoised picture can be trusted (noise.py).
-Needs Python 3.10 or newer with Pillow, NumPy and OpenEXR, and Open Image Denoise; runs in the root
-of the repository:
+Each scene is rendered once, as `organza render` does, and denoised. A part of it is rendered again
+with another seed and without the cache of radiance, so that each sample is unbiased; the
+difference, less the noise of the latter, is the error of the picture (errors.py). Needs Python
+3.10 or newer with Pillow, NumPy and OpenEXR, and Open Image Denoise; runs in the root of the
+repository:
 
     python3 -m venv target/gallery_python
     target/gallery_python/bin/pip install pillow numpy OpenEXR==3.5.3 pyoidn==2.5.1.0
@@ -19,19 +20,17 @@ these two.
 import argparse
 import hashlib
 import json
-import math
 import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 from PIL import Image, ImageDraw
 
-from noise import Share, error_of_denoised, median_noise, noise_of_denoised
+from errors import errors, median_noise
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -43,6 +42,8 @@ ORDER = [
 ]
 CELL, LABEL, GAP, COLUMNS = 256, 16, 4, 4
 MOST_BYTES = 300_000
+# Samples of the unbiased part, and its seed.
+PROOF_SPP, PROOF_SEED = 64, 2
 
 
 def machine():
@@ -51,7 +52,7 @@ def machine():
         processor = Path("/proc/cpuinfo").read_text()
         name = re.search(r"^model name\s*: (.+)$", processor, re.MULTILINE)[1]
         compiler = subprocess.run(["rustc", "--version"], stdout=subprocess.PIPE, text=True).stdout
-        kernel = " (AVX-512)" if "avx512f" in processor else ""
+        kernel = " (AVX-512)" if "avx512f" in processor else " (AVX2)" * ("avx2" in processor)
         return f"{name}{kernel}, {os.cpu_count()} virtual cores, Rust {compiler.split()[1]}"
     except (OSError, TypeError, IndexError):
         return "unknown"
@@ -62,12 +63,8 @@ def arguments():
     parser.add_argument("scenes", nargs="*", help="names of scenes; without, all of them")
     parser.add_argument("--organza", default="organza", help="the program")
     parser.add_argument("--size", type=int, default=1024, help="pixels of a side")
-    parser.add_argument("--spp", type=int, default=65536, help="most samples a pixel")
-    parser.add_argument(
-        "--median-error", type=float, default=0.02,
-        help="noise of the median pixel at which a scene is done before its time",
-    )
-    parser.add_argument("--seconds", type=float, default=150, help="time for rendering a scene")
+    parser.add_argument("--spp", type=int, default=32, help="samples a pixel")
+    parser.add_argument("--proof", type=int, default=256, help="pixels of a side of the part")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--work", type=Path, default=Path("target/gallery"))
     parser.add_argument("--publish", action="store_true", help="replace pictures and tables")
@@ -91,73 +88,30 @@ def key(scene, program, given):
     digest = hashlib.sha256(program.encode())
     for file, content in sorted(inputs(scene, {}).items()):
         digest.update(file.name.encode() + content)
-    settings = [given.size, given.spp, given.median_error, given.seconds, given.threads]
-    digest.update(repr(settings).encode())
+    digest.update(repr([given.size, given.spp, given.proof, given.threads]).encode())
     return digest.hexdigest()
 
 
 def run(words):
-    """Runs organza, in whose environment the denoiser of this Python is found."""
+    """Runs organza, in whose environment the denoiser of this Python is found; what it printed."""
     environment = {"VIRTUAL_ENV": sys.prefix} | os.environ
+    words = [str(word) for word in words]
     done = subprocess.run(
-        [str(word) for word in words], env=environment, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        words, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     if done.returncode:
-        raise RuntimeError(f"{' '.join(map(str, words))}: {done.stdout}")
+        raise RuntimeError(f"{' '.join(words)}: {done.stderr}")
     return done.stdout
 
 
-def picture(path):
-    """Channels of a picture by name, and its header."""
-    file = OpenEXR.File(str(path), separate_channels=True)
-    channels = {name: np.asarray(channel.pixels) for name, channel in file.channels().items()}
-    return channels, file.header()
-
-
-def colours(channels, prefix=""):
-    return np.stack([channels[prefix + c] for c in "RGB"], axis=-1)
-
-
-def range_end(path):
-    """The number after the last sample of a picture."""
-    comments = picture(path)[1]["comments"]
-    return int(re.search(r"^samples=\d+\.\.(\d+)$", comments, re.MULTILINE)[1])
-
-
-def halves(scene, given, first, second):
-    """Renders two halves with equal numbers of samples; gives the samples of a pixel."""
-    common = [
-        given.organza, "render", scene, "--threads", given.threads, "--quiet",
-        "--set", f"camera.resolution=[{given.size},{given.size}]",
-    ]
-    most = max(given.spp // 2, 2)
-    run([
-        *common, "-o", first, "--samples", f"0..{most}", "--time-limit", given.seconds / 2,
-        "--target-median-error", given.median_error * math.sqrt(2),
-    ])
-    samples = range_end(first)
-    if samples < 2:  # of one sample the variance is unknown
-        samples = 2
-        run([*common, "-o", first, "--samples", "0..2"])
-    run([*common, "-o", second, "--samples", f"{samples}..{2 * samples}"])
-    return 2 * samples
-
-
-def judge(noisy, denoised, whole):
-    """Figures of a picture from the files of its halves."""
-    parts = [picture(path)[0] for path in noisy]
-    raw, variances = [colours(p) for p in parts], [colours(p, "variance.") for p in parts]
-    smooth = [colours(picture(path)[0]) for path in denoised]
-    merged = picture(whole)[0]
-    mean = float(colours(merged).astype(np.float64).mean())
-    return {
-        "median_noise": median_noise(
-            colours(merged), colours(merged, "variance."), merged["through"]
-        ),
-        "denoised_noise": noise_of_denoised(*smooth, mean),
-        "denoised_error": error_of_denoised(smooth, raw, variances, mean),
-    }
+def grey(path, prefix=""):
+    """Mean of the three channels of a picture, of which a name may begin so."""
+    channels = OpenEXR.File(str(path), separate_channels=True).channels()
+    values = [np.asarray(channels[prefix + c].pixels, dtype=np.float64) for c in "RGB"]
+    if prefix == "variance.":
+        # Channels of a path rise and fall together.
+        return np.mean(np.sqrt(values), axis=0) ** 2
+    return np.mean(values, axis=0)
 
 
 def figures(name, program, given):
@@ -168,31 +122,40 @@ def figures(name, program, given):
         kept = json.loads(record.read_text())
         if kept["key"] == wanted:
             return kept
-    noisy = [given.work / f"{name}.{half}.exr" for half in "ab"]
-    denoised = [given.work / f"{name}.{half}.denoised.exr" for half in "ab"]
-    whole = given.work / f"{name}.exr"
-    started = time.monotonic()
-    samples = halves(scene, given, *noisy)
-    rendered = time.monotonic()
-    run([given.organza, "merge", *noisy, "-o", whole, "--quiet"])
-    threads = ["--threads", given.threads, "--quiet"]
-    run([given.organza, "denoise", whole, "-o", given.work / f"{name}.png", *threads])
-    seconds_to_denoise = time.monotonic() - rendered
-    for a, b in zip(noisy, denoised):
-        run([given.organza, "denoise", a, "-o", b, *threads])
+    picture, part = given.work / f"{name}.exr", given.work / f"{name}.part.exr"
+    common = [
+        given.organza, "render", scene, "--threads", given.threads, "--quiet", "--json",
+        "--set", f"camera.resolution=[{given.size},{given.size}]",
+    ]
+    known = json.loads(run([*common, "-o", picture, "--spp", given.spp, "--denoise"]))
+    run([given.organza, "develop", picture, "-o", given.work / f"{name}.png", "--quiet"])
+    low = (given.size - given.proof) // 2
+    high = low + given.proof
+    unbiased = json.loads(run([
+        *common, "-o", part, "--spp", PROOF_SPP, "--seed", PROOF_SEED, "--set",
+        'render.cache="off"', "--crop", f"{low},{low},{high},{high}",
+    ]))
+    other, variance = grey(part), grey(part, "variance.")
+    middle = np.s_[low:high, low:high]
+    noisy = errors(grey(picture, "noisy.")[middle], other, variance)
+    # Seconds of processor in which unbiased samples bring the median pixel to the same error.
+    whole = unbiased["render_cpu_s"] * (given.size / given.proof) ** 2
+    noise = median_noise(other, variance)
     models = re.findall(r'^model = "(\w+)"', scene.read_text(), re.MULTILINE)
     result = {
         "key": wanted,
-        "size": given.size,
         "representation": ", ".join(dict.fromkeys(models)),
-        "samples": samples,
-        "seconds": rendered - started,
-        "seconds_to_denoise": seconds_to_denoise,
-        **judge(noisy, denoised, whole),
+        "seconds": known["total_s"],
+        "setup_cpu_s": known["setup_cpu_s"],
+        "render_cpu_s": known["render_cpu_s"],
+        "memory_bytes": known["peak_memory_bytes"],
+        "cache": known["cache"],
+        "noisy": noisy,
+        "denoised": errors(grey(picture)[middle], other, variance),
+        "unbiased_cpu_s": whole * (noise / noisy["median"]) ** 2 if noisy["median"] > 0 else None,
     }
     record.write_text(json.dumps(result, indent=2))
-    for path in [*noisy, *denoised]:
-        path.unlink()
+    part.unlink()
     return result
 
 
@@ -223,59 +186,56 @@ def sheet(folder, path):
 
 
 def percent(share):
-    return "unknown" if share is None else f"{100 * share:.1f} %"
+    return f"{100 * share:.1f} %"
 
 
 EXPLANATION = """\
-Each picture is merged from two halves with different samples. *Rendering* is the wall time of
-both halves, in which the cloth is built twice. The median noise is the standard error of the
-median pixel as a share of its value, before denoising; at few samples it comes out too small, as
-rare bright paths are missing. The *noise* of the denoised picture is the root mean square of half
-the difference of the denoised halves. Its *error* is the root mean square of the difference of a
-denoised half and the noisy other half, less the noise of the latter; it includes what the denoiser
-smears, and is that of half the samples, so that of the whole picture is smaller. Both are shares
-of the picture's mean; their standard errors come from blocks of 32 x 32 pixels. Where an error is
-below twice its standard error, an upper limit stands in its place.
-
-The median noise times the root of the samples is about the noise of one path. The square of that
-over 0.0004 is the number of samples that a median noise of 2 % takes.
+*Time* is the wall time of the whole render with what is learned and denoised; the seconds of
+processor are those of the set-up and of tracing, learning included. The errors are those of a part
+in the middle, by unbiased samples with another seed: of the mean, with its standard error; root
+mean square of blocks of 16 x 16 pixels and of pixels over the mean; and of the median pixel over
+the value around it, before and after denoising. *Unbiased* is the processor time in which samples
+without a cache bring the median pixel of the whole picture to the same error, by their variance.
 """
 
 
 def table(all_figures):
     """The table of the record."""
     lines = [
-        "| scene | representation | size | samples a pixel | rendering | denoising "
-        "| median noise | denoised: noise | denoised: error |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| scene | representation | time | set-up | tracing | memory | mean | 16 x 16 | pixel "
+        "| median pixel | denoised | unbiased |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name, f in all_figures.items():
+        noisy, unbiased = f["noisy"], f["unbiased_cpu_s"]
         lines.append(
-            f"| {name} | {f['representation']} | {f['size']} | {f['samples']} "
-            f"| {f['seconds']:.0f} s | {f['seconds_to_denoise']:.0f} s "
-            f"| {percent(f['median_noise'])} | {Share(*f['denoised_noise']).text()} "
-            f"| {Share(*f['denoised_error']).text()} |"
+            f"| {name} | {f['representation']} | {f['seconds']:.0f} s | {f['setup_cpu_s']:.0f} s "
+            f"| {f['render_cpu_s']:.0f} s | {f['memory_bytes'] / 2**30:.1f} GiB "
+            f"| {100 * noisy['mean']:+.1f} ± {100 * noisy['mean_error']:.1f} % "
+            f"| {percent(noisy['block'])} | {percent(noisy['pixel'])} "
+            f"| {percent(noisy['median'])} | {percent(f['denoised']['median'])} "
+            f"| {'-' if unbiased is None else f'{unbiased:.0f} s'} |"
         )
     return "\n".join(lines) + "\n"
 
 
 def page_table(all_figures, commit, given):
     """What docs/gallery.md says about the figures."""
-    known = {n: f["median_noise"] for n, f in all_figures.items() if f["median_noise"]}
-    done = [n for n, noise in known.items() if noise <= given.median_error]
     lines = [
-        f"The pictures are rendered at {given.size} x {given.size} pixels on {given.threads} "
-        "threads, and denoised ([Denoising](denoise.md)). The",
-        f"[record](../benches/runs/gallery.md) of commit `{commit}` explains the figures. The aim of",
-        f"{100 * given.median_error:.0f} % is reached by: {', '.join(done) or 'no scene'}.",
+        f"The pictures have {given.size} x {given.size} pixels and {given.spp} samples; they are "
+        f"rendered on {given.threads} threads, and denoised ([Denoising](denoise.md)).",
+        f"The [record](../benches/runs/gallery.md) of commit `{commit}` explains the figures.",
         "",
-        "| scene | time | samples a pixel | median noise | error of the denoised picture |",
+        "| scene | time | error of the median pixel | denoised | the same error without a cache |",
         "|---|---|---|---|---|",
     ]
     for name, f in all_figures.items():
+        spent, unbiased = f["setup_cpu_s"] + f["render_cpu_s"], f["unbiased_cpu_s"]
+        times = (unbiased + f["setup_cpu_s"]) / spent if unbiased and f["cache"] else None
         lines.append(
-            f"| {name} | {f['seconds']:.0f} s | {f['samples']} | {percent(f['median_noise'])} "
-            f"| {Share(*f['denoised_error']).text()} |"
+            f"| {name} | {f['seconds']:.0f} s | {percent(f['noisy']['median'])} "
+            f"| {percent(f['denoised']['median'])} "
+            f"| {'-' if times is None else f'{times:.1f} times the processor time'} |"
         )
     return "\n".join(lines) + "\n"
 

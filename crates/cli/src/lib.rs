@@ -15,6 +15,7 @@ mod building;
 mod call;
 mod checkpoint;
 mod commands;
+mod data_sheet;
 mod denoising;
 mod display_server;
 mod error;

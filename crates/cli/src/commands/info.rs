@@ -4,7 +4,7 @@ use super::{Command, with_threads};
 use crate::error::input;
 use crate::flags::{CommonArgs, set_help};
 use crate::waiting::Waiting;
-use crate::{output, picture};
+use crate::{data_sheet, output, picture};
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
@@ -58,6 +58,11 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let mut text = String::new();
     if args.json {
         text = serde_json::to_string_pretty(&listing)? + "\n";
+    } else if ["fabric", "draft"]
+        .iter()
+        .any(|kind| listing["kind"] == *kind)
+    {
+        text = data_sheet::text(&listing);
     } else {
         list(&mut text, &listing, 0);
     }

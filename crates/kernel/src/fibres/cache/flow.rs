@@ -147,7 +147,8 @@ impl Flow {
             let mean = Vec3::select(before.cmpgt(Vec3::ZERO), light / before, q);
             self.table.set_radiance(bin, mean);
         }
-        self.moves.clear();
+        // Others take their room.
+        self.moves = Vec::new();
     }
 }
 

@@ -29,12 +29,12 @@ const GOES: u64 = 16;
 /// Share of the work that the error of the cache is estimated with.
 const TESTED: f64 = 0.15;
 /// Share of the rest that fills the bins at the first fibre, if those are used.
-const SHARED: f64 = 0.5;
+const SHARED: f64 = 0.6;
 /// Share of the paths of a table in which bins divide.
 const DIVIDED: f64 = 0.3;
 /// Arrivals after which bins divide at the first fibre, whose noise is that of the picture, and
 /// at later ones.
-const SPLIT: [u32; 2] = [16, 6];
+const SPLIT: [u32; 2] = [6, 6];
 /// Distance over which the light of a lamp changes, in distances to the lamp.
 const LAMP_CHANGE: f64 = 0.1;
 /// How often more is learned where the error is too large; each time as much as before.
@@ -63,9 +63,10 @@ pub fn learn(
         notes,
         ..CacheUse::default()
     };
-    let [flow_bytes, tree_bytes] = [plan.bytes / 2, plan.bytes / 4];
-    let new_tree =
-        |order: u32| RadianceTree::new(places.levels(order), SPLIT[order as usize], tree_bytes);
+    let new_tree = |order: u32| {
+        let bytes = [plan.bytes / 2, plan.bytes / 4][order as usize];
+        RadianceTree::new(places.levels(order), SPLIT[order as usize], bytes)
+    };
     let more = if shares { CachePlan::SHARED } else { 1.0 };
     let usual = more * plan.work as f64;
     let (tested, left) = (TESTED * usual, (1.0 - TESTED) * usual);
@@ -86,7 +87,7 @@ pub fn learn(
         light.add(go);
         later_tree.learn(&go.all_records());
     })?;
-    let mut flow = Flow::new(later_tree.table(), places.levels(1), flow_bytes);
+    let mut flow = Flow::new(later_tree.table(), places.levels(1), plan.bytes / 2);
     drop(later_tree);
     let mut error = ErrorOfBlocks::default();
     let mut rounds = 0;

@@ -66,14 +66,34 @@ impl Sums {
         }
     }
 
-    /// Standard error of the radiance as a share of it.
-    fn noise(&self) -> f32 {
+    /// Variance of the radiance as a share of its square.
+    fn noise_squared(&self) -> f32 {
         let (sum, n) = (self.found.element_sum(), self.count as f32);
-        let variance = self.squares / (sum * sum) - 1.0 / n;
         if sum > 0.0 {
-            variance.max(0.0).sqrt()
+            (self.squares / (sum * sum) - 1.0 / n).max(0.0)
         } else {
             0.0
+        }
+    }
+
+    /// Which share of the differences between the parts of these sums is more than noise. All
+    /// parts are taken to have the variance of the whole: of few paths with rare bright ones,
+    /// those that met none would look certain.
+    fn kept_difference<'a>(&self, parts: impl Iterator<Item = &'a Sums>) -> f32 {
+        let (n, mean) = (f64::from(self.count), f64::from(self.found.element_sum()));
+        let mean = mean / n;
+        let (mut count, mut between) = (0.0, 0.0);
+        for part in parts.filter(|part| part.count > 0) {
+            let m = f64::from(part.count);
+            let difference = f64::from(part.found.element_sum()) / m - mean;
+            between += m * difference * difference;
+            count += 1.0;
+        }
+        let within = (f64::from(self.squares) - n * mean * mean - between) / (n - count);
+        if n > count && between > 0.0 {
+            (1.0 - (count - 1.0) * within.max(0.0) / between).max(0.0) as f32
+        } else {
+            1.0
         }
     }
 
@@ -217,6 +237,8 @@ impl Shard {
     }
 
     fn take(&mut self, record: &Record, levels: &[Level], room: usize, split: u32) {
+        // Some room is left for places where nothing is known yet.
+        let may_divide = 4 * self.bins.len() < 3 * room;
         let mut parent = NONE;
         for (number, level) in levels.iter().enumerate() {
             let key = record.place.key(number, *level);
@@ -226,7 +248,7 @@ impl Shard {
             let bin = &mut self.bins[at as usize];
             if !bin.is_split {
                 bin.sums.add(&Sums::of(record));
-                bin.is_split = bin.sums.count >= split && number + 1 < levels.len();
+                bin.is_split = bin.sums.count >= split && number + 1 < levels.len() && may_divide;
                 return;
             }
             parent = at;
@@ -266,15 +288,81 @@ impl Shard {
                 read[bin.parent as usize].add(&poor);
             }
         }
-        let entry = |(bin, sums): (&Bin, &Sums)| {
+        let estimates = self.estimates(&read, (&inner, &next));
+        let entry = |((bin, sums), estimate): ((&Bin, &Sums), &Estimate)| {
             let is_read = sums.count >= least;
             (is_read || bin.is_split).then(|| Entry {
                 key: bin.key,
-                radiance: sums.radiance().to_array(),
-                state: Entry::state(is_read, bin.is_split, sums.noise()),
+                radiance: estimate.radiance.to_array(),
+                state: Entry::state(is_read, bin.is_split, estimate.noise_squared.sqrt()),
             })
         };
-        self.bins.iter().zip(&read).filter_map(entry).collect()
+        let bins = self.bins.iter().zip(&read).zip(&estimates);
+        bins.filter_map(entry).collect()
+    }
+
+    /// The radiance of every bin, from what bins are `read` with and the lists of those within
+    /// them. Bins within one that differ by no more than their noise take their common radiance,
+    /// and others keep the share of the difference that is surely there (\[JamesStein1961\]); the
+    /// light of all of them together stays what it was.
+    fn estimates(&self, read: &[Sums], (inner, next): (&[u32], &[u32])) -> Vec<Estimate> {
+        let mut all = read.to_vec();
+        for (at, bin) in self.bins.iter().enumerate().rev() {
+            let own = all[at];
+            if let Some(around) = all.get_mut(bin.parent as usize) {
+                around.add(&own);
+            }
+        }
+        let mut estimates: Vec<Estimate> = all.iter().map(Estimate::alone).collect();
+        for (at, bin) in self.bins.iter().enumerate().filter(|(_, b)| b.is_split) {
+            debug_assert!(bin.parent == NONE || (bin.parent as usize) < at);
+            let (whole, around) = (all[at], estimates[at]);
+            let first = inner[at];
+            let within = || {
+                let list = std::iter::successors(Some(first), |i| next.get(*i as usize).copied());
+                list.take_while(|i| *i != NONE).map(|i| i as usize)
+            };
+            let parts = within().map(|i| &all[i]).chain([&read[at]]);
+            let kept = whole.kept_difference(parts);
+            for i in within() {
+                estimates[i] = around.of_part(&all[i], &whole, kept);
+            }
+            estimates[at] = around.of_part(&read[at], &whole, kept);
+        }
+        estimates
+    }
+}
+
+/// The radiance of a bin.
+#[derive(Clone, Copy, Debug)]
+struct Estimate {
+    radiance: Vec3,
+    /// Variance of the radiance, as a share of its square.
+    noise_squared: f32,
+}
+
+impl Estimate {
+    /// Without a look at others.
+    fn alone(sums: &Sums) -> Estimate {
+        Estimate {
+            radiance: sums.radiance(),
+            noise_squared: sums.noise_squared(),
+        }
+    }
+
+    /// Of a part of a bin with this estimate, which keeps a share of its difference from the
+    /// `whole` bin. All parts together have the light of the whole.
+    fn of_part(&self, part: &Sums, whole: &Sums, kept: f32) -> Estimate {
+        if part.count == 0 {
+            return *self;
+        }
+        let (own, common) = (part.radiance(), whole.radiance());
+        let ratio = Vec3::select(common.cmpgt(Vec3::ZERO), own / common, Vec3::ONE);
+        let further = (part.noise_squared() - whole.noise_squared()).max(0.0);
+        Estimate {
+            radiance: self.radiance * (1.0 + kept * (ratio - 1.0)),
+            noise_squared: self.noise_squared + kept * kept * further,
+        }
     }
 }
 
@@ -360,6 +448,41 @@ mod tests {
             "seed {SEED}, twin: {} +- {error}",
             twin.mean
         );
+    }
+
+    /// Bins between which there is only noise agree, a bright place next to them stays bright,
+    /// and all have the light of their paths. The twin, which keeps all differences, is noisy.
+    #[test]
+    fn differences_that_are_noise_go() {
+        let levels = super::super::place::LINE;
+        let mut rng = PathRng::from_seed(SEED);
+        let mut tree = RadianceTree::new(levels, SPLIT, 64 << 20);
+        let bright = |x: i32| if x < 64 { 9.0 } else { 1.0 };
+        let mut found = 0.0;
+        for _ in 0..100 {
+            let mut arrival = || {
+                let x = (rng.unit() * 512.0) as i32;
+                // One path in ten finds light.
+                let light = bright(x) * if rng.unit() < 0.1 { 10.0 } else { 0.0 };
+                found += f64::from(light);
+                Record {
+                    place: Place::on_a_line(x),
+                    carried: Vec3::ONE,
+                    found: Vec3::splat(light),
+                }
+            };
+            let some: Vec<_> = (0..512).map(|_| Some(arrival())).collect();
+            tree.learn(&some);
+        }
+        let error = |radiance: &dyn Fn(i32) -> f32| {
+            let square = |x: i32| f64::from(radiance(x) / bright(x) - 1.0).powi(2);
+            ((0..512).map(square).sum::<f64>() / 512.0).sqrt()
+        };
+        let table = tree.table();
+        let own = error(&|x| table.radiance(&Place::on_a_line(x), levels).unwrap().x);
+        let all = tree.table_of_all();
+        let twin = error(&|x| all.radiance(&Place::on_a_line(x), levels).unwrap().x);
+        assert!(own < 0.5 * twin, "seed {SEED}: {own}, twin {twin}");
     }
 
     /// Where there is no room for bins, those around learn on.

@@ -1,0 +1,399 @@
+//! The data sheet of a cloth or draft, as a mill would print it: units beside figures, three digits.
+
+use organza_basis::Rgb;
+use serde_json::Value;
+use std::fmt::Write;
+
+/// A line: its label, where its figures stand, their unit, and what they are multiplied by.
+type Line = (&'static str, &'static [&'static str], &'static str, f64);
+
+const CLOTH: &[Line] = &[
+    ("weight", &["figures.areal_density_g_per_m2"], "g/m2", 1.0),
+    ("thickness", &["figures.thickness_mm"], "mm", 1.0),
+    (
+        "covered by threads",
+        &["figures.cover_factor"],
+        "% of the area",
+        100.0,
+    ),
+    ("open", &["openness"], "% of the area", 100.0),
+    (
+        "fibres",
+        &["figures.fibre_volume_fraction"],
+        "% of the volume",
+        100.0,
+    ),
+    (
+        "tile",
+        &["figures.tile_mm.0", "figures.tile_mm.1"],
+        "mm",
+        1.0,
+    ),
+    ("wales", &["figures.wales_per_cm"], "per cm", 1.0),
+    ("loop length", &["figures.loop_length_mm"], "mm", 1.0),
+];
+
+const NET: &[Line] = &[
+    ("ends", &["figures.openwork.ends_per_cm"], "per cm", 1.0),
+    ("rows", &["figures.openwork.rows_per_cm"], "per cm", 1.0),
+    ("holes", &["figures.openwork.holes_per_cm2"], "per cm2", 1.0),
+    (
+        "thread around a hole",
+        &["figures.openwork.thread_per_hole_mm"],
+        "mm",
+        1.0,
+    ),
+];
+
+const NONWOVEN: &[Line] = &[
+    (
+        "mean length of fibres",
+        &["figures.nonwoven.mean_length_mm"],
+        "mm",
+        1.0,
+    ),
+    ("anisotropy", &["figures.nonwoven.anisotropy"], "", 1.0),
+    (
+        "punches",
+        &["figures.nonwoven.punches_per_cm2"],
+        "per cm2",
+        1.0,
+    ),
+    (
+        "bonding points",
+        &["figures.nonwoven.bonding_points_per_cm2"],
+        "per cm2",
+        1.0,
+    ),
+];
+
+const PILE: &[Line] = &[
+    (
+        "weight",
+        &["figures.pile.areal_density_g_per_m2"],
+        "g/m2",
+        1.0,
+    ),
+    ("height", &["figures.pile.height_mm"], "mm", 1.0),
+    (
+        "tufts or loops",
+        &["figures.pile.tufts_per_cm2"],
+        "per cm2",
+        1.0,
+    ),
+    (
+        "yarn in each",
+        &["figures.pile.yarn_per_tuft_mm"],
+        "mm",
+        1.0,
+    ),
+    ("pile ratio", &["figures.pile.pile_ratio"], "", 1.0),
+];
+
+const DRAFT: &[Line] = &[
+    ("size", &["draft.ends", "draft.picks"], "ends x picks", 1.0),
+    (
+        "repeat",
+        &["draft.repeat_ends", "draft.repeat_picks"],
+        "ends x picks",
+        1.0,
+    ),
+    (
+        "warp on the face",
+        &["draft.floats.warp_share"],
+        "% of the crossings",
+        100.0,
+    ),
+    (
+        "longest floats on the face",
+        &["draft.floats.warp_face", "draft.floats.weft_face"],
+        "warp x weft",
+        1.0,
+    ),
+    (
+        "on the back",
+        &["draft.floats.warp_back", "draft.floats.weft_back"],
+        "warp x weft",
+        1.0,
+    ),
+    (
+        "ends and picks that bind nowhere",
+        &["draft.floats.loose_ends", "draft.floats.loose_picks"],
+        "",
+        1.0,
+    ),
+    (
+        "covered by threads",
+        &["draft.cover"],
+        "% of the area",
+        100.0,
+    ),
+];
+
+/// Of warp and weft, side by side.
+const SYSTEM: &[Line] = &[
+    (
+        "threads per cm",
+        &["figures.SYSTEM.threads_per_cm"],
+        "",
+        1.0,
+    ),
+    ("yarn count, tex", &["figures.SYSTEM.tex"], "", 1.0),
+    ("crimp, %", &["figures.SYSTEM.crimp_percent"], "", 1.0),
+    ("width, mm", &["figures.SYSTEM.width_mm"], "", 1.0),
+    ("height, mm", &["figures.SYSTEM.height_mm"], "", 1.0),
+    ("cover, %", &["figures.SYSTEM.cover_factor"], "", 100.0),
+    (
+        "hairiness index",
+        &["irregularity.SYSTEM.hairiness"],
+        "",
+        1.0,
+    ),
+    (
+        "variation of mass, %",
+        &["irregularity.SYSTEM.mass_cv_percent"],
+        "",
+        1.0,
+    ),
+    (
+        "variation of twist, %",
+        &["irregularity.SYSTEM.twist_cv_percent"],
+        "",
+        1.0,
+    ),
+];
+
+/// The sheet of what `organza info --json` says of a fabric or draft.
+pub fn text(listing: &Value) -> String {
+    let mut sheet = String::new();
+    let name = ["name", "draft.title"].map(|path| at(listing, path).and_then(Value::as_str));
+    if let Some(name) = name.into_iter().flatten().find(|name| !name.is_empty()) {
+        _ = writeln!(sheet, "{name}\n");
+    }
+    section(&mut sheet, "Cloth", CLOTH, listing);
+    systems(&mut sheet, listing);
+    section(&mut sheet, "Draft", DRAFT, listing);
+    section(&mut sheet, "Net", NET, listing);
+    section(&mut sheet, "Nonwoven", NONWOVEN, listing);
+    section(&mut sheet, "Pile", PILE, listing);
+    yarns(&mut sheet, listing);
+    for (heading, path) in [
+        ("Synthesis", "synthesis"),
+        ("Warnings", "warnings"),
+        ("Warnings", "draft.warnings"),
+    ] {
+        match at(listing, path) {
+            Some(Value::Array(lines)) if !lines.is_empty() => {
+                let lines = lines.iter().map(|line| line.as_str().unwrap_or_default());
+                _ = writeln!(
+                    sheet,
+                    "{heading}\n  {}\n",
+                    lines.collect::<Vec<_>>().join("\n  ")
+                );
+            }
+            Some(Value::Object(_)) => {
+                let line: &[Line] = &[
+                    (
+                        "tile",
+                        &["synthesis.tile_mm.0", "synthesis.tile_mm.1"],
+                        "mm",
+                        1.0,
+                    ),
+                    (
+                        "size",
+                        &["synthesis.design.ends", "synthesis.design.picks"],
+                        "ends x picks",
+                        1.0,
+                    ),
+                ];
+                section(&mut sheet, heading, line, listing);
+            }
+            _ => {}
+        }
+    }
+    sheet.truncate(sheet.trim_end().len());
+    sheet + "\n"
+}
+
+/// The value at a path of keys and numbers of elements.
+fn at<'a>(value: &'a Value, path: &str) -> Option<&'a Value> {
+    path.split('.').try_fold(value, |v, key| match v {
+        Value::Array(all) => all.get(key.parse::<usize>().ok()?),
+        v => v.get(key),
+    })
+}
+
+/// Three digits, or all of a larger whole number.
+fn figure(x: f64) -> String {
+    let places = match x.abs() {
+        0.0 => 0,
+        a => (2 - a.log10().floor() as i32).clamp(0, 9) as usize,
+    };
+    let text = format!("{x:.places$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').into(),
+        false => text,
+    }
+}
+
+/// The figures of a line; none where one is absent or all round to zero.
+fn figures((_, paths, _, factor): &Line, listing: &Value, system: &str) -> Option<Vec<f64>> {
+    let of = |path: &&str| Some(at(listing, &path.replace("SYSTEM", system))?.as_f64()? * factor);
+    let all = paths.iter().map(of).collect::<Option<Vec<f64>>>()?;
+    all.iter().any(|x| x.abs() > 5e-4).then_some(all)
+}
+
+fn section(sheet: &mut String, heading: &str, lines: &[Line], listing: &Value) {
+    let known = lines.iter().filter_map(|line| {
+        let all: Vec<String> = figures(line, listing, "")?
+            .into_iter()
+            .map(figure)
+            .collect();
+        Some(format!("  {:34}{} {}", line.0, all.join(" x "), line.2))
+    });
+    let known: Vec<String> = known.map(|line| line.trim_end().to_string()).collect();
+    if !known.is_empty() {
+        _ = writeln!(sheet, "{heading}\n{}\n", known.join("\n"));
+    }
+}
+
+fn systems(sheet: &mut String, listing: &Value) {
+    let lines = SYSTEM.iter().filter_map(|line| {
+        let all = ["warp", "weft"].map(|system| figures(line, listing, system));
+        if all.iter().all(Option::is_none) {
+            return None;
+        }
+        let of = |f: &Option<Vec<f64>>| f.as_ref().map_or("-".into(), |f| figure(f[0]));
+        Some(format!("  {:34}{:10}{}", line.0, of(&all[0]), of(&all[1])))
+    });
+    let lines: Vec<String> = lines.collect();
+    if !lines.is_empty() {
+        _ = writeln!(
+            sheet,
+            "{:36}{:10}weft\n{}\n",
+            "Threads",
+            "warp",
+            lines.join("\n")
+        );
+    }
+}
+
+/// Yarns with what they are spun from.
+fn yarns(sheet: &mut String, listing: &Value) {
+    let all = |key: &str| {
+        listing
+            .get(key)
+            .and_then(Value::as_array)
+            .cloned()
+            .unwrap_or_default()
+    };
+    let materials = all("materials");
+    for (n, yarn) in all("yarns").iter().enumerate() {
+        let number = |key: &str| yarn.get(key).and_then(Value::as_f64);
+        let text = |value: &Value, key: &str| {
+            value
+                .get(key)
+                .and_then(Value::as_str)
+                .unwrap_or_default()
+                .to_string()
+        };
+        let name = text(yarn, "name");
+        if n == 0 {
+            sheet.push_str("Yarns\n");
+        }
+        if let Some(tex) = number("tex").filter(|tex| *tex > 0.0) {
+            // English cotton count: hanks of 840 yards in a pound.
+            let count = 590.54 / tex;
+            _ = write!(
+                sheet,
+                "  {name:34}{} tex (Ne {})",
+                figure(tex),
+                figure(count)
+            );
+        } else {
+            _ = write!(sheet, "  {name:34}");
+        }
+        if let Some(radius) = number("radius_mm") {
+            _ = write!(sheet, ", {} mm thick", figure(2.0 * radius));
+        }
+        if let Some(packing) = number("fibre_volume_fraction") {
+            _ = write!(sheet, ", {} % fibres", figure(100.0 * packing));
+        }
+        sheet.push('\n');
+        for material in materials.iter().filter(|m| text(m, "yarn") == name) {
+            let radius = material.get("fibre_radius_um").and_then(Value::as_f64);
+            let colour: Vec<f64> = (0..3)
+                .filter_map(|c| at(material, &format!("colour.{c}"))?.as_f64())
+                .collect();
+            let fibre = text(material, "fibre");
+            _ = write!(
+                sheet,
+                "    {}",
+                if fibre.is_empty() { "fibres" } else { &fibre }
+            );
+            if let Some(radius) = radius {
+                _ = write!(sheet, " {} um thick", figure(2.0 * radius));
+            }
+            if let [r, g, b] = colour[..] {
+                let code = |x: f64| Rgb::srgb8(x as f32);
+                _ = write!(
+                    sheet,
+                    ", dyed #{:02x}{:02x}{:02x}",
+                    code(r),
+                    code(g),
+                    code(b)
+                );
+            }
+            sheet.push('\n');
+        }
+    }
+    if !all("yarns").is_empty() {
+        sheet.push('\n');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn figures_have_three_digits_and_units() {
+        let rounded = [
+            0.0,
+            0.000_123_4,
+            0.520_737,
+            9.358_8,
+            58.893,
+            302.69,
+            12_345.6,
+        ]
+        .map(figure);
+        assert_eq!(
+            rounded,
+            ["0", "0.000123", "0.521", "9.36", "58.9", "303", "12346"]
+        );
+        let sheet = text(&json!({
+            "name": "twill",
+            "openness": 0.0,
+            "figures": {
+                "areal_density_g_per_m2": 302.69,
+                "tile_mm": [1.0714, 1.579],
+                "warp": { "tex": 58.9 },
+            },
+            "yarns": [{ "name": "warp", "tex": 59.054, "radius_mm": 0.14 }],
+            "materials": [{ "yarn": "warp", "fibre_radius_um": 8.0, "colour": [0.0, 1.0, 0.5] }],
+        }));
+        for line in [
+            "twill\n",
+            "  weight                            303 g/m2\n",
+            "  tile                              1.07 x 1.58 mm\n",
+            "  yarn count, tex                   58.9      -\n",
+            "59.1 tex (Ne 10), 0.28 mm thick\n",
+            "    fibres 16 um thick, dyed #00ffbc\n",
+        ] {
+            assert!(sheet.contains(line), "{line}\n{sheet}");
+        }
+        assert!(!sheet.contains("open"), "{sheet}");
+    }
+}
