@@ -29,6 +29,7 @@ pub const FORMAT: Format = Format {
         size,
         shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::OpenExr),
         decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::OpenExr),
+        holds_radiance: |_| true,
     }),
     writer: Some(write),
 };

@@ -15,8 +15,10 @@ pub struct Reader {
     pub size: fn(&[u8]) -> Result<UVec2, PictureError>,
     /// The size of the picture, from the header alone.
     pub shown_size: fn(&[u8]) -> Result<UVec2, PictureError>,
-    /// The pixels.
+    /// The pixels, in linear values.
     pub decode: fn(&[u8]) -> Result<Picture, PictureError>,
+    /// Whether a file holds radiance of any size, and not display values from 0 to 1.
+    pub holds_radiance: fn(&[u8]) -> bool,
 }
 
 /// How a render is written.

@@ -18,6 +18,7 @@ pub const FORMAT: Format = Format {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Hdr),
         shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Hdr),
         decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::Hdr),
+        holds_radiance: |_| true,
     }),
     writer: None,
 };

@@ -30,6 +30,7 @@ mod error;
 pub mod exr;
 mod format;
 mod hdr;
+mod jpeg;
 mod picture;
 pub mod png;
 mod tiff;
@@ -47,4 +48,10 @@ pub use tone_mapping::ToneMapping;
 pub use white_balance::WhiteBalance;
 
 /// Every format, in the order in which messages list them.
-pub const FORMATS: &[&Format] = &[&exr::FORMAT, &png::FORMAT, &hdr::FORMAT, &tiff::FORMAT];
+pub const FORMATS: &[&Format] = &[
+    &exr::FORMAT,
+    &png::FORMAT,
+    &hdr::FORMAT,
+    &tiff::FORMAT,
+    &jpeg::FORMAT,
+];

@@ -22,19 +22,11 @@ pub const FORMAT: Format = Format {
     reader: Some(Reader {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Png),
         shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Png),
-        decode,
+        decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::Png),
+        holds_radiance: |_| false,
     }),
     writer: Some(write),
 };
-
-/// Linear values of the file's sRGB.
-fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
-    let mut picture = decoder::decode(NAME, bytes, ImageFormat::Png)?;
-    for pixel in &mut picture.pixels {
-        *pixel = Rgb::from(pixel.0.to_array().map(Rgb::linear_from_srgb));
-    }
-    Ok(picture)
-}
 
 fn write(rendered: &Rendered<'_>, out: &mut dyn WriteSeek) -> Result<(), PictureError> {
     write_colours(&rendered.colours(), &rendered.display, out)
@@ -150,7 +142,9 @@ mod tests {
                 png_bits,
                 ..Display::default()
             };
-            let read = decode(&written(&picture, &display)).unwrap();
+            let read = crate::decode(&written(&picture, &display), 1 << 20)
+                .unwrap()
+                .0;
             assert_eq!(read.size, picture.size);
             let shown: Vec<[f32; 3]> = display.apply(&picture).collect();
             let pairs = read.pixels.iter().zip(shown);

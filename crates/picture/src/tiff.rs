@@ -1,4 +1,5 @@
-//! TIFF pictures: linear `f32` colours, for programs that do not read OpenEXR.
+//! TIFF pictures: linear `f32` colours, for programs that do not read OpenEXR; sRGB of 8 or 16 bits
+//! is read, too.
 
 use crate::PictureError;
 use crate::decoder;
@@ -20,7 +21,8 @@ pub const FORMAT: Format = Format {
     reader: Some(Reader {
         size: |bytes| decoder::size(NAME, bytes, ImageFormat::Tiff),
         shown_size: |bytes| decoder::size(NAME, bytes, ImageFormat::Tiff),
-        decode: |bytes| decoder::decode_floats(NAME, bytes, ImageFormat::Tiff),
+        decode: |bytes| decoder::decode(NAME, bytes, ImageFormat::Tiff),
+        holds_radiance: |bytes| decoder::holds_floats(bytes, ImageFormat::Tiff),
     }),
     writer: Some(write),
 };

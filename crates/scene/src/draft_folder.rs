@@ -9,18 +9,22 @@ const MAX_LISTED: usize = 500;
 
 /// The drafts (`.wif`) of a folder, in the order of their names.
 pub fn drafts(folder: &Path) -> Vec<String> {
-    listed(folder, &[".wif"])
+    listed(folder, |name| name.to_ascii_lowercase().ends_with(".wif"))
 }
 
 /// The pictures of a folder that can be printed on cloth, in the order of their names.
 pub fn pictures(folder: &Path) -> Vec<String> {
-    listed(folder, &PICTURES)
+    listed(folder, is_picture)
 }
 
-/// Endings of the pictures that `organza_picture` reads.
-const PICTURES: [&str; 3] = [".png", ".exr", ".hdr"];
+/// Whether a name ends as those of pictures that can be read.
+fn is_picture(name: &str) -> bool {
+    let ending = Path::new(name).extension().and_then(|e| e.to_str());
+    let format = ending.and_then(organza_picture::format_of_ending);
+    format.is_some_and(|format| format.reader.is_some())
+}
 
-fn listed(folder: &Path, endings: &[&str]) -> Vec<String> {
+fn listed(folder: &Path, is_meant: impl Fn(&str) -> bool) -> Vec<String> {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return Vec::new();
     };
@@ -28,17 +32,12 @@ fn listed(folder: &Path, endings: &[&str]) -> Vec<String> {
         .take(MAX_FILES)
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> = names
-        .filter(|name| has_ending(name, endings))
+        .filter(|name| is_meant(name))
         .filter(|name| is_inside(folder, name))
         .collect();
     names.sort();
     names.truncate(MAX_LISTED);
     names
-}
-
-fn has_ending(name: &str, endings: &[&str]) -> bool {
-    let name = name.to_ascii_lowercase();
-    endings.iter().any(|ending| name.ends_with(ending))
 }
 
 /// Whether a name is that of a file that lies in the folder itself, links followed.
@@ -62,8 +61,8 @@ pub fn named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, In
 /// # Errors
 /// There is no such picture in the folder.
 pub fn picture_named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, InputError> {
-    if !has_ending(name, &PICTURES) {
-        let expected = PICTURES.join(", ");
+    if !is_picture(name) {
+        let expected = organza_picture::Format::list_endings(|f| f.reader.is_some());
         return Err(InputError(format!(
             "{name}: expected a picture ({expected})"
         )));
@@ -148,7 +147,7 @@ mod tests {
         let named = |name: &str| picture_named_from(&from, folder.path(), name);
         assert_eq!(named("rose.PNG").unwrap(), "rose.PNG");
         for (name, words) in [
-            ("notes.txt", "expected a picture (.png, .exr, .hdr)"),
+            ("notes.txt", "expected a picture (.exr, .png"),
             ("../rose.PNG", "there is no such picture"),
             ("lily.png", "there is no such picture"),
         ] {

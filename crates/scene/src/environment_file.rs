@@ -28,8 +28,8 @@ pub fn decode(
         fail(&format!("expected an {formats} picture"))
     };
     let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-    let is_linear = organza_picture::format_of_bytes(&bytes).is_some_and(|f| f.is_linear);
-    if !is_linear {
+    let reader = organza_picture::format_of_bytes(&bytes).and_then(|f| f.reader);
+    if !reader.is_some_and(|reader| (reader.holds_radiance)(&bytes)) {
         return Err(expected());
     }
     let decoded = organza_picture::decode(&bytes, allowed);

@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(about = "Print what a draft, fabric, scene, volume, curve or picture file holds, and check it; or list graphics adapters", after_help = "Example:\n  organza info scenes/fabrics/organza.toml --json", mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE)))]
 pub struct InfoArgs {
-    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt), table (.bsdf) or picture (.exr, .png, .hdr)
+    /// A draft (.wif), fabric or scene (.toml), volume (.ovox, .vdb, .vol), curves (.bcc, .txt), table (.bsdf) or picture (.exr, .png, .jpg, .tif, .hdr)
     #[arg(required_unless_present = "devices", conflicts_with = "devices")]
     pub file: Option<PathBuf>,
     /// List the graphics adapters that `render --engine gpu` can use, the preferred one first
@@ -101,17 +101,17 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             Ok(curves_info(&set))
         }
         "exr" => picture_info(path),
-        "png" | "hdr" => plain_picture_info(path),
         far_table::ENDING => {
             let (table, about) = far_table::read(path, &Loader::new())?;
             Ok(table_info(&table, &about))
         }
         "toml" => toml(path, &args.common.set),
+        other if organza_picture::format_of_ending(other).is_some() => plain_picture_info(path),
         _ => Err(read::unreachable(path).map_or_else(
             || {
                 fail(
                     "expected a name that ends in .wif, .toml, .ovox, .vdb, .vol, .bcc, .txt, \
-                     .bsdf, .exr, .png or .hdr"
+                     .bsdf, .exr, .png, .jpg, .tif or .hdr"
                         .into(),
                 )
             },

@@ -66,7 +66,7 @@ pub struct FitArgs {
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]
     #[arg(long, value_name = "SCAN,STEPS", allow_hyphen_values = true, value_parser = parse_patience)]
     pub patience: Option<[u32; 2]>,
-    /// Cloths and plies: photograph of the face, warp upright within 20 degrees: .png, .exr or .hdr
+    /// Cloths and plies: photograph of the face, warp upright within 20 degrees: .png, .jpg, .tif, .exr or .hdr
     #[arg(long, value_name = "FILE")]
     pub front: Option<PathBuf>,
     /// Cloths and plies: photograph against the light, from the same place
