@@ -427,6 +427,18 @@ fn folders_of_files() {
 }
 
 #[test]
+fn curves_for_other_programs() {
+    let folder = workplace("usd");
+    let case = Case {
+        arguments: "export usd cloth.toml -o cloth.usda --quiet --level yarn",
+        old: "--repeats 1,1",
+        new: "--repeats 2,2",
+        ..CASE
+    };
+    suffer("export usd", &folder, &case);
+}
+
+#[test]
 fn drawdowns_and_curves() {
     let folder = workplace("weave");
     let case = Case {

@@ -64,6 +64,25 @@ fn mistakes_in_lights_and_planes_are_reported_with_their_key() {
     }
 }
 
+/// The same file on any number of threads; what a name or a cloth does not allow is refused.
+#[test]
+fn fibres_are_written_as_usd() {
+    let folder = folder("export-usd");
+    let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/fabrics/organza.toml");
+    let usd = |out: &'static str, more: &[&'static str]| {
+        [&["export", "usd", fabric, "-o", out, "--quiet"], more].concat()
+    };
+    succeed(&folder, &usd("a.usda", &["--threads", "1"]));
+    succeed(&folder, &usd("b.usda", &["--threads", "3"]));
+    let [a, b] = ["a.usda", "b.usda"].map(|name| std::fs::read(folder.join(name)).unwrap());
+    assert!(a == b && a.len() > 100_000, "{} and {}", a.len(), b.len());
+    let said = complaint(&folder, &usd("c.usdc", &[]));
+    assert!(said.contains("ends in .usda"), "{said}");
+    let said = complaint(&folder, &usd("c.usda", &["--max-memory", "10k"]));
+    assert!(said.contains("the curves"), "{said}");
+    assert!(!folder.join("c.usda").exists());
+}
+
 /// Every light, a plane, a cut cloth and an environment from a file render and
 /// are written for Mitsuba; what it does not support is reported.
 #[test]

@@ -88,6 +88,37 @@ def check_usd(folder):
           f"{len(validators)} validators find no fault")
 
 
+def check_curves(organza, out):
+    """Fibres that `organza export usd` writes."""
+    from pxr import Usd, UsdGeom, UsdShade, UsdValidation
+
+    path = out / "organza.usda"
+    command = [organza, "export", "usd", "scenes/fabrics/organza.toml", "-o", path, "--quiet"]
+    subprocess.run([*command, "--repeats", "3,2"], check=True)
+    stage = Usd.Stage.Open(str(path))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    faults = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert not faults, [f.GetMessage() for f in faults]
+    tiles = next(UsdGeom.PointInstancer(p) for p in stage.Traverse() if p.IsA(UsdGeom.PointInstancer))
+    assert len(tiles.GetPositionsAttr().Get()) == 6
+    fibres = 0
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.BasisCurves):
+            continue
+        curves = UsdGeom.BasisCurves(prim)
+        counts, points = curves.GetCurveVertexCountsAttr().Get(), curves.GetPointsAttr().Get()
+        assert sum(counts) == len(points) and min(counts) >= 2
+        widths = curves.GetWidthsAttr().Get()
+        assert 0.005 < min(widths) <= max(widths) < 0.05, (min(widths), max(widths))
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        hair = material.ComputeSurfaceSource(["mtlx"])[0]
+        assert hair.GetIdAttr().Get() == "ND_surface"
+        fibre = hair.GetInput("bsdf").GetConnectedSources()[0][0].source.GetPrim()
+        assert UsdShade.Shader(fibre).GetIdAttr().Get() == "ND_chiang_hair_bsdf"
+        fibres += len(counts)
+    print(f"curves: {fibres} fibres, {len(validators)} validators find no fault")
+
+
 VALIDATE = """
 const fs = require('fs');
 const validator = require('gltf-validator');
@@ -337,6 +368,7 @@ def main():
         check_usd(folder)
         check_gltf(folder, arguments.node)
         check_blender(folder, baked, fabric)
+    check_curves(arguments.organza, out)
     if arguments.picture:
         picture(arguments.organza, out, arguments.picture)
     print("bake: all checks passed")

@@ -76,17 +76,36 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
             .map(Fibre::Fitted)
             .map_err(|why| format!("fitted{why}"));
     }
-    let ior = t.ior.unwrap_or(IOR);
     let section = section(t).map_err(|why| format!("section: {why}"))?;
-    let absorption_radii = absorption_radii(t, material, ior, section);
-    let parameters = DielectricParameters {
-        ior,
-        absorption_radii,
-        longitudinal_rad: t.longitudinal_deg.unwrap_or(LONGITUDINAL_DEG).to_radians(),
-        azimuthal_rad: t.azimuthal_deg.unwrap_or(AZIMUTHAL_DEG).to_radians(),
-    };
+    let parameters = parameters(t, material, section);
     let fibre = DielectricFibre::with_section(parameters, section).map_err(|e| e.to_string())?;
     Ok(Fibre::Dielectric(fibre))
+}
+
+/// What the fibres of a material are made of; none of fitted fibres, which have no body.
+///
+/// # Errors
+/// What is wrong with their section.
+pub fn dielectric(
+    t: &OpticsTable,
+    material: &Material,
+) -> Result<Option<DielectricParameters>, String> {
+    let section = section(t).map_err(|why| format!("section: {why}"))?;
+    Ok(t.fitted.is_none().then(|| parameters(t, material, section)))
+}
+
+fn parameters(
+    t: &OpticsTable,
+    material: &Material,
+    section: Option<Section>,
+) -> DielectricParameters {
+    let ior = t.ior.unwrap_or(IOR);
+    DielectricParameters {
+        ior,
+        absorption_radii: absorption_radii(t, material, ior, section),
+        longitudinal_rad: t.longitudinal_deg.unwrap_or(LONGITUDINAL_DEG).to_radians(),
+        azimuthal_rad: t.azimuthal_deg.unwrap_or(AZIMUTHAL_DEG).to_radians(),
+    }
 }
 
 /// The fibre of a material as a round one without blur, for flakes that transmit. Of fitted

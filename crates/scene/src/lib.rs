@@ -47,6 +47,7 @@ pub mod scene_file;
 pub mod studio;
 pub mod subject;
 mod toml_reader;
+pub mod usd_curves;
 mod volume_cache;
 pub mod volume_file;
 mod woven_volume;

@@ -2,7 +2,7 @@
 
 mod write;
 
-pub use write::{write_bcc, write_obj, write_text};
+pub use write::{SourceCurve, for_each_curve, write_bcc, write_obj, write_text};
 
 use crate::Error;
 use glam::Vec3;

@@ -1,5 +1,6 @@
 //! `organza export`
 
+use super::weave::CurveLevelName;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
@@ -12,11 +13,16 @@ use clap::{Args, Subcommand};
 use glam::DVec3;
 use glam::UVec2;
 use organza_picture::{Picture, exr};
+use organza_scene::fabric_file;
+use organza_scene::loader::Loader;
+use organza_scene::memory::free_memory_bytes;
+use organza_scene::mitsuba::{self, Tiling};
+use organza_scene::usd_curves::UsdCurves;
 use std::path::PathBuf;
 
 /// `organza export`
 #[derive(Debug, Args)]
-#[command(about = "Write a scene for another renderer")]
+#[command(about = "Write a scene or a fabric's fibres for another renderer")]
 pub struct ExportArgs {
     /// Which renderer
     #[command(subcommand)]
@@ -36,6 +42,8 @@ impl Command for ExportArgs {
 pub enum ExportTo {
     /// Mitsuba 3: scene.xml with .vol grids
     Mitsuba(MitsubaArgs),
+    /// USD: the fibres or yarns of a fabric as curves with hair materials
+    Usd(UsdArgs),
 }
 
 /// `organza export mitsuba`
@@ -57,14 +65,74 @@ pub struct MitsubaArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 }
-use organza_scene::memory::free_memory_bytes;
-use organza_scene::mitsuba::{self, Tiling};
+
+/// `organza export usd`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  organza export usd scenes/fabrics/denim.toml -o denim.usda --repeats 10,10"
+)]
+pub struct UsdArgs {
+    /// Fabric file (TOML)
+    pub fabric: PathBuf,
+    /// File to write (.usda)
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Which curves
+    #[arg(long, value_enum, default_value = "fibre")]
+    pub level: CurveLevelName,
+    /// Tiles in x and y, instances of one
+    #[arg(long, value_name = "NX,NY", default_value = "1,1", allow_hyphen_values = true, value_parser = parse_repeats)]
+    pub repeats: UVec2,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
 
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> Result<()> {
     match &args.to {
         ExportTo::Mitsuba(args) => with_threads(&args.common, || to_mitsuba(args)),
+        ExportTo::Usd(args) => with_threads(&args.common, || to_usd(args)),
     }
+}
+
+fn to_usd(args: &UsdArgs) -> Result<()> {
+    let path = &args.outfile;
+    if path
+        .extension()
+        .is_none_or(|e| !e.eq_ignore_ascii_case("usda"))
+    {
+        return Err(input(format!(
+            "{}: expected a name that ends in .usda",
+            path.display()
+        )));
+    }
+    output::check_writable(path)?;
+    let loader = Loader::new();
+    let fabric = fabric_file::load(&args.fabric, &args.common.set, &loader)?;
+    let curves = UsdCurves {
+        fabric: &fabric,
+        path: &args.fabric,
+        level: args.level.of_cloth(),
+        repeats: args.repeats,
+        max_memory_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
+    };
+    let file = curves.gather()?;
+    output::check_not_an_input(path, loader.inputs().iter().map(|i| &i.path))?;
+    output::write_file(path, |mut out| {
+        file.write(&mut out).context("writing the curves failed")
+    })?;
+    if !args.common.quiet {
+        let counts = file.counts();
+        note!(
+            "{}: {} curves, {} points",
+            path.display(),
+            counts.curves,
+            counts.points
+        );
+    }
+    Ok(())
 }
 
 fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {

@@ -59,6 +59,17 @@ pub enum CurveLevelName {
     Fibre,
 }
 
+impl CurveLevelName {
+    /// The level of a cloth's curves.
+    pub fn of_cloth(self) -> CurveLevel {
+        match self {
+            CurveLevelName::Yarn => CurveLevel::Yarn,
+            CurveLevelName::Ply => CurveLevel::Ply,
+            CurveLevelName::Fibre => CurveLevel::Fibre,
+        }
+    }
+}
+
 /// What the word on the command line means.
 enum Named {
     Draft(BareDraft),
@@ -138,11 +149,7 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
 fn write(args: &WeaveArgs, named: &Named, path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_ascii_lowercase());
     let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
-    let level = match args.level {
-        None | Some(CurveLevelName::Yarn) => CurveLevel::Yarn,
-        Some(CurveLevelName::Ply) => CurveLevel::Ply,
-        Some(CurveLevelName::Fibre) => CurveLevel::Fibre,
-    };
+    let level = args.level.unwrap_or(CurveLevelName::Yarn).of_cloth();
     match (ending, named) {
         (_, Named::Draft(_)) if args.level.is_some() => Err(input(format!(
             "{}: a draft has no curves for --level; name a fabric file (.toml)",

@@ -6,36 +6,57 @@ use glam::Vec3;
 use organza_basis::SegmentSource;
 use std::io::Write;
 
-/// Hands over each curve of a source as points with radii. Segments belong to
-/// one curve while they share yarn and fibre and continue each other.
-fn for_each_curve(
+/// One curve of a source.
+#[derive(Clone, Copy, Debug)]
+pub struct SourceCurve<'a> {
+    /// Points and radii, millimetres; at least two.
+    pub points_mm: &'a [(Vec3, f32)],
+    /// Which yarn of the tile it belongs to.
+    pub yarn: u32,
+    /// Index into the cloth's materials.
+    pub material: u16,
+}
+
+/// Hands over each curve of a source. Segments belong to one curve while they share yarn, fibre
+/// and material and continue each other.
+///
+/// # Errors
+/// The first of `take`, with which it ends.
+pub fn for_each_curve(
     source: &dyn SegmentSource,
-    mut take: impl FnMut(&[(Vec3, f32)]) -> std::io::Result<()>,
+    mut take: impl FnMut(&SourceCurve<'_>) -> std::io::Result<()>,
 ) -> Result<(), Error> {
-    let mut curve: Vec<(Vec3, f32)> = Vec::new();
-    let mut ids = (0, 0);
+    let mut points: Vec<(Vec3, f32)> = Vec::new();
+    let mut ids = (0, 0, 0);
     let mut result = Ok(());
+    let mut hand_over = |points: &[(Vec3, f32)], (yarn, _, material): (u32, u32, u16)| {
+        take(&SourceCurve {
+            points_mm: points,
+            yarn,
+            material,
+        })
+    };
     for batch in 0..source.batch_count() {
         source.for_each_in_batch(batch, &mut |s| {
-            let continues =
-                ids == (s.yarn, s.fibre) && curve.last() == Some(&(s.start_mm, s.start_radius_mm));
+            let own = (s.yarn, s.fibre, s.material);
+            let continues = ids == own && points.last() == Some(&(s.start_mm, s.start_radius_mm));
             if !continues {
-                if !curve.is_empty() && result.is_ok() {
-                    result = take(&curve);
+                if !points.is_empty() && result.is_ok() {
+                    result = hand_over(&points, ids);
                 }
-                curve.clear();
-                curve.push((s.start_mm, s.start_radius_mm));
-                ids = (s.yarn, s.fibre);
+                points.clear();
+                points.push((s.start_mm, s.start_radius_mm));
+                ids = own;
             }
-            curve.push((s.end_mm, s.end_radius_mm));
+            points.push((s.end_mm, s.end_radius_mm));
         });
         // An error ends the export at the next batch.
         if result.is_err() {
             break;
         }
     }
-    if !curve.is_empty() && result.is_ok() {
-        result = take(&curve);
+    if !points.is_empty() && result.is_ok() {
+        result = hand_over(&points, ids);
     }
     Ok(result?)
 }
@@ -51,8 +72,9 @@ pub fn write_text(source: &dyn SegmentSource, out: &mut impl Write) -> Result<()
         if !std::mem::take(&mut first) {
             writeln!(out)?;
         }
-        curve
-            .iter()
+        let points = curve.points_mm.iter();
+        points
+            .copied()
             .try_for_each(|(p, r)| writeln!(out, "{} {} {} {r}", p.x, p.y, p.z))
     })
 }
@@ -66,7 +88,7 @@ pub fn write_bcc(source: &dyn SegmentSource, out: &mut impl Write) -> Result<(),
     let (mut curves, mut points) = (0u64, 0u64);
     for_each_curve(source, |curve| {
         curves += 1;
-        points += curve.len() as u64;
+        points += curve.points_mm.len() as u64;
         Ok(())
     })?;
     let mut header = Vec::with_capacity(BCC_HEADER);
@@ -77,9 +99,9 @@ pub fn write_bcc(source: &dyn SegmentSource, out: &mut impl Write) -> Result<(),
     header.resize(BCC_HEADER, 0);
     out.write_all(&header)?;
     for_each_curve(source, |curve| {
-        let count = i32::try_from(curve.len()).map_err(std::io::Error::other)?;
+        let count = i32::try_from(curve.points_mm.len()).map_err(std::io::Error::other)?;
         out.write_all(&count.to_le_bytes())?;
-        for (p, _) in curve {
+        for (p, _) in curve.points_mm {
             for v in p.to_array() {
                 out.write_all(&v.to_le_bytes())?;
             }
@@ -96,14 +118,14 @@ pub fn write_obj(source: &dyn SegmentSource, out: &mut impl Write) -> Result<(),
     writeln!(out, "# organza, millimetres")?;
     let mut first = 1;
     for_each_curve(source, |curve| {
-        for (p, _) in curve {
+        for (p, _) in curve.points_mm {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
         write!(out, "l")?;
-        for i in first..first + curve.len() {
+        for i in first..first + curve.points_mm.len() {
             write!(out, " {i}")?;
         }
-        first += curve.len();
+        first += curve.points_mm.len();
         writeln!(out)
     })
 }
