@@ -90,6 +90,7 @@ def check_usd(folder):
 
 def check_curves(organza, out):
     """Fibres that `organza export usd` writes."""
+    import MaterialX as mx
     from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 
     path = out / "organza.usda"
@@ -98,7 +99,12 @@ def check_curves(organza, out):
     stage = Usd.Stage.Open(str(path))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     faults = UsdValidation.ValidationContext(validators).Validate(stage)
-    assert not faults, [f.GetMessage() for f in faults]
+    # usd-core comes without MaterialX, whose own library knows the nodes.
+    faults = [f.GetMessage() for f in faults if "'ND_" not in f.GetMessage()]
+    assert not faults, faults
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    node = library.getNodeDef("ND_chiang_hair_bsdf")
     tiles = next(UsdGeom.PointInstancer(p) for p in stage.Traverse() if p.IsA(UsdGeom.PointInstancer))
     assert len(tiles.GetPositionsAttr().Get()) == 6
     fibres = 0
@@ -111,10 +117,15 @@ def check_curves(organza, out):
         widths = curves.GetWidthsAttr().Get()
         assert 0.005 < min(widths) <= max(widths) < 0.05, (min(widths), max(widths))
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-        hair = material.ComputeSurfaceSource(["mtlx"])[0]
+        hair = material.ComputeSurfaceSource("mtlx")[0]
         assert hair.GetIdAttr().Get() == "ND_surface"
         fibre = hair.GetInput("bsdf").GetConnectedSources()[0][0].source.GetPrim()
-        assert UsdShade.Shader(fibre).GetIdAttr().Get() == "ND_chiang_hair_bsdf"
+        shader = UsdShade.Shader(fibre)
+        assert shader.GetIdAttr().Get() == node.getName()
+        for given in shader.GetInputs():
+            kind = node.getActiveInput(given.GetBaseName()).getType()
+            kind = {"vector2": "float2", "vector3": "float3"}.get(kind, kind)
+            assert given.GetTypeName() == kind, (given.GetBaseName(), kind)
         fibres += len(counts)
     print(f"curves: {fibres} fibres, {len(validators)} validators find no fault")
 
