@@ -92,6 +92,10 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     assert_eq!(reach("0.004", &["--threads", "2"]), samples);
     assert!(bytes(&folder, "out.exr") == early);
     assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
+    // Without --spp there are as many as it takes, though the scene asks for 4.
+    let words = succeed(&folder, &[&run[..4], &["--target-error", "0.004"]].concat());
+    assert_eq!(taken(&words), samples);
+    assert!(bytes(&folder, "out.exr") == early);
     let both = ["--target-median-error", "0.99"];
     assert_eq!(reach("0.004", &both), samples);
     let both = ["--target-median-error", "0.002"];

@@ -46,6 +46,29 @@ impl Targets {
         (self.are_given() && all).then_some(reached)
     }
 
+    /// The smallest.
+    pub fn least(&self) -> Option<f64> {
+        [self.picture, self.median]
+            .into_iter()
+            .flatten()
+            .reduce(f64::min)
+    }
+
+    /// Which share of the samples that they take is done: the variance of a picture falls with
+    /// the number of samples.
+    pub fn share_done(&self, rendering: &Rendering<'_>) -> f64 {
+        let reached = self.errors(rendering);
+        let pairs = [
+            (self.picture, reached.picture),
+            (self.median, reached.median),
+        ];
+        let shares = pairs.map(|pair| match pair {
+            (Some(target), Some(error)) if error > 0.0 => (target / error).powi(2),
+            _ => 1.0,
+        });
+        shares[0].min(shares[1]).min(1.0)
+    }
+
     /// Whether there are any.
     pub fn are_given(&self) -> bool {
         *self != Targets::default()

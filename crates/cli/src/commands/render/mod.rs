@@ -68,7 +68,7 @@ pub struct RenderArgs {
     /// Longer edge of a picture on a contact sheet, pixels [default: 256]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(16..=2048))]
     pub cell_px: Option<u32>,
-    /// Samples per pixel, at least 1; the maximum with --target-error or --time-limit [default: the scene's]
+    /// Samples per pixel, at least 1; the maximum with --time-limit or a target error [default: the scene's; with a target error 65536]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::from(u32::MAX)))]
     pub spp: Option<u32>,
     /// Seed of all random numbers [default: the scene's]
@@ -249,6 +249,18 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         Some(plan) => learned(args, rendering, &plan)?,
         None => rendering,
     };
+    // Without a bound, samples would be taken for a target that they cannot reach.
+    if let (Some(target), None, None) = (targets(args).least(), args.spp, &args.samples)
+        && rendering.shared_noise() > target
+    {
+        return Err(input(format!(
+            "{}: the light that samples share has {:.1} % of noise, above the target error, and \
+             more samples do not lessen it; expected render.cache = \"second-fibre\", a higher \
+             render.cache_learning, or --spp",
+            args.scene.display(),
+            100.0 * rendering.shared_noise(),
+        )));
+    }
     if let Some(cache) = rendering.cache() {
         identity.scene = identity::with_cache(&identity.scene, cache.digest);
     }

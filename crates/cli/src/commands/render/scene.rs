@@ -1,6 +1,6 @@
 //! The scene of a render, read, checked and built.
 
-use super::RenderArgs;
+use super::{RenderArgs, targets};
 use crate::checkpoint;
 use crate::display_server;
 use crate::error::input;
@@ -35,6 +35,9 @@ pub struct Built {
     pub digest: String,
 }
 
+/// Samples that are taken at most for a target error, if no others are asked for.
+const MOST_SAMPLES: u32 = 65_536;
+
 /// Builds the scene of the command line.
 ///
 /// # Errors
@@ -43,7 +46,8 @@ pub struct Built {
 pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
     let mut file = scene_file::load(&args.scene, &args.common.set, loader)?;
     let table: toml::Table = loader.toml_of(&args.scene, &args.common.set, Wanted::Scene)?;
-    if let Some(spp) = args.spp {
+    let until_reached = || targets(args).are_given().then_some(MOST_SAMPLES);
+    if let Some(spp) = args.spp.or_else(until_reached) {
         file.render.spp = spp;
     }
     if let Some(seed) = args.seed {

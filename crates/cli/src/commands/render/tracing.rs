@@ -25,7 +25,8 @@ pub fn trace<'a>(
     started: Instant,
     display: Option<&DisplayServer>,
 ) -> Result<(Rendering<'a>, Stop)> {
-    let mut schedule = Schedule::new(args.time_limit, targets(args));
+    let targets = targets(args);
+    let mut schedule = Schedule::new(args.time_limit, targets);
     let film_size = rendering.film().size();
     let samples = rendering.left() + rendering.taken().end - rendering.taken().start;
     let paths = samples * u64::from(film_size.x) * u64::from(film_size.y);
@@ -39,9 +40,14 @@ pub fn trace<'a>(
         };
         let pass_started = Instant::now();
         rendering = rendering.take(pass, &|news| {
-            progress.at(news.paths_done);
+            if !targets.are_given() {
+                progress.at(news.paths_done);
+            }
             ControlFlow::Continue(())
         })?;
+        if targets.are_given() && rendering.taken().end - rendering.taken().start > 1 {
+            progress.at((targets.share_done(&rendering) * paths as f64) as u64);
+        }
         schedule.took(pass, pass_started.elapsed());
         if let Some(display) = display {
             display.show(rendering.film());
