@@ -46,12 +46,12 @@ impl Targets {
         (self.are_given() && all).then_some(reached)
     }
 
-    /// The smallest.
-    pub fn least(&self) -> Option<f64> {
-        [self.picture, self.median]
-            .into_iter()
-            .flatten()
-            .reduce(f64::min)
+    /// Whether samples can reach them beside errors that samples do not lessen.
+    pub fn can_be_met_beside(&self, errors: &Targets) -> bool {
+        let pairs = [(self.picture, errors.picture), (self.median, errors.median)];
+        pairs
+            .iter()
+            .all(|(target, error)| target.is_none() || error < target)
     }
 
     /// Which share of the samples that they take is done: the variance of a picture falls with

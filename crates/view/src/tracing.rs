@@ -172,7 +172,7 @@ impl<'a> Tracing<'a> {
         let samples = self.taken();
         let noise = (samples > 1).then(|| self.rendering.relative_error());
         let median_noise = (samples > 1).then(|| self.rendering.pixel_errors().median);
-        let shared = self.rendering.shared_noise();
+        let shared = self.rendering.shared_pixel_noise().median;
         let sampled_s = self.seconds - self.learned_s;
         // Samples do not lessen what they share.
         let to_5_percent = |noise: f64| {

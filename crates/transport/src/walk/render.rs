@@ -161,10 +161,20 @@ impl<'a> Rendering<'a> {
 
     /// [`Film::pixel_errors`], with the noise of what samples share.
     pub fn pixel_errors(&self) -> PixelErrors {
-        let errors = self.film().pixel_errors();
+        let (errors, shared) = (self.film().pixel_errors(), self.shared_pixel_noise());
         PixelErrors {
-            median: errors.median.hypot(self.shared_noise()),
-            worst_hundredth: errors.worst_hundredth.hypot(self.shared_noise()),
+            median: errors.median.hypot(shared.median),
+            worst_hundredth: errors.worst_hundredth.hypot(shared.worst_hundredth),
+        }
+    }
+
+    /// [`Rendering::shared_noise`] over the value of a pixel.
+    pub fn shared_pixel_noise(&self) -> PixelErrors {
+        let noises = self.cache.as_ref().map(|cache| cache.shared_noise_of_value);
+        let [median, worst_hundredth] = noises.unwrap_or_default();
+        PixelErrors {
+            median,
+            worst_hundredth,
         }
     }
 

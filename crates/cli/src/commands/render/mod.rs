@@ -250,15 +250,18 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         None => rendering,
     };
     // Without a bound, samples would be taken for a target that they cannot reach.
-    if let (Some(target), None, None) = (targets(args).least(), args.spp, &args.samples)
-        && rendering.shared_noise() > target
-    {
+    let shared = Targets {
+        picture: Some(rendering.shared_noise()),
+        median: Some(rendering.shared_pixel_noise().median),
+    };
+    if args.spp.is_none() && args.samples.is_none() && !targets(args).can_be_met_beside(&shared) {
         return Err(input(format!(
-            "{}: the light that samples share has {:.1} % of noise, above the target error, and \
-             more samples do not lessen it; expected render.cache = \"second-fibre\", a higher \
+            "{}: the light that samples share has {:.1} % of noise, {:.1} % of a pixel in the median, \
+             above the target error; more samples do not lessen it; expected render.cache = \"second-fibre\", a higher \
              render.cache_learning, or --spp",
             args.scene.display(),
             100.0 * rendering.shared_noise(),
+            100.0 * rendering.shared_pixel_noise().median,
         )));
     }
     if let Some(cache) = rendering.cache() {

@@ -138,7 +138,8 @@ pub fn learn(
             ],
             mean_error,
             block_error_squared,
-            shared_noise: first.as_ref().map_or(0.0, |_| error.noise(picture_mean)),
+            shared_noise: error.noise(picture_mean),
+            shared_noise_of_value: error.noises_of_value(),
             digest: mix64(second.digest() ^ mix64(digest)),
         };
         if rounds < MORE && report.is_surely_above(plan.block_error) {
@@ -261,6 +262,8 @@ struct ErrorOfBlocks {
     products_squared: f64,
     noise_squares: f64,
     records: u64,
+    /// Of the bins at first fibres that were read, over their value.
+    noises: Vec<f32>,
 }
 
 impl ErrorOfBlocks {
@@ -290,6 +293,7 @@ impl ErrorOfBlocks {
             if let Some((added, found, noise)) = read(path) {
                 *beyond = mean_of(added - found);
                 self.records += 1;
+                self.noises.extend((from == 0).then_some(noise));
                 self.noise_squares += (mean_of(added) * f64::from(noise)).powi(2);
             }
         }
@@ -319,6 +323,15 @@ impl ErrorOfBlocks {
         } else {
             0.0
         }
+    }
+
+    /// The noise over the value that half the bins have less of, and all but a hundredth.
+    fn noises_of_value(&mut self) -> [f64; 2] {
+        let count = self.noises.len();
+        [count / 2, count * 99 / 100].map(|at| match at < count {
+            true => f64::from(*self.noises.select_nth_unstable_by(at, f32::total_cmp).1),
+            false => 0.0,
+        })
     }
 
     /// Mean and mean square, each with its standard error.
@@ -524,6 +537,7 @@ mod tests {
     fn the_dark_has_no_noise() {
         let error = ErrorOfBlocks::default();
         assert_eq!(error.noise(0.0), 0.0);
+        assert_eq!(ErrorOfBlocks::default().noises_of_value(), [0.0; 2]);
         assert_eq!(error.relative_to(0.0), [[0.0; 2]; 2]);
     }
 }
