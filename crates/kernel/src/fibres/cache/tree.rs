@@ -34,7 +34,8 @@ impl Record {
         Record {
             place: note.place,
             carried: note.carried,
-            found: light - note.found,
+            // Roundings below zero are no light.
+            found: (light - note.found).max(Vec3::ZERO),
         }
     }
 }
@@ -70,7 +71,7 @@ impl Sums {
     fn noise_squared(&self) -> f32 {
         let (sum, n) = (self.found.element_sum(), self.count as f32);
         if sum > 0.0 {
-            (self.squares / (sum * sum) - 1.0 / n).max(0.0)
+            (self.squares / sum / sum - 1.0 / n).max(0.0)
         } else {
             0.0
         }
@@ -356,8 +357,9 @@ impl Estimate {
         if part.count == 0 {
             return *self;
         }
-        let (own, common) = (part.radiance(), whole.radiance());
-        let ratio = Vec3::select(common.cmpgt(Vec3::ZERO), own / common, Vec3::ONE);
+        // Where nearly nothing is carried or found, there is no difference to speak of.
+        let ratio = (part.found / whole.found) * (whole.carried / part.carried);
+        let ratio = Vec3::select(ratio.is_finite_mask(), ratio, Vec3::ONE);
         let further = (part.noise_squared() - whole.noise_squared()).max(0.0);
         Estimate {
             radiance: self.radiance * (1.0 + kept * (ratio - 1.0)),
@@ -483,6 +485,37 @@ mod tests {
         let all = tree.table_of_all();
         let twin = error(&|x| all.radiance(&Place::on_a_line(x), levels).unwrap().x);
         assert!(own < 0.5 * twin, "seed {SEED}: {own}, twin {twin}");
+    }
+
+    /// What paths found before is taken from their light, which leaves roundings of either sign;
+    /// bins divide by these no more than by nothing.
+    #[test]
+    fn roundings_in_the_dark_are_no_light() {
+        let levels = super::super::place::LINE;
+        let mut rng = PathRng::from_seed(SEED);
+        let mut tree = RadianceTree::new(levels, 4, 64 << 20);
+        let some: Vec<_> = (0..16_384)
+            .map(|_| {
+                let light = Vec3::splat(1.0 + rng.unit());
+                let note = Note {
+                    place: Place::on_a_line((rng.unit() * 512.0) as i32),
+                    carried: Vec3::ONE,
+                    found: light * (1.0 + f32::EPSILON * ((3.0 * rng.unit()).floor() - 1.0)),
+                };
+                Some(Record::new(&note, light))
+            })
+            .collect();
+        tree.learn(&some);
+        let table = tree.table();
+        for x in 0..512 {
+            let bin = table.find(&Place::on_a_line(x), levels).unwrap();
+            let (radiance, noise) = (table.radiance_of(bin), table.noise_of(bin));
+            let is_dark = radiance.cmpge(Vec3::ZERO) & radiance.cmplt(Vec3::splat(1e-5));
+            assert!(
+                is_dark.all() && noise.is_finite(),
+                "seed {SEED}, {x}: {radiance} {noise}"
+            );
+        }
     }
 
     /// Where there is no room for bins, those around learn on.
