@@ -3,6 +3,7 @@
 
 use crate::draft::MAX_THREADS;
 use crate::error::did_you_mean;
+use crate::runs::{counted, listed};
 use organza_basis::Rgb;
 use serde::Deserializer;
 use serde::de::{Error, SeqAccess, Visitor};
@@ -83,7 +84,7 @@ fn of_hex(hex: u32) -> Rgb {
 pub(crate) fn parse(text: &str) -> Result<Vec<Rgb>, String> {
     let runs = match tartan_runs(text) {
         Some(runs) => runs?,
-        None => listed_runs(text)?,
+        None => listed(text, "a colour such as \"8 red\"", one)?,
     };
     let threads: usize = runs.iter().map(|(count, _)| count).sum();
     if threads > MAX_THREADS {
@@ -95,37 +96,6 @@ pub(crate) fn parse(text: &str) -> Result<Vec<Rgb>, String> {
     Ok(colours
         .flat_map(|(count, colour)| std::iter::repeat_n(colour, count))
         .collect())
-}
-
-fn listed_runs(text: &str) -> Result<Vec<(usize, Rgb)>, String> {
-    let runs = text.split(',').enumerate();
-    runs.map(|(i, item)| {
-        let words: Vec<&str> = item.split_whitespace().collect();
-        let (number, name) = match words[..] {
-            [name] => (None, name),
-            [number, name] => (Some(number), name),
-            _ => {
-                return Err(format!(
-                    "entry {}: expected a number and a colour such as \"8 red\", found \"{}\"",
-                    i + 1,
-                    item.trim()
-                ));
-            }
-        };
-        let count = number.map_or(Ok(1), |n| {
-            counted(n).map_err(|e| format!("entry {}: {e}", i + 1))
-        });
-        let colour = one(name).map_err(|e| format!("entry {}: {e}", i + 1));
-        Ok((count?, colour?))
-    })
-    .collect()
-}
-
-fn counted(text: &str) -> Result<usize, String> {
-    let count = text.parse().ok().filter(|n| (1..=MAX_THREADS).contains(n));
-    count.ok_or_else(|| {
-        format!("expected a number of threads from 1 to {MAX_THREADS}, found \"{text}\"")
-    })
 }
 
 /// One colour, by name or as `#rgb` or `#rrggbb` in sRGB.

@@ -1,6 +1,7 @@
 //! Weave drafts: which warp threads lie over which weft threads.
 
 use crate::Error;
+use crate::layers::{Layers, Sheds};
 use organza_basis::Rgb;
 
 /// The most threads of one system that a draft may have.
@@ -193,10 +194,18 @@ impl Draft {
             picks: self.picks(),
             repeat_ends: repeat.0,
             repeat_picks: repeat.1,
+            layers: self.layers(),
             floats: self.floats(),
             cover: self.cover(),
             warnings: self.warnings.clone(),
         }
+    }
+
+    /// How many layers its ends and its picks form, if there are several: threads of double
+    /// cloth, backed cloth and extra weft lie over others of their system.
+    pub fn layers(&self) -> Option<[usize; 2]> {
+        let counts = [Sheds::Warp(self), Sheds::Weft(self)].map(|s| Layers::new(s).count);
+        (counts != [1, 1]).then_some(counts)
     }
 
     /// Cover, from the spacings and thicknesses of the threads.
@@ -248,6 +257,9 @@ pub struct DraftSummary {
     pub repeat_ends: usize,
     /// Weft threads in the smallest repeat of the interlacing.
     pub repeat_picks: usize,
+    /// Layers of ends and of picks, of a draft that has several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<[usize; 2]>,
     /// Floats and the share of warp on the face.
     pub floats: Floats,
     /// Share of the surface that any thread covers, when the draft gives a

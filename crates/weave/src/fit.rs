@@ -1,6 +1,7 @@
 //! Cross-sections that fit: neighbouring yarns press each other narrow, and crossing yarns need
 //! room between them.
 
+use crate::layers::Layers;
 use crate::yarn::{MAX_FIBRE_VOLUME_FRACTION, Yarn};
 use crate::{Draft, Error};
 use glam::DVec2;
@@ -18,19 +19,48 @@ pub(crate) struct Threads {
     pub spacing_mm: Vec<f64>,
     /// The yarn of each thread.
     pub yarns: Vec<Arc<Yarn>>,
+    /// The layer of each thread.
+    pub layers: Layers,
+    /// Middle of each thread across the system, growing, millimetres.
+    pub position_mm: Vec<f64>,
+    /// The widest that each thread can be beside the others of its layer, millimetres.
+    pub room_mm: Vec<f64>,
 }
 
 impl Threads {
-    /// The same so many times farther apart.
-    fn spaced(&self, factor: f64) -> Threads {
+    /// Threads in their places.
+    pub fn new(
+        name: &'static str,
+        spacing_mm: Vec<f64>,
+        yarns: Vec<Arc<Yarn>>,
+        layers: Layers,
+    ) -> Threads {
+        let position_mm = layers.positions_mm(&spacing_mm);
         Threads {
-            name: self.name,
-            spacing_mm: self.spacing_mm.iter().map(|s| s * factor).collect(),
-            yarns: self.yarns.clone(),
+            name,
+            yarns,
+            room_mm: layers.rooms_mm(&spacing_mm, &position_mm),
+            position_mm,
+            spacing_mm,
+            layers,
         }
     }
 
-    fn period_mm(&self) -> f64 {
+    /// The same so many times farther apart.
+    fn spaced(&self, factor: f64) -> Threads {
+        let all = |lengths: &[f64]| lengths.iter().map(|s| s * factor).collect();
+        Threads {
+            name: self.name,
+            spacing_mm: all(&self.spacing_mm),
+            yarns: self.yarns.clone(),
+            layers: self.layers.clone(),
+            position_mm: all(&self.position_mm),
+            room_mm: all(&self.room_mm),
+        }
+    }
+
+    /// Length after which the system repeats, millimetres.
+    pub fn period_mm(&self) -> f64 {
         self.spacing_mm.iter().sum()
     }
 }
@@ -57,7 +87,7 @@ pub(crate) struct Fit {
 /// # Errors [`Error::Jammed`], which names the threads, the counts of yarn that would fit and the
 /// threads per centimetre that would fit, when even that is not enough.
 pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, Error> {
-    let changes = Changes::new(draft);
+    let changes = Changes::of_layers(draft, &warp.layers, &weft.layers);
     fit_at(&changes, warp, weft).map_err(|why| {
         let way_out = room_factor(&changes, warp, weft).map_or_else(String::new, |factor| {
             format!("; {}", way_out(factor, warp, weft))
@@ -68,12 +98,13 @@ pub(crate) fn fit(draft: &Draft, warp: &Threads, weft: &Threads) -> Result<Fit, 
 
 /// See [`room_factor`].
 pub(crate) fn needed_room(draft: &Draft, warp: &Threads, weft: &Threads) -> Option<f64> {
-    room_factor(&Changes::new(draft), warp, weft)
+    let changes = Changes::of_layers(draft, &warp.layers, &weft.layers);
+    room_factor(&changes, warp, weft)
 }
 
 /// How many times farther apart all threads must lie for their yarns to fit, rounded up to a
 /// thousandth; `None` where a hundred times is not enough.
-pub(crate) fn room_factor(changes: &Changes, warp: &Threads, weft: &Threads) -> Option<f64> {
+pub(crate) fn room_factor(changes: &[Changes], warp: &Threads, weft: &Threads) -> Option<f64> {
     let fits = |factor: f64| {
         let [warp, weft] = [warp, weft].map(|t| t.spaced(factor));
         fit_at(changes, &warp, &weft).is_ok()
@@ -126,7 +157,7 @@ fn way_out(factor: f64, warp: &Threads, weft: &Threads) -> String {
 }
 
 /// The cross-sections of threads that fit; the error says which do not.
-fn fit_at(changes: &Changes, warp: &Threads, weft: &Threads) -> Result<Fit, String> {
+fn fit_at(changes: &[Changes], warp: &Threads, weft: &Threads) -> Result<Fit, String> {
     let (warp_flat, weft_flat) = (side_by_side(warp)?, side_by_side(weft)?);
     let shrunk = |k: f64| {
         let all = |v: &[DVec2]| v.iter().map(|f| *f * k).collect::<Vec<_>>();
@@ -136,7 +167,13 @@ fn fit_at(changes: &Changes, warp: &Threads, weft: &Threads) -> Result<Fit, Stri
             compaction: k,
         }
     };
-    let overfull = |k: f64| Peirce::new(changes, warp, weft, &shrunk(k)).excess() > 0.0;
+    // The layers that need the most room.
+    let tightest = |k: f64| {
+        let fit = shrunk(k);
+        let each = changes.iter().map(|c| Peirce::new(c, warp, weft, &fit));
+        each.max_by(|a, b| a.excess().total_cmp(&b.excess()))
+    };
+    let overfull = |k: f64| tightest(k).is_some_and(|p| p.excess() > 0.0);
     if !overfull(1.0) {
         return Ok(shrunk(1.0));
     }
@@ -149,8 +186,8 @@ fn fit_at(changes: &Changes, warp: &Threads, weft: &Threads) -> Result<Fit, Stri
         .map(|(y, f)| min_scale(y) / (f.x * f.y).sqrt())
         .fold(0.0, f64::max);
     if densest >= 1.0 || overfull(densest) {
-        let p = Peirce::new(changes, warp, weft, &shrunk(densest.min(1.0)));
-        let crowded = if p.warp < p.weft { warp } else { weft };
+        let is_warp = tightest(densest.min(1.0)).is_some_and(|p| p.warp < p.weft);
+        let crowded = if is_warp { warp } else { weft };
         let count = crowded.spacing_mm.len() as f64;
         return Err(format!(
             "{} {} threads per cm (yarn {}) leave the crossing threads no room, even with fibres \
@@ -173,8 +210,11 @@ fn fit_at(changes: &Changes, warp: &Threads, weft: &Threads) -> Result<Fit, Stri
     Ok(shrunk(low))
 }
 
-/// How often neighbouring threads lie on different sides of the threads that they cross.
+/// How often neighbouring threads of a layer of ends and of a layer of picks lie on different
+/// sides of the threads of the other.
 pub(crate) struct Changes {
+    ends: Vec<usize>,
+    picks: Vec<usize>,
     /// Of each end and the next.
     warp: Vec<usize>,
     /// Of each pick and the next.
@@ -182,27 +222,44 @@ pub(crate) struct Changes {
 }
 
 impl Changes {
-    /// The mean shares of the crossing threads that pass between two neighbouring ends, and
-    /// between two neighbouring picks.
-    pub fn mean_shares(&self) -> [f64; 2] {
-        let crossings = (self.warp.len() * self.weft.len()) as f64;
-        [&self.warp, &self.weft].map(|c| c.iter().sum::<usize>() as f64 / crossings)
+    /// Those of every layer of ends with every layer of picks.
+    pub fn of_layers(draft: &Draft, warp: &Layers, weft: &Layers) -> Vec<Changes> {
+        let weft: Vec<Vec<usize>> = (0..weft.count).map(|layer| weft.threads(layer)).collect();
+        let of_ends = |layer| {
+            let ends = warp.threads(layer);
+            let each = weft.iter().cloned();
+            each.map(move |picks| Changes::new(draft, ends.clone(), picks))
+        };
+        (0..warp.count).flat_map(of_ends).collect()
     }
 
-    pub fn new(draft: &Draft) -> Changes {
-        let (ends, picks) = (draft.ends(), draft.picks());
-        let mut changes = Changes {
-            warp: vec![0; ends],
-            weft: vec![0; picks],
-        };
-        for p in 0..picks {
-            for e in 0..ends {
+    fn new(draft: &Draft, ends: Vec<usize>, picks: Vec<usize>) -> Changes {
+        let (mut warp, mut weft) = (vec![0; ends.len()], vec![0; picks.len()]);
+        for (j, &p) in picks.iter().enumerate() {
+            let next_pick = picks[(j + 1) % picks.len()];
+            for (i, &e) in ends.iter().enumerate() {
                 let up = draft.warp_up(e, p);
-                changes.warp[e] += usize::from(up != draft.warp_up(e + 1, p));
-                changes.weft[p] += usize::from(up != draft.warp_up(e, p + 1));
+                let next_end = ends[(i + 1) % ends.len()];
+                warp[i] += usize::from(up != draft.warp_up(next_end, p));
+                weft[j] += usize::from(up != draft.warp_up(e, next_pick));
             }
         }
-        changes
+        Changes {
+            ends,
+            picks,
+            warp,
+            weft,
+        }
+    }
+
+    /// The mean shares of the crossing threads that pass between two neighbouring ends, and
+    /// between two neighbouring picks, of the layers that interlace most.
+    pub fn mean_shares(all: &[Changes]) -> [f64; 2] {
+        let shares = all.iter().map(|changes| {
+            let crossings = (changes.warp.len() * changes.weft.len()) as f64;
+            [&changes.warp, &changes.weft].map(|c| c.iter().sum::<usize>() as f64 / crossings)
+        });
+        shares.fold([0.0; 2], |a: [f64; 2], b| [a[0].max(b[0]), a[1].max(b[1])])
     }
 }
 
@@ -215,7 +272,7 @@ fn min_scale(yarn: &Yarn) -> f64 {
 
 /// Presses each thread into its own spacing.
 fn side_by_side(threads: &Threads) -> Result<Vec<DVec2>, String> {
-    let each = threads.yarns.iter().zip(&threads.spacing_mm).enumerate();
+    let each = threads.yarns.iter().zip(&threads.room_mm).enumerate();
     each.map(|(i, (yarn, &spacing))| {
         let diameter = 2.0 * yarn.radius_mm();
         let root = yarn.aspect.sqrt();
@@ -247,18 +304,15 @@ struct Peirce {
 
 impl Peirce {
     fn new(changes: &Changes, warp: &Threads, weft: &Threads, fit: &Fit) -> Peirce {
-        let thickness = |t: &Threads, f: &[DVec2]| {
-            let heights = t
-                .yarns
-                .iter()
-                .zip(f)
-                .map(|(y, f)| 2.0 * y.radius_mm() * f.y);
-            heights.sum::<f64>() / f.len() as f64
+        let thickness = |t: &Threads, f: &[DVec2], of: &[usize]| {
+            let heights = of.iter().map(|&i| 2.0 * t.yarns[i].radius_mm() * f[i].y);
+            heights.sum::<f64>() / of.len() as f64
         };
-        let reach = thickness(warp, &fit.warp) + thickness(weft, &fit.weft);
+        let Changes { ends, picks, .. } = changes;
+        let reach = thickness(warp, &fit.warp, ends) + thickness(weft, &fit.weft, picks);
         Peirce {
-            warp: room(warp, &fit.warp, changes.weft.len(), &changes.warp) / reach,
-            weft: room(weft, &fit.weft, changes.warp.len(), &changes.weft) / reach,
+            warp: room(warp, &fit.warp, ends, picks.len(), &changes.warp) / reach,
+            weft: room(weft, &fit.weft, picks, ends.len(), &changes.weft) / reach,
         }
     }
 
@@ -269,11 +323,17 @@ impl Peirce {
     }
 }
 
-/// Mean space per interlacing between threads of a system, less the width of floating
+/// Mean space per interlacing between some threads of a system, less the width of floating
 /// neighbours and the straight part of flat threads; infinite when nothing interlaces.
-fn room(threads: &Threads, fit: &[DVec2], crossings: usize, changes: &[usize]) -> f64 {
-    let n = threads.yarns.len();
-    let size = |i: usize| 2.0 * threads.yarns[i].radius_mm() * fit[i];
+fn room(
+    threads: &Threads,
+    fit: &[DVec2],
+    of: &[usize],
+    crossings: usize,
+    changes: &[usize],
+) -> f64 {
+    let n = of.len();
+    let size = |i: usize| 2.0 * threads.yarns[of[i]].radius_mm() * fit[of[i]];
     let (mut left, mut interlacings) = (crossings as f64 * threads.period_mm(), 0usize);
     for i in 0..n {
         let (a, b) = (size(i), size((i + 1) % n));
@@ -308,10 +368,9 @@ mod tests {
 
     fn fit_of(weave: &str, yarn: &Yarn, warp_mm: f64, weft_mm: f64) -> Result<Fit, Error> {
         let draft = Draft::named(weave).unwrap();
-        let threads = |name, n, spacing| Threads {
-            name,
-            spacing_mm: vec![spacing; n],
-            yarns: (0..n).map(|_| Arc::new(yarn.clone())).collect(),
+        let threads = |name, n, spacing| {
+            let yarns = (0..n).map(|_| Arc::new(yarn.clone())).collect();
+            Threads::new(name, vec![spacing; n], yarns, Layers::single(n))
         };
         fit(
             &draft,

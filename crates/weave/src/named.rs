@@ -3,7 +3,7 @@
 use crate::error::did_you_mean;
 use crate::{Draft, Error};
 
-const FORMS: [&str; 8] = [
+const FORMS: [&str; 10] = [
     "plain",
     "twill-3-1-s",
     "satin-8-3",
@@ -12,6 +12,8 @@ const FORMS: [&str; 8] = [
     "herringbone-2-2-8",
     "warp-rib-2",
     "weft-rib-2",
+    "double-plain-8-8",
+    "weft-backed-8-3",
 ];
 
 impl Draft {
@@ -27,6 +29,8 @@ impl Draft {
     /// | `herringbone[-U-D[-W]]` | twill that turns after W ends with a clean break |
     /// | `warp-rib-P` | P picks in one shed |
     /// | `weft-rib-E` | E ends side by side weave as one |
+    /// | `double-plain[-E[-P]]` | two plain weaves, one over the other, of alternate ends and picks; they change places after E ends and P picks of each |
+    /// | `weft-backed-N[-M]` | the sateen `N-M` on both sides, of alternate picks |
     ///
     /// # Errors
     /// When the name is unknown or its numbers do not make a weave.
@@ -84,6 +88,11 @@ impl Draft {
             ("basket", &[e, p]) => blocks(e, p),
             ("warp-rib", &[p]) => blocks(1, p),
             ("weft-rib", &[e]) => blocks(e, 1),
+            ("double-plain", []) => double_plain(None),
+            ("double-plain", &[n]) => double_plain(Some([n, n])),
+            ("double-plain", &[e, p]) => double_plain(Some([e, p])),
+            ("weft-backed", &[n]) => weft_backed(name, n, None),
+            ("weft-backed", &[n, m]) => weft_backed(name, n, Some(m)),
             ("herringbone", []) => herringbone(&[2, 2], 8),
             ("herringbone", &[u, d]) => herringbone(&[u, d], 2 * (u + d)),
             ("herringbone", &[u, d, w]) => herringbone(&[u, d], w),
@@ -126,9 +135,43 @@ fn twill_line(runs: &[usize]) -> Vec<bool> {
         .collect()
 }
 
-/// Binding points that lie `step` picks apart from one end to the next. The default is the step
-/// nearest to the golden section of the repeat, which scatters the points best.
+/// Binding points that lie a step of picks apart from one end to the next.
 fn satin(name: &str, n: usize, step: Option<usize>, warp_faced: bool) -> Result<Draft, Error> {
+    let step = satin_step(name, n, step)?;
+    Draft::from_fn(n, n, |e, p| ((e * step) % n == p) != warp_faced)
+}
+
+/// The sateen on the face, of the even picks, and on the back, of the odd ones, which are bound
+/// where the floats of the face hide it.
+fn weft_backed(name: &str, n: usize, step: Option<usize>) -> Result<Draft, Error> {
+    let step = satin_step(name, n, step)?;
+    Draft::from_fn(n, 2 * n, |e, p| {
+        let place = (e * step) % n;
+        match p % 2 {
+            0 => place == p / 2,
+            _ => place != (p / 2 + n.div_ceil(2)) % n,
+        }
+    })
+}
+
+/// Two plain weaves of alternate ends and picks. Those of even number lie above where the
+/// numbers of the blocks along both add up to an even one.
+fn double_plain(block: Option<[usize; 2]>) -> Result<Draft, Error> {
+    let [ends, picks] = block.unwrap_or([1, 1]).map(|n| 4 * n);
+    Draft::from_fn(ends, picks, |e, p| {
+        let (i, j) = (e / 2, p / 2);
+        let above = block.map_or(0, |[ends, picks]| (i / ends + j / picks) % 2);
+        if e % 2 == p % 2 {
+            (i + j).is_multiple_of(2)
+        } else {
+            e % 2 == above
+        }
+    })
+}
+
+/// The step of a satin: the default is the one nearest to the golden section of the repeat,
+/// which scatters the points best.
+fn satin_step(name: &str, n: usize, step: Option<usize>) -> Result<usize, Error> {
     let good = |m: usize| m > 1 && m + 1 < n && gcd(m, n) == 1;
     let golden = 0.381_966 * n as f64;
     let step = match step {
@@ -139,7 +182,7 @@ fn satin(name: &str, n: usize, step: Option<usize>, warp_faced: bool) -> Result<
                 .total_cmp(&(b as f64 - golden).abs())
         }),
     };
-    let step = step.ok_or_else(|| {
+    step.ok_or_else(|| {
         let steps: Vec<String> = (2..n).filter(|&m| good(m)).map(|m| m.to_string()).collect();
         let expected = if steps.is_empty() {
             format!("there is no satin over {n} ends")
@@ -147,8 +190,7 @@ fn satin(name: &str, n: usize, step: Option<usize>, warp_faced: bool) -> Result<
             format!("a satin over {n} ends steps by {}", steps.join(", "))
         };
         Error::spec("draft.weave", format!("\"{name}\": {expected}"))
-    })?;
-    Draft::from_fn(n, n, |e, p| ((e * step) % n == p) != warp_faced)
+    })
 }
 
 fn blocks(ends: usize, picks: usize) -> Result<Draft, Error> {
@@ -192,6 +234,12 @@ mod tests {
         assert_eq!(rows("twill-2-2-z"), "..XX\n.XX.\nXX..\nX..X\n");
         assert_eq!(rows("basket-2-2"), "..XX\n..XX\nXX..\nXX..\n");
         assert_eq!(rows("warp-rib-2"), ".X\n.X\nX.\nX.\n");
+        assert_eq!(rows("double-plain"), "X.XX\n..X.\nXXX.\nX...\n");
+        let backed = rows("weft-backed-5-2");
+        assert_eq!(
+            backed.lines().rev().take(3).collect::<Vec<_>>(),
+            ["X....", "XXXX.", "...X."]
+        );
         for (name, floats) in [("satin-8-3", (7, 1)), ("sateen-5-2", (1, 4))] {
             let f = Draft::named(name).unwrap().floats();
             assert_eq!((f.warp_face, f.warp_back), floats, "{name}");
@@ -252,6 +300,8 @@ mod tests {
             ("twill-0-1", "numbers from 1 to 1024"),
             ("twill-3-1-x", "s or z at the end"),
             ("plain-s", "no weave is called"),
+            ("doubel-plain-4", "did you mean \"double-plain-4\""),
+            ("weft-backed-6", "there is no satin over 6 ends"),
             ("basket-2-s", "only a twill"),
             ("", "no weave is called"),
             ("twill-99999999999999999999-1", "no weave is called"),

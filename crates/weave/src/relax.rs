@@ -10,6 +10,7 @@
 
 mod heights;
 
+use crate::layers::Stacked;
 use crate::path::Hermite;
 use crate::{Draft, Error};
 use argmin::core::{CostFunction, Executor, Gradient, State};
@@ -30,6 +31,8 @@ pub(crate) struct System {
     pub half_height_mm: Vec<f64>,
     /// Resistance to crimp.
     pub stiffness: Vec<f64>,
+    /// Threads of the system that lie over others of it.
+    pub stacked: Vec<Stacked>,
 }
 
 /// Heights of warp and weft yarns at rest.
@@ -48,6 +51,10 @@ pub(crate) struct Relaxed {
 /// soft spheres, spacing): stiffer contacts deviate less from touching where forces
 /// differ, and take more iterations.
 const CONTACT: f64 = 10.0;
+/// Force that draws stacked threads together at each crossing, in the same units: small beside
+/// those at crossings, which are of order one, but enough to close the gap between layers that
+/// nothing else joins.
+const PULL: f64 = 0.02;
 /// Forces in a plain weave press soft spheres to `(2 C / (2 C + 9/4))^(1/4)` of their size,
 /// whatever its scale: from `9/4 q = 2 C (q^-3 - q)`. Spheres are larger than the yarns by this
 /// factor, so that yarns at rest touch.
@@ -233,6 +240,65 @@ struct Side<'a> {
     per_gap: Vec<f64>,
     /// Half the stiffness of each thread in the units of the energy.
     scale: Vec<f64>,
+    /// For each thread, those of its own system that lie over or under it.
+    stacked: Vec<Vec<Over>>,
+}
+
+/// A thread over or under a first one of its system.
+struct Over {
+    thread: usize,
+    /// 1 where it lies under the first, -1 where over it, 0 where they change places.
+    order: Vec<i8>,
+    /// Size of the soft spheres; 0 where the two pass beside each other.
+    size: Vec<f64>,
+    /// By how much less than their size they are apart, since neither lies straight over the
+    /// other.
+    nearer: Vec<f64>,
+}
+
+impl Over {
+    /// The lists of a system's threads.
+    fn of_threads(system: &System, length_mm: f64) -> Vec<Vec<Over>> {
+        let mut all: Vec<Vec<Over>> = system.position_mm.iter().map(|_| Vec::new()).collect();
+        for pair in &system.stacked {
+            let [a, b] = pair.threads;
+            for (own, thread, sign) in [(a, b, 1), (b, a, -1)] {
+                let size = |(apart_mm, above_mm): (&f64, &f64)| match *apart_mm > 0.0 {
+                    true => above_mm / (length_mm * REST),
+                    false => 0.0,
+                };
+                let nearer = |(apart_mm, above_mm): (&f64, &f64)| (above_mm - apart_mm) / length_mm;
+                let places = || pair.apart_mm.iter().zip(&pair.above_mm);
+                all[own].push(Over {
+                    thread,
+                    order: pair.order.iter().map(|o| sign * o).collect(),
+                    size: places().map(size).collect(),
+                    nearer: places().map(nearer).collect(),
+                });
+            }
+        }
+        all
+    }
+
+    /// Energy of the pair of threads, of which half is counted for each; the gradient for the
+    /// first is added.
+    fn add(&self, softer: f64, own: &[f64], other: &[f64], gradient: &mut [f64]) -> f64 {
+        let mut energy = 0.0;
+        for (c, order) in self.order.iter().enumerate().filter(|(_, o)| **o != 0) {
+            let order = f64::from(*order);
+            let gap = order * (own[c] - other[c]);
+            energy += PULL * softer * gap;
+            gradient[c] += PULL * softer * order;
+            let (size, apart) = (self.size[c], gap + self.nearer[c]);
+            if apart < size {
+                let scale = CONTACT * softer * size * size;
+                let (value, slope) = contact(apart / size);
+                energy += scale * value;
+                gradient[c] += scale * slope * order / size;
+            }
+        }
+        0.5 * energy
+    }
 }
 
 impl<'a> Weave<'a> {
@@ -268,6 +334,7 @@ impl<'a> Weave<'a> {
                     .map(|(i, j)| per_gap(i, j))
                     .collect(),
                 scale: own.stiffness.iter().map(|k| 0.5 * k * spacing_mm).collect(),
+                stacked: Over::of_threads(own, length_mm),
                 system: own,
             }
         };
@@ -287,19 +354,22 @@ impl<'a> Weave<'a> {
         gaps.map(|g| 0.5 * REST / g).collect()
     }
 
-    /// The energy of thread `i` of `side` with heights `own`, and its gradient with respect to
-    /// them. The threads that it crosses have the heights `others`, thread by thread; half the
-    /// energy of a contact is counted for each of its two threads.
+    /// The energy of thread `i` of `side`, whose threads have the heights `all`, and its gradient
+    /// with respect to the thread's own. The threads that it crosses have the heights `others`,
+    /// thread by thread; half the energy of a contact is counted for each of its two threads.
     fn thread(
         &self,
         side: &Side,
         other: &Side,
         i: usize,
-        own: &[f64],
+        all: &[f64],
         others: &[f64],
         gradient: &mut [f64],
     ) -> f64 {
         let threads = side.scale.len();
+        let crossings = gradient.len();
+        let heights = |i: usize| &all[i * crossings..][..crossings];
+        let own = heights(i);
         let per_gap = &side.per_gap[i * own.len()..][..own.len()];
         let mut energy = side.strain.add(own, side.scale[i], gradient);
         for (j, (h, per_gap)) in own.iter().zip(per_gap).enumerate() {
@@ -312,6 +382,11 @@ impl<'a> Weave<'a> {
                 gradient[j] += scale * slope * per_gap;
             }
         }
+        let stiffness = &side.system.stiffness;
+        for over in &side.stacked[i] {
+            let softer = stiffness[i].min(stiffness[over.thread]);
+            energy += over.add(softer, own, heights(over.thread), gradient);
+        }
         energy
     }
 
@@ -321,16 +396,13 @@ impl<'a> Weave<'a> {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
         let (warp, weft) = h.split_at(ends * picks);
         let (warp_gradient, weft_gradient) = gradient.split_at_mut(ends * picks);
-        let system = |side, other, own: &[f64], others: &[f64], gradient: &mut [f64], n: usize| {
-            let threads = own
-                .par_chunks(n)
-                .zip(gradient.par_chunks_mut(n))
-                .enumerate();
+        let system = |side, other, all: &[f64], others: &[f64], gradient: &mut [f64], n: usize| {
+            let threads = gradient.par_chunks_mut(n).enumerate();
             let energies: Vec<f64> = threads
                 .with_min_len(1 + MIN_CROSSINGS_PER_TASK / n)
-                .map(|(i, (own, gradient))| {
+                .map(|(i, gradient)| {
                     gradient.fill(0.0);
-                    self.thread(side, other, i, own, others, gradient)
+                    self.thread(side, other, i, all, others, gradient)
                 })
                 .collect();
             energies.iter().sum::<f64>()
@@ -344,6 +416,25 @@ impl<'a> Weave<'a> {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
         let difference = h[e * picks + p] - h[ends * picks + p * ends + e];
         self.warp.per_gap[e * picks + p] * difference / REST
+    }
+
+    /// The largest overlap of stacked threads, as a share of the sum of their radii.
+    fn stacked_compression(&self, h: &[f64]) -> f64 {
+        let (ends, picks) = (self.draft.ends(), self.draft.picks());
+        let (warp, weft) = h.split_at(ends * picks);
+        let mut most = 0.0f64;
+        for (side, h, n) in [(&self.warp, warp, picks), (&self.weft, weft, ends)] {
+            for (i, over) in side.stacked.iter().enumerate() {
+                for over in over {
+                    for c in (0..n).filter(|c| over.size[*c] > 0.0 && over.order[*c] != 0) {
+                        let gap =
+                            f64::from(over.order[c]) * (h[i * n + c] - h[over.thread * n + c]);
+                        most = most.max(1.0 - (gap + over.nearer[c]) / (over.size[c] * REST));
+                    }
+                }
+            }
+        }
+        most
     }
 
     /// See [`Relaxed::pressure`].
@@ -365,7 +456,7 @@ impl<'a> Weave<'a> {
     /// Curves in millimetres, the cloth's middle at height zero.
     fn relaxed(&self, h: &[f64]) -> Result<Relaxed, Error> {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
-        let mut compression = 0.0f64;
+        let mut compression = self.stacked_compression(h);
         for e in 0..ends {
             for p in 0..picks {
                 compression = compression.max(1.0 - self.gap(h, e, p));

@@ -8,6 +8,7 @@
 //! satin of eight. Threads of cloth flatten, so that they lie closer by [`CLOSENESS`].
 
 use crate::fit::{Changes, Threads, room_factor};
+use crate::layers::{Layers, Sheds};
 use crate::spec::YarnSpec;
 use crate::yarn::Yarn;
 use crate::{Draft, Error, Thread};
@@ -67,8 +68,11 @@ impl Draft {
     /// # Errors
     /// No yarn can be made that fits.
     pub fn sett(&self) -> Result<Sett, Error> {
-        let changes = Changes::new(self);
-        let apart = changes.mean_shares().map(|share| CLOSENESS * (1.0 + share));
+        let layers = [Sheds::Warp(self), Sheds::Weft(self)].map(Layers::new);
+        let changes = Changes::of_layers(self, &layers[0], &layers[1]);
+        let shares = Changes::mean_shares(&changes);
+        // Layers lie over each other.
+        let apart = [0, 1].map(|i| CLOSENESS * (1.0 + shares[i]) * layers[i].fullest_share());
         let given = [&self.warp, &self.weft].map(|threads| mean_spacing_mm(threads));
         // The diameter that fills given distances as the rule says.
         let filled: Vec<f64> = given
@@ -79,7 +83,10 @@ impl Draft {
         let (preset, tex) = if filled.is_empty() {
             ("cotton", USUAL_TEX)
         } else {
-            let narrowest = given.into_iter().flatten().fold(f64::INFINITY, f64::min);
+            let room =
+                |(given, layers): (Option<f64>, &Layers)| Some(given? / layers.fullest_share());
+            let rooms = given.into_iter().zip(&layers).filter_map(room);
+            let narrowest = rooms.fold(f64::INFINITY, f64::min);
             let mean = filled.iter().sum::<f64>() / filled.len() as f64;
             let diameter_mm = mean.min(narrowest);
             let count = |preset| -> Result<f64, Error> {
@@ -99,12 +106,15 @@ impl Draft {
         let counts = [self.ends(), self.picks()];
         let needed = |spacings: [Vec<f64>; 2]| {
             let [warp, weft] = spacings;
-            let threads = |name, spacing_mm: Vec<f64>| Threads {
-                name,
-                yarns: vec![yarn.clone(); spacing_mm.len()],
-                spacing_mm,
+            let threads = |name, spacing_mm: Vec<f64>, layers: &Layers| {
+                let yarns = vec![yarn.clone(); spacing_mm.len()];
+                Threads::new(name, spacing_mm, yarns, layers.clone())
             };
-            room_factor(&changes, &threads("warp", warp), &threads("weft", weft))
+            let [warp, weft] = [
+                threads("warp", warp, &layers[0]),
+                threads("weft", weft, &layers[1]),
+            ];
+            room_factor(&changes, &warp, &weft)
                 .ok_or_else(|| Error::Jammed("no yarn fits the distances of the draft".into()))
         };
         let factor = needed([even(0, counts[0]), even(1, counts[1])])?;

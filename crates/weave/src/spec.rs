@@ -11,6 +11,8 @@ pub use irregularity::{
 pub use nonwoven::{BondingSpec, NeedledSides, NeedlingSpec, NonwovenSpec};
 pub use pile::{PileKind, PileSides, PileSpec};
 
+use crate::draft::MAX_THREADS;
+use crate::runs::listed;
 use organza_basis::Rgb;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
@@ -141,10 +143,11 @@ pub enum CurveKind {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ThreadSetSpec {
-    /// Names of the yarns, which repeat along the system: one name or a list.
+    /// Names of the yarns, which repeat along the system: one name, a list, or runs such as
+    /// `"8 cotton, 1 slub"`.
     #[serde(
         default,
-        deserialize_with = "one_or_many",
+        deserialize_with = "yarn_of_threads",
         skip_serializing_if = "Vec::is_empty"
     )]
     pub yarn: Vec<String>,
@@ -366,6 +369,27 @@ impl Default for TileSpec {
 
 fn one() -> f64 {
     1.0
+}
+
+/// The yarn of each thread: a name, a list of names, or runs.
+fn yarn_of_threads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    let names = one_or_many(deserializer)?;
+    match &names[..] {
+        [text] if text.contains(',') => {
+            let name = |name: &str| Ok(name.to_owned());
+            let runs = listed(text, "a yarn such as \"8 cotton\"", name);
+            let runs = runs.map_err(serde::de::Error::custom)?;
+            let threads: usize = runs.iter().map(|(count, _)| count).sum();
+            if threads > MAX_THREADS {
+                let message = format!("expected at most {MAX_THREADS} threads, found {threads}");
+                return Err(serde::de::Error::custom(message));
+            }
+            let each = runs.into_iter();
+            let each = each.flat_map(|(count, name)| std::iter::repeat_n(name, count));
+            Ok(each.collect())
+        }
+        _ => Ok(names),
+    }
 }
 
 /// A string or a list of strings.

@@ -17,6 +17,7 @@ use crate::draft::MAX_THREADS;
 use crate::dye::Dye;
 use crate::fit::{Threads, fit, needed_room};
 use crate::knit::Knit;
+use crate::layers::{Layers, Sheds};
 use crate::path::Hermite;
 use crate::relax::System;
 use crate::section::ThreadSection;
@@ -36,6 +37,9 @@ pub type Loader<'a> = &'a dyn Fn(&str) -> std::io::Result<Vec<u8>>;
 /// The largest number of crossings or loops in a tile: the relaxation takes about 300 bytes for
 /// each.
 const MAX_IN_TILE: usize = 1 << 22;
+/// The largest number of crossings of several layers: up to eight stacked threads at each take
+/// about 60 bytes more.
+const MAX_IN_LAYERS: usize = 1 << 20;
 
 impl Cloth {
     /// Makes a cloth from its description. `load` fetches the files that the
@@ -220,13 +224,24 @@ pub(super) fn weave(
     };
     let warp_spun = spin(&warp_yarns, ends, &weft_mm, 0);
     let weft_spun = spin(&weft_yarns, picks, &warp_mm, ends);
-    let beside = |name, spacing_mm, spun: &'_ [Spun]| Threads {
-        name,
-        spacing_mm,
-        yarns: spun.iter().map(|s| s.yarn.clone()).collect(),
+    let beside = |name, sheds, spacing_mm: Vec<f64>, spun: &'_ [Spun]| {
+        let layers = match design {
+            None => Layers::new(sheds),
+            // Blocks of a design lie side by side.
+            Some(_) => Layers::single(spacing_mm.len()),
+        };
+        let yarns = spun.iter().map(|s| s.yarn.clone()).collect();
+        Threads::new(name, spacing_mm, yarns, layers)
     };
-    let warp = beside("warp", warp_mm, &warp_spun);
-    let weft = beside("weft", weft_mm, &weft_spun);
+    let warp = beside("warp", Sheds::Warp(&draft), warp_mm, &warp_spun);
+    let weft = beside("weft", Sheds::Weft(&draft), weft_mm, &weft_spun);
+    if warp.layers.count.max(weft.layers.count) > 1 && ends * picks > MAX_IN_LAYERS {
+        let message = format!(
+            "{ends} ends x {picks} picks of several layers in one tile are more than \
+             {MAX_IN_LAYERS} crossings"
+        );
+        return Err(Error::spec("tile.repeats", message));
+    }
     if fabric.fit_yarn
         && let Some((finer, warning)) = finer_yarns(fabric, &yarns, &warp, &weft, &draft, design)
     {
@@ -239,14 +254,14 @@ pub(super) fn weave(
         Some(synthesis) => fit_of_design(&synthesis.design, &warp, &weft)?,
     };
     let threads = [&warp, &weft];
-    let (mut warp, weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
+    let (mut warp, mut weft) = (system(&warp, &fitted.warp), system(&weft, &fitted.weft));
     let widths_mm = [
         widths_mm(threads[0], &fitted.warp),
         widths_mm(threads[1], &fitted.weft),
     ];
     mark_by_reed(fabric, &mut warp, &widths_mm[0])?;
     let sways = thread_sways(fabric, [&warp, &weft], widths_mm, seed)?;
-    let systems = [&warp, &weft];
+    let systems = [&mut warp, &mut weft];
     let max_iterations = fabric.relaxation.max_iterations;
     let mut rest = at_rest(&draft, threads, systems, &fitted, &sways, max_iterations)?;
     if let Some(synthesis) = design {
@@ -485,20 +500,12 @@ fn widths_mm(threads: &Threads, flatten: &[DVec2]) -> Vec<f64> {
 
 /// The threads of a system with their cross-sections, at their positions.
 fn system(threads: &Threads, flatten: &[DVec2]) -> System {
-    let mut period_mm = 0.0;
-    let position_mm = threads.spacing_mm.iter().map(|s| {
-        period_mm += s;
-        period_mm - 0.5 * s
-    });
+    let each = threads.yarns.iter().zip(flatten);
     System {
-        position_mm: position_mm.collect(),
-        half_height_mm: threads
-            .yarns
-            .iter()
-            .zip(flatten)
-            .map(|(y, f)| f.y * y.radius_mm())
-            .collect(),
+        position_mm: threads.position_mm.clone(),
+        half_height_mm: each.map(|(y, f)| f.y * y.radius_mm()).collect(),
         stiffness: threads.yarns.iter().map(|y| y.stiffness).collect(),
-        period_mm,
+        period_mm: threads.period_mm(),
+        stacked: Vec::new(),
     }
 }

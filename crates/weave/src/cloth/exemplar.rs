@@ -5,6 +5,7 @@ use super::repeats::{lcm, repeats, threads};
 use super::yarns::Yarns;
 use super::{Cloth, Loader};
 use crate::fit::{Fit, Threads, fit, needed_room};
+use crate::layers::Layers;
 use crate::spec::{FabricGeometry, ThreadSetSpec};
 use crate::synthesis::{Exemplar, Synthesis, SynthesisSpec};
 use crate::{Draft, Error};
@@ -166,10 +167,10 @@ pub(super) fn needed_room_of_design(design: &Draft, warp: &Threads, weft: &Threa
 
 /// As many threads as the design has, each like the first of the exemplar.
 fn threads_of_design(design: &Draft, warp: &Threads, weft: &Threads) -> [Threads; 2] {
-    [(warp, design.ends()), (weft, design.picks())].map(|(threads, count)| Threads {
-        name: threads.name,
-        spacing_mm: vec![threads.spacing_mm[0]; count],
-        yarns: vec![threads.yarns[0].clone(); count],
+    [(warp, design.ends()), (weft, design.picks())].map(|(threads, count)| {
+        let spacing_mm = vec![threads.spacing_mm[0]; count];
+        let yarns = vec![threads.yarns[0].clone(); count];
+        Threads::new(threads.name, spacing_mm, yarns, Layers::single(count))
     })
 }
 

@@ -3,6 +3,7 @@
 
 use super::lean;
 use crate::fit::{Fit, Threads};
+use crate::layers::{Sheds, Stacked};
 use crate::path::{Hermite, Path};
 use crate::relax::{Relaxed, System, relax};
 use crate::section::{Pressed, ThreadSection};
@@ -38,15 +39,16 @@ pub(super) struct AtRest {
 pub(super) fn at_rest(
     draft: &Draft,
     [warp, weft]: [&Threads; 2],
-    [warp_system, weft_system]: [&System; 2],
+    [warp_system, weft_system]: [&mut System; 2],
     fitted: &Fit,
     sways: &[Vec<Sway>; 2],
     max_iterations: u64,
 ) -> Result<AtRest, Error> {
-    let rest = |touching_mm: Option<&[f64]>| {
-        relax(draft, warp_system, weft_system, touching_mm, max_iterations)
-    };
-    let even = rest(None)?;
+    let evenly = |_: usize, _: usize| 1.0;
+    warp_system.stacked = stacked(Sheds::Warp(draft), warp, &fitted.warp, warp_system, &evenly);
+    weft_system.stacked = stacked(Sheds::Weft(draft), weft, &fitted.weft, weft_system, &evenly);
+    let (warp_system, weft_system) = (&*warp_system, &*weft_system);
+    let even = relax(draft, warp_system, weft_system, None, max_iterations)?;
     let flattens = |t: &Threads| t.yarns.iter().any(|y| y.flattening.is_some());
     if !flattens(warp) && !flattens(weft) {
         let sections = |all: &[DVec2]| all.iter().copied().map(ThreadSection::even).collect();
@@ -78,6 +80,38 @@ pub(super) fn at_rest(
     let crossing = |c: usize| (c / picks, c % picks);
     let (of_warp, of_weft) = (warp.factors(), weft.factors());
     let (of_warp, of_weft) = (warp.at_crossings(&of_warp), weft.at_crossings(&of_weft));
+    let flat = |threads, flatten, sheds, system: &System, factors: &[f64], crossings: usize| {
+        let factor = |i: usize, c: usize| factors[i * crossings + c];
+        System {
+            stacked: stacked(sheds, threads, flatten, system, &factor),
+            ..system.clone()
+        }
+    };
+    let flat_warp = flat(
+        warp.threads,
+        warp.flatten,
+        Sheds::Warp(draft),
+        warp_system,
+        &of_warp,
+        picks,
+    );
+    let flat_weft = flat(
+        weft.threads,
+        weft.flatten,
+        Sheds::Weft(draft),
+        weft_system,
+        &of_weft,
+        ends,
+    );
+    let rest = |touching_mm: &[f64]| {
+        relax(
+            draft,
+            &flat_warp,
+            &flat_weft,
+            Some(touching_mm),
+            max_iterations,
+        )
+    };
     let mut touching_mm: Vec<f64> = (0..ends * picks)
         .map(crossing)
         .map(|(e, p)| {
@@ -85,7 +119,7 @@ pub(super) fn at_rest(
                 + weft_system.half_height_mm[p] / of_weft[p * ends + e]
         })
         .collect();
-    let mut relaxed = rest(Some(&touching_mm))?;
+    let mut relaxed = rest(&touching_mm)?;
     for _ in 0..MOVES {
         let (warp, weft) = (warp.surfaces(&relaxed.warp), weft.surfaces(&relaxed.weft));
         let depth_mm = |c: usize| {
@@ -109,13 +143,32 @@ pub(super) fn at_rest(
         if deepest < DEPTH_LEFT {
             break;
         }
-        relaxed = rest(Some(&touching_mm))?;
+        relaxed = rest(&touching_mm)?;
     }
     Ok(AtRest {
         warp: warp.sections(&relaxed.warp, DVec3::Y, &sways[0]),
         weft: weft.sections(&relaxed.weft, DVec3::X, &sways[1]),
         relaxed,
     })
+}
+
+/// The pairs of threads of a system that lie over each other, which are so many times wider at
+/// their crossings than their even sections.
+fn stacked(
+    sheds: Sheds,
+    threads: &Threads,
+    flatten: &[DVec2],
+    system: &System,
+    widening: &dyn Fn(usize, usize) -> f64,
+) -> Vec<Stacked> {
+    let half_mm = |i: usize, c: usize| {
+        let factor = widening(i, c);
+        threads.yarns[i].radius_mm() * flatten[i] * DVec2::new(factor, factor.recip())
+    };
+    let position_mm = &system.position_mm;
+    threads
+        .layers
+        .stacked(sheds, position_mm, system.period_mm, &half_mm)
 }
 
 /// One system of threads and what presses on it.
@@ -134,13 +187,13 @@ impl Side<'_> {
     /// Factors on the width of each thread where it is pressed and where it is free. It becomes
     /// no wider than its space.
     fn factors(&self) -> Vec<[f64; 2]> {
-        let each = self.threads.yarns.iter().zip(&self.threads.spacing_mm);
+        let each = self.threads.yarns.iter().zip(&self.threads.room_mm);
         each.zip(self.flatten)
-            .map(|((yarn, spacing_mm), flatten)| {
+            .map(|((yarn, room_mm), flatten)| {
                 let Some(flattening) = yarn.flattening else {
                     return [1.0; 2];
                 };
-                let room = spacing_mm / (2.0 * yarn.radius_mm() * flatten.x);
+                let room = room_mm / (2.0 * yarn.radius_mm() * flatten.x);
                 [flattening.crossing.min(room.max(1.0)), flattening.float]
             })
             .collect()

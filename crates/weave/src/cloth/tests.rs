@@ -5,6 +5,7 @@ mod displaced;
 mod flattening;
 mod imported;
 mod irregular;
+mod layered;
 mod nonwoven;
 mod openwork;
 mod pile;

@@ -7,6 +7,7 @@ fn system(n: usize, spacing_mm: f64, radius_mm: f64, stiffness: f64) -> System {
         period_mm: n as f64 * spacing_mm,
         half_height_mm: vec![radius_mm; n],
         stiffness: vec![stiffness; n],
+        stacked: Vec::new(),
     }
 }
 
@@ -91,6 +92,12 @@ fn the_gradient_agrees_with_finite_differences() {
     let (mut warp, mut weft) = (random_system(5, &mut rng), random_system(4, &mut rng));
     warp.half_height_mm[2] = 0.5;
     weft.stiffness[1] = 3.0;
+    warp.stacked.push(Stacked {
+        threads: [1, 3],
+        order: vec![1, 0, -1, 1],
+        apart_mm: vec![0.3, 0.3, 0.1, 0.0],
+        above_mm: vec![0.4; 4],
+    });
     let weave = Weave::new(&draft, &warp, &weft, None);
     // Gaps on both sides of contact, some inside the expansion.
     let h: Vec<f64> = weave
