@@ -9,7 +9,7 @@
 
 use super::Note;
 use super::place::Level;
-use super::table::RadianceTable;
+use super::table::{LEAST_CARRIED, RadianceTable};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -90,7 +90,8 @@ impl Flow {
 
     fn add(&mut self, from: usize, arrival: &Note, light: Vec3) {
         self.sums[from].carried += arrival.carried;
-        self.sums[from].found += light - arrival.found;
+        // Roundings below zero are no light.
+        self.sums[from].found += (light - arrival.found).max(Vec3::ZERO);
     }
 
     /// What is read at all fibres but the first.
@@ -120,7 +121,7 @@ impl Flow {
                     .iter()
                     .map(|(to, carried)| *carried * radiance[*to as usize]);
                 let light = found + flows.sum::<Vec3>();
-                let is_known = carried.cmpgt(Vec3::ZERO);
+                let is_known = carried.cmpgt(LEAST_CARRIED);
                 Vec3::select(is_known, light / carried, radiance[bin])
             };
             let next: Vec<Vec3> = (0..radiance.len())
@@ -144,7 +145,7 @@ impl Flow {
             sums.light_before += q * sums.carried;
             (sums.carried, sums.found) = (Vec3::ZERO, Vec3::ZERO);
             let (before, light) = (sums.carried_before, sums.light_before);
-            let mean = Vec3::select(before.cmpgt(Vec3::ZERO), light / before, q);
+            let mean = Vec3::select(before.cmpgt(LEAST_CARRIED), light / before, q);
             self.table.set_radiance(bin, mean);
         }
         // Others take their room.

@@ -3,6 +3,9 @@
 use super::place::{Level, Place};
 use glam::Vec3;
 
+/// What paths must carry in a channel for its radiance to be known: less is lost in roundings.
+pub const LEAST_CARRIED: Vec3 = Vec3::splat(1e-30);
+
 /// What a bin holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]

@@ -10,7 +10,7 @@
 
 use super::Note;
 use super::place::{Level, Place};
-use super::table::{Entry, RadianceTable, home};
+use super::table::{Entry, LEAST_CARRIED, RadianceTable, home};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -100,7 +100,7 @@ impl Sums {
 
     fn radiance(&self) -> Vec3 {
         let q = self.found / self.carried;
-        Vec3::select(self.carried.cmpgt(Vec3::ZERO), q, Vec3::ZERO)
+        Vec3::select(self.carried.cmpgt(LEAST_CARRIED), q, Vec3::ZERO)
     }
 }
 
