@@ -283,17 +283,8 @@ model = "{model}"
         green.collect()
     };
     let make = |texels: &str| {
-        let size = ["table", "cloth.toml", "-o", "cloth.bsdf", "--spp", "64"];
-        let texture = [
-            "--texels",
-            texels,
-            "--texel-spp",
-            "64",
-            "--held-out",
-            "0",
-            "--json",
-        ];
-        succeed(&folder, &[&size[..], &texture].concat())
+        let table = "table cloth.toml -o cloth.bsdf --spp 64 --texel-spp 64 --held-out 0 --json";
+        succeed(&folder, &[&argv(table)[..], &["--texels", texels]].concat())
     };
     let made = make("256");
     assert!(made.contains("\"texels\""), "{made}");

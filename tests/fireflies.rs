@@ -42,7 +42,7 @@ fn no_sample_of_the_standard_scenes_is_a_firefly() {
         ];
         arguments.extend(["--spp", spp, "--set", &size]);
         if !full && name == "first_light.toml" {
-            arguments.extend(["--set", "object.0.voxel_um=12.0"]);
+            arguments.extend(["--set", "object.0.voxel_um=24.0"]);
         }
         let file = light.map(|file| format!("light.0.file={file}"));
         arguments.extend(file.iter().flat_map(|file| ["--set", file]));

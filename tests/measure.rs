@@ -14,37 +14,7 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()
 }
 
-#[test]
-fn the_slab_agrees_with_an_independent_renderer_at_every_pair() {
-    let folder = folder("measure-slab");
-    write_slab(&folder);
-    let table = include_str!("data/slab_mitsuba.csv");
-    std::fs::write(folder.join("pairs.csv"), table).unwrap();
-    let mut arguments = vec!["measure", "slab.toml", "--pairs", "pairs.csv"];
-    arguments.extend(["--spp", "40000", "--seed", "3", "-o", "out.csv"]);
-    succeed(&folder, &arguments);
-    let got = read(&folder, "out.csv");
-    assert!(got.starts_with("theta_i,phi_i,theta_o,phi_o,r,g,b,se_r,se_g,se_b\n"));
-    let (got, expected) = (csv_numbers(&got), csv_numbers(table));
-    assert_eq!((got.len(), expected.len()), (16, 16));
-    for (g, e) in got.iter().zip(&expected) {
-        assert_eq!(g[..4], e[..4]);
-        for c in 4..7 {
-            let distance = (g[c] - e[c]).abs() / g[c + 3].hypot(e[c + 3]);
-            assert!(distance < 4.0, "seed 3: {g:?} against {e:?}");
-        }
-    }
-    // Another number of threads, the same bytes.
-    let bytes = |threads: &str, name: &str| {
-        let mut arguments = vec!["measure", "slab.toml", "--pairs", "pairs.csv"];
-        arguments.extend(["--spp", "3000", "--threads", threads, "-o", name]);
-        succeed(&folder, &arguments);
-        read(&folder, name)
-    };
-    assert_eq!(bytes("1", "one.csv"), bytes("2", "two.csv"));
-}
-
-/// A table in parts is the whole table, byte for byte.
+/// A table in parts, or by another number of threads, is the whole table, byte for byte.
 #[test]
 fn rows_measured_apart_make_the_whole_table() {
     let folder = folder("measure-rows");
@@ -64,7 +34,8 @@ fn rows_measured_apart_make_the_whole_table() {
             );
             read(&folder, "out.csv")
         };
-        let whole = measure(&[]);
+        let whole = measure(&["--threads", "1"]);
+        assert_eq!(measure(&["--threads", "2"]), whole, "{more:?}");
         let mut joined = String::new();
         for rows in parts {
             let part = measure(&["--rows", rows]);

@@ -9,7 +9,7 @@ use std::path::Path;
 
 const SCENE: &str = r#"
 [render]
-spp = 64
+spp = 16
 [camera]
 kind = "orthographic"
 origin_mm = [0.0, 0.0, 3.0]

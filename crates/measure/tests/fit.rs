@@ -122,7 +122,7 @@ fn planted_shapes_are_recovered_within_their_intervals() {
     let full = organza_testing::is_full();
     let patience = Patience {
         scan: if full { 200 } else { 30 },
-        steps: if full { 400 } else { 200 },
+        steps: if full { 400 } else { 100 },
         stride: 1e-3,
     };
     let fitted = fit_surface(&start, &data, &patience, &mut || ()).unwrap();

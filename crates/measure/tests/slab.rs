@@ -102,7 +102,7 @@ fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
 
 #[test]
 fn agrees_with_an_independent_renderer_and_the_twin_does_not() {
-    let paths = organza_testing::sized(40_000, 400_000);
+    let paths = organza_testing::sized(4_000, 400_000);
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let all = distances(&slab(integrator), paths, 7);
         assert!(
@@ -128,10 +128,10 @@ fn the_bsdf_is_reciprocal() {
     let there: Vec<Pair> = some.iter().map(|&(a, b)| pair(a, b)).collect();
     let back: Vec<Pair> = some.iter().map(|&(a, b)| pair(b, a)).collect();
     let slab = slab(Integrator::Woodcock);
-    let a = measure_pairs(&slab, &there, &effort(60_000, 11), &|_| ()).unwrap();
-    let b = measure_pairs(&slab, &back, &effort(60_000, 12), &|_| ()).unwrap();
+    let a = measure_pairs(&slab, &there, &effort(10_000, 11), &|_| ()).unwrap();
+    let b = measure_pairs(&slab, &back, &effort(10_000, 12), &|_| ()).unwrap();
     let twin = ForgottenCosine(slab);
-    let wrong = measure_pairs(&twin, &back, &effort(60_000, 12), &|_| ()).unwrap();
+    let wrong = measure_pairs(&twin, &back, &effort(10_000, 12), &|_| ()).unwrap();
     let mut rejected = 0;
     for ((a, b), wrong) in a.list.iter().zip(&b.list).zip(&wrong.list) {
         for c in 0..3 {
@@ -154,7 +154,7 @@ fn the_bsdf_is_reciprocal() {
 fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
     let slab = slab(Integrator::Woodcock);
     let incident = [angles(0.0, 0.0), angles(60.0, 35.0), angles(140.0, 80.0)];
-    let results = measure_albedos(&slab, &incident, &effort(40_000, 3), &|_| ()).unwrap();
+    let results = measure_albedos(&slab, &incident, &effort(20_000, 3), &|_| ()).unwrap();
     for a in &results.list {
         for c in 0..3 {
             let (sum, se) = (a.sum.mean[c], a.sum.se[c]);
@@ -168,13 +168,13 @@ fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
         let depth = f64::from(SIGMA_PER_MM * THICKNESS_MM) * area / w.z.abs();
         let distance = (a.direct.mean[0] - (-depth).exp()).abs();
         // The deviation of a share is known before it is measured.
-        let se = ((-depth).exp() / 40_000.0).sqrt();
+        let se = ((-depth).exp() / 20_000.0).sqrt();
         assert!(distance < 4.0 * se, "seed 3: {distance} against {se}");
     }
-    let (open, se) = measure_openness(&slab, &effort(40_000, 3)).unwrap();
+    let (open, se) = measure_openness(&slab, &effort(20_000, 3)).unwrap();
     assert!((open - (-6f64).exp()).abs() < 4.0 * se, "{open} +- {se}");
     let twin = ForgottenCosine(slab);
-    let wrong = measure_albedos(&twin, &incident, &effort(40_000, 3), &|_| ()).unwrap();
+    let wrong = measure_albedos(&twin, &incident, &effort(20_000, 3), &|_| ()).unwrap();
     let sum = wrong.list[0].sum;
     assert!((sum.mean[2] - 1.0).abs() > 10.0 * sum.se[2]);
 }
@@ -185,10 +185,10 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     // comes from the cosine distribution, so f / density is pi f.
     let slab = slab(Integrator::Woodcock);
     let from = angles(50.0, 20.0);
-    let results = measure_albedos(&slab, &[from], &effort(60_000, 5), &|_| ()).unwrap();
+    let results = measure_albedos(&slab, &[from], &effort(30_000, 5), &|_| ()).unwrap();
     let mut sides = [[Moments::default(); 3]; 2];
     let mut stats = Stats::default();
-    for path in 0..60_000 {
+    for path in 0..30_000 {
         let mut rng = PathRng::new(6, 0, path);
         for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
             let w_in = warp::cosine_hemisphere(rng.unit2()).with_z_sign(sign);

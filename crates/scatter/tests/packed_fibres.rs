@@ -401,7 +401,7 @@ fn packed_slabs_are_nearly_reciprocal() {
         (view(-70.0, 30.0), view(40.0, -30.0)),
         (view(30.0, 60.0), view(-10.0, -60.0)),
     ];
-    let pairs = &pairs[..if is_full() { 4 } else { 2 }];
+    let pairs = &pairs[..if is_full() { 4 } else { 1 }];
     for &(a, b) in pairs {
         for (how, admitted) in [
             (How::Explicit, 0.035),

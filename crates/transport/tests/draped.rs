@@ -87,7 +87,7 @@ fn scene(media: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
 fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
     let settings = RenderSettings {
         integrator,
-        samples: 0..organza_testing::sized(256, 2048),
+        samples: 0..organza_testing::sized(128, 2048),
         max_bounces: 40,
         seed,
         crop: None,

@@ -11,7 +11,7 @@ use organza_basis::Rgb;
 use organza_basis::curve::{Segment, SegmentList};
 use organza_kernel::Refusal;
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre, Section};
-use organza_testing::twisted_weave;
+use organza_testing::{sized, twisted_weave};
 use organza_transport::*;
 use std::ops::ControlFlow;
 
@@ -97,7 +97,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 
 /// Holds the kernel to the general walk; gives the counts of both.
 pub fn assert_agreement(name: &str, scene: &Scene) -> [Stats; 2] {
-    let settings = settings(0..samples(), u32::MAX);
+    let settings = settings(0..sized(1024, 65_536), u32::MAX);
     let (oracle, of_walk) = film(scene, &settings, None);
     let (own, stats) = by_cells(scene, &settings, Backend::widest());
     assert_eq!(stats.rejected, 0, "{name}");
