@@ -3,6 +3,7 @@
 use crate::strand::Strand;
 use glam::{DVec2, DVec3};
 use organza_basis::Segment;
+use std::cell::Cell;
 
 /// Size and material of a curve at a point.
 #[derive(Clone, Copy)]
@@ -16,7 +17,7 @@ impl Strand<'_> {
     /// The centreline, with the mean radius of the cross-section.
     pub fn emit_yarn(&self, emit: &mut dyn FnMut(&Segment)) {
         let radius = self.yarn.radius_mm() * self.section.area().sqrt();
-        let look = |s: f64| self.whole(self.scale(s) * radius);
+        let look = |s: f64, _| self.whole(self.scale(s) * radius);
         self.emit_period(0, |_| DVec2::ZERO, look, emit);
     }
 
@@ -24,7 +25,7 @@ impl Strand<'_> {
     pub fn emit_plies(&self, emit: &mut dyn FnMut(&Segment)) {
         let radius = self.yarn.ply_radius_mm * self.section.area().sqrt();
         let turned = self.ply_phase();
-        let look = |s: f64| self.whole(self.scale(s) * radius);
+        let look = |s: f64, _| self.whole(self.scale(s) * radius);
         for ply in 0..self.yarn.plies {
             let centre = |s| self.scale(s) * self.ply_centre(ply, turned, s);
             self.emit_period(ply, centre, look, emit);
@@ -41,28 +42,38 @@ impl Strand<'_> {
 
     /// One curve through the period: `offset` gives its place in the round cross-section at a
     /// share of the period, which may lie slightly outside 0 to 1, and `look` its size and
-    /// material. Returns the number after the last that the curve took.
+    /// material at a share of the period and this place. Returns the number after the last that
+    /// the curve took.
     pub fn emit_period(
         &self,
         fibre: u32,
         offset: impl Fn(f64) -> DVec2,
-        look: impl Fn(f64) -> Look,
+        look: impl Fn(f64, DVec2) -> Look,
         emit: &mut dyn FnMut(&Segment),
     ) -> u32 {
         let length = self.path.length_mm();
-        let share = |i: isize| self.path.arc_at(i) / length;
+        // The share of the period and the place of the last point and of the one before, which
+        // is looked at next.
+        let last = Cell::new([(0.0, DVec2::ZERO); 2]);
         let point = |i: isize| {
-            self.path
-                .offset(i, self.section.at(share(i)) * offset(share(i)))
+            let share = self.path.arc_at(i) / length;
+            let place = offset(share);
+            last.set([last.get()[1], (share, place)]);
+            self.path.offset(i, self.section.at(share) * place)
+        };
+        let look = |_| {
+            let (share, place) = last.get()[0];
+            look(share, place)
         };
         let steps = self.path.steps() as isize;
-        self.emit_curve(fibre, steps, point, |i| look(share(i)), emit)
+        self.emit_curve(fibre, steps, point, look, emit)
     }
 
     /// A curve through the points 0 to `steps`; the points before and after give the tangents
     /// at its ends. A tangent is the direction of the chord over two steps, which needs no
     /// derivative of the frame and is continuous across the border of the tile. Where the
-    /// radius is 0 the curve is cut, and its next piece has the next number. Returns the number
+    /// radius is 0 the curve is cut, and its next piece has the next number. Points are asked for
+    /// in their order, and the look of each once the next point is known. Returns the number
     /// after the last.
     pub fn emit_curve(
         &self,

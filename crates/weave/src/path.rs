@@ -101,6 +101,8 @@ pub(crate) struct Path {
     pub period: DVec3,
     /// True when the line ends at the last point.
     open: bool,
+    /// The coordinate, x or y, in which the line goes farthest, if that never falls along it.
+    advancing: Option<usize>,
 }
 
 impl Path {
@@ -199,6 +201,9 @@ impl Path {
             length += pair[0].distance(pair[1]);
             arc_mm.push(length);
         }
+        let span = points[points.len() - 1] - points[0];
+        let axis = usize::from(span.y > span.x);
+        let advances = points.windows(2).all(|p| p[0][axis] <= p[1][axis]);
         Path {
             points,
             lateral,
@@ -206,6 +211,7 @@ impl Path {
             arc_mm,
             period,
             open: false,
+            advancing: advances.then_some(axis),
         }
     }
 
@@ -347,9 +353,97 @@ impl Path {
         (k, t)
     }
 
+    /// The sample nearest to a point, among those of the period and one on either side; the
+    /// first of several.
+    pub fn nearest(&self, at: DVec3) -> isize {
+        let steps = self.steps() as isize;
+        let (first, last) = match self.open {
+            true => (0, steps),
+            false => (-steps, 2 * steps),
+        };
+        let sample = |i: isize| self.offset(i, DVec2::ZERO);
+        let Some(axis) = self.advancing else {
+            let square = |i: &isize| sample(*i).distance_squared(at);
+            let all = first..=last;
+            return all
+                .min_by(|a, b| square(a).total_cmp(&square(b)))
+                .unwrap_or(0);
+        };
+        // From the samples beside the point on, those that lie farther along the line than the
+        // nearest so far cannot be nearer.
+        let (mut low, mut high) = (first, last + 1);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            match sample(middle)[axis] < at[axis] {
+                true => low = middle + 1,
+                false => high = middle,
+            }
+        }
+        let mut found = (f64::INFINITY, first);
+        for i in low..=last {
+            let point = sample(i);
+            if (point[axis] - at[axis]).powi(2) > found.0 {
+                break;
+            }
+            let square = point.distance_squared(at);
+            if square < found.0 {
+                found = (square, i);
+            }
+        }
+        for i in (first..low).rev() {
+            let point = sample(i);
+            if (point[axis] - at[axis]).powi(2) > found.0 {
+                break;
+            }
+            let square = point.distance_squared(at);
+            if square <= found.0 {
+                found = (square, i);
+            }
+        }
+        found.1
+    }
+
     /// Length from the first point to sample `i`, which may lie outside.
     pub fn arc_at(&self, i: isize) -> f64 {
         let n = self.steps() as isize;
         self.arc_mm[i.rem_euclid(n) as usize] + i.div_euclid(n) as f64 * self.length_mm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::PathRng;
+
+    #[test]
+    fn the_nearest_sample_is_the_one_that_trying_all_finds() {
+        let knots_mm: Vec<f64> = (0..=6).map(|k| 0.25 * f64::from(k)).collect();
+        let curve = Hermite {
+            knots_mm: knots_mm.into(),
+            height_mm: vec![0.1, 0.0, -0.1, 0.0, 0.1, 0.0],
+            slope: vec![0.0, -0.6, 0.0, 0.6, 0.0, -0.6],
+        };
+        let woven = Path::woven(&curve, DVec3::Y, DVec3::new(0.3, 0.1, 0.0), 16, 0.0, None);
+        assert_eq!(woven.advancing, Some(1));
+        // A line that turns back has no coordinate that never falls.
+        let bends = [[0.0, 0.0], [0.5, 0.4], [0.2, 0.1], [0.9, 0.6]];
+        let bends = bends.map(|[x, y]| DVec3::new(x, y, 0.05));
+        for path in [
+            woven,
+            Path::through(&bends, Some(DVec3::X), 0.02),
+            Path::through(&bends, None, 0.02),
+            Path::through(&[DVec3::ZERO, DVec3::X, 2.0 * DVec3::X], None, 0.02),
+        ] {
+            let steps = path.steps() as isize;
+            for i in 0..2000 {
+                let mut rng = PathRng::new(5, 0, i);
+                let u = DVec3::from([0; 3].map(|_| f64::from(rng.unit())));
+                let at = 4.0 * (u - 0.5) * DVec3::new(1.0, 1.0, 0.1);
+                let square = |i: &isize| path.offset(*i, DVec2::ZERO).distance_squared(at);
+                let all = (-steps..=2 * steps).filter(|&i| path.has(i));
+                let best = all.min_by(|a, b| square(a).total_cmp(&square(b)));
+                assert_eq!(Some(path.nearest(at)), best, "seed 5: {at}");
+            }
+        }
     }
 }

@@ -115,12 +115,7 @@ pub(crate) struct Beside<'a> {
 impl Beside<'_> {
     /// Starts at the sample nearest to a point, among those of the period and one on either side.
     pub fn search(&mut self, at: DVec3) {
-        let path = self.strand.path;
-        let steps = path.steps() as isize;
-        let square = |i: isize| path.offset(i, DVec2::ZERO).distance_squared(at);
-        let all = (-steps..=2 * steps).filter(|&i| path.has(i));
-        let nearest = all.min_by(|&a, &b| square(a).total_cmp(&square(b)));
-        self.nearest = nearest.unwrap_or(0);
+        self.nearest = self.strand.path.nearest(at);
     }
 
     /// Follows the yarn to the sample nearest to a point. Gives the unit direction from the

@@ -89,11 +89,11 @@ impl Strand<'_> {
                     let shift = shifts.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
                     self.place(fibre, winding, ply_phase, s).shifted(shift)
                 };
-                let look = |s: f64| Look {
+                let look = |s: f64, place: DVec2| Look {
                     radius_mm: self.radius_mm(fibre, winding, s),
                     material: fibre
                         .dye
-                        .at(|| place(s).length() / (self.scale(s) * self.yarn.radius_mm())),
+                        .at(|| place.length() / (self.scale(s) * self.yarn.radius_mm())),
                 };
                 id = self.emit_period(id, place, look, emit);
             }

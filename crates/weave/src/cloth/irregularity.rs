@@ -1,11 +1,12 @@
 //! How irregular the threads of a cloth came out.
 
-use super::{Centreline, Cloth, CurveLevel};
+use super::{Centreline, Cloth, CurveLevel, ThreadAtRest};
 use crate::protruding::Beside;
 use crate::strand::Strand;
 use crate::sway::Sway;
 use glam::DVec2;
 use organza_basis::Segment;
+use rayon::prelude::*;
 
 /// Samples along a thread.
 const SAMPLES: usize = 256;
@@ -95,13 +96,15 @@ impl System {
         }
     }
 
-    fn add(&mut self, strand: &Strand, sway: Option<&Sway>) {
+    /// Adds a thread; `protruding_mm` is the length of its hairs outside the yarn, if it is
+    /// measured.
+    fn add(&mut self, strand: &Strand, sway: Option<&Sway>, protruding_mm: Option<f64>) {
+        self.threads += 1;
         for i in 0..SAMPLES {
             let s = i as f64 / SAMPLES as f64;
             self.sideways
                 .add(sway.map_or(0.0, |sway| sway.across_mm(s)));
         }
-        self.threads += 1;
         let fibres = f64::from(strand.yarn.fibres_per_ply * strand.yarn.plies);
         let length_mm = strand.path.length_mm();
         let twist = strand.closure.twist_rad_per_mm(length_mm);
@@ -115,9 +118,9 @@ impl System {
             self.mass.add(fibres * mass);
             self.twist.add(twist / (mass * thinness));
         }
-        if self.threads <= MEASURED_THREADS {
+        if let Some(protruding_mm) = protruding_mm {
             self.measured_mm += length_mm;
-            self.protruding_mm += protruding_mm(strand);
+            self.protruding_mm += protruding_mm;
         }
     }
 
@@ -154,22 +157,55 @@ impl Cloth {
     /// How irregular the threads came out. Their hairs are generated, their fibres are not.
     pub fn irregularity(&self) -> Irregularity {
         let [mut warp, mut weft] = [(); 2].map(|()| System::new());
+        let protruding_mm = self.protruding_mm();
         for (batch, thread) in self.threads.iter().enumerate() {
-            let system = match &thread.line {
-                Centreline::Bare(_) | Centreline::Laid { .. } => continue,
-                Centreline::Woven { axis, .. } if axis.y > 0.5 => &mut warp,
-                _ => &mut weft,
+            let Some(is_warp) = is_warp(thread) else {
+                continue;
             };
+            let system = if is_warp { &mut warp } else { &mut weft };
             let path = self.path(thread, CurveLevel::Fibre);
             let sway = match &thread.line {
                 Centreline::Woven { sway, .. } => sway.as_ref(),
                 _ => None,
             };
-            system.add(&self.strand(batch, &path), sway);
+            system.add(&self.strand(batch, &path), sway, protruding_mm[batch]);
         }
         Irregularity {
             warp: warp.figures(),
             weft: weft.figures(),
         }
+    }
+
+    /// Length of all hairs outside the yarn, of each thread whose hairs are measured.
+    fn protruding_mm(&self) -> Vec<Option<f64>> {
+        let mut so_far = [0; 2];
+        let is_measured: Vec<bool> = self
+            .threads
+            .iter()
+            .map(|thread| {
+                is_warp(thread).is_some_and(|is_warp| {
+                    so_far[usize::from(is_warp)] += 1;
+                    so_far[usize::from(is_warp)] <= MEASURED_THREADS
+                })
+            })
+            .collect();
+        let measured = is_measured.into_par_iter().enumerate();
+        measured
+            .map(|(batch, is_measured)| {
+                is_measured.then(|| {
+                    let path = self.path(&self.threads[batch], CurveLevel::Fibre);
+                    protruding_mm(&self.strand(batch, &path))
+                })
+            })
+            .collect()
+    }
+}
+
+/// Whether a thread is one of the warp or of the weft; `None` of threads that are in neither.
+fn is_warp(thread: &ThreadAtRest) -> Option<bool> {
+    match &thread.line {
+        Centreline::Bare(_) | Centreline::Laid { .. } => None,
+        Centreline::Woven { axis, .. } => Some(axis.y > 0.5),
+        _ => Some(false),
     }
 }

@@ -200,7 +200,7 @@ impl Strand<'_> {
         let c = self.closure;
         // Whole sixths of a turn over the period: the hexagon then meets itself.
         let turns = (6.0 * c.turns as f64 / f64::from(c.windings())).round() / 6.0;
-        let look = |s: f64| self.whole(self.scale(s) * radius_mm);
+        let look = |s: f64, _| self.whole(self.scale(s) * radius_mm);
         let mut id = 0;
         for ply in 0..self.yarn.plies {
             for &(count, ring) in rings {
