@@ -70,6 +70,9 @@ pub enum ExplicitFibresError {
 /// strand's. An estimate.
 const BYTES_PER_JOINT: u64 = 80;
 
+/// The most joints of a tile.
+const MAX_JOINTS: u64 = u32::MAX as u64 / 8;
+
 /// Peak bytes per joint while fibres are sorted into cells that hold lists. An estimate.
 const CELL_BYTES_PER_JOINT: u64 = 320;
 
@@ -106,23 +109,25 @@ impl ExplicitFibres {
                 fibres: fibres.len(),
             });
         }
-        let joints = count_joints(source);
-        if joints == 0 {
-            return Err(ExplicitFibresError::Empty);
-        }
-        let needed = joints.saturating_mul(BYTES_PER_JOINT);
         let allowed = max_memory_bytes.unwrap_or(u64::MAX);
-        if needed > allowed {
-            return Err(ExplicitFibresError::Memory { needed, allowed });
-        }
-        if joints > u64::from(u32::MAX) / 8 {
-            return Err(ExplicitFibresError::TooMany(joints));
-        }
+        let most = (allowed / BYTES_PER_JOINT).min(MAX_JOINTS);
         let (batches, done) = (source.batch_count().max(1), AtomicUsize::new(0));
-        let curves = Curves::gather(source, &|| {
+        let curves = Curves::gather(source, most, &|| {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(0.5 * done as f32 / batches as f32);
         });
+        let Some(curves) = curves else {
+            // Only now is it worth the time to count them all.
+            let joints = count_joints(source);
+            let needed = joints.saturating_mul(BYTES_PER_JOINT);
+            return Err(match needed > allowed {
+                true => ExplicitFibresError::Memory { needed, allowed },
+                false => ExplicitFibresError::TooMany(joints),
+            });
+        };
+        if curves.joints.is_empty() {
+            return Err(ExplicitFibresError::Empty);
+        }
         let tile = source.tile();
         let bounds_mm = curves.bounds_mm(&tile);
         let cell_grid =

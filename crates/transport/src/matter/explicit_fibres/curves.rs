@@ -4,6 +4,7 @@ use glam::Vec3;
 use organza_basis::{Aabb, Segment, SegmentSource, Tile};
 use organza_kernel::fibres::{Joint, Strand, Strands};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// All curves of a tile, one after the other. Piece `k` lies between joints `k`
 /// and `k + 1` when both are of one curve.
@@ -21,6 +22,9 @@ const LONGEST_RADII: f32 = 12.0;
 /// copy.
 const ON_FACE_RADII: f32 = 0.01;
 
+/// Joints of a batch that are added to those of the others together.
+const COUNTED_TOGETHER: usize = 1 << 16;
+
 /// Pieces that a segment is divided into; none for what is no matter.
 fn division(s: &Segment) -> u32 {
     let radius = s.start_radius_mm.max(s.end_radius_mm);
@@ -33,7 +37,7 @@ fn division(s: &Segment) -> u32 {
         .clamp(1.0, 65_536.0) as u32
 }
 
-/// Joints that a source will need.
+/// Joints that a source needs.
 pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
     let in_batch = |batch| {
         let (mut joints, mut last) = (0u64, None);
@@ -71,28 +75,48 @@ impl Curves {
         box_mm
     }
 
-    /// All curves of a source. `done` is called after every finished batch.
-    pub fn gather(source: &dyn SegmentSource, done: &(dyn Fn() + Sync)) -> Curves {
-        let tile = source.tile();
-        let gathered: Vec<Curves> = (0..source.batch_count())
+    /// All curves of a source; `None` where they have more joints than `most`. `done` is called
+    /// after every finished batch.
+    pub fn gather(
+        source: &dyn SegmentSource,
+        most: u64,
+        done: &(dyn Fn() + Sync),
+    ) -> Option<Curves> {
+        let (tile, joints) = (source.tile(), AtomicU64::new(0));
+        let gathered: Option<Vec<Curves>> = (0..source.batch_count())
             .into_par_iter()
             .map(|batch| {
-                let curves = Curves::of_batch(source, batch, &tile);
+                let curves = Curves::of_batch(source, batch, &tile, (&joints, most));
                 done();
                 curves
             })
             .collect();
+        let gathered = gathered?;
         let mut all = Curves::default();
+        all.joints.reserve_exact(joints.into_inner() as usize);
         for mut one in gathered {
             let before = all.curves.len() as u32;
             one.joints.iter_mut().for_each(|j| j.strand += before);
             all.joints.append(&mut one.joints);
             all.curves.append(&mut one.curves);
         }
-        all
+        Some(all)
     }
 
-    fn of_batch(source: &dyn SegmentSource, batch: usize, tile: &Tile) -> Curves {
+    /// The curves of a batch, whose joints are added to a sum; `None` once that is too large.
+    fn of_batch(
+        source: &dyn SegmentSource,
+        batch: usize,
+        tile: &Tile,
+        (sum, most): (&AtomicU64, u64),
+    ) -> Option<Curves> {
+        // Adds what is new; true where all are too many.
+        let is_too_much = |counted: &mut usize, joints: usize| {
+            let new = (joints - *counted) as u64;
+            *counted = joints;
+            sum.fetch_add(new, Ordering::Relaxed) + new > most
+        };
+        let (mut counted, mut is_full) = (0, false);
         let mut curves = Curves::default();
         let mut last = None;
         // Joints of the last curve at which its material changes, and to which.
@@ -101,8 +125,11 @@ impl Curves {
         let origin = tile.bounds_mm.min;
         source.for_each_in_batch(batch, &mut |s| {
             let pieces = division(s);
-            if pieces == 0 {
+            if pieces == 0 || is_full {
                 return;
+            }
+            if curves.joints.len() - counted >= COUNTED_TOGETHER {
+                is_full = is_too_much(&mut counted, curves.joints.len());
             }
             let joint = |share: f32, tangent: Vec3, curve: usize| Joint {
                 position: s.start_mm.lerp(s.end_mm, share) - origin,
@@ -132,7 +159,7 @@ impl Curves {
             }
         });
         curves.close(tile, &mut changes);
-        curves
+        (!is_too_much(&mut counted, curves.joints.len())).then_some(curves)
     }
 
     /// Settles tangents and cuts of the last curve, and divides it where its material changes.

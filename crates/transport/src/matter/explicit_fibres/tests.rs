@@ -263,7 +263,7 @@ fn materials_change_along_a_fibre_and_shapes_do_not() {
     for s in &mut printed.segments {
         s.material = u16::from(s.start_mm.x.midpoint(s.end_mm.x) > 0.2);
     }
-    let [a, b] = [&plain, &printed].map(|source| Curves::gather(source, &|| ()));
+    let [a, b] = [&plain, &printed].map(|source| Curves::gather(source, u64::MAX, &|| ()).unwrap());
     assert_eq!(count_joints(&printed), b.joints.len() as u64);
     assert!(b.curves.len() > a.curves.len());
     let (of_a, of_b): (Vec<u32>, Vec<u32>) = (
