@@ -254,8 +254,15 @@ fn explicit_matter(
             _ => return Err(KernelRefusal::MixedMedia),
         }
     }
-    let matter = FibreMatter::new(&bodies, planes, max_bytes);
-    Ok(matter.map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?)
+    // The fibres themselves stay for the general walk.
+    let beside = media.iter().map(|(medium, _)| match medium {
+        AnyMedium::ExplicitFibres(fibres) => fibres.memory_bytes(),
+        _ => 0,
+    });
+    let beside: u64 = beside.sum();
+    let matter = FibreMatter::new(&bodies, planes, max_bytes.saturating_sub(beside));
+    let refused = |unfit| with_memory(Refusal::of_fibres(unfit, max_bytes), beside, max_bytes);
+    Ok(matter.map_err(refused)?)
 }
 
 /// Explicit fibres as the kernel takes them, flat or over a mesh; `None` of other matter.

@@ -17,7 +17,7 @@ use super::strands::Strands;
 use crate::cpu::prefetch;
 use glam::DVec3;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Width of a cell in radii of the fibres' mean. The time of a path is flat between 6
 /// and 7.5 for cotton and silk, and longer by 3 to 24 % at 4.
@@ -88,12 +88,31 @@ pub enum Unfit {
     Memory(u64),
 }
 
-/// A piece in a cell.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Reached {
-    pub piece: u32,
-    /// Periods by which the piece is moved to get there.
-    pub shift: [i16; 2],
+/// A piece in a cell, and the periods by which it is moved to get there, in one word: the order
+/// of pieces in a cell is that of these words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Reached(u64);
+
+impl Reached {
+    /// A piece that is moved by so many periods.
+    fn new(piece: u32, shift: [i16; 2]) -> Reached {
+        // Copies of one piece come in the order in which cells are found along it: those that are
+        // moved farthest forwards first.
+        let [x, y] = shift.map(|n| u64::from(n as u16 ^ 0x7fff));
+        Reached(u64::from(piece) << 32 | x << 16 | y)
+    }
+
+    /// The number of the piece.
+    #[inline(always)]
+    pub fn piece(self) -> u32 {
+        (self.0 >> 32) as u32
+    }
+
+    /// Periods by which it is moved.
+    #[inline(always)]
+    pub fn shift(self) -> [i16; 2] {
+        [self.0 >> 16, self.0].map(|word| (word as u16 ^ 0x7fff) as i16)
+    }
 }
 
 impl Cells {
@@ -106,17 +125,20 @@ impl Cells {
         if count as u64 + u64::from(placed.first_piece) > MAX_PIECES {
             return Err(Unfit::TooMany);
         }
-        let pieces: Vec<u32> = strands.pieces().collect();
-        let sum: f64 = pieces.iter().map(|&k| radius_mm(strands, k)).sum();
-        let mean = sum / pieces.len().max(1) as f64;
+        let (mut sum, mut pieces) = (0.0, 0);
+        for piece in strands.pieces() {
+            sum += radius_mm(strands, piece);
+            pieces += 1;
+        }
+        let mean = sum / pieces.max(1) as f64;
         let edge_mm = CELL_RADII * mean;
-        let grid = Grid::new(placed.bounds_mm, edge_mm, pieces.len(), placed.repeats);
+        let grid = Grid::new(placed.bounds_mm, edge_mm, pieces, placed.repeats);
         let copies = Copies::new(strands, &grid, placed);
-        let counting = grid.count() as u64 * size_of::<[AtomicU32; 2]>() as u64;
+        let counting = 2 * grid.count() as u64 * size_of::<[AtomicU32; 2]>() as u64;
         if counting > max_bytes {
             return Err(Unfit::Memory(counting));
         }
-        let first = starts(&copies, &grid, &pieces).ok_or(Unfit::TooMany)?;
+        let first = starts(&copies, &grid).ok_or(Unfit::TooMany)?;
         let heads = heads(&first).ok_or(Unfit::TooMany)?;
         let reached = u64::from(first[first.len() - 1]);
         let ends = heads.last().map_or((0, 0), |h| {
@@ -125,7 +147,7 @@ impl Cells {
                 h.hulls as usize + usize::from(h.hull_count),
             )
         });
-        let sorting = reached * (size_of::<(u32, Reached)>() + size_of::<Reached>()) as u64
+        let sorting = reached * size_of::<Reached>() as u64
             + counting
             + (heads.len() * size_of::<Head>()) as u64;
         let copied = (ends.0 * size_of::<Block>() + ends.1 * size_of::<HullBlock>()) as u64;
@@ -134,7 +156,7 @@ impl Cells {
         if is_listed && listed > max_bytes {
             return Err(Unfit::Memory(listed));
         }
-        let sorted = sort(&copies, &grid, &pieces, &first);
+        let sorted = sort(&copies, &grid, &first);
         let min_edge_mm = grid.cell_mm().min_element() as f32;
         let mut cells = Cells {
             half_mm: (0.5 * grid.cell_mm()).as_vec3().to_array(),
@@ -154,8 +176,8 @@ impl Cells {
             cells.lists = Some(lists);
             return Ok(cells);
         }
-        let mut blocks = vec![Block::empty(); ends.0];
-        let mut hulls = vec![HullBlock::empty(); ends.1];
+        let mut blocks = many(ends.0, Block::empty);
+        let mut hulls = many(ends.1, HullBlock::empty);
         let tasks = tasks(&heads, &mut blocks, &mut hulls);
         tasks.into_par_iter().for_each(|(cell, blocks, hulls)| {
             let cells = cell..(cell + CELLS_PER_TASK).min(heads.len());
@@ -202,30 +224,37 @@ fn radius_mm(strands: Strands<'_>, piece: u32) -> f64 {
     f64::from(a.max(b))
 }
 
-/// Calls `found` with every cell that some pieces reach.
-fn for_each_reached(
-    copies: &Copies<'_>,
-    grid: &Grid,
-    pieces: &[u32],
-    found: &mut impl FnMut(u32, Reached),
-) {
-    for &piece in pieces {
-        for_each_cell(grid, &copies.ends(piece), &mut |cell, shift| {
-            found(cell, Reached { piece, shift });
-        });
-    }
+/// So many, made by all threads.
+fn many<T: Send>(count: usize, one: impl Fn() -> T + Sync) -> Vec<T> {
+    let all = (0..count).into_par_iter().with_min_len(BATCH);
+    all.map(|_| one()).collect()
+}
+
+/// Calls `found` with every cell that a piece reaches, twice its index, and one more for a piece
+/// that is not plain; all threads do.
+fn for_each_reached(copies: &Copies<'_>, grid: &Grid, found: impl Fn(usize, Reached) + Sync) {
+    let joints = copies.joint_count();
+    let batches = (0..joints.div_ceil(BATCH)).into_par_iter();
+    batches.for_each(|batch| {
+        for joint in batch * BATCH..((batch + 1) * BATCH).min(joints) {
+            let piece = joint as u32;
+            if !copies.begins_piece(piece) {
+                continue;
+            }
+            let kind = usize::from(!copies.is_plain(piece));
+            for_each_cell(grid, &copies.ends(piece), &mut |cell, shift| {
+                found(2 * cell as usize + kind, Reached::new(piece, shift));
+            });
+        }
+    });
 }
 
 /// Where the plain pieces and then the others of every cell begin in the order of cells,
 /// and where the last ends; `None` when there are too many.
-fn starts(copies: &Copies<'_>, grid: &Grid, pieces: &[u32]) -> Option<Vec<u32>> {
-    let mut counts: Vec<AtomicU32> = Vec::new();
-    counts.resize_with(2 * grid.count(), AtomicU32::default);
-    pieces.par_chunks(BATCH).for_each(|pieces| {
-        for_each_reached(copies, grid, pieces, &mut |cell, reached| {
-            let kind = usize::from(!copies.is_plain(reached.piece));
-            counts[2 * cell as usize + kind].fetch_add(1, Ordering::Relaxed);
-        });
+fn starts(copies: &Copies<'_>, grid: &Grid) -> Option<Vec<u32>> {
+    let counts = many(2 * grid.count() + 1, AtomicU32::default);
+    for_each_reached(copies, grid, |kind, _| {
+        counts[kind].fetch_add(1, Ordering::Relaxed);
     });
     let mut sum = 0u32;
     let mut starts: Vec<u32> = counts.into_iter().map(AtomicU32::into_inner).collect();
@@ -234,31 +263,36 @@ fn starts(copies: &Copies<'_>, grid: &Grid, pieces: &[u32]) -> Option<Vec<u32>> 
         sum = sum.checked_add(*count)?;
         *count = start;
     }
-    starts.push(sum);
     Some(starts)
 }
 
 /// Pieces in the order of cells. Within a cell the plain ones come first, and either keep
 /// the order of their numbers.
-fn sort(copies: &Copies<'_>, grid: &Grid, pieces: &[u32], first: &[u32]) -> Vec<Reached> {
-    let batches: Vec<Vec<(u32, Reached)>> = pieces
-        .par_chunks(BATCH)
-        .map(|pieces| {
-            let mut found = Vec::with_capacity(8 * pieces.len());
-            for_each_reached(copies, grid, pieces, &mut |cell, reached| {
-                found.push((cell, reached));
-            });
-            found
-        })
-        .collect();
-    let mut next = first.to_vec();
-    let mut sorted = vec![Reached::default(); first[first.len() - 1] as usize];
-    for (cell, reached) in batches.into_iter().flatten() {
-        let kind = usize::from(!copies.is_plain(reached.piece));
-        let slot = &mut next[2 * cell as usize + kind];
-        sorted[*slot as usize] = reached;
-        *slot += 1;
+fn sort(copies: &Copies<'_>, grid: &Grid, first: &[u32]) -> Vec<Reached> {
+    let next: Vec<AtomicU32> = first.par_iter().map(|&i| AtomicU32::new(i)).collect();
+    let slots = many(first[first.len() - 1] as usize, AtomicU64::default);
+    for_each_reached(copies, grid, |kind, reached| {
+        let slot = next[kind].fetch_add(1, Ordering::Relaxed);
+        slots[slot as usize].store(reached.0, Ordering::Relaxed);
+    });
+    drop(next);
+    // The same room.
+    let words = slots.into_iter().map(AtomicU64::into_inner);
+    let mut sorted: Vec<Reached> = words.map(Reached).collect();
+    // Threads came to a cell in any order.
+    let (mut rest, mut tasks) = (&mut sorted[..], Vec::new());
+    for from in (0..first.len() - 1).step_by(2 * CELLS_PER_TASK) {
+        let to = (from + 2 * CELLS_PER_TASK).min(first.len() - 1);
+        let (own, others) = rest.split_at_mut((first[to] - first[from]) as usize);
+        rest = others;
+        tasks.push((&first[from..=to], own));
     }
+    tasks.into_par_iter().for_each(|(first, own)| {
+        for kind in first.windows(2) {
+            let [from, to] = [kind[0], kind[1]].map(|i| (i - first[0]) as usize);
+            own[from..to].sort_unstable();
+        }
+    });
     sorted
 }
 

@@ -97,6 +97,16 @@ impl<'a> Copies<'a> {
         [piece, piece + 1].map(|i| &self.strands.joints[i as usize])
     }
 
+    /// Joints of the strands.
+    pub fn joint_count(&self) -> usize {
+        self.strands.joints.len()
+    }
+
+    /// Whether a piece begins at a joint, which has its number.
+    pub fn begins_piece(&self, joint: u32) -> bool {
+        self.strands.begins_piece(joint as usize)
+    }
+
     /// Whether a piece is a cylinder cut at both ends.
     pub fn is_plain(&self, piece: u32) -> bool {
         let [a, b] = self.joints(piece);
@@ -111,8 +121,8 @@ impl<'a> Copies<'a> {
     /// A piece in the frame of the centre of a cell that it reaches.
     pub fn ends_in(&self, reached: &Reached, cell: IVec3) -> Ends {
         self.place(
-            reached.piece,
-            self.frame.offset_in_cell(cell, reached.shift),
+            reached.piece(),
+            self.frame.offset_in_cell(cell, reached.shift()),
         )
     }
 
@@ -139,8 +149,7 @@ impl<'a> Copies<'a> {
     pub fn all(&self) -> Vec<ListedPiece> {
         let mut all = vec![ListedPiece::default(); self.strands.joints.len()];
         all.par_iter_mut().enumerate().for_each(|(k, piece)| {
-            let strand = |k: usize| self.strands.joints.get(k).map(|j| j.strand);
-            if strand(k) == strand(k + 1) {
+            if self.strands.begins_piece(k) {
                 let ends = self.ends(k as u32);
                 *piece = ListedPiece::new(self.strands.joints[k].position, &ends);
             }

@@ -1,11 +1,12 @@
 //! What is asked of a piece of fibre once it is met.
 
 use super::copies::mitre_mm;
-use super::strands::{Strand, Strands};
+use super::strands::{Joint, Strand, Strands};
 use crate::cpu::lanes::{Floats, Ints};
 use crate::cpu::math::V3;
 use crate::cpu::prefetch;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Words of a joint.
 pub const JOINT: u32 = 8;
@@ -30,32 +31,28 @@ impl JointTable {
 
     /// Adds the joints of one body, whose materials are numbered from `first_material` on.
     pub fn add(&mut self, strands: Strands<'_>, first_material: u16) {
-        let joints = &strands.joints;
-        let (words, first_strand) = (&mut self.words, self.strands.len() as u32);
-        words.reserve_exact(JOINT as usize * joints.len());
-        for (k, joint) in joints.iter().enumerate() {
-            let normal = joint.tangent.as_dvec3();
-            let along = |i: usize, j: usize| {
-                let (a, b) = (joints.get(i)?, joints.get(j)?);
-                (a.strand == b.strand).then(|| (b.position - a.position).as_dvec3())
-            };
-            let (before, after) = (along(k.wrapping_sub(1), k), along(k, k + 1));
-            let mitre = |way: Option<glam::DVec3>| {
-                let axis = way.and_then(glam::DVec3::try_normalize);
-                let axis = axis.filter(|_| joint.cut)?;
-                Some(mitre_mm(normal, axis, f64::from(joint.radius_mm)) as f32)
-            };
-            let length = after.map_or(0.0, |w| w.length());
-            let per_length = if length > 0.0 { 1.0 / length } else { 0.0 };
-            words.extend(joint.tangent.to_array().map(f32::to_bits));
-            words.push(mitre(before).unwrap_or(0.0).to_bits());
-            words.push(mitre(after).unwrap_or(0.0).to_bits());
-            words.push((per_length as f32).to_bits());
-            let material = strands.strands[joint.strand as usize].material;
-            words.push(u32::from(first_material) + u32::from(material));
-            words.push((first_strand + joint.strand) | if joint.cut { CUT } else { 0 });
+        let first_strand = self.strands.len() as u32;
+        let joints = strands.joints.par_iter().enumerate();
+        let words: Vec<[u32; JOINT as usize]> = joints
+            .map(|(k, joint)| {
+                let place = (strands.joints, k);
+                let material = strands.strands[joint.strand as usize].material;
+                let material = u32::from(first_material) + u32::from(material);
+                words_of(place, material, first_strand + joint.strand)
+            })
+            .collect();
+        let words = words.into_flattened();
+        match self.words.is_empty() {
+            true => self.words = words,
+            false => self.words.extend_from_slice(&words),
         }
         self.strands.extend_from_slice(strands.strands);
+    }
+
+    /// Bytes that the joints of one body take.
+    pub fn bytes_of(strands: Strands<'_>) -> u64 {
+        let words = strands.joints.len() * size_of::<[u32; JOINT as usize]>();
+        (words + size_of_val(strands.strands)) as u64
     }
 
     /// Bytes in use.
@@ -157,6 +154,29 @@ impl JointTable {
     pub fn materials<F: Floats>(&self, piece: F::Ints) -> F::Ints {
         (piece * F::Ints::splat(JOINT) + F::Ints::splat(6)).gather(&self.words)
     }
+}
+
+/// The words of a joint.
+fn words_of((joints, k): (&[Joint], usize), material: u32, strand: u32) -> [u32; JOINT as usize] {
+    let joint = &joints[k];
+    let normal = joint.tangent.as_dvec3();
+    let along = |i: usize, j: usize| {
+        let (a, b) = (joints.get(i)?, joints.get(j)?);
+        (a.strand == b.strand).then(|| (b.position - a.position).as_dvec3())
+    };
+    let (before, after) = (along(k.wrapping_sub(1), k), along(k, k + 1));
+    let mitre = |way: Option<glam::DVec3>| {
+        let axis = way.and_then(glam::DVec3::try_normalize);
+        let axis = axis.filter(|_| joint.cut)?;
+        Some(mitre_mm(normal, axis, f64::from(joint.radius_mm)) as f32)
+    };
+    let length = after.map_or(0.0, |w| w.length());
+    let per_length = if length > 0.0 { 1.0 / length } else { 0.0 };
+    let [x, y, z] = joint.tangent.to_array().map(f32::to_bits);
+    let [before, after] = [before, after].map(|way| mitre(way).unwrap_or(0.0).to_bits());
+    let cut = if joint.cut { CUT } else { 0 };
+    let per_length = (per_length as f32).to_bits();
+    [x, y, z, before, after, per_length, material, strand | cut]
 }
 
 /// A word behind a place of a table.

@@ -179,8 +179,8 @@ impl Lists {
         let (mut length, mut mitre) = ([0.0f64; BLOCK], [[0.0f64; BLOCK]; 2]);
         let here = self.frame.offset_in_cell(cell, [0; 2]);
         for (i, entry) in entries.iter().enumerate().take(BLOCK) {
-            let piece = &self.pieces[entry.piece as usize];
-            let by = match entry.shift {
+            let piece = &self.pieces[entry.piece() as usize];
+            let by = match entry.shift() {
                 [0, 0] => here,
                 shift => self.frame.offset_in_cell(cell, shift),
             };
@@ -213,8 +213,8 @@ impl Lists {
     pub fn hulls(&self, entries: &[Reached], cell: IVec3) -> HullBlock {
         let mut hulls = HullBlock::empty();
         for (i, entry) in entries.iter().enumerate().take(BLOCK) {
-            let by = self.frame.offset_in_cell(cell, entry.shift);
-            let ends = self.pieces[entry.piece as usize].ends(by);
+            let by = self.frame.offset_in_cell(cell, entry.shift());
+            let ends = self.pieces[entry.piece() as usize].ends(by);
             ends.write_hull(&mut hulls, i);
         }
         hulls

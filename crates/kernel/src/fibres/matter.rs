@@ -42,9 +42,14 @@ impl FibreMatter {
         let (mut made, mut joints) = (Vec::<Body>::new(), JointTable::default());
         let mut fibres: Vec<Fibre> = Vec::new();
         for body in bodies {
-            let taken: u64 = made.iter().map(|b| b.cells.memory_bytes()).sum();
-            let left = max_bytes.saturating_sub(taken + joints.memory_bytes());
-            made.push(Body::new(body, joints.count(), left)?);
+            let cells: u64 = made.iter().map(|b| b.cells.memory_bytes()).sum();
+            let taken = cells + joints.memory_bytes() + JointTable::bytes_of(body.strands);
+            let left = max_bytes.saturating_sub(taken);
+            let one = Body::new(body, joints.count(), left);
+            made.push(one.map_err(|unfit| match unfit {
+                Unfit::Memory(needed) => Unfit::Memory(needed + taken),
+                Unfit::TooMany => Unfit::TooMany,
+            })?);
             let first = u16::try_from(fibres.len()).map_err(|_| Unfit::TooMany)?;
             joints.add(body.strands, first);
             fibres.extend_from_slice(body.fibres);

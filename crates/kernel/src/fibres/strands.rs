@@ -41,9 +41,15 @@ pub struct Strands<'a> {
 impl<'a> Strands<'a> {
     /// Numbers of all pieces.
     pub fn pieces(self) -> impl Iterator<Item = u32> + 'a {
-        let pairs = self.joints.windows(2).enumerate();
-        pairs
-            .filter(|(_, w)| w[0].strand == w[1].strand)
-            .map(|(k, _)| k as u32)
+        let joints = 0..self.joints.len();
+        joints
+            .filter(move |&k| self.begins_piece(k))
+            .map(|k| k as u32)
+    }
+
+    /// Whether a piece begins at a joint.
+    pub fn begins_piece(self, joint: usize) -> bool {
+        let strand = |k: usize| self.joints.get(k).map(|j| j.strand);
+        strand(joint) == strand(joint + 1)
     }
 }
