@@ -5,6 +5,7 @@ use crate::host::{Host, Watch};
 use crate::output::note;
 use crate::progress::Progress;
 use crate::result_cache;
+use crate::waiting::Waiting;
 use anyhow::Result;
 use organza_scene::loader::{Event, Loader, Task};
 use std::sync::{Mutex, PoisonError};
@@ -14,7 +15,8 @@ const UNITS: f32 = 1000.0;
 
 /// Runs `work` with a loader whose progress and warnings go to the standard error, unless
 /// `watch` is quiet, or to the program that runs the command, and whose cache is the one that
-/// flags or the environment name.
+/// flags or the environment name. A line says now and then that other work goes on, such as
+/// weaving.
 ///
 /// # Errors
 /// Those of `work`; a cache that cannot be used.
@@ -24,6 +26,7 @@ pub fn watched<'w, T>(
     work: impl FnOnce(&Loader<'_>) -> Result<T>,
 ) -> Result<T> {
     let watch = watch.into();
+    let _waiting = Waiting::new("setting up", watch);
     let caller = watch.host.and_then(Host::caller);
     let cache = result_cache::in_use(cache)?;
     let bar: Mutex<Option<Progress>> = Mutex::new(None);

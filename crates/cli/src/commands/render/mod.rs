@@ -32,6 +32,7 @@ use crate::progress::Progress;
 use crate::sample_ranges::parse_range;
 use crate::schedule::{Stop, Targets};
 use crate::version;
+use crate::waiting::Waiting;
 use anyhow::{Context, Result};
 use clap::Args;
 use clap::builder::ArgPredicate;
@@ -221,7 +222,9 @@ struct Prepared<'a> {
 fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
     let Built { file, scene, .. } = built;
     let settings = scene::settings(args, file, scene)?;
+    let waiting = Waiting::new("laying out", &args.common);
     let engine = engine::choose(args, file, scene, &settings, built.max_bytes)?;
+    drop(waiting);
     engine.warn(args);
     let rendering = Rendering::new(scene, settings).map_err(|e| match e {
         RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
