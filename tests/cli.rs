@@ -200,7 +200,7 @@ fn the_scenes_and_fabrics_of_the_project_are_good() {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let folder = folder("good");
     let mut looked_at = 0;
-    let folders = ",fabrics,fabrics/irregular,fabrics/lace,fabrics/nonwoven,fabrics/pile,fabrics/print,gallery,gallery/fabrics,lace,realism,sheet";
+    let folders = ",fabrics,fabrics/irregular,fabrics/lace,fabrics/layers,fabrics/nonwoven,fabrics/pile,fabrics/print,gallery,gallery/fabrics,lace,realism,sheet";
     for within in folders.split(',') {
         for entry in std::fs::read_dir(scenes.join(within)).unwrap() {
             let path = entry.unwrap().path();

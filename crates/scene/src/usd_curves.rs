@@ -399,10 +399,10 @@ mod tests {
 
     /// The numbers of all attributes of a name, which are separated by commas.
     fn count(text: &str, name: &str) -> usize {
-        let parts = text.split(&format!("{name} = [")).skip(1);
-        parts
-            .map(|p| p[..p.find(']').unwrap()].matches(|c| c == ',').count() + 1)
-            .sum()
+        let start = format!("{name} = [");
+        let parts = text.split(start.as_str()).skip(1);
+        let of = |part: &str| part[..part.find(']').unwrap()].matches(',').count() + 1;
+        parts.map(of).sum()
     }
 
     #[test]
