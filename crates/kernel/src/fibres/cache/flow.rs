@@ -90,8 +90,7 @@ impl Flow {
 
     fn add(&mut self, from: usize, arrival: &Note, light: Vec3) {
         self.sums[from].carried += arrival.carried;
-        // Roundings below zero are no light.
-        self.sums[from].found += (light - arrival.found).max(Vec3::ZERO);
+        self.sums[from].found += arrival.light_until(light);
     }
 
     /// What is read at all fibres but the first.

@@ -97,6 +97,17 @@ pub struct Note {
     pub found: Vec3,
 }
 
+impl Note {
+    /// Light of a path that was found from here to a point where it had found `light` in all.
+    /// What is left by roundings alone is none: over the little that a path may carry in a
+    /// channel it would be bright.
+    pub fn light_until(&self, light: Vec3) -> Vec3 {
+        const ROUNDINGS: f32 = 4.0 * f32::EPSILON;
+        let further = light - self.found;
+        Vec3::select(further.cmpgt(ROUNDINGS * light), further, Vec3::ZERO)
+    }
+}
+
 impl CacheUse<'_> {
     /// For a path that has met its fibre number `order`, counted from zero: what the rest of
     /// it adds, if that is known. Notes the place where that is asked for.

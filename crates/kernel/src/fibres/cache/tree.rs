@@ -34,8 +34,7 @@ impl Record {
         Record {
             place: note.place,
             carried: note.carried,
-            // Roundings below zero are no light.
-            found: (light - note.found).max(Vec3::ZERO),
+            found: note.light_until(light),
         }
     }
 }
