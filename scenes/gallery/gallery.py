@@ -132,7 +132,9 @@ def figures(name, program, given):
         "--set", f"camera.resolution=[{given.size},{given.size}]",
     ]
     known = json.loads(run([*common, "-o", picture, "--spp", samples, "--denoise"]))
-    run([given.organza, "develop", picture, "-o", given.work / f"{name}.png", "--quiet"])
+    stops = re.search(r"^exposure = (\S+)", scene.read_text(), re.MULTILINE)[1]
+    shown = ["-o", given.work / f"{name}.png", f"--exposure={stops}", "--quiet"]
+    run([given.organza, "develop", picture, *shown])
     low = (given.size - given.proof) // 2
     high = low + given.proof
     unbiased = json.loads(run([

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(
     about = "Make a picture to look at (.png) from a finished render, with another exposure, curve, white or size",
-    after_help = "Example:\n  organza develop denim.exr -o denim.png --exposure 0.5 --tone-mapping agx --size-px 800"
+    after_help = "Example:\n  organza develop denim.exr -o denim.png --exposure 0.5 --tone-mapping agx --size-px 800",
+    mut_arg("exposure", |a| a.help("Brighten the picture by so many stops; \"auto\" brings the 98th percentile of its luminance to 0.8 and prints the stops [default: auto]"))
 )]
 pub struct DevelopArgs {
     /// Linear picture: an .exr of `organza render`, or any .exr or .hdr
