@@ -23,6 +23,10 @@ struct Move {
 
 /// Change of the light of all bins, as a share of it, at which they are solved.
 const SOLVED: f64 = 5e-5;
+/// Where the arrivals of a bin carry on so many times what they bring, its light is that to the ends
+/// of their paths: few arrivals may bring next to nothing of a colour and by chance carry on much
+/// more, as which the bin would shine.
+const CARRIED_ON: f32 = 2.0;
 /// Times that light flows on at most.
 const STEPS: u32 = 200;
 /// Bins that a task solves.
@@ -33,6 +37,9 @@ struct Sums {
     /// What arrivals brought, and the light that they found before their next ones.
     carried: Vec3,
     found: Vec3,
+    /// The light that they found to the ends of their paths; while bins are solved, -1 where
+    /// light flows on.
+    whole: Vec3,
     /// The same over all that was solved before, the light to the ends of paths.
     carried_before: Vec3,
     light_before: Vec3,
@@ -70,6 +77,7 @@ impl Flow {
             let Some(bin) = self.table.find(&arrival.place, self.levels) else {
                 continue;
             };
+            self.sums[bin].whole += arrival.light_until(light);
             if let Some((from, before)) = last {
                 self.add(from, before, arrival.found);
                 self.moves.push(Move {
@@ -111,15 +119,26 @@ impl Flow {
             return;
         }
         let (starts, moves) = by_source(&self.moves, self.sums.len());
+        let moves_of = |bin: usize| &moves[starts[bin] as usize..starts[bin + 1] as usize];
+        for (bin, sums) in self.sums.iter_mut().enumerate() {
+            let on: Vec3 = moves_of(bin).iter().map(|(_, carried)| *carried).sum();
+            let flows = on.cmple(CARRIED_ON * sums.carried);
+            sums.whole = Vec3::select(flows, Vec3::splat(-1.0), sums.whole);
+        }
         let mut radiance: Vec<Vec3> = self.table.radiances().collect();
         for _ in 0..STEPS {
             let one = |bin: usize| {
-                let Sums { carried, found, .. } = self.sums[bin];
-                let range = starts[bin] as usize..starts[bin + 1] as usize;
-                let flows = moves[range]
+                let Sums {
+                    carried,
+                    found,
+                    whole,
+                    ..
+                } = self.sums[bin];
+                let flows = moves_of(bin)
                     .iter()
                     .map(|(to, carried)| *carried * radiance[*to as usize]);
                 let light = found + flows.sum::<Vec3>();
+                let light = Vec3::select(whole.cmpge(Vec3::ZERO), whole, light);
                 let is_known = carried.cmpgt(LEAST_CARRIED);
                 Vec3::select(is_known, light / carried, radiance[bin])
             };
@@ -142,7 +161,7 @@ impl Flow {
         for (bin, (sums, q)) in self.sums.iter_mut().zip(radiance).enumerate() {
             sums.carried_before += sums.carried;
             sums.light_before += q * sums.carried;
-            (sums.carried, sums.found) = (Vec3::ZERO, Vec3::ZERO);
+            (sums.carried, sums.found, sums.whole) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
             let (before, light) = (sums.carried_before, sums.light_before);
             let mean = Vec3::select(before.cmpgt(LEAST_CARRIED), light / before, q);
             self.table.set_radiance(bin, mean);
@@ -245,6 +264,30 @@ mod tests {
         assert!(right < 2e-3, "seed {SEED}: {right}");
         let twin = gain(&tree.table(), &all).abs().max_element();
         assert!(twin > 2e-2, "seed {SEED}, twin: {twin}");
+    }
+
+    /// Arrivals that carry on much more than they brought take the light that their paths found.
+    #[test]
+    fn what_grows_by_chance_is_bounded() {
+        let note = |x: i32, carried: f32, found: f32| Note {
+            place: Place::on_a_line(512 * x),
+            carried: Vec3::splat(carried),
+            found: Vec3::splat(found),
+        };
+        let mut tree = RadianceTree::new(LINE, 3, 1 << 20);
+        let arrivals = [0, 0, 1, 1].map(|x| Some(Record::new(&note(x, 1.0, 0.0), Vec3::ONE)));
+        tree.learn(&arrivals);
+        let mut flow = Flow::new(tree.table(), LINE, 1 << 20);
+        flow.take(Vec3::splat(2e-6), &[note(0, 1e-6, 0.0), note(1, 0.8, 1e-6)]);
+        flow.take(Vec3::ONE, &[note(1, 1.0, 0.0)]);
+        let table = flow.table();
+        let [dark, lit] = [0, 1].map(|x| {
+            let place = Place::on_a_line(512 * x);
+            table.radiance(&place, LINE).unwrap().x
+        });
+        // It would be 0.8 times the light of the other over 1e-6.
+        assert!((dark - 2.0).abs() < 1e-2, "{dark}");
+        assert!((lit - 1.0 / 1.8).abs() < 1e-2, "{lit}");
     }
 
     /// Two places that send light to and fro: the closed form.

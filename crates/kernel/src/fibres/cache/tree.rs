@@ -358,10 +358,12 @@ impl Estimate {
         }
         // Where nearly nothing is carried or found, there is no difference to speak of.
         let ratio = (part.found / whole.found) * (whole.carried / part.carried);
-        let ratio = Vec3::select(ratio.is_finite_mask(), ratio, Vec3::ONE);
+        let is_known = part.carried.cmpgt(LEAST_CARRIED) & ratio.is_finite_mask();
+        let ratio = Vec3::select(is_known, ratio, Vec3::ONE);
+        let radiance = self.radiance * (1.0 + kept * (ratio - 1.0));
         let further = (part.noise_squared() - whole.noise_squared()).max(0.0);
         Estimate {
-            radiance: self.radiance * (1.0 + kept * (ratio - 1.0)),
+            radiance: Vec3::select(radiance.is_finite_mask(), radiance, self.radiance),
             noise_squared: self.noise_squared + kept * kept * further,
         }
     }
