@@ -3,7 +3,6 @@
 use crate::strand::Strand;
 use glam::{DVec2, DVec3};
 use organza_basis::Segment;
-use std::cell::Cell;
 
 /// Size and material of a curve at a point.
 #[derive(Clone, Copy)]
@@ -52,19 +51,13 @@ impl Strand<'_> {
         emit: &mut dyn FnMut(&Segment),
     ) -> u32 {
         let length = self.path.length_mm();
-        // The share of the period and the place of the last point and of the one before, which
-        // is looked at next.
-        let last = Cell::new([(0.0, DVec2::ZERO); 2]);
         let point = |i: isize| {
             let share = self.path.arc_at(i) / length;
             let place = offset(share);
-            last.set([last.get()[1], (share, place)]);
-            self.path.offset(i, self.section.at(share) * place)
+            let at = self.path.offset(i, self.section.at(share) * place);
+            (at, (share, place))
         };
-        let look = |_| {
-            let (share, place) = last.get()[0];
-            look(share, place)
-        };
+        let look = |_, (share, place)| look(share, place);
         let steps = self.path.steps() as isize;
         self.emit_curve(fibre, steps, point, look, emit)
     }
@@ -72,15 +65,14 @@ impl Strand<'_> {
     /// A curve through the points 0 to `steps`; the points before and after give the tangents
     /// at its ends. A tangent is the direction of the chord over two steps, which needs no
     /// derivative of the frame and is continuous across the border of the tile. Where the
-    /// radius is 0 the curve is cut, and its next piece has the next number. Points are asked for
-    /// in their order, and the look of each once the next point is known. Returns the number
-    /// after the last.
-    pub fn emit_curve(
+    /// radius is 0 the curve is cut, and its next piece has the next number. `look` gets what
+    /// `point` gives beside a point. Returns the number after the last.
+    pub fn emit_curve<T: Copy>(
         &self,
         fibre: u32,
         steps: isize,
-        point: impl Fn(isize) -> DVec3,
-        look: impl Fn(isize) -> Look,
+        point: impl Fn(isize) -> (DVec3, T),
+        look: impl Fn(isize, T) -> Look,
         emit: &mut dyn FnMut(&Segment),
     ) -> u32 {
         let mut segment = Segment {
@@ -88,17 +80,17 @@ impl Strand<'_> {
             ..self.template
         };
         let mut window = [point(-1), point(0), point(1)];
-        let tangent = |w: &[DVec3; 3]| (w[2] - w[0]).normalize_or(DVec3::X).as_vec3();
-        let mut ahead = look(0);
+        let tangent = |w: &[(DVec3, T); 3]| (w[2].0 - w[0].0).normalize_or(DVec3::X).as_vec3();
+        let mut ahead = look(0, window[1].1);
         let mut is_cut = false;
-        segment.end_mm = window[1].as_vec3();
+        segment.end_mm = window[1].0.as_vec3();
         segment.end_tangent = tangent(&window);
         for i in 1..=steps {
             window = [window[1], window[2], point(i + 1)];
-            let here = std::mem::replace(&mut ahead, look(i));
+            let here = std::mem::replace(&mut ahead, look(i, window[1].1));
             segment.start_mm = segment.end_mm;
             segment.start_tangent = segment.end_tangent;
-            segment.end_mm = window[1].as_vec3();
+            segment.end_mm = window[1].0.as_vec3();
             segment.end_tangent = tangent(&window);
             if here.radius_mm > 0.0 && ahead.radius_mm > 0.0 {
                 segment.fibre += u32::from(std::mem::take(&mut is_cut));

@@ -57,7 +57,7 @@ impl Strand<'_> {
         };
         let size = (1.0 - from) * run.hypot(rise).hypot(turn * (start + rise));
         let steps = (size / self.path.mean_step_mm()).ceil().clamp(6.0, 1000.0);
-        let at_step = |i: isize| point(from + (1.0 - from) * i as f64 / steps);
+        let at_step = |i: isize| (point(from + (1.0 - from) * i as f64 / steps), ());
         let look = match self.yarn.blends_materials {
             true => {
                 let (radius_mm, dye) = any_fibre(self.yarn, self.dye, rng);
@@ -68,7 +68,7 @@ impl Strand<'_> {
             }
             false => self.whole(self.yarn.fibre_radius_mm),
         };
-        let look = |_| look;
+        let look = |_, ()| look;
         self.emit_curve(id, steps as isize, at_step, look, emit);
     }
 }

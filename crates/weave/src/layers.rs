@@ -1,8 +1,8 @@
 //! Layers of a weave: threads of one system that lie over others of it, as in double cloth,
 //! backed cloth and supplementary weft.
 //!
-//! The draft alone says so. Where one end passes over a pick and its neighbour under it, the pick
-//! lies between them, and the first lies higher. If neighbours keep that order from one such pick
+//! Layers follow from the draft. Where one end passes over a pick and the next end passes under it,
+//! the pick lies between the two, and the first end lies higher. If neighbours keep that order from one such pick
 //! to the next while one of them interlaces with the picks between, they need not lie side by
 //! side: one may slide over the other. Neighbours that change places from pick to pick, as in
 //! every weave of one layer, press on each other sideways.
@@ -10,7 +10,7 @@
 use crate::Draft;
 use glam::DVec2;
 
-/// The most layers of a system that are told apart.
+/// Most layers of a system: with more, the draft counts as one layer.
 const MAX_LAYERS: usize = 5;
 /// Least share of the crossings through which a pair keeps its order, and how many crossings must
 /// tell the order for each time that it changes (estimated): layers change places in blocks of
@@ -179,11 +179,8 @@ impl Layers {
     /// The next thread after `i` of a layer, around the repeat.
     fn next(&self, i: usize, layer: usize) -> usize {
         let n = self.of.len();
-        let after = (1..=n).map(|d| (i + d) % n);
-        after
-            .into_iter()
-            .find(|k| self.of[*k] == layer)
-            .unwrap_or(i)
+        let mut after = (1..=n).map(|d| (i + d) % n);
+        after.find(|k| self.of[*k] == layer).unwrap_or(i)
     }
 
     /// The threads of a layer.

@@ -55,12 +55,15 @@ pub(crate) fn protrude(
         let material = dye.at(|| 1.0);
         let curve = grow(strand, hairiness, &faces, length_mm, rng);
         let last = curve.len() as isize - 1;
-        let point = |i: isize| match usize::try_from(i) {
-            Ok(i) if i < curve.len() => curve[i],
-            Ok(_) => 2.0 * curve[last as usize] - curve[last as usize - 1],
-            Err(_) => 2.0 * curve[0] - curve[1],
+        let point = |i: isize| {
+            let at = match usize::try_from(i) {
+                Ok(i) if i < curve.len() => curve[i],
+                Ok(_) => 2.0 * curve[last as usize] - curve[last as usize - 1],
+                Err(_) => 2.0 * curve[0] - curve[1],
+            };
+            (at, ())
         };
-        let look = |i: isize| {
+        let look = |i: isize, ()| {
             let to_tip = (last - i) as f64 / (TIP * last as f64);
             let tapered = TIP_RADIUS + (1.0 - TIP_RADIUS) * to_tip.min(1.0);
             Look {

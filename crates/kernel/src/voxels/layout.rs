@@ -39,13 +39,19 @@ impl FlatMedium {
         if dims.max_element() > MAX_DIM {
             return Err(Unsuited::TooWide);
         }
+        let is_gathered_again = blocks.is_some();
         let layers = (dims.z as usize * tables) as u32;
-        let gather = |z: u32| Slice::gather(dims, z, &populations_at);
-        // All populations together would take several times the words that become of them: they
-        // are gathered again to be stored.
         let slices = (0..layers)
             .into_par_iter()
-            .map(|z| gather(z).map(Slice::without_populations))
+            .map(|z| {
+                let slice = Slice::gather(dims, z, &populations_at)?;
+                // Many blocks have many populations: they are gathered again to be stored.
+                Ok(if is_gathered_again {
+                    slice.without_populations()
+                } else {
+                    slice
+                })
+            })
             .collect::<Result<Vec<Slice>, Unsuited>>()?;
         let greatest = slices.iter().flat_map(|s| &s.bounds).fold(0.0, most);
         let scale_per_mm = f32::max(greatest, f32::MIN_POSITIVE * 1e12) * (BOUND_SLACK / MOST);
@@ -74,23 +80,10 @@ impl FlatMedium {
             },
             substance_numbers: HashMap::new(),
             knows_yarns: slices.iter().any(|s| s.knows_yarns),
-            air: vec![u32::MAX; 1 << 16],
         };
-        drop(slices);
-        let mut around = &around[..];
-        let together = rayon::current_num_threads() as u32;
-        for first in (0..layers).step_by(together as usize) {
-            let some = first..layers.min(first + together);
-            let gathered: Vec<Slice> = some
-                .into_par_iter()
-                .map(gather)
-                .collect::<Result<_, Unsuited>>()?;
-            for slice in gathered {
-                let (own, others) = around.split_at(slice.counts.len());
-                around = others;
-                filler.fill(&slice, own, has_mixtures)?;
-            }
-        }
+        let again = |z: u32| Slice::gather(dims, z, &populations_at);
+        let again = is_gathered_again.then_some(&again as &dyn Fn(u32) -> _);
+        filler.fill(&slices, again, &around, has_mixtures)?;
         Ok(filler.flat.finished())
     }
 
@@ -118,44 +111,49 @@ struct Filler {
     flat: FlatMedium,
     substance_numbers: HashMap<[u32; 3], u32>,
     knows_yarns: bool,
-    /// The places of air, by the codes of its surroundings.
-    air: Vec<u32>,
 }
 
 impl Filler {
-    /// Lays out the voxels of a slice, with their surroundings.
+    /// Lays out the voxels of all slices, with their surroundings. `again` gathers the
+    /// populations of a slice that has none left.
     fn fill(
         &mut self,
-        slice: &Slice,
+        slices: &[Slice],
+        again: Option<&dyn Fn(u32) -> Result<Slice, Unsuited>>,
         around: &[Surroundings],
         has_mixtures: bool,
     ) -> Result<(), Unsuited> {
-        let mut left = &slice.populations[..];
-        for (&count, &around) in slice.counts.iter().zip(around) {
-            let (own, rest) = left.split_at(usize::from(count));
-            left = rest;
-            let mut first = self.places();
-            match own {
-                [] if has_mixtures => {
-                    // Voxels of air have little to say: they share it.
-                    let code = usize::from(around.bound_code) << 8;
-                    let code = code | usize::from(around.reach_code);
-                    if self.air[code] == u32::MAX {
-                        self.add_air(around);
-                        self.air[code] = first;
+        let mut air = vec![u32::MAX; 1 << 16];
+        let mut around = around.iter();
+        for (z, slice) in (0..).zip(slices) {
+            let gathered = again.map(|again| again(z)).transpose()?;
+            let mut left = &gathered.as_ref().unwrap_or(slice).populations[..];
+            for (&count, &around) in slice.counts.iter().zip(&mut around) {
+                let (own, rest) = left.split_at(usize::from(count));
+                left = rest;
+                let mut first = self.places();
+                match own {
+                    [] if has_mixtures => {
+                        // Voxels of air have little to say: they share it.
+                        let code = usize::from(around.bound_code) << 8;
+                        let known = &mut air[code | usize::from(around.reach_code)];
+                        if *known == u32::MAX {
+                            self.add_air(around);
+                            *known = first;
+                        }
+                        first = *known;
                     }
-                    first = self.air[code];
+                    [] => self.add_air(around),
+                    _ => self.add(own, around)?,
                 }
-                [] => self.add_air(around),
-                _ => self.add(own, around)?,
-            }
-            if self.places() >> PLACE_BITS != 0 {
-                return Err(Unsuited::TooManyPopulations);
-            }
-            if has_mixtures {
-                let more = u32::from(count.saturating_sub(1));
-                self.flat.places.push(first | more << PLACE_BITS);
-                self.note_densest(own, first);
+                if self.places() >> PLACE_BITS != 0 {
+                    return Err(Unsuited::TooManyPopulations);
+                }
+                if has_mixtures {
+                    let more = u32::from(count.saturating_sub(1));
+                    self.flat.places.push(first | more << PLACE_BITS);
+                    self.note_densest(own, first);
+                }
             }
         }
         Ok(())

@@ -80,29 +80,16 @@ pub(super) fn at_rest(
     let crossing = |c: usize| (c / picks, c % picks);
     let (of_warp, of_weft) = (warp.factors(), weft.factors());
     let (of_warp, of_weft) = (warp.at_crossings(&of_warp), weft.at_crossings(&of_weft));
-    let flat = |threads, flatten, sheds, system: &System, factors: &[f64], crossings: usize| {
+    let flat = |side: &Side<'_>, sheds, system: &System, factors: &[f64]| {
+        let crossings = factors.len() / system.position_mm.len();
         let factor = |i: usize, c: usize| factors[i * crossings + c];
         System {
-            stacked: stacked(sheds, threads, flatten, system, &factor),
+            stacked: stacked(sheds, side.threads, side.flatten, system, &factor),
             ..system.clone()
         }
     };
-    let flat_warp = flat(
-        warp.threads,
-        warp.flatten,
-        Sheds::Warp(draft),
-        warp_system,
-        &of_warp,
-        picks,
-    );
-    let flat_weft = flat(
-        weft.threads,
-        weft.flatten,
-        Sheds::Weft(draft),
-        weft_system,
-        &of_weft,
-        ends,
-    );
+    let flat_warp = flat(&warp, Sheds::Warp(draft), warp_system, &of_warp);
+    let flat_weft = flat(&weft, Sheds::Weft(draft), weft_system, &of_weft);
     let rest = |touching_mm: &[f64]| {
         relax(
             draft,

@@ -10,7 +10,7 @@
 use super::Note;
 use super::place::Level;
 use super::table::{LEAST_CARRIED, RadianceTable};
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 
 /// What paths carried from one bin to another.
@@ -37,8 +37,7 @@ struct Sums {
     /// What arrivals brought, and the light that they found before their next ones.
     carried: Vec3,
     found: Vec3,
-    /// The light that they found to the ends of their paths; while bins are solved, -1 where
-    /// light flows on.
+    /// The light that they found to the ends of their paths.
     whole: Vec3,
     /// The same over all that was solved before, the light to the ends of paths.
     carried_before: Vec3,
@@ -120,11 +119,14 @@ impl Flow {
         }
         let (starts, moves) = by_source(&self.moves, self.sums.len());
         let moves_of = |bin: usize| &moves[starts[bin] as usize..starts[bin + 1] as usize];
-        for (bin, sums) in self.sums.iter_mut().enumerate() {
-            let on: Vec3 = moves_of(bin).iter().map(|(_, carried)| *carried).sum();
-            let flows = on.cmple(CARRIED_ON * sums.carried);
-            sums.whole = Vec3::select(flows, Vec3::splat(-1.0), sums.whole);
-        }
+        let flows_on: Vec<BVec3> = (0..self.sums.len())
+            .into_par_iter()
+            .with_min_len(BINS)
+            .map(|bin| {
+                let on: Vec3 = moves_of(bin).iter().map(|(_, carried)| *carried).sum();
+                on.cmple(CARRIED_ON * self.sums[bin].carried)
+            })
+            .collect();
         let mut radiance: Vec<Vec3> = self.table.radiances().collect();
         for _ in 0..STEPS {
             let one = |bin: usize| {
@@ -138,7 +140,7 @@ impl Flow {
                     .iter()
                     .map(|(to, carried)| *carried * radiance[*to as usize]);
                 let light = found + flows.sum::<Vec3>();
-                let light = Vec3::select(whole.cmpge(Vec3::ZERO), whole, light);
+                let light = Vec3::select(flows_on[bin], light, whole);
                 let is_known = carried.cmpgt(LEAST_CARRIED);
                 Vec3::select(is_known, light / carried, radiance[bin])
             };
@@ -166,7 +168,7 @@ impl Flow {
             let mean = Vec3::select(before.cmpgt(LEAST_CARRIED), light / before, q);
             self.table.set_radiance(bin, mean);
         }
-        // Others take their room.
+        // The tables of the first fibre take their room.
         self.moves = Vec::new();
     }
 }

@@ -32,13 +32,14 @@ const TESTED: f64 = 0.15;
 const SHARED: f64 = 0.6;
 /// Share of the paths of a table in which bins divide.
 const DIVIDED: f64 = 0.3;
-/// Arrivals after which bins divide at the first fibre, whose noise is that of the picture, and
-/// at later ones.
-const SPLIT: [u32; 2] = [6, 6];
+/// Arrivals after which bins divide.
+const SPLIT: u32 = 6;
 /// Distance over which the light of a lamp changes, in distances to the lamp.
 const LAMP_CHANGE: f64 = 0.1;
 /// How often more is learned where the error is too large; each time as much as before.
 const MORE: u32 = 3;
+/// Noises of bins that are kept for their median.
+const MOST_NOISES: usize = 1 << 20;
 /// Visits that may be made for one purpose.
 const NAMES: u64 = 1 << 24;
 
@@ -63,9 +64,10 @@ pub fn learn(
         notes,
         ..CacheUse::default()
     };
+    // Tables take up to three times what their tree takes, and the flow as much again.
     let new_tree = |order: u32| {
-        let bytes = [plan.bytes / 2, plan.bytes / 4][order as usize];
-        RadianceTree::new(places.levels(order), SPLIT[order as usize], bytes)
+        let bytes = [plan.bytes / 4, plan.bytes / 8][order as usize];
+        RadianceTree::new(places.levels(order), SPLIT, bytes)
     };
     let more = if shares { CachePlan::SHARED } else { 1.0 };
     let usual = more * plan.work as f64;
@@ -87,7 +89,7 @@ pub fn learn(
         light.add(go);
         later_tree.learn(&go.all_records());
     })?;
-    let mut flow = Flow::new(later_tree.table(), places.levels(1), plan.bytes / 2);
+    let mut flow = Flow::new(later_tree.table(), places.levels(1), plan.bytes / 4);
     drop(later_tree);
     let mut error = ErrorOfBlocks::default();
     let mut rounds = 0;
@@ -293,7 +295,9 @@ impl ErrorOfBlocks {
             if let Some((added, found, noise)) = read(path) {
                 *beyond = mean_of(added - found);
                 self.records += 1;
-                self.noises.extend((from == 0).then_some(noise));
+                if from == 0 && self.noises.len() < MOST_NOISES {
+                    self.noises.push(noise);
+                }
                 self.noise_squares += (mean_of(added) * f64::from(noise)).powi(2);
             }
         }

@@ -37,7 +37,7 @@ impl CachePlan {
     /// A smaller picture learns as much as one of so many pixels.
     const MIN_PIXELS: u64 = 1 << 17;
     /// Bytes of bins.
-    pub const BYTES: u64 = 192 << 20;
+    pub const BYTES: u64 = 384 << 20;
 
     /// The plan for a picture of so many pixels; `factor` times the usual work. What is
     /// learned depends on scene and picture alone, not on samples, so that all parts of a

@@ -39,12 +39,12 @@ pub struct RadianceTable {
 impl RadianceTable {
     /// Of bins with different keys.
     pub fn new(bins: &[Entry]) -> RadianceTable {
-        let room = (bins.len() * 3 / 2 + 2).next_power_of_two();
+        let room = bins.len() * 3 / 2 + 2;
         let mut entries = vec![Entry::default(); room];
         for bin in bins {
             let mut at = home(bin.key, room);
             while entries[at].key != 0 {
-                at = (at + 1) & (room - 1);
+                at = next(at, room);
             }
             entries[at] = *bin;
         }
@@ -125,7 +125,7 @@ impl RadianceTable {
             if entry.key == 0 {
                 return None;
             }
-            at = (at + 1) & (room - 1);
+            at = next(at, room);
         }
     }
 
@@ -143,8 +143,14 @@ impl RadianceTable {
     }
 }
 
-/// The keys' low bit is set, and their high bits are those of a shard.
+/// Where a key is looked for first, in proportion to its size: it has 64 random bits.
 #[inline]
-pub fn home(key: u64, room: usize) -> usize {
-    (key >> 8) as usize & (room - 1)
+fn home(key: u64, room: usize) -> usize {
+    (u128::from(key) * room as u128 >> 64) as usize
+}
+
+/// The place after one, round the table.
+#[inline]
+fn next(at: usize, room: usize) -> usize {
+    if at + 1 == room { 0 } else { at + 1 }
 }
