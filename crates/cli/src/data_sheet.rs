@@ -130,6 +130,21 @@ const DRAFT: &[Line] = &[
     ),
 ];
 
+const SYNTHESIS: &[Line] = &[
+    (
+        "tile",
+        &["synthesis.tile_mm.0", "synthesis.tile_mm.1"],
+        "mm",
+        1.0,
+    ),
+    (
+        "size",
+        &["synthesis.design.ends", "synthesis.design.picks"],
+        "ends x picks",
+        1.0,
+    ),
+];
+
 /// Of warp and weft, side by side.
 const SYSTEM: &[Line] = &[
     (
@@ -177,38 +192,12 @@ pub fn text(listing: &Value) -> String {
     section(&mut sheet, "Nonwoven", NONWOVEN, listing);
     section(&mut sheet, "Pile", PILE, listing);
     yarns(&mut sheet, listing);
-    for (heading, path) in [
-        ("Synthesis", "synthesis"),
-        ("Warnings", "warnings"),
-        ("Warnings", "draft.warnings"),
-    ] {
-        match at(listing, path) {
-            Some(Value::Array(lines)) if !lines.is_empty() => {
-                let lines = lines.iter().map(|line| line.as_str().unwrap_or_default());
-                _ = writeln!(
-                    sheet,
-                    "{heading}\n  {}\n",
-                    lines.collect::<Vec<_>>().join("\n  ")
-                );
-            }
-            Some(Value::Object(_)) => {
-                let line: &[Line] = &[
-                    (
-                        "tile",
-                        &["synthesis.tile_mm.0", "synthesis.tile_mm.1"],
-                        "mm",
-                        1.0,
-                    ),
-                    (
-                        "size",
-                        &["synthesis.design.ends", "synthesis.design.picks"],
-                        "ends x picks",
-                        1.0,
-                    ),
-                ];
-                section(&mut sheet, heading, line, listing);
-            }
-            _ => {}
+    section(&mut sheet, "Synthesis", SYNTHESIS, listing);
+    for path in ["warnings", "draft.warnings"] {
+        let all = at(listing, path).and_then(Value::as_array);
+        let all: Vec<&str> = all.into_iter().flatten().flat_map(Value::as_str).collect();
+        if !all.is_empty() {
+            _ = writeln!(sheet, "Warnings\n  {}\n", all.join("\n  "));
         }
     }
     sheet.truncate(sheet.trim_end().len());

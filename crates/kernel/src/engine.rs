@@ -52,6 +52,11 @@ pub trait Engine: Send + Sync {
     /// What walks the paths is gone; the block is then as it was.
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost>;
 
+    /// Whether [`learn`](Engine::learn) learns anything.
+    fn can_learn(&self) -> bool {
+        false
+    }
+
     /// Learns a cache of radiance for the samples that follow, unless it is learned; `None`
     /// of an engine or a scene without one.
     ///
@@ -90,6 +95,10 @@ impl Engine for Box<dyn Engine + '_> {
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         (**self).take(block)
+    }
+
+    fn can_learn(&self) -> bool {
+        (**self).can_learn()
     }
 
     fn learn(

@@ -106,6 +106,10 @@ impl Engine for Reserve {
             })
     }
 
+    fn can_learn(&self) -> bool {
+        self.engine.can_learn()
+    }
+
     fn learn(
         &self,
         plan: &CachePlan,

@@ -57,6 +57,11 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
     .filter_map(|(is_so, what)| is_so.then_some(*what))
     .collect();
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    // A name of its own for each, the preset's where there is one.
+    let name_of = |yarn: usize| match sett.yarns.len() {
+        1 => sett.preset.to_owned(),
+        _ => format!("{}-{}", sett.preset, yarn + 1),
+    };
     let copies = |threads: usize| MIN_THREADS.div_ceil(threads);
     let mut text = format!(
         "# Cloth for the draft {value}, written by organza. Not in the draft, and chosen so that\n\
@@ -79,7 +84,12 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
     {
         let colours: Vec<Rgb> = threads.iter().filter_map(|t| t.colour).collect();
         let period = period_of(&colours);
-        let _ = write!(text, "\n[{system}]\nyarn = {}\n", quoted(sett.preset));
+        let yarns: Vec<usize> = threads.iter().map(|t| sett.yarn_of(t)).collect();
+        let _ = write!(
+            text,
+            "\n[{system}]\nyarn = {}\n",
+            quoted(&runs(&yarns, &name_of))
+        );
         if let Some(per_cm) = sett.per_cm[i] {
             let _ = writeln!(text, "per_cm = {per_cm:?}");
         }
@@ -89,20 +99,29 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
             quoted(&colour_list::written(&colours[..period]))
         );
     }
-    let _ = write!(
-        text,
-        "\n[yarn.{}]\npreset = {}\nirregularity = {}\ntex = {:?}\naspect = {:?}\n",
-        sett.preset,
-        quoted(sett.preset),
-        quoted(sett.irregularity),
-        sett.tex,
-        sett.aspect
-    );
-    if let Some(radius_um) = sett.fibre_radius_um {
-        let _ = writeln!(
+    let shown: Vec<&Thread> = tile.warp.iter().chain(&tile.weft).collect();
+    for (i, yarn) in sett.yarns.iter().enumerate() {
+        if shown.iter().all(|thread| sett.yarn_of(thread) != i) {
+            continue;
+        }
+        let _ = write!(
             text,
-            "fibre_radius_um = {radius_um:?}  # thick: few fibres stand for many"
+            "\n[yarn.{}]\npreset = {}\nirregularity = {}\ntex = {:?}\naspect = {:?}\n",
+            name_of(i),
+            quoted(sett.preset),
+            quoted(sett.irregularity),
+            yarn.tex,
+            sett.aspect
         );
+        if let Some((radius_um, hairs)) = yarn.thicker {
+            let _ = writeln!(
+                text,
+                "# Thick: few fibres and hairs stand for many.\nfibre_radius_um = {radius_um:?}\n\
+                 hairiness = {{ index = {:?}, length_mm = {:?}, reach_mm = {:?}, curl_mm = {:?}, \
+                 returning = {:?} }}",
+                hairs.index, hairs.length_mm, hairs.reach_mm, hairs.curl_mm, hairs.returning
+            );
+        }
     }
     Ok(text)
 }
@@ -116,10 +135,20 @@ fn dye(threads: &mut [Thread], usual: Rgb) {
     }
 }
 
-/// After how many colours they repeat.
-fn period_of(colours: &[Rgb]) -> usize {
-    let n = colours.len();
-    let repeats = |d: &usize| n.is_multiple_of(*d) && (*d..n).all(|i| colours[i] == colours[i - d]);
+/// The yarns of threads as runs: `2 cotton-1, 1 cotton-2`.
+fn runs(yarns: &[usize], name_of: &dyn Fn(usize) -> String) -> String {
+    let yarns = &yarns[..period_of(yarns)];
+    let runs = yarns.chunk_by(|a, b| a == b).map(|run| match run.len() {
+        1 => name_of(run[0]),
+        count => format!("{count} {}", name_of(run[0])),
+    });
+    runs.collect::<Vec<_>>().join(", ")
+}
+
+/// After how many values they repeat.
+fn period_of<T: PartialEq>(all: &[T]) -> usize {
+    let n = all.len();
+    let repeats = |d: &usize| n.is_multiple_of(*d) && (*d..n).all(|i| all[i] == all[i - d]);
     (1..n).find(repeats).unwrap_or(n)
 }
 

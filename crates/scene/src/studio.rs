@@ -8,9 +8,10 @@ use glam::{DVec3, Vec3Swizzles};
 use organza_basis::SegmentSource;
 use std::fmt::Write;
 
-/// Length of the fibres of a tile at most, mm. They take about 13 kB each, with the cells in which
-/// rays find them (measured on a twill of cotton): 1.2 GB in all.
-pub(crate) const MAX_FIBRE_MM: f64 = 9.0e4;
+/// Length of the fibres of a tile at most, in their radii. With the cells in which rays find them
+/// they take about 110 bytes for each (measured on a twill of cotton and on thick wool, estimated
+/// to grow in proportion): 1.2 GB in all.
+pub(crate) const MAX_FIBRE_LENGTH: f64 = 1.1e7;
 
 /// A kind of studio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -231,8 +232,8 @@ pub fn scene(studio: Studio, subject: &Subject<'_>) -> Result<StudioScene, Input
     Ok(StudioScene { text, mesh })
 }
 
-/// Length of all fibres of a tile of woven cloth, mm (estimated from its threads).
-pub(crate) fn fibre_mm(cloth: &Fabric) -> f64 {
+/// Length of all fibres of a tile of woven cloth, in their radii (estimated from its threads).
+pub(crate) fn fibre_length(cloth: &Fabric) -> f64 {
     let Some(draft) = cloth.cloth.draft() else {
         return 0.0;
     };
@@ -242,7 +243,7 @@ pub(crate) fn fibre_mm(cloth: &Fabric) -> f64 {
     let yarns = cloth.cloth.yarns();
     let fibres = yarns.iter().map(|yarn| {
         let ratio = yarn.radius_mm() / yarn.fibre_radius_mm;
-        yarn.fibre_volume_fraction() * ratio * ratio
+        yarn.fibre_volume_fraction() * ratio * ratio / yarn.fibre_radius_mm
     });
     thread_mm * fibres.sum::<f64>() / yarns.len().max(1) as f64
 }
@@ -267,7 +268,7 @@ fn representation(
     subject: &Subject<'_>,
 ) -> Result<&'static Representation, InputError> {
     let cloth = subject.cloth;
-    let shown = match (&cloth.synthesis, fibre_mm(cloth) <= MAX_FIBRE_MM) {
+    let shown = match (&cloth.synthesis, fibre_length(cloth) <= MAX_FIBRE_LENGTH) {
         (None, true) => &EXPLICIT_FIBRES,
         _ => &MICROFLAKE,
     };

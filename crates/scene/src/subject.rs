@@ -10,7 +10,7 @@ use crate::given_files::GivenFiles;
 use crate::loader::Loader;
 use crate::read;
 use crate::scene_file;
-use crate::studio::{self, MAX_FIBRE_MM, Studio, Subject, fibre_mm};
+use crate::studio::{self, MAX_FIBRE_LENGTH, Studio, Subject, fibre_length};
 use organza_weave::Draft;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -260,7 +260,7 @@ fn shown(
             silent.give(path.to_owned(), text.clone());
         }
         let cloth = fabric_file::load(path, &[], &silent)?;
-        let excess = fibre_mm(&cloth) / MAX_FIBRE_MM;
+        let excess = fibre_length(&cloth) / MAX_FIBRE_LENGTH;
         let is_whole = matches!(studio, Studio::Drape | Studio::Flat);
         let may_shrink = cloth.synthesis.is_none() && !is_whole && excess > 1.0;
         let shrinks = parts

@@ -125,6 +125,10 @@ impl Engine for LevelledEngine<'_> {
         all.min().unwrap_or(1)
     }
 
+    fn can_learn(&self) -> bool {
+        self.all().any(|e| e.can_learn())
+    }
+
     /// The finest representation that has a cache learns one.
     fn learn(
         &self,

@@ -160,6 +160,9 @@ impl Layers {
         if layers.count == 1 {
             return layers;
         }
+        if !layers.interleave() {
+            return single;
+        }
         let mut stacked = 0;
         let others = layers.count - 1;
         for i in 0..n {
@@ -181,6 +184,17 @@ impl Layers {
         let n = self.of.len();
         let mut after = (1..=n).map(|d| (i + d) % n);
         after.find(|k| self.of[*k] == layer).unwrap_or(i)
+    }
+
+    /// Whether threads of the fullest layer pass between those of the others: layers that lie
+    /// beside each other are none.
+    fn interleave(&self) -> bool {
+        let n = self.of.len();
+        let fullest = (0..self.count).max_by_key(|layer| self.threads(*layer).len());
+        let others = (0..n).filter(|i| Some(self.of[*i]) != fullest);
+        let is_near = |i: usize| (1..=MAX_LAYERS).any(|d| Some(self.of[(i + d) % n]) == fullest);
+        let near = others.clone().filter(|i| is_near(*i)).count();
+        near as f64 >= MIN_STACKED * others.count() as f64
     }
 
     /// The threads of a layer.
@@ -255,12 +269,23 @@ impl Layers {
                 break;
             }
         }
-        let keeps_order = (0..n).all(|i| {
+        // The way there may cross: as much of it as keeps the order.
+        let gap_mm = |at_mm: &[f64], i: usize| {
             let k = (i + 1) % n;
             let turn = if k <= i { period_mm } else { 0.0 };
-            at_mm[k] + turn - at_mm[i] > 0.5 * MIN_GAP * share_mm(i, k)
-        });
-        if keeps_order { at_mm } else { in_order }
+            at_mm[k] + turn - at_mm[i]
+        };
+        let part = |i: usize| {
+            let least_mm = 0.5 * MIN_GAP * share_mm(i, (i + 1) % n);
+            let (from_mm, to_mm) = (gap_mm(&in_order, i), gap_mm(&at_mm, i));
+            match to_mm < least_mm {
+                true => ((from_mm - least_mm) / (from_mm - to_mm)).max(0.0),
+                false => 1.0,
+            }
+        };
+        let part = (0..n).map(part).fold(1.0, f64::min);
+        let places = in_order.iter().zip(&at_mm);
+        places.map(|(a, b)| a + part * (b - a)).collect()
     }
 
     /// The widest that each thread can be without pressing on the others of its layer.

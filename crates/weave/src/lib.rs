@@ -83,7 +83,7 @@ pub use draft::{Draft, Thread};
 pub use error::Error;
 pub use openwork::OpenworkKind;
 pub use picture::Picture;
-pub use sett::Sett;
+pub use sett::{Sett, SettYarn};
 pub use spec::FabricGeometry;
 pub use synthesis::{Exemplar, Synthesis, SynthesisFigures, SynthesisSpec, YarnHeights};
 pub use yarn::{Hairs, Loops, Yarn};

@@ -284,12 +284,16 @@ impl Over {
     /// first is added.
     fn add(&self, softer: f64, own: &[f64], other: &[f64], gradient: &mut [f64]) -> f64 {
         let mut energy = 0.0;
-        for (c, order) in self.order.iter().enumerate().filter(|(_, o)| **o != 0) {
-            let order = f64::from(*order);
+        for (c, order) in self.order.iter().enumerate() {
+            let (size, order) = (self.size[c], f64::from(*order));
+            // Nothing would end the pull of two that pass beside each other.
+            if order == 0.0 || size == 0.0 {
+                continue;
+            }
             let gap = order * (own[c] - other[c]);
             energy += PULL * softer * gap;
             gradient[c] += PULL * softer * order;
-            let (size, apart) = (self.size[c], gap + self.nearer[c]);
+            let apart = gap + self.nearer[c];
             if apart < size {
                 let scale = CONTACT * softer * size * size;
                 let (value, slope) = contact(apart / size);
@@ -411,6 +415,15 @@ impl<'a> Weave<'a> {
             + system(&self.weft, &self.warp, weft, warp, weft_gradient, ends)
     }
 
+    /// The energy, for the minimiser, whose searches do not end where it has no bound.
+    fn finite_energy(&self, h: &Heights, gradient: &mut [f64]) -> Result<f64, argmin::core::Error> {
+        let energy = self.energy(&h.0, gradient);
+        if !energy.is_finite() {
+            return Err(argmin::core::Error::msg("the energy is not finite"));
+        }
+        Ok(energy)
+    }
+
     /// Gap of a crossing in units of the sum of the radii.
     fn gap(&self, h: &[f64], e: usize, p: usize) -> f64 {
         let (ends, picks) = (self.draft.ends(), self.draft.picks());
@@ -498,7 +511,7 @@ impl CostFunction for &Weave<'_> {
     type Output = f64;
 
     fn cost(&self, h: &Heights) -> Result<f64, argmin::core::Error> {
-        Ok(self.energy(&h.0, &mut vec![0.0; h.0.len()]))
+        self.finite_energy(h, &mut vec![0.0; h.0.len()])
     }
 }
 
@@ -508,7 +521,7 @@ impl Gradient for &Weave<'_> {
 
     fn gradient(&self, h: &Heights) -> Result<Heights, argmin::core::Error> {
         let mut gradient = vec![0.0; h.0.len()];
-        self.energy(&h.0, &mut gradient);
+        self.finite_energy(h, &mut gradient)?;
         Ok(Heights(gradient))
     }
 }

@@ -9,7 +9,7 @@
 
 use crate::fit::{Changes, Threads, room_factor};
 use crate::layers::{Layers, Sheds};
-use crate::spec::YarnSpec;
+use crate::spec::{HairinessSpec, YarnSpec};
 use crate::yarn::Yarn;
 use crate::{Draft, Error, Thread};
 use std::sync::Arc;
@@ -21,8 +21,9 @@ const CLOSENESS: f64 = 0.85;
 const ASPECT: f64 = 1.4;
 /// Count of the yarn where the draft gives no distances, g/km: a shirting or a dress.
 const USUAL_TEX: f64 = 20.0;
-/// Fibres of a yarn at most: thicker yarn gets thicker fibres, so that all can be traced.
-const MAX_FIBRES: f64 = 400.0;
+/// Fibres of a yarn at most: thicker yarn gets thicker fibres, so that those of some forty threads
+/// of each system can be traced.
+const MAX_FIBRES: f64 = 100.0;
 /// Count above which cloth is of wool: thicker cotton is seldom spun.
 const WOOL_TEX: f64 = 250.0;
 /// Distances of threads that are believed, mm.
@@ -31,33 +32,58 @@ const BELIEVED_MM: [f64; 2] = [0.02, 6.0];
 /// closer than their mean.
 const MAX_UNEVEN: f64 = 1.5;
 
+/// Threads are of one yarn while the thickest is at most so much thicker than the finest of them:
+/// finer differences are seldom meant.
+const ALIKE: f64 = 1.2;
+/// Yarns of a draft at most.
+const MAX_YARNS: usize = 4;
+
+/// A yarn of a draft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SettYarn {
+    /// How thick its finest thread is drawn, mm; 0 of the only yarn.
+    pub from_mm: f64,
+    /// Its count, g/km.
+    pub tex: f64,
+    /// Where few fibres stand for many: their mean radius, micrometres, and as many hairs as
+    /// cover what those of the thinner fibres would.
+    pub thicker: Option<(f64, HairinessSpec)>,
+}
+
 /// What a draft is woven with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sett {
     /// Threads per centimetre of warp and weft, where the draft's own distances are not used.
     pub per_cm: [Option<f64>; 2],
-    /// The preset of the yarn, one for all threads.
+    /// The preset of all yarns.
     pub preset: &'static str,
     /// How it is spun, see [`crate::spinning::NAMES`].
     pub irregularity: &'static str,
-    /// Its count, g/km.
-    pub tex: f64,
-    /// Width over height of its cross-section.
+    /// Width over height of their cross-sections.
     pub aspect: f64,
-    /// Mean radius of its fibres where that is not the preset's, micrometres.
-    pub fibre_radius_um: Option<f64>,
+    /// The yarns, the finest first: one, or as many as the draft has thicknesses where it gives
+    /// these and the distances of all threads.
+    pub yarns: Vec<SettYarn>,
 }
 
 impl Sett {
+    /// Which of the yarns a thread of the draft is.
+    pub fn yarn_of(&self, thread: &Thread) -> usize {
+        which(&self.yarns, thread)
+    }
+
     /// The yarn of a count.
     fn yarn(preset: &str, tex: f64) -> Result<Yarn, Error> {
-        let spec = YarnSpec {
+        Yarn::new(preset, &Sett::spec(preset, tex))
+    }
+
+    fn spec(preset: &str, tex: f64) -> YarnSpec {
+        YarnSpec {
             preset: Some(preset.to_owned()),
             tex: Some(tex),
             aspect: Some(ASPECT),
             ..YarnSpec::default()
-        };
-        Yarn::new(preset, &spec)
+        }
     }
 }
 
@@ -99,59 +125,134 @@ impl Draft {
                 _ => ("wool", count("wool")?),
             }
         };
-        let yarn = Arc::new(Sett::yarn(preset, tex)?);
-        let diameter_mm = 2.0 * yarn.radius_mm();
+        let diameter_mm = 2.0 * Sett::yarn(preset, tex)?.radius_mm();
         let mean_mm = [0, 1].map(|i| given[i].unwrap_or(diameter_mm * apart[i]));
-        let even = |i: usize, count| vec![mean_mm[i]; count];
-        let counts = [self.ends(), self.picks()];
-        let needed = |spacings: [Vec<f64>; 2]| {
-            let [warp, weft] = spacings;
-            let threads = |name, spacing_mm: Vec<f64>, layers: &Layers| {
-                let yarns = vec![yarn.clone(); spacing_mm.len()];
-                Threads::new(name, spacing_mm, yarns, layers.clone())
+        let systems = [&self.warp, &self.weft];
+        // A yarn of whole fibres may come out a little thicker, and of threads that differ those of
+        // layers have less room.
+        let spare = match layers.iter().all(|l| l.count == 1) {
+            true => 1.01,
+            false => 1.15,
+        };
+        let needed = |spacings_mm: [Vec<f64>; 2], yarns: &[SettYarn]| {
+            let built = yarns
+                .iter()
+                .map(|y| Sett::yarn(preset, y.tex).map(Arc::new));
+            let built: Vec<Arc<Yarn>> = built.collect::<Result<_, Error>>()?;
+            let threads = |name, spacing_mm, i: usize| {
+                let yarns = systems[i].iter().map(|t| built[which(yarns, t)].clone());
+                Threads::new(name, spacing_mm, yarns.collect(), layers[i].clone())
             };
-            let [warp, weft] = [
-                threads("warp", warp, &layers[0]),
-                threads("weft", weft, &layers[1]),
-            ];
-            room_factor(&changes, &warp, &weft)
-                .ok_or_else(|| Error::Jammed("no yarn fits the distances of the draft".into()))
+            let [warp, weft] = spacings_mm.map(|mut mm| {
+                mm.iter_mut().for_each(|mm| *mm /= spare);
+                mm
+            });
+            room_factor(
+                &changes,
+                &threads("warp", warp, 0),
+                &threads("weft", weft, 1),
+            )
+            .ok_or_else(|| Error::Jammed("no yarn fits the distances of the draft".into()))
         };
-        let factor = needed([even(0, counts[0]), even(1, counts[1])])?;
-        let own = [&self.warp, &self.weft].map(|threads| own_spacings_mm(threads));
-        let uneven = match (&own[0], &own[1]) {
-            (Some(warp), Some(weft)) => needed([warp.clone(), weft.clone()]).ok(),
-            _ => None,
+        let one = SettYarn {
+            from_mm: 0.0,
+            tex,
+            thicker: None,
         };
-        let keeps_own = uneven.is_some_and(|u| u <= MAX_UNEVEN * factor);
-        let factor = uneven.filter(|_| keeps_own).unwrap_or(factor);
+        let even = [0, 1].map(|i| vec![mean_mm[i]; systems[i].len()]);
+        let mut factor = needed(even, &[one])?;
+        let mut yarns = vec![one];
+        let own = systems.map(|threads| own_spacings_mm(threads));
+        let mut keeps_own = false;
+        if let [Some(warp), Some(weft)] = own {
+            let most = MAX_UNEVEN * factor;
+            for each in [of_thicknesses(self, one), Some(vec![one])] {
+                let Some(each) = each.filter(|_| !keeps_own) else {
+                    continue;
+                };
+                if let Ok(uneven) = needed([warp.clone(), weft.clone()], &each)
+                    && uneven <= most
+                {
+                    (factor, yarns, keeps_own) = (uneven, each, true);
+                }
+            }
+        }
         let is_free = given.iter().all(Option::is_none);
-        // A yarn of whole fibres may come out a little thicker.
-        let (room, finer) = match (is_free, factor > 1.0) {
-            (_, false) => (1.0, 1.0),
-            (true, true) => (1.01 * factor, 1.0),
-            (false, true) => (1.0, 1.01 * factor),
+        let (room, finer) = match is_free {
+            true => (factor, 1.0),
+            false => (1.0, factor),
         };
-        let tex = round3(tex / (finer * finer));
+        let irregularity = match preset {
+            "wool" => "worsted wool",
+            _ => "ring-spun cotton",
+        };
+        for yarn in &mut yarns {
+            yarn.tex = round3(yarn.tex / (finer * finer));
+            yarn.thicker = thicker_fibres(preset, irregularity, yarn.tex)?;
+        }
         Ok(Sett {
             per_cm: [0, 1].map(|i| (!keeps_own).then(|| round3(10.0 / (room * mean_mm[i])))),
             preset,
-            irregularity: match preset {
-                "wool" => "worsted wool",
-                _ => "ring-spun cotton",
-            },
-            tex,
+            irregularity,
             aspect: ASPECT,
-            fibre_radius_um: thicker_fibres_um(&Sett::yarn(preset, tex)?),
+            yarns,
         })
     }
 }
 
-/// The radius with which a yarn has few enough fibres; `None` if it has.
-fn thicker_fibres_um(yarn: &Yarn) -> Option<f64> {
+/// A yarn for each thickness of a draft's threads, the finest first, where `mean` is that of their
+/// mean thickness. `None` where they are alike or not all given.
+fn of_thicknesses(draft: &Draft, mean: SettYarn) -> Option<Vec<SettYarn>> {
+    let all = draft.warp.iter().chain(&draft.weft);
+    let all = all.map(|t| t.thickness_mm.map(f64::from));
+    let mut mm: Vec<f64> = all.collect::<Option<_>>()?;
+    mm.sort_by(f64::total_cmp);
+    if !(mm[0] >= BELIEVED_MM[0] && mm[mm.len() - 1] <= BELIEVED_MM[1]) {
+        return None;
+    }
+    let mean_mm = |mm: &[f64]| mm.iter().sum::<f64>() / mm.len() as f64;
+    let mut yarns = Vec::new();
+    let mut left = &mm[..];
+    while let Some(&from_mm) = left.first() {
+        let (alike, thicker) = left.split_at(left.partition_point(|t| *t <= ALIKE * from_mm));
+        yarns.push(SettYarn {
+            from_mm,
+            tex: mean.tex * (mean_mm(alike) / mean_mm(&mm)).powi(2),
+            ..mean
+        });
+        left = thicker;
+    }
+    (2..=MAX_YARNS).contains(&yarns.len()).then_some(yarns)
+}
+
+/// Which of the yarns a thread is.
+fn which(yarns: &[SettYarn], thread: &Thread) -> usize {
+    let mm = thread.thickness_mm.map_or(0.0, f64::from);
+    let finer = yarns.iter().take_while(|yarn| yarn.from_mm <= mm);
+    finer.count().saturating_sub(1)
+}
+
+/// The fibres with which a yarn has few enough; `None` if it has.
+fn thicker_fibres(
+    preset: &str,
+    irregularity: &str,
+    tex: f64,
+) -> Result<Option<(f64, HairinessSpec)>, Error> {
+    let spun = YarnSpec {
+        irregularity: Some(irregularity.to_owned()),
+        ..Sett::spec(preset, tex)
+    };
+    let yarn = Yarn::new(preset, &spun)?;
     let ratio = yarn.radius_mm() / yarn.fibre_radius_mm;
     let fibres = yarn.fibre_volume_fraction() * ratio * ratio;
-    (fibres > MAX_FIBRES).then(|| round3(1e3 * yarn.fibre_radius_mm * (fibres / MAX_FIBRES).sqrt()))
+    let thicker = (fibres / MAX_FIBRES).sqrt();
+    Ok(yarn.hairiness.filter(|_| thicker > 1.0).map(|hairs| {
+        let hairs = HairinessSpec {
+            index: round3(hairs.index / thicker),
+            ..hairs
+        };
+        (round3(1e3 * yarn.fibre_radius_mm * thicker), hairs)
+    }))
 }
 
 /// Three significant digits, downwards: what fits still fits.
@@ -184,6 +285,7 @@ fn mean_spacing_mm(threads: &[Thread]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::{Cloth, FabricGeometry};
+    use organza_basis::PathRng;
 
     fn cloth(draft: &Draft, sett: &Sett) -> Cloth {
         let rows: Vec<String> = draft.drawdown().lines().map(|l| format!("{l:?}")).collect();
@@ -194,7 +296,7 @@ mod tests {
             sett.per_cm[0].unwrap(),
             sett.per_cm[1].unwrap(),
             sett.preset,
-            sett.tex,
+            sett.yarns[0].tex,
             sett.aspect
         );
         let geometry: FabricGeometry = toml::from_str(&text).unwrap();
@@ -213,6 +315,50 @@ mod tests {
             per_cm.push(sett.per_cm[0].unwrap());
         }
         assert!(per_cm[0] < per_cm[1] && per_cm[1] < per_cm[2], "{per_cm:?}");
+    }
+
+    /// Threadings that wander over the shafts make long floats, and threads that lie side by side
+    /// or loose.
+    #[test]
+    fn wandering_twills_become_cloth() {
+        for seed in 0..12u64 {
+            let mut rng = PathRng::new(seed, 0, 0);
+            let shafts = 3 + rng.below(12) as usize;
+            let lifted = 1 + rng.below(shafts as u32 - 1) as usize;
+            let mut walk = |n: usize| {
+                let mut at = 0;
+                let step = |_| {
+                    at += if rng.below(2) == 0 { 1 } else { shafts - 1 };
+                    at % shafts
+                };
+                (0..n).map(step).collect::<Vec<_>>()
+            };
+            let (shaft, treadle) = (walk(24), walk(150));
+            let draft = Draft::from_fn(shaft.len(), treadle.len(), |e, p| {
+                (shaft[e] + shafts - treadle[p]) % shafts < lifted
+            });
+            let draft = draft.unwrap();
+            let cover = cloth(&draft, &draft.sett().unwrap()).figures().cover_factor;
+            assert!(cover > 0.6, "seed {seed}: {cover}");
+        }
+    }
+
+    #[test]
+    fn threads_drawn_thick_and_fine_are_two_yarns() {
+        let mut draft = Draft::named("plain").unwrap().tiled(4, 4);
+        for (i, thread) in draft.warp.iter_mut().chain(&mut draft.weft).enumerate() {
+            let mm = if i % 2 == 0 { 0.3 } else { 0.6 };
+            (thread.thickness_mm, thread.spacing_mm) = (Some(mm), Some(1.3 * mm));
+        }
+        let sett = draft.sett().unwrap();
+        let [fine, thick] = sett.yarns[..] else {
+            panic!("{sett:?}");
+        };
+        assert!((3.8..4.2).contains(&(thick.tex / fine.tex)), "{sett:?}");
+        assert_eq!([0, 1].map(|i| sett.yarn_of(&draft.warp[i])), [0, 1]);
+        // Without distances they could not lie where they fit.
+        draft.warp[0].spacing_mm = None;
+        assert_eq!(draft.sett().unwrap().yarns.len(), 1);
     }
 
     #[test]

@@ -59,6 +59,10 @@ impl Engine for FibreEngine {
         Ok(self.walk(cache.unwrap_or_default(), &mut work))
     }
 
+    fn can_learn(&self) -> bool {
+        true
+    }
+
     fn learn(
         &self,
         plan: &CachePlan,

@@ -38,7 +38,9 @@ use clap::Args;
 use clap::builder::ArgPredicate;
 use engine::{Chosen, EngineName};
 use organza_picture::{FORMATS, Format, Rendered};
-use organza_transport::{CachePlan, CacheReport, Crop, KernelRefusal, RenderError, Rendering};
+use organza_transport::{
+    CachePlan, CacheReport, Crop, Engine, KernelRefusal, RenderError, Rendering,
+};
 use scene::Built;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
@@ -239,7 +241,11 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         inputs: built.inputs.clone(),
         scene: built.digest.clone(),
     };
+    let plan = file.render.cache_plan(file.camera(&args.scene)?.resolution);
     let Chosen { engine, why_walk } = engine;
+    if let (Some(engine), Some(plan)) = (&engine, &plan) {
+        check_cache(args, engine.as_ref(), plan, built.max_bytes)?;
+    }
     let rendering = match engine {
         Some(engine) => rendering.with_engine(engine),
         None => rendering,
@@ -248,7 +254,7 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         Some(limit) => rendering.with_clamp(limit),
         None => rendering,
     };
-    let rendering = match file.render.cache_plan(file.camera(&args.scene)?.resolution) {
+    let rendering = match plan {
         Some(plan) => learned(args, rendering, &plan)?,
         None => rendering,
     };
@@ -275,6 +281,31 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         identity,
         why_walk,
     })
+}
+
+/// Refuses a cache for which the matter leaves no memory.
+fn check_cache(
+    args: &RenderArgs,
+    engine: &dyn Engine,
+    plan: &CachePlan,
+    max_bytes: u64,
+) -> Result<()> {
+    let left = max_bytes.saturating_sub(engine.memory_bytes());
+    if !engine.can_learn() || plan.bytes <= left {
+        return Ok(());
+    }
+    let why = match left >> 20 {
+        0 => "render.cache = \"off\"".into(),
+        mib => format!("render.cache_mib of at most {mib}"),
+    };
+    Err(input(format!(
+        "{}: the cache of radiance takes up to {} MiB of memory, and {} are left of {} that are \
+         allowed; expected {why}, or more memory",
+        args.scene.display(),
+        plan.bytes >> 20,
+        left >> 20,
+        max_bytes >> 20,
+    )))
 }
 
 /// The same rendering once its cache is learned.

@@ -146,7 +146,7 @@ impl RadianceTable {
 /// Where a key is looked for first, in proportion to its size: it has 64 random bits.
 #[inline]
 fn home(key: u64, room: usize) -> usize {
-    (u128::from(key) * room as u128 >> 64) as usize
+    ((u128::from(key) * room as u128) >> 64) as usize
 }
 
 /// The place after one, round the table.
