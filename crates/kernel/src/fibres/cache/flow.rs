@@ -9,8 +9,8 @@
 
 use super::Note;
 use super::place::Level;
-use super::table::{LEAST_CARRIED, RadianceTable};
-use glam::{BVec3, Vec3};
+use super::table::{RadianceTable, is_known};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// What paths carried from one bin to another.
@@ -23,10 +23,6 @@ struct Move {
 
 /// Change of the light of all bins, as a share of it, at which they are solved.
 const SOLVED: f64 = 5e-5;
-/// Where the arrivals of a bin carry on so many times what they bring, its light is that to the ends
-/// of their paths: few arrivals may bring next to nothing of a colour and by chance carry on much
-/// more, as which the bin would shine.
-const CARRIED_ON: f32 = 2.0;
 /// Times that light flows on at most.
 const STEPS: u32 = 200;
 /// Bins that a task solves.
@@ -42,6 +38,16 @@ struct Sums {
     /// The same over all that was solved before, the light to the ends of paths.
     carried_before: Vec3,
     light_before: Vec3,
+}
+
+impl Sums {
+    /// The share of the light of a bin that flows there, where its arrivals carry on so much; the
+    /// rest is that to the ends of their paths. Few arrivals may by chance carry on more than they
+    /// brought, and would shine by what they hand on if all of it counted.
+    fn flowing(&self, on: Vec3) -> Vec3 {
+        let share = self.carried / on;
+        Vec3::select(on.cmple(self.carried), Vec3::ONE, share * share)
+    }
 }
 
 /// Bins at all fibres but the first, and how light flows between them.
@@ -119,12 +125,12 @@ impl Flow {
         }
         let (starts, moves) = by_source(&self.moves, self.sums.len());
         let moves_of = |bin: usize| &moves[starts[bin] as usize..starts[bin + 1] as usize];
-        let flows_on: Vec<BVec3> = (0..self.sums.len())
+        let flowing: Vec<Vec3> = (0..self.sums.len())
             .into_par_iter()
             .with_min_len(BINS)
             .map(|bin| {
-                let on: Vec3 = moves_of(bin).iter().map(|(_, carried)| *carried).sum();
-                on.cmple(CARRIED_ON * self.sums[bin].carried)
+                let on = moves_of(bin).iter().map(|(_, carried)| *carried).sum();
+                self.sums[bin].flowing(on)
             })
             .collect();
         let mut radiance: Vec<Vec3> = self.table.radiances().collect();
@@ -140,9 +146,8 @@ impl Flow {
                     .iter()
                     .map(|(to, carried)| *carried * radiance[*to as usize]);
                 let light = found + flows.sum::<Vec3>();
-                let light = Vec3::select(flows_on[bin], light, whole);
-                let is_known = carried.cmpgt(LEAST_CARRIED);
-                Vec3::select(is_known, light / carried, radiance[bin])
+                let light = whole + flowing[bin] * (light - whole);
+                Vec3::select(is_known(carried), light / carried, radiance[bin])
             };
             let next: Vec<Vec3> = (0..radiance.len())
                 .into_par_iter()
@@ -165,7 +170,7 @@ impl Flow {
             sums.light_before += q * sums.carried;
             (sums.carried, sums.found, sums.whole) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
             let (before, light) = (sums.carried_before, sums.light_before);
-            let mean = Vec3::select(before.cmpgt(LEAST_CARRIED), light / before, q);
+            let mean = Vec3::select(is_known(before), light / before, q);
             self.table.set_radiance(bin, mean);
         }
         // The tables of the first fibre take their room.
@@ -276,17 +281,21 @@ mod tests {
             carried: Vec3::splat(carried),
             found: Vec3::splat(found),
         };
-        let mut tree = RadianceTree::new(LINE, 3, 1 << 20);
-        let arrivals = [0, 0, 1, 1].map(|x| Some(Record::new(&note(x, 1.0, 0.0), Vec3::ONE)));
-        tree.learn(&arrivals);
-        let mut flow = Flow::new(tree.table(), LINE, 1 << 20);
-        flow.take(Vec3::splat(2e-6), &[note(0, 1e-6, 0.0), note(1, 0.8, 1e-6)]);
-        flow.take(Vec3::ONE, &[note(1, 1.0, 0.0)]);
-        let table = flow.table();
-        let [dark, lit] = [0, 1].map(|x| {
-            let place = Place::on_a_line(512 * x);
-            table.radiance(&place, LINE).unwrap().x
-        });
+        let solved = |paths: &[(f32, &[Note])]| {
+            let mut tree = RadianceTree::new(LINE, 3, 1 << 20);
+            let arrivals = [0, 0, 1, 1].map(|x| Some(Record::new(&note(x, 1.0, 0.0), Vec3::ONE)));
+            tree.learn(&arrivals);
+            let mut flow = Flow::new(tree.table(), LINE, 1 << 20);
+            for (light, notes) in paths {
+                flow.take(Vec3::splat(*light), notes);
+            }
+            let table = flow.into_table();
+            [0, 1].map(|x| table.radiance(&Place::on_a_line(512 * x), LINE).unwrap().x)
+        };
+        let [dark, lit] = solved(&[
+            (2e-6, &[note(0, 1e-6, 0.0), note(1, 0.8, 1e-6)]),
+            (1.0, &[note(1, 1.0, 0.0)]),
+        ]);
         // It would be 0.8 times the light of the other over 1e-6.
         assert!((dark - 2.0).abs() < 1e-2, "{dark}");
         assert!((lit - 1.0 / 1.8).abs() < 1e-2, "{lit}");

@@ -1,10 +1,15 @@
 //! Radiance by place, to be read.
 
 use super::place::{Level, Place};
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 
-/// What paths must carry in a channel for its radiance to be known: less is lost in roundings.
-pub const LEAST_CARRIED: Vec3 = Vec3::splat(1e-30);
+/// In which channels arrivals that carried so much, all together, tell of light: not where it is next
+/// to nothing beside the brightest. What such a path still found is lost in the roundings of what it
+/// had found before, and over that little they would be bright.
+pub fn is_known(carried: Vec3) -> BVec3 {
+    const LEAST: f32 = 1e-5;
+    carried.cmpgt(Vec3::splat((LEAST * carried.max_element()).max(1e-30)))
+}
 
 /// What a bin holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

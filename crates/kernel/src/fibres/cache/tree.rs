@@ -10,7 +10,7 @@
 
 use super::Note;
 use super::place::{Level, Place};
-use super::table::{Entry, LEAST_CARRIED, RadianceTable};
+use super::table::{Entry, RadianceTable, is_known};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -99,7 +99,7 @@ impl Sums {
 
     fn radiance(&self) -> Vec3 {
         let q = self.found / self.carried;
-        Vec3::select(self.carried.cmpgt(LEAST_CARRIED), q, Vec3::ZERO)
+        Vec3::select(is_known(self.carried), q, Vec3::ZERO)
     }
 }
 
@@ -364,8 +364,8 @@ impl Estimate {
         }
         // Where nearly nothing is carried or found, there is no difference to speak of.
         let ratio = (part.found / whole.found) * (whole.carried / part.carried);
-        let is_known = part.carried.cmpgt(LEAST_CARRIED) & ratio.is_finite_mask();
-        let ratio = Vec3::select(is_known, ratio, Vec3::ONE);
+        let has_ratio = is_known(part.carried) & ratio.is_finite_mask();
+        let ratio = Vec3::select(has_ratio, ratio, Vec3::ONE);
         let radiance = self.radiance * (1.0 + kept * (ratio - 1.0));
         let further = (part.noise_squared() - whole.noise_squared()).max(0.0);
         Estimate {
@@ -519,6 +519,35 @@ mod tests {
                 radiance == Vec3::ZERO && noise == 0.0,
                 "seed {SEED}, {x}: {radiance} {noise}"
             );
+        }
+    }
+
+    /// A colour of which arrivals brought next to nothing is that of what lies around, or dark,
+    /// whatever the roundings of their light say.
+    #[test]
+    fn next_to_nothing_of_a_colour_tells_no_light() {
+        let levels = super::super::place::LINE;
+        let mut rng = PathRng::from_seed(SEED);
+        let mut tree = RadianceTree::new(levels, 64, 64 << 20);
+        for _ in 0..100 {
+            let some: Vec<_> = (0..512)
+                .map(|_| {
+                    let x = (rng.unit() * 1024.0) as i32;
+                    // Dyed deeply in a part of one region, and in all of the other.
+                    let green = if (64..512).contains(&x) { 1.0 } else { 1e-27 };
+                    Some(Record {
+                        place: Place::on_a_line(x),
+                        carried: Vec3::new(1.0, green, 1.0),
+                        found: Vec3::new(0.5, 0.5 * green + 1e-7, 0.5),
+                    })
+                })
+                .collect();
+            tree.learn(&some);
+        }
+        let table = tree.table();
+        for x in 0..1024 {
+            let q = table.radiance(&Place::on_a_line(x), levels).unwrap();
+            assert!(q.y < 0.6, "seed {SEED}, {x}: {q}");
         }
     }
 
