@@ -169,12 +169,12 @@ class Blender:
     def __init__(self, path, scratch):
         import bpy
 
-        sys.path.insert(0, "docs")
-        import blender_material
+        sys.path.insert(0, "crates/python/blender")
+        import material
 
         bpy.ops.wm.read_factory_settings(use_empty=True)
         if path.suffix == ".glb":
-            blender_material.load(path.parent)
+            material.load(path.parent)
         else:
             bpy.ops.wm.usd_import(filepath=str(path), import_usd_preview=True)
         self.bpy, self.scratch, self.is_gltf = bpy, scratch, path.suffix == ".glb"

@@ -1,9 +1,10 @@
 """Imports a folder of `organza bake` into Blender, with the light that the cloth scatters
 through, which Blender's importer of glTF leaves out.
 
-In Blender: open this file in the text editor, set FOLDER and run it. From a shell:
+The extension calls it. Alone, in Blender: open this file in the text editor, set FOLDER and run
+it. From a shell:
 
-    blender --python docs/blender_material.py -- denim_material
+    blender --python crates/python/blender/material.py -- denim_material
 """
 
 import json
@@ -15,14 +16,18 @@ import bpy
 FOLDER = ""
 
 
+def read(folder):
+    """What a bake says of itself."""
+    return json.loads((pathlib.Path(folder) / "bake.json").read_text(encoding="utf-8"))
+
+
 def load(folder):
     """Imports material.glb; returns the material with diffuse transmission added."""
     folder = pathlib.Path(folder).resolve()
     present = set(bpy.data.materials)
     bpy.ops.import_scene.gltf(filepath=str(folder / "material.glb"))
     material = next(m for m in bpy.data.materials if m not in present)
-    baked = json.loads((folder / "bake.json").read_text())
-    gltf = next(m for m in baked["materials"] if m["name"] == "glTF 2.0")
+    gltf = next(m for m in read(folder)["materials"] if m["name"] == "glTF 2.0")
     add_transmission(material, folder / "textures", gltf["parameters"]["transmittance"])
     return material
 

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use toml_edit::DocumentMut;
 
 /// Weaves that the page offers; any other name can be typed.
-const WEAVES: [&str; 12] = [
+const WEAVES: [&str; 14] = [
     "plain",
     "twill-2-1",
     "twill-2-2",
@@ -22,6 +22,8 @@ const WEAVES: [&str; 12] = [
     "herringbone-2-2-8",
     "warp-rib-2",
     "weft-rib-2",
+    "double-plain-8-8",
+    "weft-backed-8-3",
 ];
 
 /// A document of a revision, and how many steps can be undone and done again.
@@ -75,7 +77,13 @@ fn yarns(fabric: &Value) -> Value {
     }
     for system in ["warp", "weft"] {
         match &fabric[system]["yarn"] {
-            Value::String(name) => drop(names.insert(name.clone())),
+            // One name, or runs such as `8 cotton, 1 slub`.
+            Value::String(text) => {
+                let runs = text
+                    .split(',')
+                    .filter_map(|run| run.split_whitespace().last());
+                names.extend(runs.map(str::to_owned));
+            }
             Value::Array(list) => {
                 names.extend(
                     list.iter()

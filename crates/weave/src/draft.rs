@@ -16,7 +16,8 @@ pub struct Thread {
     pub colour: Option<Rgb>,
     /// Distance that the thread takes up in the fabric, millimetres.
     pub spacing_mm: Option<f32>,
-    /// Diameter as drawn, millimetres. A cloth uses the diameters of its yarns instead.
+    /// Diameter as drawn, millimetres. A cloth has the diameters of its yarns instead, see
+    /// [`crate::Sett::yarns`].
     pub thickness_mm: Option<f32>,
 }
 

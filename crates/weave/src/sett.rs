@@ -128,9 +128,11 @@ impl Draft {
         let diameter_mm = 2.0 * Sett::yarn(preset, tex)?.radius_mm();
         let mean_mm = [0, 1].map(|i| given[i].unwrap_or(diameter_mm * apart[i]));
         let systems = [&self.warp, &self.weft];
-        // A yarn of whole fibres may come out a little thicker, and of threads that differ those of
-        // layers have less room.
-        let spare = match layers.iter().all(|l| l.count == 1) {
+        // A yarn of whole fibres may come out a little thicker; some threads do by more, for which
+        // those of layers, and where distances differ, have no room.
+        let is_even =
+            |mm: &Vec<f64>| layers.iter().all(|l| l.count == 1) && mm.iter().all(|d| *d == mm[0]);
+        let spare = |spacings_mm: &[Vec<f64>; 2]| match spacings_mm.iter().all(is_even) {
             true => 1.01,
             false => 1.15,
         };
@@ -143,6 +145,7 @@ impl Draft {
                 let yarns = systems[i].iter().map(|t| built[which(yarns, t)].clone());
                 Threads::new(name, spacing_mm, yarns.collect(), layers[i].clone())
             };
+            let spare = spare(&spacings_mm);
             let [warp, weft] = spacings_mm.map(|mut mm| {
                 mm.iter_mut().for_each(|mm| *mm /= spare);
                 mm
