@@ -381,8 +381,9 @@ fabric = "cloth.toml"
     assert!(why.contains("object[0].local_visibility"), "{why}");
     let why = refuse(&["--set", "object.0.model=fibres", "--max-memory", "64KB"]);
     assert!(why.contains("bytes of memory"), "{why}");
-    let learning = ["object.0.model=fibres", "render.cache_mib=4096"];
+    let learning = ["render.cache=\"first-fibre\"", "render.cache_mib=4096"];
     let learning = learning.map(|set| ["--set", set]).concat();
+    let learning = [&learning[..], &["--set", "object.0.model=fibres"]].concat();
     let why = refuse(&[&learning[..], &["--max-memory", "1GiB"]].concat());
     assert!(why.contains("render.cache_mib of at most"), "{why}");
 }

@@ -230,16 +230,17 @@ def page_table(all_figures, commit, given):
     """What docs/gallery.md says about the figures."""
     lines = [
         f"The pictures have {given.size} x {given.size} pixels; they are rendered on {given.threads} threads, and denoised ([Denoising](denoise.md)).",
-        f"The [record](../benches/runs/gallery.md) of commit `{commit}` explains the figures.",
+        f"The [record](../benches/runs/gallery.md) of commit `{commit}` explains the figures; 0 stands where",
+        "unbiased samples found none.",
         "",
-        "| scene | samples | time | error of the median pixel | denoised | the same error without a cache |",
+        "| scene | samples | processor time | error of the median pixel | denoised | the same error without a cache |",
         "|---|---|---|---|---|---|",
     ]
     for name, f in all_figures.items():
         spent, unbiased = f["setup_cpu_s"] + f["render_cpu_s"], f["unbiased_cpu_s"]
         times = (unbiased + f["setup_cpu_s"]) / spent if unbiased and f["cache"] else None
         lines.append(
-            f"| {name} | {f['samples']} | {f['seconds']:.0f} s | {percent(f['noisy']['median'])} "
+            f"| {name} | {f['samples']} | {spent:.0f} s | {percent(f['noisy']['median'])} "
             f"| {percent(f['denoised']['median'])} "
             f"| {'-' if times is None else f'{times:.1f} times the processor time'} |"
         )
