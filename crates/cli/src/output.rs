@@ -187,10 +187,25 @@ pub fn printed() {
     *LAST_LINE.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
 }
 
-/// Whether nothing was printed for so long.
-pub fn is_silent_for(time: Duration) -> bool {
+/// Whether nothing was printed for so long, since the first who asked: whoever hears so prints.
+pub fn ends_silence(time: Duration) -> bool {
+    // Another thread that asks prints for all.
+    let Ok(mut last) = LAST_LINE.try_lock() else {
+        return false;
+    };
+    let now = Instant::now();
+    let is_silent = now - *last.get_or_insert(now) >= time;
+    if is_silent {
+        *last = Some(now);
+    }
+    is_silent
+}
+
+/// Whether a line was printed after that.
+#[cfg(test)]
+pub fn was_printed_since(time: Instant) -> bool {
     let last = *LAST_LINE.lock().unwrap_or_else(PoisonError::into_inner);
-    last.is_none_or(|last| last.elapsed() >= time)
+    last.is_some_and(|last| last > time)
 }
 
 /// Whether two paths lead to one file, or would if both were written.

@@ -2,14 +2,13 @@
 //! elsewhere.
 
 use crate::host::{Host, Watch};
-use crate::output::{note, printed};
+use crate::output::{ends_silence, note, printed};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Time before the first line of a task that no terminal shows, and between two.
-const BETWEEN_LINES: Duration = Duration::from_secs(4);
+/// So long nothing is printed before a line takes the place of a bar.
+const SILENCE: Duration = Duration::from_secs(3);
 
 /// A running task that a person may be watching.
 pub struct Progress {
@@ -17,8 +16,8 @@ pub struct Progress {
     label: &'static str,
     host: Host,
     started: Instant,
-    /// When the last line was printed, or the task began, where lines take the place of a bar.
-    line: Option<Mutex<Instant>>,
+    /// Lines take the place of a bar.
+    has_lines: bool,
 }
 
 impl Progress {
@@ -44,7 +43,7 @@ impl Progress {
             label,
             host,
             started: Instant::now(),
-            line: (!shown && !watch.is_quiet && !is_program).then(|| Mutex::new(Instant::now())),
+            has_lines: !shown && !watch.is_quiet && !is_program,
         }
     }
 
@@ -63,12 +62,7 @@ impl Progress {
         if !self.bar.is_hidden() {
             printed();
         }
-        // Another thread that prints the line does it for all.
-        if let Some(line) = &self.line
-            && let Ok(mut last) = line.try_lock()
-            && last.elapsed() >= BETWEEN_LINES
-        {
-            *last = Instant::now();
+        if self.has_lines && ends_silence(SILENCE) {
             self.print_line();
         }
     }

@@ -1,13 +1,14 @@
 //! Lines on stderr while work goes on whose end is not known.
 
 use crate::host::{Host, Watch};
-use crate::output::{is_silent_for, note};
+use crate::output::{ends_silence, note};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// So long nothing else is printed before a line is.
-const SILENCE: Duration = Duration::from_secs(4);
+/// So long nothing else is printed before a line is: longer than [`crate::progress`] waits, which
+/// has more to say.
+const SILENCE: Duration = Duration::from_millis(4500);
 
 /// Work that somebody may be waiting for. While it lives, a line says now and then that it goes
 /// on, unless others are printed.
@@ -33,8 +34,8 @@ impl Waiting {
         let (end, ended) = channel();
         let started = Instant::now();
         let lines = move || {
-            while ended.recv_timeout(silence) == Err(RecvTimeoutError::Timeout) {
-                if is_silent_for(silence) {
+            while ended.recv_timeout(silence / 8) == Err(RecvTimeoutError::Timeout) {
+                if ends_silence(silence) {
                     note!("{label}: {:.0} s so far", started.elapsed().as_secs_f64());
                 }
             }
@@ -59,6 +60,7 @@ impl Drop for Waiting {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::was_printed_since;
 
     #[test]
     fn silence_ends_after_a_while_unless_it_is_wanted() {
@@ -68,11 +70,9 @@ mod tests {
                 .thread
                 .is_none()
         );
-        let (began, waiting) = (
-            Instant::now(),
-            Waiting::every(silence, "test", false.into()),
-        );
-        while is_silent_for(began.elapsed()) {
+        let began = Instant::now();
+        let waiting = Waiting::every(silence, "test", false.into());
+        while !was_printed_since(began) {
             assert!(
                 began.elapsed() < Duration::from_secs(60),
                 "nothing was printed"

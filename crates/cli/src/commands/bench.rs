@@ -6,6 +6,7 @@ use crate::flags::{CommonArgs, MemoryArgs, set_help};
 use crate::output;
 use crate::output::note;
 use crate::progress::Progress;
+use crate::waiting::Waiting;
 use anyhow::{Context, Result};
 use clap::Args;
 use organza_report::bench::{
@@ -123,6 +124,8 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let with_scaling = args.scaling || (!args.quick && args.pixel_mm.is_empty());
     let trials = Bench::max_trials(&plan, &samples, with_scaling);
     let progress = Progress::new("rendering", trials as u64, &args.common);
+    // A trial may take longer than its turn to say so.
+    let _waiting = Waiting::new("rendering", &args.common);
     let count = Cell::new(0);
     let done = || {
         count.set(count.get() + 1);

@@ -8,6 +8,7 @@ use crate::flags::values::parse_repeats;
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::output;
 use crate::output::{WriteFile, note};
+use crate::waiting::Waiting;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use glam::DVec3;
@@ -153,6 +154,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         let scene = loaded.build(args.memory.max_memory, loader)?;
         Ok((loaded.file, scene, loader.inputs()))
     })?;
+    let _waiting = Waiting::new("writing", args.common.quiet);
     let tiling = Tiling {
         repeats: args.repeats,
         around_mm: DVec3::from(file.camera(&args.scene)?.target_mm),
