@@ -16,7 +16,7 @@ import bpy
 from mathutils import Vector
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PER_CM = (32.0, 28.0)
+PER_CM = (20.0, 16.0)
 
 
 def installed(folder):
@@ -90,7 +90,7 @@ def check_material(package, picture):
     print(f"    tile of {tile[0]:.2f} x {tile[1]:.2f} mm: {repeats[0]:.2f} x {repeats[1]:.2f} repeats")
     assert all(abs(r - round(r)) < 0.01 and r > 0.5 for r in repeats)
     bpy.data.objects.remove(second)
-    rendered(scene, first.location, 9.0, picture)
+    rendered(scene, first.location, 16.0, picture)
 
 
 def check_fibres():
