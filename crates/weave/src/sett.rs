@@ -163,23 +163,18 @@ impl Draft {
             thicker: None,
         };
         let even = [0, 1].map(|i| vec![mean_mm[i]; systems[i].len()]);
-        let mut factor = needed(even, &[one])?;
-        let mut yarns = vec![one];
+        let factor = needed(even, &[one])?;
         let own = systems.map(|threads| own_spacings_mm(threads));
-        let mut keeps_own = false;
+        let mut kept = None;
         if let [Some(warp), Some(weft)] = own {
-            let most = MAX_UNEVEN * factor;
-            for each in [of_thicknesses(self, one), Some(vec![one])] {
-                let Some(each) = each.filter(|_| !keeps_own) else {
-                    continue;
-                };
-                if let Ok(uneven) = needed([warp.clone(), weft.clone()], &each)
-                    && uneven <= most
-                {
-                    (factor, yarns, keeps_own) = (uneven, each, true);
-                }
-            }
+            let mut choices = of_thicknesses(self, one).into_iter().chain([vec![one]]);
+            kept = choices.find_map(|yarns| {
+                let uneven = needed([warp.clone(), weft.clone()], &yarns).ok()?;
+                (uneven <= MAX_UNEVEN * factor).then_some((uneven, yarns))
+            });
         }
+        let keeps_own = kept.is_some();
+        let (factor, mut yarns) = kept.unwrap_or((factor, vec![one]));
         let is_free = given.iter().all(Option::is_none);
         let (room, finer) = match is_free {
             true => (factor, 1.0),
