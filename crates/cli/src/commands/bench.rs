@@ -92,6 +92,8 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     };
     output::check_report_folder(&args.outfile, ("pairs.csv", "a comparison"))?;
     check_inputs_elsewhere(args)?;
+    // Weaving the fabrics and each trial may take longer than their turn to say so.
+    let _waiting = Waiting::new("measuring", &args.common);
     let found = found(args)?;
     // Checked before anything is written, and only once.
     let view = View {
@@ -124,8 +126,6 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let with_scaling = args.scaling || (!args.quick && args.pixel_mm.is_empty());
     let trials = Bench::max_trials(&plan, &samples, with_scaling);
     let progress = Progress::new("rendering", trials as u64, &args.common);
-    // A trial may take longer than its turn to say so.
-    let _waiting = Waiting::new("rendering", &args.common);
     let count = Cell::new(0);
     let done = || {
         count.set(count.get() + 1);
