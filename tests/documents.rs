@@ -120,8 +120,29 @@ fn every_link_of_a_page_leads_to_a_file_and_a_heading() {
     }
 }
 
+/// The book of the documentation (`.ci/book`) has every page once.
+#[test]
+fn every_page_is_listed_once_in_the_summary() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let summary = std::fs::read_to_string(docs.join("SUMMARY.md")).unwrap();
+    let unlisted = |summary: &str| {
+        let is_unlisted = |path: &PathBuf| {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            let is_page = path.parent() == Some(docs.as_path()) && name != "SUMMARY.md";
+            is_page && summary.matches(&format!("]({name})")).count() != 1
+        };
+        let paths = pages().into_iter().map(|(path, _)| path);
+        paths.filter(is_unlisted).count()
+    };
+    assert_eq!(unlisted(&summary), 0);
+    // The twins: a page that is missing, and all of them twice.
+    assert_eq!(unlisted(&summary.replace("](gallery.md)", "]()")), 1);
+    assert!(unlisted(&summary.repeat(2)) > 30);
+}
+
 /// The page about drafts, typed from its first line to its last, with another
 /// draft than the page's author had and fewer samples.
+#[cfg(unix)]
 #[test]
 fn the_page_about_drafts_leads_to_a_picture() {
     let folder = folder("documents-draft");
