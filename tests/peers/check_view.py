@@ -140,6 +140,10 @@ def check_first_picture(page, shots):
 
 def check_controls(page):
     page.until_full()
+    # The studio meters its exposure.
+    page.tab.get_by_role("combobox", name="Expose", exact=True).first.select_option("stops")
+    page.set("Exposure", 0.5)
+    page.until_full()
     before = page.brightness()
     page.set("Exposure", 2.5)
     page.until("more light", "() => true", 1)
@@ -152,6 +156,13 @@ def check_controls(page):
     page.until("26 ends", "() => /changed/.test(document.querySelector('summary').innerText)")
     table = page.session()["document"]["fabrics"][0]["table"]
     assert table["warp"]["per_cm"] == 26, table
+    page.set("Colours in runs", "8 red, 8 bleu", "combobox")
+    page.until("a colour that is none is told", "() => [...document.querySelectorAll('.field .error')]"
+               ".some(e => !e.hidden && /bleu.*blue/.test(e.innerText))")
+    page.set("Colours in runs", "8 red, 8 blue", "combobox")
+    page.until("runs in place of patches", "() => !document.querySelector('input[aria-label=\"Colours 2\"]') "
+               "&& document.querySelectorAll('input[type=color][aria-label^=\"Colours\"]').length === 1")
+    page.tab.click("#undo")
     page.tab.keyboard.press("Escape")
     page.tab.click("#undo")
     page.until("undone", "() => !document.querySelector('#redo').disabled")

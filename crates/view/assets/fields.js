@@ -100,6 +100,9 @@ export function vector(label, values, unit, apply) {
   return made;
 }
 
+/** A list of colours as text. */
+export const runs = (values) => (typeof values === "string" ? values : values.map((value) => (typeof value === "string" ? value : hexOf(value))).join(", "));
+
 /** A list of colours, linear; colours can be added and removed where `isList`. */
 export function colours(label, values, isList, apply) {
   const inputs = values.map((colour, i) => element("input", { type: "color", value: hexOf(colour), "aria-label": `${label} ${i + 1}` }));

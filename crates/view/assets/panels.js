@@ -58,7 +58,7 @@ function pile(document, i) {
       number("Pile leans by", "lean_deg", table.lean_deg ?? 0, { unit: "\u00b0", range: [0, 70] }),
       number("Pile leans to", "lean_direction_deg", table.lean_direction_deg ?? 90, { unit: "\u00b0", range: [-180, 180] }),
       number("Lean varies by", "lean_deviation_deg", table.lean_deviation_deg ?? 0, { unit: "\u00b0", range: [0, 30] }),
-      fields.colours("Pile colours", table.colours?.length ? table.colours : undyed, true, set("colours")),
+      ...colours("Pile colours", table.colours, set("colours")),
     ] : []),
   ];
 }
@@ -78,6 +78,13 @@ function print(document, i, figures) {
   ];
 }
 
+/** Colours of threads: patches, or runs by name where the file has these; runs may be typed in any case. */
+function colours(label, values, apply) {
+  const isText = typeof values === "string" || values?.some((value) => typeof value === "string");
+  const runs = fields.word(`${label} in runs`, isText ? fields.runs(values) : "", ["8 red, 8 blue, 4 white", "B/24 R4 K24 Y/4"], apply);
+  return isText ? [runs] : [fields.colours(label, values?.length ? values : undyed, true, apply), runs];
+}
+
 function threads(i, which, title, table, figures) {
   const set = table[which] || {};
   const own = set.per_cm ?? (set.spacing_mm ? 10 / set.spacing_mm : undefined);
@@ -85,7 +92,7 @@ function threads(i, which, title, table, figures) {
   return [
     element("h3", {}, title),
     fields.number("Threads", own ?? woven, { unit: "per cm", range: [4, 80], log: true }, fabric(i, which, "per_cm")),
-    fields.colours("Colours", set.colours?.length ? set.colours : undyed, true, fabric(i, which, "colours")),
+    ...colours("Colours", set.colours, fabric(i, which, "colours")),
     set.colours?.length ? null : element("p", { class: "hint" }, table.draft?.wif ? "The draft gives the colours; a choice here replaces them." : "Undyed; choose a colour to dye it."),
   ];
 }

@@ -10,7 +10,14 @@ export function on(kind, listener) {
 }
 
 function emit(kind, value) {
-  for (const listener of listeners[kind]) listener(value);
+  for (const listener of listeners[kind]) {
+    try {
+      listener(value);
+    } catch (error) {
+      // A part of the page that fails is no lost connection, and stops no other.
+      reportError(error);
+    }
+  }
 }
 
 /** An answer that says why not. */

@@ -9,6 +9,8 @@ use toml_edit::{Array, DocumentMut, Value};
 pub const MAX_PIXELS: i64 = 4096;
 /// Colours of a system of threads at most.
 const MAX_COLOURS: usize = 256;
+/// Characters of a text at most.
+const MAX_CHARS: usize = 4096;
 /// Words of a list at most.
 const MAX_WORDS: usize = 8;
 
@@ -23,7 +25,7 @@ pub(crate) enum Holds {
     Numbers(usize),
     /// Two whole numbers of a range.
     Size(i64, i64),
-    /// Linear colours.
+    /// Linear colours, or runs of threads by the names of colours.
     Colours,
     /// One of these words.
     Word(&'static [&'static str]),
@@ -194,7 +196,9 @@ fn described(holds: Holds) -> String {
         Whole(least, most) => format!("a whole number from {least} to {most}"),
         Numbers(count) => format!("a list of {count} numbers"),
         Size(least, most) => format!("two whole numbers from {least} to {most}"),
-        Colours => format!("from 1 to {MAX_COLOURS} colours of three numbers"),
+        Colours => format!(
+            "from 1 to {MAX_COLOURS} colours of three numbers, or text such as \"8 red, 8 blue\""
+        ),
         Word(words) => format!("one of {}", words.join(", ")),
         Words(words) => format!("a list of {}", words.join(", ")),
         Level => "auto, volume, surface or a level from 0".into(),
@@ -221,6 +225,10 @@ fn value_of(holds: Holds, value: &serde_json::Value) -> Option<Value> {
             sizes.collect::<Option<Array>>()?.into()
         }
         Colours => {
+            if let Some(runs) = value.as_str() {
+                let is_line = runs.len() <= MAX_CHARS && !runs.contains(char::is_control);
+                return is_line.then(|| runs.into());
+            }
             let list = value.as_array()?;
             if !(1..=MAX_COLOURS).contains(&list.len()) {
                 return None;

@@ -23,13 +23,14 @@ fn values_change_and_comments_stay() {
     served.edit(scene(&["camera", "resolution"], json!([64, 48])));
     served.edit(fabric(&["warp", "per_cm"], json!(25.5)));
     served.edit(fabric(&["warp", "colours"], json!([[0.1, 0.2, 0.3]])));
+    served.edit(fabric(&["weft", "colours"], json!("B/24 R4 K24 Y/4")));
     served.edit(fabric(&["yarn", "cotton", "plies"], json!(2)));
     served.edit(fabric(
         &["yarn", "cotton", "twist", "direction"],
         json!("S"),
     ));
     let (document, _, [undo, redo]) = served.session.document();
-    assert_eq!((undo, redo), (7, 0));
+    assert_eq!((undo, redo), (8, 0));
     let scene = document.scene.to_string();
     for line in [
         "# A small scene.",
@@ -45,6 +46,7 @@ fn values_change_and_comments_stay() {
         "weave = \"plain\" # over and under",
         "per_cm = 25.5",
         "colours = [[0.1, 0.2, 0.3]]",
+        "colours = \"B/24 R4 K24 Y/4\"",
         "plies = 2",
         "[yarn.cotton.twist]\ndirection = \"S\"",
     ] {
@@ -54,7 +56,7 @@ fn values_change_and_comments_stay() {
         served.post("undo", &json!({}));
     }
     let (document, _, [undo, redo]) = served.session.document();
-    assert_eq!((undo, redo), (0, 7));
+    assert_eq!((undo, redo), (0, 8));
     assert_eq!(document.scene.to_string(), SCENE);
     assert_eq!(document.fabrics[0].text.to_string(), FABRIC);
     served.post("redo", &json!({}));
@@ -250,6 +252,10 @@ fn wrong_changes_are_refused_with_their_key_and_change_nothing() {
         (
             fabric(&["warp", "colours"], json!([])),
             "colours of three numbers",
+        ),
+        (
+            fabric(&["warp", "colours"], json!("8 red, 8 bleu")),
+            "there is no colour \"bleu\"; did you mean \"blue\"",
         ),
         (
             json!([{ "op": "draft", "fabric": 0, "draft": "twil-2-1" }]),
