@@ -18,6 +18,7 @@ use organza_transport::Film;
 use serde_json::Value;
 use std::any::Any;
 use std::io::Cursor;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 use std::time::Instant;
@@ -26,6 +27,8 @@ use std::time::Instant;
 const COARSE: [u32; 3] = [8, 4, 2];
 /// Seconds that the later of them may take, as estimated from the one before.
 const MAX_COARSE_S: f64 = 0.8;
+/// The same where light is learned for many seconds before the full picture.
+const MAX_COARSE_BEFORE_LEARNING_S: f64 = 4.0;
 
 /// What a render may use.
 pub struct Limits {
@@ -127,7 +130,7 @@ impl Render<'_> {
             if !is_wanted() {
                 resume_unwind(Box::new(Unwanted));
             }
-            tell_task(session, event);
+            tell_event(session, event);
         };
         let loader = document.loader(Some(&on_event));
         let loader = loader.with_cache(self.limits.cache.clone());
@@ -181,6 +184,7 @@ impl Render<'_> {
             write: self.write,
             is_wanted: &is_wanted,
         };
+        let tracing = learned(&tracer, tracing)?;
         let tracing = pass(&tracer, tracing)?;
         let matter_text = document.matter_text();
         if self.figures_of != matter_text {
@@ -200,6 +204,21 @@ struct Tracer<'a> {
     build_s: f64,
     write: &'a WriteFiles<'a>,
     is_wanted: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// Learns what samples look up, and shows how far it is.
+fn learned<'a>(tracer: &Tracer<'_>, tracing: Tracing<'a>) -> Result<Tracing<'a>, Stop> {
+    if !tracing.can_learn() {
+        return Ok(tracing);
+    }
+    tell_task(tracer.session, "learning light".into());
+    tracing.learn(&|share| {
+        tell_share(tracer.session, share as f32);
+        match (tracer.is_wanted)() {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        }
+    })
 }
 
 /// Takes samples for one pass and shows the picture.
@@ -222,7 +241,7 @@ fn pass<'a>(tracer: &Tracer<'_>, tracing: Tracing<'a>) -> Result<Tracing<'a>, St
             0 => Phase::Done,
             _ => Phase::Rendering,
         };
-        news.task = None;
+        (news.task, news.share) = (None, None);
         news.picture_revision = task.revision;
         (news.size, news.coarseness) = (film.size().to_array(), 1);
         news.spp = u64::from(file.render.spp);
@@ -273,9 +292,10 @@ fn coarse(
     let is_walked = matter.scene.hierarchy_bytes() == 0;
     let own = matter.scene.camera;
     // Of a picture as coarse as the next one.
-    let mut seconds = 0.0;
+    let learns = file.render.cache_plan(table.resolution).is_some();
+    let (mut seconds, mut patience_s) = (0.0, MAX_COARSE_S);
     for coarseness in COARSE {
-        if seconds > MAX_COARSE_S {
+        if seconds > patience_s {
             break;
         }
         let mut table = table.clone();
@@ -289,7 +309,11 @@ fn coarse(
             max_bytes: free_memory_bytes(),
             is_walked,
         };
-        let traced = Tracing::new(&matter.scene, &plan).and_then(|t| t.pass(1, is_wanted));
+        let tracing = Tracing::new(&matter.scene, &plan);
+        if learns && tracing.as_ref().is_ok_and(Tracing::can_learn) {
+            patience_s = MAX_COARSE_BEFORE_LEARNING_S;
+        }
+        let traced = tracing.and_then(|t| t.pass(1, is_wanted));
         let png =
             traced.and_then(|t| Ok((t.film().size(), encoded(t.film(), file.render.display())?)));
         matter.scene.camera = own;
@@ -344,28 +368,31 @@ fn memory_beside_film(file: &SceneFile, limits: &Limits) -> Result<u64, Stop> {
 }
 
 /// Reports a step of building to the pages.
-fn tell_task(session: &Session, event: Event<'_>) {
+fn tell_event(session: &Session, event: Event<'_>) {
     match event {
-        Event::Begin(task) => session.tell(|news| {
-            news.task = Some(
-                match task {
-                    loader::Task::Voxelizing { .. } => "making voxels",
-                    loader::Task::GatheringFibres { .. } => "gathering fibres",
-                    loader::Task::MeasuringPacking { .. } => "measuring packing",
-                }
-                .into(),
-            );
-            news.share = Some(0.0);
-        }),
-        Event::Done(share) => {
-            // One in fifty is all that can be seen.
-            let known = session.news().share.unwrap_or(0.0);
-            if share >= known + 0.02 {
-                session.tell(|news| news.share = Some(share));
-            }
+        Event::Begin(task) => {
+            let name = match task {
+                loader::Task::Voxelizing { .. } => "making voxels",
+                loader::Task::GatheringFibres { .. } => "gathering fibres",
+                loader::Task::MeasuringPacking { .. } => "measuring packing",
+            };
+            tell_task(session, name.into());
         }
+        Event::Done(share) => tell_share(session, share),
         Event::End => session.tell(|news| (news.task, news.share) = (None, None)),
         Event::Warning(_) => {}
+    }
+}
+
+fn tell_task(session: &Session, task: String) {
+    session.tell(|news| (news.task, news.share) = (Some(task), Some(0.0)));
+}
+
+/// Tells how far a task is; one in fifty is all that can be seen.
+fn tell_share(session: &Session, share: f32) {
+    let known = session.news().share.unwrap_or(0.0);
+    if share >= known + 0.02 {
+        session.tell(|news| news.share = Some(share));
     }
 }
 

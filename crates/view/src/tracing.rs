@@ -3,8 +3,8 @@
 use crate::news::Cost;
 use organza_scene::scene_file::SceneFile;
 use organza_transport::{
-    CachePlan, EngineChoice, Film, Integrator, KernelRefusal, Refusal, RenderError, RenderSettings,
-    Rendering, Scene, engine,
+    CachePlan, EngineChoice, Film, Integrator, KernelRefusal, LearnWatch, Refusal, RenderError,
+    RenderSettings, Rendering, Scene, engine,
 };
 use std::time::{Duration, Instant};
 
@@ -50,6 +50,13 @@ fn soon(plan: CachePlan) -> CachePlan {
     CachePlan {
         work: (SHARE * plan.work as f64) as u64,
         ..plan
+    }
+}
+
+fn stop(why: RenderError) -> Stop {
+    match why {
+        RenderError::Interrupted => Stop::Unwanted,
+        why => Stop::Failed(why.to_string()),
     }
 }
 
@@ -101,14 +108,40 @@ impl<'a> Tracing<'a> {
             Some(limit) => rendering.with_clamp(limit),
             None => rendering,
         };
-        let resolution = plan.file.camera.as_ref().map(|camera| camera.resolution);
+        // A glance of a few samples is there before anything could be learned for it.
+        let camera = plan.file.camera.as_ref();
+        let camera = camera.filter(|_| plan.samples.is_none());
+        let to_learn = camera.and_then(|c| table.cache_plan(c.resolution));
         Ok(Tracing {
             rendering,
-            to_learn: resolution.and_then(|size| table.cache_plan(size)).map(soon),
+            to_learn: to_learn.map(soon),
             why_walk,
             seconds: 0.0,
             learned_s: 0.0,
             per_sample: None,
+        })
+    }
+
+    /// Whether light can be learned before the first sample.
+    pub fn can_learn(&self) -> bool {
+        self.rendering.engine().is_some_and(|e| e.can_learn())
+    }
+
+    /// Learns what samples look up, if they do.
+    ///
+    /// # Errors
+    /// `watch` broke.
+    pub fn learn(self, watch: &LearnWatch<'_>) -> Result<Tracing<'a>, Stop> {
+        let Some(plan) = &self.to_learn else {
+            return Ok(self);
+        };
+        let began = Instant::now();
+        let rendering = self.rendering.with_cache(plan, watch).map_err(stop)?;
+        Ok(Tracing {
+            rendering,
+            to_learn: None,
+            learned_s: began.elapsed().as_secs_f64(),
+            ..self
         })
     }
 
@@ -126,28 +159,15 @@ impl<'a> Tracing<'a> {
             (PASS.as_secs_f64() / per_sample.as_secs_f64().max(1e-9)) as u64
         });
         let samples = fit.clamp(1, most.max(1)).min(self.rendering.left());
-        let began = Instant::now();
         let go_on = || if is_wanted() { Continue(()) } else { Break(()) };
-        let stop = |e: RenderError| match e {
-            RenderError::Interrupted => Stop::Unwanted,
-            e => Stop::Failed(e.to_string()),
-        };
-        let rendering = match &self.to_learn {
-            Some(plan) => self.rendering.with_cache(plan, &|_| go_on()),
-            None => Ok(self.rendering),
-        };
-        let learned_s = began.elapsed().as_secs_f64();
         let began = Instant::now();
-        let rendering = rendering.and_then(|r| r.take(samples, &|_| go_on()));
-        let rendering = rendering.map_err(stop)?;
+        let rendering = self.rendering.take(samples, &|_| go_on()).map_err(stop)?;
         let took = began.elapsed();
         Ok(Tracing {
             rendering,
-            to_learn: None,
-            why_walk: self.why_walk,
-            seconds: self.seconds + learned_s + took.as_secs_f64(),
-            learned_s: self.learned_s + learned_s,
+            seconds: self.seconds + took.as_secs_f64(),
             per_sample: Some(took.div_f64(samples.max(1) as f64)),
+            ..self
         })
     }
 
@@ -173,21 +193,21 @@ impl<'a> Tracing<'a> {
         let noise = (samples > 1).then(|| self.rendering.relative_error());
         let median_noise = (samples > 1).then(|| self.rendering.pixel_errors().median);
         let shared = self.rendering.shared_pixel_noise().median;
-        let sampled_s = self.seconds - self.learned_s;
         // Samples do not lessen what they share.
         let to_5_percent = |noise: f64| {
             let [falls, may_be_left] = [noise, 0.05].map(|n: f64| n * n - shared * shared);
-            let seconds = self.learned_s + sampled_s * falls / may_be_left;
+            let seconds = self.learned_s + self.seconds * falls / may_be_left;
             (may_be_left > 0.0).then_some(seconds)
         };
         Cost {
             samples,
             build_s,
-            render_s: self.seconds,
+            render_s: self.learned_s + self.seconds,
             noise,
             median_noise,
             seconds_to_5_percent: median_noise.and_then(to_5_percent),
-            paths_per_s: self.rendering.stats().paths as f64 / self.seconds.max(1e-9),
+            paths_per_s: self.rendering.stats().paths as f64
+                / (self.learned_s + self.seconds).max(1e-9),
             engine: self.rendering.engine().map_or("walk", |e| e.name()).into(),
             why_walk: self.why_walk.as_ref().map(ToString::to_string),
         }
