@@ -284,6 +284,7 @@ mod tests {
     use super::*;
     use crate::{Cloth, FabricGeometry};
     use organza_basis::PathRng;
+    use std::fmt::Write as _;
 
     fn cloth(draft: &Draft, sett: &Sett) -> Cloth {
         let rows: Vec<String> = draft.drawdown().lines().map(|l| format!("{l:?}")).collect();
@@ -300,6 +301,47 @@ mod tests {
         let geometry: FabricGeometry = toml::from_str(&text).unwrap();
         let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
         Cloth::build(&geometry, &no_files, 1).unwrap()
+    }
+
+    /// The cloth of a draft that gives the distances of its threads, read from a file.
+    fn of_file(draft: &Draft, sett: &Sett) -> Cloth {
+        let mut wif = format!(
+            "[WIF]\nVersion=1.1\n[WEAVING]\nShafts={}\nTreadles={}\nRising Shed=true\n",
+            draft.ends(),
+            draft.picks()
+        );
+        for (name, threads) in [("WARP", &draft.warp), ("WEFT", &draft.weft)] {
+            let _ = writeln!(
+                wif,
+                "[{name}]\nThreads={}\nUnits=centimeters",
+                threads.len()
+            );
+            let _ = writeln!(wif, "[{name} SPACING]");
+            for (i, thread) in threads.iter().enumerate() {
+                let _ = writeln!(wif, "{}={:.5}", i + 1, thread.spacing_mm.unwrap() / 10.0);
+            }
+        }
+        wif += "[THREADING]\n";
+        for e in 1..=draft.ends() {
+            let _ = writeln!(wif, "{e}={e}");
+        }
+        wif += "[LIFTPLAN]\n";
+        for p in 0..draft.picks() {
+            let up = (0..draft.ends()).filter(|e| draft.warp_up(*e, p));
+            let up: Vec<String> = up.map(|e| (e + 1).to_string()).collect();
+            let _ = writeln!(wif, "{}={}", p + 1, up.join(","));
+        }
+        let mut text = format!(
+            "draft = {{ wif = \"d.wif\" }}\n[yarn.y]\npreset = {:?}\ntex = {:?}\naspect = {:?}\n",
+            sett.preset, sett.yarns[0].tex, sett.aspect
+        );
+        for (name, per_cm) in ["warp", "weft"].into_iter().zip(sett.per_cm) {
+            if let Some(per_cm) = per_cm {
+                let _ = write!(text, "[{name}]\nper_cm = {per_cm:?}\n");
+            }
+        }
+        let geometry: FabricGeometry = toml::from_str(&text).unwrap();
+        Cloth::build(&geometry, &|_: &str| Ok(wif.clone().into_bytes()), 1).unwrap()
     }
 
     #[test]
@@ -357,6 +399,48 @@ mod tests {
         // Without distances they could not lie where they fit.
         draft.warp[0].spacing_mm = None;
         assert_eq!(draft.sett().unwrap().yarns.len(), 1);
+    }
+
+    /// Distances that differ, and layers, leave single threads less room than the mean has.
+    #[test]
+    fn uneven_threads_and_layers_are_given_a_yarn_that_fits() {
+        for weave in ["plain", "twill-2-2", "double-plain-5-4", "weft-backed-8-3"] {
+            for seed in 0..6u64 {
+                let mut rng = PathRng::new(seed, 0, 0);
+                let mut draft = Draft::named(weave).unwrap();
+                let scale = 0.1 * 40f64.powf(f64::from(rng.unit()));
+                for thread in draft.warp.iter_mut().chain(&mut draft.weft) {
+                    let mm = scale * (1.0 + 0.4 * f64::from(rng.unit()));
+                    thread.spacing_mm = Some(mm as f32);
+                }
+                let sett = draft.sett().unwrap();
+                let cover = of_file(&draft, &sett).figures().cover_factor;
+                assert!(cover > 0.7, "{weave}, seed {seed}: {cover}, {sett:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn coarse_yarn_has_few_fibres() {
+        for mm in [0.2, 1.0, 5.0] {
+            let mut draft = Draft::named("plain").unwrap();
+            for thread in draft.warp.iter_mut().chain(&mut draft.weft) {
+                thread.spacing_mm = Some(mm);
+            }
+            let sett = draft.sett().unwrap();
+            let spec = Sett::spec(sett.preset, sett.yarns[0].tex);
+            let thicker = sett.yarns[0].thicker;
+            let spec = YarnSpec {
+                fibre_radius_um: thicker.map(|(um, _)| um),
+                irregularity: Some(sett.irregularity.into()),
+                ..spec
+            };
+            let yarn = Yarn::new("y", &spec).unwrap();
+            let ratio = yarn.radius_mm() / yarn.fibre_radius_mm;
+            let fibres = yarn.fibre_volume_fraction() * ratio * ratio;
+            assert!(fibres < 1.05 * MAX_FIBRES, "{mm} mm: {fibres}");
+            assert!(thicker.is_some() || fibres > 20.0, "{mm} mm: {fibres}");
+        }
     }
 
     #[test]

@@ -21,7 +21,8 @@ use std::sync::Arc;
     mut_arg("set", |a| a.help(set_help::FABRIC_OR_SCENE))
 )]
 pub struct ViewArgs {
-    /// Scene or fabric file (TOML), or a draft (.wif)
+    /// Scene or fabric file (TOML), draft (.wif), or the name of a weave
+    #[arg(default_value = "twill-2-1-z")]
     pub file: PathBuf,
     /// Port of this computer to serve on [default: any that is free]
     #[arg(

@@ -52,6 +52,17 @@ fn double_and_backed_cloths_have_the_layers_of_their_threads() {
 }
 
 #[test]
+fn cloths_side_by_side_are_no_layers() {
+    // Eight ends of a cloth that lies over that of the next eight, if they could lie there.
+    let of = |t: usize| t / 8 % 2;
+    let draft = Draft::from_fn(16, 16, |e, p| match of(e) == of(p) {
+        true => (e + p).is_multiple_of(2),
+        false => of(e) < of(p),
+    });
+    assert_eq!(layers(&draft.unwrap()).map(|l| l.count), [1, 1]);
+}
+
+#[test]
 fn a_stitch_keeps_the_layers_and_a_figure_of_extra_weft_lies_on_the_ground() {
     // Every thirty-second crossing binds an end of the back under a pick of the face.
     let double = Draft::named("double-plain").unwrap();
