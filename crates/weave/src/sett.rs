@@ -332,9 +332,13 @@ mod tests {
             let _ = writeln!(wif, "{}={}", p + 1, up.join(","));
         }
         let mut text = format!(
-            "draft = {{ wif = \"d.wif\" }}\n[yarn.y]\npreset = {:?}\ntex = {:?}\naspect = {:?}\n",
-            sett.preset, sett.yarns[0].tex, sett.aspect
+            "draft = {{ wif = \"d.wif\" }}\n[yarn.y]\npreset = {:?}\ntex = {:?}\naspect = {:?}\n\
+             irregularity = {:?}\n",
+            sett.preset, sett.yarns[0].tex, sett.aspect, sett.irregularity
         );
+        if let Some((um, _)) = sett.yarns[0].thicker {
+            let _ = writeln!(text, "fibre_radius_um = {um:?}");
+        }
         for (name, per_cm) in ["warp", "weft"].into_iter().zip(sett.per_cm) {
             if let Some(per_cm) = per_cm {
                 let _ = write!(text, "[{name}]\nper_cm = {per_cm:?}\n");
