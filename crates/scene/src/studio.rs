@@ -126,6 +126,8 @@ struct Panel {
 
 /// Samples of a pixel, and pixels along the longer edge: some 40 seconds of two processors.
 const SPP: u32 = 16;
+/// The same of micro-flakes, whose samples share nothing.
+const FLAKE_SPP: u32 = 64;
 const PIXELS: u32 = 512;
 /// How much the cache of radiance learns, in multiples of the usual.
 const LEARNING: f64 = 0.8;
@@ -179,8 +181,13 @@ pub fn scene(studio: Studio, subject: &Subject<'_>) -> Result<StudioScene, Input
         middle_mm: (0.5 * size_mm).xy().as_dvec2().extend(0.0),
         width_mm,
     };
+    let representation = representation(studio, subject)?;
+    let spp = match representation == &MICROFLAKE {
+        true => FLAKE_SPP,
+        false => SPP,
+    };
     let mut text = format!(
-        "# The studio \"{}\" for {}, written by organza.\n\n[render]\nspp = {SPP}\n\
+        "# The studio \"{}\" for {}, written by organza.\n\n[render]\nspp = {spp}\n\
          cache_learning = {LEARNING}\nexposure = \"auto\"\n\n",
         studio.name(),
         subject.fabric
@@ -212,7 +219,6 @@ pub fn scene(studio: Studio, subject: &Subject<'_>) -> Result<StudioScene, Input
     }
     let name = toml::Value::String(subject.fabric.to_owned());
     let _ = write!(text, "[[object]]\nkind = \"cloth\"\nfabric = {name}\n");
-    let representation = representation(studio, subject)?;
     let _ = writeln!(text, "model = {:?}", representation.name);
     if representation == &MICROFLAKE {
         let _ = writeln!(text, "voxel_um = {:.1}", voxel_um(subject));
