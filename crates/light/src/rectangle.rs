@@ -4,7 +4,7 @@
 use crate::catalogue::{LightError, LightKind, LoadPicture, brightness};
 use crate::light::{KernelLight, Light, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
-use crate::spherical_rectangle::SphericalRectangle;
+use crate::spherical_rectangle::{Face, SphericalRectangle};
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 use serde::Deserialize;
@@ -22,6 +22,7 @@ pub struct RectangleLight {
     radiance: Rgb,
     two_sided: bool,
     search: LightSearch,
+    face: Face,
 }
 
 /// Edges that span no rectangle.
@@ -65,6 +66,7 @@ impl RectangleLight {
             radiance,
             two_sided,
             search: LightSearch::Both,
+            face: Face::new([corner_mm, u_mm, v_mm], cross / area_mm2),
         })
     }
 
@@ -99,14 +101,7 @@ impl RectangleLight {
 
     /// Where a ray crosses the rectangle, mm.
     pub fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> Option<f64> {
-        let n = self.normal.as_dvec3();
-        let from_corner = origin_mm - self.corner_mm.as_dvec3();
-        let t = -from_corner.dot(n) / direction.dot(n);
-        let p = from_corner + t * direction;
-        let (u, v) = (self.u_mm.as_dvec3(), self.v_mm.as_dvec3());
-        let inside = |e: DVec3| (0.0..=e.length_squared()).contains(&p.dot(e));
-        // A ray in the plane divides by zero: NaN and infinity fail here.
-        (t > 0.0 && t.is_finite() && inside(u) && inside(v)).then_some(t)
+        self.face.distance_mm(origin_mm, direction)
     }
 
     /// The same along a ray.
@@ -117,7 +112,7 @@ impl RectangleLight {
     /// The rectangle as it is seen from a point; `None` when it is too small there for
     /// directions drawn evenly from its solid angle.
     fn seen_from(&self, from_mm: Vec3) -> Option<SphericalRectangle> {
-        SphericalRectangle::new(from_mm, self.corner_and_edges_mm(), self.normal)
+        SphericalRectangle::new(from_mm, &self.face)
     }
 
     /// A direction drawn evenly from the solid angle, or, of a rectangle that is seen very

@@ -6,6 +6,55 @@ use glam::{DVec3, Vec2, Vec3};
 /// from the area serve as well.
 const MIN_SOLID_ANGLE: f64 = 1e-6;
 
+/// A rectangle in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Face {
+    corner_mm: DVec3,
+    /// Units along the edges, and the normal.
+    along: DVec3,
+    up: DVec3,
+    normal: DVec3,
+    size_mm: [f64; 2],
+}
+
+impl Face {
+    /// From a corner, the two edges that start there, and the unit normal.
+    pub fn new([corner_mm, u_mm, v_mm]: [Vec3; 3], normal: Vec3) -> Face {
+        let (u, v) = (u_mm.as_dvec3(), v_mm.as_dvec3());
+        let size_mm = [u.length(), v.length()];
+        Face {
+            corner_mm: corner_mm.as_dvec3(),
+            along: u / size_mm[0],
+            up: v / size_mm[1],
+            normal: normal.as_dvec3(),
+            size_mm,
+        }
+    }
+
+    /// Where a ray crosses it, mm.
+    pub fn distance_mm(&self, origin_mm: DVec3, direction: DVec3) -> Option<f64> {
+        let from_corner = origin_mm - self.corner_mm;
+        let (height, slope) = (from_corner.dot(self.normal), direction.dot(self.normal));
+        // A ray away from it, or in its plane.
+        if height * slope >= 0.0 {
+            return None;
+        }
+        let t = -height / slope;
+        let p = from_corner + t * direction;
+        let inside = |axis: DVec3, size: f64| (0.0..=size).contains(&p.dot(axis));
+        let is_met = inside(self.along, self.size_mm[0]) && inside(self.up, self.size_mm[1]);
+        (is_met && t.is_finite()).then_some(t)
+    }
+}
+
+/// An angle, by its cosine and sine.
+type Turn = [f64; 2];
+
+/// The sum of two angles.
+fn turned([a, b]: Turn, [c, d]: Turn) -> Turn {
+    [a * c - b * d, a * d + b * c]
+}
+
 /// A rectangle as it is seen from a point: its projection to the unit sphere.
 ///
 /// Coordinates are along the edges and away from the point, which is the origin: the rectangle
@@ -20,42 +69,51 @@ pub(crate) struct SphericalRectangle {
     /// least and the greatest y.
     edges: [f64; 2],
     /// Angle that the draw begins with.
-    first: f64,
+    first: Turn,
     solid_angle: f64,
 }
 
 impl SphericalRectangle {
-    /// From a corner, the two edges that start there, and the unit normal. `None` when the
-    /// rectangle is seen edge-on or is too small for exact angles.
-    pub fn new(
-        from_mm: Vec3,
-        [corner_mm, u_mm, v_mm]: [Vec3; 3],
-        normal: Vec3,
-    ) -> Option<SphericalRectangle> {
-        let to = corner_mm.as_dvec3() - from_mm.as_dvec3();
-        let (u, v, n) = (u_mm.as_dvec3(), v_mm.as_dvec3(), normal.as_dvec3());
-        let (width, height) = (u.length(), v.length());
-        let (along, up) = (u / width, v / height);
+    /// `None` when the rectangle is seen edge-on or is too small for exact angles.
+    pub fn new(from_mm: Vec3, face: &Face) -> Option<SphericalRectangle> {
+        let to = face.corner_mm - from_mm.as_dvec3();
         // Edges may be askew by a thousandth; the distance to the plane is what counts.
-        let distance = to.dot(n);
-        let axes = [along, up, if distance > 0.0 { -n } else { n }];
+        let distance = to.dot(face.normal);
+        let normal = if distance > 0.0 {
+            -face.normal
+        } else {
+            face.normal
+        };
         let z = -distance.abs();
-        let (x0, y0) = (to.dot(along), to.dot(up));
-        let (x, y) = ([x0, x0 + width], [y0, y0 + height]);
+        let (x0, y0) = (to.dot(face.along), to.dot(face.up));
+        let (x, y) = ([x0, x0 + face.size_mm[0]], [y0, y0 + face.size_mm[1]]);
         // Depth components of the normals of the four planes, which point inward.
         let depth = |c: f64| c / (c * c + z * z).sqrt();
         let [left, right] = [-depth(x[0]), depth(x[1])];
         let edges = [-depth(y[0]), depth(y[1])];
-        let corner = |a: f64, b: f64| (-a * b).acos();
-        let first = std::f64::consts::TAU - corner(edges[1], left) - corner(left, edges[0]);
-        let solid_angle = corner(edges[0], right) + corner(right, edges[1]) - first;
+        // The angles of the corners, of which the solid angle is the sum less a full turn.
+        let corner = |a: f64, b: f64| {
+            let cos = -a * b;
+            [cos, (1.0 - cos * cos).max(0.0).sqrt()]
+        };
+        let of_left = turned(corner(edges[1], left), corner(left, edges[0]));
+        let of_right = turned(corner(edges[0], right), corner(right, edges[1]));
+        let [cos, sin] = turned(of_left, of_right);
+        let angle = sin.atan2(cos);
+        // From a point that touches it, it fills half of all directions.
+        let is_over = |c: [f64; 2]| c[0] < 0.0 && c[1] > 0.0;
+        let fills = angle <= 0.0 && is_over(x) && is_over(y);
+        let solid_angle = match fills || angle < -MIN_SOLID_ANGLE {
+            true => angle + std::f64::consts::TAU,
+            false => angle,
+        };
         (solid_angle > MIN_SOLID_ANGLE).then_some(SphericalRectangle {
-            axes,
+            axes: [face.along, face.up, normal],
             x,
             y,
             z,
             edges,
-            first,
+            first: [of_left[0], -of_left[1]],
             solid_angle,
         })
     }
@@ -68,8 +126,8 @@ impl SphericalRectangle {
     /// A unit direction from two even numbers in `[0, 1)`; its density is one over the solid
     /// angle.
     pub fn direction(&self, even: Vec2) -> Vec3 {
-        let angle = self.first + f64::from(even.x) * self.solid_angle;
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = (f64::from(even.x) * self.solid_angle).sin_cos();
+        let [cos, sin] = turned(self.first, [cos, sin]);
         let f = (cos * self.edges[0] - self.edges[1]) / sin;
         let c =
             (1.0f64.copysign(f) / (f * f + self.edges[0] * self.edges[0]).sqrt()).clamp(-1.0, 1.0);
@@ -135,10 +193,13 @@ mod tests {
     fn the_face_of_a_cube_is_a_sixth_of_the_sphere() {
         let corner = Vec3::new(-1.0, -1.0, -1.0);
         let edges = [corner, 2.0 * Vec3::X, 2.0 * Vec3::Y];
-        let seen = SphericalRectangle::new(Vec3::ZERO, edges, Vec3::Z).unwrap();
+        let face = Face::new(edges, Vec3::Z);
+        let seen = SphericalRectangle::new(Vec3::ZERO, &face).unwrap();
         assert!((seen.solid_angle() - 4.0 * std::f64::consts::PI / 6.0).abs() < 8.0 * f64::EPSILON);
-        assert!(SphericalRectangle::new(Vec3::new(3.0, 0.0, -1.0), edges, Vec3::Z).is_none());
-        assert!(SphericalRectangle::new(Vec3::new(0.0, 0.0, 1e4), edges, Vec3::Z).is_none());
+        let touching = SphericalRectangle::new(Vec3::new(0.2, -0.3, -1.0), &face).unwrap();
+        assert!((touching.solid_angle() - 2.0 * std::f64::consts::PI).abs() < 1e-14);
+        assert!(SphericalRectangle::new(Vec3::new(3.0, 0.0, -1.0), &face).is_none());
+        assert!(SphericalRectangle::new(Vec3::new(0.0, 0.0, 1e4), &face).is_none());
     }
 
     /// Solid angles and means over the draws are those of the sum over the area. The twin draws
@@ -149,7 +210,8 @@ mod tests {
         let [corner, u, v] = panel.corner_and_edges_mm();
         let functions: [fn(DVec3) -> f64; 3] = [|w| w.z, |w| w.x * w.x, |w| w.y * w.z];
         for (k, from) in PLACES.into_iter().enumerate() {
-            let seen = SphericalRectangle::new(from, [corner, u, v], panel_normal()).unwrap();
+            let face = Face::new([corner, u, v], panel_normal());
+            let seen = SphericalRectangle::new(from, &face).unwrap();
             let exact = sum(&panel, from, |_| 1.0);
             let error = (seen.solid_angle() / exact - 1.0).abs();
             assert!(error < 1e-5, "{k}: {} {exact}", seen.solid_angle());
