@@ -108,6 +108,13 @@ impl Note {
     }
 }
 
+/// Bits of the place of a path among its random numbers, which it has not drawn yet: a path that
+/// uses them ends.
+fn even_bits(paths: &Paths, slot: usize) -> u64 {
+    let [a, b, c] = [0, 1, 2].map(|k| u64::from(paths.rng[k][slot]));
+    organza_basis::mix64(organza_basis::mix64(a | b << 32) ^ c)
+}
+
 impl CacheUse<'_> {
     /// For a path that has met its fibre number `order`, counted from zero: what the rest of
     /// it adds, if that is known. Notes the place where that is asked for.
@@ -139,7 +146,11 @@ impl CacheUse<'_> {
                 found,
             });
         }
-        let levels = places.levels(order);
-        table?.radiance(&place, levels).map(|q| carried * q)
+        let (table, levels) = (table?, places.levels(order));
+        let bin = match places.are_blended(order) {
+            true => table.find_beside(&place, levels, even_bits(paths, slot)),
+            false => table.find(&place, levels),
+        };
+        bin.map(|bin| carried * table.radiance_of(bin))
     }
 }

@@ -189,6 +189,12 @@ impl Places {
         }
     }
 
+    /// Whether bins at a path's fibre of that number are read as going over into each other: where
+    /// they are of the world, and smooth cloth would show their borders.
+    pub fn are_blended(&self, order: u32) -> bool {
+        order > 0 && matches!(self.at_second, Frame::World { .. })
+    }
+
     /// Whether samples may share the light at their first fibres.
     pub fn are_shared_at_first(&self) -> bool {
         !matches!(self.at_first, First::Alone)
@@ -342,6 +348,19 @@ fn octahedral(d: Vec3) -> [u8; 2] {
 }
 
 impl Place {
+    /// Elsewhere in a bin of that size about this place, by 63 even bits.
+    #[inline]
+    pub fn moved(&self, level: Level, bits: u64) -> Place {
+        let moved = |k: usize| {
+            let even = (bits >> (21 * k) & ((1 << 21) - 1)) as i32;
+            self.at[k] + (even >> (21 - level.at)) - (1 << level.at >> 1)
+        };
+        Place {
+            at: [0, 1, 2].map(moved),
+            ..*self
+        }
+    }
+
     /// Names the bin of that size, among all sizes; never zero.
     #[inline]
     pub fn key(&self, number: usize, level: Level) -> u64 {

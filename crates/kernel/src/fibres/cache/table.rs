@@ -84,7 +84,7 @@ impl RadianceTable {
     }
 
     /// The radiance in the finest bin at a place.
-    #[inline]
+    #[cfg(test)]
     pub fn radiance(&self, place: &Place, levels: &[Level]) -> Option<Vec3> {
         Some(self.radiance_of(self.find(place, levels)?))
     }
@@ -102,6 +102,22 @@ impl RadianceTable {
     /// The number of the finest bin at a place.
     #[inline]
     pub fn find(&self, place: &Place, levels: &[Level]) -> Option<usize> {
+        Some(self.find_sized(place, levels)?.0)
+    }
+
+    /// The same, or that of a bin beside it as often as the place, moved by less than half the
+    /// width of its bin, lies there: in the mean, radiances go over into each other. A place
+    /// without a bin is moved so in the widest: cloth that barely enters a bin leaves it empty.
+    #[inline]
+    pub fn find_beside(&self, place: &Place, levels: &[Level], bits: u64) -> Option<usize> {
+        let own = self.find_sized(place, levels);
+        let level = own.map_or(levels[0], |(_, level)| level);
+        let beside = self.find(&place.moved(level, bits), levels);
+        beside.or(own.map(|(number, _)| number))
+    }
+
+    #[inline]
+    fn find_sized(&self, place: &Place, levels: &[Level]) -> Option<(usize, Level)> {
         let mut found = None;
         for (number, level) in levels.iter().enumerate() {
             let Some(at) = self.number(place.key(number, *level)) else {
@@ -109,7 +125,7 @@ impl RadianceTable {
             };
             let entry = &self.entries[at];
             if entry.state & Entry::READ != 0 {
-                found = Some(at);
+                found = Some((at, *level));
             }
             if entry.state & Entry::SPLIT == 0 {
                 break;
