@@ -61,7 +61,7 @@ fn values_change_and_comments_stay() {
     assert_eq!(document.fabrics[0].text.to_string(), FABRIC);
     served.post("redo", &json!({}));
     let (document, _, steps) = served.session.document();
-    assert_eq!(steps, [1, 6]);
+    assert_eq!(steps, [1, 7]);
     assert!(document.scene.to_string().contains("[1.0, 0.5, 0.25]"));
 }
 

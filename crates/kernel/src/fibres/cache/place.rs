@@ -125,8 +125,13 @@ pub const LINE: &[Level] = &[
 #[cfg(test)]
 impl Place {
     pub fn on_a_line(x: i32) -> Place {
+        Place::across_a_line(x, [0; 2])
+    }
+
+    /// In the bin of 512 steps beside that of the line.
+    pub fn across_a_line(x: i32, [y, z]: [i32; 2]) -> Place {
         Place {
-            at: [x, 0, 0],
+            at: [x, 512 * y, 512 * z],
             ..Place::default()
         }
     }

@@ -175,3 +175,52 @@ fn home(key: u64, room: usize) -> usize {
 fn next(at: usize, room: usize) -> usize {
     if at + 1 == room { 0 } else { at + 1 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::place::LINE;
+    use super::*;
+    use organza_basis::mix64;
+
+    /// Between the middles of two bins the mean of what is read goes over from one to the other;
+    /// a place without a bin reads the one beside it as often as it is that near.
+    #[test]
+    fn bins_are_blended_where_they_are_read_beside() {
+        const WIDTH: i32 = 512;
+        let levels = &LINE[..1];
+        let bin = |x: i32, radiance: f32| Entry {
+            key: Place::on_a_line(x * WIDTH).key(0, levels[0]),
+            radiance: [radiance; 3],
+            state: Entry::state(true, false, 0.0),
+        };
+        // The line is one step thick, and places move across it as well.
+        let everywhere = |x: i32, radiance: f32| {
+            [[0, 0], [0, -1], [-1, 0], [-1, -1]].map(|across| Entry {
+                key: Place::across_a_line(x * WIDTH, across).key(0, levels[0]),
+                ..bin(x, radiance)
+            })
+        };
+        let table = RadianceTable::new(&[everywhere(0, 1.0), everywhere(1, 3.0)].concat());
+        let count = 1 << 14;
+        let read = |x: i32| -> Vec<usize> {
+            let place = Place::on_a_line(x);
+            let find = |n| table.find_beside(&place, levels, mix64(n));
+            (1..=count).filter_map(find).collect()
+        };
+        for eighths in 4..=12 {
+            let found = read(eighths * WIDTH / 8);
+            assert_eq!(found.len(), count as usize);
+            let sum: f32 = found.iter().map(|bin| table.radiance_of(*bin).x).sum();
+            let (mean, share) = (sum / count as f32, (eighths as f32 - 4.0) / 8.0);
+            // Five deviations of a share of so many coins.
+            let error = 5.0 * 2.0 * 0.5 / (count as f32).sqrt();
+            assert!(
+                (mean - (1.0 + 2.0 * share)).abs() < error,
+                "{eighths}: {mean}"
+            );
+        }
+        let share = read(-WIDTH / 4).len() as f32 / count as f32;
+        assert!((share - 0.25).abs() < 0.02, "{share}");
+        assert_eq!(table.find(&Place::on_a_line(-WIDTH / 4), levels), None);
+    }
+}
