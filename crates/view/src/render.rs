@@ -208,7 +208,7 @@ struct Tracer<'a> {
 
 /// Learns what samples look up, and shows how far it is.
 fn learned<'a>(tracer: &Tracer<'_>, tracing: Tracing<'a>) -> Result<Tracing<'a>, Stop> {
-    if !tracing.can_learn() {
+    if !tracing.learns() {
         return Ok(tracing);
     }
     tell_task(tracer.session, "learning light".into());
@@ -388,7 +388,7 @@ fn tell_task(session: &Session, task: String) {
     session.tell(|news| (news.task, news.share) = (Some(task), Some(0.0)));
 }
 
-/// Tells how far a task is; one in fifty is all that can be seen.
+/// Reports how far a task is, in steps of a fiftieth: no smaller one can be seen.
 fn tell_share(session: &Session, share: f32) {
     let known = session.news().share.unwrap_or(0.0);
     if share >= known + 0.02 {

@@ -127,6 +127,11 @@ impl<'a> Tracing<'a> {
         self.rendering.engine().is_some_and(|e| e.can_learn())
     }
 
+    /// Whether it is learned for this picture.
+    pub fn learns(&self) -> bool {
+        self.to_learn.is_some() && self.can_learn()
+    }
+
     /// Learns what samples look up, if they do.
     ///
     /// # Errors

@@ -108,9 +108,9 @@ impl Note {
     }
 }
 
-/// Bits of the place of a path among its random numbers, which it has not drawn yet: a path that
-/// uses them ends.
-fn even_bits(paths: &Paths, slot: usize) -> u64 {
+/// Random bits from the random numbers that a path has not drawn yet: where they are used, it ends,
+/// or walks on without a bin.
+fn random_bits(paths: &Paths, slot: usize) -> u64 {
     let [a, b, c] = [0, 1, 2].map(|k| u64::from(paths.rng[k][slot]));
     organza_basis::mix64(organza_basis::mix64(a | b << 32) ^ c)
 }
@@ -148,7 +148,7 @@ impl CacheUse<'_> {
         }
         let (table, levels) = (table?, places.levels(order));
         let bin = match places.are_blended(order) {
-            true => table.find_beside(&place, levels, even_bits(paths, slot)),
+            true => table.find_beside(&place, levels, random_bits(paths, slot)),
             false => table.find(&place, levels),
         };
         bin.map(|bin| carried * table.radiance_of(bin))

@@ -194,8 +194,8 @@ impl Places {
         }
     }
 
-    /// Whether bins at a path's fibre of that number are read as going over into each other: where
-    /// they are of the world, and smooth cloth would show their borders.
+    /// Whether what is read at a path's fibre of that number is interpolated between bins: where
+    /// they are cubes in the world, whose borders smooth cloth would show.
     pub fn are_blended(&self, order: u32) -> bool {
         order > 0 && matches!(self.at_second, Frame::World { .. })
     }
@@ -353,7 +353,7 @@ fn octahedral(d: Vec3) -> [u8; 2] {
 }
 
 impl Place {
-    /// Elsewhere in a bin of that size about this place, by 63 even bits.
+    /// A place at random in a cube of that size about this one, by 63 random bits.
     #[inline]
     pub fn moved(&self, level: Level, bits: u64) -> Place {
         let moved = |k: usize| {

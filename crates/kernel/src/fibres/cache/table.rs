@@ -105,9 +105,10 @@ impl RadianceTable {
         Some(self.find_sized(place, levels)?.0)
     }
 
-    /// The same, or that of a bin beside it as often as the place, moved by less than half the
-    /// width of its bin, lies there: in the mean, radiances go over into each other. A place
-    /// without a bin is moved so in the widest: cloth that barely enters a bin leaves it empty.
+    /// The number of the finest bin where the place lies after it is moved at random by up to half
+    /// the width of its bin, or else of its own: the mean of what is read is interpolated between
+    /// bins. A place without a bin is moved by the widest: cloth that barely enters a bin leaves it
+    /// empty.
     #[inline]
     pub fn find_beside(&self, place: &Place, levels: &[Level], bits: u64) -> Option<usize> {
         let own = self.find_sized(place, levels);
@@ -207,20 +208,22 @@ mod tests {
             let find = |n| table.find_beside(&place, levels, mix64(n));
             (1..=count).filter_map(find).collect()
         };
+        // Five deviations of a share, at most, of so many.
+        let error = 5.0 * 0.5 / (count as f32).sqrt();
         for eighths in 4..=12 {
             let found = read(eighths * WIDTH / 8);
             assert_eq!(found.len(), count as usize);
             let sum: f32 = found.iter().map(|bin| table.radiance_of(*bin).x).sum();
             let (mean, share) = (sum / count as f32, (eighths as f32 - 4.0) / 8.0);
-            // Five deviations of a share of so many coins.
-            let error = 5.0 * 2.0 * 0.5 / (count as f32).sqrt();
-            assert!(
-                (mean - (1.0 + 2.0 * share)).abs() < error,
-                "{eighths}: {mean}"
-            );
+            let expected = 1.0 + 2.0 * share;
+            assert!((mean - expected).abs() < 2.0 * error, "{eighths}: {mean}");
+            // The twin: what is read without moving jumps from bin to bin.
+            let own = table.radiance(&Place::on_a_line(eighths * WIDTH / 8), levels);
+            let is_between = ![4, 12].contains(&eighths);
+            assert_eq!((own.unwrap().x - expected).abs() > 2.0 * error, is_between);
         }
         let share = read(-WIDTH / 4).len() as f32 / count as f32;
-        assert!((share - 0.25).abs() < 0.02, "{share}");
+        assert!((share - 0.25).abs() < error, "{share}");
         assert_eq!(table.find(&Place::on_a_line(-WIDTH / 4), levels), None);
     }
 }
