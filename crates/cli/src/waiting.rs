@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// So long nothing else is printed before a line is: longer than [`crate::progress`] waits, which
 /// has more to say.
-const SILENCE: Duration = Duration::from_millis(4500);
+const SILENCE: Duration = Duration::from_secs(4);
 
 /// Work that somebody may be waiting for. While it lives, a line says now and then that it goes
 /// on, unless others are printed.
