@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// A right-handed orthonormal frame: `s x t = n`.
+/// An orthonormal frame, right-handed (`s x t = n`) but where cloth lies mirrored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// First tangent.
@@ -25,6 +25,17 @@ impl Frame {
             t: Vec3::new(b, sign + n.y * n.y * a, -n.y),
             n,
         }
+    }
+
+    /// The frame of cloth with the unit normal `n`: s is along the weft, and t on the side of the
+    /// warp. Left-handed where these mirror the cloth; `from_normal` where the weft is along `n`.
+    pub fn of_cloth([weft, warp]: [Vec3; 2], n: Vec3) -> Frame {
+        let Some(s) = (weft - n * weft.dot(n)).try_normalize() else {
+            return Frame::from_normal(n);
+        };
+        let t = n.cross(s);
+        let t = if t.dot(warp) < 0.0 { -t } else { t };
+        Frame { s, t, n }
     }
 
     /// The frame's coordinates of a vector given in the world.

@@ -31,7 +31,7 @@ pub struct MeshHit {
     /// Its place in the fabric plane, mm.
     pub uv_mm: Vec2,
     /// The fabric's frame: s along the weft, t along the component of the warp that is
-    /// perpendicular to it, n the interpolated normal.
+    /// perpendicular to it, n the interpolated normal. Left-handed where the texture is mirrored.
     pub frame: Frame,
     /// Unit normal of the face itself, on the side of `frame.n`.
     pub face_normal: Vec3,
@@ -209,15 +209,7 @@ impl DrapedMesh {
             let s = first_edge.normalize();
             [s, face_normal.cross(s)]
         });
-        let s = stretch[0] - normal * stretch[0].dot(normal);
-        let frame = match s.try_normalize() {
-            Some(s) => Frame {
-                s,
-                t: normal.cross(s),
-                n: normal,
-            },
-            None => Frame::from_normal(normal),
-        };
+        let frame = Frame::of_cloth(stretch, normal);
         MeshHit {
             distance_mm: t,
             // Computed from the corners instead of along the ray, so that the error does not

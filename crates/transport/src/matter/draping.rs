@@ -232,14 +232,7 @@ fn frame_toward(hit: &MeshHit, w_out: Vec3) -> Frame {
     if (smooth.n.dot(w_out) > 0.0) == (face.dot(w_out) > 0.0) {
         return smooth;
     }
-    match (smooth.s - face * smooth.s.dot(face)).try_normalize() {
-        Some(s) => Frame {
-            s,
-            t: face.cross(s),
-            n: face,
-        },
-        None => Frame::from_normal(face),
-    }
+    Frame::of_cloth([smooth.s, smooth.t], face)
 }
 
 /// A straight stretch of a ray through a shell, as one through a grid of cells;
