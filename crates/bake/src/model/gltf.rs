@@ -1,8 +1,8 @@
 //! The material of glTF 2.0 [Khronos2021] with its extensions [Khronos2024].
 
-use super::{Surface, Target, half_vector, round};
+use super::{Sheen, Surface, Target, half_vector, round};
 use crate::albedo::Albedos;
-use crate::lobe::{f0_of_index, ggx, schlick, sheen};
+use crate::lobe::{f0_of_index, ggx, schlick};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -12,8 +12,7 @@ pub const GLTF: Target = Target {
     file: "material.glb",
     transmits: true,
     is_anisotropic: true,
-    has_sheen: true,
-    squares_sheen: true,
+    sheen: Some(Sheen::InvertedSquare),
     has_specular_map: true,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
@@ -49,13 +48,11 @@ fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
     if strength <= 0.0 {
         return value;
     }
-    let alpha = s.sheen_roughness * s.sheen_roughness;
-    let taken = albedos
-        .sheen(mirrored.z, alpha)
-        .max(albedos.sheen(w_out.z, alpha));
-    value *= 1.0 - strength * taken;
+    let (sheen, roughness) = (Sheen::InvertedSquare, s.sheen_roughness);
+    let taken = [mirrored.z, w_out.z].map(|cos| sheen.albedo(albedos, cos, roughness));
+    value *= 1.0 - strength * taken[0].max(taken[1]);
     if reflects {
-        value += s.sheen * sheen(alpha, h.z, w_in.z, w_out.z);
+        value += s.sheen * sheen.value(roughness, w_in, w_out);
     }
     value
 }

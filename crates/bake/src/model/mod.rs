@@ -14,7 +14,7 @@ pub use standard_surface::STANDARD_SURFACE;
 pub use usd_preview::USD_PREVIEW;
 
 use crate::albedo::Albedos;
-use crate::lobe::{MIN_COSINE, f0_of_index};
+use crate::lobe::{MIN_COSINE, f0_of_index, fuzz, fuzz_albedo, sheen};
 use crate::texel::Texel;
 use glam::Vec3;
 use organza_measure::Pair;
@@ -33,10 +33,8 @@ pub struct Target {
     pub transmits: bool,
     /// Whether its highlights may be anisotropic.
     pub is_anisotropic: bool,
-    /// Whether it has a layer of sheen.
-    pub has_sheen: bool,
-    /// Whether the width of its sheen is the square of its roughness, not the roughness.
-    pub squares_sheen: bool,
+    /// Its layer of sheen.
+    pub sheen: Option<Sheen>,
     /// Whether the strength of its highlights may vary from texel to texel.
     pub has_specular_map: bool,
     /// What it cannot show, a sentence each.
@@ -49,6 +47,46 @@ pub struct Target {
 impl std::fmt::Debug for Target {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Target").field("name", &self.name).finish()
+    }
+}
+
+/// The lobe of a layer of sheen, by its roughness.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sheen {
+    /// That of [Estevez2017], whose width is the roughness.
+    Inverted,
+    /// The same; the width is the square of the roughness.
+    InvertedSquare,
+    /// That of [Zeltner2022].
+    Fuzz,
+}
+
+impl Sheen {
+    /// Roughnesses that are tried.
+    fn range(self) -> (f64, f64) {
+        match self {
+            Sheen::Inverted | Sheen::InvertedSquare => (0.2, 0.8),
+            Sheen::Fuzz => (0.1, 1.0),
+        }
+    }
+
+    /// The share of light that it reflects towards an eye of this cosine.
+    fn albedo(self, albedos: &Albedos, cos: f32, roughness: f32) -> f32 {
+        match self {
+            Sheen::Inverted => albedos.sheen(cos, roughness),
+            Sheen::InvertedSquare => albedos.sheen(cos, roughness * roughness),
+            Sheen::Fuzz => fuzz_albedo(cos, roughness),
+        }
+    }
+
+    /// The BSDF, 1/sr, of light and eye on the side of the normal.
+    fn value(self, roughness: f32, w_in: Vec3, w_out: Vec3) -> f32 {
+        let cos_half = || (w_in + w_out).normalize_or_zero().z;
+        match self {
+            Sheen::Inverted => sheen(roughness, cos_half(), w_in.z, w_out.z),
+            Sheen::InvertedSquare => sheen(roughness * roughness, cos_half(), w_in.z, w_out.z),
+            Sheen::Fuzz => fuzz(roughness, w_in, w_out),
+        }
     }
 }
 
@@ -128,9 +166,10 @@ impl Target {
         if self.is_anisotropic {
             list.push(bound("anisotropy", 0.0, 0.98, 0.4));
         }
-        if self.has_sheen {
+        if let Some(sheen) = self.sheen {
+            let (low, high) = sheen.range();
             list.push(bound("sheen", 0.0, 1.0, 0.2));
-            list.push(bound("sheen_roughness", 0.2, 0.8, 0.5));
+            list.push(bound("sheen_roughness", low, high, 0.5));
         }
         if roughening.is_none() {
             list.push(bound("roughening", 0.0, 1.0, 0.2));
@@ -150,9 +189,9 @@ impl Target {
             false => 0.0,
         };
         let anisotropy = if self.is_anisotropic { next() } else { 0.0 };
-        let (sheen, sheen_roughness) = match self.has_sheen {
-            true => (next(), next()),
-            false => (0.0, 0.5),
+        let (sheen, sheen_roughness) = match self.sheen {
+            Some(_) => (next(), next()),
+            None => (0.0, 0.5),
         };
         let roughening = roughening.unwrap_or_else(next);
         Parameters {
@@ -221,12 +260,9 @@ impl Target {
         let (alpha, _) = round(s.roughness);
         let facets = s.specular * albedos.facets(cos, alpha, f0, (50.0 * f0).min(1.0));
         let diffuse = (1.0 - s.transmission) * s.base;
-        let width = if self.squares_sheen {
-            s.sheen_roughness * s.sheen_roughness
-        } else {
-            s.sheen_roughness
-        };
-        let sheen = albedos.sheen(cos, width);
+        let sheen = self
+            .sheen
+            .map_or(0.0, |sheen| sheen.albedo(albedos, cos, s.sheen_roughness));
         let below = (1.0 - facets) * diffuse + Vec3::splat(facets);
         (1.0 - s.sheen.max_element() * sheen) * below + s.sheen * sheen
     }

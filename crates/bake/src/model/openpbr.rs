@@ -1,7 +1,7 @@
 //! OpenPBR surface [OpenPBR2024], thin-walled.
 
 use super::standard_surface::layered;
-use super::{Surface, Target};
+use super::{Sheen, Surface, Target};
 use crate::albedo::Albedos;
 use crate::lobe::{f0_of_index, index_of_f0};
 use glam::Vec3;
@@ -12,14 +12,12 @@ pub const OPENPBR: Target = Target {
     file: "material.mtlx",
     transmits: true,
     is_anisotropic: true,
-    has_sheen: true,
-    squares_sheen: false,
+    sheen: Some(Sheen::Fuzz),
     has_specular_map: true,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
         "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
         "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
-        "The fit uses the sheen of standard_surface for the fuzz, whose own lobe renderers tabulate.",
         "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
     ],
     bsdf,
@@ -39,5 +37,5 @@ pub fn widths(roughness: f32, anisotropy: f32) -> (f32, f32) {
 fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
     let eta = index_of_f0(s.specular * f0_of_index(s.ior));
     let lobe = (widths(s.roughness, s.anisotropy), eta, 1.0);
-    layered(s, albedos, lobe, w_in, w_out)
+    layered(s, albedos, lobe, Sheen::Fuzz, (w_in, w_out))
 }

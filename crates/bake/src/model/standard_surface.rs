@@ -1,8 +1,8 @@
 //! Autodesk Standard Surface [Georgiev2019], thin-walled.
 
-use super::{Surface, Target, half_vector};
+use super::{Sheen, Surface, Target, half_vector};
 use crate::albedo::Albedos;
-use crate::lobe::{dielectric, f0_of_index, ggx, sheen};
+use crate::lobe::{dielectric, f0_of_index, ggx};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -12,8 +12,7 @@ pub const STANDARD_SURFACE: Target = Target {
     file: "material.mtlx",
     transmits: true,
     is_anisotropic: true,
-    has_sheen: true,
-    squares_sheen: false,
+    sheen: Some(Sheen::Inverted),
     has_specular_map: true,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
@@ -33,7 +32,7 @@ fn widths(roughness: f32, anisotropy: f32) -> (f32, f32) {
 
 fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
     let lobe = (widths(s.roughness, s.anisotropy), s.ior, s.specular);
-    layered(s, albedos, lobe, w_in, w_out)
+    layered(s, albedos, lobe, Sheen::Inverted, (w_in, w_out))
 }
 
 /// Sheen over microfacets of a dielectric over diffuse light. Each layer leaves to those
@@ -43,8 +42,8 @@ pub(super) fn layered(
     s: &Surface,
     albedos: &Albedos,
     (alpha, eta, weight): ((f32, f32), f32, f32),
-    w_in: Vec3,
-    w_out: Vec3,
+    sheen: Sheen,
+    (w_in, w_out): (Vec3, Vec3),
 ) -> Vec3 {
     let (_, h) = half_vector(w_in, w_out);
     let reflects = w_in.z > 0.0;
@@ -64,9 +63,9 @@ pub(super) fn layered(
     if strength <= 0.0 {
         return value;
     }
-    value *= 1.0 - strength * albedos.sheen(w_out.z, s.sheen_roughness);
+    value *= 1.0 - strength * sheen.albedo(albedos, w_out.z, s.sheen_roughness);
     if reflects {
-        value += s.sheen * sheen(s.sheen_roughness, h.z, w_in.z, w_out.z);
+        value += s.sheen * sheen.value(s.sheen_roughness, w_in, w_out);
     }
     value
 }

@@ -12,8 +12,7 @@ pub const USD_PREVIEW: Target = Target {
     file: "material.usda",
     transmits: false,
     is_anisotropic: false,
-    has_sheen: false,
-    squares_sheen: false,
+    sheen: None,
     has_specular_map: false,
     limits: &[
         "There is no transmission by scattering: cloth lit from behind is dark but for its gaps.",

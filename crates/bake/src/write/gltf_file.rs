@@ -1,9 +1,11 @@
 //! Binary glTF 2.0 [Khronos2021] with extensions of materials [Khronos2024]: a square of
 //! cloth with the material and its textures inside.
 
-use super::{Baked, PATCH_MM, WriteError, gltf_textures};
+use super::{Baked, GltfTexture, PATCH_MM, WriteError, gltf_textures};
 use crate::model::{GLTF, Surface};
+use crate::texel::Texel;
 use gltf::binary::{Glb, Header};
+use organza_basis::Rgb;
 use serde_json::{Value, json};
 use std::borrow::Cow;
 
@@ -40,6 +42,57 @@ fn floats(values: &[f32]) -> Vec<u8> {
 /// Vertex data of OpenGL's buffer targets.
 const VERTICES: Option<u32> = Some(34962);
 const INDICES: Option<u32> = Some(34963);
+
+/// Cloth that is less open than this is opaque: less than the errors of a material.
+const CLOSED: f32 = 0.005;
+
+/// Cloth with so few texels that are partly covered is cut out. What lies behind the others must
+/// be drawn first, which programs in real time get wrong.
+const PARTLY: f32 = 0.02;
+
+fn alpha_mode(texels: &[Texel]) -> &'static str {
+    let count = texels.len().max(1) as f32;
+    let open: f32 = texels.iter().map(|t| 1.0 - t.coverage).sum();
+    let is_partly = |t: &&Texel| (0.1..0.9).contains(&t.coverage);
+    let partly = texels.iter().filter(is_partly).count() as f32;
+    if open < CLOSED * count {
+        "OPAQUE"
+    } else if partly < PARTLY * count {
+        "MASK"
+    } else {
+        "BLEND"
+    }
+}
+
+/// The textures of a material by their names: places among those of the file, or constants.
+struct Slots(Vec<(&'static str, Slot)>);
+
+enum Slot {
+    Index(usize),
+    Constant([f64; 4]),
+}
+
+impl Slots {
+    /// A reference to a texture, or what stands for it where it is constant: shares of 255 of
+    /// its channels.
+    fn either<T>(
+        &self,
+        name: &str,
+        texture: impl FnOnce(Value) -> T,
+        constant: impl FnOnce([f64; 4]) -> T,
+    ) -> T {
+        match self.0.iter().find(|(n, _)| *n == name) {
+            Some((_, Slot::Index(index))) => texture(json!({ "index": index })),
+            Some((_, Slot::Constant(value))) => constant(*value),
+            None => constant([1.0; 4]),
+        }
+    }
+}
+
+/// A colour that was encoded as sRGB, times a factor.
+fn linear([r, g, b, _]: [f64; 4], factor: f64) -> [f64; 3] {
+    [r, g, b].map(|c| factor * f64::from(Rgb::linear_from_srgb(c as f32)))
+}
 
 /// The whole file.
 ///
@@ -82,10 +135,18 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         .collect();
     let indices = parts.add(&corners, INDICES);
     let (mut images, mut textures) = (Vec::new(), Vec::new());
-    for (name, bytes) in gltf_textures(baked.maps, &surfaces)? {
-        let view = parts.add(&bytes, None);
-        images.push(json!({ "name": name, "bufferView": view, "mimeType": "image/png" }));
-        textures.push(json!({ "sampler": 0, "source": images.len() - 1, "name": name }));
+    let mut slots = Slots(Vec::new());
+    for (name, texture) in gltf_textures(baked.maps, &surfaces)? {
+        let slot = match texture {
+            GltfTexture::Constant(value) => Slot::Constant(value.map(|v| f64::from(v) / 255.0)),
+            GltfTexture::Picture(bytes) => {
+                let view = parts.add(&bytes, None);
+                images.push(json!({ "name": name, "bufferView": view, "mimeType": "image/png" }));
+                textures.push(json!({ "sampler": 0, "source": images.len() - 1, "name": name }));
+                Slot::Index(textures.len() - 1)
+            }
+        };
+        slots.0.push((name, slot));
     }
     let accessor = |view: usize, kind: &str| json!({ "bufferView": view, "componentType": 5126, "count": 4, "type": kind });
     let mut corners = accessor(views[0], "VEC3");
@@ -93,7 +154,55 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         corners.insert("min".into(), json!([-half, -half, 0.0]));
         corners.insert("max".into(), json!([half, half, 0.0]));
     }
-    let is_open = baked.maps.texels.iter().any(|t| t.coverage < 0.998);
+    let (roughness, roughness_map) = slots.either(
+        "roughness",
+        |map| (1.0, map),
+        |value| (value[1], Value::Null),
+    );
+    let mut surface = json!({
+        "baseColorTexture": slots.either("base_color", |map| map, |_| Value::Null),
+        "metallicFactor": 0.0,
+        "roughnessFactor": roughness,
+        "metallicRoughnessTexture": roughness_map,
+    });
+    let sheen = slots.either(
+        "sheen",
+        |map| json!({ "sheenColorFactor": [p.sheen, p.sheen, p.sheen], "sheenColorTexture": map }),
+        |value| json!({ "sheenColorFactor": linear(value, p.sheen) }),
+    );
+    let mut extensions = json!({
+        "KHR_materials_ior": { "ior": p.ior },
+        "KHR_materials_specular": slots.either(
+            "specular",
+            |map| json!({ "specularTexture": map }),
+            |value| json!({ "specularFactor": value[3] }),
+        ),
+        "KHR_materials_anisotropy": slots.either(
+            "anisotropy",
+            |map| json!({ "anisotropyStrength": 1.0, "anisotropyTexture": map }),
+            |[cos, sin, strength, _]| json!({
+                "anisotropyStrength": strength,
+                "anisotropyRotation": (sin - 0.5).atan2(cos - 0.5),
+            }),
+        ),
+        "KHR_materials_sheen": sheen,
+        "KHR_materials_diffuse_transmission": slots.either(
+            "diffuse_transmission",
+            |map| json!({
+                "diffuseTransmissionFactor": 1.0,
+                "diffuseTransmissionTexture": map,
+                "diffuseTransmissionColorTexture": map,
+            }),
+            |value| json!({
+                "diffuseTransmissionFactor": value[3],
+                "diffuseTransmissionColorFactor": linear(value, 1.0),
+            }),
+        ),
+    });
+    extensions["KHR_materials_sheen"]["sheenRoughnessFactor"] = json!(p.sheen_roughness);
+    if let Some(surface) = surface.as_object_mut() {
+        surface.retain(|_, value| !value.is_null());
+    }
     let document = json!({
         "asset": { "version": "2.0", "generator": "organza" },
         "extensionsUsed": [
@@ -124,32 +233,14 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         "materials": [{
             "name": baked.name,
             "doubleSided": true,
-            "alphaMode": if is_open { "BLEND" } else { "OPAQUE" },
-            "pbrMetallicRoughness": {
-                "baseColorTexture": { "index": 0 },
-                "metallicFactor": 0.0,
-                "roughnessFactor": 1.0,
-                "metallicRoughnessTexture": { "index": 2 },
-            },
-            "normalTexture": { "index": 1, "scale": p.relief },
-            "extensions": {
-                "KHR_materials_ior": { "ior": p.ior },
-                "KHR_materials_specular": { "specularTexture": { "index": 6 } },
-                "KHR_materials_anisotropy": {
-                    "anisotropyStrength": 1.0,
-                    "anisotropyTexture": { "index": 3 },
-                },
-                "KHR_materials_sheen": {
-                    "sheenColorFactor": [p.sheen, p.sheen, p.sheen],
-                    "sheenColorTexture": { "index": 4 },
-                    "sheenRoughnessFactor": p.sheen_roughness,
-                },
-                "KHR_materials_diffuse_transmission": {
-                    "diffuseTransmissionFactor": 1.0,
-                    "diffuseTransmissionTexture": { "index": 5 },
-                    "diffuseTransmissionColorTexture": { "index": 5 },
-                },
-            },
+            "alphaMode": alpha_mode(&baked.maps.texels),
+            "pbrMetallicRoughness": surface,
+            "normalTexture": slots.either(
+                "normal",
+                |map| json!({ "index": map["index"], "scale": p.relief }),
+                |_| Value::Null,
+            ),
+            "extensions": extensions,
             "extras": {
                 "tile_mm": baked.maps.tile_mm.to_array(),
                 "height_range_mm": baked.maps.height_range_mm(),

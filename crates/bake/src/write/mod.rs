@@ -9,7 +9,7 @@ mod usda;
 
 pub use gltf_file::write_glb;
 pub use materialx::write_materialx;
-pub use textures::{FOLDER, TextureFile, gltf_textures, texture_files};
+pub use textures::{FOLDER, GltfTexture, TextureFile, gltf_textures, texture_files};
 pub use usda::write_usda;
 
 use crate::maps::Maps;

@@ -188,44 +188,72 @@ pub fn texture_files(
     ])
 }
 
-/// The textures that a glTF material holds: several maps share the channels of one.
+/// A texture inside a glTF file: its pixels, or their value where all are the same.
+#[derive(Clone, Debug)]
+pub enum GltfTexture {
+    /// Red, green, blue and alpha of all texels.
+    Constant([u8; 4]),
+    /// A PNG.
+    Picture(Vec<u8>),
+}
+
+/// The textures that a glTF material holds: several maps share the channels of one. Base colour
+/// and normal are pictures in any case, since importers look for them.
 ///
 /// # Errors
 /// See [`png`].
 pub fn gltf_textures(
     maps: &Maps,
     surfaces: &[Surface],
-) -> Result<Vec<(&'static str, Vec<u8>)>, WriteError> {
-    let rgba = |value: &dyn Fn(&Texel, &Surface) -> [u8; 4]| {
-        let pairs = maps.texels.iter().zip(surfaces);
-        let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
-        png(maps.size, &bytes, RGBA8, Values::OfGltf)
+) -> Result<Vec<(&'static str, GltfTexture)>, WriteError> {
+    let picture = |pixels: &[[u8; 4]], has_alpha: bool| {
+        let (kind, channels) = if has_alpha { (RGBA8, 4) } else { (RGB8, 3) };
+        let bytes: Vec<u8> = pixels
+            .iter()
+            .flat_map(|p| &p[..channels])
+            .copied()
+            .collect();
+        png(maps.size, &bytes, kind, Values::OfGltf).map(GltfTexture::Picture)
     };
-    let rgb = |value: &dyn Fn(&Texel, &Surface) -> [u8; 3]| {
+    let pixels = |value: &dyn Fn(&Texel, &Surface) -> [u8; 4]| -> Vec<[u8; 4]> {
         let pairs = maps.texels.iter().zip(surfaces);
-        let bytes: Vec<u8> = pairs.flat_map(|(t, s)| value(t, s)).collect();
-        png(maps.size, &bytes, RGB8, Values::OfGltf)
+        pairs.map(|(t, s)| value(t, s)).collect()
+    };
+    let texture = |has_alpha: bool, value: &dyn Fn(&Texel, &Surface) -> [u8; 4]| {
+        let pixels = pixels(value);
+        match pixels.first() {
+            Some(first) if pixels.iter().all(|p| p == first) => Ok(GltfTexture::Constant(*first)),
+            _ => picture(&pixels, has_alpha),
+        }
     };
     let with_alpha = |c: [u8; 3], a: f32| [c[0], c[1], c[2], byte(a)];
+    let opaque = |c: [u8; 3]| with_alpha(c, 1.0);
+    let base = pixels(&|t, s| with_alpha(colour(s.base), t.coverage));
+    let normals = pixels(&|t, _| opaque(normal(t.normal(1.0))));
     Ok(vec![
+        ("base_color", picture(&base, true)?),
+        ("normal", picture(&normals, false)?),
         (
-            "base_color",
-            rgba(&|t, s| with_alpha(colour(s.base), t.coverage))?,
+            "roughness",
+            texture(false, &|_, s| opaque([0, byte(s.roughness), 0]))?,
         ),
-        ("normal", rgb(&|t, _| normal(t.normal(1.0)))?),
-        ("roughness", rgb(&|_, s| [0, byte(s.roughness), 0])?),
         (
             "anisotropy",
-            rgb(&|t, s| {
+            texture(false, &|t, s| {
                 let (sin, cos) = t.across_rad.sin_cos();
-                [0.5 + 0.5 * cos, 0.5 + 0.5 * sin, s.anisotropy].map(byte)
+                opaque([0.5 + 0.5 * cos, 0.5 + 0.5 * sin, s.anisotropy].map(byte))
             })?,
         ),
-        ("sheen", rgb(&|t, _| colour(t.hue()))?),
+        ("sheen", texture(false, &|t, _| opaque(colour(t.hue())))?),
         (
             "diffuse_transmission",
-            rgba(&|_, s| with_alpha(colour(s.transmission_colour), s.transmission))?,
+            texture(true, &|_, s| {
+                with_alpha(colour(s.transmission_colour), s.transmission)
+            })?,
         ),
-        ("specular", rgba(&|_, s| with_alpha([255; 3], s.specular))?),
+        (
+            "specular",
+            texture(true, &|_, s| with_alpha([255; 3], s.specular))?,
+        ),
     ])
 }
