@@ -33,6 +33,7 @@
 // Negated comparisons are intended: a NaN takes the safe branch.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod chart;
 mod error;
 mod gltf_file;
 mod indexed;
@@ -42,6 +43,7 @@ mod ply;
 mod scene;
 mod shell;
 
+pub use chart::Chart;
 pub use error::Error;
 pub use gltf_file::read_gltf;
 pub use mesh::{Mesh, Repairs, Vertex};

@@ -1,7 +1,7 @@
 //! `object.mesh`: the mesh that a cloth or a volume is laid over.
 
 use crate::build_options::BuildOptions;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result, input};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::read;
@@ -58,44 +58,82 @@ pub fn mesh(keys: MeshKeys<'_>, index: usize, options: &BuildOptions<'_>) -> Res
         fail("mm_per_uv", why)
     })?;
     let path = read::beside(options.scene_path, name);
-    let ending = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
     let placement = Placement {
-        mm_per_unit: keys.mm_per_unit.unwrap_or(match ending.as_str() {
-            "gltf" | "glb" => GLTF_MM_PER_UNIT,
-            _ => 1.0,
-        }),
+        mm_per_unit: keys.mm_per_unit.unwrap_or_else(|| usual_mm_per_unit(&path)),
         mm_per_uv,
     };
-    let loader = options.loader;
+    let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    let mesh = read_mesh(&path, placement, allowed, options.loader);
+    mesh.map(Some).map_err(|why| match why {
+        NoMesh::File(e) => e,
+        NoMesh::Key(key, why) => fail(key, &why),
+    })
+}
+
+/// Why there is no mesh.
+pub enum NoMesh {
+    /// The file is at fault.
+    File(InputError),
+    /// A key of the object is: its name, and what is wrong with it.
+    Key(&'static str, String),
+}
+
+impl From<InputError> for NoMesh {
+    fn from(e: InputError) -> NoMesh {
+        NoMesh::File(e)
+    }
+}
+
+/// A mesh of a file, with at most so many bytes of memory.
+///
+/// # Errors
+/// See [`NoMesh`].
+pub fn read_mesh(
+    path: &Path,
+    placement: Placement,
+    max_bytes: u64,
+    loader: &Loader<'_>,
+) -> std::result::Result<Mesh, NoMesh> {
     for (key, length) in [
         ("mm_per_unit", placement.mm_per_unit),
         ("mm_per_uv", placement.mm_per_uv),
     ] {
         if length > MAX_MM {
             let why = format!("expected at most {MAX_MM:e}, found {length:e}");
-            return Err(fail(key, &why));
+            return Err(NoMesh::Key(key, why));
         }
     }
-    let bytes = loader.bytes(&path)?;
-    let allowed = options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
-    let budget = &mut Budget::new(allowed);
-    let mesh = match ending.as_str() {
+    let bytes = loader.bytes(path)?;
+    let budget = &mut Budget::new(max_bytes);
+    let mesh = match ending(path).as_str() {
         "obj" => read_obj(&bytes, placement, budget),
         "ply" => read_ply(&bytes, placement, budget),
         "gltf" | "glb" => {
-            let open = |uri: &str| loader.bytes_or_why(&read::beside(&path, uri));
+            let open = |uri: &str| loader.bytes_or_why(&read::beside(path, uri));
             read_gltf(&bytes, placement, &open, budget)
         }
-        _ => return Err(fail("mesh", "expected a file .obj, .ply, .gltf or .glb")),
+        _ => {
+            let why = "expected a file .obj, .ply, .gltf or .glb";
+            return Err(NoMesh::Key("mesh", why.into()));
+        }
     }
     .map_err(|e| input(format!("{}: {e}", path.display())))?;
-    check_size(&mesh).map_err(|(key, why)| fail(key, &why))?;
-    warn_of_repairs(&path, mesh.repairs(), loader);
-    Ok(Some(mesh))
+    check_size(&mesh).map_err(|(key, why)| NoMesh::Key(key, why))?;
+    warn_of_repairs(path, mesh.repairs(), loader);
+    Ok(mesh)
+}
+
+fn ending(path: &Path) -> String {
+    let ending = path.extension().unwrap_or_default();
+    ending.to_string_lossy().to_lowercase()
+}
+
+/// Length of the units of a mesh whose file does not say it, mm.
+pub fn usual_mm_per_unit(path: &Path) -> f32 {
+    match ending(path).as_str() {
+        "gltf" | "glb" => GLTF_MM_PER_UNIT,
+        _ => 1.0,
+    }
 }
 
 /// Refuses what would take forever, or has no place in `f32`: a key and why.

@@ -13,7 +13,7 @@ pub mod camera;
 pub mod cloth_place;
 pub mod draft_folder;
 mod draft_picture;
-mod drape;
+pub mod drape;
 pub mod environment_file;
 mod error;
 mod exemplar_voxels;

@@ -8,10 +8,11 @@ use crate::error::{Result, input};
 use crate::fabric_file::Fabric;
 use crate::fibre_model;
 use crate::optics::{self, UNDYED};
-use glam::{UVec2, Vec2, Vec3};
+use glam::{DVec2, IVec2, UVec2, Vec2, Vec3};
 use organza_basis::{Budget, SegmentSource};
+use organza_mesh::{Chart, Mesh};
 use organza_scatter::DielectricParameters;
-use organza_weave::curve_file::for_each_curve;
+use organza_weave::curve_file::{SourceCurve, for_each_curve};
 use organza_weave::{CurveLevel, Error};
 use std::f32::consts::PI;
 use std::io::Write;
@@ -29,8 +30,10 @@ pub struct UsdCurves<'a> {
     pub path: &'a Path,
     /// How far it is taken apart.
     pub level: CurveLevel,
-    /// Tiles along x and y.
+    /// Tiles along x and y, instances of one.
     pub repeats: UVec2,
+    /// What the cloth lies over; then all curves are written.
+    pub mesh: Option<&'a Mesh>,
     /// Memory that may be taken.
     pub max_memory_bytes: u64,
 }
@@ -38,7 +41,7 @@ pub struct UsdCurves<'a> {
 /// What a file holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Written {
-    /// Curves of the tile.
+    /// Curves of the tile, or of the cloth on a mesh.
     pub curves: usize,
     /// Their points.
     pub points: usize,
@@ -51,6 +54,21 @@ struct Curves {
     radii_mm: Vec<f32>,
     counts: Vec<u32>,
     yarns: Vec<u32>,
+}
+
+/// Bytes of a point: its place, its radius, and what a curve of few points adds.
+const POINT_BYTES: u64 = (size_of::<Vec3>() + 3 * size_of::<u32>()) as u64;
+
+impl Curves {
+    fn add(&mut self, yarn: u32, points_mm: impl Iterator<Item = (Vec3, f32)>) {
+        let before = self.points_mm.len();
+        for (point, radius) in points_mm {
+            self.points_mm.push(point);
+            self.radii_mm.push(radius);
+        }
+        self.counts.push((self.points_mm.len() - before) as u32);
+        self.yarns.push(yarn);
+    }
 }
 
 /// One material of the file.
@@ -101,28 +119,26 @@ impl UsdCurves<'_> {
         });
         let looks = looks.collect::<Result<Vec<Look>>>()?;
         let failed = |e: Error| fail(e.to_string());
-        let mut points = 0;
-        for_each_curve(&source, |curve| {
-            points += curve.points_mm.len();
-            Ok(())
-        })
-        .map_err(failed)?;
-        let bytes = points as u64 * (size_of::<Vec3>() + 3 * size_of::<u32>()) as u64;
-        Budget::new(self.max_memory_bytes)
-            .take(bytes, "the curves")
-            .map_err(|e| fail(e.to_string()))?;
+        let budget = &mut Budget::new(self.max_memory_bytes);
         let mut curves: Vec<Curves> = Vec::new();
         curves.resize_with(looks.len(), Curves::default);
+        let charts = self.mesh.map(Chart::all);
+        let period_mm = tile.repeats.then(|| tile.period_mm());
         for_each_curve(&source, |curve| {
             let own = &mut curves[usize::from(curve.material)];
-            own.points_mm
-                .extend(curve.points_mm.iter().map(|(p, _)| *p));
-            own.radii_mm.extend(curve.points_mm.iter().map(|(_, r)| *r));
-            own.counts.push(curve.points_mm.len() as u32);
-            own.yarns.push(curve.yarn);
-            Ok(())
+            match &charts {
+                Some(charts) => drape(curve, charts, period_mm, budget, own),
+                None => {
+                    take(budget, curve.points_mm.len())?;
+                    own.add(curve.yarn, curve.points_mm.iter().copied());
+                    Ok(())
+                }
+            }
         })
         .map_err(failed)?;
+        if curves.iter().all(|c| c.counts.is_empty()) {
+            return Err(fail("no curve of the cloth lies on the mesh".into()));
+        }
         Ok(UsdFile {
             name: identifier(self.fabric.file.name.as_deref().unwrap_or("cloth")),
             period_mm: tile.period_mm(),
@@ -134,8 +150,59 @@ impl UsdCurves<'_> {
     }
 }
 
+fn take(budget: &mut Budget, points: usize) -> std::io::Result<()> {
+    let taken = budget.take(points as u64 * POINT_BYTES, "curves");
+    taken.map_err(std::io::Error::other)
+}
+
+/// A curve of the tile wherever it lies on the charts of a mesh, in pieces where their borders cut
+/// it; once where the tile does not repeat.
+fn drape(
+    curve: &SourceCurve<'_>,
+    charts: &[Chart],
+    period_mm: Option<Vec2>,
+    budget: &mut Budget,
+    out: &mut Curves,
+) -> std::io::Result<()> {
+    let points = || curve.points_mm.iter().map(|(p, _)| p.truncate());
+    let low = points().fold(Vec2::INFINITY, Vec2::min);
+    let high = points().fold(Vec2::NEG_INFINITY, Vec2::max);
+    for chart in charts {
+        let (least, greatest) = chart.bounds_mm();
+        let (first, last) = match period_mm {
+            Some(period) => (
+                ((least - high) / period).ceil().as_ivec2(),
+                ((greatest - low) / period).floor().as_ivec2(),
+            ),
+            None => (IVec2::ZERO, IVec2::ZERO),
+        };
+        let tiles = (first.y..=last.y).flat_map(|y| (first.x..=last.x).map(move |x| (x, y)));
+        for (x, y) in tiles {
+            let shift = period_mm.unwrap_or_default().as_dvec2() * DVec2::new(x.into(), y.into());
+            let (mut face, mut piece) = (0, Vec::new());
+            let mut end = |piece: &mut Vec<(Vec3, f32)>| {
+                if piece.len() > 1 {
+                    take(budget, piece.len())?;
+                    out.add(curve.yarn, piece.iter().copied());
+                }
+                piece.clear();
+                Ok::<_, std::io::Error>(())
+            };
+            for (point, radius) in curve.points_mm {
+                let place = point.as_dvec3() + shift.extend(0.0);
+                match chart.lift_mm(place, &mut face) {
+                    Some(lifted) => piece.push((lifted.as_vec3(), *radius)),
+                    None => end(&mut piece)?,
+                }
+            }
+            end(&mut piece)?;
+        }
+    }
+    Ok(())
+}
+
 impl UsdFile {
-    /// Curves and points of the tile.
+    /// Curves and points of the tile, or of the cloth on a mesh.
     pub fn counts(&self) -> Written {
         Written {
             curves: self.curves.iter().map(|c| c.counts.len()).sum(),
@@ -152,31 +219,38 @@ impl UsdFile {
         write!(
             out,
             "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    metersPerUnit = 0.001\n    upAxis = \"Z\"\n)\n\n\
-             def Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n\
-             \x20   def PointInstancer \"Tiles\"\n    {{\n\
-             \x20       rel prototypes = </{name}/Tiles/Tile>\n"
+             def Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n"
         )?;
         let [nx, ny] = self.repeats.to_array();
-        let tiles = (0..ny).flat_map(|y| (0..nx).map(move |x| UVec2::new(x, y)));
-        let places = tiles.clone().map(|at| at.as_vec2() * self.period_mm);
-        let zeros = tiles.map(|_| "0".to_string());
-        array(out, 2, "int[] protoIndices", zeros, None)?;
-        array(
-            out,
-            2,
-            "point3f[] positions",
-            places.map(|p| tuple(p.extend(0.0))),
-            None,
-        )?;
+        let is_one = self.repeats == UVec2::ONE;
+        if !is_one {
+            write!(
+                out,
+                "    def PointInstancer \"Tiles\"\n    {{\n\
+                 \x20       rel prototypes = </{name}/Tiles/Tile>\n"
+            )?;
+            let tiles = (0..ny).flat_map(|y| (0..nx).map(move |x| UVec2::new(x, y)));
+            let places = tiles.clone().map(|at| at.as_vec2() * self.period_mm);
+            let zeros = tiles.map(|_| "0".to_string());
+            array(out, 2, "int[] protoIndices", zeros, None)?;
+            array(
+                out,
+                2,
+                "point3f[] positions",
+                places.map(|p| tuple(p.extend(0.0))),
+                None,
+            )?;
+        }
         writeln!(out, "        def Xform \"Tile\"\n        {{")?;
         for (curves, look) in self.curves.iter().zip(&self.looks) {
             if !curves.counts.is_empty() {
                 self.basis_curves(out, curves, look)?;
             }
         }
+        let end_of_tiles = if is_one { "" } else { "    }\n" };
         writeln!(
             out,
-            "        }}\n    }}\n\n    def Scope \"Materials\"\n    {{"
+            "        }}\n{end_of_tiles}\n    def Scope \"Materials\"\n    {{"
         )?;
         for look in &self.looks {
             self.material(out, look)?;
@@ -389,6 +463,7 @@ mod tests {
             path,
             level,
             repeats,
+            mesh: None,
             max_memory_bytes: 1 << 30,
         };
         let file = curves.gather().unwrap();
@@ -416,6 +491,64 @@ mod tests {
         assert_eq!(text.matches('{').count(), text.matches('}').count());
         let (yarns, fewer) = self::text(UVec2::ONE, CurveLevel::Yarn);
         assert!(fewer.curves < written.curves && !yarns.contains("hair"));
+    }
+
+    /// Yarns on a wall: as long as in flat cloth of the same size, and where the wall is.
+    #[test]
+    fn curves_lie_on_a_mesh() {
+        let path = Path::new(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/fabrics/organza.toml"
+        ));
+        let fabric = fabric_file::load(path, &[], &Loader::new()).unwrap();
+        let wall = "v 50 0 0\nv 54 0 0\nv 54 0 3\nv 50 0 3\nvt 0 0\nvt 4 0\nvt 4 3\nvt 0 3\n\
+                    f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+        let placement = organza_mesh::Placement {
+            mm_per_unit: 1.0,
+            mm_per_uv: 1.0,
+        };
+        let budget = &mut Budget::new(1 << 20);
+        let mesh = organza_mesh::read_obj(wall.as_bytes(), placement, budget).unwrap();
+        let curves = |mesh, max_memory_bytes| UsdCurves {
+            fabric: &fabric,
+            path,
+            level: CurveLevel::Yarn,
+            repeats: UVec2::ONE,
+            mesh,
+            max_memory_bytes,
+        };
+        let length = |file: &UsdFile| -> f32 {
+            let of = |c: &Curves| {
+                let mut at = 0;
+                let counts = c.counts.iter();
+                let pieces = counts.map(|&n| {
+                    at += n as usize;
+                    let piece = &c.points_mm[at - n as usize..at];
+                    piece.windows(2).map(|p| p[0].distance(p[1])).sum::<f32>()
+                });
+                pieces.sum::<f32>()
+            };
+            file.curves.iter().map(of).sum()
+        };
+        let flat = curves(None, 1 << 30).gather().unwrap();
+        let hung = curves(Some(&mesh), 1 << 30).gather().unwrap();
+        let density = length(&flat) / (flat.period_mm.x * flat.period_mm.y);
+        let found = length(&hung) / 12.0;
+        // Pieces end at their last points within the wall.
+        assert!(
+            (found - density).abs() < 0.03 * density,
+            "{found} {density}"
+        );
+        let box_of = hung.curves.iter().flat_map(|c| &c.points_mm);
+        let (low, high) = box_of.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
+            (l.min(*p), h.max(*p))
+        });
+        assert!(low.x > 49.99 && high.x < 54.01 && low.z > -0.01 && high.z < 3.01);
+        assert!(low.y > -0.1 && high.y < 0.1, "{low} {high}");
+        let Err(why) = curves(Some(&mesh), 1000).gather() else {
+            panic!("1000 bytes are enough");
+        };
+        assert!(why.to_string().contains("1000 bytes are allowed"), "{why}");
     }
 
     #[test]

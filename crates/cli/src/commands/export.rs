@@ -4,7 +4,7 @@ use super::weave::CurveLevelName;
 use super::{Command, with_threads};
 use crate::building::watched;
 use crate::error::input;
-use crate::flags::values::parse_repeats;
+use crate::flags::values::{parse_positive, parse_repeats};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::output;
 use crate::output::{WriteFile, note};
@@ -13,7 +13,9 @@ use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use glam::DVec3;
 use glam::UVec2;
+use organza_mesh::{Mesh, Placement};
 use organza_picture::{Picture, exr};
+use organza_scene::drape::{NoMesh, read_mesh, usual_mm_per_unit};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
@@ -84,6 +86,20 @@ pub struct UsdArgs {
     /// Tiles in x and y, instances of one
     #[arg(long, value_name = "NX,NY", default_value = "1,1", allow_hyphen_values = true, value_parser = parse_repeats)]
     pub repeats: UVec2,
+    /// Lay the cloth over a mesh with texture coordinates (.obj, .ply, .gltf, .glb)
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "repeats",
+        requires = "mm_per_uv"
+    )]
+    pub mesh: Option<PathBuf>,
+    /// Length of the mesh's units, mm [default: 1000 for glTF, else 1]
+    #[arg(long, value_name = "MM", requires = "mesh", value_parser = parse_positive)]
+    pub mm_per_unit: Option<f64>,
+    /// Cloth to a unit of the mesh's texture coordinates, mm
+    #[arg(long, value_name = "MM", requires = "mesh", value_parser = parse_positive)]
+    pub mm_per_uv: Option<f64>,
     #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
@@ -110,17 +126,23 @@ fn to_usd(args: &UsdArgs) -> Result<()> {
         )));
     }
     output::check_writable(path)?;
-    let loader = Loader::new();
-    let fabric = fabric_file::load(&args.fabric, &args.common.set, &loader)?;
+    let max_memory_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
+    let (fabric, mesh, inputs) = watched(&args.common, &CacheArgs::default(), |loader| {
+        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+        let mesh = mesh(args, max_memory_bytes, loader)?;
+        Ok((fabric, mesh, loader.inputs()))
+    })?;
+    let _waiting = Waiting::new("gathering curves", &args.common);
     let curves = UsdCurves {
         fabric: &fabric,
         path: &args.fabric,
         level: args.level.of_cloth(),
         repeats: args.repeats,
-        max_memory_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
+        mesh: mesh.as_ref(),
+        max_memory_bytes,
     };
     let file = curves.gather()?;
-    output::check_not_an_input(path, loader.inputs().iter().map(|i| &i.path))?;
+    output::check_not_an_input(path, inputs.iter().map(|i| &i.path))?;
     output::write_file(path, |mut out| {
         file.write(&mut out).context("writing the curves failed")
     })?;
@@ -134,6 +156,28 @@ fn to_usd(args: &UsdArgs) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// The mesh that the cloth is laid over.
+fn mesh(args: &UsdArgs, max_bytes: u64, loader: &Loader<'_>) -> Result<Option<Mesh>> {
+    let (Some(path), Some(mm_per_uv)) = (&args.mesh, args.mm_per_uv) else {
+        return Ok(None);
+    };
+    let usual = usual_mm_per_unit(path);
+    let placement = Placement {
+        mm_per_unit: args.mm_per_unit.map_or(usual, |mm| mm as f32),
+        mm_per_uv: mm_per_uv as f32,
+    };
+    let mesh = read_mesh(path, placement, max_bytes, loader);
+    let mesh = mesh.map_err(|why| match why {
+        NoMesh::File(e) => e.into(),
+        NoMesh::Key(key, why) => input(format!(
+            "{}: --{}: {why}",
+            path.display(),
+            key.replace('_', "-")
+        )),
+    })?;
+    Ok(Some(mesh))
 }
 
 fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
