@@ -19,11 +19,11 @@ pub struct Waiting {
 
 impl Waiting {
     /// Begins; nothing is printed where `watch` is quiet, or for a program.
-    pub fn new<'w>(label: &'static str, watch: impl Into<Watch<'w>>) -> Waiting {
-        Waiting::every(SILENCE, label, watch.into())
+    pub fn new<'w>(label: impl Into<String>, watch: impl Into<Watch<'w>>) -> Waiting {
+        Waiting::every(SILENCE, label.into(), watch.into())
     }
 
-    fn every(silence: Duration, label: &'static str, watch: Watch<'_>) -> Waiting {
+    fn every(silence: Duration, label: String, watch: Watch<'_>) -> Waiting {
         let mut waiting = Waiting {
             end: None,
             thread: None,
@@ -66,12 +66,12 @@ mod tests {
     fn silence_ends_after_a_while_unless_it_is_wanted() {
         let silence = Duration::from_millis(20);
         assert!(
-            Waiting::every(silence, "quiet", true.into())
+            Waiting::every(silence, "quiet".into(), true.into())
                 .thread
                 .is_none()
         );
         let began = Instant::now();
-        let waiting = Waiting::every(silence, "test", false.into());
+        let waiting = Waiting::every(silence, "test".into(), false.into());
         while !was_printed_since(began) {
             assert!(
                 began.elapsed() < Duration::from_secs(60),

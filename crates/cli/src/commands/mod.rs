@@ -33,6 +33,7 @@ mod difference;
 mod export;
 mod fit;
 mod info;
+mod library;
 mod man;
 mod measure;
 mod merge;
@@ -68,6 +69,7 @@ const COMMANDS: &[Registration] = &[
     Registration::of::<weave::WeaveArgs>(),
     Registration::of::<export::ExportArgs>(),
     Registration::of::<bake::BakeArgs>(),
+    Registration::of::<library::LibraryArgs>(),
     Registration::of::<info::InfoArgs>(),
     Registration::of::<cache::CacheCommand>(),
     Registration::of::<completions::CompletionsArgs>(),

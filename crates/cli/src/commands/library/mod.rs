@@ -1,0 +1,395 @@
+//! `organza library`
+
+mod page;
+
+use super::with_threads;
+use crate::building::watched;
+use crate::error::input;
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs};
+use crate::output::{self, note};
+use crate::version;
+use crate::waiting::Waiting;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use organza_scene::fabric_file;
+use organza_scene::loader::Input;
+use organza_scene::read::io_message;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Instant;
+
+/// `organza library`
+#[derive(Debug, Args)]
+#[command(
+    about = "Make a library of fabrics to browse: picture, data sheet, tables and materials of each",
+    after_help = "Example:\n  organza library scenes/fabrics/denim.toml scenes/fabrics/organza.toml -o library\n  organza library -o library --only swatch,sheet"
+)]
+pub struct LibraryArgs {
+    /// Fabric files (TOML), and folders of them
+    #[arg(value_name = "FABRIC", default_value = "scenes/fabrics")]
+    pub fabrics: Vec<PathBuf>,
+    /// Folder to write: index.html to open in a browser, and a folder for each fabric. What is there and up to date is kept
+    #[arg(short, long, visible_alias = "outfile")]
+    pub outdir: PathBuf,
+    /// Make these parts alone
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = PossibleValuesParser::new(PARTS.iter().map(|p| p.name)))]
+    pub only: Vec<String>,
+    /// Take few paths and texels: for a first look
+    #[arg(long)]
+    pub quick: bool,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+command!(LibraryArgs, "library");
+
+/// Something that is made of every fabric by another command.
+struct Part {
+    name: &'static str,
+    /// What a reader of the page is offered.
+    title: &'static str,
+    /// What is made, by the stem of the fabric's file: a file or a folder.
+    output: fn(&str) -> String,
+    /// The command and its flags but for fabric, output and shared flags.
+    command: &'static [&'static str],
+    /// Flags for few paths.
+    quick: &'static [&'static str],
+}
+
+const PARTS: [Part; 5] = [
+    Part {
+        name: "sheet",
+        title: "data sheet",
+        output: |_| "sheet.json".into(),
+        command: &["info", "--json"],
+        quick: &[],
+    },
+    Part {
+        name: "swatch",
+        title: "picture",
+        output: |_| "swatch.png".into(),
+        command: &["render"],
+        quick: &["--spp", "8"],
+    },
+    Part {
+        name: "table",
+        title: "far-field table",
+        output: |stem| format!("{stem}.bsdf"),
+        command: &["table"],
+        quick: &["--spp", "1024", "--held-out", "16", "--texels", "64"],
+    },
+    Part {
+        name: "klems",
+        title: "Klems matrices",
+        output: |stem| format!("{stem}.xml"),
+        command: &["measure", "--layout", "klems"],
+        quick: &["--spp", "64"],
+    },
+    Part {
+        name: "material",
+        title: "material",
+        output: |_| "material".into(),
+        command: &["bake", "--resolution", "512"],
+        quick: &["--resolution", "64", "--pairs", "64", "--spp", "256"],
+    },
+];
+
+/// The data sheet is what its command prints.
+const PRINTED: &str = "sheet";
+
+/// Files of a folder that are looked at, with those below it.
+const MAX_FILES: usize = 10_000;
+
+/// A fabric of the library.
+struct Entry {
+    /// Its folder in the library.
+    id: String,
+    path: PathBuf,
+    inputs: Vec<Input>,
+}
+
+/// What was made of a part: `made.json` of a fabric's folder.
+#[derive(Clone, Serialize, Deserialize)]
+struct Made {
+    /// Digest of all that it depends on.
+    key: String,
+    /// Why the fabric has no such part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    refused: Option<String>,
+}
+
+type Record = BTreeMap<String, Made>;
+
+/// Runs the command.
+pub fn run(args: &LibraryArgs) -> Result<()> {
+    let other = ("choices.csv", "the report of a bench");
+    output::check_report_folder(&args.outdir, other)?;
+    with_threads(&args.common, || {
+        let entries = entries(args)?;
+        let program = args.common.host.renderer()?.path;
+        let parts: Vec<&Part> = PARTS.iter().filter(|p| is_wanted(args, p)).collect();
+        let mut failed = Vec::new();
+        for (at, entry) in entries.iter().enumerate() {
+            let copy = copy(args, entry)?;
+            for part in &parts {
+                let label = format!("{} of {}: {}", at + 1, entries.len(), entry.id);
+                match make(args, &program, entry, &copy, part, &label) {
+                    Ok(()) => {}
+                    Err(why) => {
+                        note!("organza: {}, {}: {why:#}", entry.id, part.title);
+                        failed.push(format!("{} of {}", part.title, entry.id));
+                    }
+                }
+            }
+            page::write(&args.outdir, &entries)?;
+        }
+        if !args.common.quiet {
+            let page = args.outdir.join("index.html");
+            note!("{}: {} fabrics", page.display(), entries.len());
+        }
+        match failed.len() {
+            0 => Ok(()),
+            n => bail!("{n} parts were not made: {}", failed.join(", ")),
+        }
+    })
+}
+
+fn is_wanted(args: &LibraryArgs, part: &Part) -> bool {
+    args.only.is_empty() || args.only.iter().any(|name| name == part.name)
+}
+
+/// The fabrics, all of which can be read.
+fn entries(args: &LibraryArgs) -> Result<Vec<Entry>> {
+    let mut list: Vec<Entry> = Vec::new();
+    for named in &args.fabrics {
+        let found = if named.is_dir() {
+            let found = fabrics_in(named)?;
+            if found.is_empty() {
+                let why = "holds no fabric; expected files that end in .toml";
+                return Err(input(format!("{}: {why}", named.display())));
+            }
+            found
+        } else {
+            let stem = named.file_stem().unwrap_or_default();
+            vec![(stem.to_string_lossy().into_owned(), named.clone())]
+        };
+        for (id, path) in found {
+            if let Some(same) = list.iter().find(|e| e.id == id) {
+                return Err(input(format!(
+                    "{} and {}: both would be called {id} in the library; rename one",
+                    same.path.display(),
+                    path.display()
+                )));
+            }
+            let inputs = watched(&args.common, &args.cache, |loader| {
+                fabric_file::load(&path, &args.common.set, loader)?;
+                Ok(loader.inputs())
+            })?;
+            let inside = |i: &&Input| i.path.starts_with(&args.outdir);
+            if let Some(own) = inputs.iter().find(inside) {
+                return Err(input(format!(
+                    "{}: lies in the folder of the library, {}",
+                    own.path.display(),
+                    args.outdir.display()
+                )));
+            }
+            list.push(Entry { id, path, inputs });
+        }
+    }
+    Ok(list)
+}
+
+/// The fabric files in a folder and below, with the names that they get.
+fn fabrics_in(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
+    let fail = |path: &Path, e| input(format!("{}: {}", path.display(), io_message(&e)));
+    let (mut found, mut folders, mut count) = (Vec::new(), vec![folder.to_path_buf()], 0);
+    while let Some(here) = folders.pop() {
+        for entry in std::fs::read_dir(&here).map_err(|e| fail(&here, e))? {
+            let path = entry.map_err(|e| fail(&here, e))?.path();
+            count += 1;
+            if count > MAX_FILES {
+                let why = format!("holds more than {MAX_FILES} files; name a smaller folder");
+                return Err(input(format!("{}: {why}", folder.display())));
+            }
+            if path.is_dir() && !path.is_symlink() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "toml") {
+                let below = path
+                    .strip_prefix(folder)
+                    .unwrap_or(&path)
+                    .with_extension("");
+                let words: Vec<_> = below.iter().map(|w| w.to_string_lossy()).collect();
+                found.push((words.join("_"), path));
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Copies a fabric and the files that it names into the library; gives the place of the copy of
+/// its own file, beside which its table is looked for.
+fn copy(args: &LibraryArgs, entry: &Entry) -> Result<PathBuf> {
+    let folder = args.outdir.join(&entry.id);
+    let above = |path: &Path| path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let absolute = |path: &Path| {
+        let path = std::path::absolute(path)?;
+        path.parent().map_or(Ok(path.clone()), |parent| {
+            let parent = std::fs::canonicalize(parent)?;
+            Ok::<_, std::io::Error>(parent.join(path.file_name().unwrap_or_default()))
+        })
+    };
+    let own = absolute(&entry.path)?;
+    let paths = entry.inputs.iter().map(|i| absolute(&i.path));
+    let paths: Vec<PathBuf> = paths.collect::<std::io::Result<_>>()?;
+    let mut root = above(&own);
+    for path in &paths {
+        while !path.starts_with(&root) {
+            root = above(&root);
+        }
+    }
+    for path in &paths {
+        let place = folder.join(path.strip_prefix(&root)?);
+        std::fs::create_dir_all(above(&place))
+            .with_context(|| format!("cannot make {}", above(&place).display()))?;
+        let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+        output::write_file(&place, |out| Ok(out.write_all(&bytes)?))?;
+    }
+    Ok(folder.join(own.strip_prefix(&root)?))
+}
+
+/// Makes a part of a fabric, unless it is there and of the same fabric, flags and program.
+fn make(
+    args: &LibraryArgs,
+    program: &Path,
+    entry: &Entry,
+    copy: &Path,
+    part: &Part,
+    label: &str,
+) -> Result<()> {
+    let folder = args.outdir.join(&entry.id);
+    let stem = copy.file_stem().unwrap_or_default().to_string_lossy();
+    let beside = copy.parent().unwrap_or(&folder);
+    let outfile = match part.name {
+        "table" => beside.join((part.output)(&stem)),
+        _ => folder.join((part.output)(&stem)),
+    };
+    let arguments = arguments(args, entry, part);
+    let key = key(entry, &arguments);
+    let mut record = read_record(&folder);
+    // What was refused is tried again: memory may have been short.
+    let is_there = |made: &Made| made.key == key && made.refused.is_none() && outfile.exists();
+    if record.get(part.name).is_some_and(is_there) {
+        return Ok(());
+    }
+    let started = Instant::now();
+    let waiting = Waiting::new(format!("{label}: {}", part.title), &args.common);
+    let mut child = std::process::Command::new(program);
+    child.args(&arguments).arg("--quiet");
+    if part.name != PRINTED {
+        child.arg("-o").arg(&outfile);
+    }
+    // Of this key alone: a journal of other work would be refused.
+    let journal = folder.join(format!("{}.journal", key.get(..16).unwrap_or(&key)));
+    if part.name == "table" {
+        child.arg("--journal").arg(&journal);
+    }
+    let ended = child
+        .stdin(Stdio::null())
+        .output()
+        .with_context(|| format!("cannot start {}", program.display()))?;
+    drop(waiting);
+    let said = String::from_utf8_lossy(&ended.stderr);
+    let said = said.trim().trim_start_matches("organza: ").to_owned();
+    let refused = match ended.status.code() {
+        Some(0) => None,
+        // The command does not take this fabric.
+        Some(2) => Some(said),
+        _ => bail!("{said}"),
+    };
+    if part.name == PRINTED && refused.is_none() {
+        output::write_file(&outfile, |out| Ok(out.write_all(&ended.stdout)?))?;
+    }
+    if journal.exists() && refused.is_none() {
+        std::fs::remove_file(&journal)
+            .with_context(|| format!("cannot remove {}", journal.display()))?;
+    }
+    if !args.common.quiet {
+        let seconds = started.elapsed().as_secs_f64();
+        match &refused {
+            None => note!("{label}: {}, {seconds:.1} s", part.title),
+            Some(why) => note!("{label}: no {}: {why}", part.title),
+        }
+    }
+    record.insert(part.name.into(), Made { key, refused });
+    let text = serde_json::to_string_pretty(&record)? + "\n";
+    output::write_file(&record_path(&folder), |out| {
+        Ok(out.write_all(text.as_bytes())?)
+    })
+}
+
+/// The command line of a part, without program and output.
+fn arguments(args: &LibraryArgs, entry: &Entry, part: &Part) -> Vec<OsString> {
+    let mut list: Vec<OsString> = part.command.iter().map(Into::into).collect();
+    list.insert(1, entry.path.clone().into());
+    if args.quick {
+        // Flags that are given twice count as given last.
+        for pair in part.quick.chunks(2) {
+            if let Some(at) = list.iter().position(|a| a == pair[0]) {
+                list.drain(at..at + 2);
+            }
+            list.extend(pair.iter().map(Into::into));
+        }
+    }
+    let mut flag = |name: &str, value: Option<OsString>| {
+        if let Some(value) = value {
+            list.extend([name.into(), value]);
+        }
+    };
+    let takes_memory = part.name != PRINTED;
+    let memory = args.memory.max_memory.filter(|_| takes_memory);
+    flag("--max-memory", memory.map(|m| m.to_string().into()));
+    let cache = args.cache.cache.clone().filter(|_| takes_memory);
+    flag("--cache", cache);
+    let threads = args.common.threads;
+    flag("--threads", threads.map(|n| n.to_string().into()));
+    for set in &args.common.set {
+        flag("--set", Some(set.into()));
+    }
+    list
+}
+
+/// Digest of all that a part depends on.
+fn key(entry: &Entry, arguments: &[OsString]) -> String {
+    let mut digest = Sha256::new();
+    digest.update(version::code());
+    for argument in arguments {
+        let bytes = argument.as_encoded_bytes();
+        digest.update((bytes.len() as u64).to_le_bytes());
+        digest.update(bytes);
+    }
+    for input in &entry.inputs {
+        digest.update(input.digest);
+    }
+    let bytes = digest.finalize();
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+fn record_path(folder: &Path) -> PathBuf {
+    folder.join("made.json")
+}
+
+/// What was made of a fabric; nothing where there is no record that can be read.
+fn read_record(folder: &Path) -> Record {
+    let bytes = std::fs::read(record_path(folder)).unwrap_or_default();
+    serde_json::from_slice(&bytes).unwrap_or_default()
+}
