@@ -79,7 +79,7 @@ fn fibres_are_written_as_usd() {
     let said = complaint(&folder, &usd("c.usdc", &[]));
     assert!(said.contains("ends in .usda"), "{said}");
     let said = complaint(&folder, &usd("c.usda", &["--max-memory", "10k"]));
-    assert!(said.contains("the curves"), "{said}");
+    assert!(said.contains("with its curves"), "{said}");
     assert!(!folder.join("c.usda").exists());
 }
 
