@@ -149,7 +149,8 @@ def check_gltf(folder, node):
     issues = report["issues"]
     assert issues["numErrors"] == 0 and issues["numWarnings"] == 0, issues["messages"]
     read = pygltflib.GLTF2().load(str(path))
-    assert len(read.materials) == 1 and len(read.images) == 7
+    # What is the same in all texels is no picture.
+    assert len(read.materials) == 1 and 2 <= len(read.images) <= 7
     scene = trimesh.load(path)
     (mesh,) = scene.geometry.values()
     assert abs(mesh.extents[0] - 0.1) < 1e-6, mesh.extents

@@ -22,7 +22,13 @@ pub struct Chart {
 /// between faces.
 const SLACK: f64 = 1e-6;
 
+/// Squares that a face reaches into, at most in the mean.
+const MOST_ENTRIES: u64 = 64;
+
 impl Chart {
+    /// Memory that the charts of a mesh take for each of its faces, at most.
+    pub const BYTES_PER_FACE: u64 = 512;
+
     /// The charts of a mesh. Faces without area in the fabric plane are in none.
     pub fn all(mesh: &Mesh) -> Vec<Chart> {
         let mut parts: Vec<usize> = (0..mesh.triangles().len()).collect();
@@ -78,12 +84,25 @@ impl Chart {
             faces_at: Vec::new(),
             faces,
         };
+        let reach = |chart: &Chart, face: &[Vertex; 3]| {
+            let [a, b, c] = face.map(|v| v.uv_mm);
+            (chart.square(a.min(b).min(c)), chart.square(a.max(b).max(c)))
+        };
+        // Faces that reach far take coarser squares.
+        let entries = |chart: &Chart| -> u64 {
+            let of = |face| {
+                let (low, high) = reach(chart, face);
+                (high - low + UVec2::ONE).as_u64vec2().element_product()
+            };
+            chart.faces.iter().map(of).sum()
+        };
+        while entries(&chart) > MOST_ENTRIES * chart.faces.len() as u64 {
+            chart.squares = (chart.squares / 2).max(UVec2::ONE);
+        }
         let count = chart.squares.element_product() as usize;
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); count];
         for (k, face) in chart.faces.iter().enumerate() {
-            let uv = face.map(|v| v.uv_mm);
-            let low = chart.square(uv[0].min(uv[1]).min(uv[2]));
-            let high = chart.square(uv[0].max(uv[1]).max(uv[2]));
+            let (low, high) = reach(&chart, face);
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     lists[(y * chart.squares.x + x) as usize].push(k as u32);

@@ -18,6 +18,9 @@ use std::f32::consts::PI;
 use std::io::Write;
 use std::path::Path;
 
+/// Tiles of the cloth on a mesh, at most: a square metre of tiles of a millimetre.
+const MAX_TILES: f64 = 1e6;
+
 /// Numbers of a line of the file.
 const OF_A_LINE: usize = 8;
 
@@ -122,8 +125,27 @@ impl UsdCurves<'_> {
         let budget = &mut Budget::new(self.max_memory_bytes);
         let mut curves: Vec<Curves> = Vec::new();
         curves.resize_with(looks.len(), Curves::default);
+        if let Some(mesh) = self.mesh {
+            let bytes = mesh.triangles().len() as u64 * Chart::BYTES_PER_FACE;
+            let taken = budget.take(bytes, "charts of the mesh");
+            taken.map_err(|e| fail(e.to_string()))?;
+        }
         let charts = self.mesh.map(Chart::all);
         let period_mm = tile.repeats.then(|| tile.period_mm());
+        let tiles: f64 = period_mm.map_or(1.0, |period| {
+            let of = |chart: &Chart| {
+                let (low, high) = chart.bounds_mm();
+                let tiles = ((high - low) / period).ceil().as_dvec2();
+                tiles.x * tiles.y
+            };
+            charts.iter().flatten().map(of).sum()
+        });
+        if tiles.is_nan() || tiles > MAX_TILES {
+            return Err(fail(format!(
+                "the mesh shows {tiles:e} tiles of this cloth; at most {MAX_TILES:e}: lay less cloth \
+                 on it, or take a part of it"
+            )));
+        }
         for_each_curve(&source, |curve| {
             let own = &mut curves[usize::from(curve.material)];
             match &charts {
@@ -545,6 +567,15 @@ mod tests {
         });
         assert!(low.x > 49.99 && high.x < 54.01 && low.z > -0.01 && high.z < 3.01);
         assert!(low.y > -0.1 && high.y < 0.1, "{low} {high}");
+        let placement = organza_mesh::Placement {
+            mm_per_uv: 1e6,
+            ..placement
+        };
+        let wide = organza_mesh::read_obj(wall.as_bytes(), placement, budget).unwrap();
+        let Err(why) = curves(Some(&wide), 1 << 30).gather() else {
+            panic!("a square kilometre and more was laid out");
+        };
+        assert!(why.to_string().contains("at most 1e6"), "{why}");
         let Err(why) = curves(Some(&mesh), 1000).gather() else {
             panic!("1000 bytes are enough");
         };

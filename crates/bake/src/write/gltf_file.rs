@@ -264,3 +264,28 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
     };
     glb.to_vec().map_err(|e| WriteError::Text(e.to_string()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn cloth_is_blended_only_where_it_is_sheer() {
+        let of = |coverage: &[f32]| {
+            let texel = |&coverage| Texel {
+                coverage,
+                ..Texel::flat(Vec3::ONE)
+            };
+            alpha_mode(&coverage.iter().map(texel).collect::<Vec<_>>())
+        };
+        let mut cloth = [1.0; 1000];
+        assert_eq!(of(&cloth), "OPAQUE");
+        cloth[..4].fill(0.0);
+        assert_eq!(of(&cloth), "OPAQUE");
+        cloth[..100].fill(0.0);
+        assert_eq!(of(&cloth), "MASK");
+        cloth[..100].fill(0.5);
+        assert_eq!(of(&cloth), "BLEND");
+    }
+}

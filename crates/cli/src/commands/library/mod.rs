@@ -78,7 +78,7 @@ const PARTS: [Part; 5] = [
         title: "picture",
         output: |_| "swatch.png".into(),
         command: &["render"],
-        quick: &["--spp", "8"],
+        quick: &["--spp", "8", "--set", "render.cache_learning=0.2"],
     },
     Part {
         name: "table",
