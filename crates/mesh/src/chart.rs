@@ -26,8 +26,9 @@ const SLACK: f64 = 1e-6;
 const MOST_ENTRIES: u64 = 64;
 
 impl Chart {
-    /// Memory that the charts of a mesh take for each of its faces, at most.
-    pub const BYTES_PER_FACE: u64 = 512;
+    /// Memory that the charts of a mesh take for each of its faces, at most: the face, its place in
+    /// a square's list [`MOST_ENTRIES`] times, and three corners of the table that finds neighbours.
+    pub const BYTES_PER_FACE: u64 = 640;
 
     /// The charts of a mesh. Faces without area in the fabric plane are in none.
     pub fn all(mesh: &Mesh) -> Vec<Chart> {
@@ -99,21 +100,29 @@ impl Chart {
         while entries(&chart) > MOST_ENTRIES * chart.faces.len() as u64 {
             chart.squares = (chart.squares / 2).max(UVec2::ONE);
         }
+        let squares_of = |chart: &Chart, face: &[Vertex; 3]| {
+            let ((low, high), across) = (reach(chart, face), chart.squares.x);
+            (low.y..=high.y).flat_map(move |y| (low.x..=high.x).map(move |x| y * across + x))
+        };
+        // Where the list of each square ends, then, filled from there, where it starts.
         let count = chart.squares.element_product() as usize;
-        let mut lists: Vec<Vec<u32>> = vec![Vec::new(); count];
+        let mut starts = vec![0u32; count + 1];
+        for face in &chart.faces {
+            squares_of(&chart, face).for_each(|k| starts[k as usize] += 1);
+        }
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += *start;
+            *start = sum;
+        }
+        let mut faces_at = vec![0; sum as usize];
         for (k, face) in chart.faces.iter().enumerate() {
-            let (low, high) = reach(&chart, face);
-            for y in low.y..=high.y {
-                for x in low.x..=high.x {
-                    lists[(y * chart.squares.x + x) as usize].push(k as u32);
-                }
+            for square in squares_of(&chart, face) {
+                starts[square as usize] -= 1;
+                faces_at[starts[square as usize] as usize] = k as u32;
             }
         }
-        for list in lists {
-            chart.starts.push(chart.faces_at.len() as u32);
-            chart.faces_at.extend(list);
-        }
-        chart.starts.push(chart.faces_at.len() as u32);
+        (chart.starts, chart.faces_at) = (starts, faces_at);
         chart
     }
 

@@ -3,6 +3,7 @@
 
 mod blended_fibres;
 mod blocks;
+mod cloth_patch; // helper of several
 mod fibres_in_cells;
 mod flat_cloth;
 mod lit_sheet;

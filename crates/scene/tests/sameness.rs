@@ -6,12 +6,11 @@
 //! thing at a time, and lays every shipped fabric on a mesh in every model, by the kernel and by
 //! the walk.
 
+use crate::cloth_patch::cloth_patch;
 use glam::{DMat3, DVec2, DVec3};
 use organza_basis::hypothesis::{sidak, z_test};
 use organza_measure::{Sharpening, far_matrix, measure_node};
 use organza_scene::loader::Loader;
-use organza_scene::patches::{PatchModel, PatchOptions, fabric_patch};
-use organza_scene::representation::Representation;
 use organza_scene::{fabric_file, from_str};
 use organza_surface::table::{Rings, balance, write_table};
 use organza_testing::{is_full, sized};
@@ -351,15 +350,7 @@ fn table(text: &str) -> Vec<u8> {
     let given = [(path.clone(), text.to_owned())].into_iter().collect();
     let loader = Loader::new().with_given(Arc::new(given));
     let fabric = fabric_file::load(&path, &[], &loader).unwrap();
-    let model = Representation::named("fibres").unwrap();
-    let shown = PatchModel::Is(model).of(&fabric, &path).unwrap();
-    let options = PatchOptions {
-        loader: &loader,
-        voxel_um: None,
-        level: 0,
-        max_memory_bytes: None,
-    };
-    let patch = fabric_patch(&fabric, &path, shown, &options).unwrap();
+    let patch = cloth_patch(&fabric, &path, "fibres", &loader);
     let degrees: [(f32, u32); 4] = [(0.0, 1), (30.0, 8), (60.0, 12), (90.0, 8)];
     let rings = Rings::new(&degrees.map(|(t, n)| (t.to_radians(), n))).unwrap();
     let sums = |node| measure_node(&patch, &rings, node, 0..512, SEED).unwrap().0;

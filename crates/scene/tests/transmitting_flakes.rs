@@ -4,11 +4,10 @@
 //! figures. Dyed denim is measured, too, but nothing is asserted of it: there these flakes let a
 //! third to a half more through than explicit fibres, and mirrors about half as much.
 
+use crate::cloth_patch::cloth_patch;
 use organza_measure::{Angles, Effort, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{PatchModel, PatchOptions, fabric_patch};
-use organza_scene::representation::Representation;
 use std::path::Path;
 
 const SEED: u64 = 17;
@@ -23,15 +22,7 @@ fn shares(fabric: &str, model: &str, flake: &str, theta_deg: f64, paths: u64) ->
     let loader = Loader::new();
     let flake = [format!("scattering.flake={flake:?}")];
     let fabric = fabric_file::load(&path, &flake, &loader).unwrap();
-    let representation = Representation::named(model).unwrap();
-    let shown = PatchModel::Is(representation).of(&fabric, &path).unwrap();
-    let options = PatchOptions {
-        loader: &loader,
-        voxel_um: None,
-        level: 0,
-        max_memory_bytes: None,
-    };
-    let patch = fabric_patch(&fabric, &path, shown, &options).unwrap();
+    let patch = cloth_patch(&fabric, &path, model, &loader);
     let light = [Angles {
         theta_deg,
         phi_deg: 0.0,

@@ -5,14 +5,13 @@
 
 mod recorded;
 
+use crate::cloth_patch::cloth_patch;
 use glam::DVec3;
 use organza_basis::{Moments, PathRng, Ray};
 use organza_kernel::proofs::Fault;
 use organza_measure::{Angles, Effort, Measured, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{PatchModel, PatchOptions, fabric_patch};
-use organza_scene::representation::Representation;
 use organza_transport::{
     AnyMedium, Backend, Film, FlatScene, Integrator, Medium, RenderSettings, Rendering, Scene,
     VoxelEngine, flatten,

@@ -140,15 +140,7 @@ fn fabrics_reflect_and_transmit_what_is_on_record() {
         let path = folder().join(format!("{}.toml", row.fabric));
         let loader = Loader::new();
         let fabric = fabric_file::load(&path, &[], &loader).unwrap();
-        let representation = Representation::named(row.model).unwrap();
-        let shown = PatchModel::Is(representation).of(&fabric, &path).unwrap();
-        let options = PatchOptions {
-            loader: &loader,
-            voxel_um: None,
-            level: 0,
-            max_memory_bytes: None,
-        };
-        let patch = fabric_patch(&fabric, &path, shown, &options).unwrap();
+        let patch = cloth_patch(&fabric, &path, row.model, &loader);
         let measured = measure_albedos(&patch, &light, &effort, &|_| ()).unwrap();
         let albedo = &measured.list[0];
         let green = |m: &Measured| (m.mean[1], m.se[1]);

@@ -57,11 +57,11 @@ struct Part {
     name: &'static str,
     /// What a reader of the page is offered.
     title: &'static str,
-    /// What is made, by the stem of the fabric's file: a file or a folder.
-    output: fn(&str) -> String,
+    /// What is made, by the place of the fabric's copy: a file or a folder.
+    output: fn(&Path) -> PathBuf,
     /// The command and its flags but for fabric, output and shared flags.
     command: &'static [&'static str],
-    /// Flags for few paths.
+    /// Further flags, for few paths.
     quick: &'static [&'static str],
 }
 
@@ -83,14 +83,14 @@ const PARTS: [Part; 5] = [
     Part {
         name: "table",
         title: "far-field table",
-        output: |stem| format!("{stem}.bsdf"),
+        output: |copy| copy.with_extension("bsdf"),
         command: &["table"],
         quick: &["--spp", "1024", "--held-out", "16", "--texels", "64"],
     },
     Part {
         name: "klems",
         title: "Klems matrices",
-        output: |stem| format!("{stem}.xml"),
+        output: |copy| Path::new(copy.file_name().unwrap_or_default()).with_extension("xml"),
         command: &["measure", "--layout", "klems"],
         quick: &["--spp", "64"],
     },
@@ -98,7 +98,7 @@ const PARTS: [Part; 5] = [
         name: "material",
         title: "material",
         output: |_| "material".into(),
-        command: &["bake", "--resolution", "512"],
+        command: &["bake"],
         quick: &["--resolution", "64", "--pairs", "64", "--spp", "256"],
     },
 ];
@@ -115,6 +115,56 @@ struct Entry {
     id: String,
     path: PathBuf,
     inputs: Vec<Input>,
+    /// The folder that holds all its files.
+    root: PathBuf,
+    /// The fabric file below that folder, and in that of the library.
+    copy: PathBuf,
+    /// Its text where flags change it.
+    changed: Option<Vec<u8>>,
+}
+
+impl Entry {
+    /// A fabric that can be read.
+    fn new(args: &LibraryArgs, id: String, path: PathBuf) -> Result<Entry> {
+        let (fabric, inputs) = watched(&args.common, &args.cache, |loader| {
+            let fabric = fabric_file::load(&path, &args.common.set, loader)?;
+            Ok((fabric, loader.inputs()))
+        })?;
+        let inside = |i: &&Input| i.path.starts_with(&args.outdir);
+        if let Some(own) = inputs.iter().find(inside) {
+            return Err(input(format!(
+                "{}: lies in the folder of the library, {}",
+                own.path.display(),
+                args.outdir.display()
+            )));
+        }
+        let own = absolute(&path)?;
+        let mut root = own.as_path();
+        for input in &inputs {
+            let place = absolute(&input.path)?;
+            root = root
+                .ancestors()
+                .find(|a| *a != own && place.starts_with(a))
+                .unwrap_or(root);
+        }
+        let is_changed = !args.common.set.is_empty();
+        let text = fabric.sources().first().filter(|_| is_changed);
+        Ok(Entry {
+            copy: own.strip_prefix(root)?.to_path_buf(),
+            root: root.to_path_buf(),
+            changed: text.map(|t| t.bytes.clone()),
+            id,
+            path,
+            inputs,
+        })
+    }
+}
+
+/// The place of a file, with the links to its folder followed.
+fn absolute(path: &Path) -> Result<PathBuf> {
+    let path = std::path::absolute(path)?;
+    let folder = std::fs::canonicalize(path.parent().unwrap_or(&path))?;
+    Ok(folder.join(path.file_name().unwrap_or_default()))
 }
 
 /// What was made of a part: `made.json` of a fabric's folder.
@@ -139,10 +189,10 @@ pub fn run(args: &LibraryArgs) -> Result<()> {
         let parts: Vec<&Part> = PARTS.iter().filter(|p| is_wanted(args, p)).collect();
         let mut failed = Vec::new();
         for (at, entry) in entries.iter().enumerate() {
-            let copy = copy(args, entry)?;
+            copy(args, entry)?;
             for part in &parts {
                 let label = format!("{} of {}: {}", at + 1, entries.len(), entry.id);
-                match make(args, &program, entry, &copy, part, &label) {
+                match make(args, &program, entry, part, &label) {
                     Ok(()) => {}
                     Err(why) => {
                         note!("organza: {}, {}: {why:#}", entry.id, part.title);
@@ -190,19 +240,7 @@ fn entries(args: &LibraryArgs) -> Result<Vec<Entry>> {
                     path.display()
                 )));
             }
-            let inputs = watched(&args.common, &args.cache, |loader| {
-                fabric_file::load(&path, &args.common.set, loader)?;
-                Ok(loader.inputs())
-            })?;
-            let inside = |i: &&Input| i.path.starts_with(&args.outdir);
-            if let Some(own) = inputs.iter().find(inside) {
-                return Err(input(format!(
-                    "{}: lies in the folder of the library, {}",
-                    own.path.display(),
-                    args.outdir.display()
-                )));
-            }
-            list.push(Entry { id, path, inputs });
+            list.push(Entry::new(args, id, path)?);
         }
     }
     Ok(list)
@@ -236,53 +274,28 @@ fn fabrics_in(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(found)
 }
 
-/// Copies a fabric and the files that it names into the library; gives the place of the copy of
-/// its own file, beside which its table is looked for.
-fn copy(args: &LibraryArgs, entry: &Entry) -> Result<PathBuf> {
-    let folder = args.outdir.join(&entry.id);
-    let above = |path: &Path| path.parent().map(Path::to_path_buf).unwrap_or_default();
-    let absolute = |path: &Path| {
-        let path = std::path::absolute(path)?;
-        path.parent().map_or(Ok(path.clone()), |parent| {
-            let parent = std::fs::canonicalize(parent)?;
-            Ok::<_, std::io::Error>(parent.join(path.file_name().unwrap_or_default()))
-        })
-    };
-    let own = absolute(&entry.path)?;
-    let paths = entry.inputs.iter().map(|i| absolute(&i.path));
-    let paths: Vec<PathBuf> = paths.collect::<std::io::Result<_>>()?;
-    let mut root = above(&own);
-    for path in &paths {
-        while !path.starts_with(&root) {
-            root = above(&root);
-        }
-    }
-    for path in &paths {
-        let place = folder.join(path.strip_prefix(&root)?);
-        std::fs::create_dir_all(above(&place))
-            .with_context(|| format!("cannot make {}", above(&place).display()))?;
-        let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+/// Copies a fabric and the files that it names into the library.
+fn copy(args: &LibraryArgs, entry: &Entry) -> Result<()> {
+    for file in &entry.inputs {
+        let below = absolute(&file.path)?;
+        let below = below.strip_prefix(&entry.root)?;
+        let place = args.outdir.join(&entry.id).join(below);
+        let folder = place.parent().unwrap_or(&place);
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make {}", folder.display()))?;
+        let bytes = match &entry.changed {
+            Some(text) if below == entry.copy => text.clone(),
+            _ => std::fs::read(&file.path).with_context(|| file.path.display().to_string())?,
+        };
         output::write_file(&place, |out| Ok(out.write_all(&bytes)?))?;
     }
-    Ok(folder.join(own.strip_prefix(&root)?))
+    Ok(())
 }
 
 /// Makes a part of a fabric, unless it is there and of the same fabric, flags and program.
-fn make(
-    args: &LibraryArgs,
-    program: &Path,
-    entry: &Entry,
-    copy: &Path,
-    part: &Part,
-    label: &str,
-) -> Result<()> {
+fn make(args: &LibraryArgs, program: &Path, entry: &Entry, part: &Part, label: &str) -> Result<()> {
     let folder = args.outdir.join(&entry.id);
-    let stem = copy.file_stem().unwrap_or_default().to_string_lossy();
-    let beside = copy.parent().unwrap_or(&folder);
-    let outfile = match part.name {
-        "table" => beside.join((part.output)(&stem)),
-        _ => folder.join((part.output)(&stem)),
-    };
+    let outfile = folder.join((part.output)(&entry.copy));
     let arguments = arguments(args, entry, part);
     let key = key(entry, &arguments);
     let mut record = read_record(&folder);
@@ -342,13 +355,7 @@ fn arguments(args: &LibraryArgs, entry: &Entry, part: &Part) -> Vec<OsString> {
     let mut list: Vec<OsString> = part.command.iter().map(Into::into).collect();
     list.insert(1, entry.path.clone().into());
     if args.quick {
-        // Flags that are given twice count as given last.
-        for pair in part.quick.chunks(2) {
-            if let Some(at) = list.iter().position(|a| a == pair[0]) {
-                list.drain(at..at + 2);
-            }
-            list.extend(pair.iter().map(Into::into));
-        }
+        list.extend(part.quick.iter().map(Into::into));
     }
     let mut flag = |name: &str, value: Option<OsString>| {
         if let Some(value) = value {

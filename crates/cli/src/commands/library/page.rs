@@ -1,6 +1,6 @@
 //! The page of a library: one file that shows all fabrics, without a server.
 
-use super::{Entry, PARTS, PRINTED, read_record};
+use super::{Entry, PARTS, read_record};
 use crate::output;
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
@@ -30,17 +30,11 @@ pub fn write(folder: &Path, entries: &[Entry]) -> Result<()> {
 fn card(folder: &Path, entry: &Entry) -> Value {
     let own = folder.join(&entry.id);
     let record = read_record(&own);
-    let stem = entry.path.file_stem().unwrap_or_default();
-    let stem = stem.to_string_lossy();
     let links: Vec<Value> = PARTS
         .iter()
         .filter_map(|part| {
             let made = record.get(part.name)?;
-            let output = (part.output)(&stem);
-            let link = match part.name {
-                "table" => beside_copy(&own, &entry.path, &output),
-                _ => output,
-            };
+            let link = url(&(part.output)(&entry.copy));
             Some(match &made.refused {
                 None => json!({ "part": part.name, "title": part.title, "file": link }),
                 Some(why) => json!({ "part": part.name, "title": part.title, "refused": why }),
@@ -48,19 +42,14 @@ fn card(folder: &Path, entry: &Entry) -> Value {
         })
         .collect();
     let sheet = std::fs::read(own.join("sheet.json")).unwrap_or_default();
-    let sheet = if record.contains_key(PRINTED) {
-        serde_json::from_slice(&sheet).unwrap_or(Value::Null)
-    } else {
-        Value::Null
-    };
+    let sheet: Value = serde_json::from_slice(&sheet).unwrap_or_default();
     let name = sheet["name"]
         .as_str()
         .map_or_else(|| entry.id.replace('_', " "), str::to_owned);
-    let file = entry.path.file_name().unwrap_or_default().to_string_lossy();
     json!({
         "id": entry.id,
         "name": name,
-        "fabric": beside_copy(&own, &entry.path, &file),
+        "fabric": url(&entry.copy),
         "weave": sheet["draft"]["title"],
         "figures": sheet["figures"],
         "openness": sheet["openness"],
@@ -69,21 +58,8 @@ fn card(folder: &Path, entry: &Entry) -> Value {
     })
 }
 
-/// A file beside the copy of the fabric, from its folder in the library. The copy lies below that
-/// folder as deep as the fabric lies below what holds all its files.
-fn beside_copy(own: &Path, fabric: &Path, file: &str) -> String {
-    let name = fabric.file_name().unwrap_or_default();
-    if own.join(name).exists() {
-        return file.to_owned();
-    }
-    let mut folders = Vec::new();
-    for above in fabric.ancestors().skip(1) {
-        let Some(word) = above.file_name() else { break };
-        folders.insert(0, word.to_string_lossy().into_owned());
-        let below = folders.join("/");
-        if own.join(&below).join(name).exists() {
-            return format!("{below}/{file}");
-        }
-    }
-    file.to_owned()
+/// A place below the fabric's folder, as addresses have it on all systems.
+fn url(place: &Path) -> String {
+    let words: Vec<_> = place.iter().map(|w| w.to_string_lossy()).collect();
+    words.join("/")
 }
