@@ -87,6 +87,52 @@ fn a_bake_writes_the_same_folder_on_any_number_of_threads() {
 }
 
 #[test]
+fn colourways_share_the_files_and_must_have_the_same_threads() {
+    let folder = folder("bake_colourways");
+    let organza = fabric("organza.toml");
+    let text = std::fs::read_to_string(&organza).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    let named = |name: &str| format!("name = \"{name}\"\n{}", text.replace("name = ", "# "));
+    write("ivory.toml", &named("ivory"));
+    write("wine.toml", &named("wine"));
+    let bake = |second: &'static str| {
+        let mut arguments = vec!["bake", "ivory.toml", second, "-o", "out"];
+        arguments.extend(["--repeats", "2,1"]);
+        arguments.extend(QUICK);
+        arguments
+    };
+    succeed(&folder, &bake("wine.toml"));
+    let files = contents(&folder.join("out"));
+    let json: serde_json::Value = serde_json::from_slice(&files["bake.json"]).unwrap();
+    assert_eq!(json["texels"], serde_json::json!([32, 16]));
+    assert_eq!(json["name"], "ivory_45x42_per_cm");
+    let other = &json["colourways"][0];
+    assert_eq!(other["name"], "wine_45x42_per_cm");
+    for report in [&json, other] {
+        let textures = report["textures"].as_array().unwrap();
+        assert_eq!(textures.len(), 12);
+        let name = report["name"].as_str().unwrap();
+        for texture in textures {
+            let file = texture["file"].as_str().unwrap();
+            assert!(file.contains(name) && files.contains_key(file), "{file}");
+        }
+    }
+    std::fs::remove_dir_all(folder.join("out")).unwrap();
+    write(
+        "finer.toml",
+        &named("finer").replace("per_cm = 42", "per_cm = 52"),
+    );
+    for (twin, words) in [
+        ("ivory.toml", "name: is ivory"),
+        ("finer.toml", "the same threads"),
+    ] {
+        let said = complaint(&folder, &bake(twin));
+        assert!(said.contains(words), "{said}");
+        assert!(!folder.join("out").exists());
+    }
+}
+
+#[test]
 fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
     let folder = folder("bake_refused");
     let silk = fabric("organza.toml");

@@ -20,12 +20,11 @@ BLENDER_LIMIT = 0.35
 
 def bake(organza, fabric, folder):
     subprocess.run(
-        [organza, "bake", f"scenes/fabrics/{fabric}.toml", "-o", folder, "--resolution", "256",
-         "--quiet"], check=True)
+        [organza, "bake", f"scenes/fabrics/{fabric}.toml", "-o", folder, "--quiet"], check=True)
     return json.loads((folder / "bake.json").read_text())
 
 
-def check_materialx(folder):
+def check_materialx(folder, count=2):
     import MaterialX as mx
     from MaterialX import PyMaterialXGenGlsl, PyMaterialXGenMdl, PyMaterialXGenOsl
     from MaterialX import PyMaterialXGenShader as gen
@@ -39,7 +38,7 @@ def check_materialx(folder):
     valid, why = document.validate()
     assert valid, why
     materials = document.getMaterialNodes()
-    assert len(materials) == 2, [m.getName() for m in materials]
+    assert len(materials) == count, [m.getName() for m in materials]
     for name, generator in (
         ("GLSL", PyMaterialXGenGlsl.GlslShaderGenerator.create()),
         ("OSL", PyMaterialXGenOsl.OslShaderGenerator.create()),
@@ -138,7 +137,7 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])), {maxIs
 """
 
 
-def check_gltf(folder, node):
+def check_gltf(folder, node, count=1):
     import pygltflib
     import trimesh
 
@@ -150,13 +149,45 @@ def check_gltf(folder, node):
     assert issues["numErrors"] == 0 and issues["numWarnings"] == 0, issues["messages"]
     read = pygltflib.GLTF2().load(str(path))
     # What is the same in all texels is no picture.
-    assert len(read.materials) == 1 and 2 <= len(read.images) <= 7
+    assert len(read.materials) == count and 2 * count <= len(read.images) <= 7 * count
     scene = trimesh.load(path)
     (mesh,) = scene.geometry.values()
     assert abs(mesh.extents[0] - 0.1) < 1e-6, mesh.extents
     hints = sorted({m["code"] for m in issues["messages"]})
     print(f"  gltf-validator {report['validatorVersion']}: no error, no warning, hints {hints}; "
           f"pygltflib and trimesh {trimesh.__version__} read it")
+
+
+def check_colourways(organza, out, node):
+    """Two colours of one silk, by the variants of each format."""
+    from pxr import Usd, UsdShade, UsdValidation
+
+    silk = pathlib.Path("scenes/fabrics/organza.toml").read_text()
+    fabrics = []
+    for name, colour in (("ivory", "[[0.83, 0.76, 0.60]]"), ("wine", "[[0.30, 0.02, 0.04]]")):
+        path = out / f"{name}.toml"
+        path.write_text(silk.replace("silk organza", name).replace("[[0.83, 0.76, 0.60]]", colour))
+        fabrics.append(path)
+    folder = out / "colourways"
+    quick = ["--resolution", "64", "--texel-spp", "8", "--pairs", "64", "--spp", "256"]
+    subprocess.run([organza, "bake", *fabrics, "-o", folder, "--quiet", *quick], check=True)
+    print("colourways")
+    check_materialx(folder, 4)
+    check_gltf(folder, node, 2)
+    stage = Usd.Stage.Open(str(folder / "material.usda"))
+    root = stage.GetDefaultPrim()
+    chosen = root.GetVariantSet("colourway")
+    bound = set()
+    for name in chosen.GetVariantNames():
+        chosen.SetVariantSelection(name)
+        patch = stage.GetPrimAtPath(root.GetPath().AppendChild("Patch"))
+        material, _ = UsdShade.MaterialBindingAPI(patch).ComputeBoundMaterial()
+        bound.add(str(material.GetPath()))
+    assert len(bound) == 2, bound
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    faults = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert not faults, [f.GetMessage() for f in faults]
+    print(f"  usd-core: {sorted(bound)}, no fault")
 
 
 def direction(angles):
@@ -380,6 +411,7 @@ def main():
         check_usd(folder)
         check_gltf(folder, arguments.node)
         check_blender(folder, baked, fabric)
+    check_colourways(arguments.organza, out, arguments.node)
     check_curves(arguments.organza, out)
     if arguments.picture:
         picture(arguments.organza, out, arguments.picture)

@@ -3,13 +3,15 @@ scale, in scenes that count in metres and in millimetres.
 
     python tests/peers/check_extension.py --organza target/release/organza --picture blender.png
 
-Needs `pip install bpy==4.5.15 numpy`. Exits with 1 at the first difference.
+With --wheel, Blender installs it first from an archive with that wheel, without any program
+`organza`. Needs `pip install bpy==4.5.15 numpy`. Exits with 1 at the first difference.
 """
 import argparse
 import importlib.util
 import os
 import pathlib
 import sys
+import tempfile
 import traceback
 
 import bpy
@@ -74,7 +76,7 @@ def check_material(package, picture):
     first, second = plane(20.0, 1.0), plane(5.0, 3.0)
     for thing in (first, second):
         thing.select_set(True)
-    scene.organza.resolution = 256 if picture else 64
+    scene.organza.resolution = 1024 if picture else 64
     assert bpy.ops.organza.make() == {"FINISHED"}
     assert first.active_material == second.active_material
     scales = [thing[package.shown.SCALE] for thing in (first, second)]
@@ -154,11 +156,39 @@ def rendered(scene, middle, width, picture):
     bpy.ops.render.render(write_still=True)
 
 
+def check_wheel(wheel):
+    """Blender's own installation of the extension, which brings the program along."""
+    sys.path.insert(0, str(ROOT / "crates/python"))
+    import pack_blender
+
+    with tempfile.TemporaryDirectory() as folder:
+        archive = pathlib.Path(folder) / "organza_blender.zip"
+        pack_blender.pack(archive, [wheel])
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        done = bpy.ops.extensions.package_install_files(
+            filepath=str(archive), repo="user_default", enable_on_install=True
+        )
+    assert done == {"FINISHED"}
+    assert importlib.util.find_spec("organza"), "the wheel was not installed"
+    settings = bpy.context.scene.organza
+    settings.source, settings.kind, settings.voxel_um = "twill-2-2", "VOLUME", 50.0
+    path = os.environ["PATH"]
+    os.environ["PATH"] = "/usr/bin:/bin"
+    assert bpy.ops.organza.make() == {"FINISHED"}
+    os.environ["PATH"] = path
+    assert any(o.type == "VOLUME" for o in bpy.context.scene.objects)
+    print("installed by Blender with a wheel: makes a volume")
+    bpy.ops.preferences.addon_disable(module="bl_ext.user_default.organza")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--organza", type=pathlib.Path, default=ROOT / "target/release/organza")
     parser.add_argument("--picture", type=pathlib.Path, help="of the material")
+    parser.add_argument("--wheel", type=pathlib.Path, help="of the Python package")
     given = parser.parse_args()
+    if given.wheel:
+        check_wheel(given.wheel)
     os.environ["PATH"] = os.pathsep.join([str(given.organza.resolve().parent), os.environ["PATH"]])
     package = installed(ROOT / "crates/python/blender")
     check_refusals()

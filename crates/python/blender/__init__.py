@@ -59,7 +59,7 @@ class Settings(bpy.types.PropertyGroup):
         name="Weft", subtype="COLOR", size=3, min=0.0, max=1.0, default=(0.6, 0.55, 0.45)
     )
     resolution: IntProperty(
-        name="Texels", default=256, min=16, max=4096, description="Of the longer side of a repeat"
+        name="Texels", default=512, min=16, max=4096, description="Of the longer side of textures"
     )
     repeats: IntVectorProperty(name="Repeats", size=2, default=(4, 4), min=1, max=1000)
     voxel_um: FloatProperty(name="Voxel, um", default=20.0, min=1.0, max=1000.0)

@@ -27,19 +27,34 @@ def load(folder):
     present = set(bpy.data.materials)
     bpy.ops.import_scene.gltf(filepath=str(folder / "material.glb"))
     material = next(m for m in bpy.data.materials if m not in present)
-    gltf = next(m for m in read(folder)["materials"] if m["name"] == "glTF 2.0")
-    add_transmission(material, folder / "textures", gltf["parameters"]["transmittance"])
+    baked = read(folder)
+    gltf = next(m for m in baked["materials"] if m["name"] == "glTF 2.0")
+    textures = folder / baked["textures"][0]["file"]
+    add_transmission(material, textures.parent, gltf["parameters"])
     return material
 
 
-def add_transmission(material, textures, transmittance):
-    """Divides diffuse light: a share of the base colour is left to what is transmitted."""
+def add_transmission(material, textures, parameters):
+    """Divides diffuse light: a share of the base colour is left to what is transmitted, evenly
+    spread. Blender would bend what keeps its direction, as a solid body does. Gives highlights
+    the widths that glTF means."""
     nodes, links = material.node_tree.nodes, material.node_tree.links
     principled = next(n for n in nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
     output = next(n for n in nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+    solid = principled.inputs["Transmission Weight"]
+    for link in list(solid.links):
+        links.remove(link)
+    solid.default_value = 0.0
+    places = [
+        node.inputs["Vector"].links[0].from_socket
+        for node in nodes
+        if node.bl_idname == "ShaderNodeTexImage" and node.inputs["Vector"].is_linked
+    ]
 
     def texture(name, space):
         node = nodes.new("ShaderNodeTexImage")
+        if places:
+            links.new(places[0], node.inputs["Vector"])
         node.image = bpy.data.images.load(str(textures / name))
         node.image.colorspace_settings.name = space
         return node.outputs["Color"]
@@ -54,27 +69,48 @@ def add_transmission(material, textures, transmittance):
                 links.new(value, socket)
         return node.outputs[0]
 
-    def scaled(colour, factor):
+    def vector(operation, first, second, socket):
         node = nodes.new("ShaderNodeVectorMath")
-        node.operation = "SCALE"
-        links.new(colour, node.inputs[0])
-        links.new(factor, node.inputs["Scale"])
+        node.operation = operation
+        links.new(first, node.inputs[0])
+        links.new(second, node.inputs[socket])
         return node.outputs[0]
 
-    share = math("MULTIPLY", texture("diffuse_transmission.png", "Non-Color"), transmittance)
-    kept = math("SUBTRACT", 1.0, share)
+    def given(name):
+        socket = principled.inputs[name]
+        return socket.links[0].from_socket if socket.is_linked else socket.default_value
+
+    measured = texture("diffuse_transmission.png", "Non-Color")
+    even = math("MULTIPLY", measured, parameters["transmittance"])
+    forward = math("MULTIPLY", measured, parameters["forward"])
+    below = math("SUBTRACT", 1.0, forward)
     base = principled.inputs["Base Color"]
-    links.new(scaled(base.links[0].from_socket, kept), base)
+    colour = base.links[0].from_socket
+    kept = math("MULTIPLY", below, math("SUBTRACT", 1.0, even))
+    links.new(vector("SCALE", colour, kept, "Scale"), base)
     translucent = nodes.new("ShaderNodeBsdfTranslucent")
-    passed = scaled(texture("diffuse_transmission_color.png", "sRGB"), share)
+    hue = texture("diffuse_transmission_color.png", "sRGB")
+    spread = vector("SCALE", hue, math("MULTIPLY", below, even), "Scale")
+    passed = vector("ADD", spread, vector("SCALE", colour, forward, "Scale"), 1)
     alpha = principled.inputs["Alpha"]
     if alpha.is_linked:
-        passed = scaled(passed, alpha.links[0].from_socket)
+        passed = vector("SCALE", passed, alpha.links[0].from_socket, "Scale")
     links.new(passed, translucent.inputs["Color"])
     both = nodes.new("ShaderNodeAddShader")
     links.new(principled.outputs[0], both.inputs[0])
     links.new(translucent.outputs[0], both.inputs[1])
     links.new(both.outputs[0], output.inputs["Surface"])
+
+    # glTF widens the highlight across the fibres, Blender keeps the product of both widths.
+    order = texture("anisotropy.png", "Non-Color")
+    strength = math("MULTIPLY", order, parameters["anisotropy"])
+    narrow = math("POWER", given("Roughness"), 2.0)
+    share = math("MULTIPLY", strength, strength)
+    wide = math("ADD", narrow, math("MULTIPLY", share, math("SUBTRACT", 1.0, narrow)))
+    unlike = math("SUBTRACT", 1.0, math("DIVIDE", narrow, wide))
+    links.new(math("DIVIDE", unlike, 0.9), principled.inputs["Anisotropic"])
+    mean = math("POWER", math("MULTIPLY", narrow, wide), 0.25)
+    links.new(mean, principled.inputs["Roughness"])
 
 
 if __name__ == "__main__":

@@ -59,10 +59,12 @@ fn planted_parameters_are_found_and_the_wrong_model_leaves_more_error() {
     let planted = Parameters {
         reflectance: [0.8, 0.9, 1.0],
         transmittance: 1.1,
+        forward: 0.4,
         roughness: 0.45,
         roughening: 0.3,
         anisotropy: 0.6,
         ior: 1.6,
+        specular: 0.8,
         sheen: 0.3,
         sheen_roughness: 0.6,
         relief: 0.7,
@@ -99,6 +101,8 @@ fn planted_parameters_are_found_and_the_wrong_model_leaves_more_error() {
         planted.transmittance,
         0.03,
     );
+    near("forward", p.forward, planted.forward, 0.03);
+    near("specular", p.specular, planted.specular, 0.05);
     near("sheen", p.sheen, planted.sheen, 0.05);
     for c in 0..3 {
         near(

@@ -14,10 +14,11 @@ pub const GLTF: Target = Target {
     is_anisotropic: true,
     sheen: Some(Sheen::InvertedSquare),
     has_specular_map: true,
+    has_specular_weight: true,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
         "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "Light that keeps its direction is spread as much as the highlight.",
         "There is no height map: the relief is in the normals alone, without parallax or shadows.",
         "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
     ],
@@ -40,9 +41,14 @@ fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
         true => (1.0 - s.transmission) * s.base,
         false => s.transmission * s.transmission_colour,
     };
-    let mut value = (1.0 - f) * FRAC_1_PI * diffuse;
+    let facets = ggx(widths(s.roughness, s.anisotropy), mirrored, w_out);
+    let mut below = (1.0 - s.forward) * FRAC_1_PI * diffuse;
+    if !reflects {
+        below += s.forward * facets * s.base;
+    }
+    let mut value = (1.0 - f) * below;
     if reflects {
-        value += f * ggx(widths(s.roughness, s.anisotropy), w_in, w_out);
+        value += f * facets;
     }
     let strength = s.sheen.max_element();
     if strength <= 0.0 {

@@ -29,7 +29,7 @@ pub struct Target {
     pub name: &'static str,
     /// The file that holds it.
     pub file: &'static str,
-    /// Whether it has diffuse transmission.
+    /// Whether light passes, spread evenly and through rough microfacets, which keep its direction.
     pub transmits: bool,
     /// Whether its highlights may be anisotropic.
     pub is_anisotropic: bool,
@@ -37,6 +37,9 @@ pub struct Target {
     pub sheen: Option<Sheen>,
     /// Whether the strength of its highlights may vary from texel to texel.
     pub has_specular_map: bool,
+    /// Whether the strength of its highlights is a parameter beside the index of refraction. That
+    /// one then is at least 1.5, below which programs in real time blur transmitted light less.
+    pub has_specular_weight: bool,
     /// What it cannot show, a sentence each.
     pub limits: &'static [&'static str],
     /// The BSDF, 1/sr, of a surface in its own frame: x is the rough direction, the eye has
@@ -65,7 +68,8 @@ impl Sheen {
     /// Roughnesses that are tried.
     fn range(self) -> (f64, f64) {
         match self {
-            Sheen::Inverted | Sheen::InvertedSquare => (0.2, 0.8),
+            Sheen::Inverted => (0.2, 0.8),
+            Sheen::InvertedSquare => (0.2, 1.0),
             Sheen::Fuzz => (0.1, 1.0),
         }
     }
@@ -97,6 +101,8 @@ pub struct Parameters {
     pub reflectance: [f64; 3],
     /// Factor of the transmitted share of light, whose colour is the measured one.
     pub transmittance: f64,
+    /// Factor of the same share, for light that passes through rough microfacets.
+    pub forward: f64,
     /// Roughness where fibres are parallel.
     pub roughness: f64,
     /// Growth of the roughness where the directions of fibres are mixed: 1 doubles it.
@@ -105,6 +111,8 @@ pub struct Parameters {
     pub anisotropy: f64,
     /// Index of refraction.
     pub ior: f64,
+    /// Weight of the highlights.
+    pub specular: f64,
     /// Weight of the sheen.
     pub sheen: f64,
     /// Roughness of the sheen.
@@ -126,6 +134,8 @@ pub struct Surface {
     pub transmission: f32,
     /// Colour of diffuse transmission, 0 to 1.
     pub transmission_colour: Vec3,
+    /// Share of the light below the highlights that passes through rough microfacets.
+    pub forward: f32,
     /// Roughness, as the model reads it.
     pub roughness: f32,
     /// Anisotropy, as the model reads it.
@@ -158,10 +168,16 @@ impl Target {
             list.push(bound(&format!("reflectance_{channel}"), 0.0, 1.5, 0.9));
         }
         list.push(bound("roughness", 0.1, 1.0, 0.5));
-        list.push(bound("ior", 1.05, 2.6, 1.5));
+        if self.has_specular_weight {
+            list.push(bound("ior", 1.5, 2.6, 1.5));
+            list.push(bound("specular", 0.0, 1.0, 0.5));
+        } else {
+            list.push(bound("ior", 1.05, 2.6, 1.5));
+        }
         list.push(bound("relief", 0.0, 1.0, 0.4));
         if self.transmits {
-            list.push(bound("transmittance", 0.0, 2.5, 1.0));
+            list.push(bound("transmittance", 0.0, 2.5, 0.7));
+            list.push(bound("forward", 0.0, 5.0, 0.3));
         }
         if self.is_anisotropic {
             list.push(bound("anisotropy", 0.0, 0.98, 0.4));
@@ -183,10 +199,16 @@ impl Target {
         let mut values = values.iter().copied();
         let mut next = || values.next().unwrap_or(0.0);
         let reflectance = [next(), next(), next()];
-        let (roughness, ior, relief) = (next(), next(), next());
-        let transmittance = match self.transmits {
-            true => next(),
-            false => 0.0,
+        let (roughness, ior) = (next(), next());
+        let specular = if self.has_specular_weight {
+            next()
+        } else {
+            1.0
+        };
+        let relief = next();
+        let (transmittance, forward) = match self.transmits {
+            true => (next(), next()),
+            false => (0.0, 0.0),
         };
         let anisotropy = if self.is_anisotropic { next() } else { 0.0 };
         let (sheen, sheen_roughness) = match self.sheen {
@@ -197,10 +219,12 @@ impl Target {
         Parameters {
             reflectance,
             transmittance,
+            forward,
             roughness,
             roughening,
             anisotropy,
             ior,
+            specular,
             sheen,
             sheen_roughness,
             relief,
@@ -213,15 +237,17 @@ impl Target {
         Surface {
             base: (vector(p.reflectance) * texel.base()).min(Vec3::ONE),
             transmission: (p.transmittance as f32 * texel.transmission()).min(1.0),
+            forward: (p.forward as f32 * texel.transmission()).min(1.0),
             transmission_colour: texel.transmission_hue(),
             roughness: (p.roughness as f32 * (1.0 + mixed)).clamp(MIN_ROUGHNESS, 1.0),
             anisotropy: p.anisotropy as f32 * texel.order,
             ior: p.ior as f32,
-            specular: if self.has_specular_map {
-                texel.gloss
-            } else {
-                1.0
-            },
+            specular: p.specular as f32
+                * if self.has_specular_map {
+                    texel.gloss
+                } else {
+                    1.0
+                },
             sheen: p.sheen as f32 * texel.hue(),
             sheen_roughness: p.sheen_roughness as f32,
         }
@@ -259,7 +285,7 @@ impl Target {
         let f0 = f0_of_index(s.ior);
         let (alpha, _) = round(s.roughness);
         let facets = s.specular * albedos.facets(cos, alpha, f0, (50.0 * f0).min(1.0));
-        let diffuse = (1.0 - s.transmission) * s.base;
+        let diffuse = (1.0 - s.forward) * (1.0 - s.transmission) * s.base;
         let sheen = self
             .sheen
             .map_or(0.0, |sheen| sheen.albedo(albedos, cos, s.sheen_roughness));

@@ -14,10 +14,11 @@ pub const OPENPBR: Target = Target {
     is_anisotropic: true,
     sheen: Some(Sheen::Fuzz),
     has_specular_map: true,
+    has_specular_weight: false,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
         "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "Light that keeps its direction is spread as much as the highlight.",
         "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
     ],
     bsdf,

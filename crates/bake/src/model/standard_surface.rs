@@ -14,10 +14,11 @@ pub const STANDARD_SURFACE: Target = Target {
     is_anisotropic: true,
     sheen: Some(Sheen::Inverted),
     has_specular_map: true,
+    has_specular_weight: false,
     limits: &[
         "One material serves both sides: the back has the colour and highlights of the face.",
         "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Diffuse transmission is the same in all directions: light scattered forwards is spread evenly.",
+        "Light that keeps its direction is spread as much as the highlight.",
         "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
     ],
     bsdf,
@@ -35,7 +36,8 @@ fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
     layered(s, albedos, lobe, Sheen::Inverted, (w_in, w_out))
 }
 
-/// Sheen over microfacets of a dielectric over diffuse light. Each layer leaves to those
+/// Sheen over microfacets of a dielectric over diffuse light, and light that passes through rough
+/// microfacets. Each layer leaves to those
 /// below it what it does not reflect from the direction of the eye, which does not let light
 /// and eye be exchanged. `lobe`: widths, index and weight of the microfacets.
 pub(super) fn layered(
@@ -45,7 +47,7 @@ pub(super) fn layered(
     sheen: Sheen,
     (w_in, w_out): (Vec3, Vec3),
 ) -> Vec3 {
-    let (_, h) = half_vector(w_in, w_out);
+    let (mirrored, h) = half_vector(w_in, w_out);
     let reflects = w_in.z > 0.0;
     let diffuse = match reflects {
         true => (1.0 - s.transmission) * s.base,
@@ -55,9 +57,14 @@ pub(super) fn layered(
     // An index near one reflects little at grazing angles, too [Lagarde2014].
     let f0 = f0_of_index(eta);
     let taken = weight * albedos.facets(w_out.z, mean_alpha, f0, (50.0 * f0).min(1.0));
-    let mut value = (1.0 - taken) * FRAC_1_PI * diffuse;
+    let facets = ggx(alpha, mirrored, w_out);
+    let mut below = (1.0 - s.forward) * FRAC_1_PI * diffuse;
+    if !reflects {
+        below += s.forward * facets * s.transmission_colour;
+    }
+    let mut value = (1.0 - taken) * below;
     if reflects {
-        value += weight * dielectric(eta, w_out.dot(h)) * ggx(alpha, w_in, w_out);
+        value += weight * dielectric(eta, w_out.dot(h)) * facets;
     }
     let strength = s.sheen.max_element();
     if strength <= 0.0 {

@@ -15,6 +15,7 @@ fn matte() -> Surface {
         base: Vec3::new(0.8, 0.4, 0.2),
         transmission: 0.25,
         transmission_colour: Vec3::new(1.0, 0.5, 0.25),
+        forward: 0.0,
         roughness: 0.6,
         anisotropy: 0.7,
         ior: 1.5,
@@ -66,6 +67,7 @@ fn a_white_furnace_gains_no_light_and_smooth_layers_lose_little() {
         base: Vec3::ONE,
         transmission: 0.3,
         transmission_colour: Vec3::ONE,
+        forward: 0.3,
         roughness: 0.7,
         sheen: Vec3::ONE,
         ..matte()
@@ -119,6 +121,28 @@ fn known_values_of_matte_surfaces_and_widths() {
             target.name
         );
     }
+    // Light that keeps its direction goes where the highlight would be, seen in a mirror.
+    let forward = Surface {
+        forward: 0.4,
+        transmission: 0.0,
+        transmission_colour: surface.base,
+        ..surface
+    };
+    let lobes = [gltf::widths(0.6, 0.7), openpbr_widths(0.6, 0.7)];
+    for (target, widths) in [&GLTF, &OPENPBR].into_iter().zip(lobes) {
+        let (a, b) = (direction(&mut rng, 1.0), direction(&mut rng, 1.0));
+        let through = Vec3::new(a.x, a.y, -a.z);
+        let passed = (target.bsdf)(&forward, &albedos, through, b);
+        let expected = 0.4 * surface.base * crate::lobe::ggx(widths, a, b);
+        assert!(
+            (passed - expected).length() < 8.0 * f32::EPSILON * expected.length(),
+            "{}: {passed} {expected}",
+            target.name
+        );
+        let back = (target.bsdf)(&forward, &albedos, a, b);
+        let lambert = 0.6 * FRAC_1_PI * surface.base;
+        assert!((back - lambert).length() < 4.0 * f32::EPSILON, "{back}");
+    }
     // The widths of KHR_materials_anisotropy: the rough one is mix(0.25, 1, 0.5^2).
     let (rough, fine) = gltf::widths(0.5, 0.5);
     assert!((rough - 0.4375).abs() < 1e-6 && (fine - 0.25).abs() < 1e-6);
@@ -141,10 +165,12 @@ fn a_patch_is_the_mean_of_its_texels_with_their_coverage() {
     let p = Parameters {
         reflectance: [1.0; 3],
         transmittance: 1.0,
+        forward: 0.0,
         roughness: 0.5,
         roughening: 0.0,
         anisotropy: 0.0,
         ior: 1.0,
+        specular: 1.0,
         sheen: 0.0,
         sheen_roughness: 0.5,
         relief: 1.0,

@@ -14,6 +14,7 @@ pub const USD_PREVIEW: Target = Target {
     is_anisotropic: false,
     sheen: None,
     has_specular_map: false,
+    has_specular_weight: false,
     limits: &[
         "There is no transmission by scattering: cloth lit from behind is dark but for its gaps.",
         "Highlights are isotropic: the direction of the fibres does not show.",

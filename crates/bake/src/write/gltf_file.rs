@@ -1,13 +1,15 @@
 //! Binary glTF 2.0 [Khronos2021] with extensions of materials [Khronos2024]: a square of
-//! cloth with the material and its textures inside.
+//! cloth with its materials and their textures inside; colourways are variants.
 
 use super::{Baked, GltfTexture, PATCH_MM, WriteError, gltf_textures};
 use crate::model::{GLTF, Surface};
 use crate::texel::Texel;
+use glam::Vec2;
 use gltf::binary::{Glb, Header};
 use organza_basis::Rgb;
 use serde_json::{Value, json};
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 /// A buffer that grows by aligned parts.
 #[derive(Default)]
@@ -64,8 +66,12 @@ fn alpha_mode(texels: &[Texel]) -> &'static str {
     }
 }
 
-/// The textures of a material by their names: places among those of the file, or constants.
-struct Slots(Vec<(&'static str, Slot)>);
+/// The textures of a material by their names: places among those of the file, or constants; and how
+/// often they repeat where texture coordinates run from 0 to 1.
+struct Slots {
+    list: Vec<(&'static str, Slot)>,
+    repeats: Vec2,
+}
 
 enum Slot {
     Index(usize),
@@ -81,8 +87,12 @@ impl Slots {
         texture: impl FnOnce(Value) -> T,
         constant: impl FnOnce([f64; 4]) -> T,
     ) -> T {
-        match self.0.iter().find(|(n, _)| *n == name) {
-            Some((_, Slot::Index(index))) => texture(json!({ "index": index })),
+        let scale = self.repeats.to_array();
+        match self.list.iter().find(|(n, _)| *n == name) {
+            Some((_, Slot::Index(index))) => texture(json!({
+                "index": index,
+                "extensions": { "KHR_texture_transform": { "scale": scale } },
+            })),
             Some((_, Slot::Constant(value))) => constant(*value),
             None => constant([1.0; 4]),
         }
@@ -94,11 +104,22 @@ fn linear([r, g, b, _]: [f64; 4], factor: f64) -> [f64; 3] {
     [r, g, b].map(|c| factor * f64::from(Rgb::linear_from_srgb(c as f32)))
 }
 
-/// The whole file.
+/// The images and textures of the file.
+#[derive(Default)]
+struct Pictures {
+    images: Vec<Value>,
+    textures: Vec<Value>,
+}
+
+/// The material of a cloth, whose pictures are added to the file.
 ///
 /// # Errors
-/// A texture that cannot be encoded, or more than glTF's 4 GiB.
-pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
+/// A texture that cannot be encoded.
+fn material(
+    baked: &Baked<'_>,
+    parts: &mut Parts,
+    pictures: &mut Pictures,
+) -> Result<Value, WriteError> {
     let p = baked.gltf;
     let surfaces: Vec<Surface> = baked
         .maps
@@ -106,53 +127,23 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         .iter()
         .map(|t| GLTF.surface(p, t))
         .collect();
-    let mut parts = Parts::default();
-    let half = 0.0005 * PATCH_MM;
     let repeats = PATCH_MM / baked.maps.tile_mm;
-    // A face that looks along z. Texture coordinates run down from the top, and begin at a
-    // corner of a repeat there.
-    let positions = [
-        [-half, -half, 0.0],
-        [half, -half, 0.0],
-        [half, half, 0.0],
-        [-half, half, 0.0],
-    ];
-    let uv = [
-        [0.0, repeats.y],
-        [repeats.x, repeats.y],
-        [repeats.x, 0.0],
-        [0.0, 0.0],
-    ];
-    let views = [
-        parts.add(&floats(positions.as_flattened()), VERTICES),
-        parts.add(&floats([[0.0, 0.0, 1.0]; 4].as_flattened()), VERTICES),
-        parts.add(&floats([[1.0, 0.0, 0.0, 1.0]; 4].as_flattened()), VERTICES),
-        parts.add(&floats(uv.as_flattened()), VERTICES),
-    ];
-    let corners: Vec<u8> = [0u16, 1, 2, 0, 2, 3]
-        .iter()
-        .flat_map(|i| i.to_le_bytes())
-        .collect();
-    let indices = parts.add(&corners, INDICES);
-    let (mut images, mut textures) = (Vec::new(), Vec::new());
-    let mut slots = Slots(Vec::new());
+    let mut slots = Slots {
+        list: Vec::new(),
+        repeats,
+    };
     for (name, texture) in gltf_textures(baked.maps, &surfaces)? {
         let slot = match texture {
             GltfTexture::Constant(value) => Slot::Constant(value.map(|v| f64::from(v) / 255.0)),
             GltfTexture::Picture(bytes) => {
                 let view = parts.add(&bytes, None);
+                let (images, textures) = (&mut pictures.images, &mut pictures.textures);
                 images.push(json!({ "name": name, "bufferView": view, "mimeType": "image/png" }));
                 textures.push(json!({ "sampler": 0, "source": images.len() - 1, "name": name }));
                 Slot::Index(textures.len() - 1)
             }
         };
-        slots.0.push((name, slot));
-    }
-    let accessor = |view: usize, kind: &str| json!({ "bufferView": view, "componentType": 5126, "count": 4, "type": kind });
-    let mut corners = accessor(views[0], "VEC3");
-    if let Some(corners) = corners.as_object_mut() {
-        corners.insert("min".into(), json!([-half, -half, 0.0]));
-        corners.insert("max".into(), json!([half, half, 0.0]));
+        slots.list.push((name, slot));
     }
     let (roughness, roughness_map) = slots.either(
         "roughness",
@@ -165,6 +156,9 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         "roughnessFactor": roughness,
         "metallicRoughnessTexture": roughness_map,
     });
+    if let Some(surface) = surface.as_object_mut() {
+        surface.retain(|_, value| !value.is_null());
+    }
     let sheen = slots.either(
         "sheen",
         |map| json!({ "sheenColorFactor": [p.sheen, p.sheen, p.sheen], "sheenColorTexture": map }),
@@ -174,8 +168,8 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         "KHR_materials_ior": { "ior": p.ior },
         "KHR_materials_specular": slots.either(
             "specular",
-            |map| json!({ "specularTexture": map }),
-            |value| json!({ "specularFactor": value[3] }),
+            |map| json!({ "specularFactor": p.specular, "specularTexture": map }),
+            |value| json!({ "specularFactor": p.specular * value[3] }),
         ),
         "KHR_materials_anisotropy": slots.either(
             "anisotropy",
@@ -186,6 +180,11 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
             }),
         ),
         "KHR_materials_sheen": sheen,
+        "KHR_materials_transmission": slots.either(
+            "roughness",
+            |map| json!({ "transmissionFactor": 1.0, "transmissionTexture": map }),
+            |value| json!({ "transmissionFactor": value[0] }),
+        ),
         "KHR_materials_diffuse_transmission": slots.either(
             "diffuse_transmission",
             |map| json!({
@@ -200,26 +199,85 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
         ),
     });
     extensions["KHR_materials_sheen"]["sheenRoughnessFactor"] = json!(p.sheen_roughness);
-    if let Some(surface) = surface.as_object_mut() {
-        surface.retain(|_, value| !value.is_null());
+    let forward = surfaces.iter().map(|s| s.forward).fold(0.0, f32::max);
+    if let Some(extensions) = extensions.as_object_mut()
+        && forward < CLOSED
+    {
+        // Programs in real time render what lies behind first, which takes time.
+        extensions.remove("KHR_materials_transmission");
     }
-    let document = json!({
+    let normal = |mut map: Value| {
+        map["scale"] = json!(p.relief);
+        map
+    };
+    Ok(json!({
+        "name": baked.name,
+        "doubleSided": true,
+        "alphaMode": alpha_mode(&baked.maps.texels),
+        "pbrMetallicRoughness": surface,
+        "normalTexture": slots.either("normal", normal, |_| Value::Null),
+        "extensions": extensions,
+        "extras": {
+            "tile_mm": baked.maps.tile_mm.to_array(),
+            "height_range_mm": baked.maps.height_range_mm(),
+        },
+    }))
+}
+
+/// The whole file.
+///
+/// # Errors
+/// No colourway, a texture that cannot be encoded, or more than glTF's 4 GiB.
+pub fn write_glb(colourways: &[Baked<'_>]) -> Result<Vec<u8>, WriteError> {
+    let Some(first) = colourways.first() else {
+        return Err(WriteError::Text("there is no cloth".into()));
+    };
+    let mut parts = Parts::default();
+    let half = 0.0005 * PATCH_MM;
+    // A face that looks along z. Texture coordinates run down from the top, over the square; each
+    // texture says how often it repeats there.
+    let positions = [
+        [-half, -half, 0.0],
+        [half, -half, 0.0],
+        [half, half, 0.0],
+        [-half, half, 0.0],
+    ];
+    let uv = [[0.0f32, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+    let views = [
+        parts.add(&floats(positions.as_flattened()), VERTICES),
+        parts.add(&floats([[0.0, 0.0, 1.0]; 4].as_flattened()), VERTICES),
+        parts.add(&floats([[1.0, 0.0, 0.0, 1.0]; 4].as_flattened()), VERTICES),
+        parts.add(&floats(uv.as_flattened()), VERTICES),
+    ];
+    let corners: Vec<u8> = [0u16, 1, 2, 0, 2, 3]
+        .iter()
+        .flat_map(|i| i.to_le_bytes())
+        .collect();
+    let indices = parts.add(&corners, INDICES);
+    let mut pictures = Pictures::default();
+    let mut materials = Vec::new();
+    for baked in colourways {
+        materials.push(material(baked, &mut parts, &mut pictures)?);
+    }
+    let accessor = |view: usize, kind: &str| json!({ "bufferView": view, "componentType": 5126, "count": 4, "type": kind });
+    let mut corners = accessor(views[0], "VEC3");
+    corners["min"] = json!([-half, -half, 0.0]);
+    corners["max"] = json!([half, half, 0.0]);
+    let mut primitive = json!({
+        "attributes": { "POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3 },
+        "indices": 4,
+        "material": 0,
+    });
+    let mut used: BTreeSet<String> = ["KHR_texture_transform".to_owned()].into();
+    for material in &materials {
+        let extensions = material["extensions"].as_object();
+        used.extend(extensions.into_iter().flat_map(|e| e.keys().cloned()));
+    }
+    let mut document = json!({
         "asset": { "version": "2.0", "generator": "organza" },
-        "extensionsUsed": [
-            "KHR_materials_anisotropy",
-            "KHR_materials_diffuse_transmission",
-            "KHR_materials_ior",
-            "KHR_materials_sheen",
-            "KHR_materials_specular",
-        ],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0, "name": baked.name }],
-        "meshes": [{ "name": baked.name, "primitives": [{
-            "attributes": { "POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3 },
-            "indices": 4,
-            "material": 0,
-        }]}],
+        "nodes": [{ "mesh": 0, "name": first.name }],
         "accessors": [
             corners,
             accessor(views[1], "VEC3"),
@@ -228,27 +286,23 @@ pub fn write_glb(baked: &Baked<'_>) -> Result<Vec<u8>, WriteError> {
             { "bufferView": indices, "componentType": 5123, "count": 6, "type": "SCALAR" },
         ],
         "samplers": [{ "magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497 }],
-        "images": images,
-        "textures": textures,
-        "materials": [{
-            "name": baked.name,
-            "doubleSided": true,
-            "alphaMode": alpha_mode(&baked.maps.texels),
-            "pbrMetallicRoughness": surface,
-            "normalTexture": slots.either(
-                "normal",
-                |map| json!({ "index": map["index"], "scale": p.relief }),
-                |_| Value::Null,
-            ),
-            "extensions": extensions,
-            "extras": {
-                "tile_mm": baked.maps.tile_mm.to_array(),
-                "height_range_mm": baked.maps.height_range_mm(),
-            },
-        }],
+        "images": pictures.images,
+        "textures": pictures.textures,
+        "materials": materials,
         "buffers": [{ "byteLength": parts.bytes.len() }],
         "bufferViews": parts.views,
     });
+    if colourways.len() > 1 {
+        let variant = |baked: &Baked<'_>| json!({ "name": baked.name });
+        let variants: Vec<Value> = colourways.iter().map(variant).collect();
+        document["extensions"] = json!({ "KHR_materials_variants": { "variants": variants } });
+        let mapping = |k: usize| json!({ "material": k, "variants": [k] });
+        let mappings: Vec<Value> = (0..colourways.len()).map(mapping).collect();
+        primitive["extensions"] = json!({ "KHR_materials_variants": { "mappings": mappings } });
+        used.insert("KHR_materials_variants".to_owned());
+    }
+    document["meshes"] = json!([{ "name": first.name, "primitives": [primitive] }]);
+    document["extensionsUsed"] = json!(used);
     let text = serde_json::to_vec(&document).map_err(|e| WriteError::Text(e.to_string()))?;
     if text.len() as u64 + parts.bytes.len() as u64 > u64::from(u32::MAX) - 1024 {
         return Err(WriteError::Text("glTF files end at 4 GiB".into()));

@@ -1,13 +1,17 @@
-//! A MaterialX document [Smythe2024] with an OpenPBR and a standard_surface material that
-//! share a graph of textures.
+//! A MaterialX document [Smythe2024] with an OpenPBR and a standard_surface material of each
+//! colourway, which share a graph of textures.
 
-use super::{Baked, FOLDER, WriteError, number, ratio};
+use super::{Baked, WriteError, number, ratio};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesStart, Event};
 use std::io::Cursor;
 
 /// A document that is written element by element.
-struct Document(Writer<Cursor<Vec<u8>>>);
+struct Document {
+    writer: Writer<Cursor<Vec<u8>>>,
+    /// Name of the graph of textures that outputs belong to.
+    graph: String,
+}
 
 type Attributes<'a> = &'a [(&'a str, &'a str)];
 
@@ -24,17 +28,19 @@ fn element<'a>(tag: &'a str, attributes: Attributes<'a>) -> BytesStart<'a> {
 impl Document {
     fn open(&mut self, tag: &str, attributes: Attributes<'_>) -> Result<(), WriteError> {
         let start = element(tag, attributes);
-        self.0.write_event(Event::Start(start)).map_err(failed)
+        self.writer.write_event(Event::Start(start)).map_err(failed)
     }
 
     fn close(&mut self, tag: &str) -> Result<(), WriteError> {
         let end = BytesStart::new(tag);
-        self.0.write_event(Event::End(end.to_end())).map_err(failed)
+        self.writer
+            .write_event(Event::End(end.to_end()))
+            .map_err(failed)
     }
 
     fn empty(&mut self, tag: &str, attributes: Attributes<'_>) -> Result<(), WriteError> {
         let start = element(tag, attributes);
-        self.0.write_event(Event::Empty(start)).map_err(failed)
+        self.writer.write_event(Event::Empty(start)).map_err(failed)
     }
 
     /// A node and its inputs: name, type, and what it is connected to or its value.
@@ -45,6 +51,7 @@ impl Document {
         inputs: &[(&str, &str, Source<'_>)],
     ) -> Result<(), WriteError> {
         self.open(category, &[("name", name), ("type", kind)])?;
+        let graph = self.graph.clone();
         for (name, kind, source) in inputs {
             let common = [("name", *name), ("type", *kind)];
             let (key, value) = match source {
@@ -54,7 +61,7 @@ impl Document {
             };
             let mut attributes = common.to_vec();
             if let Source::Output(_) = source {
-                attributes.push(("nodegraph", GRAPH));
+                attributes.push(("nodegraph", &graph));
             }
             attributes.push((key, value));
             self.empty("input", &attributes)?;
@@ -72,9 +79,6 @@ enum Source<'a> {
     /// An output of the graph of textures.
     Output(&'a str),
 }
-
-/// Name of the graph of textures.
-const GRAPH: &str = "cloth_textures";
 
 /// The textures: node, type, file, and the colour space of those that hold colour.
 const IMAGES: [(&str, &str, &str, bool); 10] = [
@@ -107,26 +111,33 @@ fn triple(v: [f64; 3]) -> Source<'static> {
 ///
 /// # Errors
 /// The text cannot be made; this is not expected.
-pub fn write_materialx(baked: &Baked<'_>) -> Result<String, WriteError> {
-    let mut doc = Document(Writer::new_with_indent(Cursor::new(Vec::new()), b' ', 2));
+pub fn write_materialx(colourways: &[Baked<'_>]) -> Result<String, WriteError> {
+    let mut doc = Document {
+        writer: Writer::new_with_indent(Cursor::new(Vec::new()), b' ', 2),
+        graph: String::new(),
+    };
     let declaration = Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None));
-    doc.0.write_event(declaration).map_err(failed)?;
+    doc.writer.write_event(declaration).map_err(failed)?;
     let head = [("version", "1.39"), ("colorspace", "lin_rec709")];
     doc.open("materialx", &head)?;
-    write_graph(&mut doc, baked)?;
-    write_openpbr(&mut doc, baked)?;
-    write_standard_surface(&mut doc, baked)?;
+    for baked in colourways {
+        doc.graph = format!("{}_textures", baked.name);
+        write_graph(&mut doc, baked)?;
+        write_openpbr(&mut doc, baked)?;
+        write_standard_surface(&mut doc, baked)?;
+    }
     doc.close("materialx")?;
-    let bytes = doc.0.into_inner().into_inner();
+    let bytes = doc.writer.into_inner().into_inner();
     let text = String::from_utf8(bytes).map_err(failed)?;
     Ok(text + "\n")
 }
 
 fn write_graph(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> {
-    doc.open("nodegraph", &[("name", GRAPH)])?;
+    let graph = doc.graph.clone();
+    doc.open("nodegraph", &[("name", &graph)])?;
     for (name, kind, file, is_colour) in IMAGES {
         doc.open("image", &[("name", name), ("type", kind)])?;
-        let path = format!("{FOLDER}/{file}");
+        let path = format!("{}/{file}", baked.folder);
         let mut attributes = vec![("name", "file"), ("type", "filename"), ("value", &path)];
         if is_colour {
             attributes.push(("colorspace", "srgb_texture"));
@@ -227,20 +238,27 @@ fn write_scaled(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError>
     let own = baked.openpbr;
     for (suffix, p) in [("openpbr", own), ("standard", baked.standard_surface)] {
         let factors = [
-            ("base_color", "color3", triple(p.reflectance)),
+            ("base_color", "base_color", "color3", triple(p.reflectance)),
             (
+                "roughness",
                 "roughness",
                 "float",
                 scalar(ratio(p.roughness, own.roughness)),
             ),
-            ("anisotropy", "float", scalar(p.anisotropy)),
-            ("transmission", "float", scalar(p.transmittance)),
+            ("anisotropy", "anisotropy", "float", scalar(p.anisotropy)),
+            (
+                "transmission",
+                "transmission",
+                "float",
+                scalar(p.transmittance),
+            ),
+            ("forward", "transmission", "float", scalar(p.forward)),
         ];
-        for (map, kind, factor) in factors {
-            let product = format!("{map}_times_{suffix}");
+        for (result, map, kind, factor) in factors {
+            let product = format!("{result}_times_{suffix}");
             let inputs = [("in1", kind, Source::Node(map)), ("in2", kind, factor)];
             doc.node("multiply", (&product, kind), &inputs)?;
-            let name = format!("{map}_{suffix}");
+            let name = format!("{result}_{suffix}");
             let inputs = [("in", kind, Source::Node(product.as_str()))];
             doc.node("clamp", (&name, kind), &inputs)?;
         }
@@ -253,7 +271,7 @@ fn write_scaled(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError>
 }
 
 /// Outputs of the graph: `out_` and the node that they show.
-const OUTPUTS: [(&str, &str); 16] = [
+const OUTPUTS: [(&str, &str); 18] = [
     ("out_opacity", "float"),
     ("out_opacity_color", "color3"),
     ("out_across_unit", "vector3"),
@@ -264,12 +282,14 @@ const OUTPUTS: [(&str, &str); 16] = [
     ("out_roughness_openpbr", "float"),
     ("out_anisotropy_openpbr", "float"),
     ("out_transmission_openpbr", "float"),
+    ("out_forward_openpbr", "float"),
     ("out_transmission_color", "color3"),
     ("out_normal_standard", "vector3"),
     ("out_base_color_standard", "color3"),
     ("out_roughness_standard", "float"),
     ("out_anisotropy_standard", "float"),
     ("out_transmission_standard", "float"),
+    ("out_forward_standard", "float"),
 ];
 
 fn write_openpbr(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> {
@@ -292,6 +312,16 @@ fn write_openpbr(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError
             "specular_roughness_anisotropy",
             "float",
             Source::Output("out_anisotropy_openpbr"),
+        ),
+        (
+            "transmission_weight",
+            "float",
+            Source::Output("out_forward_openpbr"),
+        ),
+        (
+            "transmission_color",
+            "color3",
+            Source::Output("out_transmission_color"),
         ),
         (
             "subsurface_weight",
@@ -350,6 +380,16 @@ fn write_standard_surface(doc: &mut Document, baked: &Baked<'_>) -> Result<(), W
             "specular_anisotropy",
             "float",
             Source::Output("out_anisotropy_standard"),
+        ),
+        (
+            "transmission",
+            "float",
+            Source::Output("out_forward_standard"),
+        ),
+        (
+            "transmission_color",
+            "color3",
+            Source::Output("out_transmission_color"),
         ),
         (
             "subsurface",

@@ -34,6 +34,8 @@ pub enum WriteError {
 pub struct Baked<'a> {
     /// Name of the material: letters, digits and underscores.
     pub name: &'a str,
+    /// Folder of its textures below that of the materials.
+    pub folder: &'a str,
     /// The maps.
     pub maps: &'a Maps,
     /// Parameters of the glTF material.
@@ -60,25 +62,30 @@ pub fn plain_name(name: &str) -> String {
 /// Paths below the folder, with bytes, and the textures among them with their meanings.
 pub type FolderFiles = (Vec<(String, Vec<u8>)>, Vec<(String, &'static str)>);
 
-/// All materials and textures.
+/// All materials and textures of a cloth and its colourways, whose tiles have the same size and
+/// which have names and folders of their own; the first is shown.
 ///
 /// # Errors
 /// See [`WriteError`].
-pub fn folder_files(baked: &Baked<'_>) -> Result<FolderFiles, WriteError> {
-    let textures = texture_files(baked.maps, baked.openpbr, baked.usd_preview.relief)?;
+pub fn folder_files(colourways: &[Baked<'_>]) -> Result<FolderFiles, WriteError> {
     let mut files = vec![
-        ("material.glb".to_owned(), write_glb(baked)?),
+        ("material.glb".to_owned(), write_glb(colourways)?),
         (
             "material.mtlx".to_owned(),
-            write_materialx(baked)?.into_bytes(),
+            write_materialx(colourways)?.into_bytes(),
         ),
-        ("material.usda".to_owned(), write_usda(baked).into_bytes()),
+        (
+            "material.usda".to_owned(),
+            write_usda(colourways).into_bytes(),
+        ),
     ];
     let mut meanings = Vec::new();
-    for texture in textures {
-        let name = format!("{FOLDER}/{}", texture.name);
-        meanings.push((name.clone(), texture.meaning));
-        files.push((name, texture.bytes));
+    for baked in colourways {
+        for texture in texture_files(baked.maps, baked.openpbr, baked.usd_preview.relief)? {
+            let name = format!("{}/{}", baked.folder, texture.name);
+            meanings.push((name.clone(), texture.meaning));
+            files.push((name, texture.bytes));
+        }
     }
     Ok((files, meanings))
 }

@@ -22,22 +22,36 @@ fn maps() -> Maps {
     }
 }
 
-fn files() -> FolderFiles {
+/// The files of one cloth, or of two colourways.
+fn files_of(names: &[&str]) -> FolderFiles {
     let start = |target: &crate::model::Target| {
         let place: Vec<f64> = target.bounds(Some(0.2)).iter().map(|b| b.start).collect();
         target.parameters(&place, Some(0.2))
     };
     let [gltf, openpbr, standard_surface, usd_preview] = TARGETS.map(start);
     let maps = maps();
-    let baked = Baked {
-        name: "cloth_1",
-        maps: &maps,
-        gltf: &gltf,
-        openpbr: &openpbr,
-        standard_surface: &standard_surface,
-        usd_preview: &usd_preview,
+    let folders: Vec<String> = match names {
+        [_] => vec![FOLDER.to_owned()],
+        _ => names.iter().map(|n| format!("{FOLDER}/{n}")).collect(),
     };
-    folder_files(&baked).unwrap()
+    let colourways: Vec<Baked<'_>> = names
+        .iter()
+        .zip(&folders)
+        .map(|(name, folder)| Baked {
+            name,
+            folder,
+            maps: &maps,
+            gltf: &gltf,
+            openpbr: &openpbr,
+            standard_surface: &standard_surface,
+            usd_preview: &usd_preview,
+        })
+        .collect();
+    folder_files(&colourways).unwrap()
+}
+
+fn files() -> FolderFiles {
+    files_of(&["cloth_1"])
 }
 
 fn file(name: &str) -> Vec<u8> {
@@ -78,7 +92,7 @@ fn the_glb_is_read_back_with_its_material_and_textures() {
     };
     assert!(close(
         &made["KHR_materials_specular"]["specularFactor"],
-        0.5
+        0.25
     ));
     let anisotropy = &made["KHR_materials_anisotropy"];
     let turned = std::f64::consts::FRAC_PI_2;
@@ -101,7 +115,62 @@ fn the_glb_is_read_back_with_its_material_and_textures() {
     let primitive = read.meshes().next().unwrap().primitives().next().unwrap();
     let reader = primitive.reader(|_| Some(bin));
     let uv: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
-    assert_eq!(uv[1], [50.0, 100.0]);
+    assert_eq!(uv[1], [1.0, 1.0]);
+    for map in [
+        &whole["materials"][0]["normalTexture"],
+        &whole["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"],
+    ] {
+        let scale = &map["extensions"]["KHR_texture_transform"]["scale"];
+        assert_eq!(*scale, serde_json::json!([50.0, 100.0]));
+    }
+}
+
+#[test]
+fn colourways_are_variants_of_one_cloth() {
+    let (files, _) = files_of(&["navy", "wine"]);
+    let bytes = |name: &str| &files.iter().find(|(n, _)| n == name).unwrap().1;
+    let chunks = gltf::binary::Glb::from_slice(bytes("material.glb")).unwrap();
+    let whole: serde_json::Value = serde_json::from_slice(&chunks.json).unwrap();
+    assert_eq!(whole["materials"].as_array().unwrap().len(), 2);
+    let variants = &whole["extensions"]["KHR_materials_variants"]["variants"];
+    assert_eq!(
+        *variants,
+        serde_json::json!([{ "name": "navy" }, { "name": "wine" }])
+    );
+    let shown = &whole["meshes"][0]["primitives"][0];
+    assert_eq!(shown["material"], 0);
+    let second = &shown["extensions"]["KHR_materials_variants"]["mappings"][1];
+    assert_eq!(
+        *second,
+        serde_json::json!({ "material": 1, "variants": [1] })
+    );
+    let read = gltf::Gltf::from_slice(bytes("material.glb")).unwrap();
+    assert_eq!(read.materials().count(), 2);
+    // Every file that is named is there, in both formats.
+    let named = |text: &str, before: &str| {
+        let rest = text.split(before).skip(1);
+        let names: Vec<String> = rest
+            .map(|r| format!("textures/{}", r.split(['"', '@']).next().unwrap()))
+            .collect();
+        assert!(!names.is_empty());
+        for name in names {
+            assert!(files.iter().any(|(n, _)| *n == name), "{name}");
+        }
+    };
+    let text = |name: &str| String::from_utf8(bytes(name).clone()).unwrap();
+    named(&text("material.mtlx"), "\"textures/");
+    named(&text("material.usda"), "@./textures/");
+    let usda = text("material.usda");
+    assert!(
+        usda.contains("rel material:binding = </navy/wine>"),
+        "{usda}"
+    );
+    for name in ["navy_openpbr", "wine_openpbr", "wine_standard_surface"] {
+        assert!(
+            text("material.mtlx").contains(&format!("\"{name}\"")),
+            "{name}"
+        );
+    }
 }
 
 #[test]

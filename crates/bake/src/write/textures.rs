@@ -9,7 +9,7 @@ use organza_basis::Rgb;
 use png::{BitDepth, ColorType};
 use std::f32::consts::{FRAC_PI_4, PI};
 
-/// The folder of the textures, beside the materials that name them.
+/// The folder of the textures, beside the materials that name them; each colourway has one in it.
 pub const FOLDER: &str = "textures";
 
 /// One texture file.
@@ -235,7 +235,9 @@ pub fn gltf_textures(
         ("normal", picture(&normals, false)?),
         (
             "roughness",
-            texture(false, &|_, s| opaque([0, byte(s.roughness), 0]))?,
+            texture(false, &|_, s| {
+                opaque([byte(s.forward), byte(s.roughness), 0])
+            })?,
         ),
         (
             "anisotropy",
@@ -253,7 +255,7 @@ pub fn gltf_textures(
         ),
         (
             "specular",
-            texture(true, &|_, s| with_alpha([255; 3], s.specular))?,
+            texture(true, &|t, _| with_alpha([255; 3], t.gloss))?,
         ),
     ])
 }

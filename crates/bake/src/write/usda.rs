@@ -1,6 +1,6 @@
 //! USD text with a square of cloth and a UsdPreviewSurface material [Pixar2024].
 
-use super::{Baked, FOLDER, PATCH_MM, number, ratio};
+use super::{Baked, PATCH_MM, number, ratio};
 
 /// One texture of the material.
 struct Texture {
@@ -14,13 +14,45 @@ struct Texture {
 }
 
 /// The whole file. Lengths are millimetres.
-pub fn write_usda(baked: &Baked<'_>) -> String {
-    let path = format!("/{}/Material", baked.name);
-    let mut text = patch(baked, &path) + &surface(baked, &path);
-    for texture in textures(baked) {
-        text += &texture.shader(&path);
+pub fn write_usda(colourways: &[Baked<'_>]) -> String {
+    let Some(first) = colourways.first() else {
+        return String::new();
+    };
+    let root = format!("/{}", first.name);
+    let mut text = patch(first, colourways);
+    for baked in colourways {
+        let name = material_name(baked, colourways);
+        let path = format!("{root}/{name}");
+        text += &surface(baked, &path, name);
+        for texture in textures(baked) {
+            text += &texture.shader(&path, baked.folder);
+        }
+        text += "    }\n";
     }
-    text + "    }\n}\n"
+    if colourways.len() > 1 {
+        text += "\n    variantSet \"colourway\" = {\n";
+        for Baked { name, .. } in colourways {
+            text += &format!(
+                r#"        "{name}" {{
+            over "Patch"
+            {{
+                rel material:binding = <{root}/{name}>
+            }}
+        }}
+"#
+            );
+        }
+        text += "    }\n";
+    }
+    text + "}\n"
+}
+
+/// The name of a material below the root, which has the name of the first.
+fn material_name<'a>(baked: &Baked<'a>, colourways: &[Baked<'_>]) -> &'a str {
+    match colourways.len() {
+        1 => "Material",
+        _ => baked.name,
+    }
 }
 
 /// The textures that the surface reads.
@@ -68,8 +100,22 @@ fn connection(path: &str, shader: &str, output: &str) -> String {
     format!("<{path}/{shader}.outputs:{output}>")
 }
 
-/// The head of the file and the square of cloth, with the material of this path.
-fn patch(baked: &Baked<'_>, path: &str) -> String {
+/// The head of the file and the square of cloth.
+fn patch(baked: &Baked<'_>, colourways: &[Baked<'_>]) -> String {
+    let name = baked.name;
+    let (variants, binding) = match colourways.len() {
+        1 => {
+            let binding = format!("        rel material:binding = </{name}/Material>\n");
+            (String::new(), binding)
+        }
+        _ => {
+            let chosen = format!(
+                "    variants = {{\n        string colourway = \"{name}\"\n    }}\n    prepend \
+                 variantSets = \"colourway\"\n"
+            );
+            (chosen, String::new())
+        }
+    };
     let half = f64::from(0.5 * PATCH_MM);
     let repeats = PATCH_MM / baked.maps.tile_mm;
     format!(
@@ -83,7 +129,7 @@ fn patch(baked: &Baked<'_>, path: &str) -> String {
 
 def Xform "{name}" (
     kind = "component"
-)
+{variants})
 {{
     def Mesh "Patch" (
         prepend apiSchemas = ["MaterialBindingAPI"]
@@ -93,8 +139,7 @@ def Xform "{name}" (
         float3[] extent = [({low_corner}, {low_corner}, 0), ({corner}, {corner}, 0)]
         int[] faceVertexCounts = [4]
         int[] faceVertexIndices = [0, 1, 2, 3]
-        rel material:binding = <{path}>
-        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)] (
+{binding}        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)] (
             interpolation = "vertex"
         )
         point3f[] points = [({low_corner}, {low_corner}, 0), ({corner}, {low_corner}, 0), ({corner}, {corner}, 0), ({low_corner}, {corner}, 0)]
@@ -105,7 +150,6 @@ def Xform "{name}" (
     }}
 
 "#,
-        name = baked.name,
         side = number(PATCH_MM.into()),
         low_corner = number(-half),
         corner = number(half),
@@ -114,11 +158,11 @@ def Xform "{name}" (
     )
 }
 
-/// The material of this path and its surface; textures follow.
-fn surface(baked: &Baked<'_>, path: &str) -> String {
+/// The material of this path and name, and its surface; textures follow.
+fn surface(baked: &Baked<'_>, path: &str, name: &str) -> String {
     let connect = |shader: &str, output: &str| connection(path, shader, output);
     format!(
-        r#"    def Material "Material"
+        r#"    def Material "{name}"
     {{
         token outputs:displacement.connect = {displacement}
         token outputs:surface.connect = {surface}
@@ -158,8 +202,8 @@ fn surface(baked: &Baked<'_>, path: &str) -> String {
 }
 
 impl Texture {
-    /// The shader that reads it, in the material of this path.
-    fn shader(&self, path: &str) -> String {
+    /// The shader that reads it from a folder, in the material of this path.
+    fn shader(&self, path: &str, folder: &str) -> String {
         let four = |v: [f64; 4]| v.map(number).join(", ");
         format!(
             r#"
@@ -167,7 +211,7 @@ impl Texture {
         {{
             uniform token info:id = "UsdUVTexture"
             float4 inputs:bias = ({bias})
-            asset inputs:file = @./{FOLDER}/{file}@
+            asset inputs:file = @./{folder}/{file}@
             float4 inputs:scale = ({scale})
             token inputs:sourceColorSpace = "{space}"
             float2 inputs:st.connect = {st}

@@ -384,6 +384,8 @@ def voxelize(
 def bake(
     fabric: Table,
     *,
+    colourways: Sequence[Table] = (),
+    repeats: Optional[Sequence[int]] = None,
     resolution: Optional[int] = None,
     model: Optional[str] = None,
     texel_spp: Optional[int] = None,
@@ -406,8 +408,14 @@ def bake(
     ----------
     fabric
         A :class:`Fabric`, a dictionary with its keys, or a path.
+    colourways
+        Fabrics with the same threads in other colours, which the files hold as variants.
+    repeats
+        Repeats of the draft along weft and warp in the textures; the fabric's if None, or about 20
+        threads.
     resolution
-        Texels of the longer side of the textures, which show one repeat; 512 if None.
+        Texels of the longer side of the textures; 1024 if None. If a power of two, so is the other
+        side.
     model
         What is measured: ``fibres`` if None, or a volume.
     texel_spp, pairs, spp, fit_texels
@@ -428,11 +436,12 @@ def bake(
     """
     files = GivenFiles()
     options = dict(
-        resolution=resolution, model=model, texel_spp=texel_spp, pairs=pairs, spp=spp,
+        repeats=repeats, resolution=resolution, model=model, texel_spp=texel_spp, pairs=pairs, spp=spp,
         fit_texels=fit_texels, seed=seed, level=level, voxel_um=voxel_um, outdir=outdir,
         set=set, threads=threads, max_memory=max_memory, cache=cache,
     )  # fmt: skip
-    return run("bake", [files.give_table(fabric)], options, files.files, progress)
+    fabrics = [files.give_table(one) for one in [fabric, *colourways]]
+    return run("bake", fabrics, options, files.files, progress)
 
 
 def _data(data: Union[AnyPath, Mapping[str, Any], None], files: GivenFiles) -> Optional[str]:

@@ -6,7 +6,7 @@ use super::with_threads;
 use crate::building::watched;
 use crate::error::input;
 use crate::flags::patch_model::patch_model;
-use crate::flags::values::{parse_level, parse_paths, parse_seed, whole};
+use crate::flags::values::{parse_level, parse_paths, parse_repeats, parse_seed, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::output::{self, note};
 use crate::output_folder::write_folder;
@@ -14,23 +14,25 @@ use crate::progress::Progress;
 use crate::results::Results;
 use anyhow::Result;
 use clap::Args;
+use glam::{UVec2, Vec2};
 use organza_bake::albedo::Albedos;
 use organza_bake::fit::{Fitted, SKY_WEIGHT, fit_target};
 use organza_bake::layout::{PlannedPair, planned_pairs};
 use organza_bake::maps::{BYTES_PER_TEXEL, Maps};
 use organza_bake::model::{GLTF, OPENPBR, STANDARD_SURFACE, TARGETS, Target, USD_PREVIEW};
 use organza_bake::texel::Texel;
-use organza_bake::write::{Baked, folder_files, plain_name};
+use organza_bake::write::{Baked, FOLDER, folder_files, plain_name};
+use organza_basis::SegmentSource;
 use organza_measure::fit::Patience;
 use organza_measure::{
     Albedo, Angles, Effort, LookSums, Pair, PairValue, TexelGrid, gather_looks, measure_albedos,
     measure_pairs,
 };
-use organza_scene::fabric_file;
+use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
-use organza_scene::representation::Build;
-use std::path::PathBuf;
+use organza_scene::representation::{Build, ShownAs};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// `organza bake`
@@ -40,14 +42,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
     after_help = "Example:\n  organza bake scenes/fabrics/denim.toml -o denim_material --resolution 1024"
 )]
 pub struct BakeArgs {
-    /// Fabric file (TOML)
-    pub fabric: PathBuf,
+    /// Fabric file (TOML); further ones are colourways of it, which the files hold as variants
+    #[arg(required = true, value_name = "FABRIC")]
+    pub fabrics: Vec<PathBuf>,
     /// Folder to write: material.glb, material.mtlx, material.usda, textures, and bake.json with all parameters and errors
     #[arg(short, long, visible_alias = "outfile")]
     pub outdir: PathBuf,
-    /// Texels of the longer side of the textures, which show one repeat; 16 to 4096
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = whole::<u32>(16..=4096))]
+    /// Texels of the longer side of the textures, 16 to 4096; if a power of two, so is the other side
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = whole::<u32>(16..=4096))]
     pub resolution: u32,
+    /// Repeats of the draft in the textures, each with fibres of its own [default: the fabric's, or about 20 threads if they have 24 texels each]
+    #[arg(long, value_name = "NX,NY", allow_hyphen_values = true, value_parser = parse_repeats)]
+    pub repeats: Option<UVec2>,
     /// What is measured: explicit fibres or a volume
     #[arg(long, default_value = "fibres", value_parser = patch_model())]
     pub model: PatchModel,
@@ -85,6 +91,15 @@ command!(BakeArgs, "bake", "material");
 /// azimuths: along the weft, along the warp.
 const STRAIGHT_DEG: [f64; 3] = [0.0, 30.0, 60.0];
 
+/// Threads of the textures, each way: fewer show that they repeat.
+const THREADS: usize = 20;
+
+/// Texels of a thread at least, where there are more repeats than one.
+const TEXELS_PER_THREAD: usize = 24;
+
+/// The largest difference of the tiles of colourways, as a share.
+const SAME_TILE: f32 = 1e-4;
+
 /// Standard deviation of the smoothing of the relief, as a share of the narrower spacing of
 /// threads: single fibres vanish, threads stay round.
 const SMOOTHING: f32 = 1.0 / 16.0;
@@ -111,92 +126,226 @@ struct Measurement {
     looks: Vec<LookSums>,
 }
 
+/// A fabric that is baked.
+struct Cloth<'a> {
+    path: &'a Path,
+    fabric: Fabric,
+    /// Name of its material.
+    name: String,
+    /// Folder of its textures.
+    folder: String,
+    shown: ShownAs,
+    grid: TexelGrid,
+}
+
+/// What became of it.
+struct Made {
+    maps: Maps,
+    smoothing_mm: f32,
+    measured: Measurement,
+    fits: Vec<Fitted>,
+}
+
 /// Runs the command.
 pub fn run(args: &BakeArgs) -> Result<()> {
     output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
     with_threads(&args.common, || {
-        let fabric = watched(&args.common, &args.cache, |loader| {
-            let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
-            for name in [
-                "bake.json",
-                "material.glb",
-                "material.mtlx",
-                "material.usda",
-            ] {
-                let inputs = loader.inputs();
-                let inputs = inputs.iter().map(|i| &i.path);
-                output::check_not_an_input(&args.outdir.join(name), inputs)?;
-            }
-            Ok(fabric)
-        })?;
-        let shown = args.model.of(&fabric, &args.fabric)?;
-        if matches!(shown.representation.build, Build::Surface(_)) {
-            return Err(input(format!(
-                "--model {}: has no geometry to make maps of; expected fibres, packed, plain or \
-                 microflake",
-                shown.representation.name
-            )));
+        let mut cloths = Vec::new();
+        for path in &args.fabrics {
+            cloths.push(cloth(args, path)?);
         }
-        let grid = texel_grid(&fabric, args.resolution);
-        check_memory(args, &grid)?;
-        let patch = watched(&args.common, &args.cache, |loader| {
-            let build = PatchOptions {
-                loader,
-                voxel_um: args.voxel.voxel_um,
-                level: args.level,
-                max_memory_bytes: args.memory.max_memory,
-            };
-            Ok(fabric_patch(&fabric, &args.fabric, shown, &build)?)
-        })?;
-        let measured = measure(args, &patch, &grid)?;
-        let spacing_mm = fabric.thread_spacing_mm();
-        let smoothing_mm = if spacing_mm.is_finite() {
-            SMOOTHING * spacing_mm
-        } else {
-            SMOOTHING_OF_TILE * grid.size_mm.max_element()
+        check_colourways(&mut cloths)?;
+        let mut made = Vec::new();
+        for cloth in &cloths {
+            made.push(make(args, cloth)?);
+        }
+        let colourways: Vec<Baked<'_>> = cloths
+            .iter()
+            .zip(&made)
+            .map(|(cloth, made)| {
+                let by = |target: &Target| &made.fits[place_of(target)].parameters;
+                Baked {
+                    name: &cloth.name,
+                    folder: &cloth.folder,
+                    maps: &made.maps,
+                    gltf: by(&GLTF),
+                    openpbr: by(&OPENPBR),
+                    standard_surface: by(&STANDARD_SURFACE),
+                    usd_preview: by(&USD_PREVIEW),
+                }
+            })
+            .collect();
+        let (files, textures) = folder_files(&colourways)?;
+        let reports: Vec<summary::Report<'_>> = cloths
+            .iter()
+            .zip(&made)
+            .map(|(cloth, made)| summary::Report {
+                cloth,
+                made,
+                seed: args.seed,
+                textures: &textures,
+            })
+            .collect();
+        let (Some(report), Some(first)) = (reports.first(), made.first()) else {
+            return Ok(());
         };
-        let maps = Maps::new(&measured.looks, &grid, smoothing_mm);
-        let fits = fit(args, &maps, &measured);
-        let name = fabric.file.name.clone();
-        let name = name.unwrap_or_else(|| {
-            let stem = args.fabric.file_stem().unwrap_or_default();
-            stem.to_string_lossy().into_owned()
-        });
-        let name = plain_name(&name);
-        let by = |target: &Target| &fits[place_of(target)].parameters;
-        let baked = Baked {
-            name: &name,
-            maps: &maps,
-            gltf: by(&GLTF),
-            openpbr: by(&OPENPBR),
-            standard_surface: by(&STANDARD_SURFACE),
-            usd_preview: by(&USD_PREVIEW),
-        };
-        let (files, textures) = folder_files(&baked)?;
-        let report = summary::Report {
-            fabric: &args.fabric,
-            name: &name,
-            model: shown.representation.name,
-            seed: args.seed,
-            maps: &maps,
-            smoothing_mm,
-            fits: &fits,
-            measured: &measured,
-            textures: &textures,
-        };
-        let json = serde_json::to_string_pretty(&report.json())? + "\n";
-        let mut all = vec![("bake.json".to_owned(), json.into_bytes())];
+        let mut json = report.json();
+        if reports.len() > 1 {
+            let others = reports.iter().skip(1).map(summary::Report::json);
+            json["colourways"] = others.collect();
+        }
+        let text = serde_json::to_string_pretty(&json)? + "\n";
+        let mut all = vec![("bake.json".to_owned(), text.into_bytes())];
         all.extend(files);
         if args.common.host.writes() {
             write_folder(&args.outdir, &all)?;
         }
-        args.common.host.give(|| results(&report, &maps, all));
+        args.common.host.give(|| results(json, &first.maps, all));
         if !args.common.quiet {
-            for line in report.lines() {
-                note!("{line}");
+            for report in &reports {
+                for line in report.lines() {
+                    note!("{line}");
+                }
             }
         }
         Ok(())
+    })
+}
+
+/// Reads a fabric, with as many repeats as its textures show.
+fn cloth<'a>(args: &BakeArgs, path: &'a Path) -> Result<Cloth<'a>> {
+    let fabric = watched(&args.common, &args.cache, |loader| {
+        let load = |repeats: Option<UVec2>| {
+            let mut changes = args.common.set.clone();
+            changes.extend(repeats.map(|n| format!("tile.repeats=[{}, {}]", n.x, n.y)));
+            fabric_file::load(path, &changes, loader)
+        };
+        let mut fabric = load(args.repeats)?;
+        if let Some(draft) = fabric.cloth.draft()
+            && args.repeats.is_none()
+            && fabric.file.tile.repeats == [1, 1]
+        {
+            let most = args.resolution as usize / TEXELS_PER_THREAD;
+            let of = |n: usize| THREADS.div_ceil(n.max(1)).min(most / n.max(1)).max(1) as u32;
+            let repeats = UVec2::new(of(draft.ends()), of(draft.picks()));
+            if repeats != UVec2::ONE {
+                fabric = load(Some(repeats))?;
+            }
+        }
+        for name in [
+            "bake.json",
+            "material.glb",
+            "material.mtlx",
+            "material.usda",
+        ] {
+            let inputs = loader.inputs();
+            let inputs = inputs.iter().map(|i| &i.path);
+            output::check_not_an_input(&args.outdir.join(name), inputs)?;
+        }
+        Ok(fabric)
+    })?;
+    let shown = args.model.of(&fabric, path)?;
+    if matches!(shown.representation.build, Build::Surface(_)) {
+        return Err(input(format!(
+            "--model {}: has no geometry to make maps of; expected fibres, packed, plain or \
+             microflake",
+            shown.representation.name
+        )));
+    }
+    let mut grid = texel_grid(&fabric, args.resolution);
+    if args.resolution.is_power_of_two() {
+        grid.texels = UVec2::from(grid.texels.to_array().map(nearest_power_of_two));
+    }
+    check_memory(args, &grid)?;
+    let name = fabric.file.name.clone();
+    let name = name.unwrap_or_else(|| {
+        let stem = path.file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
+    });
+    let threads = fabric.cloth.draft().map(|draft| {
+        let count = Vec2::new(draft.ends() as f32, draft.picks() as f32);
+        let per_cm = (10.0 * count / fabric.cloth.tile().bounds_mm.size().truncate()).round();
+        format!("_{}x{}_per_cm", per_cm.x, per_cm.y)
+    });
+    Ok(Cloth {
+        path,
+        name: plain_name(&name) + &threads.unwrap_or_default(),
+        folder: FOLDER.to_owned(),
+        fabric,
+        shown,
+        grid,
+    })
+}
+
+fn nearest_power_of_two(n: u32) -> u32 {
+    let above = u64::from(n).next_power_of_two();
+    let is_nearer = above * above <= 2 * u64::from(n).pow(2);
+    (if is_nearer { above } else { above / 2 }) as u32
+}
+
+/// Gives colourways folders of their own.
+///
+/// # Errors
+/// Tiles of different sizes, or the same name twice.
+fn check_colourways(cloths: &mut [Cloth<'_>]) -> Result<()> {
+    if cloths.len() < 2 {
+        return Ok(());
+    }
+    for (k, cloth) in cloths.iter().enumerate() {
+        let (path, first) = (cloth.path.display(), &cloths[0]);
+        let (own, wanted) = (cloth.grid.size_mm, first.grid.size_mm);
+        if !own.abs_diff_eq(wanted, SAME_TILE * wanted.max_element()) {
+            return Err(input(format!(
+                "{path}: textures show {:.3} x {:.3} mm, those of {} {:.3} x {:.3} mm; expected a \
+                 colourway, which has the same threads",
+                own.x,
+                own.y,
+                first.path.display(),
+                wanted.x,
+                wanted.y
+            )));
+        }
+        let same = |other: &&Cloth<'_>| other.name == cloth.name;
+        if let Some(other) = cloths.iter().take(k).find(same) {
+            return Err(input(format!(
+                "{path}: name: is {}, as in {}; expected a name of its own for each colourway",
+                cloth.name,
+                other.path.display()
+            )));
+        }
+    }
+    for cloth in cloths {
+        cloth.folder = format!("{FOLDER}/{}", cloth.name);
+    }
+    Ok(())
+}
+
+/// Measures a cloth, and fits its materials.
+fn make(args: &BakeArgs, cloth: &Cloth<'_>) -> Result<Made> {
+    let (fabric, grid) = (&cloth.fabric, &cloth.grid);
+    let patch = watched(&args.common, &args.cache, |loader| {
+        let build = PatchOptions {
+            loader,
+            voxel_um: args.voxel.voxel_um,
+            level: args.level,
+            max_memory_bytes: args.memory.max_memory,
+        };
+        Ok(fabric_patch(fabric, cloth.path, cloth.shown, &build)?)
+    })?;
+    let measured = measure(args, &patch, grid)?;
+    let spacing_mm = fabric.thread_spacing_mm();
+    let smoothing_mm = if spacing_mm.is_finite() {
+        SMOOTHING * spacing_mm
+    } else {
+        SMOOTHING_OF_TILE * grid.size_mm.max_element()
+    };
+    let maps = Maps::new(&measured.looks, grid, smoothing_mm);
+    let fits = fit(args, &maps, &measured);
+    Ok(Made {
+        maps,
+        smoothing_mm,
+        measured,
+        fits,
     })
 }
 
@@ -287,8 +436,8 @@ fn fit(args: &BakeArgs, maps: &Maps, measured: &Measurement) -> Vec<Fitted> {
     fits
 }
 
-/// What another program takes: the report, the maps in rows from the top, and the files.
-fn results(report: &summary::Report<'_>, maps: &Maps, files: Vec<(String, Vec<u8>)>) -> Results {
+/// What another program takes: the report, the maps of the first cloth in rows from the top, and the files.
+fn results(json: serde_json::Value, maps: &Maps, files: Vec<(String, Vec<u8>)>) -> Results {
     let [width, height] = maps.size.to_array().map(|n| n as usize);
     let one = |value: &dyn Fn(&Texel) -> f32| maps.texels.iter().map(value).collect::<Vec<_>>();
     let three =
@@ -296,7 +445,7 @@ fn results(report: &summary::Report<'_>, maps: &Maps, files: Vec<(String, Vec<u8
     let plane = [height, width];
     let colours = [height, width, 3];
     let mut results = Results::default()
-        .with_figure("bake", report.json())
+        .with_figure("bake", json)
         .with_f32("base_color", &colours, three(&|t| t.base().to_array()))
         .with_f32("normal", &colours, three(&|t| t.normal(1.0).to_array()))
         .with_f32(

@@ -1,38 +1,30 @@
 //! What `organza bake` prints, and `bake.json`.
 
-use super::Measurement;
+use super::{Cloth, Made};
 use organza_bake::error_table::{ErrorRow, error_rows};
 use organza_bake::fit::Fitted;
 use organza_bake::layout::{Part, Side};
-use organza_bake::maps::Maps;
 use organza_bake::model::TARGETS;
 use serde_json::{Value, json};
-use std::path::Path;
 
-/// The results of a bake.
+/// The results of a bake of one cloth.
 pub struct Report<'a> {
-    pub fabric: &'a Path,
-    pub name: &'a str,
-    pub model: &'static str,
+    pub cloth: &'a Cloth<'a>,
+    pub made: &'a Made,
     pub seed: u64,
-    pub maps: &'a Maps,
-    pub smoothing_mm: f32,
-    /// In the order of the models.
-    pub fits: &'a [Fitted],
-    pub measured: &'a Measurement,
-    /// Names and meanings.
+    /// Names and meanings, of all cloths.
     pub textures: &'a [(String, &'static str)],
 }
 
 impl Report<'_> {
     fn rows(&self, fit: &Fitted, held_out: bool) -> Vec<ErrorRow> {
-        let m = self.measured;
+        let m = &self.made.measured;
         error_rows(&m.plan, &fit.values, &m.pairs, held_out)
     }
 
     /// Light that passes straight through: direction, measured share, share of the opacity.
     fn straight(&self) -> Vec<Value> {
-        let open = 1.0 - self.maps.coverage();
+        let open = 1.0 - self.made.maps.coverage();
         let row = |a: &organza_measure::Albedo| {
             json!({
                 "theta_deg": a.incident.theta_deg,
@@ -42,15 +34,15 @@ impl Report<'_> {
                 "material": open,
             })
         };
-        self.measured.straight.iter().map(row).collect()
+        self.made.measured.straight.iter().map(row).collect()
     }
 
     /// The whole file `bake.json`.
     pub fn json(&self) -> Value {
-        let (low, high) = self.maps.height_range_mm();
+        let (low, high) = self.made.maps.height_range_mm();
         let materials: Vec<Value> = TARGETS
             .iter()
-            .zip(self.fits)
+            .zip(&self.made.fits)
             .map(|(target, fit)| {
                 json!({
                     "name": target.name,
@@ -63,11 +55,16 @@ impl Report<'_> {
                 })
             })
             .collect();
-        let measured = self.measured.plan.iter().zip(&self.measured.pairs);
+        let measured = self
+            .made
+            .measured
+            .plan
+            .iter()
+            .zip(&self.made.measured.pairs);
         let pairs: Vec<Value> = measured
             .enumerate()
             .map(|(k, (planned, value))| {
-                let values = TARGETS.iter().zip(self.fits);
+                let values = TARGETS.iter().zip(&self.made.fits);
                 let materials: serde_json::Map<String, Value> = values
                     .map(|(t, fit)| (t.name.to_owned(), json!(fit.values.get(k))))
                     .collect();
@@ -83,21 +80,24 @@ impl Report<'_> {
                 })
             })
             .collect();
-        let textures: Vec<Value> = self
-            .textures
-            .iter()
+        let is_own = |t: &&(String, &str)| {
+            let name = t.0.strip_prefix(&self.cloth.folder);
+            name.is_some_and(|n| n.rfind('/') == Some(0))
+        };
+        let own = self.textures.iter().filter(is_own);
+        let textures: Vec<Value> = own
             .map(|(file, meaning)| json!({ "file": file, "meaning": meaning }))
             .collect();
         json!({
             "format": "organza bake 1",
-            "fabric": self.fabric.display().to_string(),
-            "name": self.name,
-            "measured_model": self.model,
+            "fabric": self.cloth.path.display().to_string(),
+            "name": self.cloth.name,
+            "measured_model": self.cloth.shown.representation.name,
             "seed": self.seed,
-            "tile_mm": self.maps.tile_mm.to_array(),
-            "texels": self.maps.size.to_array(),
+            "tile_mm": self.made.maps.tile_mm.to_array(),
+            "texels": self.made.maps.size.to_array(),
             "height_mm": [low, high],
-            "relief_smoothing_mm": self.smoothing_mm,
+            "relief_smoothing_mm": self.made.smoothing_mm,
             "textures": textures,
             "materials": materials,
             "straight_through": self.straight(),
@@ -107,17 +107,20 @@ impl Report<'_> {
 
     /// The lines to print.
     pub fn lines(&self) -> Vec<String> {
-        let [w, h] = self.maps.tile_mm.to_array();
-        let [x, y] = self.maps.size.to_array();
+        let [w, h] = self.made.maps.tile_mm.to_array();
+        let [x, y] = self.made.maps.size.to_array();
         let mut lines = vec![
-            format!("one repeat: {w:.3} x {h:.3} mm, {x} x {y} texels"),
+            format!(
+                "{}: textures of {w:.3} x {h:.3} mm, {x} x {y} texels",
+                self.cloth.name
+            ),
             "error against the measurement, at directions that the fit has not seen:".to_owned(),
             format!(
                 "{:<20} {:<34} {:>6} {:>7} {:>6}",
                 "material", "light", "rms %", "bias %", "pairs"
             ),
         ];
-        for (target, fit) in TARGETS.iter().zip(self.fits) {
+        for (target, fit) in TARGETS.iter().zip(&self.made.fits) {
             for row in self.rows(fit, true) {
                 lines.push(format!(
                     "{:<20} {:<34} {:>6.1} {:>+7.1} {:>6}",
@@ -131,9 +134,9 @@ impl Report<'_> {
         }
         lines.push(format!(
             "straight through: {:.1} % by the opacity from all directions; measured",
-            100.0 * (1.0 - self.maps.coverage())
+            100.0 * (1.0 - self.made.maps.coverage())
         ));
-        for a in &self.measured.straight {
+        for a in &self.made.measured.straight {
             let axis = if a.incident.phi_deg == 0.0 {
                 "weft"
             } else {
