@@ -19,6 +19,9 @@ fn threads() -> usize {
     sized(20, 40)
 }
 
+/// The same where threads have few pixels.
+const FINE_THREADS: usize = 60;
+
 /// A cloth and its picture.
 #[derive(Clone, Copy)]
 struct Planted {
@@ -133,7 +136,12 @@ impl Planted {
     /// Repeats of the weave in the tile, so that no thread is seen twice.
     fn repeats(&self) -> [usize; 2] {
         let draft = Draft::named(self.weave).unwrap();
-        [draft.ends(), draft.picks()].map(|n| threads().div_ceil(n))
+        let count = if self.pixels < 5 {
+            FINE_THREADS
+        } else {
+            threads()
+        };
+        [draft.ends(), draft.picks()].map(|n| count.div_ceil(n))
     }
 
     fn text(&self) -> String {
@@ -263,7 +271,7 @@ impl Planted {
 /// again, is distinguished; at full size a tenth and a quarter.
 #[test]
 fn planted_cloth_comes_back() {
-    let (widths, colours) = PLAIN.comes_back(sized("32", "60"));
+    let (widths, colours) = PLAIN.comes_back(sized("12", "60"));
     let (wider, brighter) = sized((0.2, 0.5), (0.1, 0.25));
     let is_distinguished = |[error, se]: &[f64; 2], change: f64| (error - change).abs() > 4.0 * se;
     assert!(
@@ -283,6 +291,28 @@ fn planted_cloth_comes_back() {
             assert!(widths.iter().all(|w| w[0].abs() < 0.05), "{case}");
         }
     }
+}
+
+/// Threads of three pixels are found by the waves of their weave: `Planted::fit` compares draft and
+/// spacing. Colours of both systems are the same. The mean of the picture is that of the photograph.
+#[test]
+fn fine_threads_are_recognised() {
+    let fine = Planted {
+        weave: "twill-3-1-z",
+        per_cm: [30.0, 24.0],
+        tex: [22.0, 24.0],
+        colours: [[0.45, 0.30, 0.20]; 2],
+        pixels: 3,
+        seed: 108,
+        ..PLAIN
+    };
+    let answer = fine.fit("16");
+    let mean = |of: &str| answer.0["sides"][0]["mean"][of][1].as_f64().unwrap();
+    let case = format!("seed {}: {}", fine.seed, answer.0);
+    let off = mean("picture") / mean("photograph") - 1.0;
+    assert!(off.abs() < 0.05, "{off}: {case}");
+    let found = answer.parameter("warp.colour.r")[0];
+    assert!((found / fine.colours[0][0] - 1.0).abs() < 0.25, "{case}");
 }
 
 /// The twins: cloth that is not woven, and noise.

@@ -18,7 +18,8 @@ pub enum PhotographError {
     /// No two directions of threads.
     #[error(
         "no weave found: {seen}; expected a woven cloth whose warp runs up the picture within 20 \
-         degrees, with at least 6 threads of each system and at least 6 pixels from thread to thread"
+         degrees, with at least 6 threads of each system and at least 6 pixels from thread to thread; \
+         within 10 degrees, 3 pixels and at least 128 threads will do"
     )]
     NoThreads {
         /// What the spectrum has instead.

@@ -14,8 +14,10 @@ mod photograph;
 mod repeat;
 mod shading;
 mod spectrum;
+mod straight;
 mod thread_grid;
 mod vignetting;
+mod weave_lattice;
 
 pub use drafts::{is_same_weave, name_of};
 pub use error::PhotographError;
@@ -25,8 +27,10 @@ pub use photograph::{MIN_SIDE, Photograph};
 pub use repeat::{MAX_CROSSINGS, Repeat};
 pub use shading::{Shading, ShadingSums};
 pub use spectrum::{Peak, Spectrum};
+pub use straight::{Straightened, straightened};
 pub use thread_grid::ThreadGrid;
 pub use vignetting::Vignetting;
+pub use weave_lattice::{Wave, WeaveLattice};
 
 /// The repeats of the crossings of a photograph, the best first, with the share of the
 /// differences between crossings that each explains; at most `count`, none a multiple of one

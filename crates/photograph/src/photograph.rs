@@ -57,6 +57,31 @@ impl Photograph {
         (at - 0.5 * size) / (0.5 * size.length())
     }
 
+    /// The colour between pixels, by cubic curves through them [Catmull1974]; beyond the border
+    /// that of the border.
+    pub fn between(&self, place: DVec2) -> [f32; 3] {
+        let low = place.floor();
+        let weights = (place - low).to_array().map(|t| {
+            [
+                ((2.0 - t) * t - 1.0) * t,
+                (3.0 * t - 5.0) * t * t + 2.0,
+                ((4.0 - 3.0 * t) * t + 1.0) * t,
+                (t - 1.0) * t * t,
+            ]
+            .map(|w| 0.5 * w)
+        });
+        let mut sum = [0.0; 3];
+        for (j, wy) in (-1..).zip(weights[1]) {
+            for (i, wx) in (-1..).zip(weights[0]) {
+                let x = (low.x as i64 + i).clamp(0, self.width as i64 - 1) as usize;
+                let y = (low.y as i64 + j).clamp(0, self.height as i64 - 1) as usize;
+                let pixel = self.pixels[y * self.width + x];
+                (0..3).for_each(|c| sum[c] += wx * wy * f64::from(pixel[c]));
+            }
+        }
+        sum.map(|v| v.max(0.0) as f32)
+    }
+
     /// The photograph with the channels of pixels, counted from the lower left one, times factors.
     pub fn scaled(&self, factors: impl Fn(usize, usize) -> [f64; 3]) -> Photograph {
         let place = |i: usize| (i % self.width, i / self.width);
@@ -69,6 +94,24 @@ impl Photograph {
             pixels: pixels.collect(),
             ..*self
         }
+    }
+
+    /// The photograph as it is under even light: each channel over its mean in squares of about four
+    /// radii, pixels, times the mean of all.
+    pub fn evened(&self, radius: usize) -> Photograph {
+        let mut even = self.clone();
+        for c in 0..3 {
+            let values: Vec<f64> = self.pixels.iter().map(|p| f64::from(p[c])).collect();
+            let whole = values.iter().sum::<f64>() / values.len() as f64;
+            let mut mean = values;
+            for _ in 0..2 {
+                mean = box_mean(&mean, self.width, self.height, radius);
+            }
+            for (pixel, mean) in even.pixels.iter_mut().zip(mean) {
+                pixel[c] = (f64::from(pixel[c]) * whole / mean.max(1e-6)) as f32;
+            }
+        }
+        even
     }
 
     /// Square roots of the luminances as shares of their local mean, less one: rows from the
@@ -97,7 +140,7 @@ impl Photograph {
 }
 
 /// Means over squares that end at the border.
-fn box_mean(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
+pub(crate) fn box_mean(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
     let stride = width + 1;
     let mut sums = vec![0.0; stride * (height + 1)];
     for y in 0..height {

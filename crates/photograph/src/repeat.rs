@@ -71,7 +71,7 @@ impl Repeat {
     }
 
     /// Every repeat of `2..=MAX_CROSSINGS` crossings, the smallest first.
-    fn all() -> impl Iterator<Item = Repeat> {
+    pub(crate) fn all() -> impl Iterator<Item = Repeat> {
         (2..=MAX_CROSSINGS).flat_map(|count| {
             (1..=count)
                 .filter(move |e| count.is_multiple_of(*e))

@@ -30,6 +30,8 @@ pub struct Answer<'a> {
     pub draft: &'a Draft,
     /// How certain it is, from 0 to 1.
     pub confidence: f64,
+    /// The next likely one.
+    pub second: Option<&'a Draft>,
     /// Whether the arguments name it.
     pub is_given: bool,
     /// The other values.
@@ -46,23 +48,29 @@ impl Answer<'_> {
         let mut list = Vec::new();
         let angles = self.grid.angles_deg();
         for (k, system) in SYSTEMS.into_iter().enumerate() {
+            let error = match self.width_se_mm(k) {
+                Some(error) => format!("+- {error:.4} mm"),
+                None => "mm (most alike of a few)".to_owned(),
+            };
             list.push(format!(
-                "{system}: {:.3} threads per cm, turned by {:.2} degrees; width {:.4} +- {:.4} \
-                 mm; colour {}",
+                "{system}: {:.3} threads per cm, turned by {:.2} degrees; width {:.4} {error}; colour {}",
                 10.0 / self.spacing_mm[k],
                 angles[k],
                 self.widths_mm[k],
-                self.width_se_mm(k),
                 triple(self.found.trial.colours[k]),
             ));
         }
         list.push(match self.is_given {
             true => format!("draft: {}, given", shown_name(self.draft)),
-            false => format!(
-                "draft: {}, confidence {:.2}",
-                shown_name(self.draft),
-                self.confidence
-            ),
+            false => {
+                let second = self.second.map(|d| format!("; next {}", shown_name(d)));
+                format!(
+                    "draft: {}, confidence {:.2}{}",
+                    shown_name(self.draft),
+                    self.confidence,
+                    second.unwrap_or_default()
+                )
+            }
         });
         for (side, agreement) in self.sides.iter().zip(&self.agreement) {
             list.push(format!("{}: {agreement}", side.name));
@@ -71,10 +79,12 @@ impl Answer<'_> {
         list
     }
 
-    /// Standard error of a width: threads are as wide as the root of their count.
-    fn width_se_mm(&self, k: usize) -> f64 {
-        let tex = &self.found.parameters[k];
-        0.5 * self.widths_mm[k] * tex.se / tex.value.max(1e-9)
+    /// Standard error of a width: threads are as wide as the root of their count. None where that
+    /// was not searched for.
+    fn width_se_mm(&self, k: usize) -> Option<f64> {
+        let name = format!("yarn.{}.tex", SYSTEMS[k]);
+        let tex = self.found.parameters.iter().find(|p| p.name == name)?;
+        Some(0.5 * self.widths_mm[k] * tex.se / tex.value.max(1e-9))
     }
 
     /// For programs.
@@ -85,6 +95,7 @@ impl Answer<'_> {
             "spacing_mm": self.spacing_mm,
             "angles_deg": self.grid.angles_deg(),
             "draft": shown_name(self.draft),
+            "next_draft": self.second.map(shown_name),
             "confidence": self.confidence,
             "widths_mm": self.widths_mm,
             "widths_se_mm": widths_se_mm,

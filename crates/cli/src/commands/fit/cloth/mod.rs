@@ -6,6 +6,7 @@ mod broyden;
 mod equations;
 mod first_guess;
 pub mod flags;
+mod means;
 mod model;
 mod photographs;
 mod pictures;
@@ -25,18 +26,23 @@ use crate::waiting::Waiting;
 use agreement::Agreement;
 use answer::{Answer, shown_name};
 use anyhow::Result;
+use glam::DVec2;
+use means::matched;
 use model::{ClothModel, Purpose, Trial};
-use organza_photograph::{PhotographError, Repeat, ThreadGrid, repeats};
+use organza_photograph::{Photograph, PhotographError, Repeat, ThreadGrid, repeats, straightened};
 use organza_weave::Draft;
-use photographs::{Photographs, Shot};
+use photographs::Photographs;
 use placed::Placed;
-use recognise::{Candidate, look, recognise};
+use recognise::{Candidate, look, recognise, widest};
 use search::Search;
 use sides::{Side, Taken};
 use std::path::Path;
 
 /// Repeats that are considered.
 const REPEATS: usize = 3;
+
+/// Pixels from thread to thread below which single threads are not seen.
+const MIN_PIXELS: f64 = 5.0;
 
 /// Share of the folded photograph that the best draft must explain.
 const MIN_LIKENESS: f64 = 0.6;
@@ -127,28 +133,27 @@ struct Seen {
     candidates: Vec<Candidate>,
 }
 
-/// Compares the photograph with the drafts that its repeats allow, or with the given one.
+/// Compares the front with the drafts that repeats allow, or with the given one.
 fn see(
     taken: &Taken<'_>,
-    shot: &Shot,
-    grid: &ThreadGrid,
+    repeats: &[Repeat],
     model: &ClothModel<'_>,
     given: Option<&Draft>,
     step: &mut dyn FnMut(),
 ) -> Result<Option<Seen>> {
     if let Some(draft) = given {
-        let repeat = Repeat::of_draft(draft);
-        let side = taken.front(shot, grid, repeat);
+        let Some(side) = taken.side(0, Repeat::of_draft(draft)) else {
+            return Ok(None);
+        };
         let candidates = recognise(model, &side, vec![draft.clone()], step)?;
         return Ok(Some(Seen { side, candidates }));
     }
     let mut best: Option<Seen> = None;
-    for (repeat, _) in repeats(&shot.flat(), grid, REPEATS) {
+    for repeat in repeats {
         let drafts = repeat.drafts();
-        if drafts.is_empty() {
+        let Some(side) = taken.side(0, *repeat).filter(|_| !drafts.is_empty()) else {
             continue;
-        }
-        let side = taken.front(shot, grid, repeat);
+        };
         let candidates = recognise(model, &side, drafts, step)?;
         let share = |s: &Seen| {
             s.candidates
@@ -174,15 +179,15 @@ fn see(
 /// How certain the draft of the best candidate is, from 0 to 1.
 ///
 /// # Errors
-/// Why no draft is certain enough, unless it `is_given`.
-fn confidence(seen: &Seen, is_given: bool) -> Result<f64, String> {
+/// Why no draft is certain enough, unless it `is_given` or a guess will do.
+fn confidence(seen: &Seen, is_given: bool, may_guess: bool) -> Result<f64, String> {
     let none = |seen: String| PhotographError::NoWeave { seen }.to_string();
     let left = |c: &Candidate| 1.0 - c.likeness.of_fold;
     let Some(first) = seen.candidates.first() else {
         return Err(none("no draft has this repeat".into()));
     };
     let name = shown_name(&first.draft);
-    if first.likeness.of_fold < MIN_LIKENESS {
+    if first.likeness.of_fold < MIN_LIKENESS && !may_guess {
         let hint = if is_given {
             "; check --draft, --light and --width-mm"
         } else {
@@ -200,7 +205,7 @@ fn confidence(seen: &Seen, is_given: bool) -> Result<f64, String> {
         None => first.likeness.of_fold,
         Some(second) => 1.0 - (left(first) / left(second).max(1e-9)).powi(2),
     };
-    if confidence < MIN_CONFIDENCE && !is_given {
+    if confidence < MIN_CONFIDENCE && !is_given && !may_guess {
         let second = seen.candidates.get(1).map(|c| shown_name(&c.draft));
         return Err(none(format!(
             "{name} and {} are as similar (confidence {confidence:.2}, expected at least \
@@ -208,7 +213,43 @@ fn confidence(seen: &Seen, is_given: bool) -> Result<f64, String> {
             second.unwrap_or_default()
         )));
     }
-    Ok(confidence)
+    Ok(confidence.max(0.0))
+}
+
+/// Photographs in which threads were found.
+struct Ready {
+    photographs: Photographs,
+    grid: ThreadGrid,
+    /// How crossings may repeat, the likeliest first.
+    repeats: Vec<Repeat>,
+}
+
+/// The photographs as they are, where single threads can be seen, otherwise straightened.
+///
+/// # Errors
+/// They show no threads.
+fn ready(photographs: Photographs) -> Result<Ready, PhotographError> {
+    let all: Vec<&Photograph> = photographs.all().collect();
+    // A photograph against the light may not show the weave.
+    let straight = straightened(&all).or_else(|_| straightened(&all[..1]));
+    let finest = |f: [DVec2; 2]| 1.0 / f[0].length().max(f[1].length());
+    match straight {
+        Ok(s) if finest(s.lattice.frequency) < MIN_PIXELS => Ok(Ready {
+            photographs: photographs.straightened(&s),
+            grid: s.grid,
+            repeats: vec![s.lattice.repeat],
+        }),
+        other => {
+            let whole = ThreadGrid::find(&photographs.front.photograph);
+            let grid = whole.map_err(|why| other.err().unwrap_or(why))?;
+            let list = repeats(&photographs.front.flat(), &grid, REPEATS);
+            Ok(Ready {
+                repeats: list.into_iter().map(|r| r.0).collect(),
+                photographs,
+                grid,
+            })
+        }
+    }
 }
 
 /// Runs the command.
@@ -222,12 +263,12 @@ pub fn run(args: &FitArgs) -> Result<()> {
     }
     let _waiting = Waiting::new("fitting", &args.common);
     let given = given_draft(args)?;
-    let photographs = Photographs::read(args, front)?;
     let fail = |why: String| input(format!("{}: {why}", front.display()));
-    let grid = ThreadGrid::find(&photographs.front.photograph).map_err(|e| fail(e.to_string()))?;
-    let mm_per_px = photographs.size_mm.x / photographs.front.photograph.size()[0] as f64;
-    let spacing_mm = grid.spacing_px().map(|s| s * mm_per_px);
-    let taken = Taken::new(args, &grid, photographs.size_mm);
+    let ready = ready(Photographs::read(args, front)?).map_err(|e| fail(e.to_string()))?;
+    let mm_per_px =
+        ready.photographs.size_mm.x / ready.photographs.front.photograph.size()[0] as f64;
+    let spacing_mm = ready.grid.spacing_px().map(|s| s * mm_per_px);
+    let taken = Taken::new(args, &ready.photographs, &ready.grid);
     let model = ClothModel::new(args, spacing_mm, taken.turn_deg)?;
     let progress = Progress::new("fitting", 120, &args.common);
     let mut count = 0;
@@ -235,27 +276,54 @@ pub fn run(args: &FitArgs) -> Result<()> {
         count += 1;
         progress.at(count);
     };
-    let seen = see(
-        &taken,
-        &photographs.front,
-        &grid,
-        &model,
-        given.as_ref(),
-        &mut step,
-    )?;
-    let seen = seen.ok_or_else(|| {
+    let seen = see(&taken, &ready.repeats, &model, given.as_ref(), &mut step)?;
+    let mut seen = seen.ok_or_else(|| {
         let seen = "the crossings of the threads do not repeat".to_owned();
         fail(PhotographError::NoWeave { seen }.to_string())
     })?;
-    let confidence = confidence(&seen, given.is_some()).map_err(fail)?;
+    let is_even = ready.photographs.is_even;
+    let confidence = confidence(&seen, given.is_some(), is_even).map_err(fail)?;
+    if is_even && let Some(first) = seen.candidates.first_mut() {
+        *first = widest(&model, &seen.side, first, &mut step);
+    }
+    let recognised = Recognised {
+        seen,
+        confidence,
+        is_given: given.is_some(),
+    };
+    let result = fit(args, front, &ready, &taken, &model, recognised, &mut step);
+    progress.finish();
+    result
+}
+
+/// A draft that was recognised or given.
+struct Recognised {
+    seen: Seen,
+    confidence: f64,
+    is_given: bool,
+}
+
+/// Finds the values of a cloth whose draft is known, and writes them.
+fn fit(
+    args: &FitArgs,
+    front: &Path,
+    ready: &Ready,
+    taken: &Taken<'_>,
+    model: &ClothModel<'_>,
+    recognised: Recognised,
+    step: &mut dyn FnMut(),
+) -> Result<()> {
+    let Recognised {
+        seen,
+        confidence,
+        is_given,
+    } = recognised;
     let best = seen.candidates[0].clone();
     let mut places = vec![Placed::of(&best.likeness)];
     let mut sides = vec![seen.side];
-    if let Some(shot) = &photographs.back {
-        let grid = grid.refined(&shot.photograph);
-        let side = taken.back(shot, &grid, sides[0].fold.repeat);
+    if let Some(side) = taken.side(1, sides[0].fold.repeat) {
         step();
-        let there = look(&model, &side, &best.draft, best.trial.tex)?;
+        let there = look(model, &side, &best.draft, best.trial.tex)?;
         places.push(Placed::of(&there.likeness));
         sides.push(side);
     }
@@ -264,9 +332,11 @@ pub fn run(args: &FitArgs) -> Result<()> {
         ..best.trial
     };
     let paths = args.spp.unwrap_or(PATHS);
-    let mut search = Search::new(&model, &best.draft, sides, paths);
-    let found = search.run(start, places, &mut step)?;
-    progress.finish();
+    let mut search = Search::new(model, &best.draft, sides, paths);
+    let found = match ready.photographs.is_even {
+        true => matched(&search, (start, places), step)?,
+        false => search.run(start, places, step)?,
+    };
 
     let name = Purpose::Answer("fitted to photographs");
     let table = model.table(&best.draft, &found.trial, name);
@@ -275,12 +345,17 @@ pub fn run(args: &FitArgs) -> Result<()> {
         .cloth
         .figures();
     let answer = Answer {
-        grid: &grid,
-        spacing_mm,
+        grid: &ready.grid,
+        spacing_mm: model.spacing_mm,
         widths_mm: [figures.warp, figures.weft].map(|f| f.map_or(0.0, |f| f.width_mm)),
         draft: &best.draft,
         confidence,
-        is_given: given.is_some(),
+        second: seen
+            .candidates
+            .get(1)
+            .map(|c| &c.draft)
+            .filter(|_| !is_given),
+        is_given,
         found: &found,
         agreement: (search.sides.iter().zip(&found.pictures))
             .map(|(side, picture)| Agreement::new(side, picture))
@@ -290,7 +365,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let words = answer.words();
     let page = match &args.cloth.report {
         None => None,
-        Some(_) => Some(answer.page(args, front, &photographs)?),
+        Some(_) => Some(answer.page(args, front, &ready.photographs)?),
     };
     finish_with(
         args,

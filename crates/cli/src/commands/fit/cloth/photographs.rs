@@ -6,7 +6,7 @@ use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, picture};
 use crate::error::input;
 use anyhow::Result;
 use glam::{DVec2, DVec3};
-use organza_photograph::{Photograph, Shading, ShadingSums, Vignetting};
+use organza_photograph::{Photograph, Shading, ShadingSums, Straightened, Vignetting};
 use std::path::Path;
 use std::rc::Rc;
 
@@ -82,6 +82,8 @@ pub struct Photographs {
     pub back: Option<Shot>,
     /// Size of the cloth in them.
     pub size_mm: DVec2,
+    /// Whether they were straightened, which takes out what makes them uneven.
+    pub is_even: bool,
 }
 
 impl Photographs {
@@ -119,7 +121,24 @@ impl Photographs {
             front,
             back: back.map(|(_, photograph)| Shot::new(args, photograph, light, size_mm)),
             size_mm,
+            is_even: false,
         })
+    }
+
+    /// The same, straightened.
+    pub fn straightened(&self, by: &Straightened) -> Photographs {
+        let mut shots = by.photographs.iter().map(|photograph| Shot {
+            photograph: Rc::new(photograph.clone()),
+            shading: Shading::default(),
+            vignetting: Some(Vignetting::default()),
+        });
+        let front = shots.next().unwrap_or_else(|| self.front.clone());
+        Photographs {
+            front,
+            back: shots.next(),
+            size_mm: self.size_mm * by.width,
+            is_even: true,
+        }
     }
 
     /// Both, the front first.

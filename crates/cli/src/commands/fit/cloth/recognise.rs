@@ -23,6 +23,9 @@ const COVERS: [[f64; 2]; 10] = [
     [0.25, 0.25],
 ];
 
+/// Share of the best likeness that is nearly as good.
+const NEARLY: f64 = 0.9;
+
 /// Drafts that are tried with all covers.
 const FINALISTS: usize = 4;
 
@@ -105,6 +108,29 @@ pub fn recognise(
     }
     list.sort_by(better);
     Ok(list)
+}
+
+/// A candidate with the widest yarns that are nearly as like the photograph: where single threads are
+/// not seen widths hardly show, and cloth is rarely open.
+pub fn widest(
+    model: &ClothModel<'_>,
+    side: &Side,
+    candidate: &Candidate,
+    step: &mut dyn FnMut(),
+) -> Candidate {
+    let mut covers = COVERS;
+    let product = |c: &[f64; 2]| c[0] * c[1];
+    covers.sort_by(|a, b| product(b).total_cmp(&product(a)));
+    for cover in covers {
+        step();
+        let found = look(model, side, &candidate.draft, model.tex_of_cover(cover));
+        if let Ok(found) = found
+            && found.likeness.of_fold > NEARLY * candidate.likeness.of_fold
+        {
+            return found;
+        }
+    }
+    candidate.clone()
 }
 
 /// The likeness of one draft with yarns of some counts.

@@ -317,7 +317,7 @@ impl<'a> Search<'a> {
     }
 
     /// Root mean square of what pictures leave unexplained, as a share of the mean colours.
-    fn residual(&self, shown: &[Texels]) -> f64 {
+    pub fn residual(&self, shown: &[Texels]) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (picture, side) in shown.iter().zip(&self.sides) {
             for (a, b) in picture.iter().zip(&side.fold.mean) {

@@ -1,6 +1,6 @@
 //! Photographs, and how they were taken.
 
-use super::photographs::Shot;
+use super::photographs::{Photographs, Shot};
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, VIEW};
 use glam::{DVec2, DVec3};
 use organza_measure::Angles;
@@ -105,21 +105,24 @@ pub struct Taken<'a> {
     args: &'a FitArgs,
     /// By how much the cloth is turned in the photograph, degrees.
     pub turn_deg: f64,
-    size_mm: DVec2,
+    photographs: &'a Photographs,
+    grid: &'a ThreadGrid,
 }
 
 impl<'a> Taken<'a> {
-    /// Photographs of this size, mm, of a cloth whose threads lie so.
-    pub fn new(args: &'a FitArgs, grid: &ThreadGrid, size_mm: DVec2) -> Taken<'a> {
+    /// Photographs of a cloth whose threads lie so.
+    pub fn new(args: &'a FitArgs, photographs: &'a Photographs, grid: &'a ThreadGrid) -> Self {
         let [warp, weft] = grid.angles_deg();
         Taken {
             args,
             turn_deg: 0.5 * (warp + weft),
-            size_mm,
+            photographs,
+            grid,
         }
     }
 
-    fn side(&self, index: usize, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
+    /// The photograph with the lamp in front, or if there is one that with the lamp behind, folded.
+    pub fn side(&self, index: usize, repeat: Repeat) -> Option<Side> {
         let cloth = &self.args.cloth;
         let (name, light, light_mm) = match index {
             0 => ("front", self.args.light.unwrap_or(LIGHT), cloth.light_mm),
@@ -128,32 +131,32 @@ impl<'a> Taken<'a> {
                 ("back", light, cloth.back_light_mm)
             }
         };
+        let shot = match index {
+            0 => &self.photographs.front,
+            _ => self.photographs.back.as_ref()?,
+        };
+        let is_even = self.photographs.is_even;
+        let grid = match index {
+            0 => *self.grid,
+            _ if is_even => *self.grid,
+            _ => self.grid.refined(&shot.photograph),
+        };
         let turned = |[theta, phi]: [f64; 2]| [theta, phi - self.turn_deg];
-        Side {
+        Some(Side {
             name,
             index,
             shot: shot.clone(),
-            grid: *grid,
-            fold: fold(shot, grid, repeat),
+            grid,
+            fold: fold(shot, &grid, repeat),
             view: View {
                 light_deg: turned(light),
-                light_mm,
+                light_mm: light_mm.filter(|_| !is_even),
                 camera_deg: turned(self.args.view.unwrap_or(VIEW)),
-                camera_mm: cloth.camera_mm,
+                camera_mm: cloth.camera_mm.filter(|_| !is_even),
                 right_deg: -self.turn_deg,
-                size_mm: self.size_mm,
+                size_mm: self.photographs.size_mm,
                 white: self.args.white.unwrap_or(1.0),
             },
-        }
-    }
-
-    /// The photograph with the lamp in front.
-    pub fn front(&self, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        self.side(0, shot, grid, repeat)
-    }
-
-    /// The photograph with the lamp behind.
-    pub fn back(&self, shot: &Shot, grid: &ThreadGrid, repeat: Repeat) -> Side {
-        self.side(1, shot, grid, repeat)
+        })
     }
 }

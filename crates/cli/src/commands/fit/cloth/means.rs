@@ -1,0 +1,91 @@
+//! Colours of a photographed cloth from mean colours alone, where single threads are not seen: their
+//! widths and highlights stay as they were recognised.
+
+use super::model::Trial;
+use super::placed::Placed;
+use super::search::{Search, SearchResult};
+use super::sides::Side;
+use super::unknowns::Unknown;
+use anyhow::Result;
+use organza_measure::fit::Determined;
+
+/// Pictures that are computed at most, and the difference of the means that is good enough.
+const PICTURES: u64 = 10;
+const ENOUGH: f64 = 0.01;
+/// The most by which a colour changes in a step, by its measure.
+const REACH: f64 = 1.5;
+
+/// Finds colours with which the mean of the front is that of its photograph, both systems changed
+/// alike. The exposure of the other photograph, as a share of that of the front, is found too.
+///
+/// # Errors
+/// Those of the pictures.
+pub fn matched(
+    search: &Search<'_>,
+    start: (Trial, Vec<Placed>),
+    step: &mut dyn FnMut(),
+) -> Result<SearchResult> {
+    let (mut trial, mut placed) = start;
+    let colours: Vec<(usize, usize)> = (0..2).flat_map(|s| (0..3).map(move |c| (s, c))).collect();
+    let mut moved = [0.0; 3];
+    for turn in 0..PICTURES {
+        step();
+        let pictures = search.render(&trial, search.effort(false, turn))?;
+        let (Some(picture), Some(side)) = (pictures.first(), search.sides.first()) else {
+            break;
+        };
+        moved = ratios(&picture.folded([0.0; 2]), side).map(f64::ln);
+        if moved.iter().all(|m| m.abs() < ENOUGH) {
+            break;
+        }
+        for &(system, channel) in &colours {
+            let change = moved[channel].clamp(-REACH, REACH);
+            let colour = Unknown::Colour { system, channel };
+            trial = colour.changed(search.model, &trial, change);
+        }
+    }
+    step();
+    let pictures = search.render(&trial, search.effort(true, 500))?;
+    search.place(&pictures, &mut placed);
+    let mut exposures = Vec::new();
+    let all = pictures.iter().zip(&placed).zip(&search.sides);
+    let shown: Vec<Vec<[f64; 3]>> = all
+        .map(|((picture, at), side)| {
+            let mut shown = at.shown(picture, side);
+            if side.index > 0 {
+                let exposure = ratios(&shown, side).iter().product::<f64>().cbrt();
+                shown.iter_mut().flatten().for_each(|v| *v *= exposure);
+                exposures.push(exposure);
+            }
+            shown
+        })
+        .collect();
+    // What the last step changed is what they are uncertain by.
+    let mut parameters: Vec<_> = colours
+        .iter()
+        .map(|&(system, channel)| {
+            let colour = Unknown::Colour { system, channel };
+            colour.determined(search.model, &trial, moved[channel].abs())
+        })
+        .collect();
+    parameters.extend(exposures.into_iter().map(|value| Determined {
+        name: "back.exposure".to_owned(),
+        value,
+        se: value * ENOUGH,
+        is_fixed: true,
+    }));
+    Ok(SearchResult {
+        trial,
+        residual: search.residual(&shown),
+        pictures: shown,
+        parameters,
+    })
+}
+
+/// The mean colours of a photograph over those of a picture of it.
+fn ratios(shown: &[[f64; 3]], side: &Side) -> [f64; 3] {
+    [0, 1, 2].map(|c| {
+        let mean = shown.iter().map(|t| t[c]).sum::<f64>() / shown.len() as f64;
+        side.fold.mean_colour[c].max(1e-6) / mean.max(1e-6)
+    })
+}
