@@ -105,7 +105,7 @@ fn corrections_planted_in_measured_values_are_found() {
     let folder = workplace("ply-fit-values");
     let (spp, own, steps) = match is_full() {
         true => ("32768", "2048", "0,120"),
-        false => ("2048", "256", "0,24"),
+        false => ("2048", "256", "0,16"),
     };
     measure(&folder, spp);
     let flags = ["--data", "values.xml", "--spp", own, "--seed", "3"];
@@ -122,7 +122,7 @@ fn corrections_planted_in_measured_values_are_found() {
     let turned = turned.replace("@@", "Reflection Front");
     assert_ne!(text, turned);
     std::fs::write(folder.join("values.xml"), turned).unwrap();
-    let twin = fit(&folder, &[&flags[..], &["--patience", "0,7"]].concat());
+    let twin = fit(&folder, &[&flags[..], &["--patience", "0,5"]].concat());
     assert!(!missed(&twin).is_empty(), "seeds 9, 3: the twin passed");
 }
 
@@ -178,7 +178,7 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
     pictures(&folder);
     let answer = fit(
         &folder,
-        &[&TAKEN[..], &["--back", "back.exr", "--patience", "0,18"]].concat(),
+        &[&TAKEN[..], &["--back", "back.exr", "--patience", "0,12"]].concat(),
     );
     for group in ["front-lit mean", "back-lit mean"] {
         let [before, after] = error(&answer, "held_out", group);
@@ -187,7 +187,7 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
     // Known bad: as much light from behind as from the front is that of no such cloth.
     let twin = fit(
         &folder,
-        &[&TAKEN[..], &["--back", "front.exr", "--patience", "0,7"]].concat(),
+        &[&TAKEN[..], &["--back", "front.exr", "--patience", "0,5"]].concat(),
     );
     let [_, front] = error(&twin, "held_out", "front-lit mean");
     let [_, back] = error(&twin, "held_out", "back-lit mean");
