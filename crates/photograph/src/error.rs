@@ -19,7 +19,7 @@ pub enum PhotographError {
     #[error(
         "no weave found: {seen}; expected a woven cloth whose warp runs up the picture within 20 \
          degrees, with at least 6 threads of each system and at least 6 pixels from thread to thread; \
-         within 10 degrees, 3 pixels and at least 128 threads will do"
+         within 10 degrees and with many threads, 2.5 pixels will do"
     )]
     NoThreads {
         /// What the spectrum has instead.

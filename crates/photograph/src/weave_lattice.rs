@@ -40,7 +40,7 @@ const KEPT: usize = 80;
 const MAX_SCALE: f64 = 1.25;
 /// Steps of the search for that factor.
 const SCALE_STEP: f64 = 1.005;
-/// Share of what the peaks say that a weave must explain, and twice that against the light.
+/// Share of what the peaks say that a weave must explain; half of that against the light.
 const MIN_EXPLAINED: f64 = 0.2;
 
 /// Spacing, direction and repeat of the threads of a photograph.
@@ -128,8 +128,8 @@ fn repeats() -> Vec<Repeat> {
 }
 
 impl WeaveLattice {
-    /// The lattices that explain the peaks of one photograph or of both sides of a cloth, the best
-    /// first; each with a lattice for every photograph. Lattices of other repeats follow.
+    /// The lattices that explain the spectra of one photograph or of both sides of a cloth, one for
+    /// each photograph: the best first, then those of other repeats.
     pub fn find(photographs: &[Spectrum]) -> Vec<Vec<WeaveLattice>> {
         let seen: Vec<Seen> = photographs.iter().map(Seen::new).collect();
         let Some(front) = seen.first() else {
