@@ -96,6 +96,18 @@ impl Photograph {
         }
     }
 
+    /// Its middle, of sides of at most so many pixels.
+    pub(crate) fn middle(&self, most: usize) -> Photograph {
+        let [width, height] = self.size().map(|n| n.min(most));
+        let (x, y) = ((self.width - width) / 2, (self.height - height) / 2);
+        let rows = self.pixels.chunks_exact(self.width).skip(y).take(height);
+        Photograph {
+            width,
+            height,
+            pixels: rows.flat_map(|row| &row[x..x + width]).copied().collect(),
+        }
+    }
+
     /// The photograph as it is under even light: each channel over its mean in squares of about four
     /// radii, pixels, times the mean of all.
     pub fn evened(&self, radius: usize) -> Photograph {

@@ -12,8 +12,10 @@ use std::f64::consts::TAU;
 const STEP: usize = 8;
 /// Pixels from thread to thread in a straightened photograph, of the finer system.
 const PIXELS: f64 = 6.0;
-/// Sides of a straightened photograph, pixels, at most.
-const MAX_SIDE: f64 = 4096.0;
+/// Sides of the part that is straightened, and of the straightened one, pixels, at most: more shows
+/// no other weave.
+const MAX_PART: usize = 1280;
+const MAX_SIDE: f64 = 2560.0;
 /// Share of the sides that is kept: borders have threads that no phase is known of.
 const KEPT: f64 = 0.96;
 /// Radius of the squares in which light is even, repeats.
@@ -32,8 +34,8 @@ pub struct Straightened {
     pub grid: ThreadGrid,
     /// The lattice in the first photograph as it was.
     pub lattice: WeaveLattice,
-    /// Width of the straightened photographs as a share of the first one.
-    pub width: f64,
+    /// Width and height of the straightened photographs as shares of the first one.
+    pub share: DVec2,
 }
 
 /// Finds the weave in photographs of one cloth, the face first, and straightens them. Each may have a
@@ -42,7 +44,9 @@ pub struct Straightened {
 /// # Errors
 /// No weave explains the spectrum.
 pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, PhotographError> {
-    let spectra: Vec<Spectrum> = photographs.iter().map(|p| Spectrum::local(p)).collect();
+    let whole = photographs.first().map_or([1; 2], |p| p.size());
+    let photographs: Vec<Photograph> = photographs.iter().map(|p| p.middle(MAX_PART)).collect();
+    let spectra: Vec<Spectrum> = photographs.iter().map(Spectrum::local).collect();
     let found = WeaveLattice::find(&spectra).into_iter().next();
     let nothing = || PhotographError::NoThreads {
         seen: match spectra.first().and_then(|s| s.peaks(1).first().copied()) {
@@ -71,18 +75,16 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, Photogr
     // What all photographs show: those from nearer show fewer threads.
     let shown = |f: &Field| f.threads.determinant().abs().sqrt();
     let nearest = fields.iter().map(shown).fold(f64::INFINITY, f64::min);
-    let width = KEPT * (nearest / shown(first)).min(1.0);
     let finest = first
         .frequency()
         .iter()
         .map(|f| f.length())
         .fold(0.0, f64::max);
-    let scale = (PIXELS * finest)
-        .max(1.0)
-        .min(MAX_SIDE / (width * size.max_element()));
-    let out = (size * width * scale).floor();
+    let scale = (PIXELS * finest).max(1.0);
+    let out = size * (KEPT * (nearest / shown(first)).min(1.0) * scale);
+    let out = out.min(DVec2::splat(MAX_SIDE)).floor();
     let (columns, rows) = (out.x as usize, out.y as usize);
-    let straight = fields.iter().zip(photographs).map(|(field, photograph)| {
+    let straight = fields.iter().zip(&photographs).map(|(field, photograph)| {
         // The threads in the middle are taken for the same.
         let by = field.thread_at_middle - first.thread_at_middle;
         let pixels: Vec<[f32; 3]> = (0..rows)
@@ -111,7 +113,7 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, Photogr
             origin: middle - columns.inverse() * first.thread_at_middle,
         },
         lattice: *lattice,
-        width,
+        share: out / scale / DVec2::new(whole[0] as f64, whole[1] as f64),
     })
 }
 

@@ -136,7 +136,7 @@ impl Photographs {
         Photographs {
             front,
             back: shots.next(),
-            size_mm: self.size_mm * by.width,
+            size_mm: self.size_mm * by.share,
             is_even: true,
         }
     }
