@@ -356,7 +356,8 @@ fn place_of(target: &Target) -> usize {
 }
 
 fn check_memory(args: &BakeArgs, grid: &TexelGrid) -> Result<()> {
-    let texels = grid.texels.as_u64vec2().element_product();
+    // The maps of all colourways are kept until they are written.
+    let texels = grid.texels.as_u64vec2().element_product() * args.fabrics.len() as u64;
     let needed = texels.saturating_mul(BYTES_PER_TEXEL);
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
