@@ -294,7 +294,8 @@ fn planted_cloth_comes_back() {
 }
 
 /// Threads of three pixels are found by the waves of their weave: `Planted::fit` compares draft and
-/// spacing. Colours of both systems are the same. The mean of the picture is that of the photograph.
+/// spacing. The mean of the picture is that of the photograph; colours follow from guessed widths, so their
+/// bound is wide (by choice).
 #[test]
 fn fine_threads_are_recognised() {
     let fine = Planted {

@@ -2,7 +2,7 @@
 //! which the phases of two waves of the weave show.
 
 use crate::photograph::box_mean;
-use crate::weave_lattice::Wave;
+use crate::weave_lattice::{PEAKS, Wave};
 use crate::{Photograph, PhotographError, Spectrum, ThreadGrid, WeaveLattice};
 use glam::{DMat2, DVec2};
 use std::collections::BinaryHeap;
@@ -10,6 +10,8 @@ use std::f64::consts::TAU;
 
 /// Pixels between places whose phase is found.
 const STEP: usize = 8;
+/// Pixels from thread to thread below which single threads are not seen.
+const FINE: f64 = 5.0;
 /// Pixels from thread to thread in a straightened photograph, of the finer system.
 const PIXELS: f64 = 6.0;
 /// Sides of the part that is straightened, and of the straightened one, pixels, at most: more shows
@@ -38,12 +40,12 @@ pub struct Straightened {
     pub share: DVec2,
 }
 
-/// Finds the weave in photographs of one cloth, the face first, and straightens them. Each may have a
-/// scale of its own.
+/// Finds the weave in photographs of one cloth, the face first, and straightens them if its threads
+/// have fewer than five pixels; `None` if these are seen one by one. Each may have a scale of its own.
 ///
 /// # Errors
 /// No weave explains the spectrum.
-pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, PhotographError> {
+pub fn straightened(photographs: &[&Photograph]) -> Result<Option<Straightened>, PhotographError> {
     let whole = photographs.first().map_or([1; 2], |p| p.size());
     let photographs: Vec<Photograph> = photographs.iter().map(|p| p.middle(MAX_PART)).collect();
     let spectra: Vec<Spectrum> = photographs.iter().map(Spectrum::local).collect();
@@ -60,6 +62,14 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, Photogr
         },
     };
     let lattices = found.ok_or_else(nothing)?;
+    let is_fine = |f: DVec2| f.length() * FINE > 1.0;
+    if !lattices
+        .iter()
+        .take(1)
+        .any(|l| l.frequency.into_iter().any(is_fine))
+    {
+        return Ok(None);
+    }
     let fields: Option<Vec<Field>> = photographs
         .iter()
         .zip(&lattices)
@@ -106,7 +116,7 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, Photogr
     let frequency = first.frequency().map(|f| f / scale);
     let columns = DMat2::from_cols(frequency[0], frequency[1]).transpose();
     let middle = 0.5 * out - 0.5;
-    Ok(Straightened {
+    Ok(Some(Straightened {
         photographs: straight,
         grid: ThreadGrid {
             frequency,
@@ -114,7 +124,7 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Straightened, Photogr
         },
         lattice: *lattice,
         share: out / scale / DVec2::new(whole[0] as f64, whole[1] as f64),
-    })
+    }))
 }
 
 /// Thread coordinates all over a photograph.
@@ -131,7 +141,7 @@ struct Field {
 impl Field {
     /// `None` if no two waves of the lattice stand out.
     fn new(photograph: &Photograph, lattice: &WeaveLattice, spectrum: &Spectrum) -> Option<Field> {
-        let peaks = spectrum.peaks(24);
+        let peaks = spectrum.peaks(PEAKS);
         let waves = lattice.waves(&peaks);
         let first = *waves.first()?;
         let sine = |w: &Wave| {

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// degrees.
 const MAX_LEAN_DEG: f64 = 20.0;
 /// The systems may differ so far from a right angle, degrees.
-const MAX_SKEW_DEG: f64 = 6.0;
+pub(crate) const MAX_SKEW_DEG: f64 = 6.0;
 /// Harmonics that count for a system.
 const HARMONICS: u32 = 3;
 
@@ -21,6 +21,16 @@ pub struct ThreadGrid {
     pub origin: DVec2,
 }
 
+/// The lean of the warp (0) from the vertical or of the weft (1) from the horizontal, by the frequency
+/// across it; counter-clockwise, degrees.
+pub(crate) fn lean_deg(frequency: DVec2, axis: usize) -> f64 {
+    let angle = match axis {
+        0 => frequency.y.atan2(frequency.x),
+        _ => (-frequency.x).atan2(frequency.y),
+    };
+    angle.to_degrees()
+}
+
 impl ThreadGrid {
     /// Finds the grid.
     ///
@@ -30,13 +40,6 @@ impl ThreadGrid {
         let spectrum = Spectrum::new(photograph);
         let peaks = spectrum.peaks(60);
         let near = |axis: usize| {
-            let lean = move |f: DVec2| {
-                if axis == 0 {
-                    f.y.atan2(f.x)
-                } else {
-                    -(f.x).atan2(f.y)
-                }
-            };
             peaks.iter().filter_map(move |p| {
                 // Upwards for the weft, to the right for the warp.
                 let f = if axis == 1 && p.frequency.y < 0.0 {
@@ -44,7 +47,7 @@ impl ThreadGrid {
                 } else {
                     p.frequency
                 };
-                let angle = lean(f).to_degrees();
+                let angle = lean_deg(f, axis);
                 (angle.abs() < MAX_LEAN_DEG).then_some((f, angle))
             })
         };
@@ -109,8 +112,7 @@ impl ThreadGrid {
     /// The directions of the warp, from the vertical, and of the weft, from the horizontal;
     /// counter-clockwise, degrees.
     pub fn angles_deg(&self) -> [f64; 2] {
-        let [warp, weft] = self.frequency;
-        [warp.y.atan2(warp.x), (-weft.x).atan2(weft.y)].map(f64::to_degrees)
+        [0, 1].map(|axis| lean_deg(self.frequency[axis], axis))
     }
 
     /// The grid whose phase is the same all over the picture: each frequency follows the phase

@@ -4,15 +4,16 @@
 //! across the warp and `g` across the weft, per pixel, and a [`Repeat`] of `n` ends, moved by `s` after
 //! `m` picks, they are `u f + v g` with `u = k / n` and `v = (j - s k / n) / m` for whole `k` and `j`.
 //! A few of them tell the threads apart although these are finer than two pixels.
+//!
+//! Costs and thresholds below are chosen, not derived: by drawn cloth and three real photographs.
 
+use crate::thread_grid::{MAX_SKEW_DEG, lean_deg};
 use crate::{Peak, Repeat, Spectrum};
 use glam::{DMat2, DVec2};
 
 /// The warp may lean so far from the vertical of the picture, and the weft from its horizontal,
 /// degrees: whatever repeats suits a weave that may be turned far.
 const MAX_LEAN_DEG: f64 = 10.0;
-/// The systems may differ so far from a right angle, degrees.
-const MAX_SKEW_DEG: f64 = 6.0;
 /// Threads per pixel, at least and at most.
 const THREADS: [f64; 2] = [0.03, 0.68];
 /// Spacings may differ by this factor.
@@ -30,7 +31,7 @@ const COST_OF_RATIO: f64 = 0.1;
 const COST_OF_STREAKS: f64 = 0.06;
 const STREAKS_DEG: f64 = 5.0;
 /// Peaks of a spectrum that are considered.
-const PEAKS: usize = 24;
+pub(crate) const PEAKS: usize = 24;
 /// Peaks whose place makes a guess, and those whose sums do.
 const STRONGEST: usize = 5;
 const SUMMED: usize = 8;
@@ -94,16 +95,6 @@ impl Seen {
             streaks_deg,
         }
     }
-}
-
-/// Lean of the frequency of warp (0) or weft (1), degrees.
-fn lean_deg(f: DVec2, axis: usize) -> f64 {
-    let angle = if axis == 0 {
-        f.y.atan2(f.x)
-    } else {
-        (-f.x).atan2(f.y)
-    };
-    angle.to_degrees()
 }
 
 /// The greatest common divisor.

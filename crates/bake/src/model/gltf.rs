@@ -1,10 +1,9 @@
 //! The material of glTF 2.0 [Khronos2021] with its extensions [Khronos2024].
 
-use super::{Sheen, Surface, Target, half_vector, round};
+use super::{Sheen, Surface, Target, below, half_vector, round};
 use crate::albedo::Albedos;
 use crate::lobe::{f0_of_index, ggx, schlick};
 use glam::Vec3;
-use std::f32::consts::FRAC_1_PI;
 
 /// The record of the model.
 pub const GLTF: Target = Target {
@@ -37,16 +36,8 @@ fn bsdf(s: &Surface, albedos: &Albedos, w_in: Vec3, w_out: Vec3) -> Vec3 {
     let (mirrored, h) = half_vector(w_in, w_out);
     let f = schlick(f0_of_index(s.ior) * s.specular, s.specular, w_out.dot(h));
     let reflects = w_in.z > 0.0;
-    let diffuse = match reflects {
-        true => (1.0 - s.transmission) * s.base,
-        false => s.transmission * s.transmission_colour,
-    };
     let facets = ggx(widths(s.roughness, s.anisotropy), mirrored, w_out);
-    let mut below = (1.0 - s.forward) * FRAC_1_PI * diffuse;
-    if !reflects {
-        below += s.forward * facets * s.base;
-    }
-    let mut value = (1.0 - f) * below;
+    let mut value = (1.0 - f) * below(s, reflects, facets, s.base);
     if reflects {
         value += f * facets;
     }

@@ -19,6 +19,7 @@ use crate::texel::Texel;
 use glam::Vec3;
 use organza_measure::Pair;
 use organza_measure::fit::Bound;
+use std::f32::consts::FRAC_1_PI;
 
 /// All models, in the order of reports.
 pub const TARGETS: [&Target; 4] = [&GLTF, &OPENPBR, &STANDARD_SURFACE, &USD_PREVIEW];
@@ -317,6 +318,16 @@ impl Target {
 fn half_vector(w_in: Vec3, w_out: Vec3) -> (Vec3, Vec3) {
     let mirrored = Vec3::new(w_in.x, w_in.y, w_in.z.abs());
     (mirrored, (mirrored + w_out).normalize_or_zero())
+}
+
+/// What reaches the eye of the light that a highlight leaves: diffuse light of the own side or the other
+/// one, and from the other side `facets` of a colour, rough microfacets seen in a mirror.
+fn below(s: &Surface, reflects: bool, facets: f32, colour: Vec3) -> Vec3 {
+    let (diffuse, forward) = match reflects {
+        true => ((1.0 - s.transmission) * s.base, Vec3::ZERO),
+        false => (s.transmission * s.transmission_colour, facets * colour),
+    };
+    (1.0 - s.forward) * FRAC_1_PI * diffuse + s.forward * forward
 }
 
 /// Widths for an isotropic lobe.

@@ -1,10 +1,9 @@
 //! Autodesk Standard Surface [Georgiev2019], thin-walled.
 
-use super::{Sheen, Surface, Target, half_vector};
+use super::{Sheen, Surface, Target, below, half_vector};
 use crate::albedo::Albedos;
 use crate::lobe::{dielectric, f0_of_index, ggx};
 use glam::Vec3;
-use std::f32::consts::FRAC_1_PI;
 
 /// The record of the model.
 pub const STANDARD_SURFACE: Target = Target {
@@ -49,20 +48,12 @@ pub(super) fn layered(
 ) -> Vec3 {
     let (mirrored, h) = half_vector(w_in, w_out);
     let reflects = w_in.z > 0.0;
-    let diffuse = match reflects {
-        true => (1.0 - s.transmission) * s.base,
-        false => s.transmission * s.transmission_colour,
-    };
     let mean_alpha = (alpha.0 * alpha.1).sqrt();
     // An index near one reflects little at grazing angles, too [Lagarde2014].
     let f0 = f0_of_index(eta);
     let taken = weight * albedos.facets(w_out.z, mean_alpha, f0, (50.0 * f0).min(1.0));
     let facets = ggx(alpha, mirrored, w_out);
-    let mut below = (1.0 - s.forward) * FRAC_1_PI * diffuse;
-    if !reflects {
-        below += s.forward * facets * s.transmission_colour;
-    }
-    let mut value = (1.0 - taken) * below;
+    let mut value = (1.0 - taken) * below(s, reflects, facets, s.transmission_colour);
     if reflects {
         value += weight * dielectric(eta, w_out.dot(h)) * facets;
     }

@@ -6,6 +6,7 @@ use organza_bake::fit::Fitted;
 use organza_bake::layout::{Part, Side};
 use organza_bake::model::TARGETS;
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// The results of a bake of one cloth.
 pub struct Report<'a> {
@@ -80,10 +81,8 @@ impl Report<'_> {
                 })
             })
             .collect();
-        let is_own = |t: &&(String, &str)| {
-            let name = t.0.strip_prefix(&self.cloth.folder);
-            name.is_some_and(|n| n.rfind('/') == Some(0))
-        };
+        let folder = Some(Path::new(&self.cloth.folder));
+        let is_own = |t: &&(String, &str)| Path::new(&t.0).parent() == folder;
         let own = self.textures.iter().filter(is_own);
         let textures: Vec<Value> = own
             .map(|(file, meaning)| json!({ "file": file, "meaning": meaning }))

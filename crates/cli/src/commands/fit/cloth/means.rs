@@ -5,7 +5,7 @@ use super::model::Trial;
 use super::placed::Placed;
 use super::search::{Search, SearchResult};
 use super::sides::Side;
-use super::unknowns::Unknown;
+use super::unknowns::{FIXED, Unknown};
 use anyhow::Result;
 use organza_measure::fit::Determined;
 
@@ -53,9 +53,13 @@ pub fn matched(
         .map(|((picture, at), side)| {
             let mut shown = at.shown(picture, side);
             if side.index > 0 {
-                let exposure = ratios(&shown, side).iter().product::<f64>().cbrt();
+                let channels = ratios(&shown, side);
+                let exposure = channels.iter().product::<f64>().cbrt();
                 shown.iter_mut().flatten().for_each(|v| *v *= exposure);
-                exposures.push(exposure);
+                // The channels should agree on it.
+                let squares = channels.map(|r| (r / exposure).ln().powi(2));
+                let se = exposure * (squares.iter().sum::<f64>() / 6.0).sqrt();
+                exposures.push((exposure, se));
             }
             shown
         })
@@ -68,11 +72,11 @@ pub fn matched(
             colour.determined(search.model, &trial, moved[channel].abs())
         })
         .collect();
-    parameters.extend(exposures.into_iter().map(|value| Determined {
+    parameters.extend(exposures.into_iter().map(|(value, se)| Determined {
         name: "back.exposure".to_owned(),
         value,
-        se: value * ENOUGH,
-        is_fixed: true,
+        se,
+        is_fixed: se < FIXED * value,
     }));
     Ok(SearchResult {
         trial,

@@ -26,7 +26,6 @@ use crate::waiting::Waiting;
 use agreement::Agreement;
 use answer::{Answer, shown_name};
 use anyhow::Result;
-use glam::DVec2;
 use means::matched;
 use model::{ClothModel, Purpose, Trial};
 use organza_photograph::{Photograph, PhotographError, Repeat, ThreadGrid, repeats, straightened};
@@ -40,9 +39,6 @@ use std::path::Path;
 
 /// Repeats that are considered.
 const REPEATS: usize = 3;
-
-/// Pixels from thread to thread below which single threads are not seen.
-const MIN_PIXELS: f64 = 5.0;
 
 /// Share of the folded photograph that the best draft must explain.
 const MIN_LIKENESS: f64 = 0.6;
@@ -142,18 +138,17 @@ fn see(
     step: &mut dyn FnMut(),
 ) -> Result<Option<Seen>> {
     if let Some(draft) = given {
-        let Some(side) = taken.side(0, Repeat::of_draft(draft)) else {
-            return Ok(None);
-        };
+        let side = taken.front(Repeat::of_draft(draft));
         let candidates = recognise(model, &side, vec![draft.clone()], step)?;
         return Ok(Some(Seen { side, candidates }));
     }
     let mut best: Option<Seen> = None;
     for repeat in repeats {
         let drafts = repeat.drafts();
-        let Some(side) = taken.side(0, *repeat).filter(|_| !drafts.is_empty()) else {
+        if drafts.is_empty() {
             continue;
-        };
+        }
+        let side = taken.front(*repeat);
         let candidates = recognise(model, &side, drafts, step)?;
         let share = |s: &Seen| {
             s.candidates
@@ -232,9 +227,8 @@ fn ready(photographs: Photographs) -> Result<Ready, PhotographError> {
     let all: Vec<&Photograph> = photographs.all().collect();
     // A photograph against the light may not show the weave.
     let straight = straightened(&all).or_else(|_| straightened(&all[..1]));
-    let finest = |f: [DVec2; 2]| 1.0 / f[0].length().max(f[1].length());
     match straight {
-        Ok(s) if finest(s.lattice.frequency) < MIN_PIXELS => Ok(Ready {
+        Ok(Some(s)) => Ok(Ready {
             photographs: photographs.straightened(&s),
             grid: s.grid,
             repeats: vec![s.lattice.repeat],
@@ -321,7 +315,7 @@ fn fit(
     let best = seen.candidates[0].clone();
     let mut places = vec![Placed::of(&best.likeness)];
     let mut sides = vec![seen.side];
-    if let Some(side) = taken.side(1, sides[0].fold.repeat) {
+    if let Some(side) = taken.back(sides[0].fold.repeat) {
         step();
         let there = look(model, &side, &best.draft, best.trial.tex)?;
         places.push(Placed::of(&there.likeness));

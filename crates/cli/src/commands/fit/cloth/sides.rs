@@ -121,8 +121,22 @@ impl<'a> Taken<'a> {
         }
     }
 
-    /// The photograph with the lamp in front, or if there is one that with the lamp behind, folded.
-    pub fn side(&self, index: usize, repeat: Repeat) -> Option<Side> {
+    /// The photograph with the lamp in front, folded.
+    pub fn front(&self, repeat: Repeat) -> Side {
+        self.side(0, &self.photographs.front, *self.grid, repeat)
+    }
+
+    /// The photograph with the lamp behind, if there is one.
+    pub fn back(&self, repeat: Repeat) -> Option<Side> {
+        let shot = self.photographs.back.as_ref()?;
+        let grid = match self.photographs.is_even {
+            true => *self.grid,
+            false => self.grid.refined(&shot.photograph),
+        };
+        Some(self.side(1, shot, grid, repeat))
+    }
+
+    fn side(&self, index: usize, shot: &Shot, grid: ThreadGrid, repeat: Repeat) -> Side {
         let cloth = &self.args.cloth;
         let (name, light, light_mm) = match index {
             0 => ("front", self.args.light.unwrap_or(LIGHT), cloth.light_mm),
@@ -131,18 +145,9 @@ impl<'a> Taken<'a> {
                 ("back", light, cloth.back_light_mm)
             }
         };
-        let shot = match index {
-            0 => &self.photographs.front,
-            _ => self.photographs.back.as_ref()?,
-        };
         let is_even = self.photographs.is_even;
-        let grid = match index {
-            0 => *self.grid,
-            _ if is_even => *self.grid,
-            _ => self.grid.refined(&shot.photograph),
-        };
         let turned = |[theta, phi]: [f64; 2]| [theta, phi - self.turn_deg];
-        Some(Side {
+        Side {
             name,
             index,
             shot: shot.clone(),
@@ -157,6 +162,6 @@ impl<'a> Taken<'a> {
                 size_mm: self.photographs.size_mm,
                 white: self.args.white.unwrap_or(1.0),
             },
-        })
+        }
     }
 }

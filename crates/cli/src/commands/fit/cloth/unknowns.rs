@@ -9,7 +9,7 @@ const COLOURS: [f64; 2] = [0.002, 0.98];
 /// Step of the measure of colours for derivatives.
 pub const COLOUR_STEP: f64 = -0.2;
 /// A value is fixed by the data if its standard error is below this share of it.
-const FIXED: f64 = 0.25;
+pub const FIXED: f64 = 0.25;
 
 /// One unknown. Counts, roughness and exposure change by their logarithms, directions by radians,
 /// and a colour `c` by `ln c - c`, in which the light of a cloth is nearly linear: of a white
