@@ -64,7 +64,8 @@ def summary(folder):
     rows = list(csv.DictReader((folder / "choices.csv").open()))
     views = {}
     for r in rows:
-        choice = (r["model"], float(r["voxel_scale"]), int(r["level"]))
+        model = r["model"] + " with a cache" * (r["tracker"] == "cached")
+        choice = (model, float(r["voxel_scale"]), int(r["level"]))
         views.setdefault((float(r["pixel_mm"]), r["lit"], choice), {})[r["fabric"]] = r
     print("| pixel | choice | lit from the front: error | from behind: error | time | memory |")
     print("|---|---|---|---|---|---|")

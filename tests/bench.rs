@@ -38,7 +38,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
     let bench = argv(
         "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 --set \
-         render.max_bounces=8",
+         render.max_bounces=8 --set render.cache_learning=0.01",
     );
     let said = succeed(&folder, &bench);
     assert!(
@@ -53,9 +53,9 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
         let results = view["results"].as_array().unwrap();
         let refused = view["refused"].as_array().unwrap();
         // Seven ways at the fabric's own voxels, three at level 1, explicit fibres in the
-        // kernel, and the reference.
-        assert_eq!(results.len() + refused.len(), 12, "{view}");
-        assert_eq!(results.last().unwrap()["choice"]["tracker"], "kernel");
+        // kernel without and with a cache, and the reference.
+        assert_eq!(results.len() + refused.len(), 13, "{view}");
+        assert_eq!(results.last().unwrap()["choice"]["tracker"], "cached");
         assert_eq!(results[0]["choice"]["model"], "fibres");
         assert_eq!(results[0]["rmse"]["value"], 0.0);
         assert!(results.iter().any(|r| r["on_front"] == true));
@@ -119,6 +119,7 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
     let mut bench = vec!["bench", "plain.toml", "-o", "report", "--quick"];
     bench.extend(["--resolution", "4", "--spp", "8", "--truth-spp", "16"]);
     bench.extend(["--set", "render.max_bounces=8"]);
+    bench.extend(["--set", "render.cache_learning=0.01"]);
     bench.extend(["--trackers", "usual", "--pixel-mm", "0.05,0.2"]);
     succeed(&folder, &bench);
     let report = json(&folder.join("report"), "report.json");
@@ -138,7 +139,8 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
             .filter(|r| r["choice"]["tracker"] == "regular");
         assert_eq!(regular.count(), 0, "{view}");
         let fibres = results.iter().filter(|r| r["choice"]["model"] == "fibres");
-        assert_eq!(fibres.count(), 1, "the reference alone");
+        let trackers: Vec<_> = fibres.map(|r| r["choice"]["tracker"].as_str()).collect();
+        assert_eq!(trackers, [Some("kernel"), Some("cached")], "{view}");
     }
     auto_uses_the_bench_beside_a_fabric(&folder);
 }
@@ -224,4 +226,38 @@ fn auto_takes_what_it_says() {
     );
     let sums = |name: &str| crate::program::exr_channels(&folder.join(name));
     assert!(sums("a.exr") == sums("b.exr"));
+}
+
+/// A picture that learns its light takes explicit fibres with a cache, and without one where that
+/// is too far off; a scene that sets the key has its way.
+#[test]
+fn auto_counts_with_the_cache_of_a_picture() {
+    let folder = folder("auto_cache");
+    let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/fabrics/denim.toml");
+    let taken = |edge: u32, tolerance: f64, cache: &str| {
+        let scene = format!(
+            "[render]\n{cache}\n[camera]\nkind = \"orthographic\"\n\
+             origin_mm = [0.0, -500.0, 866.0]\ntarget_mm = [0.0, 0.0, 0.0]\n\
+             width_mm = {}\nresolution = [{edge}, {edge}]\n\
+             [[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n\
+             hemisphere = \"front\"\n\
+             [[object]]\nkind = \"cloth\"\nmodel = \"auto\"\ntolerance = {tolerance}\n\
+             fabric = {fabric:?}\n",
+            0.03 * f64::from(edge),
+        );
+        std::fs::write(folder.join("scene.toml"), scene).unwrap();
+        let info = succeed(&folder, &["info", "scene.toml", "--json"]);
+        let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+        let choice = info["chosen"][0]["recommendation"]["taken"]["choice"].clone();
+        let [model, tracker] = ["model", "tracker"].map(|k| choice[k].as_str().unwrap().to_owned());
+        format!("{model} {tracker}")
+    };
+    assert_eq!(taken(1024, 0.2, ""), "fibres cached");
+    // Too small to learn anything.
+    assert_eq!(taken(128, 0.05, ""), "fibres kernel");
+    assert_eq!(taken(1024, 0.2, "cache = \"off\""), "fibres kernel");
+    // The cache is off by about a tenth in such pixels.
+    assert_eq!(taken(1024, 0.05, ""), "fibres kernel");
+    let insists = taken(1024, 0.05, "cache = \"second-fibre\"");
+    assert!(!insists.ends_with("kernel") || !insists.starts_with("fibres"), "{insists}");
 }

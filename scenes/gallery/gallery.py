@@ -12,10 +12,11 @@ repository:
         --organza target/release/organza --publish
 
 Pictures and figures lie in the folder --work. With --publish they also replace the pictures of the
-gallery, the table of benches/runs/gallery.md and that of docs/gallery.md. A scene that was
-rendered with the same settings is not rendered again, so an interrupted run goes on where it
-stopped. Scenes are named by their files without the ending: `gallery.py denim sail` renders
-these two.
+gallery and the rows of these scenes in benches/runs/gallery.md, from which the tables of
+docs/gallery.md and docs/trust.md are written. A scene that was rendered with the same settings is
+not rendered again, so an interrupted run goes on where it stopped. Scenes are named by their files
+without the ending: `gallery.py denim sail` renders these two. With --old PROGRAM --old-scenes FOLDER
+an older program is measured instead, with its own scenes, and stands beside them in the tables.
 """
 import argparse
 import hashlib
@@ -35,6 +36,7 @@ from errors import errors, median_noise
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 RECORD, PAGE = ROOT / "benches/runs/gallery.md", ROOT / "docs/gallery.md"
+TRUST = ROOT / "docs/trust.md"
 BEGIN, END = "<!-- gallery.py writes from here -->", "<!-- to here -->"
 ORDER = [
     "organza", "denim", "charmeuse", "tweed", "jersey", "terry",
@@ -42,23 +44,15 @@ ORDER = [
 ]
 CELL, LABEL, GAP, COLUMNS = 256, 16, 4, 4
 MOST_BYTES = 300_000
-# Samples of a pixel; fewer of cloths among whose hairs a path is long.
-SAMPLES, FEWER = 32, 16
-HAIRY = {"jersey", "terry", "velvet", "napkin", "shirt"}
+# Samples of a pixel in five minutes on two cores; fewer of cloths among whose hairs a path is long.
+SAMPLES = 32
+FEWER = {"tweed": 16, "jersey": 8, "terry": 8, "velvet": 16, "napkin": 16, "shirt": 16}
 # Samples of the unbiased part, and its seed.
 PROOF_SPP, PROOF_SEED = 64, 2
-
-
-def machine():
-    """Processor, cores and compiler, as the records name them."""
-    try:
-        processor = Path("/proc/cpuinfo").read_text()
-        name = re.search(r"^model name\s*: (.+)$", processor, re.MULTILINE)[1]
-        compiler = subprocess.run(["rustc", "--version"], stdout=subprocess.PIPE, text=True).stdout
-        kernel = " (AVX-512)" if "avx512f" in processor else " (AVX2)" * ("avx2" in processor)
-        return f"{name}{kernel}, {os.cpu_count()} virtual cores, Rust {compiler.split()[1]}"
-    except (OSError, TypeError, IndexError):
-        return "unknown"
+# Samples of the part by an older program, and its edge.
+OLD_SPP, OLD_PX = 16, 128
+# The noise of the median pixel to which times are quoted.
+NOISE = 0.05
 
 
 def arguments():
@@ -69,10 +63,10 @@ def arguments():
     parser.add_argument("--spp", type=int, help="samples a pixel, instead of those of each scene")
     parser.add_argument("--proof", type=int, default=256, help="pixels of a side of the part")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--old", type=Path, help="an older program, to be measured as well")
+    parser.add_argument("--old-scenes", type=Path, help="the folder of its gallery's scenes")
     parser.add_argument("--work", type=Path, default=Path("target/gallery"))
     parser.add_argument("--publish", action="store_true", help="replace pictures and tables")
-    parser.add_argument("--machine", default=machine(), help="for the record")
-    parser.add_argument("--load", default="none", help="what else the machine does, for the record")
     return parser.parse_args()
 
 
@@ -117,10 +111,35 @@ def grey(path, prefix=""):
     return np.mean(values, axis=0)
 
 
+def middle_of(size, edge):
+    """Where a part in the middle begins and ends, and the flag that renders it alone."""
+    low = (size - edge) // 2
+    return low, low + edge, ["--crop", f"{low},{low},{low + edge},{low + edge}"]
+
+
+def tracing(known):
+    """Seconds of processor of the samples alone; older programs count what is done before."""
+    return known["render_cpu_s"] - known.get("prepare_cpu_s", 0)
+
+
+def old_seconds(name, given):
+    """Seconds of processor in which an older program brings the median pixel to NOISE."""
+    part = given.work / f"{name}.old.exr"
+    known = json.loads(run([
+        given.old, "render", given.old_scenes / f"{name}.toml", "-o", part, "--quiet", "--json",
+        "--threads", given.threads, "--spp", OLD_SPP, "--seed", PROOF_SEED,
+        "--set", f"camera.resolution=[{given.size},{given.size}]", *middle_of(given.size, OLD_PX)[2],
+    ]))
+    noise = median_noise(grey(part), grey(part, "variance."))
+    part.unlink()
+    whole = tracing(known) * (given.size / OLD_PX) ** 2
+    return known["setup_cpu_s"] + whole * (noise / NOISE) ** 2
+
+
 def figures(name, program, given):
     """Figures of a scene, which is rendered if they are not kept."""
     scene, record = HERE / f"{name}.toml", given.work / f"{name}.json"
-    samples = given.spp or (FEWER if name in HAIRY else SAMPLES)
+    samples = given.spp or FEWER.get(name, SAMPLES)
     wanted = key(scene, program, samples, given)
     if record.exists():
         kept = json.loads(record.read_text())
@@ -135,17 +154,16 @@ def figures(name, program, given):
     stops = re.search(r"^exposure = (\S+)", scene.read_text(), re.MULTILINE)[1]
     shown = ["-o", given.work / f"{name}.png", f"--exposure={stops}", "--quiet"]
     run([given.organza, "develop", picture, *shown])
-    low = (given.size - given.proof) // 2
-    high = low + given.proof
+    low, high, crop = middle_of(given.size, given.proof)
     unbiased = json.loads(run([
         *common, "-o", part, "--spp", PROOF_SPP, "--seed", PROOF_SEED, "--set",
-        'render.cache="off"', "--crop", f"{low},{low},{high},{high}",
+        'render.cache="off"', *crop,
     ]))
     other, variance = grey(part), grey(part, "variance.")
     middle = np.s_[low:high, low:high]
     noisy = errors(grey(picture, "noisy.")[middle], other, variance)
     # Seconds of processor in which unbiased samples bring the median pixel to the same error.
-    whole = unbiased["render_cpu_s"] * (given.size / given.proof) ** 2
+    whole = tracing(unbiased) * (given.size / given.proof) ** 2
     noise = median_noise(other, variance)
     models = re.findall(r'^model = "(\w+)"', scene.read_text(), re.MULTILINE)
     result = {
@@ -202,61 +220,91 @@ processor are those of the set-up and of tracing, learning included. The errors 
 in the middle, by unbiased samples with another seed: of the mean, with its standard error; root
 mean square of blocks of 16 x 16 pixels and of pixels over the mean; and of the median pixel over
 the value around it, before and after denoising. *Unbiased* is the processor time in which samples
-without a cache bring the median pixel of the whole picture to the same error, by their variance.
+without a cache bring the median pixel of the whole picture to the same error, by their variance;
+*old* that in which the program of commit `e9d4afc` brought its own picture to 5 % of median noise.
 """
+COLUMNS_OF_RECORD = [
+    "scene", "commit", "representation", "samples", "time", "set-up", "tracing", "memory", "mean",
+    "16 x 16", "pixel", "median pixel", "denoised", "unbiased", "old",
+]
 
 
-def table(all_figures):
-    """The table of the record."""
-    lines = [
-        "| scene | representation | samples | time | set-up | tracing | memory | mean | 16 x 16 | pixel "
-        "| median pixel | denoised | unbiased |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
+def row(name, commit, f):
+    """The row of the record."""
+    noisy, seconds = f["noisy"], lambda s: "-" if s is None else f"{s:.0f} s"
+    cells = [
+        name, f"`{commit}`", f["representation"], f["samples"], seconds(f["seconds"]),
+        seconds(f["setup_cpu_s"]), seconds(f["render_cpu_s"]), f"{f['memory_bytes'] / 2**30:.1f} GiB",
+        f"{100 * noisy['mean']:+.1f} ± {100 * noisy['mean_error']:.1f} %", percent(noisy["block"]),
+        percent(noisy["pixel"]), percent(noisy["median"]), percent(f["denoised"]["median"]),
+        seconds(f["unbiased_cpu_s"]), "-",
     ]
-    for name, f in all_figures.items():
-        noisy, unbiased = f["noisy"], f["unbiased_cpu_s"]
-        lines.append(
-            f"| {name} | {f['representation']} | {f['samples']} | {f['seconds']:.0f} s | {f['setup_cpu_s']:.0f} s "
-            f"| {f['render_cpu_s']:.0f} s | {f['memory_bytes'] / 2**30:.1f} GiB "
-            f"| {100 * noisy['mean']:+.1f} ± {100 * noisy['mean_error']:.1f} % "
-            f"| {percent(noisy['block'])} | {percent(noisy['pixel'])} "
-            f"| {percent(noisy['median'])} | {percent(f['denoised']['median'])} "
-            f"| {'-' if unbiased is None else f'{unbiased:.0f} s'} |"
-        )
-    return "\n".join(lines) + "\n"
+    return dict(zip(COLUMNS_OF_RECORD, map(str, cells)))
 
 
-def page_table(all_figures, commit, given):
+def kept_rows():
+    """The rows that stand in the record, by scene."""
+    block = RECORD.read_text().split(BEGIN, 1)[1].split(END, 1)[0]
+    lines = [line for line in block.splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
+    rows = (dict(zip(cells[0], line)) for line in cells[1:])
+    return {row["scene"]: row for row in rows}
+
+
+def markdown(columns, rows):
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines).replace("| --- |", "|---|").replace(
+        " --- |", "---|"
+    )
+
+
+def number(cell):
+    """The first number of a cell; none where nothing was measured."""
+    found = re.search(r"[-+]?\d+(\.\d+)?", cell)
+    return float(found[0]) if found else None
+
+
+def page_table(rows, given):
     """What docs/gallery.md says about the figures."""
     lines = [
         f"The pictures have {given.size} x {given.size} pixels; they are rendered on {given.threads} threads, and denoised ([Denoising](denoise.md)).",
-        f"The [record](../benches/runs/gallery.md) of commit `{commit}` explains the figures; 0 stands where",
-        "unbiased samples found none.",
+        "The [record](../benches/runs/gallery.md) explains the figures; 0 stands where unbiased samples",
+        "found none.",
         "",
-        "| scene | samples | processor time | error of the median pixel | denoised | the same error without a cache |",
-        "|---|---|---|---|---|---|",
     ]
-    for name, f in all_figures.items():
-        spent, unbiased = f["setup_cpu_s"] + f["render_cpu_s"], f["unbiased_cpu_s"]
-        times = (unbiased + f["setup_cpu_s"]) / spent if unbiased and f["cache"] else None
-        lines.append(
-            f"| {name} | {f['samples']} | {spent:.0f} s | {percent(f['noisy']['median'])} "
-            f"| {percent(f['denoised']['median'])} "
-            f"| {'-' if times is None else f'{times:.1f} times the processor time'} |"
-        )
-    return "\n".join(lines) + "\n"
+    columns = ["scene", "samples", "time", "error of the median pixel", "denoised"]
+    cells = [[r["scene"], r["samples"], r["time"], r["median pixel"], r["denoised"]] for r in rows]
+    return "\n".join(lines) + "\n" + markdown(columns, cells)
 
 
-def replace_block(path, block, rows={}):
-    """Replaces what stands between the markers of a page, and rows of its first table."""
-    text = path.read_text()
-    head, rest = text.split(BEGIN, 1)
+def to_noise(seconds):
+    """A time to a stated noise, in a unit that a reader can picture."""
+    if seconds is None:
+        return "-"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.0f} h"
+
+
+def trust_table(rows):
+    """What docs/trust.md says: times to one noise, and what the cache costs in truth."""
+    columns = ["scene", "`e9d4afc`", "no cache", "cache", "mean", "16 x 16", "memory"]
+    lines = []
+    for r in rows:
+        median, unbiased = number(r["median pixel"]) / 100, number(r["unbiased"])
+        longer = (median / NOISE) ** 2
+        without = None if unbiased is None else number(r["set-up"]) + unbiased * longer
+        cached = number(r["set-up"]) + number(r["tracing"]) * longer
+        of_cache = [to_noise(cached), r["mean"], r["16 x 16"]]
+        if r["representation"] != "fibres":
+            of_cache = ["-"] * 3
+        lines.append([r["scene"], to_noise(number(r["old"])), to_noise(without), *of_cache, r["memory"]])
+    return markdown(columns, lines)
+
+
+def replace_block(path, block):
+    """Replaces what stands between the markers of a page."""
+    head, rest = path.read_text().split(BEGIN, 1)
     tail = rest.split(END, 1)[1]
-    for name, value in rows.items():
-        head, count = re.subn(
-            rf"^\| {name} \|.*$", lambda _: f"| {name} | {value} |", head, 1, re.MULTILINE
-        )
-        assert count == 1, f"{path}: no row {name}"
     part = path.with_suffix(".part")
     part.write_text(f"{head}{BEGIN}\n\n{block}\n{END}{tail}")
     part.replace(path)
@@ -275,11 +323,20 @@ def publish(all_figures, program, given):
         with Image.open(given.work / f"{name}.png") as image:
             write_jpeg(image.convert("RGB"), HERE / f"pictures/{name}.jpg", MOST_BYTES)
     sheet(HERE / "pictures", HERE / "gallery.jpg")
-    command = " ".join(["python3 scenes/gallery/gallery.py", *sys.argv[1:]])
-    rows = {"commit": f"`{commit}`", "command": f"`{command}`", "load": given.load}
-    rows["machine"] = f"{given.machine}; {given.threads} threads"
-    replace_block(RECORD, f"{EXPLANATION}\n{table(all_figures)}", rows)
-    replace_block(PAGE, page_table(all_figures, commit, given))
+    rows = kept_rows()
+    for name, found in all_figures.items():
+        old = rows.get(name, {}).get("old", "-")
+        rows[name] = row(name, commit, found) | {"old": old}
+    write_tables(rows, given)
+
+
+def write_tables(rows, given):
+    """The record, and the tables that are made of it."""
+    rows = [rows[name] for name in ORDER if name in rows]
+    cells = [[r[column] for column in COLUMNS_OF_RECORD] for r in rows]
+    replace_block(RECORD, f"{EXPLANATION}\n{markdown(COLUMNS_OF_RECORD, cells)}")
+    replace_block(PAGE, page_table(rows, given))
+    replace_block(TRUST, trust_table(rows))
 
 
 def main():
@@ -288,6 +345,13 @@ def main():
     if unknown:
         sys.exit(f"unknown scenes: {', '.join(unknown)}; there are: {', '.join(ORDER)}")
     given.work.mkdir(parents=True, exist_ok=True)
+    if given.old:
+        for name in given.scenes or ORDER:
+            rows = kept_rows()
+            rows[name]["old"] = f"{old_seconds(name, given):.0f} s"
+            write_tables(rows, given)
+            print(name, rows[name]["old"], flush=True)
+        return
     program = run([given.organza, "--version", "--verbose"])
     all_figures, failures = {}, []
     for name in given.scenes or ORDER:
@@ -297,8 +361,7 @@ def main():
             failures.append(name)
             print(f"{name}: {error}", file=sys.stderr, flush=True)
             continue
-        print(table({name: all_figures[name]}).splitlines()[-1], flush=True)
-        (given.work / "table.md").write_text(table(all_figures))
+        print(" | ".join(row(name, "-", all_figures[name]).values()), flush=True)
     if given.publish and all_figures:
         publish(all_figures, program, given)
     if failures:

@@ -1,12 +1,15 @@
 //! The cost of a picture, and the choice among several ways to make it.
 
-/// The cost of one way to make a picture.
+/// Pixels of the picture for which costs are stated.
+pub const PICTURE_PIXELS: u64 = 1 << 17;
+
+/// The cost of one way to make a picture of [`PICTURE_PIXELS`].
 ///
 /// The squared relative noise of a picture falls with the time spent on it, so one number
 /// describes the speed of a way: the seconds that bring it to 1, the inverse of the efficiency.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cost {
-    /// Seconds before the first path: geometry, voxels, tables.
+    /// Seconds before the first sample: geometry, voxels, tables, light that is learned.
     pub setup_s: f64,
     /// Seconds of tracing times the squared relative noise of the result.
     pub noise_s: f64,
@@ -15,6 +18,31 @@ pub struct Cost {
 }
 
 impl Cost {
+    /// From the seconds before the first sample of a picture of so many pixels, those of
+    /// its samples, and the noise that these left.
+    pub fn of_picture(
+        pixels: u64,
+        setup_s: f64,
+        tracing_s: f64,
+        noise: f64,
+        memory_bytes: u64,
+    ) -> Cost {
+        let pictures = PICTURE_PIXELS as f64 / pixels.max(1) as f64;
+        Cost {
+            setup_s,
+            noise_s: pictures * tracing_s * noise * noise,
+            memory_bytes,
+        }
+    }
+
+    /// The cost of a picture of so many pixels, whose set-up is the same.
+    pub fn for_pixels(&self, pixels: u64) -> Cost {
+        Cost {
+            noise_s: self.noise_s * pixels as f64 / PICTURE_PIXELS as f64,
+            ..*self
+        }
+    }
+
     /// Seconds until the error, the root of the summed squares of model error and noise, is at
     /// most `tolerance`; `None` when the model error alone is not below it.
     pub fn seconds_within(&self, tolerance: f64, model_error: f64) -> Option<f64> {
@@ -99,6 +127,16 @@ mod tests {
         assert_eq!(cost.seconds_within(0.03, 0.03), None, "never reached");
         assert_eq!(cost.seconds_within(0.03, f64::NAN), None);
         assert_eq!(cost.error_after(1.0, 0.0), None);
+    }
+
+    #[test]
+    fn costs_are_those_of_a_picture_of_one_size() {
+        let small = Cost::of_picture(256, 2.0, 3.0, 0.1, 0);
+        let expected = 3.0 * 0.01 * 512.0;
+        assert!((small.noise_s - expected).abs() < 16.0 * f64::EPSILON);
+        let back = small.for_pixels(256);
+        assert!((back.noise_s - 0.03).abs() < f64::EPSILON);
+        assert_eq!(back.setup_s, 2.0);
     }
 
     /// Against the front by sorting, over random points, and a twin whose front

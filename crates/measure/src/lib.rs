@@ -75,7 +75,7 @@ mod volume_patch;
 pub use adaptive::{AdaptiveBrdf, AdaptiveGrid, AdaptiveResult, measure_adaptive};
 pub use adaptive_file::write_adaptive;
 pub use appearance::{Appearance, AppearanceFit, AppearanceSearch, Simulate, fit_appearance};
-pub use cost::{Cost, Growth, growth, pareto_front};
+pub use cost::{Cost, Growth, PICTURE_PIXELS, growth, pareto_front};
 pub use far_table::{NodeSums, far_matrix, measure_node};
 pub use far_texture::{TexelSums, far_texture, measure_texels, texture_rings};
 pub use fit_surface::{FitError, FittedSurface, fit_surface};

@@ -32,7 +32,7 @@ const SLACK: f32 = 1e-6;
 /// Pieces of fibre placed by one task.
 const BATCH: usize = 16_384;
 
-/// Cells filled by one task.
+/// Cells sorted by one task.
 const CELLS_PER_TASK: usize = 4096;
 
 /// What stands in a cell. Where cells hold lists, there is one head more than cells, and
@@ -176,12 +176,20 @@ impl Cells {
             cells.lists = Some(lists);
             return Ok(cells);
         }
-        let mut blocks = many(ends.0, Block::empty);
-        let mut hulls = many(ends.1, HullBlock::empty);
-        let tasks = tasks(&heads, &mut blocks, &mut hulls);
-        tasks.into_par_iter().for_each(|(cell, blocks, hulls)| {
-            let cells = cell..(cell + CELLS_PER_TASK).min(heads.len());
-            fill(&copies, cells, (&first, &sorted), blocks, hulls);
+        // Each is written once: to touch so much memory takes longer than what stands in it.
+        let filled = |of: fn(&Head) -> u32, kind: usize, i: usize| {
+            let cell = heads.partition_point(|head| of(head) as usize <= i) - 1;
+            let [from, to] = [0, 1].map(|k| first[2 * cell + kind + k] as usize);
+            let from = from + (i - of(&heads[cell]) as usize) * BLOCK;
+            (&sorted[from..to.min(from + BLOCK)], copies.frame().cell_at(cell))
+        };
+        let blocks = many(ends.0, |i| {
+            let (pieces, at) = filled(|head| head.blocks, 0, i);
+            copies.block(pieces, at)
+        });
+        let hulls = many(ends.1, |i| {
+            let (pieces, at) = filled(|head| head.hulls, 1, i);
+            copies.hulls(pieces, at)
         });
         (cells.heads, cells.blocks, cells.hulls) = (heads, blocks, hulls);
         Ok(cells)
@@ -225,9 +233,9 @@ fn radius_mm(strands: Strands<'_>, piece: u32) -> f64 {
 }
 
 /// So many, made by all threads.
-fn many<T: Send>(count: usize, one: impl Fn() -> T + Sync) -> Vec<T> {
+fn many<T: Send>(count: usize, one: impl Fn(usize) -> T + Send + Sync) -> Vec<T> {
     let all = (0..count).into_par_iter().with_min_len(BATCH);
-    all.map(|_| one()).collect()
+    all.map(one).collect()
 }
 
 /// Calls `found` with every cell that a piece reaches, twice its index, and one more for a piece
@@ -252,7 +260,7 @@ fn for_each_reached(copies: &Copies<'_>, grid: &Grid, found: impl Fn(usize, Reac
 /// Where the plain pieces and then the others of every cell begin in the order of cells,
 /// and where the last ends; `None` when there are too many.
 fn starts(copies: &Copies<'_>, grid: &Grid) -> Option<Vec<u32>> {
-    let counts = many(2 * grid.count() + 1, AtomicU32::default);
+    let counts = many(2 * grid.count() + 1, |_| AtomicU32::default());
     for_each_reached(copies, grid, |kind, _| {
         counts[kind].fetch_add(1, Ordering::Relaxed);
     });
@@ -270,7 +278,7 @@ fn starts(copies: &Copies<'_>, grid: &Grid) -> Option<Vec<u32>> {
 /// the order of their numbers.
 fn sort(copies: &Copies<'_>, grid: &Grid, first: &[u32]) -> Vec<Reached> {
     let next: Vec<AtomicU32> = first.par_iter().map(|&i| AtomicU32::new(i)).collect();
-    let slots = many(first[first.len() - 1] as usize, AtomicU64::default);
+    let slots = many(first[first.len() - 1] as usize, |_| AtomicU64::default());
     for_each_reached(copies, grid, |kind, reached| {
         let slot = next[kind].fetch_add(1, Ordering::Relaxed);
         slots[slot as usize].store(reached.0, Ordering::Relaxed);
@@ -313,50 +321,4 @@ fn heads(first: &[u32]) -> Option<Vec<Head>> {
             Some(head)
         })
         .collect()
-}
-
-type Task<'a> = (usize, &'a mut [Block], &'a mut [HullBlock]);
-
-/// Runs of cells with the blocks that are theirs.
-fn tasks<'a>(
-    heads: &[Head],
-    mut blocks: &'a mut [Block],
-    mut hulls: &'a mut [HullBlock],
-) -> Vec<Task<'a>> {
-    let mut tasks = Vec::new();
-    for (i, run) in heads.chunks(CELLS_PER_TASK).enumerate() {
-        let of_blocks: usize = run.iter().map(|h| usize::from(h.block_count)).sum();
-        let of_hulls: usize = run.iter().map(|h| usize::from(h.hull_count)).sum();
-        let (own_blocks, rest) = blocks.split_at_mut(of_blocks);
-        blocks = rest;
-        let (own_hulls, rest) = hulls.split_at_mut(of_hulls);
-        hulls = rest;
-        tasks.push((i * CELLS_PER_TASK, own_blocks, own_hulls));
-    }
-    tasks
-}
-
-/// Copies the pieces of some cells into their blocks.
-fn fill(
-    copies: &Copies<'_>,
-    cells: std::ops::Range<usize>,
-    (first, sorted): (&[u32], &[Reached]),
-    blocks: &mut [Block],
-    hulls: &mut [HullBlock],
-) {
-    let (mut block, mut hull) = (0, 0);
-    for cell in cells {
-        let [a, b, c] = [0, 1, 2].map(|i| first[2 * cell + i] as usize);
-        let at = copies.frame().cell_at(cell);
-        for (i, reached) in sorted[a..b].iter().enumerate() {
-            let ends = copies.ends_in(reached, at);
-            ends.write_block(&mut blocks[block + i / BLOCK], i % BLOCK);
-        }
-        for (i, reached) in sorted[b..c].iter().enumerate() {
-            let ends = copies.ends_in(reached, at);
-            ends.write_hull(&mut hulls[hull + i / BLOCK], i % BLOCK);
-        }
-        block += (b - a).div_ceil(BLOCK);
-        hull += (c - b).div_ceil(BLOCK);
-    }
 }

@@ -71,12 +71,14 @@ impl Peer {
         }
     }
 
-    /// Its cost at that relative noise.
-    pub(super) fn cost(&self, noise: f64) -> Cost {
-        Cost {
-            setup_s: self.setup_s,
-            noise_s: self.render_s * noise * noise,
-            memory_bytes: self.memory_bytes,
-        }
+    /// Its cost, for a picture of so many pixels along an edge with that relative noise.
+    pub(super) fn cost(&self, resolution: u32, noise: f64) -> Cost {
+        Cost::of_picture(
+            u64::from(resolution).pow(2),
+            self.setup_s,
+            self.render_s,
+            noise,
+            self.memory_bytes,
+        )
     }
 }

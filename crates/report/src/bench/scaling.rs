@@ -235,6 +235,7 @@ fn trial(
             scene,
             fabric,
             overrides,
+            crop: None,
             backend: choice.backend(),
             spp,
             seed: 3,

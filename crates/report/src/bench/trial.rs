@@ -20,6 +20,8 @@ pub(super) struct Figures {
     pub backend: String,
     pub kernel_refused: Option<String>,
     pub setup_cpu_s: f64,
+    /// Of `render_cpu_s`, before the first sample.
+    pub prepare_cpu_s: f64,
     pub render_cpu_s: f64,
     pub render_s: f64,
     pub peak_memory_bytes: Option<u64>,
@@ -41,6 +43,8 @@ pub(super) struct Trial {
     /// The fabric that the scene shows.
     pub fabric: PathBuf,
     pub overrides: Vec<String>,
+    /// The part of the picture that is rendered, if not all of it: left, top, right, bottom.
+    pub crop: Option<[u32; 4]>,
     pub backend: &'static str,
     pub spp: u64,
     pub seed: u64,
@@ -179,6 +183,10 @@ impl<'a> Laboratory<'a> {
             "--quiet".to_owned(),
             "--json".to_owned(),
         ];
+        arguments.extend(trial.crop.map(|c| {
+            let [left, top, right, bottom] = c;
+            format!("--crop={left},{top},{right},{bottom}")
+        }));
         arguments.extend(threads.map(|n| format!("--threads={n}")));
         arguments.extend(self.max_memory_bytes.map(|n| format!("--max-memory={n}")));
         arguments.extend(trial.overrides.iter().map(|o| format!("--set={o}")));

@@ -4,7 +4,7 @@ use super::peer::Peer;
 use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::ReportError;
-use organza_measure::{Cost, NoisyPicture, PictureError, picture_error};
+use organza_measure::{Cost, NoisyPicture, PICTURE_PIXELS, PictureError, picture_error};
 use organza_scene::auto::choice::Choice;
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table::{Row, Traits};
@@ -95,6 +95,15 @@ impl BenchPlan {
         })
     }
 
+    /// Pixels along an edge of the picture for which a cache learns, whose middle is rendered:
+    /// costs are those of such a picture, and a smaller one would learn more of what it shows.
+    fn whole(&self) -> u32 {
+        let least = (PICTURE_PIXELS as f64).sqrt().ceil() as u32;
+        // Its middle has the same pixels.
+        let odd = |n: u32| n % 2;
+        (least + (odd(least) ^ odd(self.resolution))).max(self.resolution)
+    }
+
     /// The reference. Where only usual trackers are tried, it has the usual one, too.
     fn truth(&self) -> Choice {
         match self.every_tracker {
@@ -124,11 +133,24 @@ impl BenchPlan {
             // The name of a choice overrides all other settings.
             let mut overrides = self.set.clone();
             overrides.extend(choice.overrides(own_um));
+            let is_cached = choice.tracker == Tracker::Cached;
+            let whole = is_cached.then(|| self.whole());
+            overrides.extend(whole.iter().flat_map(|edge| {
+                let width_mm = view.pixel_mm * f64::from(*edge);
+                [
+                    format!("camera.width_mm={width_mm}"),
+                    format!("camera.resolution=[{edge},{edge}]"),
+                ]
+            }));
             let trial = Trial {
                 name: format!("{slug}-{}", choice.slug()),
                 scene: scene.clone(),
                 fabric: sample.path.clone(),
                 overrides,
+                crop: whole.map(|edge| {
+                    let low = (edge - self.resolution) / 2;
+                    [low, low, low + self.resolution, low + self.resolution]
+                }),
                 backend: choice.backend(),
                 spp,
                 seed,
@@ -150,7 +172,7 @@ impl BenchPlan {
                         choice,
                         rmse: error.rmse,
                         bias: error.bias,
-                        cost: cost(figures, error.noise),
+                        cost: cost(figures, self.resolution, error.noise),
                     },
                     noise: error.noise,
                     backend: figures.backend.clone(),
@@ -185,7 +207,7 @@ impl BenchPlan {
             match run(&choice, self.spp, SEED)? {
                 Outcome::Refused(why) => refusals.push(Refusal { choice, why }),
                 Outcome::Picture(picture, figures) => match &figures.kernel_refused {
-                    Some(why) if choice.tracker == Tracker::Kernel => {
+                    Some(why) if matches!(choice.tracker, Tracker::Kernel | Tracker::Cached) => {
                         refusals.push(Refusal {
                             choice,
                             why: why.clone(),
@@ -202,7 +224,7 @@ impl BenchPlan {
                 let error = picture_error(&picture, &truth)?;
                 Some(PeerResult {
                     program: p.program.clone(),
-                    cost: p.cost(error.noise),
+                    cost: p.cost(self.resolution, error.noise),
                     error,
                     picture,
                 })
@@ -217,10 +239,12 @@ impl BenchPlan {
     }
 }
 
-fn cost(figures: &Figures, noise: f64) -> Cost {
-    Cost {
-        setup_s: figures.setup_cpu_s,
-        noise_s: figures.render_cpu_s * noise * noise,
-        memory_bytes: figures.peak_memory_bytes.unwrap_or(0),
-    }
+fn cost(figures: &Figures, resolution: u32, noise: f64) -> Cost {
+    Cost::of_picture(
+        u64::from(resolution).pow(2),
+        figures.setup_cpu_s + figures.prepare_cpu_s,
+        figures.render_cpu_s - figures.prepare_cpu_s,
+        noise,
+        figures.peak_memory_bytes.unwrap_or(0),
+    )
 }

@@ -74,7 +74,10 @@ impl Choice {
         }
         let surfaces = built().filter(|r| matches!(r.build, Build::Surface(_)) && is_ready(r));
         list.extend(surfaces.map(Choice::usual));
-        let fibres = own(&&EXPLICIT_FIBRES);
+        // Pictures are rendered with a cache of radiance, whose error is known by trying.
+        let fibres = EXPLICIT_FIBRES.trackers.iter();
+        let fibres = fibres.filter(|t| every_tracker || **t == Tracker::Cached);
+        let fibres = fibres.map(|t| Choice::of(&EXPLICIT_FIBRES, *t));
         list.extend(fibres.filter(|choice| *choice != truth));
         list
     }
@@ -82,16 +85,16 @@ impl Choice {
     /// In words, for a fabric of that voxel size.
     pub fn description(&self, own_voxel_um: f32) -> String {
         if self.model.voxels().is_none() {
-            let by_kernel = if self.tracker == Tracker::Kernel {
-                ", kernel"
-            } else {
-                ""
+            let how = match self.tracker {
+                Tracker::Kernel => ", kernel",
+                Tracker::Cached => " with a cache of radiance",
+                Tracker::Woodcock | Tracker::Regular => "",
             };
-            return format!("{}{by_kernel}", self.model.title);
+            return format!("{}{how}", self.model.title);
         }
         let tracker = match self.tracker {
             usual if self.model.trackers.first() == Some(&usual) => "",
-            Tracker::Kernel => ", kernel",
+            Tracker::Kernel | Tracker::Cached => ", kernel",
             Tracker::Woodcock => ", Woodcock tracking",
             Tracker::Regular => ", exact stepping",
         };
@@ -110,7 +113,7 @@ impl Choice {
             format!("{model}-x{}-l{}-{tracker}", self.voxel_scale, self.level)
         } else {
             match self.tracker {
-                Tracker::Kernel => format!("{model}-{tracker}"),
+                Tracker::Kernel | Tracker::Cached => format!("{model}-{tracker}"),
                 Tracker::Woodcock | Tracker::Regular => model.to_owned(),
             }
         }
@@ -126,6 +129,10 @@ impl Choice {
         let mut list = vec![
             format!("render.integrator={integrator}"),
             format!("object.0.model={}", self.model.name),
+            match self.tracker {
+                Tracker::Cached => "render.cache=second-fibre".into(),
+                _ => "render.cache=off".into(),
+            },
         ];
         if self.model.voxels().is_some() {
             list.push(format!("object.0.lod={}", self.level));
@@ -148,7 +155,7 @@ impl Choice {
     pub fn backend(&self) -> &'static str {
         match self.tracker {
             // By the processor: a bench counts its seconds.
-            Tracker::Kernel => "cpu",
+            Tracker::Kernel | Tracker::Cached => "cpu",
             Tracker::Woodcock | Tracker::Regular => "walk",
         }
     }

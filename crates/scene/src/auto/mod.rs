@@ -17,15 +17,17 @@ use crate::memory::free_memory_bytes;
 use crate::object::{ClothTable, ObjectTable};
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, Representation, Tracker};
 use crate::scene_build;
-use crate::scene_file::{IntegratorName, SceneFile};
+use crate::scene_file::{CacheName, IntegratorName, SceneFile};
 use crate::{drape, read};
+use choice::Choice;
 use lit::Lit;
 use organza_basis::SegmentSource;
 use organza_light::LightTable;
+use organza_measure::{Cost, PICTURE_PIXELS};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
-use table::{Recommendation, Traits, candidates, nearest, recommend};
+use table::{Candidate, Recommendation, Traits, candidates, nearest, recommend};
 
 /// Error of a pixel, of model and noise together, that is tolerated unless a
 /// cloth says otherwise: a share of the picture's mean.
@@ -85,7 +87,13 @@ pub fn resolve(
         if file.render.integrator == IntegratorName::Fibres {
             table.model = Some(ModelKey::Is(&EXPLICIT_FIBRES));
         } else {
-            list.push(choose(file, i, &mut table, scene_path, loader)?);
+            let chosen = choose(file, i, &mut table, scene_path, loader)?;
+            // The error of a cache would be above the tolerance, or its time longer.
+            let taken = chosen.recommendation.taken.choice;
+            if taken == Choice::usual(&EXPLICIT_FIBRES) && file.render.cache.is_none() {
+                file.render.cache = Some(CacheName::Off);
+            }
+            list.push(chosen);
         }
         table.tolerance = None;
         if let Some(slot) = file.object.get_mut(i) {
@@ -183,7 +191,11 @@ fn choose(
         Build::Surface(_) => (model.is_ready)(&fabric, &path, loader),
         Build::Voxels(_) => true,
     };
-    // The tracker that the scene will have; rows of others stand in where the table lacks it.
+    // A picture that learns its light takes the cache where it is within the tolerance.
+    let learns = file.render.cache_plan(seen.resolution).is_some();
+    let may_do_without = file.render.cache.is_none();
+    // The tracker that the scene will have without a cache; rows of others stand in where the
+    // table lacks it.
     let tracker = |model: &Representation| match &model.build {
         Build::Voxels(_) if regular => Tracker::Regular,
         Build::ExplicitFibres(_) | Build::Voxels(_) if !by_kernel => Tracker::Woodcock,
@@ -198,13 +210,25 @@ fn choose(
         all.any(|r| r.choice.model == model && r.choice.tracker == tracker)
     };
     let usable = of_view.iter().copied().filter(|r| {
-        let model = r.choice.model;
+        let (model, own) = (r.choice.model, r.choice.tracker);
+        let is_cache_measured = is_measured(model, Tracker::Cached);
+        if own == Tracker::Cached {
+            return learns && possible(model);
+        }
+        if learns && is_cache_measured && !may_do_without {
+            return false;
+        }
         let wanted = tracker(model);
-        let is_used = r.choice.tracker == wanted || !is_measured(model, wanted);
+        let is_used = own == wanted || !is_measured(model, wanted);
         is_used && possible(model)
     });
+    let pixels = seen.resolution.iter().map(|n| u64::from(*n)).product();
+    let of_picture = candidates(usable, &lit).into_iter().map(|one| Candidate {
+        cost: cost_of_picture(&one, pixels),
+        ..one
+    });
     let tolerance = table.tolerance.unwrap_or(TOLERANCE);
-    let recommendation = recommend(&candidates(usable, &lit), tolerance).ok_or_else(|| {
+    let recommendation = recommend(&of_picture.collect::<Vec<_>>(), tolerance).ok_or_else(|| {
         fail("model = \"auto\": no measurement applies to this cloth; set a model")
     })?;
     let choice = recommendation.taken.choice;
@@ -230,6 +254,19 @@ fn choose(
     })
 }
 
+/// What a candidate costs for a picture of so many pixels: a larger one has more samples, and
+/// learns more light.
+fn cost_of_picture(one: &Candidate, pixels: u64) -> Cost {
+    let cost = one.cost.for_pixels(pixels);
+    match one.choice.tracker {
+        Tracker::Cached if pixels > PICTURE_PIXELS => Cost {
+            setup_s: cost.setup_s * pixels as f64 / PICTURE_PIXELS as f64,
+            ..cost
+        },
+        _ => cost,
+    }
+}
+
 /// The keys of a cloth that make it what was chosen.
 fn set(table: &mut ClothTable, recommendation: &Recommendation, own_um: f32) {
     let choice = recommendation.taken.choice;
@@ -252,7 +289,8 @@ fn why(
 ) -> String {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let rmse = &r.taken.rmse;
-    let fibres_are_fastest = r.taken.choice.model == &EXPLICIT_FIBRES;
+    let is_fibres = r.taken.choice.model == &EXPLICIT_FIBRES;
+    let fibres_are_fastest = is_fibres && r.taken.choice.tracker != Tracker::Cached;
     let error = if fibres_are_fastest && r.taken.choice.tracker == Tracker::Kernel {
         "the reference itself, and the fastest within".to_owned()
     } else if fibres_are_fastest {

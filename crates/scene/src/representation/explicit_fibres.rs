@@ -10,7 +10,7 @@ pub static EXPLICIT_FIBRES: Representation = Representation {
     about: "Every fibre of the fabric: the ground truth of the others",
     colour: [0xc2, 0x3b, 0x6b],
     keys: &[],
-    trackers: &[Tracker::Kernel, Tracker::Woodcock],
+    trackers: &[Tracker::Kernel, Tracker::Cached, Tracker::Woodcock],
     drapes: true,
     is_ready: |_, _, _| true,
     check: |fabric, path, _| fabric.fibre_models(path).map(|_| ()),

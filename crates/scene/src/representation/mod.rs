@@ -171,6 +171,8 @@ pub enum Tracker {
     /// The vector kernel, many paths at once: delta tracking in voxels, cells of explicit
     /// fibres.
     Kernel,
+    /// The vector kernel, whose paths end where light was learned: `render.cache`.
+    Cached,
     /// The general walk: delta tracking in voxels, cells of explicit fibres, and surfaces.
     Woodcock,
     /// The general walk with exact stepping through voxels.
@@ -179,12 +181,18 @@ pub enum Tracker {
 
 impl Tracker {
     /// All of them.
-    pub const ALL: [Tracker; 3] = [Tracker::Kernel, Tracker::Woodcock, Tracker::Regular];
+    pub const ALL: [Tracker; 4] = [
+        Tracker::Kernel,
+        Tracker::Cached,
+        Tracker::Woodcock,
+        Tracker::Regular,
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Tracker::Kernel => "kernel",
+            Tracker::Cached => "cached",
             Tracker::Woodcock => "woodcock",
             Tracker::Regular => "regular",
         }

@@ -353,6 +353,7 @@ fn render(args: &RenderArgs) -> Result<()> {
         mut identity,
         why_walk,
     } = prepare(args, &built)?;
+    let prepare_cpu_s = cpu_seconds() - setup_cpu_s;
     let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
         Some(path) => {
             let why = why_walk.as_ref().map(ToString::to_string);
@@ -383,6 +384,7 @@ fn render(args: &RenderArgs) -> Result<()> {
     }
     let times = Times {
         setup_cpu_s,
+        prepare_cpu_s,
         render_cpu_s: cpu_seconds() - setup_cpu_s,
         render_s: began.elapsed().as_secs_f64(),
     };

@@ -21,6 +21,8 @@ use std::path::Path;
 pub struct Times {
     /// Before the first path, CPU.
     pub setup_cpu_s: f64,
+    /// Of `render_cpu_s`, before the first sample: sorting fibres into cells, learning light.
+    pub prepare_cpu_s: f64,
     /// Of the paths, CPU.
     pub render_cpu_s: f64,
     /// Of the paths, as it passed.
@@ -61,6 +63,7 @@ pub fn figures(
         "resolution": film.size().to_array(),
         "samples": rendering.taken().end - rendering.taken().start,
         "setup_cpu_s": times.setup_cpu_s,
+        "prepare_cpu_s": times.prepare_cpu_s,
         "render_cpu_s": times.render_cpu_s,
         "render_s": times.render_s,
         "total_s": total_s,
