@@ -259,5 +259,8 @@ fn auto_counts_with_the_cache_of_a_picture() {
     // The cache is off by about a tenth in such pixels.
     assert_eq!(taken(1024, 0.05, ""), "fibres kernel");
     let insists = taken(1024, 0.05, "cache = \"second-fibre\"");
-    assert!(!insists.ends_with("kernel") || !insists.starts_with("fibres"), "{insists}");
+    assert!(
+        !insists.ends_with("kernel") || !insists.starts_with("fibres"),
+        "{insists}"
+    );
 }

@@ -246,6 +246,19 @@ impl Fold {
         }
         all
     }
+
+    /// The same of the mean colour.
+    pub fn mean_variances(&self) -> [f64; 3] {
+        let mean = |texels: &Vec<[f64; 3]>, c: usize| {
+            texels.iter().map(|t| t[c]).sum::<f64>() / texels.len().max(1) as f64
+        };
+        [0, 1, 2].map(|c| {
+            let lists = self.without_strip.iter().filter(|list| !list.is_empty());
+            lists
+                .map(|list| jackknife(list.iter().map(|t| mean(t, c))))
+                .sum()
+        })
+    }
 }
 
 /// The variance of an estimate from those that leave out one of as many parts.

@@ -181,7 +181,10 @@ impl Cells {
             let cell = heads.partition_point(|head| of(head) as usize <= i) - 1;
             let [from, to] = [0, 1].map(|k| first[2 * cell + kind + k] as usize);
             let from = from + (i - of(&heads[cell]) as usize) * BLOCK;
-            (&sorted[from..to.min(from + BLOCK)], copies.frame().cell_at(cell))
+            (
+                &sorted[from..to.min(from + BLOCK)],
+                copies.frame().cell_at(cell),
+            )
         };
         let blocks = many(ends.0, |i| {
             let (pieces, at) = filled(|head| head.blocks, 0, i);

@@ -228,9 +228,10 @@ fn choose(
         ..one
     });
     let tolerance = table.tolerance.unwrap_or(TOLERANCE);
-    let recommendation = recommend(&of_picture.collect::<Vec<_>>(), tolerance).ok_or_else(|| {
-        fail("model = \"auto\": no measurement applies to this cloth; set a model")
-    })?;
+    let recommendation =
+        recommend(&of_picture.collect::<Vec<_>>(), tolerance).ok_or_else(|| {
+            fail("model = \"auto\": no measurement applies to this cloth; set a model")
+        })?;
     let choice = recommendation.taken.choice;
     let own_um = fabric.file.voxel.size_um;
     set(table, &recommendation, own_um);

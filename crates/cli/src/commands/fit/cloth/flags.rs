@@ -1,8 +1,9 @@
 //! The flags of a fit to photographs that no other fit has.
 
-use crate::flags::values::parse_positive;
+use crate::flags::values::{parse_crop, parse_positive, parse_share};
 use clap::Args;
 use organza_photograph::Vignetting;
+use organza_transport::Crop;
 use std::path::PathBuf;
 
 /// How photographs of a cloth were taken, and what is known of the cloth.
@@ -11,6 +12,12 @@ pub struct PhotographArgs {
     /// Cloths: the weave, by name or as a .wif file [default: recognised]
     #[arg(long, value_name = "NAME|FILE")]
     pub draft: Option<String>,
+    /// Cloths: least confidence in a draft that was not given, from 0 to 1 [default: 0, the most likely draft is taken]
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    pub accept: Option<f64>,
+    /// Cloths: the part of both photographs that is used, from pixel X0,Y0 at the upper left to before X1,Y1; --width-mm stays that of the whole photograph
+    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
+    pub crop: Option<Crop>,
     /// Cloths: folder for a page with photographs and pictures side by side
     #[arg(long, value_name = "FOLDER")]
     pub report: Option<PathBuf>,
@@ -36,9 +43,11 @@ pub struct PhotographArgs {
 
 impl PhotographArgs {
     /// Each flag, and whether it is given.
-    pub fn given(&self) -> [(&'static str, bool); 8] {
+    pub fn given(&self) -> [(&'static str, bool); 10] {
         [
             ("--draft", self.draft.is_some()),
+            ("--accept", self.accept.is_some()),
+            ("--crop", self.crop.is_some()),
             ("--report", self.report.is_some()),
             ("--camera-mm", self.camera_mm.is_some()),
             ("--light-mm", self.light_mm.is_some()),

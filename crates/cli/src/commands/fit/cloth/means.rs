@@ -16,7 +16,8 @@ const ENOUGH: f64 = 0.01;
 const REACH: f64 = 1.5;
 
 /// Finds colours with which the mean of the front is that of its photograph, both systems changed
-/// alike. The exposure of the other photograph, as a share of that of the front, is found too.
+/// alike. What white is in the other photograph, as a share of that of the front, is found for each
+/// channel: its lamp and its exposure are others.
 ///
 /// # Errors
 /// Those of the pictures.
@@ -47,19 +48,22 @@ pub fn matched(
     step();
     let pictures = search.render(&trial, search.effort(true, 500))?;
     search.place(&pictures, &mut placed);
-    let mut exposures = Vec::new();
+    let mut whites = Vec::new();
     let all = pictures.iter().zip(&placed).zip(&search.sides);
     let shown: Vec<Vec<[f64; 3]>> = all
         .map(|((picture, at), side)| {
             let mut shown = at.shown(picture, side);
             if side.index > 0 {
-                let channels = ratios(&shown, side);
-                let exposure = channels.iter().product::<f64>().cbrt();
-                shown.iter_mut().flatten().for_each(|v| *v *= exposure);
-                // The channels should agree on it.
-                let squares = channels.map(|r| (r / exposure).ln().powi(2));
-                let se = exposure * (squares.iter().sum::<f64>() / 6.0).sqrt();
-                exposures.push((exposure, se));
+                let white = ratios(&shown, side);
+                for texel in &mut shown {
+                    *texel = [0, 1, 2].map(|c| texel[c] * white[c]);
+                }
+                let mean = side.fold.mean_colour;
+                let variances = side.fold.mean_variances();
+                whites.extend([0, 1, 2].map(|c| {
+                    let se = white[c] * variances[c].sqrt() / mean[c].max(1e-6);
+                    (format!("back.white.{}", ["r", "g", "b"][c]), white[c], se)
+                }));
             }
             shown
         })
@@ -72,8 +76,8 @@ pub fn matched(
             colour.determined(search.model, &trial, moved[channel].abs())
         })
         .collect();
-    parameters.extend(exposures.into_iter().map(|(value, se)| Determined {
-        name: "back.exposure".to_owned(),
+    parameters.extend(whites.into_iter().map(|(name, value, se)| Determined {
+        name,
         value,
         se,
         is_fixed: se < FIXED * value,

@@ -20,7 +20,7 @@ mod unknowns;
 use super::flag_groups::{refuse_given, volume_flags};
 use super::{FitArgs, FitWhat, finish_with};
 use crate::error::input;
-use crate::output;
+use crate::output::{self, note};
 use crate::progress::Progress;
 use crate::waiting::Waiting;
 use agreement::Agreement;
@@ -43,8 +43,8 @@ const REPEATS: usize = 3;
 /// Share of the folded photograph that the best draft must explain.
 const MIN_LIKENESS: f64 = 0.6;
 
-/// Least confidence in a draft that was not given.
-const MIN_CONFIDENCE: f64 = 0.3;
+/// Below it the answer warns that its draft is a guess.
+const SURE: f64 = 0.3;
 
 /// Paths per texel of the trial cloth by default.
 const PATHS: u64 = 60;
@@ -174,8 +174,9 @@ fn see(
 /// How certain the draft of the best candidate is, from 0 to 1.
 ///
 /// # Errors
-/// Why no draft is certain enough, unless it `is_given` or a guess will do.
-fn confidence(seen: &Seen, is_given: bool, may_guess: bool) -> Result<f64, String> {
+/// No draft explains the photograph, unless it `is_given` or a guess will do, or none is as certain
+/// as must be accepted.
+fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Result<f64, String> {
     let none = |seen: String| PhotographError::NoWeave { seen }.to_string();
     let left = |c: &Candidate| 1.0 - c.likeness.of_fold;
     let Some(first) = seen.candidates.first() else {
@@ -200,11 +201,11 @@ fn confidence(seen: &Seen, is_given: bool, may_guess: bool) -> Result<f64, Strin
         None => first.likeness.of_fold,
         Some(second) => 1.0 - (left(first) / left(second).max(1e-9)).powi(2),
     };
-    if confidence < MIN_CONFIDENCE && !is_given && !may_guess {
+    if confidence < accepted && !is_given {
         let second = seen.candidates.get(1).map(|c| shown_name(&c.draft));
         return Err(none(format!(
             "{name} and {} are as similar (confidence {confidence:.2}, expected at least \
-             {MIN_CONFIDENCE}); give the weave with --draft",
+             {accepted}); give the weave with --draft",
             second.unwrap_or_default()
         )));
     }
@@ -276,7 +277,18 @@ pub fn run(args: &FitArgs) -> Result<()> {
         fail(PhotographError::NoWeave { seen }.to_string())
     })?;
     let is_even = ready.photographs.is_even;
-    let confidence = confidence(&seen, given.is_some(), is_even).map_err(fail)?;
+    let accepted = args.cloth.accept.unwrap_or(0.0);
+    let confidence = confidence(&seen, given.is_some(), is_even, accepted).map_err(fail)?;
+    if confidence < SURE && given.is_none() && !args.common.quiet {
+        let likely = seen.candidates.iter().take(3);
+        let likely: Vec<String> = likely.map(|c| shown_name(&c.draft)).collect();
+        note!(
+            "organza: warning: {}: the draft is a guess (confidence {confidence:.2}); as likely are {}; \
+             --draft chooses",
+            front.display(),
+            likely.join(", ")
+        );
+    }
     if is_even && let Some(first) = seen.candidates.first_mut() {
         *first = widest(&model, &seen.side, first, &mut step);
     }

@@ -5,17 +5,42 @@ use super::sides::direction;
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, picture};
 use crate::error::input;
 use anyhow::Result;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 use organza_photograph::{Photograph, Shading, ShadingSums, Straightened, Vignetting};
 use std::path::Path;
 use std::rc::Rc;
 
-/// A photograph from a file.
-fn read(args: &FitArgs, path: &Path) -> Result<Photograph> {
+/// The wanted part of a photograph from a file, and its share of the width.
+fn read(args: &FitArgs, path: &Path) -> Result<(Photograph, f64)> {
     let (size, pixels) = picture::read_picture(path, &args.common.host, args.memory.max_memory)?;
-    let rows: Vec<[f32; 3]> = pixels.iter().map(|p| p.0.to_array()).collect();
-    Photograph::new(size.x as usize, size.y as usize, &rows)
-        .map_err(|e| input(format!("{}: {e}", path.display())))
+    let (min, max) = match args.cloth.crop {
+        None => (UVec2::ZERO, size),
+        Some(crop) if crop.min.cmplt(crop.max).all() && crop.max.cmple(size).all() => {
+            (crop.min, crop.max)
+        }
+        Some(crop) => {
+            return Err(input(format!(
+                "--crop: {},{},{},{} is no part of {}, which has {} x {} pixels",
+                crop.min.x,
+                crop.min.y,
+                crop.max.x,
+                crop.max.y,
+                path.display(),
+                size.x,
+                size.y
+            )));
+        }
+    };
+    let of_row = |y: u32| {
+        let row = (y * size.x) as usize;
+        &pixels[row + min.x as usize..row + max.x as usize]
+    };
+    let part = (min.y..max.y).flat_map(of_row);
+    let part: Vec<[f32; 3]> = part.map(|p| p.0.to_array()).collect();
+    let part_size = (max - min).as_usizevec2();
+    let photograph = Photograph::new(part_size.x, part_size.y, &part)
+        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    Ok((photograph, part_size.x as f64 / f64::from(size.x)))
 }
 
 /// A photograph, and what makes it uneven.
@@ -97,11 +122,11 @@ impl Photographs {
                 "--width-mm: expected the width of the cloth in the photograph, mm",
             ));
         };
-        let photograph = read(args, front)?;
+        let (photograph, share) = read(args, front)?;
         let [w, h] = photograph.size();
-        let size_mm = DVec2::new(width_mm, width_mm * h as f64 / w as f64);
+        let size_mm = share * DVec2::new(width_mm, width_mm * h as f64 / w as f64);
         let back = args.back.as_deref();
-        let back = back.map(|path| read(args, path).map(|p| (path, p)));
+        let back = back.map(|path| read(args, path).map(|(p, _)| (path, p)));
         let back = back.transpose()?;
         if let Some((path, back)) = &back
             && back.size() != photograph.size()
