@@ -44,7 +44,7 @@ ORDER = [
 ]
 CELL, LABEL, GAP, COLUMNS = 256, 16, 4, 4
 MOST_BYTES = 300_000
-# Samples of a pixel in five minutes on two cores; fewer of cloths among whose hairs a path is long.
+# Samples of a pixel; fewer of cloths among whose hairs a path is long.
 SAMPLES = 32
 FEWER = {"tweed": 16, "jersey": 8, "terry": 8, "velvet": 16, "napkin": 16, "shirt": 16}
 # Samples of the unbiased part, and its seed.

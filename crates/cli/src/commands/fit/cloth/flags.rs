@@ -12,7 +12,7 @@ pub struct PhotographArgs {
     /// Cloths: the weave, by name or as a .wif file [default: recognised]
     #[arg(long, value_name = "NAME|FILE")]
     pub draft: Option<String>,
-    /// Cloths: least confidence in a draft that was not given, from 0 to 1 [default: 0, the most likely draft is taken]
+    /// Cloths: least confidence in a draft that was not given, a share such as 0.3 [default: any, the most likely draft is taken]
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub accept: Option<f64>,
     /// Cloths: the part of both photographs that is used, from pixel X0,Y0 at the upper left to before X1,Y1; --width-mm stays that of the whole photograph
