@@ -371,11 +371,6 @@ fn knits_and_noise_are_refused() {
         why.contains("--crop: 0,0,200,100 is no part of grey.exr, which has 128 x 128 pixels"),
         "{why}"
     );
-    let why = fit("grey.exr", &["--crop", "8,8,40,128"]);
-    assert!(
-        why.contains("grey.exr: ") && why.contains("32 x 120"),
-        "{why}"
-    );
     let why = complaint(
         &folder,
         &["fit", "--what", "fibres", "--data", "a.csv", "-o", "f.toml"],
