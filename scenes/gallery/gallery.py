@@ -361,7 +361,7 @@ def main():
             failures.append(name)
             print(f"{name}: {error}", file=sys.stderr, flush=True)
             continue
-        print(" | ".join(row(name, "-", all_figures[name]).values()), flush=True)
+        print(f"| {' | '.join(row(name, '-', all_figures[name]).values())} |", flush=True)
     if given.publish and all_figures:
         publish(all_figures, program, given)
     if failures:

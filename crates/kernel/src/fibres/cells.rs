@@ -176,7 +176,7 @@ impl Cells {
             cells.lists = Some(lists);
             return Ok(cells);
         }
-        // Each is written once: to touch so much memory takes longer than what stands in it.
+        // Each is written once: to write so much memory takes longer than to compute what stands in it.
         let filled = |of: fn(&Head) -> u32, kind: usize, i: usize| {
             let cell = heads.partition_point(|head| of(head) as usize <= i) - 1;
             let [from, to] = [0, 1].map(|k| first[2 * cell + kind + k] as usize);

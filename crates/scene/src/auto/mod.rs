@@ -19,7 +19,6 @@ use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, Representation, Tr
 use crate::scene_build;
 use crate::scene_file::{CacheName, IntegratorName, SceneFile};
 use crate::{drape, read};
-use choice::Choice;
 use lit::Lit;
 use organza_basis::SegmentSource;
 use organza_light::LightTable;
@@ -58,6 +57,9 @@ pub struct Chosen {
     pub measured_pixel_mm: f64,
     /// What the table recommends.
     pub recommendation: Recommendation,
+    #[serde(skip)]
+    /// Whether explicit fibres were taken without the cache that the picture would have.
+    walks_to_the_end: bool,
 }
 
 /// Puts what is chosen in the place of every `model = "auto"` of a scene. With
@@ -89,8 +91,7 @@ pub fn resolve(
         } else {
             let chosen = choose(file, i, &mut table, scene_path, loader)?;
             // The error of a cache would be above the tolerance, or its time longer.
-            let taken = chosen.recommendation.taken.choice;
-            if taken == Choice::usual(&EXPLICIT_FIBRES) && file.render.cache.is_none() {
+            if chosen.walks_to_the_end && file.render.cache.is_none() {
                 file.render.cache = Some(CacheName::Off);
             }
             list.push(chosen);
@@ -251,6 +252,10 @@ fn choose(
         tolerance,
         measured_on: like.fabric.clone(),
         measured_pixel_mm: like.pixel_mm,
+        walks_to_the_end: learns
+            && is_measured(&EXPLICIT_FIBRES, Tracker::Cached)
+            && choice.model == &EXPLICIT_FIBRES
+            && choice.tracker != Tracker::Cached,
         recommendation,
     })
 }
