@@ -45,6 +45,7 @@ mod refusals; // what is refused before it begins, and left as it was
 mod scan; // volumes from micro-CT slices
 mod scan_cloth; // flat tiles of tilted scans
 mod scan_slices; // slices in files of PNG
+mod shades; // bands beyond light, the sheet of a shade, and fits to measured ones
 mod slab; // the tracker against an independent renderer's slab
 mod stopping; // time limits and target errors
 mod studios; // cloths that come without a scene

@@ -1,9 +1,9 @@
-"""Mitsuba's plugin `measured` and Radiance's BSDF library read the tables of
+"""Mitsuba's plugin `measured`, Radiance's BSDF library and pyWinCalc read the tables of
 `organza measure` and find the values that organza measures at the same directions.
 
     python tests/peers/check_tables.py --organza target/release/organza
 
-Needs `pip install mitsuba==3.9.1 pyradiance==1.3.1 numpy`. Prints the differences; exits with 1
+Needs `pip install mitsuba==3.9.1 pyradiance==1.3.1 pywincalc==3.3.1 numpy`. Prints the differences; exits with 1
 at the first one that is too large. Every check has a twin, a damaged table or a reader with a
 mistake, that it must refuse.
 """
@@ -14,6 +14,7 @@ import tempfile
 
 import mitsuba as mi
 import numpy as np
+import pywincalc
 from pyradiance import bsdf as radiance
 
 mi.set_variant("scalar_rgb")
@@ -50,9 +51,10 @@ def show(name, difference, noise=None):
 class Organza:
     def __init__(self, program, folder):
         self.program, self.folder = program, pathlib.Path(folder)
+        self.fabric = FABRIC
 
     def measure(self, *arguments):
-        command = [self.program, "measure", FABRIC, "--quiet", *map(str, arguments)]
+        command = [self.program, "measure", self.fabric, "--quiet", *map(str, arguments)]
         subprocess.run(command, check=True)
 
     def table(self, name, *arguments):
@@ -246,6 +248,40 @@ def check_radiance(organza, rng):
             assert np.abs(seen / (share @ XYZ[1]) - 1).max() < 0.08
 
 
+def check_pywincalc(organza):
+    """A shade in light and under the sun, by the program that computes glazings."""
+    screen = ["--model", "fibres", "--bands", "visible,solar"]
+    organza.fabric = "scenes/fabrics/screen.toml"
+    file = organza.table("screen.xml", "--layout", "klems", "--spp", 4096, *screen)
+    sheet = organza.table("screen.csv", "--layout", "en14501", "--spp", 65536, *screen)
+    rows = [line.split(",") for line in sheet.read_text().splitlines() if "class" not in line]
+    sheet = {tuple(row[:3]): float(row[3]) for row in rows[1:]}
+    standards = pathlib.Path(pywincalc.__file__).parent / "standards"
+    glazing = pywincalc.GlazingSystem(
+        optical_standard=pywincalc.load_standard(str(standards / "W5_NFRC_2003.std")),
+        solid_layers=[pywincalc.parse_bsdf_xml_file(str(file))],
+        bsdf_hemisphere=pywincalc.BSDFHemisphere.create(pywincalc.BSDFBasisType.FULL),
+    )
+    # Shares of light: the diagonal of the file has 4096 paths, 0.5 % each of scattered light.
+    limit = 0.02
+    for band, method in (("visible", "PHOTOPIC"), ("solar", "SOLAR")):
+        found = glazing.optical_method_results(method).system_results
+        for side, found in (("face", found.front), ("back", found.back)):
+            pairs = {
+                "normal_hemispherical": found.transmittance.direct_hemispherical,
+                "normal_reflectance": found.reflectance.direct_hemispherical,
+                "diffuse_hemispherical": found.transmittance.diffuse_diffuse,
+                "diffuse_reflectance": found.reflectance.diffuse_diffuse,
+            }
+            for name, value in pairs.items():
+                expected = sheet[band, side, name]
+                print(f"pyWinCalc, {band}, {side}, {name}: {value:.4f}, sheet {expected:.4f}")
+                assert abs(value - expected) < limit
+    # The twin: light in place of the sun.
+    twin = sheet["visible", "face", "normal_reflectance"] - sheet["solar", "face", "normal_reflectance"]
+    assert abs(twin) > 2 * limit, twin
+
+
 def draw(organza, path):
     """The plane of the weft and that of the warp, as organza measures them and as the others
     read them from tables."""
@@ -291,6 +327,7 @@ def main():
         print(f"Mitsuba {mi.__version__}")
         check_mitsuba(organza, rng)
         check_radiance(organza, rng)
+        check_pywincalc(organza)
 
 
 if __name__ == "__main__":

@@ -149,6 +149,50 @@ impl KlemsBasis {
         list
     }
 
+    /// The total share of the light from a patch that a matrix transmits or reflects.
+    pub fn hemispherical(self, matrix: &KlemsMatrix, from: usize) -> [f64; 3] {
+        let n = self.len();
+        let mut sum = [0.0; 3];
+        for (to, patch) in self.patches().iter().enumerate() {
+            if let Some(value) = matrix.values.get(to * n + from) {
+                for (s, v) in sum.iter_mut().zip(value) {
+                    *s += v * patch.projected_sr();
+                }
+            }
+        }
+        sum
+    }
+
+    /// The share of evenly diffuse light that a matrix transmits or reflects.
+    pub fn diffuse(self, matrix: &KlemsMatrix) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (from, patch) in self.patches().iter().enumerate() {
+            let share = patch.projected_sr() / std::f64::consts::PI;
+            let through = self.hemispherical(matrix, from);
+            for (s, v) in sum.iter_mut().zip(through) {
+                *s += v * share;
+            }
+        }
+        sum
+    }
+
+    /// The share of light along the normal that a matrix of transmission lets through unscattered:
+    /// what its first entry has beyond the mean of the ring around it.
+    pub fn straight(self, matrix: &KlemsMatrix) -> [f64; 3] {
+        let (n, around) = (self.len(), usize::from(self.rings()[1].1));
+        let value = |to: usize| matrix.values.get(to * n).copied().unwrap_or_default();
+        let patch_sr = self.patches()[0].projected_sr();
+        std::array::from_fn(|c| {
+            let ring: f64 = (1..=around).map(|to| value(to)[c]).sum();
+            (patch_sr * (value(0)[c] - ring / around as f64)).max(0.0)
+        })
+    }
+
+    /// Square of the sine of the polar angle up to which light counts as along the normal.
+    pub fn beam_sin_squared(self) -> f64 {
+        self.patches()[0].theta_deg[1].to_radians().sin().powi(2)
+    }
+
     /// The patch that contains a direction of leaving light.
     fn index(self, w: Vec3) -> usize {
         let theta = f64::from(w.z.abs().min(1.0)).acos().to_degrees();
@@ -201,16 +245,7 @@ pub struct KlemsBsdf {
 impl KlemsBsdf {
     /// The total share of the light from a patch that a matrix transmits or reflects.
     pub fn hemispherical(&self, matrix: &KlemsMatrix, from: usize) -> [f64; 3] {
-        let n = self.basis.len();
-        let mut sum = [0.0; 3];
-        for (to, patch) in self.basis.patches().iter().enumerate() {
-            if let Some(value) = matrix.values.get(to * n + from) {
-                for (s, v) in sum.iter_mut().zip(value) {
-                    *s += v * patch.projected_sr();
-                }
-            }
-        }
-        sum
+        self.basis.hemispherical(matrix, from)
     }
 
     /// The middle of the patch from which light arrives.

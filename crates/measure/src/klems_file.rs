@@ -80,8 +80,31 @@ struct Material {
     name: String,
     #[serde(rename = "Manufacturer")]
     manufacturer: String,
+    #[serde(rename = "Thickness", skip_serializing_if = "Option::is_none")]
+    thickness: Option<Thickness>,
     #[serde(rename = "DeviceType")]
     device: String,
+    #[serde(
+        rename = "ThermalConductivity",
+        skip_serializing_if = "Option::is_none"
+    )]
+    conductivity: Option<f64>,
+    #[serde(rename = "EmissivityFront", skip_serializing_if = "Option::is_none")]
+    emissivity_front: Option<f64>,
+    #[serde(rename = "EmissivityBack", skip_serializing_if = "Option::is_none")]
+    emissivity_back: Option<f64>,
+    #[serde(rename = "TIR", skip_serializing_if = "Option::is_none")]
+    infrared_transmittance: Option<f64>,
+    #[serde(rename = "PermeabilityFactor", skip_serializing_if = "Option::is_none")]
+    permeability: Option<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Thickness {
+    #[serde(rename = "@unit", default)]
+    unit: String,
+    #[serde(rename = "$text", default)]
+    value: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -165,6 +188,12 @@ const DIRECTIONS: [&str; 4] = [
 /// Names of the measured bands.
 const BANDS: [&str; 3] = ["CIE-X", "Visible", "CIE-Z"];
 
+/// The place of light among them.
+const VISIBLE: usize = 1;
+
+/// The band of all of the sun's radiation, its spectrum and its detector.
+const SOLAR: [&str; 3] = ["Solar", "prEN 410 Table 2 AM1_0.ssp", "None"];
+
 /// Linear sRGB to XYZ over the XYZ of its white.
 pub(crate) const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
     DVec3::new(0.433_887, 0.212_639, 0.017_750),
@@ -172,11 +201,32 @@ pub(crate) const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
     DVec3::new(0.189_889, 0.072_192, 0.872_802),
 );
 
-/// The text of a file. `name` is the name of the cloth.
+/// A cloth under all of the sun's radiation, and what WINDOW wants to know of it beside that.
+#[derive(Clone, Copy, Debug)]
+pub struct SolarKlems<'a> {
+    /// Its matrices, all channels alike.
+    pub bsdf: &'a KlemsBsdf,
+    /// Thickness of the cloth.
+    pub thickness_mm: f64,
+    /// Share of light along the normal that meets nothing; the air and long waves pass there.
+    pub openness: f64,
+}
+
+/// Emissivity of the fibres for long waves, and how they conduct heat, W/(m K): estimated, values
+/// usual for polymers and cellulose. They are not measured here.
+const EMISSIVITY: f64 = 0.9;
+const CONDUCTIVITY: f64 = 0.15;
+
+/// The text of a file. `name` is the name of the cloth. With `solar` it has the two bands that
+/// WINDOW and pyWinCalc want, which refuse files with colours.
 ///
 /// # Errors
 /// A value that XML cannot hold.
-pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileError> {
+pub fn write_klems(
+    bsdf: &KlemsBsdf,
+    solar: Option<SolarKlems<'_>>,
+    name: &str,
+) -> Result<String, KlemsFileError> {
     let failed = |e: &dyn std::fmt::Display| KlemsFileError::Syntax(e.to_string());
     let rings = bsdf.basis.rings();
     let block = |(k, &(low_deg, count)): (usize, &(f64, u16))| {
@@ -191,19 +241,19 @@ pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileErro
             bounds: ThetaBounds { low_deg, high_deg },
         }
     };
-    let matrices = bsdf.transmission.iter().chain(&bsdf.reflection);
-    let data_of = |band: usize| WavelengthData {
-        layer: "System".into(),
-        wavelength: Wavelength {
-            unit: "Integral".into(),
-            name: BANDS.get(band).copied().unwrap_or_default().into(),
-        },
-        source: "CIE Illuminant D65 1nm.ssp".into(),
-        detector: "ASTM E308 1931 Y.dsp".into(),
-        blocks: DIRECTIONS
-            .iter()
-            .zip(matrices.clone())
-            .map(|(direction, matrix)| WavelengthDataBlock {
+    // One matrix for each set of data, as WINDOW writes them: pyWinCalc reads no more of a set.
+    // Grey values are the same in X, Y and Z.
+    let data_of = |[band, source, detector]: [&str; 3], bsdf: &KlemsBsdf, channel: usize| {
+        let matrices = bsdf.transmission.iter().chain(&bsdf.reflection);
+        let data = |(direction, matrix): (&&str, &KlemsMatrix)| WavelengthData {
+            layer: "System".into(),
+            wavelength: Wavelength {
+                unit: "Integral".into(),
+                name: band.into(),
+            },
+            source: source.into(),
+            detector: detector.into(),
+            blocks: vec![WavelengthDataBlock {
                 direction: (*direction).into(),
                 columns: bsdf.basis.name().into(),
                 rows: bsdf.basis.name().into(),
@@ -213,10 +263,27 @@ pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileErro
                     "BRDF"
                 }
                 .into(),
-                values: numbers(matrix, band, bsdf.basis.len()),
-            })
-            .collect(),
+                values: numbers(matrix, channel, bsdf.basis.len()),
+            }],
+        };
+        DIRECTIONS
+            .iter()
+            .zip(matrices)
+            .map(data)
+            .collect::<Vec<_>>()
     };
+    let light = ["CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"];
+    let channels = BANDS.iter().enumerate();
+    let mut data: Vec<_> = channels
+        .filter(|(channel, _)| solar.is_none() || *channel == VISIBLE)
+        .flat_map(|(channel, band)| data_of([band, light[0], light[1]], bsdf, channel))
+        .collect();
+    data.extend(
+        solar
+            .into_iter()
+            .flat_map(|solar| data_of(SOLAR, solar.bsdf, VISIBLE)),
+    );
+    let emissivity = solar.map(|s| EMISSIVITY * (1.0 - s.openness));
     let file = WindowElement {
         namespace: "http://windows.lbl.gov".into(),
         kind: "System".into(),
@@ -225,7 +292,16 @@ pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileErro
                 material: Material {
                     name: name.into(),
                     manufacturer: "organza".into(),
+                    thickness: solar.map(|s| Thickness {
+                        unit: "Millimeter".into(),
+                        value: s.thickness_mm,
+                    }),
                     device: "Other".into(),
+                    conductivity: solar.map(|_| CONDUCTIVITY),
+                    emissivity_front: emissivity,
+                    emissivity_back: emissivity,
+                    infrared_transmittance: solar.map(|s| s.openness),
+                    permeability: solar.map(|s| s.openness),
                 },
                 definition: DataDefinition {
                     structure: "Columns".into(),
@@ -234,7 +310,7 @@ pub fn write_klems(bsdf: &KlemsBsdf, name: &str) -> Result<String, KlemsFileErro
                         rings: rings.iter().enumerate().map(block).collect(),
                     }],
                 },
-                data: (0..BANDS.len()).map(data_of).collect(),
+                data,
             },
         },
     };
@@ -259,24 +335,80 @@ fn numbers(matrix: &KlemsMatrix, band: usize, per_row: usize) -> String {
     text
 }
 
-/// Reads a file: its channels if it has them, otherwise visible light as grey. If transmission
-/// from the back is missing, it follows from that of the front by reciprocity; reflection must
-/// be given for both sides.
+/// Which light the matrices of a file are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KlemsBand {
+    /// Light: the channels if the file has them, otherwise grey.
+    Visible,
+    /// All of the sun's radiation, grey.
+    Solar,
+}
+
+/// Those matrices that a file has, light from the front first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KlemsParts {
+    /// The basis of the patches.
+    pub basis: KlemsBasis,
+    /// Transmission of light from the front and from the back.
+    pub transmission: [Option<KlemsMatrix>; 2],
+    /// Reflection of light from the front and from the back.
+    pub reflection: [Option<KlemsMatrix>; 2],
+}
+
+/// Reads a file. If transmission from the back is missing, it follows from that of the front by
+/// reciprocity; reflection must be given for both sides.
 ///
 /// # Errors
 /// See [`KlemsFileError`].
 pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
+    let parts = read_klems_parts(text, KlemsBand::Visible)?;
+    let n = parts.basis.len();
+    let turned = |m: &KlemsMatrix| KlemsMatrix {
+        values: (0..n * n)
+            .map(|k| {
+                m.values
+                    .get((k % n) * n + k / n)
+                    .copied()
+                    .unwrap_or_default()
+            })
+            .collect(),
+        se: m.se.clone(),
+    };
+    let [front, back] = parts.transmission;
+    let front = front.or_else(|| back.as_ref().map(turned));
+    let front = front.ok_or(KlemsFileError::Missing("Transmission Front"))?;
+    let back = back.unwrap_or_else(|| turned(&front));
+    let [reflected, reflected_back] = parts.reflection;
+    Ok(KlemsBsdf {
+        basis: parts.basis,
+        transmission: [front, back],
+        reflection: [
+            reflected.ok_or(KlemsFileError::Missing("Reflection Front"))?,
+            reflected_back.ok_or(KlemsFileError::Missing("Reflection Back"))?,
+        ],
+    })
+}
+
+/// Reads what a file has of a band; nothing of a band that it does not have.
+///
+/// # Errors
+/// See [`KlemsFileError`]; a file without any matrix of light.
+pub fn read_klems_parts(text: &str, band: KlemsBand) -> Result<KlemsParts, KlemsFileError> {
     let file: WindowElement =
         quick_xml::de::from_str(text).map_err(|e| KlemsFileError::Syntax(e.to_string()))?;
     let layer = file.optical.layer;
     if layer.definition.structure.trim() != "Columns" {
         return Err(KlemsFileError::Structure(layer.definition.structure));
     }
+    let names: &[&str] = match band {
+        KlemsBand::Visible => &BANDS,
+        KlemsBand::Solar => &SOLAR[..1],
+    };
     let mut basis = None;
     let mut found: [[Option<Vec<f64>>; 4]; 3] = Default::default();
     for data in &layer.data {
-        let band = data.wavelength.name.trim();
-        let Some(bands) = BANDS.iter().position(|b| b.eq_ignore_ascii_case(band)) else {
+        let name = data.wavelength.name.trim();
+        let Some(channel) = names.iter().position(|b| b.eq_ignore_ascii_case(name)) else {
             continue;
         };
         for block in &data.blocks {
@@ -299,51 +431,34 @@ pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
                 }
             }
             let expected = basis.map_or(0, |b: KlemsBasis| b.len() * b.len());
-            let label = format!("{band}, {}", block.direction.trim());
-            if let Some(slot) = found.get_mut(bands).and_then(|f| f.get_mut(which)) {
+            let label = format!("{name}, {}", block.direction.trim());
+            if let Some(slot) = found.get_mut(channel).and_then(|f| f.get_mut(which)) {
                 *slot = Some(parse_numbers(&block.values, label, expected)?);
             }
         }
     }
-    let [x, visible, z] = found;
     let basis = basis.ok_or(KlemsFileError::Missing("Reflection Front"))?;
-    let n = basis.len();
     let combine = |which: usize| -> Option<KlemsMatrix> {
-        let y = visible.get(which)?.as_ref()?;
-        let values: Vec<[f64; 3]> = match (x.get(which)?, z.get(which)?) {
-            (Some(x), Some(z)) => {
+        let channel = |c: usize| found.get(c)?.get(which)?.as_ref();
+        let colours = channel(0).zip(channel(2));
+        let values: Vec<[f64; 3]> = match (colours, band) {
+            (Some((x, z)), KlemsBand::Visible) => {
                 let rgb_from_xyz = XYZ_FROM_RGB.inverse();
                 let rgb = |((&x, &y), &z)| rgb_from_xyz * DVec3::new(x, y, z);
-                let all = x.iter().zip(y).zip(z).map(rgb);
+                let all = x.iter().zip(channel(VISIBLE)?).zip(z).map(rgb);
                 // Rounding and colours outside sRGB would give negative values.
                 all.map(|v| v.max(DVec3::ZERO).to_array()).collect()
             }
-            _ => y.iter().map(|&y| [y; 3]).collect(),
+            (_, KlemsBand::Visible) => channel(VISIBLE)?.iter().map(|&y| [y; 3]).collect(),
+            (_, KlemsBand::Solar) => channel(0)?.iter().map(|&y| [y; 3]).collect(),
         };
         let se = vec![[0.0; 3]; values.len()];
         Some(KlemsMatrix { values, se })
     };
-    let turned = |m: &KlemsMatrix| KlemsMatrix {
-        values: (0..n * n)
-            .map(|k| {
-                m.values
-                    .get((k % n) * n + k / n)
-                    .copied()
-                    .unwrap_or_default()
-            })
-            .collect(),
-        se: m.se.clone(),
-    };
-    let front = combine(0).or_else(|| combine(1).map(|m| turned(&m)));
-    let front = front.ok_or(KlemsFileError::Missing("Transmission Front"))?;
-    let back = combine(1).unwrap_or_else(|| turned(&front));
-    Ok(KlemsBsdf {
+    Ok(KlemsParts {
         basis,
-        transmission: [front, back],
-        reflection: [
-            combine(2).ok_or(KlemsFileError::Missing("Reflection Front"))?,
-            combine(3).ok_or(KlemsFileError::Missing("Reflection Back"))?,
-        ],
+        transmission: [combine(0), combine(1)],
+        reflection: [combine(2), combine(3)],
     })
 }
 
@@ -393,7 +508,7 @@ mod tests {
 
     #[test]
     fn files_are_read_as_they_were_written() {
-        let text = write_klems(&bsdf(), "a <b> & c").unwrap();
+        let text = write_klems(&bsdf(), None, "a <b> & c").unwrap();
         assert!(text.contains("a &lt;b&gt; &amp; c"));
         let (read, written) = (read_klems(&text).unwrap(), bsdf());
         let all = |b: &KlemsBsdf| -> Vec<f64> {
@@ -419,10 +534,40 @@ mod tests {
         assert_eq!(read.transmission[1].values[3 * n + 5], front[5 * n + 3]);
     }
 
+    /// A file with both bands has no colours, and the material's figures; light is read from it.
+    #[test]
+    fn both_bands_stand_in_one_file() {
+        let mut sun = bsdf();
+        for matrix in sun.transmission.iter_mut().chain(&mut sun.reflection) {
+            matrix.values.iter_mut().for_each(|v| *v = [0.25; 3]);
+        }
+        let solar = SolarKlems {
+            bsdf: &sun,
+            thickness_mm: 0.5,
+            openness: 0.1,
+        };
+        let text = write_klems(&bsdf(), Some(solar), "x").unwrap();
+        let bands: Vec<_> = text
+            .split("<Wavelength unit=\"Integral\">")
+            .skip(1)
+            .collect();
+        assert_eq!(bands.len(), 2 * 4, "no colours");
+        for (place, band) in bands.iter().enumerate() {
+            let is_solar = place >= 4;
+            assert!(band.starts_with(if is_solar { "Solar<" } else { "Visible<" }));
+            assert_eq!(band.contains("2.500000e-1, 2.500000e-1"), is_solar);
+        }
+        assert!(text.contains("<EmissivityBack>0.81</EmissivityBack>"));
+        assert!(text.contains("<PermeabilityFactor>0.1</PermeabilityFactor>"));
+        let read = read_klems(&text).unwrap();
+        let [x, y, z] = read.reflection[0].values[5];
+        assert!(x == y && y == z && x != 0.25);
+    }
+
     /// The file gives the middle of every ring and its borders, which lie between middles.
     #[test]
     fn rings_have_their_middles() {
-        let text = write_klems(&bsdf(), "x").unwrap();
+        let text = write_klems(&bsdf(), None, "x").unwrap();
         let middles = text.split("<Theta>").skip(1);
         let middles = middles.map(|rest| rest.split('<').next().unwrap().parse().unwrap());
         let middles: Vec<f64> = middles.collect();
@@ -435,7 +580,7 @@ mod tests {
 
     #[test]
     fn mistakes_are_reported() {
-        let text = write_klems(&bsdf(), "x").unwrap();
+        let text = write_klems(&bsdf(), None, "x").unwrap();
         let say = |text: &str| read_klems(text).unwrap_err().to_string();
         assert!(say("<a/>").contains("Optical"));
         let words = say(&text.replacen("Klems Quarter</Col", "Klems Quarte</Col", 1));

@@ -62,7 +62,10 @@ mod picture_moments;
 mod pixel_patch;
 mod polynomial_map;
 mod polynomial_map_file;
+mod shade;
+mod shade_class;
 mod sharpening;
+mod solar_patch;
 mod surface_patch;
 mod sweep;
 mod table;
@@ -85,7 +88,9 @@ pub use goniometer::{
 };
 pub use held_out::{HeldOutError, HeldOutKind, held_out_bound, held_out_errors, held_out_pairs};
 pub use klems::{KlemsBasis, KlemsBsdf, KlemsMatrix, KlemsPatch, measure_klems};
-pub use klems_file::{KlemsFileError, read_klems, write_klems};
+pub use klems_file::{
+    KlemsBand, KlemsFileError, KlemsParts, SolarKlems, read_klems, read_klems_parts, write_klems,
+};
 pub use layout::{
     grid_directions, grid_layout, in_plane_layout, irawan_exitant, irawan_incident, irawan_layout,
 };
@@ -104,7 +109,10 @@ pub use polynomial_map::{
     MapEffort, PolynomialMap, measure_polynomial_map, memory_bytes as polynomial_map_memory_bytes,
 };
 pub use polynomial_map_file::write_polynomial_map;
+pub use shade::{ShadeFigures, Share, SideShares, measure_shade, measure_sides};
+pub use shade_class::{ShadeClass, ShadeClasses};
 pub use sharpening::{MOST_STEPS, Sharpened, Sharpening};
+pub use solar_patch::SolarPatch;
 pub use surface_patch::SurfacePatch;
 pub use sweep::{
     LampAxis, LampPosition, SweepValue, front_and_back, lamp_positions, measure_sweep,

@@ -9,7 +9,7 @@ use crate::finish_optics;
 use crate::large_design;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
-use crate::optics::{self, OpticsFile};
+use crate::optics::{self, Band, OpticsFile, OpticsTable};
 use crate::ply_table;
 use crate::print_file;
 use crate::read;
@@ -36,6 +36,8 @@ pub struct Fabric {
     pub(crate) volumes: Vec<Option<WovenVolume>>,
     /// Optics tables, highest precedence first.
     pub(crate) optics: Vec<OpticsFile>,
+    /// The band in which the fibres are seen.
+    pub(crate) band: Band,
     /// The file with all overrides, and those that it names.
     pub(crate) sources: Vec<SourceFile>,
 }
@@ -97,6 +99,7 @@ pub fn load_changed(
         synthesis,
         volumes,
         optics,
+        band: Band::default(),
         sources: sources.into_inner(),
     })
 }
@@ -126,6 +129,7 @@ pub fn from_sources(path: &Path, sources: &[SourceFile]) -> Result<Fabric> {
         synthesis,
         volumes,
         optics,
+        band: Band::default(),
         sources: sources.to_vec(),
     })
 }
@@ -219,12 +223,33 @@ impl Fabric {
         &self.sources
     }
 
+    /// Shows the fibres in a band, as `[optics.YARN.BAND]` says.
+    ///
+    /// # Errors
+    /// A yarn without such a table, by its name.
+    pub fn show_in(&mut self, band: Band) -> std::result::Result<(), String> {
+        let lacks = |m: &&Material| {
+            let table = optics::of_material(&self.optics, m);
+            band != Band::Visible && table.band(band).is_none()
+        };
+        if let Some(material) = self.cloth.materials().iter().find(lacks) {
+            return Err(material.yarn.clone());
+        }
+        self.band = band;
+        Ok(())
+    }
+
+    /// What holds for a material in the band that is shown.
+    fn seen(&self, optics: &[OpticsFile], material: &Material) -> OpticsTable {
+        optics::of_material(optics, material).in_band(self.band)
+    }
+
     /// How each material of the cloth scatters.
     pub fn flake_optics(&self) -> Vec<FlakeOptics> {
         self.cloth
             .materials()
             .iter()
-            .map(|m| optics::of_material(&self.optics, m).flakes(m.colour))
+            .map(|m| self.seen(&self.optics, m).flakes(m.colour))
             .collect()
     }
 
@@ -237,7 +262,7 @@ impl Fabric {
             .materials()
             .iter()
             .map(|m| {
-                let table = optics::of_material(&self.optics, m);
+                let table = self.seen(&self.optics, m);
                 fibre_model::clear_fibre(&table, m)
                     .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
             })
@@ -334,7 +359,7 @@ impl Fabric {
     /// The same with other optics tables.
     fn fibre_models_of(&self, optics: &[OpticsFile], path: &Path) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
-            fibre_model::of_optics(&optics::of_material(optics, m), m)
+            fibre_model::of_optics(&self.seen(optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
         self.cloth.materials().iter().map(fibre).collect()

@@ -13,6 +13,10 @@ use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 use std::collections::BTreeMap;
 use std::fmt;
 
+mod band;
+
+pub use band::{Band, BandTable};
+
 /// Tables by yarn; [`EVERY_YARN`] stands for all.
 pub type OpticsFile = BTreeMap<String, OpticsList>;
 
@@ -67,6 +71,10 @@ pub struct OpticsTable {
     pub section: Option<String>,
     /// A fibre fitted to photographs, instead of all that.
     pub fitted: Option<FittedValue>,
+    /// The fibres in the near infrared.
+    pub nir: Option<BandTable>,
+    /// The fibres under all of the sun's radiation.
+    pub solar: Option<BandTable>,
 }
 
 /// `fitted`: the name of a preset, or a table.
@@ -137,6 +145,8 @@ impl OpticsTable {
             azimuthal_deg: self.azimuthal_deg.or(clear(under.azimuthal_deg)),
             section: self.section.or(under.section.filter(|_| !fitted)),
             fitted: self.fitted.or(under.fitted.filter(|_| !dielectric)),
+            nir: self.nir.or(under.nir),
+            solar: self.solar.or(under.solar),
         }
     }
 
@@ -177,6 +187,10 @@ impl OpticsTable {
                 ".{}: sets the same property as `{}`; give one of them",
                 second.0, first.0
             ));
+        }
+        for band in [Band::Nir, Band::Solar] {
+            let own = self.band(band).map_or(Ok(()), BandTable::check);
+            own.map_err(|why| format!(".{}{why}", band.name()))?;
         }
         fibre_model::check(self)
     }
@@ -318,6 +332,16 @@ pub fn albedo_for_colour(colour: Rgb) -> Rgb {
         (1.0 - s * s).clamp(0.0, 1.0)
     };
     Rgb::from(<[f32; 3]>::from(colour).map(channel))
+}
+
+/// The diffuse albedo of a half-space of isotropic scatterers, the inverse of
+/// [`albedo_for_colour`].
+fn colour_for_albedo(albedo: Rgb) -> Rgb {
+    let channel = |a: f32| {
+        let s = (1.0 - a.clamp(0.0, 1.0)).sqrt();
+        (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s)
+    };
+    Rgb::from(<[f32; 3]>::from(albedo).map(channel))
 }
 
 impl<'de> Deserialize<'de> for OpticsList {

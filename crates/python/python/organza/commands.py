@@ -133,6 +133,7 @@ def measure(
     target_error: Optional[float] = None,
     grid: Optional[Sequence[int]] = None,
     klems_basis: Optional[str] = None,
+    bands: Optional[Sequence[str]] = None,
     step: Optional[float] = None,
     tree_rank: Optional[int] = None,
     tree_depth: Optional[int] = None,
@@ -166,7 +167,10 @@ def measure(
         are None. ``grid=(polar, azimuths)``, ``klems_basis`` and ``step`` belong to them. With
         an ``outfile`` also ``tensor-tree`` (``.xml``; ``tree_rank``, ``tree_depth``,
         ``prune``), ``rgl`` (``.bsdf``; ``rgl_grid``) and ``ptm`` (``.ptm``; ``ptm_lamps``,
-        ``texels``), see docs/tables.md.
+        ``texels``), see docs/tables.md. ``en14501``: the sheet of a shade.
+    bands
+        ``visible``, ``nir`` or ``solar``, of a fabric; ``["visible", "solar"]`` with a
+        ``klems`` table in an ``.xml`` file and with ``en14501``. ``visible`` if None.
     albedo
         Measure where light from each direction goes instead of the BSDF of pairs.
     model
@@ -190,7 +194,9 @@ def measure(
         ``phi_i``, ``theta_o``, ``phi_o`` (n,), ``rgb`` (n, 3) in 1/sr, ``se_rgb`` its standard
         error. Albedo: ``theta_i``, ``phi_i``; ``reflected``, ``transmitted``, ``direct``,
         ``absorbed`` (n, 3), each with ``se_``; ``openness``. Klems: also the four matrices
-        (to, from, 3). Tensor tree: float32 matrices (from, to, 3). Sweep: ``axis`` (0 weft, 1 warp), ``angle``, ``rgb``, ``se_rgb``.
+        (to, from, 3). Tensor tree: float32 matrices (from, to, 3). Sweep: ``axis`` (0 weft, 1 warp),
+        ``angle``, ``rgb``, ``se_rgb``. Shade: ``sheet`` (``band``, ``side``, ``quantity``, ``value``,
+        ``se``) and ``classes``.
 
     Other parameters and exceptions are those of :func:`render`.
     """
@@ -202,7 +208,7 @@ def measure(
         layout = "irawan"
     options = dict(
         pairs=pairs, layout=layout, albedo=albedo, model=model, spp=spp, seed=seed,
-        target_error=target_error, grid=grid, klems_basis=klems_basis, step=step,
+        target_error=target_error, grid=grid, klems_basis=klems_basis, bands=bands, step=step,
         tree_rank=tree_rank, tree_depth=tree_depth, prune=prune, rgl_grid=rgl_grid,
         ptm_lamps=ptm_lamps, rows=rows,
         level=level, voxel_um=voxel_um, texels=texels, outfile=outfile, set=set,

@@ -94,6 +94,14 @@ fn mistakes_are_reported() {
             ".silk.fitted: colour_r is 2, expected 0 to 1 in every channel",
         ),
         (
+            "[silk.nir]\ncolour = 1.5\n",
+            ".silk.nir.colour: expected a number from 0 to 1, found 1.5",
+        ),
+        (
+            "[silk.solar]\n",
+            ".silk.solar.colour: is missing, as is `albedo`",
+        ),
+        (
             "[[silk]]\nthread = [0.0, 0.0, 1.0]\n",
             ".silk.thread: no thread has this colour; there are [0.800, 0.100, 0.100]",
         ),
@@ -116,11 +124,38 @@ fn colours_and_albedos_invert_each_other() {
     for i in 0..=20 {
         let r = i as f32 / 20.0;
         let albedo = albedo_for_colour(Rgb::splat(r)).0.x;
-        let s = (1.0 - albedo).sqrt();
-        let back = (1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s);
+        let back = colour_for_albedo(Rgb::splat(albedo)).0.x;
         assert!(
             (back - r).abs() < 16.0 * f32::EPSILON,
             "{r}: {albedo} gives {back}"
         );
     }
+}
+
+/// In a band fibres keep their widths and lose their colours; tables of a yarn go before those of
+/// all.
+#[test]
+fn bands_have_their_own_brightness() {
+    let file = read(
+        "['*']\nior = 1.4\nnir = { colour = 0.5 }\n\
+         [silk]\ncolour = [0.9, 0.1, 0.1]\nlongitudinal_deg = 9.0\n\
+         [wool]\nfitted = 'silk'\nnir = { albedo = 0.9 }\n",
+    )
+    .unwrap();
+    let materials = [material("silk", Some(RED)), material("wool", Some(RED))];
+    check(&file, &materials).unwrap();
+    let files = [file];
+    let [silk, wool] = [0, 1].map(|i| of_material(&files, &materials[i]));
+    assert_eq!(silk.clone().in_band(Band::Solar).colour, silk.colour);
+    let seen = silk.in_band(Band::Nir);
+    assert_eq!(seen.colour, Some([0.5; 3]));
+    assert_eq!((seen.ior, seen.longitudinal_deg), (Some(1.4), Some(9.0)));
+    assert_eq!(
+        seen.flakes(Some(RED.into())).albedo,
+        albedo_for_colour(Rgb::splat(0.5))
+    );
+    let seen = wool.in_band(Band::Nir);
+    assert!(seen.fitted.is_none() && seen.albedo == Some([0.9; 3]));
+    let heap = colour_for_albedo(Rgb::splat(0.9)).0.to_array();
+    assert_eq!(seen.colour, Some(heap));
 }

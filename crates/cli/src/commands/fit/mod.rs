@@ -12,6 +12,7 @@ mod fibres;
 mod flag_groups;
 mod picture;
 mod plies;
+mod shade;
 mod surface;
 mod volume;
 mod volume_picture;
@@ -213,6 +214,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     flag_groups::refuse_volume_flags(args)?;
     with_threads(&args.common, || match args.what {
         FitWhat::Surface => surface::run(args),
+        FitWhat::Fibres if shade::is_shade(args) => shade::run(args),
         FitWhat::Fibres => fibres::run(args),
         FitWhat::Picture => picture::run(args),
         FitWhat::Plies => plies::run(args),

@@ -1,8 +1,10 @@
 //! `organza measure`
 
+mod bands;
 mod ptm;
 pub mod results;
 mod rgl;
+mod shade;
 mod summary;
 mod tensor_tree;
 mod wanted;
@@ -20,16 +22,18 @@ use crate::output::note;
 use crate::progress::Progress;
 use crate::{btf_file, output};
 use anyhow::Result;
+use bands::BandName;
 use clap::Args;
 use glam::UVec2;
+use organza_basis::SegmentSource;
 use organza_measure::{
-    Effort, MeasureError, TableErrors, TexelGrid, VolumePatch, front_and_back, measure_albedo_rows,
-    measure_klems, measure_openness, measure_pair_rows, measure_sweep, measure_texture,
-    write_albedos, write_klems, write_pairs, write_sweep,
+    Effort, MeasureError, SolarKlems, TableErrors, TexelGrid, VolumePatch, front_and_back,
+    measure_albedo_rows, measure_klems, measure_openness, measure_pair_rows, measure_sweep,
+    measure_texture, write_albedos, write_klems, write_pairs, write_sweep,
 };
 use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file, far_table};
@@ -81,6 +85,15 @@ pub struct MeasureArgs {
     /// Polar steps on each side and azimuths of --layout grid
     #[arg(long, value_name = "POLAR,AZIMUTHS", allow_hyphen_values = true, value_parser = parse_grid, default_value = "6,12")]
     pub grid: [u32; 2],
+    /// Bands in which the cloth is seen: visible, nir or solar; visible,solar together with --layout klems (both in one .xml) or en14501
+    #[arg(
+        long,
+        value_enum,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "visible"
+    )]
+    pub bands: Vec<BandName>,
     /// Patches of --layout klems
     #[arg(long, value_enum, default_value = "full")]
     pub klems_basis: KlemsBasisName,
@@ -122,12 +135,13 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     let wanted = wanted(args)?;
     let rows = wanted.rows(args.rows.as_ref())?;
+    bands::check(args, &wanted)?;
     with_threads(&args.common, || {
-        let (patch, grid, shown) = watched(&args.common, &args.cache, |loader| {
+        let subject = watched(&args.common, &args.cache, |loader| {
             if is_scene_text(&args.file, &loader.text_of(&args.file, FileKind::Either)?)? {
-                let patch = scene_patch(args, loader)?;
+                let subject = scene_subject(args, loader)?;
                 check_outfile(args, loader)?;
-                return Ok(patch);
+                return Ok(subject);
             }
             let build = PatchOptions {
                 loader,
@@ -135,14 +149,29 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
                 level: args.level,
                 max_memory_bytes: args.memory.max_memory,
             };
-            let fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
+            let mut fabric = fabric_file::load(&args.file, &args.common.set, loader)?;
             check_outfile(args, loader)?;
             let shown = args.model.of(&fabric, &args.file)?;
-            let patch = fabric_patch(&fabric, &args.file, shown, &build)?;
-            Ok((patch, texel_grid(&fabric, args.texels), Some(shown)))
+            let patches = bands::patches(args, &mut fabric, shown, &build)?;
+            Ok(Subject {
+                patches,
+                grid: texel_grid(&fabric, args.texels),
+                thickness_mm: f64::from(fabric.cloth.tile().bounds_mm.size().z),
+                shown: Some(shown),
+            })
         })?;
-        measure(args, (&wanted, rows), &patch, &grid, shown)
+        measure(args, (&wanted, rows), &subject)
     })
+}
+
+/// What is measured.
+struct Subject {
+    /// As each of the bands sees it.
+    patches: Vec<AnyPatch>,
+    grid: TexelGrid,
+    thickness_mm: f64,
+    /// How a fabric is shown; none of a scene.
+    shown: Option<ShownAs>,
 }
 
 /// Refuses a table that is one of the files read.
@@ -163,10 +192,13 @@ fn ends_in(args: &MeasureArgs, ending: &str) -> bool {
 }
 
 /// The objects of a scene file.
-fn scene_patch(
-    args: &MeasureArgs,
-    loader: &Loader<'_>,
-) -> Result<(AnyPatch, TexelGrid, Option<ShownAs>)> {
+fn scene_subject(args: &MeasureArgs, loader: &Loader<'_>) -> Result<Subject> {
+    if bands::beyond_light(args) {
+        return Err(input(format!(
+            "{}: is a scene; --bands measures a fabric file",
+            args.file.display()
+        )));
+    }
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
     match args.model {
         PatchModel::Own => {}
@@ -191,17 +223,21 @@ fn scene_patch(
         size_mm: bounds.size().truncate(),
         texels: UVec2::splat(args.texels),
     };
-    Ok((Box::new(patch), grid, None))
+    Ok(Subject {
+        patches: vec![Box::new(patch)],
+        grid,
+        thickness_mm: f64::from(bounds.size().z),
+        shown: None,
+    })
 }
 
-/// `shown` is what is measured of a fabric; `None` for a scene.
 fn measure(
     args: &MeasureArgs,
     (wanted, rows): (&Wanted, Range<usize>),
-    patch: &AnyPatch,
-    grid: &TexelGrid,
-    shown: Option<ShownAs>,
+    subject: &Subject,
 ) -> Result<()> {
+    let (patches, grid, shown) = (&subject.patches, &subject.grid, subject.shown);
+    let patch = &patches[0];
     let effort = Effort {
         paths: args.spp,
         seed: args.seed,
@@ -213,6 +249,7 @@ fn measure(
         Wanted::Ptm(lamps) => *lamps as usize * grid.texels.element_product() as usize,
         _ => rows.len(),
     };
+    let count = count * patches.len();
     let total = args.spp.saturating_mul(count as u64);
     let progress = Progress::new("measuring", total, &args.common);
     let done = AtomicU64::new(0);
@@ -287,9 +324,22 @@ fn measure(
         Wanted::Klems(basis) => {
             let result = measure_klems(patch, *basis, args.spp, args.seed, &watch);
             let (bsdf, stats) = result.map_err(failed)?;
+            let mut solar = None;
+            if let Some(patch) = patches.get(1) {
+                let result = measure_klems(patch, *basis, args.spp, args.seed, &watch);
+                let (sun, more) = result.map_err(failed)?;
+                summary.paths += more.paths;
+                let (openness, _) = measure_openness(patch, &effort).map_err(failed)?;
+                solar = Some((sun, openness));
+            }
             let name = args.file.file_stem().unwrap_or_default().to_string_lossy();
             if ends_in(args, "xml") {
-                let text = write_klems(&bsdf, &name)?;
+                let solar = solar.as_ref().map(|(bsdf, openness)| SolarKlems {
+                    bsdf,
+                    thickness_mm: subject.thickness_mm,
+                    openness: *openness,
+                });
+                let text = write_klems(&bsdf, solar, &name)?;
                 write(args, |out| out.write_all(text.as_bytes()))?;
             } else {
                 write(args, |out| write_pairs(&bsdf.pairs(), out))?;
@@ -298,7 +348,7 @@ fn measure(
             summary.dark = dark_pairs(shown, &bsdf.pairs());
             summary.what = "klems";
             summary.list = listed(args, &bsdf.pairs());
-            summary.paths = stats.paths;
+            summary.paths += stats.paths;
             let along = [
                 bsdf.hemispherical(&bsdf.reflection[0], 0),
                 bsdf.hemispherical(&bsdf.transmission[0], 0),
@@ -316,6 +366,9 @@ fn measure(
         }
         Wanted::Ptm(lamps) => {
             ptm::run(args, *lamps, (patch, grid), &watch, &mut summary)?;
+        }
+        Wanted::Shade => {
+            shade::run(args, patches, (&effort, &watch), &mut summary)?;
         }
         Wanted::Sweep(lamps) => {
             let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;

@@ -28,6 +28,8 @@ pub enum LayoutName {
     Ptm,
     /// A linear light swung over face and back, seen along the normal
     Sweep,
+    /// What a shade before a window is sold by, and its classes of visual comfort by EN 14501:2005
+    En14501,
 }
 
 /// Klems bases.
@@ -73,6 +75,8 @@ pub enum Wanted {
     Ptm(u32),
     /// A lamp swung over face and back.
     Sweep(Vec<LampPosition>),
+    /// The figures of a shade.
+    Shade,
 }
 
 impl Wanted {
@@ -86,6 +90,8 @@ impl Wanted {
             Wanted::Rgl(grid) => grid.incident_count(),
             Wanted::Ptm(lamps) => *lamps as usize,
             Wanted::Sweep(list) => list.len(),
+            // A beam and diffuse light, on both sides.
+            Wanted::Shade => 4,
         }
     }
 
@@ -109,7 +115,8 @@ impl Wanted {
             | Wanted::TensorTree(_)
             | Wanted::Rgl(_)
             | Wanted::Ptm(_)
-            | Wanted::Sweep(_) => {
+            | Wanted::Sweep(_)
+            | Wanted::Shade => {
                 fail("this layout is measured all at once; take irawan, grid or --pairs".into())
             }
         }
@@ -156,6 +163,7 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         (LayoutName::TensorTree, false) => Wanted::TensorTree(tensor_tree::wanted(args)?),
         (LayoutName::Rgl, false) => Wanted::Rgl(rgl::wanted(args)?),
         (LayoutName::Ptm, false) => Wanted::Ptm(ptm::wanted(args)?),
+        (LayoutName::En14501, false) => Wanted::Shade,
         (_, true) => {
             return Err(input("--albedo goes with pairs, not with this layout"));
         }
