@@ -1,5 +1,5 @@
 //! What a shade before a window is sold by: how much of a beam along the normal, and of light from
-//! everywhere, goes through and comes back, by [EN14500]'s geometries.
+//! everywhere, goes through and comes back, by [EnBlinds2008]'s geometries.
 
 use crate::goniometer::gather;
 use crate::klems_file::XYZ_FROM_RGB;

@@ -1,4 +1,4 @@
-//! Classes of visual comfort from 0 to 4, by the tables of [EN14501-2005].
+//! Classes of visual comfort from 0 to 4, by the tables of [EnBlinds2005].
 
 use crate::ShadeFigures;
 use serde::Serialize;

@@ -6,6 +6,8 @@ use glam::DVec2;
 /// Samples along a side of a crossing while repeats are sought: a quarter of a crossing keeps
 /// the texture of the fibres out.
 const COARSE: usize = 4;
+/// Share of the pixels of a crossing that make it a whole one.
+const WHOLE: f64 = 0.8;
 /// The most crossings that are looked at for the repeat.
 const MOST: usize = 6400;
 
@@ -48,11 +50,12 @@ impl Crossings {
                 sum[3] += 1.0;
             }
         }
-        // Whole crossings only: all parts have nearly the pixels that they should have.
-        let whole = 0.5 / (grid.frequency[0].perp_dot(grid.frequency[1]).abs() * n as f64);
+        // Whole crossings only: every part has a pixel, and all have nearly as many as they should.
+        let whole = WHOLE / grid.frequency[0].perp_dot(grid.frequency[1]).abs();
         let (mut list, mut parts) = (Vec::new(), Vec::new());
         for (k, cell) in sums.chunks_exact(n).enumerate() {
-            if cell.iter().any(|s| s[3] < whole.max(0.5)) || list.len() >= MOST {
+            let count: f64 = cell.iter().map(|s| s[3]).sum();
+            if count < whole || cell.iter().any(|s| s[3] < 0.5) || list.len() >= MOST {
                 continue;
             }
             let (i, j) = ((k % columns) as i64, (k / columns) as i64);

@@ -27,7 +27,7 @@ pub use photograph::{MIN_SIDE, Photograph};
 pub use repeat::{MAX_CROSSINGS, Repeat};
 pub use shading::{Shading, ShadingSums};
 pub use spectrum::{Peak, Spectrum};
-pub use straight::{Straightened, straightened};
+pub use straight::{FINE_PX, Straightened, straightened};
 pub use thread_grid::ThreadGrid;
 pub use vignetting::Vignetting;
 pub use weave_lattice::{Wave, WeaveLattice};

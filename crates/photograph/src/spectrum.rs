@@ -31,6 +31,9 @@ pub struct Spectrum {
     stands_out: f64,
 }
 
+/// Waves are like another if their frequency differs by less than this share.
+const LIKE: f64 = 0.15;
+
 /// Side of the parts of a local spectrum, pixels, and the least side of a photograph whose parts
 /// are twice as large.
 const PART: usize = 128;
@@ -108,6 +111,29 @@ impl Spectrum {
         let near = (-2..=2).flat_map(|j| (-2..=2).map(move |i| (i, j)));
         let most = near.map(|(i, j)| self.bin(bin.x + i, bin.y + j));
         (most.fold(0.0, f64::max) / self.median).sqrt()
+    }
+
+    /// How often the power near a frequency is that which half the waves of about its length have. Of
+    /// blurred noise none stands out among those, however far they are above finer ones.
+    pub fn over_its_like(&self, frequency: DVec2) -> f64 {
+        let own = self.strength_near(frequency).powi(2) * self.median;
+        let length = frequency.length();
+        let (low, high) = (length * (1.0 - LIKE), length * (1.0 + LIKE));
+        let half = (high * self.side as f64).ceil() as i64;
+        let mut around: Vec<f64> = (-half..=half)
+            .flat_map(|y| (0..=half).map(move |x| (x, y)))
+            .filter(|&(x, y)| {
+                let at = DVec2::new(x as f64, y as f64).length() / self.side as f64;
+                (low..=high).contains(&at)
+            })
+            .map(|(x, y)| self.bin(x, y))
+            .collect();
+        let middle = around.len() / 2;
+        if around.is_empty() {
+            return 0.0;
+        }
+        let median = *around.select_nth_unstable_by(middle, f64::total_cmp).1;
+        own / median.max(1e-20)
     }
 
     /// The mean logarithm of the power over that of the noise along a direction, up to a quarter of a

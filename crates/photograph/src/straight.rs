@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 /// Pixels between places whose phase is found.
 const STEP: usize = 8;
 /// Pixels from thread to thread below which single threads are not seen.
-const FINE: f64 = 5.0;
+pub const FINE_PX: f64 = 5.0;
 /// Pixels from thread to thread in a straightened photograph, of the finer system.
 const PIXELS: f64 = 6.0;
 /// Sides of the part that is straightened, and of the straightened one, pixels, at most: more shows
@@ -41,11 +41,15 @@ pub struct Straightened {
 }
 
 /// Finds the weave in photographs of one cloth, the face first, and straightens them if its threads
-/// have fewer than five pixels; `None` if these are seen one by one. Each may have a scale of its own.
+/// have fewer than `fine_px` pixels, as [`FINE_PX`]; `None` if these are seen one by one. Each may have
+/// a scale of its own.
 ///
 /// # Errors
 /// No weave explains the spectrum.
-pub fn straightened(photographs: &[&Photograph]) -> Result<Option<Straightened>, PhotographError> {
+pub fn straightened(
+    photographs: &[&Photograph],
+    fine_px: f64,
+) -> Result<Option<Straightened>, PhotographError> {
     let whole = photographs.first().map_or([1; 2], |p| p.size());
     let photographs: Vec<Photograph> = photographs.iter().map(|p| p.middle(MAX_PART)).collect();
     let spectra: Vec<Spectrum> = photographs.iter().map(Spectrum::local).collect();
@@ -62,7 +66,7 @@ pub fn straightened(photographs: &[&Photograph]) -> Result<Option<Straightened>,
         },
     };
     let lattices = found.ok_or_else(nothing)?;
-    let is_fine = |f: DVec2| f.length() * FINE > 1.0;
+    let is_fine = |f: DVec2| f.length() * fine_px > 1.0;
     if !lattices
         .iter()
         .take(1)

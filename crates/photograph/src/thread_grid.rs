@@ -9,6 +9,9 @@ use std::f64::consts::TAU;
 const MAX_LEAN_DEG: f64 = 20.0;
 /// The systems may differ so far from a right angle, degrees.
 pub(crate) const MAX_SKEW_DEG: f64 = 6.0;
+/// How often the power of threads is that of half the waves of their length: of noise the greatest
+/// of a thousand is about ten times as strong.
+const OVER_ITS_LIKE: f64 = 30.0;
 /// Harmonics that count for a system.
 const HARMONICS: u32 = 3;
 
@@ -85,6 +88,17 @@ impl ThreadGrid {
             };
             return Err(PhotographError::NoThreads { seen });
         };
+        for f in frequency {
+            let times = spectrum.over_its_like(f);
+            if times < OVER_ITS_LIKE {
+                let seen = format!(
+                    "the strongest waves of threads, of {:.1} pixels, are {times:.1} times as strong as \
+                     half of those of that length, expected {OVER_ITS_LIKE}",
+                    1.0 / f.length()
+                );
+                return Err(PhotographError::NoThreads { seen });
+            }
+        }
         Ok(ThreadGrid {
             frequency,
             origin: DVec2::ZERO,

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 use organza_photograph::{
-    Fold, Likeness, Photograph, PhotographError, Repeat, Shading, ThreadGrid, Vignetting, name_of,
-    repeats, straightened,
+    FINE_PX, Fold, Likeness, Photograph, PhotographError, Repeat, Shading, ThreadGrid, Vignetting,
+    name_of, repeats, straightened,
 };
 use organza_weave::Draft;
 
@@ -108,7 +108,8 @@ fn fine_threads_are_found_by_the_waves_of_their_weave() {
     for (seed, (name, spacing, turn)) in cases.into_iter().enumerate() {
         let case = format!("{name}, {spacing:?} px, {turn} degrees, seed {seed}");
         let photograph = seen_from_afar((name, spacing, turn), seed as u64, 1.0);
-        let straight = straightened(&[&photograph]).unwrap_or_else(|e| panic!("{case}: {e}"));
+        let straight =
+            straightened(&[&photograph], FINE_PX).unwrap_or_else(|e| panic!("{case}: {e}"));
         let straight = straight.unwrap_or_else(|| panic!("{case}: threads seen one by one"));
         let lattice = straight.lattice;
         for (f, planted) in lattice.frequency.into_iter().zip(spacing) {
@@ -138,7 +139,7 @@ fn fine_threads_are_found_by_the_waves_of_their_weave() {
         .map(|i| [0.3 + 0.1 * noise(9, i) as f32; 3])
         .collect();
     let grey = Photograph::new(FAR_SIDE, FAR_SIDE, &grey).unwrap();
-    let error = straightened(&[&grey]).unwrap_err();
+    let error = straightened(&[&grey], FINE_PX).unwrap_err();
     assert!(
         matches!(error, PhotographError::NoThreads { .. }),
         "{error}"
@@ -169,7 +170,7 @@ fn planted_cloth_is_found() {
             assert!(error_deg.abs() < 0.5, "{case}: {:?}", grid.angles_deg());
         }
         // No finer weave is seen in it.
-        let finer = straightened(&[&photograph]).ok().flatten();
+        let finer = straightened(&[&photograph], FINE_PX).ok().flatten();
         assert!(finer.is_none(), "{case}: {:?}", finer.map(|f| f.lattice));
         let (repeat, explained) = repeats(&photograph, &grid, 1)[0];
         let drafts = repeat.drafts();
@@ -185,6 +186,19 @@ fn planted_cloth_is_found() {
     }
 }
 
+/// Threads of six pixels leave one pixel to some quarters of a crossing where two and more are due;
+/// they are whole crossings all the same.
+#[test]
+fn crossings_of_few_pixels_repeat() {
+    let photograph = drawn("plain", [6.0, 6.9], 0.0, 6);
+    let grid = ThreadGrid::find(&photograph).unwrap();
+    let list = repeats(&photograph, &grid, 1);
+    let (repeat, explained) = list.first().expect("seed 6");
+    assert!(*explained > 0.3, "seed 6: {repeat:?} {explained}");
+    let own = Repeat::of_draft(&Draft::named("plain").unwrap());
+    assert_eq!(repeat.count(), own.count(), "seed 6: {repeat:?}");
+}
+
 /// The twin: pictures without threads are refused.
 #[test]
 fn pictures_without_threads_are_refused() {
@@ -197,6 +211,17 @@ fn pictures_without_threads_are_refused() {
         matches!(error, PhotographError::NoThreads { .. }),
         "{error}"
     );
+    // Blurred noise has waves far above its finer ones, and no two systems among its like.
+    let mut blurred: Vec<f64> = (0..SIDE * SIDE).map(|i| noise(9, i)).collect();
+    for step in [1, SIDE].repeat(8) {
+        let n = blurred.len();
+        let two = |i: usize| 0.5 * (blurred[i] + blurred[(i + step) % n]);
+        blurred = (0..n).map(two).collect();
+    }
+    let blurred: Vec<[f32; 3]> = blurred.iter().map(|v| [*v as f32; 3]).collect();
+    let blurred = Photograph::new(SIDE, SIDE, &blurred).unwrap();
+    let error = ThreadGrid::find(&blurred).unwrap_err().to_string();
+    assert!(error.contains("as half of those of that length"), "{error}");
     let flat = Photograph::new(SIDE, SIDE, &vec![[0.5; 3]; SIDE * SIDE]).unwrap();
     assert!(ThreadGrid::find(&flat).is_err());
     let small = Photograph::new(32, 32, &[[0.5; 3]; 1024]);

@@ -17,7 +17,7 @@ pub enum Band {
 }
 
 impl Band {
-    /// Share of the near infrared in the sun's radiation, as [EN410] weighs it (table 2, from
+    /// Share of the near infrared in the sun's radiation, as [EnGlazing2011] weighs it (table 2, from
     /// 780 nm on).
     pub const NIR_SHARE: f64 = 0.41;
 

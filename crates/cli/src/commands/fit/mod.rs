@@ -44,7 +44,7 @@ use toml::{Table, Value};
 #[derive(Debug, Args)]
 #[command(
     about = "Find the surface, fibre, ply or volume parameters that match measured values, a picture or photographs",
-    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml\n  organza fit --what cloth --front front.png --back back.png --width-mm 8 --light 30,45 --back-light 150,45 -o fitted.toml"
+    after_help = "Examples:\n  organza fit scenes/fabrics/denim.toml -o fitted.toml\n  organza fit scenes/fabrics/screen.toml --what fibres --data measured.xml -o fitted.toml\n  organza fit scenes/fabrics/denim.toml --what picture --data photograph.exr --light 30,0 --width-mm 8 -o fitted.toml\n  organza fit scanned.ovox --what picture --data photograph.exr --light 30,0 --width-mm 4 --fit-density -o fitted.toml\n  organza fit --what cloth --front front.png --back back.png --width-mm 8 --light 30,45 --back-light 150,45 -o fitted.toml"
 )]
 pub struct FitArgs {
     /// Fabric file (TOML) from which the search starts, or a scene with one object of kind = "volume", or a volume file. Fits of a cloth take yarns and fibres from it and need none
@@ -61,7 +61,7 @@ pub struct FitArgs {
     /// Model of the volume; what plies are fitted to [default for plies: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     pub model: PatchModel,
-    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth]
+    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth, 32768 for a shade]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]

@@ -15,6 +15,9 @@ pub struct PhotographArgs {
     /// Cloths: least confidence in a draft that was not given, a share such as 0.3 [default: any, the most likely draft is taken]
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub accept: Option<f64>,
+    /// Cloths: stop at the first guess: threads, draft, and colours of one comparison
+    #[arg(long)]
+    pub quick: bool,
     /// Cloths: the part of both photographs that is used, from pixel X0,Y0 at the upper left to before X1,Y1; --width-mm stays that of the whole photograph
     #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
     pub crop: Option<Crop>,
@@ -43,10 +46,11 @@ pub struct PhotographArgs {
 
 impl PhotographArgs {
     /// Each flag, and whether it is given.
-    pub fn given(&self) -> [(&'static str, bool); 10] {
+    pub fn given(&self) -> [(&'static str, bool); 11] {
         [
             ("--draft", self.draft.is_some()),
             ("--accept", self.accept.is_some()),
+            ("--quick", self.quick),
             ("--crop", self.crop.is_some()),
             ("--report", self.report.is_some()),
             ("--camera-mm", self.camera_mm.is_some()),

@@ -10,13 +10,13 @@ use anyhow::Result;
 use organza_measure::fit::Determined;
 
 /// Pictures that are computed at most, and the difference of the means that is good enough.
-const PICTURES: u64 = 10;
+pub const PICTURES: u64 = 10;
 const ENOUGH: f64 = 0.01;
 /// The most by which a colour changes in a step, by its measure.
 const REACH: f64 = 1.5;
 
 /// Finds colours with which the mean of the front is that of its photograph, both systems changed
-/// alike. What white is in the other photograph, as a share of that of the front, is found for each
+/// alike, by so many pictures; by none, they stay as they were recognised. What white is in the other photograph, as a share of that of the front, is found for each
 /// channel: its lamp and its exposure are others.
 ///
 /// # Errors
@@ -24,12 +24,13 @@ const REACH: f64 = 1.5;
 pub fn matched(
     search: &Search<'_>,
     start: (Trial, Vec<Placed>),
+    most: u64,
     step: &mut dyn FnMut(),
 ) -> Result<SearchResult> {
     let (mut trial, mut placed) = start;
     let colours: Vec<(usize, usize)> = (0..2).flat_map(|s| (0..3).map(move |c| (s, c))).collect();
-    let mut moved = [0.0; 3];
-    for turn in 0..PICTURES {
+    let mut moved = [REACH; 3];
+    for turn in 0..most {
         step();
         let pictures = search.render(&trial, search.effort(false, turn))?;
         let (Some(picture), Some(side)) = (pictures.first(), search.sides.first()) else {

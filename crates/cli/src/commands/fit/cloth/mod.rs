@@ -28,7 +28,9 @@ use answer::{Answer, shown_name};
 use anyhow::Result;
 use means::matched;
 use model::{ClothModel, Purpose, Trial};
-use organza_photograph::{Photograph, PhotographError, Repeat, ThreadGrid, repeats, straightened};
+use organza_photograph::{
+    FINE_PX, Photograph, PhotographError, Repeat, ThreadGrid, repeats, straightened,
+};
 use organza_weave::Draft;
 use photographs::Photographs;
 use placed::Placed;
@@ -46,6 +48,9 @@ const MIN_LIKENESS: f64 = 0.6;
 /// Below it the answer warns that its draft is a guess.
 const SURE: f64 = 0.3;
 
+/// Spacing of threads whose pictures take no longer than they must.
+const LOOKED_AT_MM: f64 = 0.5;
+
 /// Paths per texel of the trial cloth by default.
 const PATHS: u64 = 60;
 
@@ -53,6 +58,7 @@ const PATHS: u64 = 60;
 const SHOWN: Purpose<'static> = Purpose::Picture {
     threads: 16,
     seed: 1,
+    most_fibres: f64::INFINITY,
 };
 
 /// Refuses, for other fits, flags that only photographs of a cloth have, and a missing fabric.
@@ -135,11 +141,12 @@ fn see(
     repeats: &[Repeat],
     model: &ClothModel<'_>,
     given: Option<&Draft>,
+    may_guess: bool,
     step: &mut dyn FnMut(),
 ) -> Result<Option<Seen>> {
     if let Some(draft) = given {
         let side = taken.front(Repeat::of_draft(draft));
-        let candidates = recognise(model, &side, vec![draft.clone()], step)?;
+        let candidates = recognise(model, &side, vec![draft.clone()], may_guess, step)?;
         return Ok(Some(Seen { side, candidates }));
     }
     let mut best: Option<Seen> = None;
@@ -149,7 +156,7 @@ fn see(
             continue;
         }
         let side = taken.front(*repeat);
-        let candidates = recognise(model, &side, drafts, step)?;
+        let candidates = recognise(model, &side, drafts, may_guess, step)?;
         let share = |s: &Seen| {
             s.candidates
                 .first()
@@ -199,7 +206,7 @@ fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Re
     let confidence = match seen.candidates.get(1) {
         _ if is_given => 1.0,
         None => first.likeness.of_fold,
-        Some(second) => 1.0 - (left(first) / left(second).max(1e-9)).powi(2),
+        Some(second) => (1.0 - (left(first) / left(second).max(1e-9)).powi(2)).max(0.0),
     };
     if confidence < accepted && !is_given {
         let second = seen.candidates.get(1).map(|c| shown_name(&c.draft));
@@ -209,7 +216,7 @@ fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Re
             second.unwrap_or_default()
         )));
     }
-    Ok(confidence.max(0.0))
+    Ok(confidence)
 }
 
 /// Photographs in which threads were found.
@@ -220,31 +227,50 @@ struct Ready {
     repeats: Vec<Repeat>,
 }
 
-/// The photographs as they are, where single threads can be seen, otherwise straightened.
+/// The photographs as they are, where single threads can be seen and repeat, otherwise straightened.
 ///
 /// # Errors
 /// They show no threads.
 fn ready(photographs: Photographs) -> Result<Ready, PhotographError> {
     let all: Vec<&Photograph> = photographs.all().collect();
     // A photograph against the light may not show the weave.
-    let straight = straightened(&all).or_else(|_| straightened(&all[..1]));
-    match straight {
-        Ok(Some(s)) => Ok(Ready {
-            photographs: photographs.straightened(&s),
-            grid: s.grid,
-            repeats: vec![s.lattice.repeat],
-        }),
-        other => {
+    let straight = |fine_px: f64| {
+        let found = straightened(&all, fine_px);
+        found.or_else(|_| straightened(&all[..1], fine_px))
+    };
+    let fine = straight(FINE_PX);
+    let found = match fine {
+        Ok(Some(s)) => Some(s),
+        Ok(None) | Err(_) => {
             let whole = ThreadGrid::find(&photographs.front.photograph);
-            let grid = whole.map_err(|why| other.err().unwrap_or(why))?;
-            let list = repeats(&photographs.front.flat(), &grid, REPEATS);
-            Ok(Ready {
-                repeats: list.into_iter().map(|r| r.0).collect(),
-                photographs,
-                grid,
-            })
+            let repeats_of = |grid: &ThreadGrid| -> Vec<Repeat> {
+                let list = repeats(&photographs.front.flat(), grid, REPEATS);
+                list.into_iter().map(|r| r.0).collect()
+            };
+            let list = whole.as_ref().map(&repeats_of).unwrap_or_default();
+            match (whole, fine) {
+                (Ok(grid), fine) if !list.is_empty() || fine.is_err() => {
+                    return Ok(Ready {
+                        repeats: list,
+                        photographs,
+                        grid,
+                    });
+                }
+                // What was said of waves says more than what was said of single threads.
+                (Err(_), Err(why)) => return Err(why),
+                _ => straight(f64::INFINITY)?,
+            }
         }
-    }
+    };
+    let nothing = || PhotographError::NoWeave {
+        seen: "the crossings of the threads do not repeat".to_owned(),
+    };
+    let s = found.ok_or_else(nothing)?;
+    Ok(Ready {
+        photographs: photographs.straightened(&s),
+        grid: s.grid,
+        repeats: vec![s.lattice.repeat],
+    })
 }
 
 /// Runs the command.
@@ -265,18 +291,32 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let spacing_mm = ready.grid.spacing_px().map(|s| s * mm_per_px);
     let taken = Taken::new(args, &ready.photographs, &ready.grid);
     let model = ClothModel::new(args, spacing_mm, taken.turn_deg)?;
+    // Thick threads look as thin ones do, and take longer: the draft is found with thin ones.
+    let is_parallel = args.cloth.camera_mm.is_none() && args.cloth.light_mm.is_none();
+    let smaller = match is_parallel {
+        true => (spacing_mm[0].min(spacing_mm[1]) / LOOKED_AT_MM).max(1.0),
+        false => 1.0,
+    };
+    let small = ClothModel::new(args, spacing_mm.map(|s| s / smaller), taken.turn_deg)?;
     let progress = Progress::new("fitting", 120, &args.common);
     let mut count = 0;
     let mut step = || {
         count += 1;
         progress.at(count);
     };
-    let seen = see(&taken, &ready.repeats, &model, given.as_ref(), &mut step)?;
+    let is_even = ready.photographs.is_even;
+    let seen = see(
+        &taken,
+        &ready.repeats,
+        &small,
+        given.as_ref(),
+        is_even,
+        &mut step,
+    )?;
     let mut seen = seen.ok_or_else(|| {
         let seen = "the crossings of the threads do not repeat".to_owned();
         fail(PhotographError::NoWeave { seen }.to_string())
     })?;
-    let is_even = ready.photographs.is_even;
     let accepted = args.cloth.accept.unwrap_or(0.0);
     let confidence = confidence(&seen, given.is_some(), is_even, accepted).map_err(fail)?;
     if confidence < SURE && given.is_none() && !args.common.quiet {
@@ -289,8 +329,14 @@ pub fn run(args: &FitArgs) -> Result<()> {
             likely.join(", ")
         );
     }
-    if is_even && let Some(first) = seen.candidates.first_mut() {
-        *first = widest(&model, &seen.side, first, &mut step);
+    if is_even
+        && !args.cloth.quick
+        && let Some(first) = seen.candidates.first_mut()
+    {
+        *first = widest(&small, &seen.side, first, &mut step);
+    }
+    for candidate in &mut seen.candidates {
+        candidate.trial.tex = candidate.trial.tex.map(|t| t * smaller * smaller);
     }
     let recognised = Recognised {
         seen,
@@ -339,9 +385,10 @@ fn fit(
     };
     let paths = args.spp.unwrap_or(PATHS);
     let mut search = Search::new(model, &best.draft, sides, paths);
-    let found = match ready.photographs.is_even {
-        true => matched(&search, (start, places), step)?,
-        false => search.run(start, places, step)?,
+    let found = match (args.cloth.quick, ready.photographs.is_even) {
+        (true, _) => matched(&search, (start, places), 0, step)?,
+        (_, true) => matched(&search, (start, places), means::PICTURES, step)?,
+        _ => search.run(start, places, step)?,
     };
 
     let name = Purpose::Answer("fitted to photographs");

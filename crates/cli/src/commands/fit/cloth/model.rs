@@ -36,7 +36,12 @@ pub enum Purpose<'a> {
     /// The answer, under a name.
     Answer(&'a str),
     /// A picture of at least so many threads of each system, laid by a seed.
-    Picture { threads: usize, seed: u64 },
+    Picture {
+        threads: usize,
+        seed: u64,
+        /// Most fibres of a yarn; thicker ones in place of more.
+        most_fibres: f64,
+    },
 }
 
 /// A cloth whose trial values change.
@@ -56,6 +61,8 @@ pub struct ClothModel<'a> {
     pub turn_deg: f64,
     /// Count and width of both yarns where nothing presses on them.
     free: [[f64; 2]; 2],
+    /// Radius of a fibre of each, um, and how many of them a yarn has for its count.
+    fibres: [[f64; 2]; 2],
 }
 
 impl<'a> ClothModel<'a> {
@@ -95,6 +102,7 @@ impl<'a> ClothModel<'a> {
             spacing_mm,
             turn_deg,
             free: [[1.0; 2]; 2],
+            fibres: [[1.0; 2]; 2],
         };
         model.measure_yarns()?;
         Ok(model)
@@ -114,10 +122,18 @@ impl<'a> ClothModel<'a> {
         let few = Purpose::Picture {
             threads: 4,
             seed: 0,
+            most_fibres: f64::INFINITY,
         };
         let fabric = self.fabric(&plain, &trial, few);
         self.spacing_mm = spacing_mm;
-        let figures = fabric?.cloth.figures();
+        let fabric = fabric?;
+        for yarn in fabric.cloth.yarns() {
+            if let Some(k) = SYSTEMS.iter().position(|system| *system == yarn.name) {
+                let count = f64::from(yarn.plies) * f64::from(yarn.fibres_per_ply);
+                self.fibres[k] = [1e3 * yarn.fibre_radius_mm, count / yarn.tex()];
+            }
+        }
+        let figures = fabric.cloth.figures();
         for (k, figures) in [figures.warp, figures.weft].into_iter().enumerate() {
             if let Some(f) = figures {
                 self.free[k] = [f.tex, f.width_mm];
@@ -163,7 +179,14 @@ impl<'a> ClothModel<'a> {
             table.insert(system.into(), Value::Table(threads));
         }
         table.extend(self.base.clone());
-        if let Purpose::Picture { threads, seed } = purpose {
+        let mut most = f64::INFINITY;
+        if let Purpose::Picture {
+            threads,
+            seed,
+            most_fibres,
+        } = purpose
+        {
+            most = most_fibres;
             table.insert("seed".into(), Value::Integer(seed as i64));
             let repeats = [draft.ends(), draft.picks()];
             let repeats = repeats.map(|n| Value::Integer(threads.div_ceil(n) as i64));
@@ -179,6 +202,15 @@ impl<'a> ClothModel<'a> {
                 }
             };
             set("yarn", "tex", trial.tex[k]);
+            let [radius_um, per_tex] = self.fibres[k];
+            let fibres = per_tex * trial.tex[k];
+            if fibres > most {
+                set(
+                    "yarn",
+                    "fibre_radius_um",
+                    radius_um * (fibres / most).sqrt(),
+                );
+            }
             set("optics", self.fitted.roughness, trial.roughness);
         }
         table
@@ -198,6 +230,7 @@ impl<'a> ClothModel<'a> {
         let few = Purpose::Picture {
             threads: 4,
             seed: 0,
+            most_fibres: f64::INFINITY,
         };
         self.fabric(draft, trial, few).is_ok()
     }

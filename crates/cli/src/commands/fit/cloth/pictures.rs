@@ -34,6 +34,8 @@ pub struct Effort {
     pub threads: usize,
     /// Paths per texel of that cloth.
     pub paths: u64,
+    /// Most fibres of its yarns; where more are due, they are thicker.
+    pub most_fibres: f64,
     /// Lays the fibres and draws the paths.
     pub seed: u64,
 }
@@ -99,6 +101,7 @@ pub fn pictures(
     let purpose = Purpose::Picture {
         threads: effort.threads,
         seed: effort.seed,
+        most_fibres: effort.most_fibres,
     };
     let loader = model.loader(draft, trial, purpose)?;
     let mut cloth: Option<Scene> = None;

@@ -98,6 +98,7 @@ impl<'a> Search<'a> {
         Effort {
             threads: THREADS,
             paths: self.paths.div_ceil(if is_fine { 1 } else { 2 }),
+            most_fibres: f64::INFINITY,
             seed: self.model.args.seed.wrapping_mul(1_000_003) % (1 << 40) + 1 + stream,
         }
     }

@@ -6,6 +6,7 @@ mod target;
 mod verdict;
 
 use super::fibres::model;
+use super::flag_groups::refuse_given;
 use super::{FitArgs, check_outputs, finish_with, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::error::input;
@@ -102,7 +103,7 @@ impl Looks<'_> {
             let effort = Effort {
                 paths: factor * args.spp.unwrap_or(PATHS),
                 // The last look is another.
-                seed: args.seed + u64::from(factor > 1),
+                seed: args.seed.wrapping_add(u64::from(factor > 1)),
                 target_error: None,
             };
             let stop = |_| args.common.host.stop_if_asked();
@@ -115,6 +116,8 @@ impl Looks<'_> {
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<()> {
+    let given = [("--patience", args.patience.is_some())];
+    refuse_given(&given, "does not apply to a measured shade")?;
     let path = args
         .data
         .as_deref()
@@ -169,7 +172,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     looks.progress.finish();
     let keys = cloth.keys(&place, solar.as_deref());
     let table = table(args, &cloth.given_way, &keys)?;
-    let parameters = parameters(&cloth, &place, &errors);
+    let parameters = parameters(&cloth, (&place, light.straight.is_some()), &errors);
     let lines: Vec<String> = verdicts.iter().flat_map(Verdict::lines).collect();
     let figures = verdict::figures(&verdicts);
     finish_with(args, &table, &parameters, &lines, (figures, None))
@@ -429,7 +432,11 @@ fn errors(
 }
 
 /// The answer with its errors; what the prior alone gives is not fixed.
-fn parameters(cloth: &Cloth<'_>, place: &Place, errors: &[f64]) -> Vec<Determined> {
+fn parameters(
+    cloth: &Cloth<'_>,
+    (place, has_width): (&Place, bool),
+    errors: &[f64],
+) -> Vec<Determined> {
     let one = |name: String, value: f64, slope: f64, se: f64| Determined {
         name,
         value,
@@ -441,7 +448,7 @@ fn parameters(cloth: &Cloth<'_>, place: &Place, errors: &[f64]) -> Vec<Determine
         name: "width".into(),
         value: (0.5 * place.width).exp(),
         se: 0.5 * NEAR * (0.5 * place.width).exp(),
-        is_fixed: true,
+        is_fixed: has_width,
     }];
     list.push(one("scattering".into(), strength, strength, errors[0]));
     for (group, name) in cloth.names().iter().enumerate() {

@@ -2,7 +2,9 @@
 
 use crate::error::input;
 use anyhow::Result;
-use organza_measure::{KlemsBand, KlemsBasis, KlemsMatrix, SideShares, read_klems_parts};
+use organza_measure::{
+    KlemsBand, KlemsBasis, KlemsFileError, KlemsMatrix, SideShares, read_klems_parts,
+};
 use std::path::Path;
 
 /// What is known of light on one side.
@@ -34,7 +36,7 @@ impl Target {
     pub fn read(text: &str, band: KlemsBand, path: &Path) -> Result<Option<Target>> {
         let fail = |e: &dyn std::fmt::Display| input(format!("{}: {e}", path.display()));
         let parts = match read_klems_parts(text, band) {
-            Err(_) if band == KlemsBand::Solar => return Ok(None),
+            Err(KlemsFileError::Missing(_)) if band == KlemsBand::Solar => return Ok(None),
             other => other.map_err(|e| fail(&e))?,
         };
         let basis = parts.basis;
