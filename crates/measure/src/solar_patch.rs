@@ -42,7 +42,7 @@ impl<P: PatchResponse> SolarPatch<P> {
 
     /// The patch for one named path, apart from its random numbers.
     fn of_path(&self, names: &PathNames, path: u64) -> &P {
-        let bits = mix64(names.seed ^ mix64(names.stream ^ mix64(path ^ 0x736f_6c61_72)));
+        let bits = mix64(names.seed ^ mix64(names.stream ^ mix64(path ^ 0x0073_6f6c_6172)));
         self.drawn((bits >> 11) as f64 / (1u64 << 53) as f64)
     }
 
