@@ -11,8 +11,8 @@ import argparse
 import csv
 import json
 import math
+import os
 import pathlib
-import platform
 import subprocess
 import time
 
@@ -47,7 +47,7 @@ TAKEN = {
     "tilted by 10 degrees": (90, 0.02, 0.7, 0.0, 10.0),
 }
 # Longer fits count as none.
-LONGEST_S = 60
+LONGEST_S = 30
 LAMP = (30, 45)
 WHITE = 0.8
 
@@ -160,6 +160,12 @@ def fit(organza, folder, picture, width_mm):
     return json.loads(done.stdout), "", seconds
 
 
+def machine():
+    """The processor's name and the number of its cores."""
+    names = [line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")]
+    return f"{names[0] if names else 'unknown processor'}, {os.cpu_count()} cores"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--organza", required=True)
@@ -202,8 +208,8 @@ def main():
                     print(*row, sep=", ", flush=True)
                     results.append((pixels, name, off, draft == weave, bool(found), seconds))
     lines = [
-        f"{len(results)} photographs of {', '.join(arguments.weaves.split(','))}; {platform.processor() or platform.machine()}, "
-        f"{len(results)} fits in {sum(r[5] for r in results) / 60:.0f} min.",
+        f"{len(results)} photographs of {', '.join(arguments.weaves.split(','))}; {machine()}; fits took "
+        f"{sum(r[5] for r in results) / 60:.0f} min.",
         "",
         "| pixels a thread | taken | spacing within 3 % | draft right | no answer | median time |",
         "|---|---|---|---|---|---|",

@@ -137,8 +137,8 @@ impl<'a> Cloth<'a> {
         [-FINEST.ln(), FINEST.ln()]
     }
 
-    /// Overrides of the fabric file, and the keys of colours: of light, or of the sun's radiation
-    /// if `is_solar`, one number for each group.
+    /// Overrides of the fabric file: shapes and colours of its yarns, and under the sun, if `solar`
+    /// has the darkness of each group there.
     pub fn keys(&self, place: &Place, solar: Option<&[f64]>) -> Vec<String> {
         let mut keys = self.args.common.set.clone();
         let ratio = place.width.exp();
