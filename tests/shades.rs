@@ -112,8 +112,8 @@ fn bands_that_cannot_be_seen_are_refused() {
     );
 }
 
-/// A screen of other yarns is found from what it does with light and under the sun. The twin: the
-/// back of a plain weave cannot be so much brighter, and the fit says so.
+/// A screen of other yarns is found from its reflection and transmission in light and under the
+/// sun. The twin: a file whose back is half as bright again, which no plain weave has, is reported.
 #[test]
 fn a_shade_is_fitted_or_the_reason_is_given() {
     let folder = folder("shade-fit");

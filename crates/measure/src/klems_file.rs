@@ -1,8 +1,8 @@
 //! XML files of the program WINDOW with a BSDF on the Klems basis, schema BSDF-v1.4.
 //!
 //! Colour is written in the form that Radiance reads: `CIE-X`, `Visible` (Y) and `CIE-Z`,
-//! scaled so that a neutral value is the same in all three. Programs that support only
-//! `Visible` skip the others.
+//! scaled so that a neutral value is the same in all three. With solar radiation beside it, light
+//! is `Visible` alone, since programs for glazings refuse the others.
 
 use crate::{KlemsBasis, KlemsBsdf, KlemsMatrix};
 use glam::{DMat3, DVec3};

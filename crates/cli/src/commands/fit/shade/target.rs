@@ -3,7 +3,7 @@
 use crate::error::input;
 use anyhow::Result;
 use organza_measure::{
-    KlemsBand, KlemsBasis, KlemsFileError, KlemsMatrix, SideShares, read_klems_parts,
+    KlemsBand, KlemsBasis, KlemsFileError, KlemsMatrix, Measured, SideShares, read_klems_parts,
 };
 use std::path::Path;
 
@@ -99,22 +99,20 @@ pub struct Equation {
 impl Equation {
     /// How far it is off, in hundredths of the value; small values matter less.
     pub fn residual(&self, seen: &Seen) -> f64 {
-        let shares = &seen[self.side][0];
-        let found = match self.is_reflected {
-            true => shares.reflected,
-            false => shares.scattered,
-        };
-        (found.mean[self.channel] - self.value) / self.unit()
+        (self.found(seen).mean[self.channel] - self.value) / self.unit()
     }
 
     /// Standard error of the residual.
     pub fn noise(&self, seen: &Seen) -> f64 {
+        self.found(seen).se[self.channel] / self.unit()
+    }
+
+    fn found(&self, seen: &Seen) -> Measured {
         let shares = &seen[self.side][0];
-        let found = match self.is_reflected {
+        match self.is_reflected {
             true => shares.reflected,
             false => shares.scattered,
-        };
-        found.se[self.channel] / self.unit()
+        }
     }
 
     fn unit(&self) -> f64 {
@@ -158,7 +156,7 @@ pub const NUMBERS: usize = 2 * 2 * 4 * 2 * 3;
 /// The inverse of [`to_numbers`].
 pub fn from_numbers(list: &[f64]) -> Seen {
     let three = |at: usize| std::array::from_fn(|c| list[at + c]);
-    let measured = |at: usize| organza_measure::Measured {
+    let measured = |at: usize| Measured {
         mean: three(at),
         se: three(at + 3),
     };

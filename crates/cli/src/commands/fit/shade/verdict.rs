@@ -123,18 +123,11 @@ impl Verdict {
     /// Says why the fabric cannot have what was measured.
     pub fn explain(&mut self, target: &Target, place: &Place, cloth: &Cloth<'_>) {
         let reflected = target.sides.map(|s| s.reflected.map(mean));
-        let missed = |is_reflected: bool| {
-            let mut all = self.beam.iter().filter(|v| v.is_reflected == is_reflected);
-            all.any(|v| !v.is_good())
-        };
-        if let ([Some(face), Some(back)], true) = (reflected, missed(true)) {
+        let sides = || self.beam.iter().filter(|v| v.is_reflected);
+        let is_missed = sides().any(|v| !v.is_good());
+        let signs: Vec<f64> = sides().map(|v| v.off().signum()).collect();
+        if let ([Some(face), Some(back)], true) = (reflected, is_missed) {
             let apart = (face - back).abs() > GOOD * face.max(back);
-            let signs: Vec<f64> = self
-                .beam
-                .iter()
-                .filter(|v| v.is_reflected)
-                .map(Compared::off)
-                .collect();
             let opposite = signs.len() == 2 && signs[0] * signs[1] < 0.0;
             if apart && opposite {
                 let why = match cloth.has_two_colours() {
@@ -148,22 +141,23 @@ impl Verdict {
             }
         }
         let [low, high] = cloth.strengths();
-        if missed(false) && place.strength >= high - 1e-6 {
-            self.causes.push(
-                "more scattered light passes than these yarns can hold back: thicker yarns would"
-                    .into(),
-            );
-        }
-        if missed(false) && place.strength <= low + 1e-6 {
-            self.causes.push(
-                "less scattered light passes than through these yarns: thinner yarns would let it"
-                    .into(),
-            );
+        let is_at_a_bound = place.strength <= low + 1e-6 || place.strength >= high - 1e-6;
+        let through = self.beam.iter().find(|v| !v.is_reflected && !v.is_good());
+        if let (true, Some(value)) = (is_at_a_bound, through) {
+            let cause = match value.off() > 0.0 {
+                true => {
+                    "these yarns let more light through than was measured: thicker ones would not"
+                }
+                false => {
+                    "these yarns hold back more light than was measured: thinner ones would not"
+                }
+            };
+            self.causes.push(cause.into());
         }
         if !self.is_straight_good() {
-            self.causes.push(
-                "yarns of no width leave gaps as measured: check the threads per centimetre".into(),
-            );
+            let cause = "no width of the yarns leaves gaps as measured: check the threads per \
+                         centimetre";
+            self.causes.push(cause.into());
         }
         if let [Some(face), Some(back)] = target.sides.map(|s| s.diffuse_through.map(mean))
             && (face - back).abs() > GOOD * face.max(back)
@@ -173,12 +167,9 @@ impl Verdict {
                  back, which are the same for every cloth (reciprocity)"
             ));
         }
-        let signed = |is_reflected: bool, sign: f64| {
-            let list = self.beam.iter().filter(|v| v.is_reflected == is_reflected);
-            list.clone().count() > 0 && list.clone().all(|v| sign * v.off() > 0.0)
-        };
         for (sign, word) in [(1.0, "less"), (-1.0, "more")] {
-            if self.band == SUN && !self.is_good() && signed(true, sign) {
+            let all = !signs.is_empty() && signs.iter().all(|s| *s == sign);
+            if self.band == SUN && !self.is_good() && all {
                 self.causes.push(format!(
                     "the yarns scatter the sun's radiation {word} than light, which a colour of the \
                      fibres alone does not show"
