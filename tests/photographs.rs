@@ -253,6 +253,9 @@ impl Planted {
     #[allow(clippy::print_stdout)] // figures for the log
     fn comes_back(&self, spp: &str) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
         let answer = self.fit(spp);
+        for colours in answer.0["thread_colours"].as_array().unwrap() {
+            assert_eq!(colours.as_array().unwrap().len(), 1, "seed {}", self.seed);
+        }
         let (widths, colours) = self.shares(&answer);
         println!(
             "{}, seed {}: widths off by {widths:.4?}, colours by {colours:.4?}",
@@ -314,6 +317,51 @@ fn fine_threads_are_recognised() {
     assert!(off.abs() < 0.05, "{off}: {case}");
     let found = answer.parameter("warp.colour.r")[0];
     assert!((found / fine.colours[0][0] - 1.0).abs() < 0.25, "{case}");
+}
+
+/// Houndstooth: the colours of single threads come back in step with the draft, so that the cloth has the
+/// same pattern, wherever it begins. The twin: a colour of one thread is exchanged.
+#[test]
+fn stripes_come_back_in_step_with_the_draft() {
+    let folder = folder("photographs-striped");
+    let run = [[0.05, 0.05, 0.07], [0.7, 0.68, 0.62]]
+        .map(|colour| vec![colour; 4])
+        .concat();
+    let threads = |per_cm: f64| format!("yarn = \"y\"\nper_cm = {per_cm}\ncolours = {run:?}\n");
+    let truth = format!(
+        "seed = 109\n[draft]\nweave = \"twill-2-2-z\"\n[warp]\n{}[weft]\n{}[yarn.y]\npreset = \"cotton\"\n\
+         fibre_radius_um = 12.0\ntex = 26.0\n[tile]\nrepeats = [6, 6]\n",
+        threads(24.0),
+        threads(22.0)
+    );
+    std::fs::write(folder.join("truth.toml"), truth).unwrap();
+    let size_mm = [10.0, 240.0 / 22.0];
+    DISTANT.photograph(&folder, size_mm, [240, 262], 109);
+    let light = DISTANT.lights.map(|[t, p]| format!("{t},{p}"))[0].clone();
+    let words = "fit --what cloth --quick --front front.exr --width-mm 10 --white 0.8 --json --quiet \
+        -o fitted.toml --light";
+    let words: Vec<&str> = words.split(' ').chain([&*light]).collect();
+    let answer: Value = serde_json::from_str(&succeed(&folder, &words)).unwrap();
+    let case = format!("seed 109: {answer}");
+    assert_eq!(answer["draft"], "twill-2-2-z", "{case}");
+    let draft = Draft::named("twill-2-2-z").unwrap();
+    let found = [0, 1].map(|k| -> Vec<bool> {
+        let list = answer["thread_colours"][k].as_array().unwrap().iter();
+        list.map(|c| c[1].as_f64().unwrap() < 0.3).collect()
+    });
+    let planted: [Vec<bool>; 2] = [0, 1].map(|_| run.iter().map(|c| c[1] < 0.3).collect());
+    let is_dark = |threads: &[Vec<bool>; 2], at: [usize; 2]| {
+        let k = usize::from(!draft.warp_up(at[0] % 4, at[1] % 4));
+        threads[k][at[k] % threads[k].len()]
+    };
+    let same = |a: &[Vec<bool>; 2], b: &[Vec<bool>; 2]| {
+        let all = || (0..8).flat_map(|e| (0..8).map(move |p| [e, p]));
+        all().any(|by| all().all(|at| is_dark(a, at) == is_dark(b, [at[0] + by[0], at[1] + by[1]])))
+    };
+    assert!(same(&planted, &found), "{case}");
+    let mut bad = found;
+    bad[0][0] = !bad[0][0];
+    assert!(!same(&planted, &bad), "{case}");
 }
 
 /// The twins: cloth that is not woven, and noise.

@@ -7,7 +7,7 @@ use organza_weave::Draft;
 const EVERY: usize = 6;
 
 /// Names of the weaves that are recognised.
-fn names() -> Vec<String> {
+pub(crate) fn names() -> Vec<String> {
     let mut names = vec!["plain".to_owned()];
     for n in 3..=8usize {
         for over in 1..n {

@@ -3,7 +3,8 @@
 //!
 //! A photograph is linear colour. [`ThreadGrid`] finds spacing and direction of both systems in
 //! its power spectrum. [`Repeat`] is how crossings repeat, [`Fold`] the mean over all repeats,
-//! and [`Likeness`] compares that with a picture that was computed for a draft.
+//! and [`Likeness`] compares that with a picture that was computed for a draft. [`ThreadColours`] are those
+//! of stripes and checks.
 
 mod crossings;
 mod drafts;
@@ -15,6 +16,7 @@ mod repeat;
 mod shading;
 mod spectrum;
 mod straight;
+mod thread_colours;
 mod thread_grid;
 mod vignetting;
 mod weave_lattice;
@@ -28,6 +30,7 @@ pub use repeat::{MAX_CROSSINGS, Repeat};
 pub use shading::{Shading, ShadingSums};
 pub use spectrum::{Peak, Spectrum};
 pub use straight::{FINE_PX, Straightened, straightened};
+pub use thread_colours::ThreadColours;
 pub use thread_grid::ThreadGrid;
 pub use vignetting::Vignetting;
 pub use weave_lattice::{Wave, WeaveLattice};

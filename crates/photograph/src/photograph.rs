@@ -6,6 +6,9 @@ use glam::DVec2;
 /// The least side of a photograph, pixels.
 pub const MIN_SIDE: usize = 64;
 
+/// Scatter of the roots of brightness that is taken for noise where a photograph is levelled.
+const LEAST_SCATTER: f64 = 0.01;
+
 /// A photograph: linear colours. Places count pixels from the centre of the lower left one, x to
 /// the right and y upwards.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,6 +127,27 @@ impl Photograph {
             }
         }
         even
+    }
+
+    /// Its brightness, grey, over its local scatter in squares of about four radii: threads of any colour, and
+    /// the gaps beside them, look alike.
+    pub fn levelled(&self, radius: usize) -> Photograph {
+        let [w, h] = self.size();
+        let root = |p: &[f32; 3]| f64::from(p[0].max(p[1]).max(p[2])).sqrt();
+        let roots: Vec<f64> = self.pixels.iter().map(root).collect();
+        let squares: Vec<f64> = roots.iter().map(|v| v * v).collect();
+        let local = |values: &[f64]| box_mean(&box_mean(values, w, h, radius), w, h, radius);
+        let (means, squares) = (local(&roots), local(&squares));
+        let all = roots.iter().zip(means.iter().zip(&squares));
+        let grey = all.map(|(root, (mean, square))| {
+            let scatter = (square - mean * mean).max(0.0).sqrt();
+            let level = (root - mean) / (scatter + LEAST_SCATTER);
+            [(1.0 + level.clamp(-3.0, 3.0) / 4.0).powi(2) as f32; 3]
+        });
+        Photograph {
+            pixels: grey.collect(),
+            ..*self
+        }
     }
 
     /// Square roots of the luminances as shares of their local mean, less one: rows from the

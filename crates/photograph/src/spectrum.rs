@@ -43,11 +43,12 @@ const MOST_DEVIATIONS: f64 = 3.0;
 
 impl Spectrum {
     /// The mean of the power spectra of overlapping parts. Wrinkles move threads about within a
-    /// photograph, and hardly within a part.
-    pub fn local(photograph: &Photograph) -> Spectrum {
+    /// photograph, and hardly within a part; strong ones hardly within a `small` part.
+    pub fn local(photograph: &Photograph, small: bool) -> Spectrum {
         let [width, height] = photograph.size();
         let short = width.min(height);
-        let part = (if short < LARGE { PART } else { 2 * PART }).min(short);
+        let part = if short < LARGE { PART } else { 2 * PART };
+        let part = (if small { part / 2 } else { part }).min(short);
         let side = 2 * part.next_power_of_two();
         let contrast = photograph.contrast();
         let window: Vec<f64> = (0..part).map(|i| hann(i, part)).collect();

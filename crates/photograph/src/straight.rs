@@ -52,8 +52,16 @@ pub fn straightened(
 ) -> Result<Option<Straightened>, PhotographError> {
     let whole = photographs.first().map_or([1; 2], |p| p.size());
     let photographs: Vec<Photograph> = photographs.iter().map(|p| p.middle(MAX_PART)).collect();
-    let spectra: Vec<Spectrum> = photographs.iter().map(Spectrum::local).collect();
-    let found = WeaveLattice::find(&spectra).into_iter().next();
+    let spectra_of = |small: bool| -> Vec<Spectrum> {
+        let local = |p: &Photograph| Spectrum::local(p, small);
+        photographs.iter().map(local).collect()
+    };
+    let mut spectra = spectra_of(false);
+    let mut found = WeaveLattice::find(&spectra).into_iter().next();
+    if found.is_none() {
+        spectra = spectra_of(true);
+        found = WeaveLattice::find(&spectra).into_iter().next();
+    }
     let nothing = || PhotographError::NoThreads {
         seen: match spectra.first().and_then(|s| s.peaks(1).first().copied()) {
             Some(peak) => format!(

@@ -35,6 +35,26 @@ pub(crate) fn lean_deg(frequency: DVec2, axis: usize) -> f64 {
 }
 
 impl ThreadGrid {
+    /// The grid of the strongest waves near both axes, for a photograph that was
+    /// [levelled](Photograph::levelled); `None` if they do not cross at nearly a right angle.
+    pub fn strongest(levelled: &Photograph) -> Option<ThreadGrid> {
+        let peaks = Spectrum::new(levelled).peaks(60);
+        let [warp, weft] = [0, 1].map(|axis| {
+            let near = peaks.iter().map(|p| match axis {
+                1 if p.frequency.y < 0.0 => -p.frequency,
+                _ => p.frequency,
+            });
+            let mut near = near.map(|f| (f, lean_deg(f, axis)));
+            near.find(|(_, lean)| lean.abs() < MAX_LEAN_DEG)
+        });
+        let ((warp, a), (weft, b)) = (warp?, weft?);
+        let grid = ThreadGrid {
+            frequency: [warp, weft],
+            origin: DVec2::ZERO,
+        };
+        ((a - b).abs() <= MAX_SKEW_DEG).then(|| grid.refined(levelled))
+    }
+
     /// Finds the grid.
     ///
     /// # Errors

@@ -24,14 +24,16 @@ pub struct Answer<'a> {
     pub grid: &'a ThreadGrid,
     /// Spacing of warp and weft.
     pub spacing_mm: [f64; 2],
+    /// Colours of one repeat of the threads of warp and weft.
+    pub thread_colours: &'a [Vec<[f64; 3]>; 2],
     /// Widths of their threads.
     pub widths_mm: [f64; 2],
     /// The draft.
     pub draft: &'a Draft,
     /// How certain it is, from 0 to 1.
     pub confidence: f64,
-    /// The next likely one.
-    pub second: Option<&'a Draft>,
+    /// The likeliest ones, and how likely they are.
+    pub likely: Vec<(String, f64)>,
     /// Whether the arguments name it.
     pub is_given: bool,
     /// The other values.
@@ -60,17 +62,21 @@ impl Answer<'_> {
                 triple(self.found.trial.colours[k]),
             ));
         }
+        for (colours, system) in self.thread_colours.iter().zip(SYSTEMS) {
+            if colours.len() > 1 {
+                let runs = colours.chunk_by(|a, b| a == b);
+                let run = |run: &[[f64; 3]]| format!("{} of {}", run.len(), triple(run[0]));
+                let runs: Vec<String> = runs.map(run).collect();
+                let all = colours.len();
+                list.push(format!(
+                    "{system}: repeats after {all} threads: {}",
+                    runs.join(", ")
+                ));
+            }
+        }
         list.push(match self.is_given {
             true => format!("draft: {}, given", shown_name(self.draft)),
-            false => {
-                let second = self.second.map(|d| format!("; next {}", shown_name(d)));
-                format!(
-                    "draft: {}, confidence {:.2}{}",
-                    shown_name(self.draft),
-                    self.confidence,
-                    second.unwrap_or_default()
-                )
-            }
+            false => format!("draft: {}", super::named(&self.likely)),
         });
         for (side, agreement) in self.sides.iter().zip(&self.agreement) {
             list.push(format!("{}: {agreement}", side.name));
@@ -95,8 +101,10 @@ impl Answer<'_> {
             "spacing_mm": self.spacing_mm,
             "angles_deg": self.grid.angles_deg(),
             "draft": shown_name(self.draft),
-            "next_draft": self.second.map(shown_name),
+            "next_draft": self.likely.get(1).map(|l| &l.0).filter(|_| !self.is_given),
+            "likely": self.likely.iter().map(|(n, share)| json!({"draft": n, "share": share})).collect::<Vec<Value>>(),
             "confidence": self.confidence,
+            "thread_colours": self.thread_colours,
             "widths_mm": self.widths_mm,
             "widths_se_mm": widths_se_mm,
             "residual": self.found.residual,

@@ -12,7 +12,7 @@ pub struct PhotographArgs {
     /// Cloths: the weave, by name or as a .wif file [default: recognised]
     #[arg(long, value_name = "NAME|FILE")]
     pub draft: Option<String>,
-    /// Cloths: least confidence in a draft that was not given, a share such as 0.3 [default: any, the most likely draft is taken]
+    /// Cloths: how likely a draft that was not given is at least, a share such as 0.7 [default: any, the likeliest draft is taken]
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub accept: Option<f64>,
     /// Cloths: stop at the first guess: threads, draft, and colours of one comparison

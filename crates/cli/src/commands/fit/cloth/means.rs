@@ -12,6 +12,10 @@ use organza_measure::fit::Determined;
 /// Pictures that are computed at most, and the difference of the means that is good enough.
 pub const PICTURES: u64 = 10;
 const ENOUGH: f64 = 0.01;
+/// Steps that are taken whole.
+const FIRST: u64 = 3;
+/// Threads of the last picture, in multiples of the usual.
+const LARGER: usize = 2;
 /// The most by which a colour changes in a step, by its measure.
 const REACH: f64 = 1.5;
 
@@ -41,13 +45,19 @@ pub fn matched(
             break;
         }
         for &(system, channel) in &colours {
-            let change = moved[channel].clamp(-REACH, REACH);
+            // Cloths differ by a few per cent, which later steps average.
+            let share = 1.0 / turn.saturating_sub(FIRST).max(1) as f64;
+            let change = share * moved[channel].clamp(-REACH, REACH);
             let colour = Unknown::Colour { system, channel };
             trial = colour.changed(search.model, &trial, change);
         }
     }
     step();
-    let pictures = search.render(&trial, search.effort(true, 500))?;
+    let mut last = search.effort(most == 0, 500);
+    if most > 0 {
+        last.threads *= LARGER;
+    }
+    let pictures = search.render(&trial, last)?;
     search.place(&pictures, &mut placed);
     let mut whites = Vec::new();
     let all = pictures.iter().zip(&placed).zip(&search.sides);

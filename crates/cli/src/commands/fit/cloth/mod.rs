@@ -15,6 +15,7 @@ mod recognise;
 mod search;
 mod settled;
 mod sides;
+mod stripes;
 mod unknowns;
 
 use super::flag_groups::{refuse_given, volume_flags};
@@ -29,15 +30,16 @@ use anyhow::Result;
 use means::matched;
 use model::{ClothModel, Purpose, Trial};
 use organza_photograph::{
-    FINE_PX, Photograph, PhotographError, Repeat, ThreadGrid, repeats, straightened,
+    FINE_PX, Photograph, PhotographError, Repeat, ThreadColours, ThreadGrid, repeats, straightened,
 };
 use organza_weave::Draft;
 use photographs::Photographs;
 use placed::Placed;
-use recognise::{Candidate, look, recognise, widest};
+use recognise::{Candidate, HOPELESS, look, recognise, widest};
 use search::Search;
 use sides::{Side, Taken};
 use std::path::Path;
+use std::rc::Rc;
 
 /// Repeats that are considered.
 const REPEATS: usize = 3;
@@ -46,13 +48,20 @@ const REPEATS: usize = 3;
 const MIN_LIKENESS: f64 = 0.6;
 
 /// Below it the answer warns that its draft is a guess.
-const SURE: f64 = 0.3;
+const SURE: f64 = 0.6;
+/// Drafts that are named with how likely they are.
+const NAMED: usize = 3;
 
 /// Spacing of threads whose pictures take no longer than they must.
 const LOOKED_AT_MM: f64 = 0.5;
 
 /// Paths per texel of the trial cloth by default.
 const PATHS: u64 = 60;
+
+/// Share of what one colour of each place of a repeat leaves that threads of several colours explain.
+const BEYOND: f64 = 0.4;
+/// Radii, pixels, by which photographs are levelled to find the threads of striped cloth.
+const LEVEL_PX: [usize; 2] = [3, 5];
 
 /// The cloth whose widths are printed.
 const SHOWN: Purpose<'static> = Purpose::Picture {
@@ -135,6 +144,25 @@ struct Seen {
     candidates: Vec<Candidate>,
 }
 
+impl Seen {
+    /// How likely each candidate is: as the inverse square of what it leaves of the fold, and one alone as
+    /// what it explains.
+    fn shares(&self) -> Vec<f64> {
+        let weight = |c: &Candidate| (1.0 - c.likeness.of_fold).max(1e-3).powi(-2);
+        let total: f64 = self.candidates.iter().map(weight).sum();
+        match &self.candidates[..] {
+            [only] => vec![only.likeness.of_fold],
+            all => all.iter().map(|c| weight(c) / total).collect(),
+        }
+    }
+
+    /// The likeliest drafts.
+    fn likely(&self) -> Vec<(String, f64)> {
+        let names = self.candidates.iter().map(|c| shown_name(&c.draft));
+        names.zip(self.shares()).take(NAMED).collect()
+    }
+}
+
 /// Compares the front with the drafts that repeats allow, or with the given one.
 fn see(
     taken: &Taken<'_>,
@@ -185,11 +213,18 @@ fn see(
 /// as must be accepted.
 fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Result<f64, String> {
     let none = |seen: String| PhotographError::NoWeave { seen }.to_string();
-    let left = |c: &Candidate| 1.0 - c.likeness.of_fold;
     let Some(first) = seen.candidates.first() else {
         return Err(none("no draft has this repeat".into()));
     };
     let name = shown_name(&first.draft);
+    if first.likeness.of_photograph < HOPELESS && !may_guess && !is_given {
+        return Err(none(format!(
+            "the most similar weave, {name}, explains {:.1} % of the picture, expected at least {:.0} %; a \
+             knit, a blurred picture, or cloth of several colours of thread, is no answer",
+            100.0 * first.likeness.of_photograph.max(0.0),
+            100.0 * HOPELESS
+        )));
+    }
     if first.likeness.of_fold < MIN_LIKENESS && !may_guess {
         let hint = if is_given {
             "; check --draft, --light and --width-mm"
@@ -203,20 +238,27 @@ fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Re
             100.0 * MIN_LIKENESS
         )));
     }
-    let confidence = match seen.candidates.get(1) {
-        _ if is_given => 1.0,
-        None => first.likeness.of_fold,
-        Some(second) => (1.0 - (left(first) / left(second).max(1e-9)).powi(2)).max(0.0),
+    let shares = seen.shares();
+    let confidence = match is_given {
+        true => 1.0,
+        false => shares[0],
     };
     if confidence < accepted && !is_given {
-        let second = seen.candidates.get(1).map(|c| shown_name(&c.draft));
         return Err(none(format!(
-            "{name} and {} are as similar (confidence {confidence:.2}, expected at least \
-             {accepted}); give the weave with --draft",
-            second.unwrap_or_default()
+            "likely are {}, and {:.0} % are expected; give the weave with --draft",
+            named(&seen.likely()),
+            100.0 * accepted
         )));
     }
     Ok(confidence)
+}
+
+/// Drafts with how likely they are, in words; none below a per cent.
+fn named(likely: &[(String, f64)]) -> String {
+    let likely = likely.iter().filter(|l| l.1 >= 0.01);
+    let each = |(name, share): &(String, f64)| format!("{name} ({:.0} %)", 100.0 * share);
+    let each: Vec<String> = likely.map(each).collect();
+    each.join(", ")
 }
 
 /// Photographs in which threads were found.
@@ -225,52 +267,144 @@ struct Ready {
     grid: ThreadGrid,
     /// How crossings may repeat, the likeliest first.
     repeats: Vec<Repeat>,
+    /// Whether single threads cannot be seen, so that a guess must do.
+    may_guess: bool,
+}
+
+/// The photographs straightened, if their threads have fewer pixels.
+///
+/// # Errors
+/// They show no weave.
+fn straight(photographs: &Photographs, fine_px: f64) -> Result<Option<Ready>, PhotographError> {
+    let all: Vec<&Photograph> = photographs.all().collect();
+    // A photograph against the light may not show the weave.
+    let found =
+        straightened(&all, fine_px).or_else(|_| straightened(&all[..1.min(all.len())], fine_px))?;
+    Ok(found.map(|s| Ready {
+        photographs: photographs.straightened(&s),
+        grid: s.grid,
+        repeats: vec![s.lattice.repeat],
+        may_guess: fine_px.is_finite(),
+    }))
 }
 
 /// The photographs as they are, where single threads can be seen and repeat, otherwise straightened.
 ///
 /// # Errors
 /// They show no threads.
-fn ready(photographs: Photographs) -> Result<Ready, PhotographError> {
-    let all: Vec<&Photograph> = photographs.all().collect();
-    // A photograph against the light may not show the weave.
-    let straight = |fine_px: f64| {
-        let found = straightened(&all, fine_px);
-        found.or_else(|_| straightened(&all[..1], fine_px))
-    };
-    let fine = straight(FINE_PX);
-    let found = match fine {
-        Ok(Some(s)) => Some(s),
-        Ok(None) | Err(_) => {
-            let whole = ThreadGrid::find(&photographs.front.photograph);
-            let repeats_of = |grid: &ThreadGrid| -> Vec<Repeat> {
-                let list = repeats(&photographs.front.flat(), grid, REPEATS);
-                list.into_iter().map(|r| r.0).collect()
-            };
-            let list = whole.as_ref().map(&repeats_of).unwrap_or_default();
-            match (whole, fine) {
-                (Ok(grid), fine) if !list.is_empty() || fine.is_err() => {
-                    return Ok(Ready {
-                        repeats: list,
-                        photographs,
-                        grid,
-                    });
-                }
-                // What was said of waves says more than what was said of single threads.
-                (Err(_), Err(why)) => return Err(why),
-                _ => straight(f64::INFINITY)?,
-            }
+fn ready(photographs: &Photographs) -> Result<Ready, PhotographError> {
+    let fine = straight(photographs, FINE_PX);
+    if let Ok(Some(ready)) = fine {
+        return Ok(ready);
+    }
+    let found = ThreadGrid::find(&photographs.front.photograph).map(|grid| {
+        let list = repeats(&photographs.front.flat(), &grid, REPEATS);
+        Ready {
+            photographs: photographs.clone(),
+            grid,
+            repeats: list.into_iter().map(|r| r.0).collect(),
+            may_guess: false,
         }
-    };
-    let nothing = || PhotographError::NoWeave {
+    });
+    match (found, fine) {
+        (Ok(ready), fine) if !ready.repeats.is_empty() || fine.is_err() => Ok(ready),
+        // What was said of waves says more than what was said of single threads.
+        (Err(_), Err(why)) => Err(why),
+        _ => straight(photographs, f64::INFINITY)?.ok_or_else(nothing_repeats),
+    }
+}
+
+fn nothing_repeats() -> PhotographError {
+    PhotographError::NoWeave {
         seen: "the crossings of the threads do not repeat".to_owned(),
+    }
+}
+
+/// A draft that was recognised or given.
+struct Recognised {
+    seen: Seen,
+    /// How likely it is.
+    confidence: f64,
+    is_given: bool,
+    /// The likeliest drafts, and how likely they are.
+    likely: Vec<(String, f64)>,
+    /// Light of the threads of one repeat of stripes, as shares of the mean of warp and weft.
+    stripes: Option<[Vec<[f64; 3]>; 2]>,
+}
+
+/// How threads and their cloth are computed.
+struct Scaled<'a> {
+    model: ClothModel<'a>,
+    /// A smaller cloth that looks the same: thick threads take longer.
+    small: ClothModel<'a>,
+    smaller: f64,
+}
+
+impl<'a> Scaled<'a> {
+    fn new(args: &'a FitArgs, ready: &Ready) -> Result<Scaled<'a>> {
+        let mm_per_px =
+            ready.photographs.size_mm.x / ready.photographs.front.photograph.size()[0] as f64;
+        let spacing_mm = ready.grid.spacing_px().map(|s| s * mm_per_px);
+        let turn_deg = Taken::new(args, &ready.photographs, &ready.grid).turn_deg;
+        let is_parallel = args.cloth.camera_mm.is_none() && args.cloth.light_mm.is_none();
+        let smaller = match is_parallel {
+            true => (spacing_mm[0].min(spacing_mm[1]) / LOOKED_AT_MM).max(1.0),
+            false => 1.0,
+        };
+        Ok(Scaled {
+            model: ClothModel::new(args, spacing_mm, turn_deg)?,
+            small: ClothModel::new(args, spacing_mm.map(|s| s / smaller), turn_deg)?,
+            smaller,
+        })
+    }
+}
+
+/// The draft of photographs, or why there is none.
+fn known(
+    args: &FitArgs,
+    ready: &Ready,
+    scaled: &Scaled<'_>,
+    given: Option<&Draft>,
+    step: &mut dyn FnMut(),
+) -> Result<Result<Recognised, String>> {
+    let taken = Taken::new(args, &ready.photographs, &ready.grid);
+    let (repeats, may_guess) = (&ready.repeats, ready.may_guess);
+    let Some(seen) = see(&taken, repeats, &scaled.small, given, may_guess, step)? else {
+        return Ok(Err(nothing_repeats().to_string()));
     };
-    let s = found.ok_or_else(nothing)?;
-    Ok(Ready {
-        photographs: photographs.straightened(&s),
-        grid: s.grid,
-        repeats: vec![s.lattice.repeat],
-    })
+    let accepted = args.cloth.accept.unwrap_or(0.0);
+    let confidence = confidence(&seen, given.is_some(), may_guess, accepted);
+    Ok(confidence.map(|confidence| Recognised {
+        likely: seen.likely(),
+        seen,
+        confidence,
+        is_given: given.is_some(),
+        stripes: None,
+    }))
+}
+
+/// The colours of the threads, if a system has several by this share beyond what a repeat of the draft
+/// shows; the photographs then become those of cloth that has one of each system, and that against the light
+/// is left out.
+fn striped(ready: &mut Ready, given: Option<&Draft>, beyond: f64) -> Option<ThreadColours> {
+    if ready.photographs.is_even {
+        return None;
+    }
+    let front = &mut ready.photographs.front;
+    let flat = front.flat();
+    // The waves of stripes are stronger than those of threads, which all look alike once levelled.
+    let even = |radius_px: &usize| ThreadGrid::strongest(&flat.levelled(*radius_px));
+    let found = LEVEL_PX
+        .iter()
+        .filter_map(even)
+        .filter_map(|g| Some((g, ThreadColours::find(&flat, &g, given)?)));
+    let best = found.max_by(|a, b| a.1.explained.total_cmp(&b.1.explained));
+    let (grid, found) = best.filter(|(_, found)| found.beyond_repeat > beyond)?;
+    front.photograph = Rc::new(found.evened(&front.photograph, &grid));
+    ready.grid = grid;
+    ready.photographs.back = None;
+    ready.repeats = vec![Repeat::of_draft(&found.draft)];
+    Some(found)
 }
 
 /// Runs the command.
@@ -284,75 +418,83 @@ pub fn run(args: &FitArgs) -> Result<()> {
     }
     let _waiting = Waiting::new("fitting", &args.common);
     let given = given_draft(args)?;
+    let given = given.as_ref();
     let fail = |why: String| input(format!("{}: {why}", front.display()));
-    let ready = ready(Photographs::read(args, front)?).map_err(|e| fail(e.to_string()))?;
-    let mm_per_px =
-        ready.photographs.size_mm.x / ready.photographs.front.photograph.size()[0] as f64;
-    let spacing_mm = ready.grid.spacing_px().map(|s| s * mm_per_px);
-    let taken = Taken::new(args, &ready.photographs, &ready.grid);
-    let model = ClothModel::new(args, spacing_mm, taken.turn_deg)?;
-    // Thick threads look as thin ones do, and take longer: the draft is found with thin ones.
-    let is_parallel = args.cloth.camera_mm.is_none() && args.cloth.light_mm.is_none();
-    let smaller = match is_parallel {
-        true => (spacing_mm[0].min(spacing_mm[1]) / LOOKED_AT_MM).max(1.0),
-        false => 1.0,
-    };
-    let small = ClothModel::new(args, spacing_mm.map(|s| s / smaller), taken.turn_deg)?;
+    let photographs = Photographs::read(args, front)?;
+    let mut ready = ready(&photographs).map_err(|e| fail(e.to_string()))?;
     let progress = Progress::new("fitting", 120, &args.common);
     let mut count = 0;
     let mut step = || {
         count += 1;
         progress.at(count);
     };
-    let is_even = ready.photographs.is_even;
-    let seen = see(
-        &taken,
-        &ready.repeats,
-        &small,
-        given.as_ref(),
-        is_even,
-        &mut step,
-    )?;
-    let mut seen = seen.ok_or_else(|| {
-        let seen = "the crossings of the threads do not repeat".to_owned();
-        fail(PhotographError::NoWeave { seen }.to_string())
-    })?;
-    let accepted = args.cloth.accept.unwrap_or(0.0);
-    let confidence = confidence(&seen, given.is_some(), is_even, accepted).map_err(fail)?;
-    if confidence < SURE && given.is_none() && !args.common.quiet {
-        let likely = seen.candidates.iter().take(3);
-        let likely: Vec<String> = likely.map(|c| shown_name(&c.draft)).collect();
+    let mut colours = striped(&mut ready, given, BEYOND);
+    let mut scaled = Scaled::new(args, &ready)?;
+    let draft = colours.as_ref().map(|s| &s.draft).or(given);
+    let mut recognised = known(args, &ready, &scaled, draft, &mut step)?;
+    // Threads of several colours may repeat as the draft does.
+    if recognised.is_err() && colours.is_none() {
+        colours = striped(&mut ready, given, 0.0);
+        if let Some(found) = &colours {
+            scaled = Scaled::new(args, &ready)?;
+            recognised = known(args, &ready, &scaled, Some(&found.draft), &mut step)?;
+        }
+    }
+    if colours.is_some() && args.back.is_some() && !args.common.quiet {
         note!(
-            "organza: warning: {}: the draft is a guess (confidence {confidence:.2}); as likely are {}; \
-             --draft chooses",
-            front.display(),
-            likely.join(", ")
+            "organza: warning: {}: its threads have several colours, so the photograph against the light is \
+             left out",
+            front.display()
         );
     }
-    if is_even
+    // Wrinkles move threads that are seen one by one, too.
+    if recognised.is_err()
+        && !ready.photographs.is_even
+        && let Ok(Some(straight)) = straight(&photographs, f64::INFINITY)
+    {
+        let other = Scaled::new(args, &straight)?;
+        if let Ok(found) = known(args, &straight, &other, given, &mut step)? {
+            (ready, scaled, recognised, colours) = (straight, other, Ok(found), None);
+        }
+    }
+    let mut recognised = recognised.map_err(fail)?;
+    if let Some(striped) = colours {
+        recognised.stripes = Some([0, 1].map(|k| striped.sequence(k)));
+        if given.is_none() {
+            recognised.confidence = striped.likely.first().map_or(0.0, |l| l.1);
+            recognised.is_given = false;
+            recognised.likely = striped.likely;
+        }
+    }
+    if recognised.confidence < SURE && !recognised.is_given && !args.common.quiet {
+        note!(
+            "organza: warning: {}: the draft is a guess: likely are {}; --draft chooses",
+            front.display(),
+            named(&recognised.likely)
+        );
+    }
+    let taken = Taken::new(args, &ready.photographs, &ready.grid);
+    let seen = &mut recognised.seen;
+    if ready.photographs.is_even
         && !args.cloth.quick
         && let Some(first) = seen.candidates.first_mut()
     {
-        *first = widest(&small, &seen.side, first, &mut step);
+        *first = widest(&scaled.small, &seen.side, first, &mut step);
     }
     for candidate in &mut seen.candidates {
-        candidate.trial.tex = candidate.trial.tex.map(|t| t * smaller * smaller);
+        candidate.trial.tex = candidate.trial.tex.map(|t| t * scaled.smaller.powi(2));
     }
-    let recognised = Recognised {
-        seen,
-        confidence,
-        is_given: given.is_some(),
-    };
-    let result = fit(args, front, &ready, &taken, &model, recognised, &mut step);
+    let result = fit(
+        args,
+        front,
+        &ready,
+        &taken,
+        &scaled.model,
+        recognised,
+        &mut step,
+    );
     progress.finish();
     result
-}
-
-/// A draft that was recognised or given.
-struct Recognised {
-    seen: Seen,
-    confidence: f64,
-    is_given: bool,
 }
 
 /// Finds the values of a cloth whose draft is known, and writes them.
@@ -369,6 +511,8 @@ fn fit(
         seen,
         confidence,
         is_given,
+        likely,
+        stripes,
     } = recognised;
     let best = seen.candidates[0].clone();
     let mut places = vec![Placed::of(&best.likeness)];
@@ -391,8 +535,12 @@ fn fit(
         _ => search.run(start, places, step)?,
     };
 
-    let name = Purpose::Answer("fitted to photographs");
-    let table = model.table(&best.draft, &found.trial, name);
+    let thread_colours = stripes::thread_colours(&search, &found.trial, stripes.as_ref(), step)?;
+    let answer = Purpose::Answer {
+        name: "fitted to photographs",
+        colours: &thread_colours,
+    };
+    let table = model.table(&best.draft, &found.trial, answer);
     let figures = model
         .fabric(&best.draft, &found.trial, SHOWN)?
         .cloth
@@ -400,14 +548,11 @@ fn fit(
     let answer = Answer {
         grid: &ready.grid,
         spacing_mm: model.spacing_mm,
+        thread_colours: &thread_colours,
         widths_mm: [figures.warp, figures.weft].map(|f| f.map_or(0.0, |f| f.width_mm)),
         draft: &best.draft,
         confidence,
-        second: seen
-            .candidates
-            .get(1)
-            .map(|c| &c.draft)
-            .filter(|_| !is_given),
+        likely,
         is_given,
         found: &found,
         agreement: (search.sides.iter().zip(&found.pictures))

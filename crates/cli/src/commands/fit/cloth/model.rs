@@ -33,8 +33,12 @@ pub struct Trial {
 /// What a fabric file is made for.
 #[derive(Clone, Copy)]
 pub enum Purpose<'a> {
-    /// The answer, under a name.
-    Answer(&'a str),
+    /// The answer.
+    Answer {
+        name: &'a str,
+        /// Colours of one repeat of the threads of warp and weft.
+        colours: &'a [Vec<[f64; 3]>; 2],
+    },
     /// A picture of at least so many threads of each system, laid by a seed.
     Picture {
         threads: usize,
@@ -156,7 +160,7 @@ impl<'a> ClothModel<'a> {
         let text = |t: &str| Value::String(t.to_owned());
         let number = Value::Float;
         let mut weave = None;
-        if let Purpose::Answer(name) = purpose {
+        if let Purpose::Answer { name, .. } = purpose {
             table.insert("name".into(), text(name));
             weave = organza_photograph::name_of(draft);
         }
@@ -170,11 +174,15 @@ impl<'a> ClothModel<'a> {
         };
         table.insert("draft".into(), Value::Table(of_draft));
         for (k, system) in SYSTEMS.into_iter().enumerate() {
-            let colour = trial.colours[k].map(|v| number(round(v))).to_vec();
+            let shown = match purpose {
+                Purpose::Answer { colours, .. } => &colours[k],
+                Purpose::Picture { .. } => &vec![trial.colours[k]],
+            };
+            let list = |c: &[f64; 3]| Value::Array(c.map(|v| number(round(v))).to_vec());
+            let colours = Value::Array(shown.iter().map(list).collect());
             let mut threads = Table::new();
             threads.insert("yarn".into(), text(system));
             threads.insert("per_cm".into(), number(round(10.0 / self.spacing_mm[k])));
-            let colours = Value::Array(vec![Value::Array(colour)]);
             threads.insert("colours".into(), colours);
             table.insert(system.into(), Value::Table(threads));
         }

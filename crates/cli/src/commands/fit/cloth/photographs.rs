@@ -100,6 +100,7 @@ fn shading_of_paper(photograph: &Photograph, lamp_mm: DVec3, size_mm: DVec2) -> 
 }
 
 /// The photographs of a fit.
+#[derive(Clone)]
 pub struct Photographs {
     /// That of the face.
     pub front: Shot,

@@ -26,9 +26,9 @@ const COVERS: [[f64; 2]; 10] = [
 /// Share of the best likeness that is nearly as good.
 const NEARLY: f64 = 0.9;
 
-/// Share of a photograph that a weave explains at least, with yarns of any width: knits and noise
-/// reach 0.01, drawn cloth 0.1 to 0.3.
-const HOPELESS: f64 = 0.02;
+/// Share of a photograph whose single threads are seen that a weave explains at least, with yarns of any
+/// width: knits and noise reach 0.035, cloth 0.1 to 0.4.
+pub const HOPELESS: f64 = 0.05;
 
 /// Drafts that are tried with all covers, and the share of the best likeness from which on that may
 /// help.
@@ -38,12 +38,22 @@ const IN_REACH: f64 = 0.5;
 /// By how much more an interlacing without a name must explain than a named weave.
 const UNNAMED: f64 = 1.1;
 
-/// How drafts are looked at: each for a moment.
+/// How drafts are looked at: each for a moment. Yarns of fewer and thicker fibres look alike from
+/// a thread's width away.
 pub const LOOK: Effort = Effort {
-    threads: 10,
-    paths: 40,
-    most_fibres: 400.0,
+    threads: 8,
+    paths: 20,
+    most_fibres: 60.0,
     seed: 1,
+};
+
+/// How the best two are compared: what is left between them is little more than the noise of a look.
+const COMPARED: usize = 2;
+const COMPARE: Effort = Effort {
+    threads: 16,
+    paths: 40,
+    most_fibres: 200.0,
+    seed: 2,
 };
 
 /// Brightness of white and black threads.
@@ -122,6 +132,16 @@ pub fn recognise(
         }
     }
     list.sort_by(better);
+    if list.len() >= COMPARED {
+        for candidate in &mut list[..COMPARED] {
+            step();
+            let tex = candidate.trial.tex;
+            if let Ok(found) = look_by(COMPARE, model, side, &candidate.draft, tex) {
+                *candidate = found;
+            }
+        }
+        list[..COMPARED].sort_by(better);
+    }
     Ok(list)
 }
 
@@ -158,6 +178,16 @@ pub fn look(
     draft: &Draft,
     tex: [f64; 2],
 ) -> Result<Candidate> {
+    look_by(LOOK, model, side, draft, tex)
+}
+
+fn look_by(
+    effort: Effort,
+    model: &ClothModel<'_>,
+    side: &Side,
+    draft: &Draft,
+    tex: [f64; 2],
+) -> Result<Candidate> {
     let trial = Trial {
         tex,
         colours: LOOK_COLOURS,
@@ -165,7 +195,7 @@ pub fn look(
         exposure: 1.0,
         lights_deg: [side.view.light_deg; 2],
     };
-    let pictures = pictures(model, draft, &trial, std::slice::from_ref(side), LOOK)?;
+    let pictures = pictures(model, draft, &trial, std::slice::from_ref(side), effort)?;
     let likeness = Likeness::best(&side.fold, &pictures[0].folded([0.0; 2]));
     let colour = |k: usize| -> [f64; 3] {
         std::array::from_fn(|c| (WHITE * likeness.weights[c][k]).clamp(BLACK, 0.9))

@@ -27,6 +27,8 @@ const KEPT: usize = 5;
 const WORSE: f64 = 1.3;
 /// Threads of the trial cloth.
 const THREADS: usize = 16;
+/// Most fibres of a yarn of the trial cloth: as many hide what is behind them.
+const MOST_FIBRES: f64 = 1000.0;
 /// Longest change of a turn or a round, in ranges.
 pub const REACH: f64 = 1.0;
 /// Changes of shift and blur in a turn that are expected, texels.
@@ -98,7 +100,7 @@ impl<'a> Search<'a> {
         Effort {
             threads: THREADS,
             paths: self.paths.div_ceil(if is_fine { 1 } else { 2 }),
-            most_fibres: f64::INFINITY,
+            most_fibres: MOST_FIBRES,
             seed: self.model.args.seed.wrapping_mul(1_000_003) % (1 << 40) + 1 + stream,
         }
     }
