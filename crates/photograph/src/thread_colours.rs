@@ -12,8 +12,9 @@ use organza_weave::Draft;
 /// Half the width of the part of a crossing that speaks for it, in spacings: its borders show the next
 /// threads.
 const MIDDLE: f64 = 0.3;
-/// Threads of each system that must be seen.
+/// Threads of each system that must be seen, and those by which the draft is found.
 const FEWEST: usize = 12;
+const SEARCHED: usize = 60;
 /// Threads are coloured if their colours explain this share of what one colour of each system leaves of
 /// brightness or of hue, and
 /// differ by this share of their mean, a standard deviation in one channel. Threads of one colour differ by
@@ -145,14 +146,26 @@ impl Middles {
         }
     }
 
-    /// The crossings that are seen: both threads, counted from the first, and the features.
-    fn seen(&self) -> impl Iterator<Item = ([usize; 2], &Features)> {
+    /// The crossings that are seen among so many threads in the middle: both threads, counted from the first,
+    /// and the features.
+    fn seen(&self, most: usize) -> Vec<([usize; 2], Features)> {
+        let range = self.count.map(|n| {
+            let first = n.saturating_sub(most) / 2;
+            first..first.saturating_add(most)
+        });
         let all = self.list.iter().enumerate();
-        all.filter_map(|(k, c)| Some(([k % self.count[0], k / self.count[0]], c.as_ref()?)))
+        let seen = all.filter_map(|(k, f)| Some(([k % self.count[0], k / self.count[0]], (*f)?)));
+        seen.filter(|(at, _)| range[0].contains(&at[0]) && range[1].contains(&at[1]))
+            .collect()
     }
 
-    /// Colours of threads and of systems if a draft begins at an offset, and what they leave.
-    fn explained(&self, draft: &Draft, offset: [usize; 2]) -> Explained {
+    /// Colours of threads and of systems if a draft begins at an offset, and what they leave of crossings.
+    fn explained(
+        &self,
+        seen: &[([usize; 2], Features)],
+        draft: &Draft,
+        offset: [usize; 2],
+    ) -> Explained {
         let (ends, picks) = draft.repeat();
         let shown = |[e, p]: [usize; 2]| {
             usize::from(!draft.warp_up((e + offset[0]) % ends, (p + offset[1]) % picks))
@@ -161,8 +174,8 @@ impl Middles {
         let mut systems = [Sum::default(); 2];
         let mut places = vec![Sum::default(); ends * picks];
         let mut squares = [0.0; 3];
-        for (at, features) in self.seen() {
-            let system = shown(at);
+        for (at, features) in seen {
+            let system = shown(*at);
             threads[system][at[system]].add(features);
             systems[system].add(features);
             let [e, p] = [(at[0] + offset[0]) % ends, (at[1] + offset[1]) % picks];
@@ -221,8 +234,8 @@ impl ThreadColours {
         given: Option<&Draft>,
     ) -> Option<ThreadColours> {
         let middles = Middles::new(photograph, grid);
-        let seen = middles.seen().count();
-        if middles.count.iter().any(|n| *n < FEWEST) || seen < FEWEST * FEWEST {
+        let searched = middles.seen(SEARCHED);
+        if middles.count.iter().any(|n| *n < FEWEST) || searched.len() < FEWEST * FEWEST {
             return None;
         }
         let drafts: Vec<(String, Draft)> = match given {
@@ -236,13 +249,17 @@ impl ThreadColours {
         for (name, draft) in drafts {
             let (ends, picks) = draft.repeat();
             let offsets = (0..ends).flat_map(|e| (0..picks).map(move |p| [e, p]));
-            let left = |offset| (middles.explained(&draft, offset).left(), offset);
+            let left = |offset| (middles.explained(&searched, &draft, offset).left(), offset);
             let best = offsets.map(left).min_by(|a, b| a.0.total_cmp(&b.0));
             list.extend(best.map(|(left, offset)| (left, name, draft, offset)));
         }
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Crossings of one thread are alike, so that each thread speaks once.
-        let threads = middles.count.iter().sum::<usize>() as f64;
+        let threads = middles
+            .count
+            .iter()
+            .map(|n| n.min(&SEARCHED))
+            .sum::<usize>() as f64;
         let weight = |left: f64| (0.5 * threads * (list[0].0 - left)).exp();
         let total: f64 = list.iter().map(|l| weight(l.0)).sum();
         let shares = list
@@ -250,7 +267,7 @@ impl ThreadColours {
             .map(|l| (l.1.clone(), weight(l.0) / total.max(1e-12)));
         let likely = shares.take(NAMED).collect();
         let (_, _, draft, offset) = list.first().cloned()?;
-        let found = middles.explained(&draft, offset);
+        let found = middles.explained(&middles.seen(usize::MAX), &draft, offset);
         let mean = found.systems.map(|s| s.colour());
         let mut colours: [Vec<Option<[f64; 3]>>; 2] = Default::default();
         let mut most: f64 = 0.0;
