@@ -16,9 +16,8 @@ const MIDDLE: f64 = 0.3;
 const FEWEST: usize = 12;
 const SEARCHED: usize = 60;
 /// Threads are coloured if their colours explain this share of what one colour of each system leaves of
-/// brightness or of hue, and
-/// differ by this share of their mean, a standard deviation in one channel. Threads of one colour differ by
-/// 0.05 to 0.1, since yarns are uneven (chosen by drawn cloth).
+/// brightness or of hue, and differ by this share of their mean, a standard deviation in one channel. Threads
+/// of one colour differ by 0.05 to 0.14, since yarns are uneven (chosen by drawn cloth).
 const EXPLAINED: f64 = 0.6;
 const DIFFER: f64 = 0.15;
 /// Threads are of one colour if the logarithms of their channels differ by less.
@@ -27,15 +26,13 @@ const ALIKE: f64 = 0.45;
 const DARKEST: f64 = 0.02;
 /// Share of the threads that must agree with a sequence of colours that repeats.
 const AGREE: f64 = 0.95;
-/// Drafts that are named.
-const NAMED: usize = 3;
 
 /// The colours of all threads of a photograph.
 #[derive(Clone, Debug)]
 pub struct ThreadColours {
     /// The draft with which threads have the plainest colours, as it is named.
     pub draft: Draft,
-    /// The likeliest drafts by name, with shares that fall with what they leave.
+    /// The drafts by name, the likeliest first, with shares that fall with what they leave.
     pub likely: Vec<(String, f64)>,
     /// Share that the threads' colours explain of what one colour of each system leaves.
     pub explained: f64,
@@ -159,70 +156,41 @@ impl Middles {
             .collect()
     }
 
-    /// Colours of threads and of systems if a draft begins at an offset, and what they leave of crossings.
-    fn explained(
-        &self,
-        seen: &[([usize; 2], Features)],
-        draft: &Draft,
-        offset: [usize; 2],
-    ) -> Explained {
+    /// The thread that lies on top at a crossing: those of the warp first, then those of the weft.
+    fn on_top(&self, draft: &Draft, [e, p]: [usize; 2], offset: [usize; 2]) -> usize {
         let (ends, picks) = draft.repeat();
-        let shown = |[e, p]: [usize; 2]| {
-            usize::from(!draft.warp_up((e + offset[0]) % ends, (p + offset[1]) % picks))
-        };
-        let mut threads = self.count.map(|n| vec![Sum::default(); n]);
-        let mut systems = [Sum::default(); 2];
-        let mut places = vec![Sum::default(); ends * picks];
-        let mut squares = [0.0; 3];
-        for (at, features) in seen {
-            let system = shown(*at);
-            threads[system][at[system]].add(features);
-            systems[system].add(features);
-            let [e, p] = [(at[0] + offset[0]) % ends, (at[1] + offset[1]) % picks];
-            places[p * ends + e].add(features);
-            for (square, k) in squares.iter_mut().zip(JUDGED) {
-                *square += features[k] * features[k];
-            }
-        }
-        let left = |sums: &mut dyn Iterator<Item = &Sum>| {
-            let mut left = squares;
-            for sum in sums {
-                let own = sum.squares();
-                (0..3).for_each(|k| left[k] -= own[k]);
-            }
-            left.map(|v| v.max(1e-12))
-        };
-        Explained {
-            by_threads: left(&mut threads.iter().flatten()),
-            by_systems: left(&mut systems.iter()),
-            by_places: left(&mut places.iter()),
-            threads,
-            systems,
+        match draft.warp_up((e + offset[0]) % ends, (p + offset[1]) % picks) {
+            true => e,
+            false => self.count[0] + p,
         }
     }
 }
 
-/// What colours of threads leave of a photograph.
-struct Explained {
-    /// Sums of squares of the features that are judged.
-    by_threads: [f64; 3],
-    by_systems: [f64; 3],
-    by_places: [f64; 3],
-    threads: [Vec<Sum>; 2],
-    systems: [Sum; 2],
+/// Sums of the features of crossings by their class, and what the means of the classes leave of each feature
+/// that is judged, a sum of squares.
+fn by_class(
+    seen: &[([usize; 2], Features)],
+    count: usize,
+    class: impl Fn([usize; 2]) -> usize,
+) -> (Vec<Sum>, [f64; 3]) {
+    let mut sums = vec![Sum::default(); count];
+    let mut left = [0.0; 3];
+    for (at, features) in seen {
+        sums[class(*at)].add(features);
+        for (square, k) in left.iter_mut().zip(JUDGED) {
+            *square += features[k] * features[k];
+        }
+    }
+    for own in sums.iter().map(Sum::squares) {
+        (0..3).for_each(|k| left[k] -= own[k]);
+    }
+    (sums, left.map(|v| v.max(1e-12)))
 }
 
-impl Explained {
-    /// What is left of all features: the sum of the logarithms, since the noise of each is unknown.
-    fn left(&self) -> f64 {
-        self.by_threads.iter().map(|v| v.ln()).sum()
-    }
-
-    /// The share of one feature that threads explain of what others leave, at most.
-    fn share(&self, others: &[f64; 3]) -> f64 {
-        let all = self.by_threads.iter().zip(others);
-        all.map(|(t, s)| 1.0 - t / s).fold(0.0, f64::max)
-    }
+/// The share of one feature that threads explain of what others leave, at most.
+fn share(by_threads: &[f64; 3], others: &[f64; 3]) -> f64 {
+    let all = by_threads.iter().zip(others);
+    all.map(|(t, s)| 1.0 - t / s).fold(0.0, f64::max)
 }
 
 impl ThreadColours {
@@ -238,6 +206,7 @@ impl ThreadColours {
         if middles.count.iter().any(|n| *n < FEWEST) || searched.len() < FEWEST * FEWEST {
             return None;
         }
+        let count = middles.count.iter().sum();
         let drafts: Vec<(String, Draft)> = match given {
             Some(draft) => vec![("given".to_owned(), draft.clone())],
             None => {
@@ -249,7 +218,12 @@ impl ThreadColours {
         for (name, draft) in drafts {
             let (ends, picks) = draft.repeat();
             let offsets = (0..ends).flat_map(|e| (0..picks).map(move |p| [e, p]));
-            let left = |offset| (middles.explained(&searched, &draft, offset).left(), offset);
+            let left = |offset| {
+                let on_top = |at| middles.on_top(&draft, at, offset);
+                let (_, left) = by_class(&searched, count, on_top);
+                // The noise of each feature is unknown, so that logarithms are summed.
+                (left.iter().map(|v| v.ln()).sum::<f64>(), offset)
+            };
             let best = offsets.map(left).min_by(|a, b| a.0.total_cmp(&b.0));
             list.extend(best.map(|(left, offset)| (left, name, draft, offset)));
         }
@@ -265,15 +239,23 @@ impl ThreadColours {
         let shares = list
             .iter()
             .map(|l| (l.1.clone(), weight(l.0) / total.max(1e-12)));
-        let likely = shares.take(NAMED).collect();
+        let likely = shares.collect();
         let (_, _, draft, offset) = list.first().cloned()?;
-        let found = middles.explained(&middles.seen(usize::MAX), &draft, offset);
-        let mean = found.systems.map(|s| s.colour());
+        let all = middles.seen(usize::MAX);
+        let on_top = |at| middles.on_top(&draft, at, offset);
+        let (threads, by_threads) = by_class(&all, count, on_top);
+        let (warp, weft) = threads.split_at(middles.count[0]);
+        let system = |at| usize::from(on_top(at) >= middles.count[0]);
+        let (systems, by_systems) = by_class(&all, 2, system);
+        let (ends, picks) = draft.repeat();
+        let place = |[e, p]: [usize; 2]| (p + offset[1]) % picks * ends + (e + offset[0]) % ends;
+        let (_, by_places) = by_class(&all, ends * picks, place);
+        let mean = [0, 1].map(|k| systems[k].colour());
         let mut colours: [Vec<Option<[f64; 3]>>; 2] = Default::default();
         let mut most: f64 = 0.0;
         for k in 0..2 {
             let own = |sum: &Sum| (sum.count > 0.0).then(|| sum.colour());
-            colours[k] = found.threads[k].iter().map(own).collect();
+            colours[k] = [warp, weft][k].iter().map(own).collect();
             for c in 0..3 {
                 let square = |v: &[f64; 3]| (v[c] / mean[k][c].max(1e-9) - 1.0).powi(2);
                 let seen = colours[k].iter().flatten();
@@ -281,12 +263,12 @@ impl ThreadColours {
                 most = most.max(f64::sqrt(squares / f64::max(count, 1.0)));
             }
         }
-        let explained = found.share(&found.by_systems);
+        let explained = share(&by_threads, &by_systems);
         (explained > EXPLAINED && most > DIFFER).then_some(ThreadColours {
             draft,
             likely,
             explained,
-            beyond_repeat: found.share(&found.by_places),
+            beyond_repeat: share(&by_threads, &by_places),
             offset,
             first: middles.first,
             colours,

@@ -244,11 +244,7 @@ fn confidence(seen: &Seen, is_given: bool, may_guess: bool, accepted: f64) -> Re
         false => shares[0],
     };
     if confidence < accepted && !is_given {
-        return Err(none(format!(
-            "likely are {}, and {:.0} % are expected; give the weave with --draft",
-            named(&seen.likely()),
-            100.0 * accepted
-        )));
+        return Err(too_unlikely(&seen.likely(), accepted));
     }
     Ok(confidence)
 }
@@ -259,6 +255,16 @@ fn named(likely: &[(String, f64)]) -> String {
     let each = |(name, share): &(String, f64)| format!("{name} ({:.0} %)", 100.0 * share);
     let each: Vec<String> = likely.map(each).collect();
     each.join(", ")
+}
+
+/// Why drafts are refused that are less likely than must be accepted.
+fn too_unlikely(likely: &[(String, f64)], accepted: f64) -> String {
+    let seen = format!(
+        "likely are {}, and {:.0} % are expected; give the weave with --draft",
+        named(likely),
+        100.0 * accepted
+    );
+    PhotographError::NoWeave { seen }.to_string()
 }
 
 /// Photographs in which threads were found.
@@ -383,28 +389,28 @@ fn known(
     }))
 }
 
-/// The colours of the threads, if a system has several by this share beyond what a repeat of the draft
-/// shows; the photographs then become those of cloth that has one of each system, and that against the light
-/// is left out.
-fn striped(ready: &mut Ready, given: Option<&Draft>, beyond: f64) -> Option<ThreadColours> {
+/// The colours of the threads and where these lie, if a system has several.
+fn thread_colours(ready: &Ready, given: Option<&Draft>) -> Option<(ThreadGrid, ThreadColours)> {
     if ready.photographs.is_even {
         return None;
     }
-    let front = &mut ready.photographs.front;
-    let flat = front.flat();
+    let flat = ready.photographs.front.flat();
     // The waves of stripes are stronger than those of threads, which all look alike once levelled.
     let even = |radius_px: &usize| ThreadGrid::strongest(&flat.levelled(*radius_px));
-    let found = LEVEL_PX
-        .iter()
-        .filter_map(even)
-        .filter_map(|g| Some((g, ThreadColours::find(&flat, &g, given)?)));
-    let best = found.max_by(|a, b| a.1.explained.total_cmp(&b.1.explained));
-    let (grid, found) = best.filter(|(_, found)| found.beyond_repeat > beyond)?;
-    front.photograph = Rc::new(found.evened(&front.photograph, &grid));
-    ready.grid = grid;
-    ready.photographs.back = None;
-    ready.repeats = vec![Repeat::of_draft(&found.draft)];
-    Some(found)
+    let found = LEVEL_PX.iter().filter_map(even);
+    let found = found.filter_map(|g| Some((g, ThreadColours::find(&flat, &g, given)?)));
+    found.max_by(|a, b| a.1.explained.total_cmp(&b.1.explained))
+}
+
+impl Ready {
+    /// The same of cloth that has one colour of each system; the photograph against the light is left out.
+    fn without(&mut self, grid: ThreadGrid, colours: &ThreadColours) {
+        let front = &mut self.photographs.front;
+        front.photograph = Rc::new(colours.evened(&front.photograph, &grid));
+        self.photographs.back = None;
+        self.grid = grid;
+        self.repeats = vec![Repeat::of_draft(&colours.draft)];
+    }
 }
 
 /// Runs the command.
@@ -428,17 +434,21 @@ pub fn run(args: &FitArgs) -> Result<()> {
         count += 1;
         progress.at(count);
     };
-    let mut colours = striped(&mut ready, given, BEYOND);
+    let striped = thread_colours(&ready, given);
+    let is_sure = |(_, found): &&(ThreadGrid, ThreadColours)| found.beyond_repeat > BEYOND;
+    let mut colours = striped.as_ref().filter(is_sure);
+    if let Some((grid, found)) = colours {
+        ready.without(*grid, found);
+    }
     let mut scaled = Scaled::new(args, &ready)?;
-    let draft = colours.as_ref().map(|s| &s.draft).or(given);
+    let draft = colours.map(|(_, found)| &found.draft).or(given);
     let mut recognised = known(args, &ready, &scaled, draft, &mut step)?;
     // Threads of several colours may repeat as the draft does.
-    if recognised.is_err() && colours.is_none() {
-        colours = striped(&mut ready, given, 0.0);
-        if let Some(found) = &colours {
-            scaled = Scaled::new(args, &ready)?;
-            recognised = known(args, &ready, &scaled, Some(&found.draft), &mut step)?;
-        }
+    if let (Err(_), None, Some((grid, found))) = (&recognised, colours, &striped) {
+        colours = striped.as_ref();
+        ready.without(*grid, found);
+        scaled = Scaled::new(args, &ready)?;
+        recognised = known(args, &ready, &scaled, Some(&found.draft), &mut step)?;
     }
     if colours.is_some() && args.back.is_some() && !args.common.quiet {
         note!(
@@ -458,12 +468,16 @@ pub fn run(args: &FitArgs) -> Result<()> {
         }
     }
     let mut recognised = recognised.map_err(fail)?;
-    if let Some(striped) = colours {
-        recognised.stripes = Some([0, 1].map(|k| striped.sequence(k)));
+    if let Some((_, found)) = colours {
+        recognised.stripes = Some([0, 1].map(|k| found.sequence(k)));
         if given.is_none() {
-            recognised.confidence = striped.likely.first().map_or(0.0, |l| l.1);
+            recognised.likely = found.likely.iter().take(NAMED).cloned().collect();
+            recognised.confidence = recognised.likely.first().map_or(0.0, |l| l.1);
             recognised.is_given = false;
-            recognised.likely = striped.likely;
+            let accepted = args.cloth.accept.unwrap_or(0.0);
+            if recognised.confidence < accepted {
+                return Err(fail(too_unlikely(&recognised.likely, accepted)));
+            }
         }
     }
     if recognised.confidence < SURE && !recognised.is_given && !args.common.quiet {
