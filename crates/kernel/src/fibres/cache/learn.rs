@@ -105,7 +105,7 @@ pub fn learn(
         })?;
         let second = flow.table();
         let mut first_paths = 0;
-        let first = if shares {
+        let mut first = if shares {
             let to_second = CacheUse {
                 tables: [None, Some(second)],
                 picture_mean: light.if_any(),
@@ -130,8 +130,7 @@ pub fn learn(
             error.add(go, [first.as_ref(), Some(second)], &places);
         })?;
         let [mean_error, block_error_squared] = error.relative_to(f64::from(picture_mean));
-        let digest = first.as_ref().map_or(0, RadianceTable::digest);
-        let report = CacheReport {
+        let mut report = CacheReport {
             paths: learned,
             shared_paths: first_paths,
             bins: [
@@ -142,17 +141,25 @@ pub fn learn(
             block_error_squared,
             shared_noise: error.noise(picture_mean),
             shared_noise_of_value: error.noises_of_value(),
-            digest: mix64(second.digest() ^ mix64(digest)),
+            digest: 0,
         };
         if rounds < MORE && report.is_surely_above(plan.block_error) {
             rounds += 1;
             paths.all += usual + f64::from(rounds) * (shared + tested);
             continue;
         }
+        let mut second = flow.into_table();
+        let kept = report.correct_mean();
+        let factor = 1.0 + kept * (error.gain() - 1.0);
+        for table in first.iter_mut().chain([&mut second]) {
+            table.scale(factor as f32);
+        }
+        let digest = first.as_ref().map_or(0, RadianceTable::digest);
+        report.digest = mix64(second.digest() ^ mix64(digest));
         return Ok(RadianceCache {
             places,
             first,
-            second: flow.into_table(),
+            second,
             picture_mean,
             report,
         });
@@ -264,6 +271,9 @@ struct ErrorOfBlocks {
     products_squared: f64,
     noise_squares: f64,
     records: u64,
+    /// Light that records read, and that their paths found instead.
+    read: f64,
+    found: f64,
     /// Of the bins at first fibres that were read, over their value.
     noises: Vec<f32>,
 }
@@ -294,6 +304,8 @@ impl ErrorOfBlocks {
         for (path, beyond) in beyond.iter_mut().enumerate() {
             if let Some((added, found, noise)) = read(path) {
                 *beyond = mean_of(added - found);
+                self.read += mean_of(added);
+                self.found += mean_of(found);
                 self.records += 1;
                 if from == 0 && self.noises.len() < MOST_NOISES {
                     self.noises.push(noise);
@@ -316,6 +328,14 @@ impl ErrorOfBlocks {
                 self.products += a * b;
                 self.products_squared += (a * b) * (a * b);
             }
+        }
+    }
+
+    /// Light that paths found over that which they would have read.
+    fn gain(&self) -> f64 {
+        match self.read > 0.0 {
+            true => self.found / self.read,
+            false => 1.0,
         }
     }
 

@@ -88,6 +88,22 @@ impl CacheReport {
         (square.max(0.0).sqrt(), (square + 2.0 * se).max(0.0).sqrt())
     }
 
+    /// Takes the share of the error of the whole picture that is more than its noise
+    /// (\[JamesStein1961\]) out of the errors, and returns it: so far is the light of the cache
+    /// corrected.
+    pub(super) fn correct_mean(&mut self) -> f64 {
+        let [error, se] = self.mean_error;
+        let squared = error * error;
+        if squared <= se * se {
+            return 0.0;
+        }
+        let kept = 1.0 - se * se / squared;
+        let left = (1.0 - kept) * error;
+        self.mean_error[0] = left;
+        self.block_error_squared[0] -= squared - left * left;
+        kept
+    }
+
     /// Whether the error of blocks is above a limit by more than two standard errors.
     pub fn is_surely_above(&self, limit: f64) -> bool {
         let [square, se] = self.block_error_squared;
@@ -101,3 +117,26 @@ pub type LearnWatch<'a> = dyn Fn(f64) -> ControlFlow<()> + Sync + 'a;
 /// Learning was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stopped;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is surely an error is taken out of the mean and of the blocks, and noise is left alone.
+    #[test]
+    fn the_mean_is_corrected_by_what_is_more_than_noise() {
+        let with = |error: f64| CacheReport {
+            mean_error: [error, 0.01],
+            block_error_squared: [0.05, 0.01],
+            ..CacheReport::default()
+        };
+        let mut of_noise = with(-0.01);
+        assert_eq!(of_noise.correct_mean(), 0.0);
+        assert_eq!(of_noise, with(-0.01));
+        let mut sure = with(-0.1);
+        let kept = sure.correct_mean();
+        assert!((kept - 0.99).abs() < 1e-12);
+        assert!((sure.mean_error[0] + 0.001).abs() < 1e-12);
+        assert!((sure.block_error_squared[0] - (0.05 - 0.01 + 1e-6)).abs() < 1e-12);
+    }
+}

@@ -83,6 +83,13 @@ impl RadianceTable {
         self.entries[number].radiance = radiance.to_array();
     }
 
+    /// Multiplies the radiance of every bin.
+    pub fn scale(&mut self, factor: f32) {
+        for entry in &mut self.entries {
+            entry.radiance = entry.radiance.map(|c| factor * c);
+        }
+    }
+
     /// The radiance in the finest bin at a place.
     #[cfg(test)]
     pub fn radiance(&self, place: &Place, levels: &[Level]) -> Option<Vec3> {
