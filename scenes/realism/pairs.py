@@ -94,6 +94,8 @@ PAIRS = [
 WOOL = {"preset": "wool", "tex": 60, "per_cm": 13, "repeats": 2}
 FILAMENT = ('kind = "filament"\nfibre_volume_fraction = 0.35\nfibre_radius_um = 9.0\n'
             'twist = { direction = "Z", turns_per_m = 120.0 }')
+FLECKS = ('irregularity = "woollen"\nblend = [{ share = 8.0 }, { share = 2.0, colour = [0.16, 0.15, 0.14] }, '
+          '{ share = 0.8, colour = [0.45, 0.16, 0.05] }, { share = 0.6, colour = [0.06, 0.12, 0.24] }]')
 # Pairs of the second sheet.
 FIBRES = [
     ("heather of dyed and undyed wool", WOOL | {"colour": "[0.10, 0.13, 0.20]", "weft_colour": "[0.10, 0.13, 0.20]"},
@@ -105,6 +107,10 @@ FIBRES = [
       'longitudinal_deg = 3.0'}, 7),
     ("crimp: textured filament", {"preset": "polyester", "tex": 40, "per_cm": 14, "yarn": FILAMENT} | DARK,
      {"yarn": FILAMENT + "\ncrimp = { per_cm = 14.0, amplitude_um = 48.0 }"}, 4.5),
+    ("tufts of colour in a blend", WOOL | {"tex": 110, "per_cm": 10, "repeats": 4, "yarn": FLECKS}
+     | {"colour": "[0.06, 0.06, 0.06]", "weft_colour": "[0.06, 0.06, 0.06]"},
+     {"yarn": FLECKS + "\nblend_tufts = { fibres = 25.0, length_mm = 4.0 }"}, 12),
+    ("wear", DENIM, {"tables": "[wear]\namount = 0.9\ndepth_um = 90.0\ncolour = [0.3, 0.31, 0.31]"}, 7),
 ]
 
 

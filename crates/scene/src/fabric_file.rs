@@ -88,7 +88,7 @@ pub fn load_changed(
     if let (Some(synthesis), None) = (&synthesis, &file.synthesis) {
         loader.warn(path, large_design::warning(synthesis));
     }
-    if file.print.is_some() {
+    if file.print.is_some() || file.wear.is_some() {
         for warning in print_file::warnings(&file.optics) {
             loader.warn(path, warning);
         }
@@ -167,7 +167,9 @@ fn build(
     let failed = |e| input(format!("{}: {e}", path.display()));
     let mut geometry = geometry;
     let automatic = match &file.synthesis {
-        None if file.print.is_none() => large_design::blocks(&mut geometry, open),
+        None if file.print.is_none() && file.wear.is_none() => {
+            large_design::blocks(&mut geometry, open)
+        }
         _ => None,
     };
     let (mut cloth, synthesis, volumes) = match file.synthesis.as_ref().or(automatic.as_ref()) {
@@ -203,6 +205,9 @@ fn build(
         cloth
             .print(spec, &image)
             .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    }
+    if let Some(spec) = &file.wear {
+        cloth.wear(spec).map_err(failed)?;
     }
     let optics = match file.ideal {
         true => vec![file.optics.clone()],

@@ -7,7 +7,7 @@ use organza_surface::SurfaceTable;
 use organza_weave::spec::{
     CurveKind, DraftSpec, NonwovenSpec, PileSpec, RelaxationSpec, ThreadSetSpec, TileSpec, YarnSpec,
 };
-use organza_weave::{PrintSpec, SynthesisSpec};
+use organza_weave::{PrintSpec, SynthesisSpec, WearSpec};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -38,6 +38,8 @@ pub struct FabricFile {
     pub relaxation: RelaxationSpec,
     /// An image printed on the cloth.
     pub print: Option<PrintSpec>,
+    /// Rubbing that took dye off its faces.
+    pub wear: Option<WearSpec>,
     /// How much of the cloth is made.
     #[serde(default)]
     pub tile: TileSpec,
@@ -77,8 +79,16 @@ impl FabricFile {
         if self.relaxation.max_iterations == 0 {
             return Err("relaxation.max_iterations: expected at least 1, found 0".into());
         }
-        if self.print.is_some() && self.synthesis.is_some() {
-            return Err("print: does not go with [synthesis]; leave one of them out".into());
+        let of_one_tile = [
+            ("print", self.print.is_some()),
+            ("wear", self.wear.is_some()),
+        ];
+        for (key, _) in of_one_tile.iter().filter(|(_, is_given)| *is_given) {
+            if self.synthesis.is_some() {
+                return Err(format!(
+                    "{key}: does not go with [synthesis]; leave one of them out"
+                ));
+            }
         }
         let draft = &self.draft;
         let is_woven = draft.weave.is_some()

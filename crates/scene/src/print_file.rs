@@ -24,7 +24,7 @@ pub(crate) fn decode(
 }
 
 /// Warnings of keys of `[optics.NAME]` that give all fibres of a yarn one colour: in the models
-/// that read them, a print does not show.
+/// that read them, print and wear do not show.
 pub(crate) fn warnings(optics: &OpticsFile) -> Vec<String> {
     let of = |(name, list): (&String, &OpticsList)| {
         let table = list.of(None, None);
@@ -37,7 +37,7 @@ pub(crate) fn warnings(optics: &OpticsFile) -> Vec<String> {
         let found = keys.into_iter().filter(|k| k.1);
         let warning = |(key, _)| {
             format!(
-                "optics.{name}.{key} gives all fibres one colour and hides the print; leave it \
+                "optics.{name}.{key} gives all fibres one colour and hides print and wear; leave it \
                  out, and colour the threads by `colours` of warp and weft"
             )
         };

@@ -229,7 +229,8 @@ fn of_fabric(
             with_part(path, &text, &file, part).map(Some)
         }
     };
-    let is_plain = file.synthesis.is_none() && file.pile.is_none() && file.print.is_none();
+    let of_a_place = file.print.is_some() || file.wear.is_some();
+    let is_plain = file.synthesis.is_none() && file.pile.is_none() && !of_a_place;
     let yarns = [&file.warp.yarn, &file.weft.yarn].map(|y| y.len().max(1));
     let mut parts = match (&draft, repeat) {
         (Some(draft), Some(repeat)) if is_plain => Some(Parts::new(draft, repeat, studio, yarns)),

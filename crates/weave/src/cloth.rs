@@ -8,6 +8,7 @@ mod drawing;
 mod exemplar;
 mod figures;
 mod flattening;
+mod heights;
 mod import;
 mod irregularity;
 mod nonwoven;
@@ -16,9 +17,11 @@ mod pile;
 mod ply_strands;
 mod print;
 mod ranges;
+mod recolour;
 mod repeats;
 mod spacing;
 mod spun;
+mod wear;
 mod yarn_warnings;
 mod yarns;
 
@@ -37,6 +40,7 @@ use glam::{DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};
 use spun::Spun;
 use std::sync::Arc;
+use wear::Wear;
 
 pub use borders::BorderGaps;
 pub use build::Loader;
@@ -45,6 +49,7 @@ pub use irregularity::{Irregularity, SystemIrregularity};
 pub use ply_strands::{Plies, PlyStrand};
 use print::Print;
 pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
+pub use wear::WearSpec;
 
 /// The properties that determine the optics of a segment.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,6 +121,7 @@ pub struct Cloth {
     net: Option<openwork::Net>,
     tile: Tile,
     print: Option<Arc<Print>>,
+    wear: Option<Arc<Wear>>,
     seed: u64,
     compaction: f64,
     compression: f64,
@@ -148,6 +154,23 @@ impl Cloth {
     /// courses from the bottom up, then one per column of loops or tuft of the pile.
     pub fn curves(&self, level: CurveLevel) -> Curves<'_> {
         Curves { cloth: self, level }
+    }
+
+    /// Whether colours depend on the place in the cloth.
+    fn is_recoloured(&self) -> bool {
+        self.print.is_some() || self.wear.is_some()
+    }
+
+    /// A segment with the colours of its places: first of the print, then of the wear.
+    fn emit_recoloured(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
+        let mut rub = |s: &Segment| match &self.wear {
+            Some(wear) => wear.rub(s, emit),
+            None => emit(s),
+        };
+        match &self.print {
+            Some(print) => print.dye(segment, &mut rub),
+            None => rub(segment),
+        }
     }
 
     /// The tufts of cut pile.
@@ -291,9 +314,9 @@ impl SegmentSource for Curves<'_> {
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
-        match &self.cloth.print {
-            Some(print) => self.emit_plain(batch, &mut |s| print.dye(s, emit)),
-            None => self.emit_plain(batch, emit),
+        match self.cloth.is_recoloured() {
+            true => self.emit_plain(batch, &mut |s| self.cloth.emit_recoloured(s, emit)),
+            false => self.emit_plain(batch, emit),
         }
     }
 

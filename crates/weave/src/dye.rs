@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::blend::FibrePart;
 use crate::yarn::Yarn;
-use organza_basis::{PathRng, Rgb};
+use organza_basis::{PathRng, Rgb, mix64};
 
 /// Shells of equal thickness in which the colour of a ring-dyed yarn is constant.
 const SHELLS: usize = 8;
@@ -71,16 +71,23 @@ impl Dye {
         }
     }
 
+    /// The material of a random number from 0 to 1.
+    fn drawn(&self, u: f64) -> u16 {
+        match self {
+            Dye::Blend(parts) => {
+                let part = parts.iter().find(|part| u < part.0);
+                part.map_or(self.main(), |part| part.1)
+            }
+            _ => self.main(),
+        }
+    }
+
     /// The dye of one fibre at random.
     pub fn of_fibre(&self, rng: &mut PathRng) -> FibreDye {
         match self {
             Dye::Even(material) => FibreDye::Even(*material),
             Dye::Ring(shells) => FibreDye::Ring(*shells),
-            Dye::Blend(parts) => {
-                let u = f64::from(rng.unit());
-                let part = parts.iter().find(|part| u < part.0);
-                FibreDye::Even(part.map_or(self.main(), |part| part.1))
-            }
+            Dye::Blend(_) => FibreDye::Even(self.drawn(f64::from(rng.unit()))),
         }
     }
 }
@@ -90,6 +97,27 @@ impl Dye {
 pub(crate) enum FibreDye {
     Even(u16),
     Ring([u16; SHELLS]),
+}
+
+/// The tufts of a blend that a fibre runs through, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TuftsOfFibre {
+    /// Names the tufts; all fibres that lie in them have the same name.
+    pub name: u64,
+    /// How many there are along the fibre, which is closed, and where the first one begins, in
+    /// their lengths.
+    pub count: u32,
+    pub start: f64,
+}
+
+impl TuftsOfFibre {
+    /// The material at a share of all windings of the fibre; `dye` is that of the thread.
+    pub fn at(&self, dye: &Dye, run: f64) -> u16 {
+        let place = (run * f64::from(self.count) + self.start).floor() as i64;
+        let tuft = place.rem_euclid(i64::from(self.count)) as u64;
+        let bits = mix64(self.name ^ mix64(tuft));
+        dye.drawn((bits >> 11) as f64 * 2f64.powi(-53))
+    }
 }
 
 impl FibreDye {

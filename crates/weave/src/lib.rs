@@ -77,7 +77,7 @@ mod yarn;
 pub use cloth::{
     BorderGaps, Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material,
     NonwovenFigures, OpenworkFigures, PileFigures, Plies, PlyStrand, PrintImage, PrintMode,
-    PrintSide, PrintSpec, SystemFigures, SystemIrregularity,
+    PrintSide, PrintSpec, SystemFigures, SystemIrregularity, WearSpec,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;

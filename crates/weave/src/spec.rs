@@ -5,8 +5,8 @@ mod nonwoven;
 mod pile;
 
 pub use irregularity::{
-    BlendSpec, CrimpShape, CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec,
-    HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec, ThreadWanderSpec, WanderSpec,
+    BlendSpec, BlendTuftSpec, CrimpShape, CrimpSpec, DraftingWaveSpec, EvennessSpec,
+    FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec, ThreadWanderSpec, WanderSpec,
 };
 pub use nonwoven::{BondingSpec, NeedledSides, NeedlingSpec, NonwovenSpec};
 pub use pile::{PileKind, PileSides, PileSpec};
@@ -256,6 +256,8 @@ pub struct YarnSpec {
     /// Fibres of several colours and materials.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blend: Vec<BlendSpec>,
+    /// How the colours of the blend lie together; each fibre has one of its own without it.
+    pub blend_tufts: Option<BlendTuftSpec>,
 }
 
 /// Twist: a direction and either turns or an angle.

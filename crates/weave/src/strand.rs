@@ -5,16 +5,17 @@ use crate::blend::{part_at, spread};
 use crate::closure::Closure;
 use crate::crimp::Crimp;
 use crate::drawn_curve::Look;
-use crate::dye::{Dye, FibreDye};
+use crate::dye::{Dye, FibreDye, TuftsOfFibre};
 use crate::evenness::{MOST, Profile};
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts, ROUNDS, ROUNDS_OF_CRIMPED};
 use crate::section::ThreadSection;
+use crate::spec::BlendTuftSpec;
 use crate::wander::Wander;
 use crate::yarn::Yarn;
 use glam::DVec2;
-use organza_basis::{PathRng, Segment};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use organza_basis::{PathRng, Segment, mix64};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Random directions tried per fibre; the one with the most room is taken.
 const CANDIDATES: u32 = 8;
@@ -62,9 +63,14 @@ struct Fibre {
     wander: Option<Wander>,
     crimp: Option<Crimp>,
     dye: FibreDye,
+    /// The tufts of a blend that it runs through, which then give it its colours.
+    tufts: Option<TuftsOfFibre>,
     /// Radius of the loop's top at each outer turning point that has one.
     loops_mm: Vec<Option<f64>>,
 }
+
+/// How far the ends of a tuft's fibres lie apart, as a share of its length (estimated).
+const RAGGED: f64 = 0.3;
 
 /// Families of random numbers within a strand.
 const PLY_PHASE: u64 = 0;
@@ -91,9 +97,12 @@ impl Strand<'_> {
                 };
                 let look = |s: f64, place: DVec2| Look {
                     radius_mm: self.radius_mm(fibre, winding, s),
-                    material: fibre
-                        .dye
-                        .at(|| place.length() / (self.scale(s) * self.yarn.radius_mm())),
+                    material: match &fibre.tufts {
+                        Some(tufts) => tufts.at(self.dye, self.run(winding, s)),
+                        None => fibre
+                            .dye
+                            .at(|| place.length() / (self.scale(s) * self.yarn.radius_mm())),
+                    },
                 };
                 id = self.emit_period(id, place, look, emit);
             }
@@ -290,6 +299,10 @@ impl Strand<'_> {
                         Some(part) => self.dye.of_part(part),
                         None => self.dye.of_fibre(&mut rng),
                     },
+                    tufts: self
+                        .yarn
+                        .blend_tufts
+                        .map(|spec| self.tufts(&spec, orbit, (radius_mm, phase_rad), &mut rng)),
                 };
                 // Fibres that are thicker than the mean begin farther inside.
                 if part.is_some() {
@@ -298,6 +311,30 @@ impl Strand<'_> {
                 fibre
             })
             .collect()
+    }
+
+    /// The tufts of a blend that a fibre at a place of the section runs through: those of its
+    /// cell of the section, whose ends are ragged.
+    fn tufts(
+        &self,
+        spec: &BlendTuftSpec,
+        orbit: u32,
+        (radius_mm, phase_rad): (f64, f64),
+        rng: &mut PathRng,
+    ) -> TuftsOfFibre {
+        let area = PI * self.yarn.ply_radius_mm.powi(2) / f64::from(self.yarn.fibres_per_ply);
+        let cell_mm = (spec.fibres * area).sqrt();
+        let at = (radius_mm * DVec2::from_angle(phase_rad) / cell_mm).floor();
+        let [seed, thread] = [self.seed.0, self.seed.1].map(mix64);
+        let cell = (at.x as i64 as u64) << 32 ^ (at.y as i64 as u64) & 0xffff_ffff;
+        let name = mix64(seed ^ mix64(thread ^ mix64(cell ^ u64::from(orbit) << 60)));
+        let length_mm = f64::from(self.closure.windings()) * self.path.length_mm();
+        let of_cell = (mix64(!name) >> 11) as f64 * 2f64.powi(-53);
+        TuftsOfFibre {
+            name,
+            count: (length_mm / spec.length_mm).round().clamp(1.0, 1e9) as u32,
+            start: of_cell + RAGGED * (unit(rng) - 0.5),
+        }
     }
 
     /// Which outer turning points of a fibre become loops, and how high.

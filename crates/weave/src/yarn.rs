@@ -5,8 +5,8 @@ mod complete_spec;
 use crate::Error;
 use crate::blend::FibrePart;
 use crate::spec::{
-    CrimpSpec, CrossSectionSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec,
-    MigrationSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
+    BlendTuftSpec, CrimpSpec, CrossSectionSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec,
+    HairinessSpec, MigrationSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
 use std::f64::consts::{PI, TAU};
@@ -79,6 +79,8 @@ pub struct Yarn {
     pub blend: Vec<FibrePart>,
     /// Whether the parts of the blend differ by more than colour.
     pub blends_materials: bool,
+    /// How fibres of one colour of the blend lie together, if they do.
+    pub blend_tufts: Option<BlendTuftSpec>,
     /// Quantiles of the fibres' distance from the ply's centre, as shares of
     /// the largest, at equal steps from 0 to 1.
     radial_quantiles: Arc<[f64]>,

@@ -105,6 +105,7 @@ pub(super) fn imported(
         },
         seed: 0,
         print: None,
+        wear: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

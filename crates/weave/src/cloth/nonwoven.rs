@@ -342,6 +342,7 @@ fn cloth(
         },
         seed,
         print: None,
+        wear: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

@@ -94,6 +94,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         },
         seed: 0,
         print: None,
+        wear: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

@@ -228,18 +228,18 @@ impl SegmentSource for Plies<'_> {
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
-        let Some(print) = &self.cloth.print else {
+        if !self.cloth.is_recoloured() {
             return self.emit_thread(batch, emit);
-        };
+        }
         let plies = self.cloth.materials.len() as u16;
         self.emit_thread(batch, &mut |s| {
-            // The print knows no materials of hairs.
+            // Print and wear know no materials of hairs.
             let hair = if s.material < plies { 0 } else { plies };
             let plain = Segment {
                 material: s.material - hair,
                 ..*s
             };
-            print.dye(&plain, &mut |dyed| {
+            self.cloth.emit_recoloured(&plain, &mut |dyed| {
                 let material = dyed.material + hair;
                 emit(&Segment { material, ..*dyed });
             });

@@ -1,26 +1,20 @@
 //! Patterns printed on a cloth: an image that dyes the fibres near its faces.
 
-use super::{Cloth, CurveLevel, Material};
+use super::Cloth;
+use super::heights::Heights;
+use super::recolour::{MAX_MATERIALS, recoloured};
 use crate::Error;
 use crate::palette::{nearest, palette, seen};
 use glam::{DVec2, Vec2, Vec3};
-use organza_basis::{Rgb, Segment, SegmentSource, Tile};
+use organza_basis::{Rgb, Segment, Tile};
 use serde::Deserialize;
 
 /// Most pixels along an edge of an image.
 const MAX_EDGE: u32 = 8192;
-/// Most materials of a printed cloth: each has tables of its own.
-const MAX_MATERIALS: usize = 4096;
 /// How far the size of an image may be from one that fits, as a share: it is stretched.
 const MAX_STRETCH: f64 = 0.01;
 /// Share of the cloth's thickness that ink enters where no depth is given (estimated).
 const DEPTH: f32 = 1.0 / 3.0;
-/// Most cells of the map of heights along an edge.
-const MAX_HEIGHTS: usize = 2048;
-/// Most parts into which a segment is divided.
-const MAX_PARTS: usize = 64;
-/// Colour of undyed thread.
-const UNDYED: Rgb = Rgb::new(0.8, 0.8, 0.8);
 
 /// `[print]`: an image on the cloth.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
@@ -116,27 +110,10 @@ impl Cloth {
             );
             return Err(Error::spec("print.colours", message));
         }
-        let mut materials = Vec::with_capacity(plain * palette.len());
-        for own in 0..plain {
-            for ink in &palette {
-                let before = &self.materials[own];
-                let base = before.colour.unwrap_or(UNDYED);
-                let colour = match spec.mode {
-                    PrintMode::Multiply => Rgb(base.0 * ink.0),
-                    PrintMode::Replace => *ink,
-                };
-                let new = Material {
-                    colour: Some(colour),
-                    ..before.clone()
-                };
-                let known = self.materials.iter().position(|m| *m == new);
-                let index = known.unwrap_or_else(|| {
-                    self.materials.push(new);
-                    self.materials.len() - 1
-                });
-                materials.push(index as u16);
-            }
-        }
+        let materials = self.recolour(palette.len(), |own, ink| match spec.mode {
+            PrintMode::Multiply => Rgb(own.0 * palette[ink].0),
+            PrintMode::Replace => palette[ink],
+        });
         let inks: Vec<Vec3> = palette.iter().map(|ink| seen(*ink)).collect();
         let nearest = |pixel: &Rgb| nearest(&inks, seen(*pixel)) as u8;
         let heights = Heights::of(self);
@@ -155,17 +132,6 @@ impl Cloth {
             colours: palette.len(),
         }));
         Ok(())
-    }
-
-    /// Half the width and half the height of a thread over the radius of its segments.
-    fn half_size(&self, thread: u32) -> Vec2 {
-        let Some(thread) = self.threads.get(thread as usize) else {
-            // A tuft.
-            return Vec2::ONE;
-        };
-        let flatten = thread.section.flatten;
-        let ratio = (flatten.x / flatten.y).sqrt() as f32;
-        Vec2::new(ratio, 1.0 / ratio)
     }
 }
 
@@ -237,34 +203,12 @@ impl Print {
     pub fn dye(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
         let pixel = self.copy_mm.x / self.size[0] as f32;
         let part = pixel.max(2.0 * segment.start_radius_mm.max(segment.end_radius_mm));
-        let parts = (segment.length_mm() / part).ceil() as usize;
-        let parts = parts.clamp(1, MAX_PARTS);
-        let of = |i: usize| {
-            let share = (i as f32 + 0.5) / parts as f32;
-            self.material(
-                segment.material,
-                segment.start_mm.lerp(segment.end_mm, share),
-            )
-        };
-        let (mut from, mut material) = (0, of(0));
-        for i in 1..=parts {
-            let next = if i < parts { of(i) } else { material };
-            if i < parts && next == material {
-                continue;
-            }
-            let printed = match (from, i) {
-                (0, all) if all == parts => Segment {
-                    material,
-                    ..*segment
-                },
-                _ => Segment {
-                    material,
-                    ..cut(segment, [from, i].map(|k| k as f32 / parts as f32))
-                },
-            };
-            emit(&printed);
-            (from, material) = (i, next);
-        }
+        recoloured(
+            segment,
+            part,
+            |plain, at_mm| self.material(plain, at_mm),
+            emit,
+        );
     }
 
     /// The material of a place whose fibre has another one on the plain cloth.
@@ -291,125 +235,5 @@ impl Print {
         ];
         let colour = usize::from(self.pixels[row * self.size[0] + column]);
         self.materials[usize::from(plain) * self.colours + colour]
-    }
-}
-
-/// The piece of a segment between two shares of it.
-fn cut(s: &Segment, shares: [f32; 2]) -> Segment {
-    let point = |t: f32| s.start_mm.lerp(s.end_mm, t);
-    let radius = |t: f32| s.start_radius_mm + (s.end_radius_mm - s.start_radius_mm) * t;
-    let tangent = |t: f32| {
-        let between = s.start_tangent.lerp(s.end_tangent, t);
-        between.try_normalize().unwrap_or(s.start_tangent)
-    };
-    let [a, b] = shares;
-    Segment {
-        start_mm: point(a),
-        end_mm: point(b),
-        start_radius_mm: radius(a),
-        end_radius_mm: radius(b),
-        start_tangent: tangent(a),
-        end_tangent: tangent(b),
-        ..*s
-    }
-}
-
-/// Where the lowest and the highest yarn lies, by place.
-#[derive(Clone, Debug)]
-struct Heights {
-    corner_mm: Vec2,
-    cell_mm: Vec2,
-    counts: [usize; 2],
-    low_high_mm: Vec<[f32; 2]>,
-    repeats: bool,
-}
-
-impl Heights {
-    fn of(cloth: &Cloth) -> Heights {
-        let tile = cloth.tile;
-        let period = tile.period_mm();
-        let yarns = cloth.curves(CurveLevel::Yarn);
-        let mut thinnest = f32::INFINITY;
-        let each = |visit: &mut dyn FnMut(&Segment)| {
-            for batch in 0..yarns.batch_count() {
-                yarns.for_each_in_batch(batch, visit);
-            }
-        };
-        each(&mut |s| thinnest = thinnest.min(s.start_radius_mm.max(1e-6)));
-        let counts = [period.x, period.y].map(|mm| {
-            let cells = (4.0 * mm / thinnest).ceil();
-            (cells as usize).clamp(1, MAX_HEIGHTS)
-        });
-        let cell_mm = period / Vec2::new(counts[0] as f32, counts[1] as f32);
-        let mut heights = Heights {
-            corner_mm: tile.bounds_mm.min.truncate(),
-            cell_mm,
-            counts,
-            low_high_mm: vec![[f32::INFINITY, f32::NEG_INFINITY]; counts[0] * counts[1]],
-            repeats: tile.repeats,
-        };
-        each(&mut |s| {
-            let half = cloth.half_size(s.yarn) * s.start_radius_mm.max(s.end_radius_mm);
-            let steps = (2.0 * s.length_mm() / cell_mm.min_element()).ceil();
-            let steps = steps.clamp(1.0, 4096.0) as usize;
-            for i in 0..=steps {
-                heights.raise(s.start_mm.lerp(s.end_mm, i as f32 / steps as f32), half);
-            }
-        });
-        heights
-    }
-
-    /// Takes a round spot of a yarn into account.
-    fn raise(&mut self, centre_mm: Vec3, half_mm: Vec2) {
-        let reach = (half_mm.x / self.cell_mm).ceil().min(Vec2::splat(64.0));
-        let middle = ((centre_mm.truncate() - self.corner_mm) / self.cell_mm).floor();
-        let [rx, ry] = [reach.x as i64, reach.y as i64];
-        for dy in -ry..=ry {
-            for dx in -rx..=rx {
-                let steps = Vec2::new(dx as f32, dy as f32);
-                let aside = (steps * self.cell_mm).length() / half_mm.x;
-                if aside > 1.0 {
-                    continue;
-                }
-                if let Some(cell) = self.cell(middle + steps) {
-                    let half = half_mm.y * (1.0 - aside * aside).sqrt();
-                    let [low, high] = &mut self.low_high_mm[cell];
-                    *low = low.min(centre_mm.z - half);
-                    *high = high.max(centre_mm.z + half);
-                }
-            }
-        }
-    }
-
-    fn cell(&self, cell: Vec2) -> Option<usize> {
-        let [x, y] = [cell.x as i64, cell.y as i64];
-        let [nx, ny] = self.counts.map(|n| n as i64);
-        let inside = (0..nx).contains(&x) && (0..ny).contains(&y);
-        if !inside && !self.repeats {
-            return None;
-        }
-        Some((y.rem_euclid(ny) * nx + x.rem_euclid(nx)) as usize)
-    }
-
-    /// Lowest and highest place of yarns; all of space where there are none.
-    fn at(&self, place_mm: Vec2) -> [f32; 2] {
-        let cell = ((place_mm - self.corner_mm) / self.cell_mm).floor();
-        let found = self.cell(cell).map(|cell| self.low_high_mm[cell]);
-        match found {
-            Some([low, high]) if low <= high => [low, high],
-            // What hangs in a gap is reached from both faces.
-            _ => [f32::INFINITY, f32::NEG_INFINITY],
-        }
-    }
-
-    fn thickness_mm(&self) -> f32 {
-        let low = self.low_high_mm.iter().map(|h| h[0]);
-        let high = self.low_high_mm.iter().map(|h| h[1]);
-        let thickness = high.fold(f32::NEG_INFINITY, f32::max) - low.fold(f32::INFINITY, f32::min);
-        if thickness.is_finite() {
-            thickness
-        } else {
-            0.0
-        }
     }
 }

@@ -14,7 +14,9 @@ mod reading;
 mod shipped;
 mod smooth_hairs;
 mod spun;
+mod tufted;
 mod twist;
+mod worn;
 
 use super::*;
 use crate::FabricGeometry;

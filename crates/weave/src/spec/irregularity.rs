@@ -56,6 +56,16 @@ pub struct SlubSpec {
     pub mass: [f64; 2],
 }
 
+/// Fibres of one part of a blend that lie together, as tufts that carding left whole.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct BlendTuftSpec {
+    /// Mean number of fibres side by side, 1 to 1e5.
+    pub fibres: f64,
+    /// Length along the yarn, millimetres, 0.1 to 1e5.
+    pub length_mm: f64,
+}
+
 /// Fibres that wander among their neighbours at random, beside twist and migration.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]

@@ -72,6 +72,7 @@ impl<'a> CompleteSpec<'a> {
             flattening: own.flattening,
             ring_dye: own.ring_dye,
             blend: own.blend.clone(),
+            blend_tufts: own.blend_tufts,
         };
         if let Some(way) = &own.irregularity {
             spin(&mut spec, own, way);
@@ -184,6 +185,7 @@ impl<'a> CompleteSpec<'a> {
             ring_dye: self.ring_dye()?,
             blend: parts,
             blends_materials,
+            blend_tufts: self.blend_tufts(blends_materials)?,
             radial_quantiles: radial_quantiles(cross_section),
         })
     }

@@ -5,8 +5,8 @@ use crate::Error;
 use crate::error::did_you_mean;
 use crate::spec::YarnSpec;
 use crate::spec::{
-    CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec, RingDyeSpec,
-    SlubSpec, WanderSpec,
+    BlendTuftSpec, CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec,
+    RingDyeSpec, SlubSpec, WanderSpec,
 };
 use crate::spinning::{FINISHES, NAMES};
 use organza_basis::Rgb;
@@ -154,6 +154,19 @@ impl CompleteSpec<'_> {
         self.number("ring_dye.depth", Some(d.depth), 0.0, 1.0)?;
         self.colour("ring_dye.core_colour", d.core_colour)?;
         Ok(Some(d))
+    }
+
+    pub(super) fn blend_tufts(&self, of_materials: bool) -> Result<Option<BlendTuftSpec>, Error> {
+        let Some(t) = self.spec.blend_tufts else {
+            return Ok(None);
+        };
+        if self.spec.blend.is_empty() || of_materials {
+            let message = "expected a blend whose parts differ by colour alone";
+            return Err(Error::spec(self.key("blend_tufts"), message));
+        }
+        self.number("blend_tufts.fibres", Some(t.fibres), 1.0, 1e5)?;
+        self.number("blend_tufts.length_mm", Some(t.length_mm), 0.1, 1e5)?;
+        Ok(Some(t))
     }
 
     fn colour(&self, key: &str, colour: Rgb) -> Result<(), Error> {

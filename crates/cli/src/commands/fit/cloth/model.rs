@@ -284,7 +284,7 @@ fn base(args: &FitArgs, own: &Table, spacing_mm: [f64; 2]) -> Result<Table> {
         let path = args.fabric.clone().unwrap_or_default();
         input(format!("{}: {why}", path.display()))
     };
-    for key in ["nonwoven", "pile", "synthesis", "print"] {
+    for key in ["nonwoven", "pile", "synthesis", "print", "wear"] {
         if own.contains_key(key) {
             return Err(refuse(format!(
                 "[{key}]: a fit to photographs is of woven cloth without it"

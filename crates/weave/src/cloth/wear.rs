@@ -1,0 +1,123 @@
+//! Cloth whose faces were rubbed: dye is lost where it stands out.
+
+use super::heights::Heights;
+use super::recolour::{MAX_MATERIALS, recoloured};
+use super::{Cloth, PrintSide};
+use crate::Error;
+use glam::Vec3;
+use organza_basis::{Rgb, Segment};
+use serde::Deserialize;
+
+/// Shades between a colour and what is left of it where most was rubbed off.
+const SHADES: usize = 6;
+/// Share of the places of a face that lie lower than what is rubbed most: thick threads stand out
+/// farther (estimated).
+const CROWNS: f32 = 0.9;
+/// Length of fibre, in depths of wear, over which its colour changes.
+const PART: f32 = 0.25;
+
+/// `[wear]`: rubbing that takes dye off the crowns of threads.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct WearSpec {
+    /// Share of the dye that the highest places lose, 0 to 1.
+    pub amount: f64,
+    /// How far below them dye is lost, micrometres, 1 to 1e5: less, the deeper.
+    pub depth_um: f64,
+    /// Colour of the fibres without dye.
+    #[serde(default = "undyed")]
+    pub colour: Rgb,
+    /// Which faces were rubbed.
+    #[serde(default)]
+    pub side: PrintSide,
+}
+
+/// Cotton without dye.
+fn undyed() -> Rgb {
+    Rgb::new(0.6, 0.55, 0.45)
+}
+
+/// The wear of a cloth.
+#[derive(Clone, Debug)]
+pub(super) struct Wear {
+    /// Heights, outwards, of what is rubbed most on the face and on the back.
+    crowns_mm: [Option<f32>; 2],
+    depth_mm: f32,
+    /// Materials of the shades of every material, from one that lost a little to the palest.
+    materials: Vec<u16>,
+}
+
+impl Cloth {
+    /// Rubs the faces of the cloth: from now on its segments have the materials of the wear.
+    ///
+    /// # Errors
+    /// The key of `[wear]` at fault.
+    pub fn wear(&mut self, spec: &WearSpec) -> Result<(), Error> {
+        let number = |key: &str, value: f64, from: f64, to: f64| {
+            let message = || format!("expected a number from {from} to {to}, found {value}");
+            match (from..=to).contains(&value) {
+                true => Ok(()),
+                false => Err(Error::spec(format!("wear.{key}"), message())),
+            }
+        };
+        number("amount", spec.amount, 0.0, 1.0)?;
+        number("depth_um", spec.depth_um, 1.0, 1e5)?;
+        for channel in spec.colour.0.to_array() {
+            number("colour", f64::from(channel), 0.0, 1.0)?;
+        }
+        let plain = self.materials.len();
+        if plain * (1 + SHADES) > MAX_MATERIALS {
+            let most = MAX_MATERIALS / (1 + SHADES);
+            let message = format!("expected a cloth of at most {most} colours, found {plain}");
+            return Err(Error::spec("wear", message));
+        }
+        let amount = spec.amount as f32;
+        let materials = self.recolour(SHADES, |own, shade| {
+            let lost = amount * (shade + 1) as f32 / SHADES as f32;
+            Rgb(own.0.lerp(spec.colour.0, lost))
+        });
+        let heights = Heights::of(self);
+        let rubbed = |is_back: bool| {
+            let other = if is_back {
+                PrintSide::Face
+            } else {
+                PrintSide::Back
+            };
+            (spec.side != other).then(|| heights.outer_mm(is_back, CROWNS))
+        };
+        self.wear = Some(std::sync::Arc::new(Wear {
+            crowns_mm: [false, true].map(rubbed),
+            depth_mm: spec.depth_um as f32 * 1e-3,
+            materials,
+        }));
+        Ok(())
+    }
+}
+
+impl Wear {
+    /// Gives a segment the materials of the wear.
+    pub fn rub(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
+        let radius = segment.start_radius_mm.max(segment.end_radius_mm);
+        let part_mm = (PART * self.depth_mm).max(2.0 * radius);
+        recoloured(
+            segment,
+            part_mm,
+            |plain, at_mm| self.material(plain, at_mm),
+            emit,
+        );
+    }
+
+    /// The material of a place whose fibre has another one on cloth that is new.
+    fn material(&self, plain: u16, at_mm: Vec3) -> u16 {
+        let lost = |(crown, outward): (&Option<f32>, f32)| {
+            let below = crown.map_or(f32::INFINITY, |crown| crown - outward * at_mm.z);
+            1.0 - (below / self.depth_mm).clamp(0.0, 1.0)
+        };
+        let lost = self.crowns_mm.iter().zip([1.0, -1.0]).map(lost);
+        let lost = lost.fold(0.0, f32::max);
+        match (lost * SHADES as f32).round() as usize {
+            0 => plain,
+            shade => self.materials[usize::from(plain) * SHADES + shade - 1],
+        }
+    }
+}
