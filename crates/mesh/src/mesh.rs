@@ -34,6 +34,8 @@ pub struct Mesh {
     triangles: Vec<[Vertex; 3]>,
     corners: Vec<[u32; 3]>,
     repairs: Repairs,
+    /// How far cloth leans at every shared corner; none where it stands upright everywhere.
+    leans: Vec<Vec3>,
 }
 
 /// Smallest area of a face relative to the square of its longest edge; below it the normal is
@@ -96,7 +98,34 @@ impl Mesh {
             triangles: kept,
             corners: ids,
             repairs,
+            leans: Vec::new(),
         })
+    }
+
+    /// Lets what stands on the mesh lean: `tangent_at` gives, at a place of the fabric plane in mm, how
+    /// far along weft and warp a point moves for every mm of its height.
+    pub fn lean(&mut self, tangent_at: impl Fn(Vec2) -> Vec2) {
+        let most = self.corners.iter().flatten().max().copied().unwrap_or(0);
+        let mut sums = vec![(Vec3::ZERO, 0.0f32); most as usize + 1];
+        for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
+            let Some(along) = stretch(triangle) else {
+                continue;
+            };
+            let [weft, warp] = along.map(Vec3::normalize_or_zero);
+            for (vertex, &id) in triangle.iter().zip(ids) {
+                let tangent = tangent_at(vertex.uv_mm);
+                let (sum, count) = &mut sums[id as usize];
+                *sum += tangent.x * weft + tangent.y * warp;
+                *count += 1.0;
+            }
+        }
+        let mean = |(sum, count): &(Vec3, f32)| *sum / count.max(1.0);
+        self.leans = sums.iter().map(mean).collect();
+    }
+
+    /// What is added to the normal at a shared corner.
+    pub(crate) fn lean_at(&self, corner: u32) -> Vec3 {
+        self.leans.get(corner as usize).copied().unwrap_or_default()
     }
 
     /// The faces.

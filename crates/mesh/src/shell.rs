@@ -180,7 +180,8 @@ impl Shell {
     /// The cloth between two heights over a mesh that lies half way between
     /// them; heights in mm along the normal, in the cloth's own coordinates.
     ///
-    /// All corners at a point share one normal, the mean over the adjacent faces, so that
+    /// All corners at a point share one normal, the mean over the adjacent faces, and one
+    /// [lean](Mesh::lean), so that
     /// prisms have no gaps between them. Faces whose texture has no area are unfolded from
     /// their first corner, with the weft along the first edge.
     ///
@@ -205,7 +206,8 @@ impl Shell {
             let face = area_vector(triangle);
             let side = |k: usize, up: bool| -> Corner {
                 let own = triangle[k].normal;
-                let n = normals[ids[k] as usize].unwrap_or(own).as_dvec3();
+                let n = normals[ids[k] as usize].unwrap_or(own) + mesh.lean_at(ids[k]);
+                let n = n.as_dvec3();
                 let (height, offset) = if up { (high, half) } else { (low, -half) };
                 (
                     triangle[k].position_mm.as_dvec3() + offset * n,

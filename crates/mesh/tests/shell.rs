@@ -366,3 +366,33 @@ fn places_in_the_cloth_do_not_depend_on_where_the_mesh_is() {
         );
     }
 }
+
+/// Cloth that leans stands over other places of the fabric plane the higher it is, and its ground as
+/// far beside on the other side of the mesh.
+#[test]
+fn what_leans_moves_with_its_height() {
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    let place_mm = |mesh: &Mesh, z: f64| {
+        let shell = Shell::new(mesh, 0.0, 2.0).unwrap();
+        let mut found = None;
+        // A level ray, half a turn away from the diagonals of the faces.
+        let ray = (DVec3::new(-50.0, 4.1, z), DVec3::X);
+        shell.visit_spans(ray, f64::INFINITY, |span| {
+            let t = 54.3 - span.t0;
+            if (0.0..span.t1 - span.t0).contains(&t) {
+                found = Some(span.cloth_mm + t * span.step);
+            }
+            f64::INFINITY
+        });
+        found.unwrap()
+    };
+    let upright = [-0.9, 0.0, 0.9].map(|z| place_mm(&mesh, z));
+    // 25 mm of cloth lie on 10 mm of mesh.
+    mesh.lean(|_| Vec2::new(0.3, -0.1));
+    for (z, upright) in [-0.9, 0.0, 0.9].into_iter().zip(upright) {
+        let leaning = place_mm(&mesh, z);
+        let moved = (upright - leaning) / 2.5;
+        let expected = DVec3::new(0.3 * z, -0.1 * z, 0.0);
+        assert!(moved.abs_diff_eq(expected, 1e-5), "{z}: {moved}");
+    }
+}

@@ -14,6 +14,7 @@ use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::ScatteringTable;
+use crate::stroke::Stroke;
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
@@ -61,6 +62,9 @@ pub struct ClothTable {
     pub mm_per_unit: Option<f32>,
     /// With `mesh`: cloth to a unit of texture coordinate.
     pub mm_per_uv: Option<f32>,
+    /// With `mesh`: strokes over the pile, one after the other.
+    #[serde(default)]
+    pub stroke: Vec<Stroke>,
     /// Overrides the fabric's own voxel size.
     pub voxel_um: Option<f32>,
     /// Overrides the fabric's own seed.
@@ -98,6 +102,13 @@ impl ObjectKind for ClothTable {
         }
         if self.extent_mm.is_some() && self.mesh.is_some() {
             return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
+        }
+        if !self.stroke.is_empty() && self.mesh.is_none() {
+            return Err(at.fail(".stroke: belongs to a `mesh`, which is not given"));
+        }
+        for (i, stroke) in self.stroke.iter().enumerate() {
+            let checked = stroke.check();
+            checked.map_err(|why| at.fail(format!(".stroke[{i}]{why}")))?;
         }
         if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(at.fail(format!(
@@ -182,6 +193,9 @@ fn fabric_and_showing(
                 ".{key}: first_events and while_weight need {needed}; leave them out or this key"
             )));
         }
+    }
+    if !table.stroke.is_empty() && fabric.file.pile.is_none() {
+        return Err(fail(".stroke: the fabric has no [pile]"));
     }
     if as_fibres {
         shown = ShownAs::usual(&EXPLICIT_FIBRES);
@@ -294,7 +308,10 @@ fn medium(
         input(format!("{scene}: object[{index}]{why}"))
     };
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
-    let mesh = drape::mesh(table.mesh_keys(), index, options)?;
+    let mut mesh = drape::mesh(table.mesh_keys(), index, options)?;
+    if let Some(mesh) = mesh.as_mut().filter(|_| !table.stroke.is_empty()) {
+        mesh.lean(|at_mm| Stroke::tangent_after(&table.stroke, at_mm));
+    }
     let is_curves = matches!(
         shown.representation.build,
         Build::ExplicitFibres(_) | Build::Plies(_)

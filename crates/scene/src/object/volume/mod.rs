@@ -91,6 +91,7 @@ impl VolumeTable {
             mesh: self.mesh.clone(),
             mm_per_unit: self.mm_per_unit,
             mm_per_uv: self.mm_per_uv,
+            stroke: Vec::new(),
             voxel_um: None,
             seed: None,
             extent_mm: self.extent_mm,

@@ -1,0 +1,97 @@
+//! `[[object.stroke]]`: where a hand stroked the pile of a cloth.
+
+use glam::Vec2;
+use serde::Deserialize;
+
+/// Share of the width of a stroke over which the pile goes over to that beside it (estimated).
+const SOFT: f32 = 0.8;
+
+/// A stroke over the pile of a cloth that lies on a mesh: from then on it leans along the stroke.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Stroke {
+    /// Where it begins and ends, on the cloth: mm along weft and warp.
+    pub from_mm: [f32; 2],
+    /// Where it ends.
+    pub to_mm: [f32; 2],
+    /// Its width, mm.
+    pub width_mm: f32,
+    /// How far the pile leans along it, beside its own lean: -60 to 60 degrees.
+    pub lean_deg: f32,
+}
+
+impl Stroke {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// `.key: what was expected`.
+    pub fn check(&self) -> Result<(), String> {
+        let places = [self.from_mm, self.to_mm].concat();
+        if places.iter().any(|x| !(x.abs() <= 1e6)) || self.from_mm == self.to_mm {
+            return Err(".to_mm: expected two places within 1e6 mm".into());
+        }
+        if !(1e-3..=1e6).contains(&self.width_mm) {
+            let found = self.width_mm;
+            return Err(format!(".width_mm: expected 0.001 to 1e6, found {found}"));
+        }
+        if !(-60.0..=60.0).contains(&self.lean_deg) {
+            let found = self.lean_deg;
+            return Err(format!(".lean_deg: expected -60 to 60, found {found}"));
+        }
+        Ok(())
+    }
+
+    /// How much of it a place has: one in its middle, none beside it.
+    fn share(&self, at_mm: Vec2) -> f32 {
+        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
+        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
+        let nearest = from + along.clamp(0.0, 1.0) * (to - from);
+        let inside = (0.5 - at_mm.distance(nearest) / self.width_mm) / (0.5 * SOFT);
+        let inside = inside.clamp(0.0, 1.0);
+        inside * inside * (3.0 - 2.0 * inside)
+    }
+
+    /// The lean at a place after strokes one after the other, as tangents along weft and warp.
+    pub fn tangent_after(strokes: &[Stroke], at_mm: Vec2) -> Vec2 {
+        strokes.iter().fold(Vec2::ZERO, |before, stroke| {
+            let [from, to] = [stroke.from_mm, stroke.to_mm].map(Vec2::from);
+            let own = (to - from).normalize_or_zero() * stroke.lean_deg.to_radians().tan();
+            before.lerp(own, stroke.share(at_mm))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pile leans along the last stroke that came by, and stands as before beside them.
+    #[test]
+    fn the_last_stroke_counts() {
+        let stroke = |from_mm, to_mm| Stroke {
+            from_mm,
+            to_mm,
+            width_mm: 2.0,
+            lean_deg: 45.0,
+        };
+        let strokes = [
+            stroke([-5.0, 0.0], [5.0, 0.0]),
+            stroke([0.0, -5.0], [0.0, 5.0]),
+        ];
+        let at = |x, y| Stroke::tangent_after(&strokes, Vec2::new(x, y));
+        assert!(at(3.0, 0.0).abs_diff_eq(Vec2::X, 1e-6));
+        assert!(at(0.0, 0.0).abs_diff_eq(Vec2::Y, 1e-6));
+        assert_eq!(at(3.0, 1.1), Vec2::ZERO);
+        // At its edge it goes over to the pile beside it.
+        let edge = at(3.0, 0.8);
+        assert!(edge.x > 0.1 && edge.x < 0.9, "{edge}");
+        let refused = Stroke {
+            width_mm: 0.0,
+            ..strokes[0]
+        };
+        assert_eq!(
+            refused.check().unwrap_err(),
+            ".width_mm: expected 0.001 to 1e6, found 0"
+        );
+    }
+}
