@@ -1,9 +1,8 @@
 """Lets a square of cloth fall over the corner of a table, and writes the mesh where it rests.
 
 The fall is Blender's: a sheet of masses and springs with air and friction, from `bpy` (pip install
-bpy). Weight is that of the plaid by `organza info`; Blender's stiffnesses have no unit, and were
-chosen so that a strip of the cloth that hangs over an edge bends as a worsted of this weight does
-(a bending length of about 20 mm, estimated). Lengths in Blender are decimetres.
+bpy). Weight is that of the plaid by `organza info`; Blender's stiffnesses have no unit, and were chosen
+by eye. Lengths in Blender are decimetres.
 
     python3 drape.py [FOLDER]
 """
@@ -56,7 +55,7 @@ def sheet():
     modifier = cloth.modifiers.new("cloth", "CLOTH")
     settings = modifier.settings
     settings.quality = 10
-    # A vertex has the mass of its cell; ten times the length makes a thousand times the mass.
+    # Of a vertex that stands for a cell of the sheet, as in a world of metres.
     settings.mass = MASS_G_PER_M2 * 1e-3 * 100.0 * (size / CELLS) ** 2
     settings.tension_stiffness = settings.compression_stiffness = 60.0
     settings.shear_stiffness = 4.0
