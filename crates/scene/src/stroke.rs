@@ -27,7 +27,8 @@ impl Stroke {
     /// `.key: what was expected`.
     pub fn check(&self) -> Result<(), String> {
         let places = [self.from_mm, self.to_mm].concat();
-        if places.iter().any(|x| !(x.abs() <= 1e6)) || self.from_mm == self.to_mm {
+        let are_near = places.iter().all(|x| x.abs() <= 1e6);
+        if !are_near || self.from_mm == self.to_mm {
             return Err(".to_mm: expected two places within 1e6 mm".into());
         }
         if !(1e-3..=1e6).contains(&self.width_mm) {
