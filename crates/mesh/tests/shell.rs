@@ -375,7 +375,7 @@ fn what_leans_moves_with_its_height() {
     let place_mm = |mesh: &Mesh, z: f64| {
         let shell = Shell::new(mesh, 0.0, 2.0).unwrap();
         let mut found = None;
-        // A level ray, half a turn away from the diagonals of the faces.
+        // A level ray that passes the place inside of a face.
         let ray = (DVec3::new(-50.0, 4.1, z), DVec3::X);
         shell.visit_spans(ray, f64::INFINITY, |span| {
             let t = 54.3 - span.t0;

@@ -3,14 +3,14 @@
 use glam::Vec2;
 use serde::Deserialize;
 
-/// Share of the width of a stroke over which the pile goes over to that beside it (estimated).
+/// Share of half the width of a stroke over which the pile goes over to that beside it (estimated).
 const SOFT: f32 = 0.8;
 
 /// A stroke over the pile of a cloth that lies on a mesh: from then on it leans along the stroke.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
-    /// Where it begins and ends, on the cloth: mm along weft and warp.
+    /// Where it begins, on the cloth: mm along weft and warp.
     pub from_mm: [f32; 2],
     /// Where it ends.
     pub to_mm: [f32; 2],
