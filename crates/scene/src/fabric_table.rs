@@ -83,8 +83,8 @@ impl FabricFile {
             ("print", self.print.is_some()),
             ("wear", self.wear.is_some()),
         ];
-        for (key, _) in of_one_tile.iter().filter(|(_, is_given)| *is_given) {
-            if self.synthesis.is_some() {
+        for (key, is_given) in of_one_tile {
+            if is_given && self.synthesis.is_some() {
                 return Err(format!(
                     "{key}: does not go with [synthesis]; leave one of them out"
                 ));

@@ -10,7 +10,7 @@ const SHELLS: usize = 8;
 /// Half the width over which ring dye fades, as a share of the yarn's radius (estimated).
 const FADE: f64 = 0.2;
 /// Colour of undyed thread.
-const UNDYED: Rgb = Rgb::new(0.8, 0.8, 0.8);
+pub(crate) const UNDYED: Rgb = Rgb::new(0.8, 0.8, 0.8);
 
 /// Gives the index of the material of a colour, and of a part of a blend of materials.
 pub(crate) type IndexOf<'a> = dyn FnMut(Option<Rgb>, Option<&FibrePart>) -> Result<u16, Error> + 'a;
@@ -116,7 +116,7 @@ impl TuftsOfFibre {
         let place = (run * f64::from(self.count) + self.start).floor() as i64;
         let tuft = place.rem_euclid(i64::from(self.count)) as u64;
         let bits = mix64(self.name ^ mix64(tuft));
-        dye.drawn((bits >> 11) as f64 * 2f64.powi(-53))
+        dye.drawn(unit_of(bits))
     }
 }
 
@@ -131,6 +131,11 @@ impl FibreDye {
             }
         }
     }
+}
+
+/// A number from 0 to 1 of random bits.
+pub(crate) fn unit_of(bits: u64) -> f64 {
+    (bits >> 11) as f64 * 2f64.powi(-53)
 }
 
 fn smooth_step(x: f64) -> f64 {

@@ -5,7 +5,7 @@ use crate::blend::{part_at, spread};
 use crate::closure::Closure;
 use crate::crimp::Crimp;
 use crate::drawn_curve::Look;
-use crate::dye::{Dye, FibreDye, TuftsOfFibre};
+use crate::dye::{Dye, FibreDye, TuftsOfFibre, unit_of};
 use crate::evenness::{MOST, Profile};
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts, ROUNDS, ROUNDS_OF_CRIMPED};
@@ -329,11 +329,10 @@ impl Strand<'_> {
         let cell = (at.x as i64 as u64) << 32 ^ (at.y as i64 as u64) & 0xffff_ffff;
         let name = mix64(seed ^ mix64(thread ^ mix64(cell ^ u64::from(orbit) << 60)));
         let length_mm = f64::from(self.closure.windings()) * self.path.length_mm();
-        let of_cell = (mix64(!name) >> 11) as f64 * 2f64.powi(-53);
         TuftsOfFibre {
             name,
             count: (length_mm / spec.length_mm).round().clamp(1.0, 1e9) as u32,
-            start: of_cell + RAGGED * (unit(rng) - 0.5),
+            start: unit_of(mix64(!name)) + RAGGED * (unit(rng) - 0.5),
         }
     }
 

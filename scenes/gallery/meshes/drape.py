@@ -16,16 +16,10 @@ HERE = Path(__file__).parent
 EDGE_MM = 330.0
 CELLS = 88
 FRAMES = 120
-# Corner of the table, and how far its edge is rounded.
+# Length of the table's edges, and the radius of their rounding.
 TABLE_MM, ROUND_MM = 300.0, 8.0
 MASS_G_PER_M2 = 290.0
 DM = 100.0
-
-
-def select(thing):
-    bpy.ops.object.select_all(action="DESELECT")
-    thing.select_set(True)
-    bpy.context.view_layer.objects.active = thing
 
 
 def table():

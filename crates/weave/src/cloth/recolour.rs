@@ -1,6 +1,7 @@
 //! Colours that depend on the place in the cloth: of prints and of wear.
 
 use super::{Cloth, Material};
+use crate::dye::UNDYED;
 use glam::Vec3;
 use organza_basis::{Rgb, Segment};
 
@@ -8,12 +9,10 @@ use organza_basis::{Rgb, Segment};
 pub(super) const MAX_MATERIALS: usize = 4096;
 /// Most parts into which a segment is divided.
 const MAX_PARTS: usize = 64;
-/// Colour of undyed thread.
-const UNDYED: Rgb = Rgb::new(0.8, 0.8, 0.8);
 
 impl Cloth {
-    /// Makes so many materials of each that there is, whose colours are of its colour and their
-    /// number. Their numbers, those of one material side by side.
+    /// Makes `count` materials of each material, with the colours that `colour` gives for its own
+    /// colour and a number below `count`. Returns their numbers, `count` for each material in turn.
     pub(super) fn recolour(
         &mut self,
         count: usize,
@@ -40,8 +39,8 @@ impl Cloth {
     }
 }
 
-/// Gives a segment the materials of its places, in as many parts as it has different ones; `part_mm`
-/// is the length over which they change. `material` is told the plain one and the place.
+/// Divides a segment where its material changes. `material` gives the material at a place from the
+/// segment's own one; it is asked once in every `part_mm`.
 pub(super) fn recoloured(
     segment: &Segment,
     part_mm: f32,

@@ -563,5 +563,17 @@ mod tests {
         assert_eq!(error.noise(0.0), 0.0);
         assert_eq!(ErrorOfBlocks::default().noises_of_value(), [0.0; 2]);
         assert_eq!(error.relative_to(0.0), [[0.0; 2]; 2]);
+        assert_eq!(error.gain(), 1.0);
+    }
+
+    /// Where paths find more than they would read, the light of bins is to grow.
+    #[test]
+    fn what_is_found_and_not_read_is_gained() {
+        let error = ErrorOfBlocks {
+            read: 2.0,
+            found: 3.0,
+            ..ErrorOfBlocks::default()
+        };
+        assert_eq!(error.gain(), 1.5);
     }
 }

@@ -23,7 +23,7 @@ fn blended(tufts: Option<BlendTuftSpec>) -> Cloth {
     let mut fabric = irregular(6, yarn);
     fabric.warp.colours = vec![Rgb::new(0.1, 0.1, 0.5)];
     fabric.weft.colours = vec![Rgb::new(0.1, 0.1, 0.5)];
-    build(&fabric)
+    Cloth::build(&fabric, &no_files, SEED).unwrap()
 }
 
 fn tufts(fibres: f64, length_mm: f64) -> Option<BlendTuftSpec> {
