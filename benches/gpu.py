@@ -38,10 +38,11 @@ def measure(arguments, scene, engine, folder):
     for seed in range(1, arguments.rounds + 1):
         figures = render(arguments, scene, engine, seed, f'{folder}/{engine}.exr')
         pixels = figures['resolution'][0] * figures['resolution'][1]
-        rate = figures['samples'] * pixels / figures['render_s'] / 1e6
+        tracing_s = figures['render_s'] - figures['prepare_s']
+        rate = figures['samples'] * pixels / tracing_s / 1e6
         # Standard errors are of the picture's mean: variances of pixels are as many times larger.
         variance = sum(e * e for e in figures['standard_error']) / 3 * pixels
-        efficiency = 1 / (variance * figures['render_s'])
+        efficiency = 1 / (variance * tracing_s)
         if best is None or rate > best[0]:
             best = rate, efficiency, figures
     return best
@@ -51,7 +52,7 @@ def shares(arguments, figures):
     """Shares of the card's peaks, as text."""
     if not arguments.peak_gflops or not arguments.peak_gbytes:
         return ''
-    of = lambda costs: sum(cost * figures[work] for work, cost in costs.items()) / figures['render_s'] / 1e9
+    of = lambda costs: sum(cost * figures[work] for work, cost in costs.items()) / (figures['render_s'] - figures['prepare_s']) / 1e9
     arithmetic, memory = of(OPERATIONS) / arguments.peak_gflops, of(BYTES) / arguments.peak_gbytes
     bound = 'arithmetic' if arithmetic > memory else 'memory'
     return f', {arithmetic:.1%} of arithmetic, {memory:.1%} of memory: bound by {bound} before anything else'

@@ -96,7 +96,7 @@ impl Targets {
     }
 }
 
-/// How long a pass should take.
+/// How long a pass of the general walk should take.
 const PASS: Duration = Duration::from_millis(500);
 
 /// Why a render stopped.
@@ -163,14 +163,22 @@ impl Schedule {
         {
             return Next::Stop(Stop::TargetError(errors));
         }
-        self.pass(elapsed).map_or(Next::Stop(Stop::TimeLimit), |n| {
-            Next::Take(n.clamp(1, until_look))
-        })
+        // Nobody looks where there is no target.
+        let most = if self.targets.are_given() {
+            until_look
+        } else {
+            rendering.left()
+        };
+        let pass = rendering.engine().map_or(PASS, |engine| engine.pass_time());
+        self.pass(elapsed, pass)
+            .map_or(Next::Stop(Stop::TimeLimit), |n| {
+                Next::Take(n.clamp(1, most))
+            })
     }
 
-    /// Samples that fit into half a second and into the time left; `None` when
+    /// Samples that fit into the time of a pass and into the time left; `None` when
     /// not even one does.
-    fn pass(&self, elapsed: Duration) -> Option<u64> {
+    fn pass(&self, elapsed: Duration, pass: Duration) -> Option<u64> {
         let Some(per_sample) = self.per_sample else {
             return Some(1);
         };
@@ -180,7 +188,7 @@ impl Schedule {
         if left < per_sample || left.is_zero() {
             return None;
         }
-        let fit = left.min(PASS).as_secs_f64() / per_sample.as_secs_f64().max(1e-9);
+        let fit = left.min(pass).as_secs_f64() / per_sample.as_secs_f64().max(1e-9);
         Some((fit as u64).max(1))
     }
 }
@@ -207,14 +215,18 @@ mod tests {
     fn passes_fit_into_half_a_second_and_the_time_left() {
         let ms = Duration::from_millis;
         let mut schedule = Schedule::new(Some(ms(1000)), Targets::default());
-        assert_eq!(schedule.pass(ms(5000)), Some(1), "one pass in any case");
+        assert_eq!(
+            schedule.pass(ms(5000), PASS),
+            Some(1),
+            "one pass in any case"
+        );
         schedule.took(2, ms(200));
-        assert_eq!(schedule.pass(ms(0)), Some(5));
-        assert_eq!(schedule.pass(ms(790)), Some(2));
-        assert_eq!(schedule.pass(ms(950)), None);
-        assert_eq!(schedule.pass(ms(2000)), None);
+        assert_eq!(schedule.pass(ms(0), PASS), Some(5));
+        assert_eq!(schedule.pass(ms(790), PASS), Some(2));
+        assert_eq!(schedule.pass(ms(950), PASS), None);
+        assert_eq!(schedule.pass(ms(2000), PASS), None);
         let mut free = Schedule::new(None, Targets::default());
         free.took(1, ms(2000));
-        assert_eq!(free.pass(ms(9_000_000)), Some(1));
+        assert_eq!(free.pass(ms(9_000_000), PASS), Some(1));
     }
 }

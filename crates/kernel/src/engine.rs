@@ -7,6 +7,7 @@ use crate::refusal::Refusal;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::Stats;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Blocks of the film that a thread does one after the other in a pass, so that
 /// threads end at about the same time.
@@ -44,6 +45,12 @@ pub trait Engine: Send + Sync {
     /// large ones.
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
         rows.div_ceil(BLOCKS_PER_THREAD * threads.max(1)).max(1)
+    }
+
+    /// How long a pass should take: long beside what is done once a pass, short beside the
+    /// patience of a user who interrupts.
+    fn pass_time(&self) -> Duration {
+        Duration::from_millis(500)
     }
 
     /// Takes the samples of a block.
@@ -91,6 +98,10 @@ impl Engine for Box<dyn Engine + '_> {
 
     fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
         (**self).rows_per_block(rows, threads)
+    }
+
+    fn pass_time(&self) -> Duration {
+        (**self).pass_time()
     }
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {

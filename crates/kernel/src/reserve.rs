@@ -7,6 +7,7 @@ use glam::UVec2;
 use organza_film::Stats;
 use rayon::prelude::*;
 use std::sync::OnceLock;
+use std::time::Duration;
 
 /// An engine off the processor, and how one for the processor is made of the same scene.
 ///
@@ -66,6 +67,13 @@ impl Engine for Reserve {
         match self.other.get() {
             Some(Some(other)) => other.rows_per_block(rows, threads),
             _ => self.engine.rows_per_block(rows, threads),
+        }
+    }
+
+    fn pass_time(&self) -> Duration {
+        match self.other.get() {
+            Some(Some(other)) => other.pass_time(),
+            _ => self.engine.pass_time(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The interface of a light for the walk, the kernel and exporters.
 
 use crate::mitsuba::MitsubaLight;
-use crate::{Hemisphere, ImageEnvironment, RectangleLight};
+use crate::{Hemisphere, ImageEnvironment, RectangleLight, SpotLight};
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 use std::fmt::Debug;
@@ -55,8 +55,8 @@ pub enum KernelLight<'a> {
     Picture(&'a ImageEnvironment),
     /// A rectangle.
     Panel(&'a RectangleLight),
-    /// None of these: the general walk must render it. The text names the light.
-    Walk(&'static str),
+    /// A spot, or a point that shines all around.
+    Spot(&'a SpotLight),
 }
 
 /// A source of light.

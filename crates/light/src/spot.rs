@@ -82,11 +82,16 @@ impl LightKind for SpotTable {
 /// angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpotLight {
-    position_mm: Vec3,
-    intensity: Rgb,
-    axis: Vec3,
-    half_angle_rad: f32,
-    falloff_rad: f32,
+    /// Where it is.
+    pub position_mm: Vec3,
+    /// Radiant intensity along the axis.
+    pub intensity: Rgb,
+    /// Unit axis of the cone, away from the light.
+    pub axis: Vec3,
+    /// Between the axis and the edge of the cone.
+    pub half_angle_rad: f32,
+    /// Width of the cone's soft edge.
+    pub falloff_rad: f32,
 }
 
 impl SpotLight {
@@ -155,7 +160,7 @@ impl LightSource for SpotLight {
     }
 
     fn for_kernel(&self) -> KernelLight<'_> {
-        KernelLight::Walk("a spot light")
+        KernelLight::Spot(self)
     }
 
     fn for_mitsuba(&self, index: usize) -> Result<MitsubaLight, String> {
@@ -287,12 +292,9 @@ mod tests {
     }
 
     #[test]
-    fn it_is_exported_and_left_to_the_walk() {
+    fn it_is_exported() {
         let light = build(SPOT).unwrap();
-        assert!(matches!(
-            light.for_kernel(),
-            KernelLight::Walk("a spot light")
-        ));
+        assert!(matches!(light.for_kernel(), KernelLight::Spot(_)));
         let spot = light.for_mitsuba(3).unwrap();
         assert!(spot.xml.contains("cutoff_angle") && spot.notes.len() == 1);
         let point = Light::from(SpotLight::point(Vec3::ZERO, Rgb::WHITE));

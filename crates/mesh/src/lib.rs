@@ -42,6 +42,7 @@ mod obj;
 mod ply;
 mod scene;
 mod shell;
+mod shell_tables;
 
 pub use chart::Chart;
 pub use error::Error;
@@ -51,3 +52,4 @@ pub use obj::{Placement, read_obj};
 pub use ply::read_ply;
 pub use scene::{DrapedMesh, MeshHit};
 pub use shell::{Folds, Shell, ShellSpan};
+pub use shell_tables::{NOBODY, ShellBox, ShellTables, ShellTetrahedron};

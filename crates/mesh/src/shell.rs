@@ -19,6 +19,8 @@ use std::time::Duration;
 
 /// Tetrahedra per prism.
 const CUT: usize = 3;
+/// Boxes are grown by this part of the shell's size, against the rounding of rays.
+const BOX_ROUNDING: f32 = 1e-5;
 
 /// A mesh thickened by a slab of cloth.
 ///
@@ -64,19 +66,21 @@ pub struct ShellSpan {
 }
 
 #[derive(Clone, Copy)]
-struct Tetrahedron {
+pub(crate) struct Tetrahedron {
     /// Weights of the second to fourth corner, from the world relative to the
     /// first; zero for a tetrahedron without volume.
-    weights_from_world: DMat3,
-    corner_mm: DVec3,
-    cloth_from_world: DMat3,
-    cloth_corner_mm: DVec3,
-    world_from_cloth: Mat3,
-    stretch: Mat3,
+    pub weights_from_world: DMat3,
+    pub corner_mm: DVec3,
+    pub cloth_from_world: DMat3,
+    pub cloth_corner_mm: DVec3,
+    pub world_from_cloth: Mat3,
+    pub stretch: Mat3,
+    /// Names of the corners: tetrahedra that share one have its name alike.
+    pub corners: [u32; 4],
 }
 
-/// A point of the world and of the cloth.
-type Corner = (DVec3, DVec3);
+/// A point of the world and of the cloth, and its name.
+type Corner = (DVec3, DVec3, u32);
 
 impl Tetrahedron {
     fn new([a, b, c, d]: [Corner; 4]) -> Option<(Tetrahedron, f64)> {
@@ -100,6 +104,7 @@ impl Tetrahedron {
             cloth_corner_mm: a.1,
             world_from_cloth: rotation_of(map)?.as_mat3(),
             stretch: map.as_mat3(),
+            corners: [a.2, b.2, c.2, d.2],
         };
         Some((tetrahedron, map.determinant()))
     }
@@ -111,7 +116,13 @@ impl Tetrahedron {
         cloth_corner_mm: DVec3::ZERO,
         world_from_cloth: Mat3::IDENTITY,
         stretch: Mat3::IDENTITY,
+        corners: [0; 4],
     };
+
+    /// Whether it has a volume.
+    pub fn is_solid(&self) -> bool {
+        self.weights_from_world != DMat3::ZERO
+    }
 
     /// The part of a ray between 0 and `limit` inside.
     fn clip(&self, (origin, direction): (DVec3, DVec3), limit: f64) -> Option<ShellSpan> {
@@ -212,6 +223,7 @@ impl Shell {
                 (
                     triangle[k].position_mm.as_dvec3() + offset * n,
                     uv[k].as_dvec2().extend(height),
+                    2 * ids[k] + u32::from(up),
                 )
             };
             // From the least to the greatest corner, so that both prisms at an edge divide
@@ -258,7 +270,7 @@ impl Shell {
         }
         // Boxes are intersected in single precision, so they are enlarged by its rounding
         // error.
-        let margin = 1e-5 * around.size().length();
+        let margin = BOX_ROUNDING * around.size().length();
         let boxes: Vec<BvhBox> = boxes
             .iter()
             .map(|b| {
@@ -277,6 +289,17 @@ impl Shell {
             ),
             folds,
         })
+    }
+
+    /// The tetrahedra that have a volume.
+    pub(crate) fn solid(&self) -> impl Iterator<Item = &Tetrahedron> {
+        self.tetrahedra.iter().filter(|t| t.is_solid())
+    }
+
+    /// How far boxes are grown against the rounding of single precision, mm.
+    pub(crate) fn margin_mm(&self) -> f32 {
+        let (low, high) = self.bounds_mm;
+        BOX_ROUNDING * (high - low).as_vec3().length()
     }
 
     /// Memory of the shell of a mesh with this number of faces.

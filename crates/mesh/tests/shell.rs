@@ -4,7 +4,8 @@ use base64::Engine;
 use glam::{DVec3, Mat3, Vec2, Vec3};
 use organza_basis::{Budget, PathRng, Ray, warp};
 use organza_mesh::{
-    Error, Folds, Mesh, Placement, Shell, ShellSpan, Vertex, read_gltf, read_obj, read_ply,
+    Error, Folds, Mesh, NOBODY, Placement, Shell, ShellSpan, ShellTables, ShellTetrahedron, Vertex,
+    read_gltf, read_obj, read_ply,
 };
 
 const PLACEMENT: Placement = Placement {
@@ -304,6 +305,88 @@ fn a_ray_across_sees_the_whole_thickness() {
 fn a_bend_tighter_than_the_cloth_is_reported() {
     let shell = Shell::new(&bent(0.2, 80), -0.5, 0.5).unwrap();
     assert!(shell.folds().inverted > 0);
+}
+
+/// How much of a ray lies in the tetrahedra of a shell's tables, mm: through all boxes that it
+/// meets; and whether each is left into its neighbour, where that is named.
+fn length_by_tables(tables: &ShellTables, ray: &Ray) -> f64 {
+    let (origin, way) = (ray.origin.as_vec3(), ray.direction);
+    let clip = |low: Vec3, high: Vec3| {
+        let (a, b) = ((low - origin) / way, (high - origin) / way);
+        a.min(b).max_element() <= a.max(b).min_element()
+    };
+    let within = |t: &ShellTetrahedron| {
+        let w = t.weights_from_world * (origin - t.corner_mm);
+        let slope = t.weights_from_world * way;
+        let all = [1.0 - w.element_sum(), w.x, w.y, w.z];
+        let slopes = [-slope.element_sum(), slope.x, slope.y, slope.z];
+        let (mut t0, mut t1, mut exit) = (0.0f32, f32::INFINITY, 4);
+        for k in 0..4 {
+            let t = -all[k] / slopes[k];
+            if slopes[k] > 0.0 {
+                t0 = t0.max(t);
+            } else if t < t1 {
+                (t1, exit) = (t, k);
+            }
+        }
+        (t0, t1, exit)
+    };
+    let (mut at, mut length) = (0, 0.0);
+    while let Some(here) = tables.boxes.get(at) {
+        if !clip(here.min_mm, here.max_mm) {
+            at = here.skip as usize;
+            continue;
+        }
+        for t in &tables.tetrahedra[here.first as usize..][..here.count as usize] {
+            let (t0, t1, exit) = within(t);
+            if t0 + 1e-3 >= t1 {
+                continue;
+            }
+            length += f64::from(t1 - t0);
+            if let Some(next) = tables.tetrahedra.get(t.neighbours[exit] as usize) {
+                let (begins, ends, _) = within(next);
+                assert!(
+                    begins >= ends || (begins - t1).abs() < 1e-3,
+                    "{t1} {begins}"
+                );
+            }
+        }
+        at += 1;
+    }
+    length
+}
+
+#[test]
+fn tables_hold_the_same_shell() {
+    let point_mm = DVec3::new(0.5, 2.0, 2.5);
+    let shell = Shell::new(&bent(3.0, 12), -0.2, 0.3).unwrap();
+    let tables = shell.tables(point_mm);
+    assert!(tables.tetrahedra.iter().all(|t| t.is_alone));
+    let open = tables.tetrahedra.iter().flat_map(|t| t.neighbours);
+    let open = open.filter(|&n| n == NOBODY).count();
+    // Below and above, and at four edges of 12 faces of two triangles each.
+    assert_eq!(open, 2 * 2 * 12 * 12 + 4 * 12 * 2);
+    for (own, t) in tables.tetrahedra.iter().enumerate() {
+        for next in t.neighbours.iter().filter(|&&n| n != NOBODY) {
+            let back = tables.tetrahedra[*next as usize].neighbours;
+            assert!(back.contains(&(own as u32)));
+        }
+    }
+    let mut rng = PathRng::from_seed(8);
+    for _ in 0..1000 {
+        let aim = DVec3::new(2.0, 2.0, 2.2) + DVec3::from(warp::uniform_sphere(rng.unit2()));
+        let w = warp::uniform_sphere(rng.unit2());
+        let ray = Ray::new(aim - 5.0 * w.as_dvec3(), w);
+        let whole: f64 = spans(&shell, &ray).iter().map(|s| s.t1 - s.t0).sum();
+        let from_point = Ray::new(ray.origin - point_mm, w);
+        let found = length_by_tables(&tables, &from_point);
+        // Parts below a thousandth are left out.
+        assert!((found - whole).abs() < 2e-2, "seed 8: {found} {whole}");
+    }
+    // Where the shell folds over itself, some tetrahedra have others in their room.
+    let folded = Shell::new(&bent(0.2, 80), -0.5, 0.5).unwrap();
+    let alone = folded.tables(DVec3::ZERO).tetrahedra;
+    assert!(alone.iter().any(|t| !t.is_alone));
 }
 
 /// A ray finds the same stretches wherever mesh and texture lie, to far less than a fibre.

@@ -6,11 +6,14 @@
 use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMedium};
 use glam::{DVec3, UVec3};
 use organza_basis::{CellGrid, FibrePopulation};
-use organza_kernel::fibres::{Drape, DrapeSpan, FibrePlane};
+use organza_kernel::fibres::{
+    Drape, DrapeBox, DrapeSpan, DrapeTables, DrapeTetrahedron, FibrePlane,
+};
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{
     Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited, end_on_ratio,
 };
+use organza_mesh::Shell;
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
 use organza_volume::Octree;
@@ -38,6 +41,37 @@ impl Drape for Draping {
                 stretch: span.stretch,
             })
         });
+    }
+
+    fn tables(&self, point_mm: DVec3) -> DrapeTables {
+        let shell = self.shell();
+        shell.map_or_else(DrapeTables::default, |shell| tables_of(shell, point_mm))
+    }
+}
+
+/// The shell of a draping as tables of the kernel.
+fn tables_of(shell: &Shell, point_mm: DVec3) -> DrapeTables {
+    let tables = shell.tables(point_mm);
+    let tetrahedra = tables.tetrahedra.iter().map(|t| DrapeTetrahedron {
+        corner_mm: t.corner_mm,
+        cloth_corner_mm: t.cloth_corner_mm,
+        weights_from_world: t.weights_from_world,
+        cloth_from_world: t.cloth_from_world,
+        world_from_cloth: t.world_from_cloth,
+        stretch: t.stretch,
+        neighbours: t.neighbours,
+        is_alone: t.is_alone,
+    });
+    let boxes = tables.boxes.iter().map(|b| DrapeBox {
+        min_mm: b.min_mm,
+        max_mm: b.max_mm,
+        skip: b.skip,
+        first: b.first,
+        count: b.count,
+    });
+    DrapeTables {
+        tetrahedra: tetrahedra.collect(),
+        boxes: boxes.collect(),
     }
 }
 

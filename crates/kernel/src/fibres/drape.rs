@@ -1,6 +1,6 @@
 //! What an endless cloth is laid over: stretches of rays in the cloth's own coordinates.
 
-use glam::{DVec3, Mat3};
+use glam::{DVec3, Mat3, Vec3};
 
 /// The part of a ray in which it is straight in the cloth, too.
 #[derive(Clone, Copy, Debug)]
@@ -34,4 +34,53 @@ pub trait Drape: Send + Sync {
         limit_mm: f64,
         visit: &mut dyn FnMut(&DrapeSpan) -> f64,
     );
+
+    /// The shell as plain tables, with places of the world counted from a point.
+    fn tables(&self, point_mm: DVec3) -> DrapeTables;
+}
+
+/// A shell as plain tables, for engines that cannot call it. Places of the world are in mm from
+/// a point that the caller named.
+#[derive(Clone, Debug, Default)]
+pub struct DrapeTables {
+    /// The parts in which the map between world and cloth is affine.
+    pub tetrahedra: Vec<DrapeTetrahedron>,
+    /// A tree of boxes around them from the root on: the first child of a box follows it.
+    pub boxes: Vec<DrapeBox>,
+}
+
+/// A part of a shell; see [`DrapeSpan`].
+#[derive(Clone, Copy, Debug)]
+pub struct DrapeTetrahedron {
+    /// Its first corner in the world and in the cloth, mm.
+    pub corner_mm: Vec3,
+    /// See `corner_mm`.
+    pub cloth_corner_mm: DVec3,
+    /// Weights of its second to fourth corner, from the world relative to the first.
+    pub weights_from_world: Mat3,
+    /// Places of the cloth per place of the world.
+    pub cloth_from_world: Mat3,
+    /// Turns directions of the cloth to the world: orthogonal.
+    pub world_from_cloth: Mat3,
+    /// Takes differences of places of the cloth to the world.
+    pub stretch: Mat3,
+    /// The tetrahedra beyond the faces opposite to its corners; `u32::MAX` where none is.
+    pub neighbours: [u32; 4],
+    /// Whether no other tetrahedron fills any of its room.
+    pub is_alone: bool,
+}
+
+/// A box around tetrahedra.
+#[derive(Clone, Copy, Debug)]
+pub struct DrapeBox {
+    /// Least and greatest corner in the world, mm.
+    pub min_mm: Vec3,
+    /// See `min_mm`.
+    pub max_mm: Vec3,
+    /// The next box for a ray that misses this one.
+    pub skip: u32,
+    /// The first of the tetrahedra that it holds itself, and their number.
+    pub first: u32,
+    /// See `first`.
+    pub count: u32,
 }

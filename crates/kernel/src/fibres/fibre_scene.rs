@@ -36,8 +36,7 @@ use std::sync::{Arc, OnceLock};
 /// - An event samples every light by a shadow ray, unless only walks find it, and
 ///   weighs both where both find it: see [`organza_light::LightSearch`].
 /// - The engine for processors draws directions toward lights with a place lane by
-///   lane, with [`Light::sample_toward`]. A light of the form [`KernelLight::Walk`] has
-///   no plain numbers; an engine that cannot call the light must refuse it.
+///   lane, with [`Light::sample_toward`]; one that cannot call lights draws by their numbers.
 pub struct FibreScene {
     /// The fibres; scenes of one cloth share them.
     pub(crate) matter: Arc<FibreMatter>,
@@ -98,6 +97,6 @@ fn brightness(light: &Light) -> f32 {
             pixels.fold(0.0, f32::max)
         }
         KernelLight::Panel(rectangle) => rectangle.radiance().max_component(),
-        KernelLight::Walk(_) => 1.0,
+        KernelLight::Spot(_) => 1.0,
     }
 }

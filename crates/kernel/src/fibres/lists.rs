@@ -140,6 +140,18 @@ impl Lists {
         entries * size_of::<Reached>() as u64 + (joints * size_of::<ListedPiece>()) as u64
     }
 
+    /// Numbers of pieces in all cells.
+    #[cfg(feature = "gpu")]
+    pub fn entry_count(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// A cell's place in the grid.
+    #[cfg(feature = "gpu")]
+    pub fn cell_at(&self, cell: usize) -> IVec3 {
+        self.frame.cell_at(cell)
+    }
+
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         let copied = self.copied.len() * size_of::<(u32, Head)>();

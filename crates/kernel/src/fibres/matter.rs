@@ -138,7 +138,7 @@ impl FibreMatter {
     }
 
     /// The middle of the first body; in x and y the origin where it has no end.
-    pub(super) fn middle_mm(&self) -> Vec3 {
+    pub(crate) fn middle_mm(&self) -> Vec3 {
         self.bodies.first().map_or(Vec3::ZERO, Body::middle_mm)
     }
 

@@ -343,7 +343,7 @@ fn aim<F: Floats>(
 pub fn has_place(light: &Light) -> bool {
     matches!(
         light.for_kernel(),
-        KernelLight::Panel(_) | KernelLight::Walk(_)
+        KernelLight::Panel(_) | KernelLight::Spot(_)
     )
 }
 

@@ -1,14 +1,13 @@
 // Explicit fibres in cells, and a ray on its way through them: see `fibres/cell_ray.rs`.
 //
-// heads: for every cell the first piece, the number of plain pieces and that of hulls,
-//   which follow them elsewhere: first plain piece, first hull, numbers 16 | 16
-// plain pieces: 0 foot 3, 3 axis 3, 6 square of the radius, 7 low, 8 high, 9 code
-// hulls: 0 foot 3, 3 axis 3, 6 start, 7 end, 8 their squares 2, 10 narrowing, 11 wide,
+// heads: for every cell its first plain piece, its first hull, and their numbers 16 | 16
+// plain pieces: 0 foot 3, 3 square of the radius, 4 axis 3, 7 low, 8 high, 9 code
+// hulls: 0 foot 3, 3 start, 4 axis 3, 7 end, 8 their squares 2, 10 narrowing, 11 wide,
 //   12 low, 13 high, 14 code
 
-const HEAD_WORDS: u32 = 3u;
-const PIECE_WORDS: u32 = 10u;
-const HULL_WORDS: u32 = 15u;
+const HEAD_WORDS: u32 = 4u;
+const PIECE_WORDS: u32 = 12u;
+const HULL_WORDS: u32 = 16u;
 const JOINT_WORDS: u32 = 8u;
 const CUT: u32 = 0x80000000u;
 // Copies of the tile that a ray may pass without meeting a fibre: MAX_PERIODS.
@@ -76,7 +75,7 @@ fn begin_ray(
         ray.at[axis] -= cells * size[axis];
         let count = counts[axis];
         if next < 0 || next >= count {
-            if REPEATS && axis < 2u {
+            if repeats() && axis < 2u {
                 let by = i32(floor(f32(next) / f32(count)));
                 ray.period[axis] += by;
                 next -= by * count;
@@ -117,9 +116,9 @@ fn visit(any_will_do: bool) -> u32 {
     let span = max(min(ways.x, min(ways.y, ways.z)), 0.0);
     let counts = vec3<i32>(cell_counts());
     let index = u32((ray.cell.z * counts.y + ray.cell.y) * counts.x + ray.cell.x);
-    let numbers = word(heads_table() + HEAD_WORDS * index + 2u);
-    if numbers != 0u {
-        if search(heads_table() + HEAD_WORDS * index, numbers, span, any_will_do) {
+    let head = quad(heads_table() + HEAD_WORDS * index);
+    if head.z != 0u {
+        if search(head, span, any_will_do) {
             return HIT;
         }
     }
@@ -140,7 +139,7 @@ fn visit(any_will_do: bool) -> u32 {
     let next = ray.cell[axis] + forth;
     if next >= 0 && next < counts[axis] {
         ray.cell[axis] = next;
-    } else if REPEATS && axis < 2u {
+    } else if repeats() && axis < 2u {
         ray.cell[axis] = select(counts[axis] - 1, 0, forth > 0);
         ray.period[axis] += forth;
     } else {
@@ -150,28 +149,30 @@ fn visit(any_will_do: bool) -> u32 {
 }
 
 // The nearest entry, or any, among the pieces of a cell.
-fn search(head: u32, numbers: u32, span: f32, any_will_do: bool) -> bool {
+fn search(head: vec4<u32>, span: f32, any_will_do: bool) -> bool {
     let least = max(ray.least - ray.gone, -lead_mm());
     var most = min(span, ray.end - ray.gone);
     var found = false;
     var best = 0u;
     var is_hull = false;
-    let plain = numbers & 0xffffu;
-    let hulls = numbers >> 16u;
+    let plain = head.z & 0xffffu;
+    let hulls = head.z >> 16u;
     tentative_count += plain + hulls;
-    let first = pieces_table() + PIECE_WORDS * word(head);
+    let first = pieces_table() + PIECE_WORDS * head.x;
     for (var i = 0u; i < plain; i++) {
         let piece = first + PIECE_WORDS * i;
-        let axis = vector(piece + 3u);
+        let foot = four(piece);
+        let line = four(piece + 4u);
+        let axis = line.xyz;
         // Across the axis: without the cancellation of 1 - cos^2 for rays along it.
         let along = dot(ray.direction, axis);
         let across = ray.direction - axis * along;
-        let from_foot = ray.at - vector(piece);
+        let from_foot = ray.at - foot.xyz;
         let height = dot(from_foot, axis);
         let aside = from_foot - axis * height;
         let a = dot(across, across);
         let b = dot(aside, across);
-        let c = dot(aside, aside) - number(piece + 6u);
+        let c = dot(aside, aside) - foot.w;
         let discriminant = fma(b, b, -(a * c));
         if discriminant <= 0.0 {
             continue;
@@ -179,7 +180,7 @@ fn search(head: u32, numbers: u32, span: f32, any_will_do: bool) -> bool {
         let t = -(b + sqrt(discriminant)) / a;
         let place = fma(along, t, height);
         let is_nearer = least < t && select(t <= most, t < most, found);
-        if is_nearer && place >= number(piece + 7u) && place <= number(piece + 8u) {
+        if is_nearer && place >= line.w && place <= number(piece + 8u) {
             if is_kept(piece, false, t) {
                 found = true;
                 best = piece;
@@ -190,7 +191,7 @@ fn search(head: u32, numbers: u32, span: f32, any_will_do: bool) -> bool {
             }
         }
     }
-    let first_hull = hulls_table() + HULL_WORDS * word(head + 1u);
+    let first_hull = hulls_table() + HULL_WORDS * head.y;
     for (var i = 0u; i < hulls; i++) {
         let piece = first_hull + HULL_WORDS * i;
         let t = hull_distance(piece);
@@ -213,15 +214,18 @@ fn search(head: u32, numbers: u32, span: f32, any_will_do: bool) -> bool {
 
 // Where the ray enters a hull of two spheres; FAR where it does not.
 fn hull_distance(piece: u32) -> f32 {
-    let axis = vector(piece + 3u);
+    let foot = four(piece);
+    let line = four(piece + 4u);
+    let rest = four(piece + 8u);
+    let axis = line.xyz;
     let along = dot(ray.direction, axis);
     let across = ray.direction - axis * along;
-    let from_foot = ray.at - vector(piece);
+    let from_foot = ray.at - foot.xyz;
     let height = dot(from_foot, axis);
     let aside = from_foot - axis * height;
-    let s = number(piece + 10u);
+    let s = rest.z;
     let c_squared = 1.0 - s * s;
-    let wide = number(piece + 11u) - s * height;
+    let wide = rest.w - s * height;
     let tilt = s * along;
     let a = c_squared * dot(across, across) - tilt * tilt;
     let b = fma(c_squared, dot(aside, across), tilt * wide);
@@ -236,8 +240,8 @@ fn hull_distance(piece: u32) -> f32 {
             return side;
         }
     }
-    let first = sphere_distance(from_foot - axis * number(piece + 6u), number(piece + 8u));
-    let last = sphere_distance(from_foot - axis * number(piece + 7u), number(piece + 9u));
+    let first = sphere_distance(from_foot - axis * foot.w, rest.x);
+    let last = sphere_distance(from_foot - axis * line.w, rest.y);
     var nearest = FAR;
     if first < FAR && fma(along, first, height) <= low {
         nearest = first;
@@ -283,8 +287,8 @@ fn is_kept(piece: u32, is_hull: bool, t: f32) -> bool {
     if kind == 0u {
         return true;
     }
-    let axis = vector(piece + 3u);
-    let from_foot = ray.at + t * ray.direction - vector(piece);
+    let axis = four(piece + 4u).xyz;
+    let from_foot = ray.at + t * ray.direction - four(piece).xyz;
     let along = dot(from_foot, axis);
     let ends = ends_of(piece, is_hull);
     if kind < 5u {
@@ -299,7 +303,7 @@ fn is_kept(piece: u32, is_hull: bool, t: f32) -> bool {
     var start = ends.x + number(joint + 4u);
     var end = ends.y - number(joint + JOINT_WORDS + 3u);
     if is_hull {
-        start = number(piece + 6u);
+        start = number(piece + 3u);
         end = number(piece + 7u);
     }
     if (word(joint + 7u) & CUT) != 0u {
@@ -317,8 +321,8 @@ fn is_kept(piece: u32, is_hull: bool, t: f32) -> bool {
 
 fn note_hit(piece: u32, is_hull: bool, t: f32) {
     let code = code_of(piece, is_hull);
-    let foot = vector(piece);
-    let axis = vector(piece + 3u);
+    let foot = four(piece).xyz;
+    let axis = four(piece + 4u).xyz;
     let from_foot = ray.at + t * ray.direction - foot;
     let along = dot(from_foot, axis);
     let out = from_foot - along * axis;
@@ -326,8 +330,8 @@ fn note_hit(piece: u32, is_hull: bool, t: f32) {
     var nearest = along;
     var low = ends_of(piece, is_hull).x;
     if is_hull {
-        nearest = clamp(along, number(piece + 6u), number(piece + 7u));
-        low = number(piece + 6u) - number(joint_of(code) + 4u);
+        nearest = clamp(along, number(piece + 3u), number(piece + 7u));
+        low = number(piece + 3u) - number(joint_of(code) + 4u);
     }
     hit.piece = code & 0x1fffffffu;
     hit.distance = ray.gone + t;
@@ -350,7 +354,7 @@ fn tangent_of(piece: u32, along: f32) -> vec3<f32> {
 }
 
 // A place in a cell from the least corner of the first period, mm.
-fn world_of(cell: vec3<i32>, period: vec2<i32>, place: vec3<f32>) -> vec3<f32> {
+fn from_corner(cell: vec3<i32>, period: vec2<i32>, place: vec3<f32>) -> vec3<f32> {
     let counts = vec3<i32>(cell_counts());
     let cells = vec3<f32>(cell + vec3<i32>(period * counts.xy, 0)) + 0.5;
     return cells * cell_mm() + place;
@@ -358,11 +362,34 @@ fn world_of(cell: vec3<i32>, period: vec2<i32>, place: vec3<f32>) -> vec3<f32> {
 
 // How far a ray from a place, mm, may go before it leaves matter that is cut.
 fn way_out_mm(from_mm: vec3<f32>, direction: vec3<f32>) -> f32 {
-    if !HAS_BORDERS {
+    if !is_cut() {
         return FAR;
     }
     let d = vec3<f32>(not_zero(direction.x), not_zero(direction.y), not_zero(direction.z));
     let border = select(matter_low_mm(), matter_high_mm(), d > vec3<f32>(0.0));
     let way = (border - from_mm) / d;
     return max(min(way.x, min(way.y, way.z)), 0.0);
+}
+
+fn load_ray(first: u32) {
+    ray.at = state_vector(first);
+    ray.direction = state_vector(first + 3u);
+    ray.cell = vec3<i32>(state_three(first + 6u));
+    ray.period = vec2<i32>(i32(state(first + 9u)), i32(state(first + 10u)));
+    ray.gone = state_number(first + 11u);
+    ray.end = state_number(first + 12u);
+    ray.least = state_number(first + 13u);
+    ray.cells_left = state(first + 14u);
+}
+
+fn store_ray(first: u32) {
+    keep_vector(first, ray.at);
+    keep_vector(first + 3u, ray.direction);
+    keep_three(first + 6u, vec3<u32>(ray.cell));
+    keep(first + 9u, u32(ray.period.x));
+    keep(first + 10u, u32(ray.period.y));
+    keep_number(first + 11u, ray.gone);
+    keep_number(first + 12u, ray.end);
+    keep_number(first + 13u, ray.least);
+    keep(first + 14u, ray.cells_left);
 }

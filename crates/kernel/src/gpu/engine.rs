@@ -2,7 +2,7 @@
 
 use super::device::{Device, Limits};
 use super::pass::{BRIGHT_WORDS, Division, PassResult, Session};
-use super::program::{FirstEventOf, PassNumbers, ProgramScene};
+use super::program::{PassNumbers, ProgramScene};
 use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
 use super::{fibre_scene, voxel_scene};
 use crate::block::Block;
@@ -13,6 +13,7 @@ use crate::voxels::flat_scene::FlatScene;
 use organza_film::{Brightness, Stats};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 /// Samples whose sums a slot holds for sure: as many as [`organza_film::Tally`].
 const SAMPLES_PER_SLOT: u32 = 512;
@@ -31,7 +32,6 @@ const SOFTWARE_LANES: u32 = 1 << 12;
 pub struct GpuEngine {
     session: Mutex<Session>,
     brightness: Brightness,
-    first_event: FirstEventOf,
     memory_bytes: u64,
     film_width: u32,
     max_slots: u32,
@@ -115,7 +115,6 @@ impl GpuEngine {
         Ok(GpuEngine {
             session: Mutex::new(session.map_err(|_| Refusal::Unopened)?),
             brightness: scene.brightness,
-            first_event: scene.first_event,
             memory_bytes,
             film_width: scene.film_width,
             max_slots,
@@ -164,7 +163,7 @@ impl GpuEngine {
             }
         });
         for words in found.bright.chunks_exact(BRIGHT_WORDS) {
-            let (slot, sample) = bright_sample(words, &self.first_event);
+            let (slot, sample) = bright_sample(words);
             if let Some((pixel, ..)) = block.pixel(slot as usize % pixels) {
                 add_bright(&sample, &self.brightness, &mut block.pixels[pixel]);
             }
@@ -220,6 +219,12 @@ impl Engine for GpuEngine {
     /// As many rows as there are slots for.
     fn rows_per_block(&self, _rows: u32, _threads: u32) -> u32 {
         (self.max_slots / self.film_width.max(1)).max(1)
+    }
+
+    /// Sums come back from the adapter once a pass, and the last paths of a pass leave most
+    /// lanes idle.
+    fn pass_time(&self) -> Duration {
+        Duration::from_secs(3)
     }
 
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {

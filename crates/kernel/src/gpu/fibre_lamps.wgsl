@@ -1,12 +1,21 @@
-// Lamps of environment pictures among explicit fibres: a shadow ray for each.
+// Lamps of environment pictures among explicit fibres.
 
-fn add_lamps(cell: vec3<i32>, period: vec2<i32>, axis_at: vec3<f32>) {
+fn lamp_count() -> u32 {
+    var count = 0u;
     for (var i = 0u; i < sky_count(); i++) {
-        let sky = skies_table() + i * SKY_WORDS;
-        for (var j = 0u; j < word(sky + 13u); j++) {
-            let drawn = lamp_sample(sky, word(sky + 14u) + j * LAMP_WORDS);
-            let aim = Search(drawn.toward, drawn.irradiance, FAR, NO_PLACE);
-            add_light(aim, cell, period, axis_at);
-        }
+        count += word(skies_table() + i * SKY_WORDS + 13u);
     }
+    return count;
+}
+
+// The lamp of a number, counted through all pictures.
+fn lamp_search(index: u32) -> Search {
+    var left = index;
+    var sky = skies_table();
+    while left >= word(sky + 13u) {
+        left -= word(sky + 13u);
+        sky += SKY_WORDS;
+    }
+    let drawn = lamp_sample(sky, word(sky + 14u) + left * LAMP_WORDS);
+    return Search(drawn.toward, drawn.irradiance, FAR, NO_PLACE);
 }

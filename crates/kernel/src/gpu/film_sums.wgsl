@@ -6,9 +6,9 @@
 //        26 bounces 2, 28 samples, 29 hits, 30 yarn, 31 its sample (all bits set: none)
 
 const SLOT_WORDS: u32 = 32u;
-// Words of a sample too bright for the sums: slot, sample, red, green, blue, bounces,
-// place of the first event, its depth.
-const BRIGHT_WORDS: u32 = 8u;
+// Words of a sample too bright for the sums: slot, sample, red, green, blue, bounces, then of
+// its first event the place (all bits set: none), depth, axis and yarn.
+const BRIGHT_WORDS: u32 = 12u;
 const VALUE_BITS: i32 = 40;
 
 fn add_to_slot(at: u32, term: vec2<u32>) {
@@ -98,7 +98,14 @@ fn record_sample() -> bool {
         bright[at + 4u] = bitcast<u32>(r.z);
         bright[at + 5u] = path.bounces;
         bright[at + 6u] = path.first_place;
-        bright[at + 7u] = bitcast<u32>(path.first_depth);
+        if path.first_place != NO_PLACE {
+            let t = first_axis();
+            bright[at + 7u] = bitcast<u32>(first_depth_mm());
+            bright[at + 8u] = bitcast<u32>(t.x);
+            bright[at + 9u] = bitcast<u32>(t.y);
+            bright[at + 10u] = bitcast<u32>(t.z);
+            bright[at + 11u] = first_yarn();
+        }
         note_brightest(r);
         return true;
     }

@@ -33,8 +33,6 @@ var<private> rejected_count: u32;
 var<private> violation_count: u32;
 var<private> brightest_bits: u32;
 
-var<workgroup> group_counts: array<atomic<u32>, 10>;
-
 // The next sample for the lane's path: of its slot, or of the next slot.
 fn take_next() {
     if path.has_slot != 0u {
@@ -89,49 +87,50 @@ fn survives_roulette(scale: f32, u: f32) -> bool {
     return true;
 }
 
+fn add_count(k: u32, more: u32) {
+    let at = CONTROL_COUNTS + 2u * k;
+    let before = atomicAdd(&control[at], more);
+    if before + more < before {
+        atomicAdd(&control[at + 1u], 1u);
+    }
+}
+
+// Lanes add their counts one by one: compilers take minutes for a shader of this size that
+// waits for a group of lanes.
 @compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) own: u32) {
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = id.x;
-    let is_lane = lane < lane_count();
-    if is_lane {
-        load_path(lane);
-        for (var i = 0u; i < steps_per_dispatch(); i++) {
-            if path.phase == ENDED {
-                if !record_sample() {
-                    break;
-                }
-                path.phase = BEGINNING;
-            }
-            if path.phase == BEGINNING {
-                take_next();
-            }
-            if path.phase == IDLE {
+    if lane >= lane_count() {
+        return;
+    }
+    own_lane = lane;
+    load_path();
+    for (var i = 0u; i < steps_per_dispatch(); i++) {
+        if path.phase == ENDED {
+            if !record_sample() {
                 break;
             }
-            advance();
+            path.phase = BEGINNING;
         }
-        store_path(lane);
+        if path.phase == BEGINNING {
+            take_next();
+        }
+        if path.phase == IDLE {
+            break;
+        }
+        advance();
     }
-    atomicAdd(&group_counts[0], paths_count);
-    atomicAdd(&group_counts[1], tentative_count);
-    atomicAdd(&group_counts[2], collision_count);
-    atomicAdd(&group_counts[3], shadow_ray_count);
-    atomicAdd(&group_counts[4], shadow_step_count);
-    atomicAdd(&group_counts[5], cut_count);
-    atomicAdd(&group_counts[6], rejected_count);
-    atomicAdd(&group_counts[7], violation_count);
-    atomicMax(&group_counts[8], brightest_bits);
-    atomicAdd(&group_counts[9], select(0u, 1u, is_lane && path.phase != IDLE));
-    workgroupBarrier();
-    if own == 0u {
-        for (var k = 0u; k < COUNTS; k++) {
-            let more = atomicLoad(&group_counts[k]);
-            let before = atomicAdd(&control[CONTROL_COUNTS + 2u * k], more);
-            if before + more < before {
-                atomicAdd(&control[CONTROL_COUNTS + 2u * k + 1u], 1u);
-            }
-        }
-        atomicMax(&control[CONTROL_BRIGHTEST], atomicLoad(&group_counts[8]));
-        atomicAdd(&control[CONTROL_ACTIVE], atomicLoad(&group_counts[9]));
+    store_path();
+    add_count(0u, paths_count);
+    add_count(1u, tentative_count);
+    add_count(2u, collision_count);
+    add_count(3u, shadow_ray_count);
+    add_count(4u, shadow_step_count);
+    add_count(5u, cut_count);
+    add_count(6u, rejected_count);
+    add_count(7u, violation_count);
+    atomicMax(&control[CONTROL_BRIGHTEST], brightest_bits);
+    if path.phase != IDLE {
+        atomicAdd(&control[CONTROL_ACTIVE], 1u);
     }
 }

@@ -11,6 +11,8 @@
 //! Dispatches are short, and lanes keep their paths in a buffer between them ([`pass`]).
 
 mod adapters;
+mod bodies;
+mod cell_tables;
 mod device;
 mod engine;
 mod fibre_scene;

@@ -91,10 +91,6 @@ struct Lobes {
 var<private> material: Material;
 var<private> event: NearEvent;
 
-fn four(at: u32) -> vec4<f32> {
-    return vec4<f32>(number(at), number(at + 1u), number(at + 2u), number(at + 3u));
-}
-
 fn load_material(index: u32) {
     let at = optics_table() + MATERIAL_WORDS * index;
     material.is_dielectric = word(at) == 1u;
@@ -128,7 +124,7 @@ fn balanced(cos_of: f32) -> Balanced {
     let node = node_of(cos_of);
     let at = material.first_node + NODE_WORDS * u32(node.x);
     let near_axis = near_axis_of(cos_of);
-    let scale = mix(vector(at), vector(at + NODE_WORDS), node.y) * (1.0 / near_axis);
+    let scale = mix(four(at).xyz, four(at + NODE_WORDS).xyz, node.y) * (1.0 / near_axis);
     let norms = mix(four(at + 4u), four(at + 4u + NODE_WORDS), node.y) * near_axis;
     return Balanced(scale, norms);
 }

@@ -1,8 +1,9 @@
 // Rectangle lights, and the words of lights in their table:
 //
-// 0 toward the light 3, 3 residual floor, 4 irradiance or radiance 3, 7 1 of a panel,
-// 8 table of extinctions, 9 1 of a panel with two sides, 10 corner 3 mm, 13 edges 6 mm,
-// 19 normal 3, 22 area mm2
+// 0 toward the light 3, 3 residual floor, 4 irradiance, radiance or intensity 3, 7 1 of a
+// panel, 2 of a spot, 8 table of extinctions, 9 1 of a panel with two sides,
+// of a panel 10 corner 3 mm, 13 edges 6 mm, 19 normal 3, 22 area mm2,
+// of a spot 10 place 3 mm, 13 axis 3, 16 half angle, 17 width of its edge, radians
 
 const LIGHT_WORDS: u32 = 24u;
 
@@ -11,7 +12,7 @@ fn vector(at: u32) -> vec3<f32> {
 }
 
 fn is_panel(light: u32) -> bool {
-    return word(light + 7u) != 0u;
+    return word(light + 7u) == 1u;
 }
 
 // Where a ray from a place, mm, meets the side of a panel that shines, mm; FAR where it does

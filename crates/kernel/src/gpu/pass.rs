@@ -26,7 +26,7 @@ const CONTROL_WORDS: usize = 4 + 2 * COUNTS;
 /// Counts of work in it.
 pub const COUNTS: usize = 8;
 /// Words of a bright sample, and how many of them the list holds.
-pub const BRIGHT_WORDS: usize = 8;
+pub const BRIGHT_WORDS: usize = 12;
 const BRIGHT_ROOM: u32 = 4096;
 /// Bytes that are copied to or from the device at once.
 const CHUNK_BYTES: u64 = 64 << 20;
@@ -294,8 +294,7 @@ impl Session {
         mapped.map_err(|e| lost(&e))?;
         {
             let view = by.get_mapped_range(0..bytes).map_err(|e| lost(&e))?;
-            let words = view.chunks_exact(4);
-            out.extend(words.map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+            out.extend(bytemuck::pod_collect_to_vec::<u8, u32>(&view));
         }
         by.unmap();
         Ok(())

@@ -4,7 +4,7 @@ use super::device::Device;
 use super::numbers::Numbers;
 use super::tables::{Split, Tables};
 use crate::engine::Lost;
-use organza_film::{Brightness, FirstEvent};
+use organza_film::Brightness;
 use std::fmt::Write;
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
@@ -29,9 +29,6 @@ const COMMON: [&str; 4] = [
     include_str!("lanes.wgsl"),
 ];
 
-/// What a film notes of a path's first event, from the two words that shaders note.
-pub type FirstEventOf = Box<dyn Fn(u32, f32) -> Option<FirstEvent> + Send + Sync>;
-
 /// A scene for a program: what it is made of, and what it reads.
 pub struct ProgramScene<'a> {
     /// Constants of the source, one a line: whether, and which, parts are needed.
@@ -44,7 +41,6 @@ pub struct ProgramScene<'a> {
     pub lane_words: u32,
     pub film_width: u32,
     pub brightness: Brightness,
-    pub first_event: FirstEventOf,
 }
 
 impl ProgramScene<'_> {

@@ -1,11 +1,12 @@
 //! Sums of slots, as shaders write them, for the film: see `film_sums.wgsl`.
 
-use organza_film::{Brightness, FirstEvent, Pixel, Sample, Tally};
+use glam::Vec3;
+use organza_film::{Brightness, FirstEvent, Pixel, Sample, SiteInfo, Tally};
 
 /// Words and bytes of a slot.
 pub const SLOT_WORDS: usize = 32;
 pub const SLOT_BYTES: u64 = 4 * SLOT_WORDS as u64;
-/// No yarn was met.
+/// Nothing was met, or no yarn.
 const NONE: u32 = u32::MAX;
 
 /// The sums of a slot.
@@ -24,14 +25,19 @@ pub fn tally(words: &[u32]) -> Tally {
 }
 
 /// A sample of the list of bright ones: its slot, and what it found.
-pub fn bright_sample(
-    words: &[u32],
-    first_event: impl Fn(u32, f32) -> Option<FirstEvent>,
-) -> (u32, Sample) {
+pub fn bright_sample(words: &[u32]) -> (u32, Sample) {
+    let three = |at: usize| [0, 1, 2].map(|k| f32::from_bits(words[at + k]));
+    let first = || FirstEvent {
+        info: SiteInfo {
+            axis: Vec3::from_array(three(8)),
+            yarn: (words[11] != NONE).then_some(words[11]),
+        },
+        depth_mm: f64::from(f32::from_bits(words[7])),
+    };
     let sample = Sample {
-        radiance: [2, 3, 4].map(|k| f32::from_bits(words[k])),
+        radiance: three(2),
         bounces: words[5],
-        first: first_event(words[6], f32::from_bits(words[7])),
+        first: (words[6] != NONE).then(first),
         index: words[1],
     };
     (words[0], sample)

@@ -6,6 +6,9 @@ use crate::refusal::Refusal;
 use std::borrow::Cow;
 use std::fmt::Write;
 
+/// Words that shaders can read at once.
+const QUAD: u64 = 4;
+
 /// Tables that follow each other.
 #[derive(Default)]
 pub struct Tables<'a> {
@@ -23,14 +26,29 @@ pub struct Split {
 }
 
 impl<'a> Tables<'a> {
-    /// Adds a table and gives its first word.
+    /// Adds a table and gives its first word, a multiple of [`QUAD`].
     pub fn add(&mut self, table: impl Into<Cow<'a, [u32]>>) -> u32 {
         let table = table.into();
         let first = self.words;
         self.words += table.len() as u64;
         self.parts.push(table);
+        let beyond = self.words % QUAD;
+        if beyond > 0 {
+            self.words += QUAD - beyond;
+            self.parts.push(vec![0; (QUAD - beyond) as usize].into());
+        }
         // Beyond the range of addresses, `split` refuses.
         first as u32
+    }
+
+    /// Adds a table in parts, each of a multiple of [`QUAD`] words, one behind the other, and
+    /// gives the first word of all.
+    pub fn add_parts(&mut self, parts: Vec<Vec<u32>>) -> u32 {
+        let first = self.words as u32;
+        for part in parts {
+            self.add(part);
+        }
+        first
     }
 
     /// Adds a table of numbers, as bits.
@@ -46,7 +64,7 @@ impl<'a> Tables<'a> {
         let words_per_buffer = limits.words_per_buffer();
         let split = Split {
             words_per_buffer,
-            words: self.words.max(1),
+            words: self.words.max(QUAD),
         };
         let most = (words_per_buffer * u64::from(limits.table_buffers)).min(u64::from(u32::MAX));
         if split.words > most {
@@ -86,8 +104,8 @@ impl Split {
         buffers
     }
 
-    /// The buffers, bound from that number of group 0 on, and the function `word` that reads
-    /// a word at an address.
+    /// The buffers, bound from that number of group 0 on, and the functions `word` and `number`
+    /// that read a word at an address, `quad` and `four` that read four at a multiple of four.
     pub fn source(&self, first_binding: u32) -> String {
         let count = self.buffers().len();
         let mut text = String::new();
@@ -96,23 +114,32 @@ impl Split {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
-                "@group(0) @binding({binding}) var<storage, read> words_{i}: array<u32>;"
+                "@group(0) @binding({binding}) var<storage, read> quads_{i}: array<vec4<u32>>;"
             );
         }
-        text += "fn word(at: u32) -> u32 {\n";
-        for i in 0..count - 1 {
-            let (first, end) = (
-                i as u64 * self.words_per_buffer,
-                (i as u64 + 1) * self.words_per_buffer,
-            );
-            let _ = writeln!(
-                text,
-                "    if at < {end}u {{ return words_{i}[at - {first}u]; }}"
-            );
+        text += &self.reader("word", "u32", "quads_$[@ >> 2u][@ & 3u]");
+        text += "fn number(at: u32) -> f32 { return bitcast<f32>(word(at)); }\n";
+        text += &self.reader("quad", "vec4<u32>", "quads_$[@ >> 2u]");
+        text + "fn four(at: u32) -> vec4<f32> { return bitcast<vec4<f32>>(quad(at)); }\n"
+    }
+
+    /// A function that reads what lies at an address; `$` stands for the number of a buffer,
+    /// `@` for the address in it.
+    fn reader(&self, name: &str, kind: &str, what: &str) -> String {
+        let mut text = format!("fn {name}(at: u32) -> {kind} {{\n");
+        let last = self.buffers().len() as u64 - 1;
+        for i in 0..=last {
+            let (first, end) = (i * self.words_per_buffer, (i + 1) * self.words_per_buffer);
+            let own = what
+                .replace('$', &i.to_string())
+                .replace('@', &format!("(at - {first}u)"));
+            // Writing to a string cannot fail.
+            let _ = match i == last {
+                true => writeln!(text, "    return {own};"),
+                false => writeln!(text, "    if at < {end}u {{ return {own}; }}"),
+            };
         }
-        let first = (count as u64 - 1) * self.words_per_buffer;
-        let _ = writeln!(text, "    return words_{}[at - {first}u];", count - 1);
-        text + "}\nfn number(at: u32) -> f32 { return bitcast<f32>(word(at)); }\n"
+        text + "}\n"
     }
 }
 
@@ -123,8 +150,8 @@ mod tests {
     fn tables() -> Tables<'static> {
         let mut tables = Tables::default();
         assert_eq!(tables.add(vec![1, 2, 3]), 0);
-        assert_eq!(tables.add_numbers(&[1.0; 70]), 3);
-        assert_eq!(tables.add(vec![9; 64]), 73);
+        assert_eq!(tables.add_numbers(&[1.0; 70]), 4);
+        assert_eq!(tables.add(vec![9; 64]), 76);
         tables
     }
 
@@ -139,15 +166,15 @@ mod tests {
     fn every_word_comes_to_its_address() {
         let tables = tables();
         let split = tables.split(&limits(256, 3)).unwrap();
-        assert_eq!(split.buffers(), [64, 64, 9]);
+        assert_eq!(split.buffers(), [64, 64, 12]);
         let mut buffers = split.buffers().map_words();
         tables.for_each_piece(&split, |buffer, first, words| {
             buffers[buffer][first as usize..][..words.len()].copy_from_slice(words);
         });
         let all = buffers.concat();
-        assert_eq!(all[..4], [1, 2, 3, 1.0f32.to_bits()]);
-        assert_eq!(all[72..74], [1.0f32.to_bits(), 9]);
-        assert_eq!(all.len(), 137);
+        assert_eq!(all[..5], [1, 2, 3, 0, 1.0f32.to_bits()]);
+        assert_eq!(all[73..77], [1.0f32.to_bits(), 0, 0, 9]);
+        assert_eq!(all.len(), 140);
         assert!(split.source(6).contains("binding(8)"));
     }
 
@@ -164,6 +191,6 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_with_the_figures() {
         let refused = tables().split(&limits(256, 2));
-        assert_eq!(refused, Err(Refusal::Binding(548, 512)));
+        assert_eq!(refused, Err(Refusal::Binding(560, 512)));
     }
 }

@@ -100,7 +100,6 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     } else {
         parts.push(include_str!("flakes.wgsl"));
     }
-    let own = Arc::clone(scene);
     ProgramScene {
         constants,
         parts,
@@ -109,10 +108,6 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
         lane_words: LANE_WORDS,
         film_width: scene.film_width,
         brightness: scene.brightness,
-        first_event: Box::new(move |place, depth| {
-            let length_mm = 1.0 / own.medium.scale_per_mm;
-            own.medium.first_event(place, depth * length_mm)
-        }),
     }
 }
 

@@ -34,44 +34,44 @@ struct Path {
     first_depth: f32,
 }
 
-fn load_path(lane: u32) {
-    path.phase = state(lane, 0u);
-    path.has_slot = state(lane, 1u);
-    path.slot = state(lane, 2u);
-    path.sample = state(lane, 3u);
-    path.random = vec3<u32>(state(lane, 4u), state(lane, 5u), state(lane, 6u));
-    path.at = state_vector(lane, 7u);
-    path.beyond = vec2<f32>(state_number(lane, 10u), state_number(lane, 11u));
-    path.direction = state_vector(lane, 12u);
-    path.voxel = vec2<u32>(state(lane, 15u), state(lane, 16u));
-    path.place = state(lane, 17u);
-    path.depth = state_number(lane, 18u);
-    path.throughput = state_vector(lane, 19u);
-    path.radiance = state_vector(lane, 22u);
-    path.bounces = state(lane, 25u);
-    path.first_place = state(lane, 26u);
-    path.first_depth = state_number(lane, 27u);
+fn load_path() {
+    path.phase = state(0u);
+    path.has_slot = state(1u);
+    path.slot = state(2u);
+    path.sample = state(3u);
+    path.random = vec3<u32>(state(4u), state(5u), state(6u));
+    path.at = state_vector(7u);
+    path.beyond = vec2<f32>(state_number(10u), state_number(11u));
+    path.direction = state_vector(12u);
+    path.voxel = vec2<u32>(state(15u), state(16u));
+    path.place = state(17u);
+    path.depth = state_number(18u);
+    path.throughput = state_vector(19u);
+    path.radiance = state_vector(22u);
+    path.bounces = state(25u);
+    path.first_place = state(26u);
+    path.first_depth = state_number(27u);
 }
 
-fn store_path(lane: u32) {
-    keep(lane, 0u, path.phase);
-    keep(lane, 1u, path.has_slot);
-    keep(lane, 2u, path.slot);
-    keep(lane, 3u, path.sample);
-    keep_three(lane, 4u, path.random);
-    keep_three(lane, 7u, bitcast<vec3<u32>>(path.at));
-    keep(lane, 10u, bitcast<u32>(path.beyond.x));
-    keep(lane, 11u, bitcast<u32>(path.beyond.y));
-    keep_three(lane, 12u, bitcast<vec3<u32>>(path.direction));
-    keep(lane, 15u, path.voxel.x);
-    keep(lane, 16u, path.voxel.y);
-    keep(lane, 17u, path.place);
-    keep(lane, 18u, bitcast<u32>(path.depth));
-    keep_three(lane, 19u, bitcast<vec3<u32>>(path.throughput));
-    keep_three(lane, 22u, bitcast<vec3<u32>>(path.radiance));
-    keep(lane, 25u, path.bounces);
-    keep(lane, 26u, path.first_place);
-    keep(lane, 27u, bitcast<u32>(path.first_depth));
+fn store_path() {
+    keep(0u, path.phase);
+    keep(1u, path.has_slot);
+    keep(2u, path.slot);
+    keep(3u, path.sample);
+    keep_three(4u, path.random);
+    keep_three(7u, bitcast<vec3<u32>>(path.at));
+    keep(10u, bitcast<u32>(path.beyond.x));
+    keep(11u, bitcast<u32>(path.beyond.y));
+    keep_three(12u, bitcast<vec3<u32>>(path.direction));
+    keep(15u, path.voxel.x);
+    keep(16u, path.voxel.y);
+    keep(17u, path.place);
+    keep(18u, bitcast<u32>(path.depth));
+    keep_three(19u, bitcast<vec3<u32>>(path.throughput));
+    keep_three(22u, bitcast<vec3<u32>>(path.radiance));
+    keep(25u, path.bounces);
+    keep(26u, path.first_place);
+    keep(27u, bitcast<u32>(path.first_depth));
 }
 
 fn begin_path(pixel: vec2<f32>) {

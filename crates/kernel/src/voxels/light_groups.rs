@@ -84,7 +84,7 @@ impl<'a> LightGroups<'a> {
                         panel: Some(panel),
                     });
                 }
-                KernelLight::Walk(what) => return Err(Refusal::Light(what)),
+                KernelLight::Spot(_) => return Err(Refusal::Light("a spot light")),
             }
         }
         direct.append(&mut panels);

@@ -3,8 +3,10 @@
 use crate::kernel::explicit_fibres::{cut, fibres_of};
 use crate::kernel::gpu::assert_depths_agree;
 use crate::kernel::pictures::picture;
+use crate::kernel::several_cloths;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{agree, furnace, lens, panels, parallel, scene, settings, sky};
+use glam::Vec3;
 use organza_basis::Rgb;
 use organza_kernel::Refusal;
 use organza_scatter::Fibre;
@@ -38,15 +40,28 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let wide = Projection::Orthographic { width_mm: 0.7 };
     let fibres = |repeats| fibres_of(repeats, silk_and_cotton());
-    let all = || [parallel(), sky(), panels(), vec![picture()]].concat();
-    vec![
+    let all = || [parallel(), sky(), panels(), vec![picture(), spot()]].concat();
+    let mut scenes = vec![
         ("alone", scene(fibres(false), parallel(), pinhole)),
         ("endless", scene(fibres(true), parallel(), flat)),
         ("sky", scene(fibres(true), sky(), lens())),
         ("panels", scene(fibres(false), panels(), pinhole)),
         ("picture", scene(fibres(true), vec![picture()], lens())),
         ("cut, all lights", scene(cut(), all(), wide)),
-    ]
+    ];
+    scenes.extend(several_cloths::scenes());
+    scenes
+}
+
+/// A lamp close by, whose edge lies on the cloth.
+fn spot() -> Light {
+    Light::from(SpotLight {
+        position_mm: Vec3::new(0.3, 0.1, 1.2),
+        intensity: Rgb::new(1.5, 1.0, 0.5),
+        axis: Vec3::NEG_Z,
+        half_angle_rad: 0.25,
+        falloff_rad: 0.15,
+    })
 }
 
 #[test]
@@ -71,34 +86,45 @@ fn explicit_fibres_on_an_adapter_agree_with_a_processor() {
         // Under lamps a processor divides paths, and an adapter does not.
         let alike = (a / b - 1.0).abs() < 0.05;
         assert!(alike || name != "sky", "{name}: {a} {b} events a path");
-        assert_depths_agree(name, &own, &oracle, samples());
+        // Some scenes have several cloths, or a table.
+        let layer_mm = if scene.media.len() > 1 { 1.0 } else { 0.25 };
+        assert_depths_agree(name, &own, &oracle, samples(), layer_mm);
     }
 }
 
-/// The twin: fibres of which one absorbs a fiftieth more of what it transmits.
+/// The twins: fibres of which one absorbs a fiftieth more of what it transmits, and other
+/// fibres over a mesh.
 #[test]
-fn darker_fibres_on_an_adapter_are_rejected() {
+fn other_fibres_on_an_adapter_are_rejected() {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let of = |absorption: f32| {
         let fibre: Fibre = organza_testing::dielectric_fibre(Rgb::splat(absorption), 0.09, 0.17);
         scene(fibres_of(true, vec![fibre.clone(), fibre]), sky(), flat)
     };
+    let mut swapped = silk_and_cotton();
+    swapped.reverse();
+    let bent = |fibres| scene(several_cloths::draped(fibres), parallel(), flat);
     let settings = settings(0..4 * samples(), u32::MAX);
     let other = RenderSettings {
         seed: 10,
         ..settings.clone()
     };
-    let (oracle, _) = film(&of(0.01), &other, Backend::widest().name()).unwrap();
-    let Some((own, _)) = film(&of(0.01), &settings, "gpu") else {
-        return;
-    };
-    let p_of = |film: &Film| {
-        let (spread, mean) = agree(film, &oracle);
-        spread.p_value.min(mean.p_value)
-    };
-    assert!(p_of(&own) > 1e-4, "seed 9: {}", p_of(&own));
-    let (twin, _) = film(&of(0.02), &settings, "gpu").unwrap();
-    assert!(p_of(&twin) < 1e-6, "seed 9: {}", p_of(&twin));
+    for (name, right, wrong) in [
+        ("absorption", of(0.01), of(0.02)),
+        ("bent", bent(silk_and_cotton()), bent(swapped)),
+    ] {
+        let (oracle, _) = film(&right, &other, Backend::widest().name()).unwrap();
+        let Some((own, _)) = film(&right, &settings, "gpu") else {
+            return;
+        };
+        let p_of = |film: &Film| {
+            let (spread, mean) = agree(film, &oracle);
+            spread.p_value.min(mean.p_value)
+        };
+        assert!(p_of(&own) > 1e-4, "{name}, seed 9: {}", p_of(&own));
+        let (twin, _) = film(&wrong, &settings, "gpu").unwrap();
+        assert!(p_of(&twin) < 1e-6, "{name}, seed 9: {}", p_of(&twin));
+    }
 }
 
 /// Clear fibres lose no light: they vanish in even light.
@@ -121,11 +147,16 @@ fn clear_fibres_vanish_in_even_light_on_an_adapter() {
 #[test]
 fn explicit_fibres_give_the_same_bits_twice_on_an_adapter() {
     let all = [parallel(), sky(), panels(), vec![picture()]].concat();
-    let scene = scene(fibres_of(true, silk_and_cotton()), all, lens());
     let settings = settings(0..6, 40);
-    let Some(first) = film(&scene, &settings, "gpu") else {
-        return;
-    };
-    assert!(first.1.collisions > 100);
-    assert!(film(&scene, &settings, "gpu").unwrap() == first);
+    for cloth in [
+        fibres_of(true, silk_and_cotton()),
+        several_cloths::draped(silk_and_cotton()),
+    ] {
+        let scene = scene(cloth, all.clone(), lens());
+        let Some(first) = film(&scene, &settings, "gpu") else {
+            return;
+        };
+        assert!(first.1.collisions > 100);
+        assert!(film(&scene, &settings, "gpu").unwrap() == first);
+    }
 }

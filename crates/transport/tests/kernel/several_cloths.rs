@@ -61,7 +61,7 @@ fn bent_mesh() -> Mesh {
     Mesh::new(triangles, &corners).unwrap()
 }
 
-fn draped(materials: Vec<Fibre>) -> AnyMedium {
+pub(crate) fn draped(materials: Vec<Fibre>) -> AnyMedium {
     let mesh = bent_mesh();
     let shell = Shell::new(&mesh, 0.0, 0.2).unwrap();
     let draping = Draping::new(DrapedMesh::new(mesh), Some(shell));

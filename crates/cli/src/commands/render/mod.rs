@@ -354,6 +354,7 @@ fn render(args: &RenderArgs) -> Result<()> {
         why_walk,
     } = prepare(args, &built)?;
     let prepare_cpu_s = cpu_seconds() - setup_cpu_s;
+    let prepare_s = began.elapsed().as_secs_f64();
     let rendering = match args.checkpoint.as_deref().filter(|_| args.resume) {
         Some(path) => {
             let why = why_walk.as_ref().map(ToString::to_string);
@@ -385,6 +386,7 @@ fn render(args: &RenderArgs) -> Result<()> {
     let times = Times {
         setup_cpu_s,
         prepare_cpu_s,
+        prepare_s,
         render_cpu_s: cpu_seconds() - setup_cpu_s,
         render_s: began.elapsed().as_secs_f64(),
     };

@@ -23,6 +23,8 @@ pub struct Times {
     pub setup_cpu_s: f64,
     /// Of `render_cpu_s`, before the first sample: sorting fibres into cells, learning light.
     pub prepare_cpu_s: f64,
+    /// The same by the clock.
+    pub prepare_s: f64,
     /// Of the paths, CPU.
     pub render_cpu_s: f64,
     /// Of the paths, as it passed.
@@ -64,6 +66,7 @@ pub fn figures(
         "samples": rendering.taken().end - rendering.taken().start,
         "setup_cpu_s": times.setup_cpu_s,
         "prepare_cpu_s": times.prepare_cpu_s,
+        "prepare_s": times.prepare_s,
         "render_cpu_s": times.render_cpu_s,
         "render_s": times.render_s,
         "total_s": total_s,

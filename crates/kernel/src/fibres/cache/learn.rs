@@ -171,7 +171,7 @@ fn light_change_mm(scene: &FibreScene, place: DVec3) -> Option<f64> {
     let near = scene.lights.iter().filter_map(|light| {
         let from = place.as_vec3();
         match light.for_kernel() {
-            KernelLight::Panel(_) | KernelLight::Walk(_) => {
+            KernelLight::Panel(_) | KernelLight::Spot(_) => {
                 // The nearest of some points that are drawn on the lamp.
                 let mut rng = PathRng::new(0, 0, 0);
                 let drawn = (0..64).filter_map(|_| light.sample_toward(from, &mut rng));
