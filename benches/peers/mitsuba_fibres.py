@@ -1,6 +1,6 @@
 """Speed of organza and of Mitsuba 3 (Embree curves) on the same explicit fibres.
 
-    python benches/peers/mitsuba_fibres.py --organza target/release/organza [--old PROGRAM] [--spp 64] [--rounds 3]
+    python benches/peers/mitsuba_fibres.py --organza target/release/organza [--old PROGRAM] [--spp 64] [--rounds 3] [--cuda]
 
 Makes a plain weave of four yarns of 189 straight-laid dielectric fibres each (756 curves) as cubic B-splines. Mitsuba
 reads their control points; organza reads points of the same splines, two a span, joined by straight pieces. Both trace
@@ -17,9 +17,12 @@ that start-up, compiling and reading cancel. The mean colours show how far the p
   absorption is per radius. `--rough` sets its two roughnesses; colours agree to some percent at best, so the comparison
   is one of speed.
 
+--cuda compares the engine `gpu` and cuda_ad_rgb on one card instead, by seconds of tracing on the clock: paths a second, and
+one over the variance of the mean pixel and those seconds.
+
 Needs mitsuba 3.9.1 and numpy; LLVM 16 or newer named by DRJIT_LIBLLVM_PATH for llvm_ad_rgb.
 """
-import argparse, os, resource, subprocess, sys, tempfile
+import argparse, json, os, resource, subprocess, sys, tempfile, time
 import numpy as np
 
 SIZE, HEIGHT, PIXELS = 0.96, 0.40, 128  # mm, mm
@@ -118,6 +121,14 @@ def mitsuba_worker(folder, variant, shape, rough, spp):
     for i, d in enumerate(LIGHTS):
         scene[f'light{i}'] = {'type': 'directional', 'direction': d, 'irradiance': {'type': 'rgb', 'value': [1, 1, 1]}}
     scene = mi.load_dict(scene)
+    if variant.startswith('cuda'):
+        np.array(mi.render(scene, spp=1, seed=99))
+        start = time.perf_counter()
+        pictures = [np.array(mi.render(scene, spp=spp, seed=seed)) for seed in (1, 2)]
+        seconds = (time.perf_counter() - start) / 2
+        variance = np.nanmean((pictures[0] - pictures[1])**2) / 2
+        print(seconds, 1 / (variance * seconds), *np.nanmean(pictures, (0, 1, 2)))
+        return
     np.array(mi.render(scene, spp=spp if variant.startswith('llvm') else 1, seed=99))
     start = resource.getrusage(resource.RUSAGE_SELF)
     picture = np.array(mi.render(scene, spp=spp, seed=1))
@@ -136,6 +147,24 @@ def organza(program, folder, spp):
     return end.ru_utime + end.ru_stime - start.ru_utime - start.ru_stime, mean
 
 
+def on_a_card(arguments, folder):
+    scene = f'{folder}/scene.toml'
+    done = subprocess.run([arguments.organza, 'render', scene, '-o', f'{folder}/out.exr', '--spp', str(arguments.spp),
+                           '--engine', 'gpu', '--json', '--quiet'], check=True, capture_output=True, text=True)
+    figures = json.loads(done.stdout)
+    seconds = figures['render_s'] - figures['prepare_s']
+    variance = sum(e * e for e in figures['standard_error']) / 3 * PIXELS**2
+    code = f"from mitsuba_fibres import *; mitsuba_worker({folder!r}, 'cuda_ad_rgb', 'bsplinecurve', " \
+           f'{arguments.rough}, {arguments.spp})'
+    done = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True,
+                          cwd=os.path.dirname(os.path.abspath(__file__)))
+    peer, efficiency, *mean = [float(v) for v in done.stdout.split()]
+    paths = PIXELS**2 * arguments.spp / 1e6
+    print(f'organza gpu: {paths / seconds:.2f} M paths a second, efficiency {1 / (variance * seconds):.0f}, '
+          f'mean {figures["mean"]}')
+    print(f'mitsuba cuda_ad_rgb: {paths / peer:.2f} M paths a second, efficiency {efficiency:.0f}, mean {mean}')
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--organza', required=True)
@@ -143,6 +172,7 @@ def main():
     parser.add_argument('--spp', type=int, default=64)
     parser.add_argument('--rounds', type=int, default=3)
     parser.add_argument('--linear', action='store_true', help="also Mitsuba's linearcurve, on which hair is wrong")
+    parser.add_argument('--cuda', action='store_true', help='compare on a card')
     parser.add_argument('--rough', type=float, nargs=2, default=[0.1, 0.1], help="hair's roughnesses")
     arguments = parser.parse_args()
     variants = ['scalar_rgb'] + (['llvm_ad_rgb'] if os.environ.get('DRJIT_LIBLLVM_PATH') else [])
@@ -154,6 +184,9 @@ def main():
         for name, text in (('tile', FABRIC), ('scene', SCENE)):
             with open(f'{folder}/{name}.toml', 'w') as f:
                 f.write(text)
+        if arguments.cuda:
+            on_a_card(arguments, folder)
+            return
         paths = PIXELS**2 * arguments.spp
         speeds = {}
 

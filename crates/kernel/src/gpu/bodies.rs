@@ -115,7 +115,7 @@ fn box_words(b: &DrapeBox, before: u32) -> [u32; BOX_WORDS] {
     put(&mut words, 0, b.min_mm);
     words[3] = b.skip;
     put(&mut words, 4, b.max_mm);
-    words[7] = before + b.first | b.count << 28;
+    words[7] = (before + b.first) | (b.count << 28);
     words
 }
 

@@ -160,3 +160,28 @@ fn explicit_fibres_give_the_same_bits_twice_on_an_adapter() {
         assert!(film(&scene, &settings, "gpu").unwrap() == first);
     }
 }
+
+/// Where memory does not suffice for copies in cells, an adapter has copies all the same.
+#[test]
+fn lists_give_the_bits_of_copies_on_an_adapter() {
+    let scene = scene(fibres_of(true, silk_and_cotton()), sky(), lens());
+    let settings = settings(0..6, 40);
+    let Some((copies, _)) = film(&scene, &settings, "gpu") else {
+        return;
+    };
+    let choice = EngineChoice::Named(engine_named("gpu").unwrap());
+    // The least memory that suffices.
+    let mut allowed = 1 << 14;
+    let lists = loop {
+        match engine(&scene, &settings, choice, allowed) {
+            Ok(lists) => break lists,
+            Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => assert!(needed > allowed),
+            Err(why) => panic!("{why}"),
+        }
+        allowed += 1 << 16;
+    };
+    let rendering = Rendering::new(&scene, settings.clone()).unwrap();
+    let rendering = rendering.with_engine(lists);
+    let rendering = rendering.take(6, &|_| ControlFlow::Continue(())).unwrap();
+    assert!(*rendering.film() == copies);
+}
