@@ -20,7 +20,6 @@ const CONTROL_ACTIVE: u32 = 1u;
 const CONTROL_BRIGHT: u32 = 2u;
 const CONTROL_BRIGHTEST: u32 = 3u;
 const CONTROL_COUNTS: u32 = 4u;
-const COUNTS: u32 = 8u;
 
 var<private> path: Path;
 var<private> paths_count: u32;
@@ -95,8 +94,8 @@ fn add_count(k: u32, more: u32) {
     }
 }
 
-// Lanes add their counts one by one: compilers take minutes for a shader of this size that
-// waits for a group of lanes.
+// Lanes add their counts one by one, once a dispatch: a group that waits for its lanes takes a
+// quarter longer to compile.
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = id.x;
