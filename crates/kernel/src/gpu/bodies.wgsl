@@ -430,19 +430,6 @@ fn through_part() -> Stretch {
     return Stretch(true, cell, period, place, own_way, max(least - near, 0.0), most);
 }
 
-// Where a line passes the matter of the body, from a place counted from the corner of its cells.
-fn part_of_matter(from_mm: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
-    let inverse = inverse_of_step(direction);
-    var found = between(from_mm.z, inverse.z, body.low.z, body.high.z);
-    if body.is_cut || !body.repeats {
-        let in_x = between(from_mm.x, inverse.x, body.low.x, body.high.x);
-        let in_y = between(from_mm.y, inverse.y, body.low.y, body.high.y);
-        found.x = max(found.x, max(in_x.x, in_y.x));
-        found.y = min(found.y, min(in_x.y, in_y.y));
-    }
-    return found;
-}
-
 // The stretch through the cells of a flat body.
 fn through_flat() -> Stretch {
     var stretch: Stretch;
@@ -651,11 +638,11 @@ fn load_way(first: u32) {
     trip.done = state_number(first + 16u);
     trip.before = state_number(first + 17u);
     trip.mm_per_own = state_number(first + 18u);
-    trip.exit = state(first + 25u);
-    site_body = state(first + 19u);
-    site_part = state(first + 20u);
-    site_plane = state(first + 21u);
-    site_way = state_vector(first + 22u);
+    trip.exit = state(first + 19u);
+    site_body = state(first + 20u);
+    site_part = state(first + 21u);
+    site_plane = state(first + 22u);
+    site_way = state_vector(first + 23u);
     loaded_body = NO_PLACE;
 }
 
@@ -675,9 +662,9 @@ fn store_way(first: u32) {
     keep_number(first + 16u, trip.done);
     keep_number(first + 17u, trip.before);
     keep_number(first + 18u, trip.mm_per_own);
-    keep(first + 25u, trip.exit);
-    keep(first + 19u, site_body);
-    keep(first + 20u, site_part);
-    keep(first + 21u, site_plane);
-    keep_vector(first + 22u, site_way);
+    keep(first + 19u, trip.exit);
+    keep(first + 20u, site_body);
+    keep(first + 21u, site_part);
+    keep(first + 22u, site_plane);
+    keep_vector(first + 23u, site_way);
 }

@@ -360,6 +360,21 @@ fn from_corner(cell: vec3<i32>, period: vec2<i32>, place: vec3<f32>) -> vec3<f32
     return cells * cell_mm() + place;
 }
 
+// Where a line passes the matter, from a place counted from the corner of the cells.
+fn part_of_matter(from_mm: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
+    let inverse = inverse_of_step(direction);
+    let low = matter_low_mm();
+    let high = matter_high_mm();
+    var found = between(from_mm.z, inverse.z, low.z, high.z);
+    if is_cut() || !repeats() {
+        let in_x = between(from_mm.x, inverse.x, low.x, high.x);
+        let in_y = between(from_mm.y, inverse.y, low.y, high.y);
+        found.x = max(found.x, max(in_x.x, in_y.x));
+        found.y = min(found.y, min(in_x.y, in_y.y));
+    }
+    return found;
+}
+
 // How far a ray from a place, mm, may go before it leaves matter that is cut.
 fn way_out_mm(from_mm: vec3<f32>, direction: vec3<f32>) -> f32 {
     if !is_cut() {

@@ -1,13 +1,5 @@
 // Lamps of environment pictures among explicit fibres.
 
-fn lamp_count() -> u32 {
-    var count = 0u;
-    for (var i = 0u; i < sky_count(); i++) {
-        count += word(skies_table() + i * SKY_WORDS + 13u);
-    }
-    return count;
-}
-
 // The lamp of a number, counted through all pictures.
 fn lamp_search(index: u32) -> Search {
     var left = index;

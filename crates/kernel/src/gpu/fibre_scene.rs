@@ -94,6 +94,8 @@ pub fn program_scene(
         .iter()
         .flat_map(|image| sky_words(image, &mut tables))
         .collect();
+    let lamps = skies.chunks(SKY_WORDS).map(|sky| sky[13]);
+    numbers.whole("lamp_count", lamps.sum());
     numbers.whole("skies_table", tables.add(skies));
 
     let of_skies = match lights.pictures.is_empty() {

@@ -95,7 +95,7 @@ fn add_count(k: u32, more: u32) {
 }
 
 // Lanes add their counts one by one, once a dispatch: a group that waits for its lanes takes a
-// quarter longer to compile.
+// third longer to compile.
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = id.x;

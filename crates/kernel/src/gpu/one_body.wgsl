@@ -20,16 +20,9 @@ fn begin_path(pixel: vec2<f32>) {
     // The crossing is in cells.
     let size = cell_mm();
     let place = seen.crossing * size;
-    let inverse = inverse_of_step(seen.direction);
-    let in_z = between(place.z, inverse.z, matter_low_mm().z, matter_high_mm().z);
-    var near = in_z.x;
-    var far = in_z.y;
-    if HAS_BORDERS || !REPEATS {
-        let in_x = between(place.x, inverse.x, matter_low_mm().x, matter_high_mm().x);
-        let in_y = between(place.y, inverse.y, matter_low_mm().y, matter_high_mm().y);
-        near = max(near, max(in_x.x, in_y.x));
-        far = min(far, min(in_x.y, in_y.y));
-    }
+    let inside_matter = part_of_matter(place, seen.direction);
+    var near = inside_matter.x;
+    let far = inside_matter.y;
     let is_inside = near <= -seen.length_mm;
     near = max(near, -seen.length_mm);
     let misses = !(near < far);
