@@ -27,8 +27,10 @@ fn wait_for(path: &Path, child: &mut Child) {
     }
 }
 
-/// Enough to be in the middle of it for a while.
-const LONG: &str = "3000";
+/// Enough to be in the middle of it for a while: a second, at 5 million paths a second.
+const LONG: &str = "40000";
+/// More than that.
+const LONGER: &str = "41000";
 
 #[test]
 fn a_killed_render_resumes_to_the_unbroken_picture() {
@@ -52,24 +54,26 @@ fn a_killed_render_resumes_to_the_unbroken_picture() {
     // A complete render can be shown again, and continued with more samples.
     succeed(&folder, &resume);
     assert!(bytes(&folder, "late.exr") == whole);
-    let more = ["--checkpoint", "state", "--resume", "--spp", "3100"];
+    let more = ["--checkpoint", "state", "--resume", "--spp", LONGER];
     let more = picture(&folder, &more);
-    assert!(more == picture(&folder, &["--spp", "3100"]));
+    assert!(more == picture(&folder, &["--spp", LONGER]));
 }
 
 #[cfg(unix)]
 #[test]
 fn an_interrupt_saves_and_ends() {
+    let folder = folder("interrupted");
+    write_grid_scene(&folder);
+    let whole = picture(&folder, &["--spp", LONG]);
     for signal in ["-INT", "-TERM", "-HUP"] {
-        interrupt_with(signal);
+        interrupt_with(signal, &folder, &whole);
+        std::fs::remove_file(folder.join("state")).unwrap();
+        std::fs::remove_file(folder.join("late.exr")).unwrap();
     }
 }
 
 #[cfg(unix)]
-fn interrupt_with(signal: &str) {
-    let folder = folder("interrupted");
-    write_grid_scene(&folder);
-    let whole = picture(&folder, &["--spp", LONG]);
+fn interrupt_with(signal: &str, folder: &Path, whole: &[u8]) {
     let run = ["render", "scene.toml", "-o", "late.exr", "--spp", LONG];
     // The first checkpoint shows that the render is under way.
     let keep = ["--checkpoint", "state", "--checkpoint-every", "0s"];
@@ -87,9 +91,9 @@ fn interrupt_with(signal: &str) {
     assert_eq!(out.status.code(), Some(1), "{words}");
     assert!(
         words.starts_with("organza: interrupted with ")
-            && words
-                .trim_end()
-                .ends_with(" of 3000 samples; saved to state, continue with --resume"),
+            && words.trim_end().ends_with(&format!(
+                " of {LONG} samples; saved to state, continue with --resume"
+            )),
         "{words}"
     );
     assert!(!folder.join("late.exr").exists());
