@@ -11,7 +11,7 @@ use wgpu::{Adapter, DeviceDescriptor, PollType};
 /// Storage buffers beside those of the tables: lanes, sums, control words, bright samples.
 pub const OWN_BUFFERS: u32 = 4;
 /// Most buffers for tables: more than any scene needs, and few enough to tell apart quickly.
-const MAX_TABLE_BUFFERS: u32 = 12;
+const MAX_TABLE_BUFFERS: u32 = 28;
 /// Words of a table's buffer are a multiple of this.
 const BUFFER_STEP: u64 = 64;
 /// A dispatch takes a fraction of a second; a device that is silent for so long is lost.

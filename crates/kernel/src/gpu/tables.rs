@@ -126,20 +126,21 @@ impl Split {
     /// A function that reads what lies at an address; `$` stands for the number of a buffer,
     /// `@` for the address in it.
     fn reader(&self, name: &str, kind: &str, what: &str) -> String {
-        let mut text = format!("fn {name}(at: u32) -> {kind} {{\n");
-        let last = self.buffers().len() as u64 - 1;
-        for i in 0..=last {
-            let (first, end) = (i * self.words_per_buffer, (i + 1) * self.words_per_buffer);
-            let own = what
-                .replace('$', &i.to_string())
-                .replace('@', &format!("(at - {first}u)"));
-            // Writing to a string cannot fail.
-            let _ = match i == last {
-                true => writeln!(text, "    return {own};"),
-                false => writeln!(text, "    if at < {end}u {{ return {own}; }}"),
-            };
+        let found = self.branch(what, 0, self.buffers().len() as u64);
+        format!("fn {name}(at: u32) -> {kind} {{ {found} }}\n")
+    }
+
+    /// What is read of the buffers from `first` to before `end`: halves are told apart first.
+    fn branch(&self, what: &str, first: u64, end: u64) -> String {
+        if first + 1 == end {
+            let own = format!("(at - {}u)", first * self.words_per_buffer);
+            let own = what.replace('$', &first.to_string()).replace('@', &own);
+            return format!("return {own};");
         }
-        text + "}\n"
+        let middle = first.midpoint(end);
+        let [low, high] = [(first, middle), (middle, end)].map(|(a, b)| self.branch(what, a, b));
+        let words = middle * self.words_per_buffer;
+        format!("if at < {words}u {{ {low} }} else {{ {high} }}")
     }
 }
 
