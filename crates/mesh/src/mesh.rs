@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use glam::{Vec2, Vec3};
+use std::collections::HashMap;
 
 /// One corner of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,22 +106,114 @@ impl Mesh {
     /// Lets what stands on the mesh lean: `tangent_at` gives, at a place of the fabric plane in mm, how
     /// far along weft and warp a point moves for every mm of its height.
     pub fn lean(&mut self, tangent_at: impl Fn(Vec2) -> Vec2) {
-        let most = self.corners.iter().flatten().max().copied().unwrap_or(0);
-        let mut sums = vec![(Vec3::ZERO, 0.0f32); most as usize + 1];
+        let leans = self.means_at_corners(|face, vertex| {
+            let [weft, warp] = stretch(face)?.map(Vec3::normalize_or_zero);
+            let tangent = tangent_at(vertex.uv_mm);
+            Some(tangent.x * weft + tangent.y * warp)
+        });
+        self.add_leans(&leans);
+    }
+
+    /// Presses a sheet that lies half way through the mesh from above: `depth_mm_at` gives, at a place
+    /// of the fabric plane in mm, how far its upper side sinks; its lower side stays. It keeps at
+    /// least a tenth of its thickness.
+    pub fn press(&mut self, thickness_mm: f32, depth_mm_at: impl Fn(Vec2) -> f32) {
+        let sunk = self.means_at_corners(|_, vertex| {
+            let depth_mm = depth_mm_at(vertex.uv_mm).clamp(0.0, 0.9 * thickness_mm);
+            Some(depth_mm * vertex.normal)
+        });
+        for (triangle, ids) in self.triangles.iter_mut().zip(&self.corners) {
+            for (vertex, &id) in triangle.iter_mut().zip(ids) {
+                vertex.position_mm -= 0.5 * sunk[id as usize];
+            }
+        }
+        let leans: Vec<Vec3> = sunk.iter().map(|s| -*s / thickness_mm).collect();
+        self.add_leans(&leans);
+    }
+
+    /// The mean of what the corners of faces have at every point that they share.
+    fn means_at_corners(&self, own: impl Fn(&[Vertex; 3], &Vertex) -> Option<Vec3>) -> Vec<Vec3> {
+        let mut sums = vec![(Vec3::ZERO, 0.0f32); self.points()];
         for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
-            let Some(along) = stretch(triangle) else {
-                continue;
-            };
-            let [weft, warp] = along.map(Vec3::normalize_or_zero);
             for (vertex, &id) in triangle.iter().zip(ids) {
-                let tangent = tangent_at(vertex.uv_mm);
-                let (sum, count) = &mut sums[id as usize];
-                *sum += tangent.x * weft + tangent.y * warp;
-                *count += 1.0;
+                if let Some(own) = own(triangle, vertex) {
+                    let (sum, count) = &mut sums[id as usize];
+                    *sum += own;
+                    *count += 1.0;
+                }
             }
         }
         let mean = |(sum, count): &(Vec3, f32)| *sum / count.max(1.0);
-        self.leans = sums.iter().map(mean).collect();
+        sums.iter().map(mean).collect()
+    }
+
+    fn add_leans(&mut self, more: &[Vec3]) {
+        self.leans.resize(more.len(), Vec3::ZERO);
+        for (lean, more) in self.leans.iter_mut().zip(more) {
+            *lean += *more;
+        }
+    }
+
+    /// One more than the greatest number of a shared corner.
+    fn points(&self) -> usize {
+        let most = self.corners.iter().flatten().max().copied().unwrap_or(0);
+        most as usize + 1
+    }
+
+    /// Divides faces until every edge is at most as long, in mm of the fabric plane, as
+    /// `longest_mm_at` says of its middle. Neighbours divide their common edge alike, so no gaps
+    /// open. To be called before [`Mesh::lean`] and [`Mesh::press`].
+    ///
+    /// # Errors
+    /// More than `most_faces` would be needed.
+    pub fn refine(
+        &mut self,
+        longest_mm_at: impl Fn(Vec2) -> f32,
+        most_faces: usize,
+    ) -> Result<(), Error> {
+        loop {
+            let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
+            let mut points = self.points() as u32;
+            for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
+                for (k, next) in EDGES {
+                    let [a, b] = [k, next].map(|i| triangle[i].uv_mm);
+                    if a.distance(b) > longest_mm_at(0.5 * (a + b)) {
+                        middles.entry(edge(ids, k, next)).or_insert_with(|| {
+                            points += 1;
+                            points - 1
+                        });
+                    }
+                }
+            }
+            if middles.is_empty() {
+                return Ok(());
+            }
+            let divided = |ids: &[u32; 3]| EDGES.map(|(k, next)| middles.get(&edge(ids, k, next)));
+            let more = |ids: &[u32; 3]| divided(ids).iter().flatten().count();
+            let faces = self.triangles.len() + self.corners.iter().map(more).sum::<usize>();
+            if faces > most_faces {
+                return Err(Error::TooLarge {
+                    faces,
+                    limit: most_faces,
+                });
+            }
+            let mut triangles = Vec::with_capacity(faces);
+            let mut corners = Vec::with_capacity(faces);
+            for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
+                let middles = divided(ids);
+                for face in parts(middles.map(|m| m.is_some())) {
+                    triangles.push(face.map(|i| match i {
+                        0..3 => triangle[i],
+                        _ => between(&triangle[i - 3], &triangle[(i - 2) % 3]),
+                    }));
+                    corners.push(face.map(|i| match i {
+                        0..3 => ids[i],
+                        _ => middles[i - 3].copied().unwrap_or_default(),
+                    }));
+                }
+            }
+            (self.triangles, self.corners) = (triangles, corners);
+        }
     }
 
     /// What is added to the normal at a shared corner.
@@ -141,6 +234,43 @@ impl Mesh {
     /// The repaired defects, for a warning.
     pub fn repairs(&self) -> Repairs {
         self.repairs
+    }
+}
+
+/// The edges of a face: from a corner to the next.
+const EDGES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
+
+/// The name of an edge, the same for both faces that share it.
+fn edge(ids: &[u32; 3], from: usize, to: usize) -> (u32, u32) {
+    (ids[from].min(ids[to]), ids[from].max(ids[to]))
+}
+
+/// The corner half way between two.
+fn between(a: &Vertex, b: &Vertex) -> Vertex {
+    Vertex {
+        position_mm: 0.5 * (a.position_mm + b.position_mm),
+        normal: (a.normal + b.normal).normalize_or(a.normal),
+        uv_mm: 0.5 * (a.uv_mm + b.uv_mm),
+    }
+}
+
+/// The faces that a face becomes when some of its edges are divided: 0 to 2 are its corners, 3 to
+/// 5 the middles of its edges.
+fn parts(divided: [bool; 3]) -> Vec<[usize; 3]> {
+    let turn = |by: usize, faces: &[[usize; 3]]| -> Vec<[usize; 3]> {
+        let turned = |i: usize| i / 3 * 3 + (i % 3 + by) % 3;
+        faces.iter().map(|f| f.map(turned)).collect()
+    };
+    // Where edge `by` alone is divided, or all but the one before it.
+    match divided {
+        [false, false, false] => turn(0, &[[0, 1, 2]]),
+        [true, true, true] => turn(0, &[[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]),
+        [true, false, false] => turn(0, &[[0, 3, 2], [3, 1, 2]]),
+        [false, true, false] => turn(1, &[[0, 3, 2], [3, 1, 2]]),
+        [false, false, true] => turn(2, &[[0, 3, 2], [3, 1, 2]]),
+        [true, true, false] => turn(0, &[[3, 1, 4], [0, 3, 4], [0, 4, 2]]),
+        [false, true, true] => turn(1, &[[3, 1, 4], [0, 3, 4], [0, 4, 2]]),
+        [true, false, true] => turn(2, &[[3, 1, 4], [0, 3, 4], [0, 4, 2]]),
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 use organza_basis::{Budget, PathRng, Ray, warp};
 use organza_mesh::{DrapedMesh, Error, Mesh, Placement, Vertex, read_obj};
+use std::collections::HashMap;
 
 const PLACEMENT: Placement = Placement {
     mm_per_unit: 10.0,
@@ -234,4 +235,51 @@ fn a_draped_towel_is_read() {
     let v = 210.0 + 8.75 / (18.0 * row.sin());
     assert!((hit.uv_mm - Vec2::new(151.3, v)).length() < 0.02, "{hit:?}");
     assert!(hit.frame.n.z > 0.99, "{hit:?}");
+}
+
+/// How many faces have each edge.
+fn faces_of_edges(corners: &[[u32; 3]]) -> HashMap<(u32, u32), usize> {
+    let mut count = HashMap::new();
+    for [a, b, c] in corners {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *count.entry((*from.min(to), *from.max(to))).or_insert(0) += 1;
+        }
+    }
+    count
+}
+
+/// A closed surface that is divided where edges are to be short stays closed, and shows the same cloth.
+#[test]
+fn divided_faces_leave_no_gaps() {
+    let mut mesh = bumpy(12);
+    let cloth = |mesh: &Mesh| -> f32 {
+        let area = |[a, b, c]: &[Vertex; 3]| (b.uv_mm - a.uv_mm).perp_dot(c.uv_mm - a.uv_mm).abs();
+        mesh.triangles().iter().map(area).sum()
+    };
+    let (before, all) = (cloth(&mesh), mesh.triangles().len());
+    let longest = |at: Vec2| 0.02 + 0.3 * at.distance(Vec2::new(2.0, 1.5));
+    mesh.refine(longest, 1 << 20).unwrap();
+    assert!(mesh.triangles().len() > 4 * all);
+    assert!((cloth(&mesh) / before - 1.0).abs() < 1e-4);
+    for [a, b, c] in mesh.triangles() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let middle = 0.5 * (from.uv_mm + to.uv_mm);
+            assert!(from.uv_mm.distance(to.uv_mm) <= longest(middle));
+        }
+    }
+    // The poles are edges without length in the world, of one face.
+    let open = |corners: &[[u32; 3]]| {
+        let edges = faces_of_edges(corners);
+        edges.values().filter(|&&n| n != 2).count()
+    };
+    let own = open(mesh.corners());
+    assert_eq!(own, open(bumpy(12).corners()));
+    // A face that is divided alone opens gaps.
+    let mut twin = mesh.corners().to_vec();
+    let [a, b, c] = twin[100];
+    twin[100] = [a, u32::MAX, c];
+    twin.push([u32::MAX, b, c]);
+    assert!(open(&twin) > own);
+    let refused = bumpy(12).refine(|_| 1e-4, 10_000).unwrap_err();
+    assert!(refused.to_string().contains("more than 10000"), "{refused}");
 }

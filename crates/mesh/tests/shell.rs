@@ -450,25 +450,46 @@ fn places_in_the_cloth_do_not_depend_on_where_the_mesh_is() {
     }
 }
 
+/// The place in the cloth, from 0 to 2 mm high, of a point inside of a face, at a height over the mesh.
+fn place_mm(mesh: &Mesh, z: f64) -> DVec3 {
+    let shell = Shell::new(mesh, 0.0, 2.0).unwrap();
+    let mut found = None;
+    // A level ray that passes the place.
+    let ray = (DVec3::new(-50.0, 4.1, z), DVec3::X);
+    shell.visit_spans(ray, f64::INFINITY, |span| {
+        let t = 54.3 - span.t0;
+        if (0.0..span.t1 - span.t0).contains(&t) {
+            found = Some(span.cloth_mm + t * span.step);
+        }
+        f64::INFINITY
+    });
+    found.unwrap()
+}
+
+/// Pressed cloth sinks from above: its lower side stays, and what is between moves in proportion.
+#[test]
+fn pressed_cloth_keeps_its_lower_side() {
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.press(2.0, |_| 0.5);
+    for z in [-0.99, 0.0, 0.49] {
+        let expected = (z + 1.0) / 1.5 * 2.0;
+        let found = place_mm(&mesh, z).z;
+        assert!(
+            (found - expected).abs() < 1e-5,
+            "{z}: {found}, not {expected}"
+        );
+    }
+    // However deep it is pressed, a tenth of it is left.
+    mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.press(2.0, |_| 7.0);
+    assert!((place_mm(&mesh, -0.9).z - 1.0).abs() < 1e-5);
+}
+
 /// Cloth that leans stands over other places of the fabric plane the higher it is, and its ground as
 /// far beside on the other side of the mesh.
 #[test]
 fn what_leans_moves_with_its_height() {
     let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
-    let place_mm = |mesh: &Mesh, z: f64| {
-        let shell = Shell::new(mesh, 0.0, 2.0).unwrap();
-        let mut found = None;
-        // A level ray that passes the place inside of a face.
-        let ray = (DVec3::new(-50.0, 4.1, z), DVec3::X);
-        shell.visit_spans(ray, f64::INFINITY, |span| {
-            let t = 54.3 - span.t0;
-            if (0.0..span.t1 - span.t0).contains(&t) {
-                found = Some(span.cloth_mm + t * span.step);
-            }
-            f64::INFINITY
-        });
-        found.unwrap()
-    };
     let upright = [-0.9, 0.0, 0.9].map(|z| place_mm(&mesh, z));
     // 25 mm of cloth lie on 10 mm of mesh.
     mesh.lean(|_| Vec2::new(0.3, -0.1));

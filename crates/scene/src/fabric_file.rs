@@ -15,11 +15,12 @@ use crate::print_file;
 use crate::read;
 use crate::woven_volume::{self, WovenVolume};
 use glam::Vec2;
-use organza_basis::SegmentSource;
+use organza_basis::{Rgb, SegmentSource};
 use organza_scatter::{ClearFibre, Fibre};
 use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
+use organza_weave::spec::{DraftSpec, ThreadSetSpec};
 use organza_weave::{Cloth, Draft, FabricGeometry, Material, Synthesis};
 use std::cell::RefCell;
 use std::path::Path;
@@ -337,6 +338,34 @@ impl Fabric {
         Ok(())
     }
 
+    /// Threads beside the cloth, of one of its yarns or of a preset, along the centrelines in a text
+    /// file of curves.
+    ///
+    /// # Errors
+    /// What is wrong with the yarn or with the curves.
+    pub(crate) fn threads(
+        &self,
+        yarn: &str,
+        colour: Rgb,
+        curves: Vec<u8>,
+    ) -> std::result::Result<Cloth, organza_weave::Error> {
+        let geometry = FabricGeometry {
+            draft: DraftSpec {
+                curves: Some("threads".into()),
+                ..DraftSpec::default()
+            },
+            weft: ThreadSetSpec {
+                yarn: vec![yarn.to_owned()],
+                colours: vec![colour],
+                ..ThreadSetSpec::default()
+            },
+            yarn: self.file.yarn.clone(),
+            ideal: self.file.ideal,
+            ..FabricGeometry::default()
+        };
+        Cloth::build(&geometry, &|_: &str| Ok(curves.clone()), self.file.seed)
+    }
+
     /// Width and height of what repeats: of the cloth's tile, or of the whole design.
     pub fn tile_mm(&self) -> Vec2 {
         let tile_mm = self.cloth.tile().bounds_mm.size().truncate();
@@ -356,18 +385,24 @@ impl Fabric {
 
     /// The fibres of each material of the cloth.
     ///
-    /// # Errors Names the yarn at fault.
+    /// # Errors
+    /// Names the yarn at fault.
     pub fn fibre_models(&self, path: &Path) -> Result<Vec<Fibre>> {
-        self.fibre_models_of(&self.optics, path)
+        self.fibre_models_of(&self.cloth, &self.optics, path)
     }
 
-    /// The same with other optics tables.
-    fn fibre_models_of(&self, optics: &[OpticsFile], path: &Path) -> Result<Vec<Fibre>> {
+    /// The same of a cloth of its yarns, with other optics tables.
+    fn fibre_models_of(
+        &self,
+        cloth: &Cloth,
+        optics: &[OpticsFile],
+        path: &Path,
+    ) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
             fibre_model::of_optics(&self.seen(optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
-        self.cloth.materials().iter().map(fibre).collect()
+        cloth.materials().iter().map(fibre).collect()
     }
 
     /// Every fibre of the cloth, to be traced.
@@ -394,13 +429,38 @@ impl Fabric {
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
         self.whole(path, "explicit fibres")?;
-        let fibres = self.fibre_models_of(optics, path)?;
+        self.fibres_of_cloth(&self.cloth, optics, path, allowed, loader)
+    }
+
+    /// Every fibre of [`Fabric::threads`], to be traced.
+    ///
+    /// # Errors
+    /// As [`Fabric::explicit_fibres`].
+    pub(crate) fn explicit_threads(
+        &self,
+        threads: &Cloth,
+        path: &Path,
+        allowed: u64,
+        loader: &Loader<'_>,
+    ) -> Result<ExplicitFibres> {
+        self.fibres_of_cloth(threads, &self.optics, path, allowed, loader)
+    }
+
+    fn fibres_of_cloth(
+        &self,
+        cloth: &Cloth,
+        optics: &[OpticsFile],
+        path: &Path,
+        allowed: u64,
+        loader: &Loader<'_>,
+    ) -> Result<ExplicitFibres> {
+        let fibres = self.fibre_models_of(cloth, optics, path)?;
         let task = Task::GatheringFibres {
             fabric: path.to_owned(),
         };
         loader
             .run(&task, |done| {
-                ExplicitFibres::new(&self.cloth, fibres, Some(allowed), done)
+                ExplicitFibres::new(cloth, fibres, Some(allowed), done)
             })
             .map_err(|e| input(format!("{}: {e}", path.display())))
     }

@@ -44,6 +44,7 @@ pub mod scan_file;
 pub mod scattering;
 pub mod scene_build;
 pub mod scene_file;
+pub mod stitch;
 pub mod stroke;
 pub mod studio;
 pub mod subject;

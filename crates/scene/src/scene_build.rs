@@ -86,14 +86,15 @@ pub fn scene(file: &SceneFile, options: &BuildOptions<'_>) -> Result<Scene> {
             scene_path: options.scene_path,
             loader: options.loader,
         };
-        let mut medium = table.medium(&at, &camera, options, &mut budget)?;
-        if let Some([x0, y0, x1, y1]) = table.extent_mm() {
-            let (min, max) = (Vec2::new(x0, y0), Vec2::new(x1, y1));
-            medium.cut_to(min, max).ok_or_else(|| {
-                at.fail(": extent_mm: expected x0, y0, x1, y1 with x0 < x1 and y0 < y1")
-            })?;
+        for mut medium in table.media(&at, &camera, options, &mut budget)? {
+            if let Some([x0, y0, x1, y1]) = table.extent_mm() {
+                let (min, max) = (Vec2::new(x0, y0), Vec2::new(x1, y1));
+                medium.cut_to(min, max).ok_or_else(|| {
+                    at.fail(": extent_mm: expected x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+                })?;
+            }
+            media.push(medium);
         }
-        media.push(medium);
     }
     Ok(Scene {
         media,

@@ -5,6 +5,8 @@ use serde::Deserialize;
 
 /// Share of half the width of a stroke over which the pile goes over to that beside it (estimated).
 const SOFT: f32 = 0.8;
+/// Length of a mesh's edges there, in widths of the stroke.
+const FINE: f32 = 0.06;
 
 /// A stroke over the pile of a cloth that lies on a mesh: from then on it leans along the stroke.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
@@ -20,17 +22,25 @@ pub struct Stroke {
     pub lean_deg: f32,
 }
 
+/// Checks where something straight begins and ends on a cloth.
+///
+/// # Errors
+/// `.key: what was expected`.
+pub(crate) fn check_places(from_mm: [f32; 2], to_mm: [f32; 2]) -> Result<(), String> {
+    let are_near = [from_mm, to_mm].concat().iter().all(|x| x.abs() <= 1e6);
+    match are_near && from_mm != to_mm {
+        true => Ok(()),
+        false => Err(".to_mm: expected two places within 1e6 mm".into()),
+    }
+}
+
 impl Stroke {
     /// Checks the numbers.
     ///
     /// # Errors
     /// `.key: what was expected`.
     pub fn check(&self) -> Result<(), String> {
-        let places = [self.from_mm, self.to_mm].concat();
-        let are_near = places.iter().all(|x| x.abs() <= 1e6);
-        if !are_near || self.from_mm == self.to_mm {
-            return Err(".to_mm: expected two places within 1e6 mm".into());
-        }
+        check_places(self.from_mm, self.to_mm)?;
         if !(1e-3..=1e6).contains(&self.width_mm) {
             let found = self.width_mm;
             return Err(format!(".width_mm: expected 0.001 to 1e6, found {found}"));
@@ -50,6 +60,16 @@ impl Stroke {
         let inside = (0.5 - at_mm.distance(nearest) / self.width_mm) / (0.5 * SOFT);
         let inside = inside.clamp(0.0, 1.0);
         inside * inside * (3.0 - 2.0 * inside)
+    }
+
+    /// How long the edges of a mesh may be at a place so that the stroke shows: short at its edge.
+    pub fn longest_edge_mm(&self, at_mm: Vec2) -> f32 {
+        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
+        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
+        let away = at_mm.distance(from + along.clamp(0.0, 1.0) * (to - from));
+        let edge = 0.5 * (1.0 - 0.5 * SOFT) * self.width_mm;
+        let half = 0.25 * SOFT * self.width_mm;
+        FINE * self.width_mm + ((away - edge).abs() - half).max(0.0)
     }
 
     /// The lean at a place after strokes one after the other, as tangents along weft and warp.

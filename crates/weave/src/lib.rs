@@ -49,6 +49,7 @@ mod hairs;
 mod ini;
 mod knit;
 mod layers;
+mod lockstitch;
 mod named;
 mod openwork;
 mod palette;
@@ -81,6 +82,7 @@ pub use cloth::{
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;
+pub use lockstitch::{Lockstitch, LockstitchSpec};
 pub use openwork::OpenworkKind;
 pub use picture::Picture;
 pub use sett::{Sett, SettYarn};

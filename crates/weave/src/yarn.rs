@@ -4,11 +4,14 @@ mod complete_spec;
 
 use crate::Error;
 use crate::blend::FibrePart;
+use crate::error::did_you_mean;
+use crate::preset;
 use crate::spec::{
     BlendTuftSpec, CrimpSpec, CrossSectionSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec,
     HairinessSpec, MigrationSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -111,6 +114,36 @@ pub struct Loops {
 }
 
 impl Yarn {
+    /// The yarn that a key of a fabric names: one of its `[yarn]` tables, or a preset.
+    ///
+    /// # Errors
+    /// There is none of that name, or a value of its table is out of range.
+    pub fn named(
+        name: &str,
+        tables: &BTreeMap<String, YarnSpec>,
+        key: &str,
+    ) -> Result<Yarn, Error> {
+        let preset_itself = YarnSpec::default();
+        let spec = match tables.get(name) {
+            Some(spec) => spec,
+            None if preset::NAMES.contains(&name) => &preset_itself,
+            None => {
+                let own = tables.keys().map(String::as_str);
+                let mut known: Vec<&str> = own.chain(preset::NAMES).collect();
+                let hint = did_you_mean(name, known.iter().copied());
+                known.dedup();
+                return Err(Error::spec(
+                    key,
+                    format!(
+                        "there is no [yarn.{name}] and no preset of that name{hint}; there are {}",
+                        known.join(", ")
+                    ),
+                ));
+            }
+        };
+        Yarn::new(name, spec)
+    }
+
     /// Builds a yarn from a specification; its preset supplies the keys that it does not set.
     ///
     /// # Errors

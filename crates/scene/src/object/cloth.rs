@@ -14,10 +14,12 @@ use crate::optics::OpticsFile;
 use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::ScatteringTable;
+use crate::stitch::{self, Row, Stitch};
 use crate::stroke::Stroke;
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
+use organza_mesh::Mesh;
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
 use serde::Deserialize;
@@ -27,6 +29,9 @@ use serde_json::{Value, json};
 /// surfaces are looked up in flat cloth: at 1e6 mm pictures of both were seen to be off by 10
 /// to 20 %.
 const FAR_MM: f64 = 1e5;
+
+/// The most faces that a mesh is divided into, so that strokes and stitches show.
+const MAX_FACES: usize = 4 << 20;
 
 /// A cloth: a fabric, laid where the scene says.
 #[derive(Clone, Debug, Deserialize)]
@@ -65,6 +70,9 @@ pub struct ClothTable {
     /// With `mesh`: strokes over the pile, one after the other.
     #[serde(default)]
     pub stroke: Vec<Stroke>,
+    /// With `mesh`: rows of stitches.
+    #[serde(default)]
+    pub stitch: Vec<Stitch>,
     /// Overrides the fabric's own voxel size.
     pub voxel_um: Option<f32>,
     /// Overrides the fabric's own seed.
@@ -103,8 +111,14 @@ impl ObjectKind for ClothTable {
         if self.extent_mm.is_some() && self.mesh.is_some() {
             return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
         }
-        if !self.stroke.is_empty() && self.mesh.is_none() {
-            return Err(at.fail(".stroke: belongs to a `mesh`, which is not given"));
+        for (key, count) in [("stroke", self.stroke.len()), ("stitch", self.stitch.len())] {
+            if count > 0 && self.mesh.is_none() {
+                return Err(at.fail(format!(".{key}: belongs to a `mesh`, which is not given")));
+            }
+        }
+        for (i, stitch) in self.stitch.iter().enumerate() {
+            let checked = stitch.check();
+            checked.map_err(|why| at.fail(format!(".stitch[{i}]{why}")))?;
         }
         for (i, stroke) in self.stroke.iter().enumerate() {
             let checked = stroke.check();
@@ -131,14 +145,14 @@ impl ObjectKind for ClothTable {
         Ok(about)
     }
 
-    fn medium(
+    fn media(
         &self,
         at: &At<'_>,
         camera: &Camera,
         options: &BuildOptions<'_>,
         _: &mut Budget,
-    ) -> Result<AnyMedium> {
-        medium(self, at.index, at.as_fibres, camera, options)
+    ) -> Result<Vec<AnyMedium>> {
+        media(self, at.index, at.as_fibres, camera, options)
     }
 }
 
@@ -266,6 +280,7 @@ fn check(
 ) -> Result<ShownAs> {
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     drape::mesh(table.mesh_keys(), index, options)?;
+    rows(table, &fabric, index, options)?;
     let path = read::beside(options.scene_path, &table.fabric);
     match shown.representation.voxels() {
         Some(_) if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
@@ -290,8 +305,92 @@ fn looked_at_mm(camera: &Camera) -> f64 {
     along(from).min(along(from + ahead_mm * ahead))
 }
 
-/// The cloth that is a scene's object of this index; `as_fibres` whatever its
-/// model.
+/// The rows of stitches on the cloth that is a scene's object of this index, and the thickness of the
+/// cloth.
+///
+/// # Errors
+/// Names the key at fault.
+fn rows<'a>(
+    table: &'a ClothTable,
+    fabric: &Fabric,
+    index: usize,
+    options: &BuildOptions<'_>,
+) -> Result<(Vec<Row<'a>>, f64)> {
+    if table.stitch.is_empty() {
+        return Ok((Vec::new(), 0.0));
+    }
+    let thickness_mm = fabric.cloth.figures().thickness_mm;
+    let seed = fabric.file.seed;
+    let row = |(i, stitch): (usize, &'a Stitch)| {
+        Row::new(stitch, fabric, thickness_mm, seed ^ i as u64).map_err(|why| {
+            let scene = options.scene_path.display();
+            input(format!("{scene}: object[{index}].stitch[{i}]{why}"))
+        })
+    };
+    let rows = table.stitch.iter().enumerate().map(row);
+    Ok((rows.collect::<Result<_>>()?, thickness_mm))
+}
+
+/// The cloth that is a scene's object of this index, and the threads that it is sewn with; `as_fibres`
+/// whatever its model.
+///
+/// # Errors
+/// Names the file and the key at fault.
+fn media(
+    table: &ClothTable,
+    index: usize,
+    as_fibres: bool,
+    camera: &Camera,
+    options: &BuildOptions<'_>,
+) -> Result<Vec<AnyMedium>> {
+    let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
+    let fail = |why: String| {
+        let scene = options.scene_path.display();
+        input(format!("{scene}: object[{index}].{why}"))
+    };
+    let max_bytes = || options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
+    let mut mesh = drape::mesh(table.mesh_keys(), index, options)?;
+    let (rows, thickness_mm) = rows(table, &fabric, index, options)?;
+    let mut threads = Vec::new();
+    if let Some(mesh) = &mut mesh {
+        threads = stitch::threads(&rows, mesh, &fabric, max_bytes())
+            .map_err(|why| fail(format!("stitch{why}")))?;
+        let longest = |at_mm| {
+            let strokes = table.stroke.iter().map(|s| s.longest_edge_mm(at_mm));
+            let rows = rows.iter().map(|row| row.longest_edge_mm(at_mm));
+            strokes.chain(rows).fold(f32::INFINITY, f32::min)
+        };
+        mesh.refine(longest, MAX_FACES).map_err(|e| {
+            fail(format!(
+                "mesh: with short edges at strokes and stitches: {e}"
+            ))
+        })?;
+        stitch::press(&rows, mesh, thickness_mm);
+        if !table.stroke.is_empty() {
+            mesh.lean(|at_mm| Stroke::tangent_after(&table.stroke, at_mm));
+        }
+    }
+    let mut media = vec![medium(
+        table, index, as_fibres, camera, options, &fabric, shown, mesh,
+    )?];
+    let path = read::beside(options.scene_path, &table.fabric);
+    for cloth in &threads {
+        let fibres = fabric.explicit_threads(cloth, &path, max_bytes(), options.loader)?;
+        let place = ClothPlace {
+            bounds_mm: cloth.tile().bounds_mm,
+            mesh: None,
+            max_memory_bytes: max_bytes(),
+            loader: options.loader,
+            scene_path: options.scene_path,
+        };
+        let mut once = Some(AnyMedium::ExplicitFibres(fibres));
+        let laid = Levels::only(0).medium(&place, None, |_| Ok(once.take()))?;
+        media.extend(laid);
+    }
+    Ok(media)
+}
+
+/// The cloth that is a scene's object of this index, on its mesh; `as_fibres` whatever its model.
 ///
 /// # Errors
 /// Names the file and the key at fault.
@@ -301,17 +400,15 @@ fn medium(
     as_fibres: bool,
     camera: &Camera,
     options: &BuildOptions<'_>,
+    fabric: &Fabric,
+    shown: ShownAs,
+    mesh: Option<Mesh>,
 ) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
     let fail = |why: &str| {
         let scene = options.scene_path.display();
         input(format!("{scene}: object[{index}]{why}"))
     };
-    let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
-    let mut mesh = drape::mesh(table.mesh_keys(), index, options)?;
-    if let Some(mesh) = mesh.as_mut().filter(|_| !table.stroke.is_empty()) {
-        mesh.lean(|at_mm| Stroke::tangent_after(&table.stroke, at_mm));
-    }
     let is_curves = matches!(
         shown.representation.build,
         Build::ExplicitFibres(_) | Build::Plies(_)
@@ -343,7 +440,7 @@ fn medium(
     let has_curves = matches!(build, Build::ExplicitFibres(_) | Build::Plies(_));
     let far = match lod {
         Lod::Name(LodName::Auto) if has_curves && !as_fibres => {
-            far_table(&fabric, &path, options.loader)?.map(FarSheet::from)
+            far_table(fabric, &path, options.loader)?.map(FarSheet::from)
         }
         _ => None,
     };
@@ -372,24 +469,24 @@ fn medium(
     };
     let voxels = match &shown.representation.build {
         Build::ExplicitFibres(trace) => {
-            let fibres = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
+            let fibres = trace(fabric, &path, options.max_memory_bytes, options.loader)?;
             return traced(AnyMedium::ExplicitFibres(fibres), place);
         }
         Build::Plies(trace) => {
-            let plies = trace(&fabric, &path, options.max_memory_bytes, options.loader)?;
+            let plies = trace(fabric, &path, options.max_memory_bytes, options.loader)?;
             return traced(AnyMedium::Plies(plies), place);
         }
-        Build::Surface(surface) => return alone(surface(&fabric, &path, options.loader)?.into()),
+        Build::Surface(surface) => return alone(surface(fabric, &path, options.loader)?.into()),
         Build::Voxels(_) if lod == Lod::Name(LodName::Surface) => {
             return alone(fabric.surface(&path)?.into());
         }
         Build::Voxels(voxels) => voxels,
     };
-    let plan = plan(&fabric, voxels, table, index, options)?;
+    let plan = plan(fabric, voxels, table, index, options)?;
     let limit = options.max_memory_bytes;
     let octree = fabric.voxelize_planned(&path, &plan, limit, options.loader)?;
     Laying {
-        fabric: &fabric,
+        fabric,
         path: &path,
         voxels,
         settings: shown.settings,

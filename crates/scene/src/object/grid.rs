@@ -78,14 +78,14 @@ impl ObjectKind for GridTable {
         Ok(json!({ "extinction": self.extinction, "sggx": self.sggx }))
     }
 
-    fn medium(
+    fn media(
         &self,
         _: &At<'_>,
         _: &Camera,
         options: &BuildOptions<'_>,
         budget: &mut Budget,
-    ) -> Result<AnyMedium> {
-        grid(self, options, budget).map(AnyMedium::Grid)
+    ) -> Result<Vec<AnyMedium>> {
+        grid(self, options, budget).map(|grid| vec![AnyMedium::Grid(grid)])
     }
 }
 

@@ -67,20 +67,20 @@ pub trait ObjectKind {
     /// can be without making voxels.
     ///
     /// # Errors
-    /// Those of [`ObjectKind::medium`].
+    /// Those of [`ObjectKind::media`].
     fn describe(&self, at: &At<'_>, options: &BuildOptions<'_>) -> Result<serde_json::Value>;
 
-    /// The medium that `camera` sees. Grids are charged to `budget`.
+    /// The media that `camera` sees: one, and those that lie on it. Grids are charged to `budget`.
     ///
     /// # Errors
     /// Names the file and the key at fault.
-    fn medium(
+    fn media(
         &self,
         at: &At<'_>,
         camera: &Camera,
         options: &BuildOptions<'_>,
         budget: &mut Budget,
-    ) -> Result<AnyMedium>;
+    ) -> Result<Vec<AnyMedium>>;
 }
 
 macro_rules! objects {
@@ -138,18 +138,18 @@ impl ObjectTable {
         Ok(about)
     }
 
-    /// The medium that `camera` sees. Grids are charged to `budget`.
+    /// The media that `camera` sees. Grids are charged to `budget`.
     ///
     /// # Errors
-    /// As [`ObjectKind::medium`].
-    pub fn medium(
+    /// As [`ObjectKind::media`].
+    pub fn media(
         &self,
         at: &At<'_>,
         camera: &Camera,
         options: &BuildOptions<'_>,
         budget: &mut Budget,
-    ) -> Result<AnyMedium> {
-        self.described().medium(at, camera, options, budget)
+    ) -> Result<Vec<AnyMedium>> {
+        self.described().media(at, camera, options, budget)
     }
 }
 

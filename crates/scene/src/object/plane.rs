@@ -38,15 +38,15 @@ impl ObjectKind for PlaneTable {
         Ok(json!({}))
     }
 
-    fn medium(
+    fn media(
         &self,
         at: &At<'_>,
         _: &Camera,
         _: &BuildOptions<'_>,
         _: &mut Budget,
-    ) -> Result<AnyMedium> {
+    ) -> Result<Vec<AnyMedium>> {
         plane(self)
-            .map(AnyMedium::Plane)
+            .map(|plane| vec![AnyMedium::Plane(plane)])
             .map_err(|why| at.fail(format!(": {why}")))
     }
 }

@@ -4,8 +4,6 @@ use super::Material;
 use crate::Error;
 use crate::blend::FibrePart;
 use crate::dye::Dye;
-use crate::error::did_you_mean;
-use crate::preset;
 use crate::spec::{ThreadSetSpec, YarnSpec};
 use crate::yarn::Yarn;
 use organza_basis::Rgb;
@@ -51,25 +49,8 @@ impl<'a> Yarns<'a> {
         if let Some(i) = self.built.iter().position(|y| y.name == name) {
             return Ok(i);
         }
-        let preset_itself = YarnSpec::default();
-        let spec = match self.specs.get(name) {
-            Some(spec) => spec,
-            None if preset::NAMES.contains(&name) => &preset_itself,
-            None => {
-                let own = self.specs.keys().map(String::as_str);
-                let mut known: Vec<&str> = own.chain(preset::NAMES).collect();
-                let hint = did_you_mean(name, known.iter().copied());
-                known.dedup();
-                return Err(Error::spec(
-                    key,
-                    format!(
-                        "there is no [yarn.{name}] and no preset of that name{hint}; there are {}",
-                        known.join(", ")
-                    ),
-                ));
-            }
-        };
-        self.built.push(Arc::new(Yarn::new(name, spec)?));
+        self.built
+            .push(Arc::new(Yarn::named(name, self.specs, key)?));
         Ok(self.built.len() - 1)
     }
 }

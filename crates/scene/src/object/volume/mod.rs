@@ -92,6 +92,7 @@ impl VolumeTable {
             mm_per_unit: self.mm_per_unit,
             mm_per_uv: self.mm_per_uv,
             stroke: Vec::new(),
+            stitch: Vec::new(),
             voxel_um: None,
             seed: None,
             extent_mm: self.extent_mm,
@@ -156,14 +157,15 @@ impl ObjectKind for VolumeTable {
         Ok(json!({ "file": self.file, "model": model }))
     }
 
-    fn medium(
+    fn media(
         &self,
         at: &At<'_>,
         camera: &Camera,
         options: &BuildOptions<'_>,
         budget: &mut Budget,
-    ) -> Result<AnyMedium> {
-        VolumeObject::new(self, at.index, options).medium(camera, budget)
+    ) -> Result<Vec<AnyMedium>> {
+        let medium = VolumeObject::new(self, at.index, options).medium(camera, budget)?;
+        Ok(vec![medium])
     }
 }
 

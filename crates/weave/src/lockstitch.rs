@@ -1,0 +1,205 @@
+//! A row of lockstitches: a needle thread above the cloth and a bobbin thread below it, which hold
+//! each other in its middle at every hole of the needle.
+//!
+//! Places are along the row, across it to the left, and up, in millimetres; height 0 is the middle
+//! of the cloth that shows the needle thread.
+
+use glam::{DVec2, DVec3};
+use organza_basis::PathRng;
+
+/// How lockstitches are made.
+#[derive(Clone, Copy, Debug)]
+pub struct LockstitchSpec {
+    /// Length of a stitch along the row.
+    pub stitch_mm: f64,
+    /// How far holes lie from one another across the row, by turns on either side of it.
+    pub zigzag_mm: f64,
+    /// Heights of the lower and the upper side of all that is sewn.
+    pub layers_mm: [f64; 2],
+    /// How far the upper side sinks at a hole.
+    pub sink_mm: f64,
+}
+
+/// A row of lockstitches.
+#[derive(Clone, Debug)]
+pub struct Lockstitch {
+    /// The holes of the needle: along the row and across it.
+    holes_mm: Vec<DVec2>,
+    thread_radius_mm: f64,
+    layers_mm: [f64; 2],
+    sink_mm: f64,
+}
+
+/// Deviation of holes from their places, in stitches, along the row and across it (estimated).
+const JITTER: DVec2 = DVec2::new(0.04, 0.015);
+/// How far cloth is pressed half way between two holes, as a share of what it is at a hole
+/// (estimated).
+const BETWEEN: f64 = 0.45;
+/// Radii of the thread across which pressed cloth comes up again (estimated).
+const REACH: f64 = 3.2;
+/// Radii of the thread between its middle and either strand of the needle thread in a hole.
+const STRANDS: f64 = 1.1;
+
+impl Lockstitch {
+    /// A row of a length, stitched with a thread of a radius.
+    pub fn new(spec: &LockstitchSpec, row_mm: f64, thread_radius_mm: f64, seed: u64) -> Lockstitch {
+        let count = (row_mm / spec.stitch_mm).round().max(1.0);
+        let own_mm = row_mm / count;
+        let mut rng = PathRng::from_seed(seed);
+        let mut hole = |i: u32| {
+            let side = if i % 2 == 0 { 0.5 } else { -0.5 };
+            let place = DVec2::new(f64::from(i) * own_mm, side * spec.zigzag_mm);
+            // Evenly spread deviations are at most 1.7 times the root of their mean square.
+            let off = 3.0f64.sqrt() * (2.0 * rng.unit2().as_dvec2() - 1.0);
+            place + off * JITTER * own_mm
+        };
+        Lockstitch {
+            holes_mm: (0..=count as u32).map(&mut hole).collect(),
+            thread_radius_mm,
+            layers_mm: spec.layers_mm,
+            sink_mm: spec.sink_mm,
+        }
+    }
+
+    /// Beyond this distance from the row cloth lies as before.
+    pub fn reach_mm(&self) -> f64 {
+        2.5 * REACH * self.thread_radius_mm
+    }
+
+    /// How far the upper side of the cloth sinks at a place.
+    pub fn depth_mm(&self, place_mm: DVec2) -> f64 {
+        let after = self.holes_mm.partition_point(|h| h.x < place_mm.x);
+        let last = self.holes_mm.len() - 1;
+        let [a, b] = [after.saturating_sub(1), after.min(last)].map(|i| self.holes_mm[i]);
+        let share = match b.x > a.x {
+            true => (place_mm.x - a.x) / (b.x - a.x),
+            false => 0.0,
+        };
+        let cosine = (std::f64::consts::PI * share).cos();
+        let along = BETWEEN + (1.0 - BETWEEN) * cosine.powi(4);
+        let nearest = a.lerp(b, share);
+        let aside = (place_mm - nearest) / (REACH * self.thread_radius_mm);
+        self.sink_mm * along * (-aside.length_squared()).exp()
+    }
+
+    /// Points of the needle thread.
+    pub fn needle_thread_mm(&self) -> Vec<DVec3> {
+        let [low, high] = self.layers_mm;
+        let (r, middle) = (self.thread_radius_mm, 0.5 * (low + high));
+        let inside = (high - middle - self.sink_mm).max(0.0);
+        let on_top = |p: DVec2| p.extend(high + 0.8 * r - self.depth_mm(p));
+        let mut points = Vec::new();
+        for (i, &hole) in self.holes_mm.iter().enumerate() {
+            let strand = |side: f64| {
+                let at = |along: f64, across: f64, height| {
+                    (hole + r * DVec2::new(along, side * across)).extend(height)
+                };
+                // From the lock up to the surface.
+                [
+                    at(0.0, STRANDS, middle),
+                    at(0.1 * side, STRANDS, middle + 0.8 * inside),
+                    on_top(hole + r * DVec2::new(1.6 * side, 0.7 * side)) - 0.3 * r * DVec3::Z,
+                ]
+            };
+            if i > 0 {
+                let before: DVec2 = self.holes_mm[i - 1];
+                let [from, to] = [
+                    before + r * DVec2::new(1.6, 0.7),
+                    hole - r * DVec2::new(1.6, 0.7),
+                ];
+                points.extend([0.25, 0.5, 0.75].map(|t| on_top(from.lerp(to, t))));
+                points.extend(strand(-1.0).iter().rev());
+            }
+            // Around the bobbin thread.
+            points.push(hole.extend(middle - r));
+            if i + 1 < self.holes_mm.len() {
+                points.extend(strand(1.0));
+            }
+        }
+        points
+    }
+
+    /// Points of the bobbin thread: it passes between the strands of the needle thread.
+    pub fn bobbin_thread_mm(&self) -> Vec<DVec3> {
+        let [low, high] = self.layers_mm;
+        let (r, middle) = (self.thread_radius_mm, 0.5 * (low + high));
+        let below = low - 0.8 * r;
+        let mut points = Vec::new();
+        for (i, &hole) in self.holes_mm.iter().enumerate() {
+            let strand = |side: f64| {
+                let at = |along: f64, height| (hole + r * DVec2::X * side * along).extend(height);
+                [at(0.6, 0.5 * (low + middle)), at(1.6, below + 0.3 * r)]
+            };
+            if i > 0 {
+                let before = self.holes_mm[i - 1];
+                points.extend([0.3, 0.5, 0.7].map(|t| before.lerp(hole, t).extend(below)));
+                points.extend(strand(-1.0).iter().rev());
+            }
+            points.push(hole.extend(middle + r));
+            if i + 1 < self.holes_mm.len() {
+                points.extend(strand(1.0));
+            }
+        }
+        points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYERS_MM: [f64; 2] = [-2.0, 0.5];
+
+    fn row(seed: u64) -> Lockstitch {
+        let spec = LockstitchSpec {
+            stitch_mm: 3.1,
+            zigzag_mm: 0.0,
+            layers_mm: LAYERS_MM,
+            sink_mm: 0.25,
+        };
+        Lockstitch::new(&spec, 30.0, 0.2, seed)
+    }
+
+    /// Threads hold each other: in every hole the needle thread passes below the bobbin thread,
+    /// which passes between its strands; elsewhere they stay on their own side of the cloth.
+    #[test]
+    fn threads_lock_at_every_hole() {
+        for seed in [1, 2] {
+            let row = row(seed);
+            assert_eq!(row.holes_mm.len(), 11, "seed {seed}: ten stitches");
+            let middle = 0.5 * (LAYERS_MM[0] + LAYERS_MM[1]);
+            let near = |points: Vec<DVec3>, hole: DVec2| {
+                let close = points
+                    .into_iter()
+                    .filter(move |p| p.truncate().distance(hole) < 0.01);
+                close.map(|p| p.z).next()
+            };
+            for hole in &row.holes_mm {
+                let needle = near(row.needle_thread_mm(), *hole).unwrap();
+                let bobbin = near(row.bobbin_thread_mm(), *hole).unwrap();
+                assert!(bobbin - needle > 0.39, "seed {seed}: {needle} {bobbin}");
+            }
+            assert!(row.needle_thread_mm().iter().all(|p| p.z > middle - 0.21));
+            assert!(row.bobbin_thread_mm().iter().all(|p| p.z < middle + 0.21));
+            let highest = row
+                .needle_thread_mm()
+                .iter()
+                .map(|p| p.z)
+                .fold(0.0, f64::max);
+            assert!((0.5..0.66).contains(&highest), "seed {seed}: {highest}");
+        }
+    }
+
+    /// Cloth sinks most at the holes, and by nothing beside the row and beyond its ends.
+    #[test]
+    fn cloth_sinks_along_the_row() {
+        let row = row(3);
+        let [first, second] = [row.holes_mm[3], row.holes_mm[4]];
+        assert!((row.depth_mm(first) - 0.25).abs() < 1e-9);
+        let between = row.depth_mm(first.lerp(second, 0.5));
+        assert!((between - 0.25 * BETWEEN).abs() < 1e-9, "{between}");
+        let aside = first + row.reach_mm() * DVec2::Y;
+        let ahead = DVec2::new(-row.reach_mm() - 1.0, 0.0);
+        assert!(row.depth_mm(aside) < 1e-3 && row.depth_mm(ahead) < 1e-3);
+    }
+}
