@@ -42,6 +42,7 @@ mod obj;
 mod ply;
 mod scene;
 mod shell;
+mod shell_around;
 mod shell_tables;
 
 pub use chart::Chart;
@@ -51,5 +52,6 @@ pub use mesh::{Mesh, Repairs, Vertex};
 pub use obj::{Placement, read_obj};
 pub use ply::read_ply;
 pub use scene::{DrapedMesh, MeshHit};
-pub use shell::{Folds, Shell, ShellSpan};
-pub use shell_tables::{NOBODY, ShellBox, ShellTables, ShellTetrahedron};
+pub use shell::{Folds, Shell, ShellSpan, ShellStep};
+pub use shell_around::{NOBODY, ShellBox};
+pub use shell_tables::{ShellTables, ShellTetrahedron};

@@ -8,6 +8,7 @@
 use crate::error::Error;
 use crate::mesh::{Mesh, area_vector, unfolded_uv};
 use crate::scene::distance_to_box;
+use crate::shell_around::{Around, NOBODY, around_all};
 use glam::{DMat3, DVec3, Mat3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb as BvhBox;
@@ -30,6 +31,7 @@ const BOX_ROUNDING: f32 = 1e-5;
 pub struct Shell {
     /// [`CUT`] per face.
     tetrahedra: Vec<Tetrahedron>,
+    around: Vec<Around>,
     /// Of boxes around prisms, counted from `middle_mm` and grown by the rounding of rays.
     hierarchy: CwBvh,
     middle_mm: DVec3,
@@ -63,6 +65,21 @@ pub struct ShellSpan {
     pub world_from_cloth: Mat3,
     /// The linear part of the map: mm of the world per mm of cloth.
     pub stretch: Mat3,
+    /// The number of the tetrahedron, and whether no other fills any of its room.
+    pub tetrahedron: u32,
+    /// See `tetrahedron`.
+    pub is_alone: bool,
+}
+
+/// A step of a ray through a tetrahedron.
+#[derive(Clone, Copy, Debug)]
+pub struct ShellStep {
+    /// The part of the ray inside, if there is any.
+    pub span: Option<ShellSpan>,
+    /// Where it leaves, mm.
+    pub end_mm: f64,
+    /// The tetrahedron beyond; none where the shell ends or others lie in its room.
+    pub beyond: Option<u32>,
 }
 
 #[derive(Clone, Copy)]
@@ -124,23 +141,30 @@ impl Tetrahedron {
         self.weights_from_world != DMat3::ZERO
     }
 
-    /// The part of a ray between 0 and `limit` inside.
-    fn clip(&self, (origin, direction): (DVec3, DVec3), limit: f64) -> Option<ShellSpan> {
-        let from = origin - self.corner_mm;
-        let (w, slope) = (
-            self.weights_from_world * from,
-            self.weights_from_world * direction,
-        );
-        if slope == DVec3::ZERO {
+    /// Weights of the corners at a place relative to the first corner.
+    fn weights(&self, from: DVec3) -> [f64; 4] {
+        let w = self.weights_from_world * from;
+        [1.0 - w.element_sum(), w.x, w.y, w.z]
+    }
+
+    /// How they change along a direction.
+    fn slopes(&self, direction: DVec3) -> [f64; 4] {
+        let slope = self.weights_from_world * direction;
+        [-slope.element_sum(), slope.x, slope.y, slope.z]
+    }
+
+    /// Where a part of a ray between 0 and `limit` inside begins and ends.
+    fn clip(&self, (origin, direction): (DVec3, DVec3), limit: f64) -> Option<(f64, f64)> {
+        let slopes = self.slopes(direction);
+        if slopes == [0.0; 4] {
             return None;
         }
         let (mut t0, mut t1) = (0.0f64, limit);
-        for (w, slope) in [
-            (1.0 - w.element_sum(), -slope.element_sum()),
-            (w.x, slope.x),
-            (w.y, slope.y),
-            (w.z, slope.z),
-        ] {
+        for (w, slope) in self
+            .weights(origin - self.corner_mm)
+            .into_iter()
+            .zip(slopes)
+        {
             if slope > 0.0 {
                 t0 = t0.max(-w / slope);
             } else if slope < 0.0 {
@@ -152,17 +176,7 @@ impl Tetrahedron {
                 return None;
             }
         }
-        (t0 < t1).then(|| {
-            let step = self.cloth_from_world * direction;
-            ShellSpan {
-                t0,
-                t1,
-                cloth_mm: self.cloth_corner_mm + self.cloth_from_world * from + t0 * step,
-                step,
-                world_from_cloth: self.world_from_cloth,
-                stretch: self.stretch,
-            }
-        })
+        (t0 < t1).then_some((t0, t1))
     }
 }
 
@@ -281,6 +295,7 @@ impl Shell {
         let params = BvhBuildParams::medium_build();
         Ok(Shell {
             hierarchy: build_cwbvh(&boxes, params, &mut Duration::default()),
+            around: around_all(&tetrahedra, middle_mm, margin),
             tetrahedra,
             middle_mm,
             bounds_mm: (
@@ -291,9 +306,9 @@ impl Shell {
         })
     }
 
-    /// The tetrahedra that have a volume.
-    pub(crate) fn solid(&self) -> impl Iterator<Item = &Tetrahedron> {
-        self.tetrahedra.iter().filter(|t| t.is_solid())
+    /// All tetrahedra, and what lies around each.
+    pub(crate) fn all(&self) -> (&[Tetrahedron], &[Around]) {
+        (&self.tetrahedra, &self.around)
     }
 
     /// How far boxes are grown against the rounding of single precision, mm.
@@ -305,7 +320,7 @@ impl Shell {
     /// Memory of the shell of a mesh with this number of faces.
     pub fn memory_bytes(faces: usize) -> u64 {
         // The tetrahedra, and the hierarchy with its boxes during construction.
-        let face = CUT * size_of::<Tetrahedron>() + 4 * size_of::<BvhBox>();
+        let face = CUT * (size_of::<Tetrahedron>() + Around::BYTES) + 4 * size_of::<BvhBox>();
         face as u64 * faces as u64
     }
 
@@ -370,14 +385,79 @@ impl Shell {
         self.hierarchy
             .ray_traverse(bvh_ray, &mut RayHit::none(), |_, id| {
                 let face = self.hierarchy.primitive_indices[id] as usize;
-                for tetrahedron in &self.tetrahedra[CUT * face..CUT * face + CUT] {
+                for number in CUT * face..CUT * face + CUT {
                     let end = if whole { limit_mm } else { limit };
-                    if let Some(span) = tetrahedron.clip((origin, direction), end) {
-                        limit = limit.min(visit(&span));
+                    let ray = (origin, direction);
+                    if let Some(ends) = self.tetrahedra[number].clip(ray, end) {
+                        limit = limit.min(visit(&self.span(number as u32, ray, ends)));
                     }
                 }
                 reach(limit)
             });
+    }
+
+    /// The part of a ray in a tetrahedron between two distances.
+    fn span(
+        &self,
+        tetrahedron: u32,
+        (origin, direction): (DVec3, DVec3),
+        (t0, t1): (f64, f64),
+    ) -> ShellSpan {
+        let t = &self.tetrahedra[tetrahedron as usize];
+        let step = t.cloth_from_world * direction;
+        let at_origin = t.cloth_from_world * (origin - t.corner_mm);
+        ShellSpan {
+            t0,
+            t1,
+            cloth_mm: t.cloth_corner_mm + at_origin + t0 * step,
+            step,
+            world_from_cloth: t.world_from_cloth,
+            stretch: t.stretch,
+            tetrahedron,
+            is_alone: self.around[tetrahedron as usize].is_alone,
+        }
+    }
+
+    /// A ray that is inside a tetrahedron, or on its way into it, at a distance.
+    pub fn step(&self, tetrahedron: u32, ray: (DVec3, DVec3), from_mm: f64) -> ShellStep {
+        let t = &self.tetrahedra[tetrahedron as usize];
+        let weights = t.weights(ray.0 - t.corner_mm);
+        let (mut end_mm, mut face) = (f64::INFINITY, 0);
+        for (k, (w, slope)) in weights.into_iter().zip(t.slopes(ray.1)).enumerate() {
+            if slope < 0.0 && -w / slope < end_mm {
+                (end_mm, face) = (-w / slope, k);
+            }
+        }
+        let end_mm = end_mm.max(from_mm);
+        let is_inside = end_mm > from_mm && end_mm.is_finite();
+        ShellStep {
+            span: is_inside.then(|| self.span(tetrahedron, ray, (from_mm, end_mm))),
+            end_mm,
+            beyond: self.beyond(tetrahedron, face),
+        }
+    }
+
+    /// The tetrahedron beyond a face, if it is alone in its room.
+    fn beyond(&self, tetrahedron: u32, face: usize) -> Option<u32> {
+        let next = self.around[tetrahedron as usize].neighbours[face];
+        (next != NOBODY && self.around[next as usize].is_alone).then_some(next)
+    }
+
+    /// The tetrahedron at a place in mm, which lies near one: it, or another that is reached through
+    /// few faces. None where tetrahedra share their room.
+    pub fn tetrahedron_at(&self, near: u32, place_mm: DVec3) -> Option<u32> {
+        const MOST: u32 = 8;
+        let mut at = near;
+        for _ in 0..MOST {
+            let t = &self.tetrahedra[at as usize];
+            let weights = t.weights(place_mm - t.corner_mm);
+            let outside = (0..4).min_by(|a, b| weights[*a].total_cmp(&weights[*b]))?;
+            if weights[outside] >= 0.0 {
+                return self.around[at as usize].is_alone.then_some(at);
+            }
+            at = self.beyond(at, outside)?;
+        }
+        None
     }
 
     /// Distance along a ray, an origin in mm and a unit direction, to the shell; `None` for a

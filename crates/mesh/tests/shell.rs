@@ -389,6 +389,60 @@ fn tables_hold_the_same_shell() {
     assert!(alone.iter().any(|t| !t.is_alone));
 }
 
+/// From its first tetrahedron on a ray is led through the stretches that are found by the boxes.
+#[test]
+fn steps_lead_through_the_shell() {
+    let seed = 11;
+    let shell = Shell::new(&bent(3.0, 12), -0.2, 0.3).unwrap();
+    let mut rng = PathRng::from_seed(seed);
+    let mut several = 0;
+    for _ in 0..1000 {
+        let aim = DVec3::new(2.0, 2.0, 2.2) + DVec3::from(warp::uniform_sphere(rng.unit2()));
+        let ray = Ray::new(aim, warp::uniform_sphere(rng.unit2()));
+        let found = spans(&shell, &ray);
+        let Some(first) = found.first() else {
+            continue;
+        };
+        let (mut at, mut from, mut count) = (Some(first.tetrahedron), first.t0, 0);
+        let mut last = first.tetrahedron;
+        while let Some(own) = at {
+            let step = shell.step(own, along(&ray), from);
+            if let Some(span) = step.span.filter(|span| span.t1 - span.t0 > 1e-9) {
+                let other = found.iter().find(|s| s.tetrahedron == own);
+                let other = other.unwrap_or_else(|| panic!("seed {seed}: {span:?}"));
+                let ends = (span.t0 - other.t0).abs().max((span.t1 - other.t1).abs());
+                let place = span.cloth_mm.distance(other.cloth_mm);
+                assert!(
+                    ends < 1e-9 && place < 1e-9,
+                    "seed {seed}: {span:?} {other:?}"
+                );
+                let middle = ray.at(0.5 * (span.t0 + span.t1));
+                assert_eq!(shell.tetrahedron_at(last, middle), Some(own));
+                last = own;
+                count += 1;
+            }
+            (at, from) = (step.beyond, step.end_mm);
+        }
+        // What comes after a gap is another way through the shell.
+        let after = found.iter().filter(|s| s.t0 < from && s.t1 - s.t0 > 1e-9);
+        assert_eq!(after.count(), count, "seed {seed}");
+        several += u32::from(count > 2);
+    }
+    assert!(several > 100, "seed {seed}: {several}");
+    // Where others lie in the room of a tetrahedron, nothing leads there.
+    let folded = Shell::new(&bent(0.2, 80), -0.5, 0.5).unwrap();
+    let mut shared = 0;
+    for _ in 0..200 {
+        let ray = Ray::new(DVec3::new(0.0, 1.0, 0.0), warp::uniform_sphere(rng.unit2()));
+        for span in spans(&folded, &ray).iter().filter(|span| !span.is_alone) {
+            let middle = ray.at(0.5 * (span.t0 + span.t1));
+            assert_eq!(folded.tetrahedron_at(span.tetrahedron, middle), None);
+            shared += 1;
+        }
+    }
+    assert!(shared > 0, "seed {seed}");
+}
+
 /// A ray finds the same stretches wherever mesh and texture lie, to far less than a fibre.
 /// The twin's places are rounded to single precision, as they once were.
 #[test]

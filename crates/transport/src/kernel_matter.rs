@@ -7,13 +7,13 @@ use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMe
 use glam::{DVec3, UVec3};
 use organza_basis::{CellGrid, FibrePopulation};
 use organza_kernel::fibres::{
-    Drape, DrapeBox, DrapeSpan, DrapeTables, DrapeTetrahedron, FibrePlane,
+    Drape, DrapeBox, DrapeSpan, DrapeStep, DrapeTables, DrapeTetrahedron, FibrePlane,
 };
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{
     Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited, end_on_ratio,
 };
-use organza_mesh::Shell;
+use organza_mesh::{Shell, ShellSpan};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
 use organza_scatter::{AxialFlake, Fibre};
 use organza_volume::Octree;
@@ -32,20 +32,41 @@ impl Drape for Draping {
         visit: &mut dyn FnMut(&DrapeSpan) -> f64,
     ) {
         self.visit_whole_spans((origin_mm, direction), limit_mm, &mut |span| {
-            visit(&DrapeSpan {
-                t0: span.t0,
-                t1: span.t1,
-                cloth_mm: span.cloth_mm,
-                step: span.step,
-                world_from_cloth: span.world_from_cloth,
-                stretch: span.stretch,
-            })
+            visit(&drape_span(span))
         });
+    }
+
+    fn step(&self, part: u32, origin_mm: DVec3, direction: DVec3, from_mm: f64) -> DrapeStep {
+        let step = self
+            .shell()
+            .map(|shell| shell.step(part, (origin_mm, direction), from_mm));
+        DrapeStep {
+            span: step.and_then(|s| s.span).as_ref().map(drape_span),
+            end_mm: step.map_or(from_mm, |s| s.end_mm),
+            beyond: step.and_then(|s| s.beyond),
+        }
+    }
+
+    fn part_at(&self, near: u32, place_mm: DVec3) -> Option<u32> {
+        self.shell()?.tetrahedron_at(near, place_mm)
     }
 
     fn tables(&self, point_mm: DVec3) -> DrapeTables {
         let shell = self.shell();
         shell.map_or_else(DrapeTables::default, |shell| tables_of(shell, point_mm))
+    }
+}
+
+fn drape_span(span: &ShellSpan) -> DrapeSpan {
+    DrapeSpan {
+        t0: span.t0,
+        t1: span.t1,
+        cloth_mm: span.cloth_mm,
+        step: span.step,
+        world_from_cloth: span.world_from_cloth,
+        stretch: span.stretch,
+        part: span.tetrahedron,
+        is_alone: span.is_alone,
     }
 }
 

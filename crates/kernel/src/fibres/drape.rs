@@ -17,6 +17,21 @@ pub struct DrapeSpan {
     pub world_from_cloth: Mat3,
     /// Takes differences of places of the cloth to the world.
     pub stretch: Mat3,
+    /// The part of the shell that it lies in.
+    pub part: u32,
+    /// Whether no other part fills any of its room.
+    pub is_alone: bool,
+}
+
+/// A step of a ray through a part of a shell.
+#[derive(Clone, Copy, Debug)]
+pub struct DrapeStep {
+    /// What lies inside, if anything does.
+    pub span: Option<DrapeSpan>,
+    /// Where the ray leaves the part, mm.
+    pub end_mm: f64,
+    /// The part beyond; none where the shell ends or others lie in its room.
+    pub beyond: Option<u32>,
 }
 
 /// A shell in which a cloth lies.
@@ -34,6 +49,13 @@ pub trait Drape: Send + Sync {
         limit_mm: f64,
         visit: &mut dyn FnMut(&DrapeSpan) -> f64,
     );
+
+    /// A ray that is inside a part of the shell, or on its way into it, at a distance.
+    fn step(&self, part: u32, origin_mm: DVec3, direction: DVec3, from_mm: f64) -> DrapeStep;
+
+    /// The part at a place that lies in or near one; none where it is not sure, and where parts
+    /// share their room.
+    fn part_at(&self, near: u32, place_mm: DVec3) -> Option<u32>;
 
     /// The shell as plain tables, with places of the world counted from a point.
     fn tables(&self, point_mm: DVec3) -> DrapeTables;

@@ -50,7 +50,7 @@ pub(crate) mod work;
 pub use body::FibreBody;
 pub use cache::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
 pub use cells::Unfit;
-pub use drape::{Drape, DrapeBox, DrapeSpan, DrapeTables, DrapeTetrahedron};
+pub use drape::{Drape, DrapeBox, DrapeSpan, DrapeStep, DrapeTables, DrapeTetrahedron};
 pub use fibre_scene::FibreScene;
 pub use matter::{FibreEntry, FibreMatter};
 pub use plane::FibrePlane;

@@ -8,7 +8,7 @@ use super::paths::{Paths, State, get, put};
 use super::plane::FibrePlane;
 use super::shade::{SHADOW_SCALE, Shading};
 use super::shadows::Shadows;
-use super::trip::TripEnd;
+use super::trip::{TripEnd, TripStart};
 use crate::cpu::lanes::one;
 use crate::cpu::math::V3;
 use crate::roulette::{FIBRE_SCALE, survivors};
@@ -23,7 +23,7 @@ pub fn set_out(
     paths: &mut Paths,
     slot: usize,
     (origin_mm, direction): (DVec3, DVec3),
-    start: Option<(u16, GridPoint)>,
+    start: Option<TripStart>,
 ) {
     let ray = (origin_mm, direction);
     paths.trips[slot].begin(matter, ray, start, f64::INFINITY);
@@ -78,12 +78,13 @@ pub fn point_mm(matter: &FibreMatter, paths: &Paths, slot: usize, at: &GridPoint
     trip.end_mm() + (met.stretch * from_met).as_dvec3()
 }
 
-/// The body that the path of a slot has met.
-pub fn body_met(paths: &Paths, slot: usize) -> u16 {
-    match paths.trips.get(slot).map(|trip| trip.met()) {
-        Some(TripEnd::Fibre(met)) => met.body,
-        _ => 0,
-    }
+/// A ray that starts at the fibre that the path of a slot has met, from a place in its cells.
+pub fn start_at(paths: &Paths, slot: usize, at: GridPoint) -> TripStart {
+    let (body, part) = match paths.trips.get(slot).map(|trip| trip.met()) {
+        Some(TripEnd::Fibre(met)) => (met.body, met.part),
+        _ => (0, 0),
+    };
+    TripStart { body, at, part }
 }
 
 /// The event of a path that has met a plane.

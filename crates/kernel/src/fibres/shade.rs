@@ -12,7 +12,7 @@ use super::met_fibres::{
 use super::near_event::{NearEvent, Scattered};
 use super::own_frame::OwnFrame;
 use super::paths::{Column, Paths, State, get, load, put, store};
-use super::several::{body_met, point_mm, set_out};
+use super::several::{point_mm, set_out, start_at};
 use super::shadows::Shadows;
 use super::trip::TripEnd;
 use super::work::WAVE;
@@ -234,7 +234,7 @@ pub fn shade<F: Floats>(
         };
         if !paths.trips.is_empty() {
             let origin = point_mm(shading.matter, paths, slot, &from);
-            let start = Some((body_met(paths, slot), from));
+            let start = Some(start_at(paths, slot, from));
             let ray = (origin, toward.as_dvec3());
             set_out(shading.matter, paths, slot, ray, start);
             continue;
@@ -435,7 +435,7 @@ fn send<F: Floats>(
         };
         if !paths.trips.is_empty() {
             let origin = point_mm(matter, paths, slot, &from);
-            let start = Some((body_met(paths, slot), from));
+            let start = Some(start_at(paths, slot, from));
             let ray = (origin, toward.as_dvec3());
             let added = (slot, get(&adds, lane));
             shadows.send(matter, ray, start, f64::from(most), added);

@@ -1,9 +1,8 @@
 //! Shadow rays of a wave.
 
 use super::cell_ray::{CellRay, Visit};
-use super::grid::GridPoint;
 use super::matter::FibreMatter;
-use super::trip::{Trip, TripEnd};
+use super::trip::{Trip, TripEnd, TripStart};
 use super::walk::AHEAD;
 use crate::cpu::lanes::Floats;
 use crate::packed::volume_ray::{NOWHERE, VolumeRay};
@@ -40,7 +39,7 @@ impl Shadows {
         &mut self,
         matter: &FibreMatter,
         ray: (DVec3, DVec3),
-        start: Option<(u16, GridPoint)>,
+        start: Option<TripStart>,
         most_mm: f64,
         (slot, light): (usize, Vec3),
     ) {

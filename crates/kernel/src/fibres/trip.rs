@@ -16,13 +16,16 @@ const FACE_ROUNDINGS: f64 = 16.0;
 /// leave a fibre meet the next one before.
 const CELLS_AHEAD: f64 = 4.0;
 
+/// Parts of a shell without length, of a ray along edges that might turn round and round: after so
+/// many, parts are looked for instead of one leading to the next.
+const MOST_IDLE: u32 = 64;
+
 /// A ray's way, and the nearest that it met.
 #[derive(Clone, Debug)]
 pub struct Trip {
     origin_mm: DVec3,
     direction: DVec3,
-    /// The body in which it starts, and where in its cells unless that is draped.
-    start: Option<(u16, Option<GridPoint>)>,
+    start: Option<TripStart>,
     /// What lies farther does not count, mm.
     reach_mm: f64,
     met: TripEnd,
@@ -37,6 +40,16 @@ pub struct Trip {
     over: Over,
 }
 
+/// Where a ray starts at a fibre.
+#[derive(Clone, Copy, Debug)]
+pub struct TripStart {
+    /// The body in which it starts, and where in its cells.
+    pub body: u16,
+    pub at: GridPoint,
+    /// Of a draped body: the part of the shell in which the fibre was met.
+    pub part: u32,
+}
+
 /// How far a ray has come through a draped body.
 #[derive(Clone, Debug)]
 struct Over {
@@ -48,6 +61,19 @@ struct Over {
     next: usize,
     /// Parts that begin before were looked for, mm from the entry.
     looked_mm: f64,
+    /// Where parts are alone in their room, one leads to the next.
+    onward: Option<Onward>,
+    /// How many parts had no length.
+    idle: u32,
+}
+
+/// What comes after a part of a shell.
+#[derive(Clone, Copy, Debug)]
+enum Onward {
+    /// The part of this number, which begins so many mm from the entry.
+    Part(u32, f64),
+    /// What is found from there on.
+    Unknown(f64),
 }
 
 /// What lies at the end of a ray's way.
@@ -72,6 +98,8 @@ pub struct MetFibre {
     pub world_from_own: Mat3,
     /// Takes differences of places of the body to the world.
     pub stretch: Mat3,
+    /// The part of its shell.
+    pub part: u32,
 }
 
 impl Trip {
@@ -93,26 +121,27 @@ impl Trip {
                 spans: Vec::new(),
                 next: 0,
                 looked_mm: f64::INFINITY,
+                onward: None,
+                idle: 0,
             },
         }
     }
 
     /// Sets out from a point along a unit direction: what lies beyond `most_mm` does not
-    /// count. `start` is the body in which it starts, and where in its cells.
+    /// count.
     pub fn begin(
         &mut self,
         matter: &FibreMatter,
         (origin_mm, direction): (DVec3, DVec3),
-        start: Option<(u16, GridPoint)>,
+        start: Option<TripStart>,
         most_mm: f64,
     ) {
         (self.origin_mm, self.direction) = (origin_mm, direction);
-        let is_flat = |body: u16| matter.bodies[usize::from(body)].drape.is_none();
-        self.start = start.map(|(body, at)| (body, is_flat(body).then_some(at)));
+        self.start = start;
         (self.reach_mm, self.met) = (most_mm, TripEnd::Nothing);
         self.looked_at = 0;
-        self.over.spans.clear();
-        (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
+        self.leave_drape();
+        self.over.idle = 0;
         for (number, plane) in matter.planes.iter().enumerate() {
             let t = plane.distance_mm(origin_mm, direction);
             if t < self.reach_mm {
@@ -129,11 +158,14 @@ impl Trip {
                 self.over.next += 1;
                 if self.over.entry_mm + span.t0 >= self.reach_mm {
                     // Nor does any after it count.
-                    self.over.spans.clear();
-                    self.over.looked_mm = f64::INFINITY;
+                    self.leave_drape();
                 } else if let Some(ray) = self.along(matter, &span) {
                     return Some(ray);
                 }
+            }
+            if let Some(onward) = self.over.onward {
+                self.go_onward(matter, onward);
+                continue;
             }
             if self.over.entry_mm + self.over.looked_mm < self.reach_mm {
                 let body = &matter.bodies[usize::from(self.body)];
@@ -142,12 +174,11 @@ impl Trip {
                     continue;
                 }
             }
-            self.over.spans.clear();
-            (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
+            self.leave_drape();
             self.body = self.next_body(matter)?;
             let body = &matter.bodies[usize::from(self.body)];
             match &body.drape {
-                Some(drape) => self.enter_box(&**drape),
+                Some(drape) => self.enter_drape(&**drape),
                 None => {
                     if let Some(ray) = self.enter(body) {
                         return Some(ray);
@@ -165,8 +196,8 @@ impl Trip {
         }
         self.looked_at += 1;
         Some(match self.start {
-            Some((first, _)) if turn == 0 => first,
-            Some((first, _)) if turn <= first => turn - 1,
+            Some(start) if turn == 0 => start.body,
+            Some(start) if turn <= start.body => turn - 1,
             _ => turn,
         })
     }
@@ -176,12 +207,11 @@ impl Trip {
         self.mm_per_own = 1.0;
         let way = self.direction.as_vec3().normalize();
         let grid = &body.cells.grid;
-        if let Some((number, Some(at))) = &self.start
-            && *number == self.body
-        {
+        if let Some(start) = self.start.filter(|start| start.body == self.body) {
             self.before_mm = 0.0;
-            let end = body.way_out_mm(at, way).min(self.reach_mm as f32);
-            return CellRay::new(grid, at, way, body.start_mm, end).map(|r| r.of(self.body));
+            let end = body.way_out_mm(&start.at, way).min(self.reach_mm as f32);
+            let ray = CellRay::new(grid, &start.at, way, body.start_mm, end);
+            return ray.map(|r| r.of(self.body));
         }
         let entry = body.enter(self.origin_mm, self.direction)?;
         if entry.distance_mm >= self.reach_mm {
@@ -192,8 +222,23 @@ impl Trip {
         CellRay::new(grid, &entry.at, way, entry.min_mm, end).map(|r| r.of(self.body))
     }
 
-    /// To the box around a draped body, whose parts are looked for next.
-    fn enter_box(&mut self, drape: &dyn Drape) {
+    /// No part of a shell is to be walked.
+    fn leave_drape(&mut self) {
+        self.over.spans.clear();
+        (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
+        self.over.onward = None;
+    }
+
+    /// To the part of a draped body in which the ray starts, or to the box around the body, whose
+    /// parts are looked for next.
+    fn enter_drape(&mut self, drape: &dyn Drape) {
+        if let Some(start) = self.start.filter(|start| start.body == self.body)
+            && let Some(part) = drape.part_at(start.part, self.origin_mm)
+        {
+            (self.over.entry_mm, self.over.entry) = (0.0, self.origin_mm);
+            self.over.onward = Some(Onward::Part(part, 0.0));
+            return;
+        }
         let Some((near, _)) = clip(self.origin_mm, self.direction, drape.bounds_mm()) else {
             return;
         };
@@ -202,25 +247,69 @@ impl Trip {
         self.over.looked_mm = 0.0;
     }
 
+    /// Through a part that is alone in its room, toward the next one. Beyond the last, parts are
+    /// looked for anew.
+    fn go_onward(&mut self, matter: &FibreMatter, onward: Onward) {
+        let over = &mut self.over;
+        over.spans.clear();
+        over.next = 0;
+        over.onward = None;
+        let (Onward::Part(_, from_mm) | Onward::Unknown(from_mm)) = onward;
+        if over.entry_mm + from_mm >= self.reach_mm {
+            return;
+        }
+        match (onward, &matter.bodies[usize::from(self.body)].drape) {
+            (Onward::Part(part, _), Some(drape)) => {
+                let step = drape.step(part, over.entry, self.direction, from_mm);
+                over.spans.extend(step.span);
+                over.idle += u32::from(step.span.is_none());
+                let end_mm = step.end_mm;
+                let next = step.beyond.filter(|_| over.idle < MOST_IDLE);
+                let onward = |part| Onward::Part(part, end_mm);
+                over.onward = Some(next.map_or(Onward::Unknown(end_mm), onward));
+            }
+            _ => {
+                // The part that was left is not to be found again.
+                let places_mm = self.origin_mm.abs().max_element() + over.entry_mm + from_mm;
+                over.entry_mm += from_mm + FACE_ROUNDINGS * f64::EPSILON * places_mm;
+                over.entry = self.origin_mm + over.entry_mm * self.direction;
+                over.looked_mm = 0.0;
+            }
+        }
+    }
+
     /// Looks for the nearest parts that were not looked for yet, and for those that begin
-    /// little later.
+    /// little later; only for the nearest if it is alone in its room.
     fn look(&mut self, drape: &dyn Drape, ahead_mm: f64) {
         let over = &mut self.over;
         let (from, spans) = (over.looked_mm, &mut over.spans);
         spans.clear();
         over.next = 0;
         let limit = self.reach_mm - over.entry_mm;
-        let mut nearest = f64::INFINITY;
+        let goes_onward = over.idle < MOST_IDLE;
+        let (mut nearest, mut ahead, mut wanted) = (f64::INFINITY, ahead_mm, f64::INFINITY);
         drape.visit_spans(over.entry, self.direction, limit, &mut |span| {
             if span.t0 >= from {
-                nearest = nearest.min(span.t0);
+                if span.t0 < nearest {
+                    nearest = span.t0;
+                    ahead = match span.is_alone && goes_onward {
+                        true => 0.0,
+                        false => ahead_mm,
+                    };
+                }
                 spans.push(*span);
             }
-            nearest + ahead_mm
+            wanted = wanted.min(nearest + ahead);
+            wanted
         });
-        over.looked_mm = (nearest + ahead_mm).max(nearest.next_up());
+        over.looked_mm = wanted.max(nearest.next_up());
         spans.retain(|span| span.t0 < over.looked_mm);
         spans.sort_by(|a, b| a.t0.total_cmp(&b.t0).then(a.t1.total_cmp(&b.t1)));
+        if let Some(first) = spans.first().filter(|s| s.is_alone && goes_onward) {
+            over.onward = Some(Onward::Part(first.part, first.t0));
+            over.looked_mm = f64::INFINITY;
+            spans.clear();
+        }
     }
 
     /// Through a part of the shell, as the general walk goes through it.
@@ -235,11 +324,8 @@ impl Trip {
         let slack_mm = slack_mm(span, inside_mm, self.over.entry);
         let back_mm = if span.t0 > 0.0 { slack_mm } else { 0.0 };
         // A ray that starts among fibres has left its own.
-        let least_mm = if self.over.entry_mm > 0.0 {
-            0.0
-        } else {
-            (f64::from(body.start_mm) - span.t0 * own_per_mm + back_mm).max(0.0)
-        };
+        let from_origin_mm = (self.over.entry_mm + span.t0) * own_per_mm;
+        let least_mm = (f64::from(body.start_mm) - from_origin_mm + back_mm).max(0.0);
         let length_mm = back_mm + inside_mm + slack_mm;
         let from = span.cloth_mm - back_mm * way;
         let entry = body.enter(from, way)?;
@@ -272,9 +358,14 @@ impl Trip {
             Some(last) => self.over.spans.get(last),
             None => None,
         };
-        let (way, turn, stretch) = match span {
-            Some(s) => (s.step.normalize().as_vec3(), s.world_from_cloth, s.stretch),
-            None => (self.direction.as_vec3(), Mat3::IDENTITY, Mat3::IDENTITY),
+        let (way, turn, stretch, part) = match span {
+            Some(s) => (
+                s.step.normalize().as_vec3(),
+                s.world_from_cloth,
+                s.stretch,
+                s.part,
+            ),
+            None => (self.direction.as_vec3(), Mat3::IDENTITY, Mat3::IDENTITY, 0),
         };
         self.reach_mm = t;
         self.met = TripEnd::Fibre(MetFibre {
@@ -283,6 +374,7 @@ impl Trip {
             way,
             world_from_own: turn,
             stretch,
+            part,
         });
     }
 
