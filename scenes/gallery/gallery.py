@@ -46,7 +46,7 @@ CELL, LABEL, GAP, COLUMNS = 256, 16, 4, 4
 MOST_BYTES = 300_000
 # Samples of a pixel; fewer of cloths among whose hairs a path is long.
 SAMPLES = 32
-FEWER = {"tweed": 8, "plaid": 16, "jersey": 8, "terry": 16, "velvet": 16, "stroked": 16, "seam": 8, "napkin": 16, "shirt": 16}
+FEWER = {"tweed": 8, "plaid": 16, "jersey": 8, "terry": 16, "velvet": 16, "stroked": 16, "seam": 8, "sail": 8, "napkin": 16, "shirt": 16}
 # Samples of the unbiased part, and its seed.
 PROOF_SPP, PROOF_SEED = 64, 2
 # Samples of the part by an older program, and its edge.
@@ -168,7 +168,7 @@ def figures(name, program, given):
     models = re.findall(r'^model = "(\w+)"', scene.read_text(), re.MULTILINE)
     result = {
         "key": wanted,
-        "representation": ", ".join(dict.fromkeys(models)),
+        "representation": ", ".join(dict.fromkeys(models)) + ("" if known["cache"] else " without cache"),
         "samples": samples,
         "seconds": known["total_s"],
         "setup_cpu_s": known["setup_cpu_s"],

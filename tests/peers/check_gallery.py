@@ -56,7 +56,7 @@ def check_run(organza, out):
         "--spp", "4", "--proof", "64", "--threads", "1", "--work", out,
     ]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    assert "| sail | `-` | surface |" in done.stdout, done.stdout
+    assert "| sail | `-` | fibres without cache |" in done.stdout, done.stdout
     figures = json.loads((out / "sail.json").read_text())
     assert (out / "sail.png").exists() and figures["cache"] is None
     print(f"sail: {figures['noisy']}", flush=True)

@@ -81,6 +81,12 @@ def billow(s, t):
     return -0.006 * s + 0.30 * sin(2 * pi * (s + 0.8 * t) / 31.0) * smooth(60.0, -60.0, t)
 
 
+def pucker(s, t):
+    """What a seam along the warp draws up, more of it at some places."""
+    waves = sin(2 * pi * t / 9.3 + 0.8 * sin(t / 6.0)) + 0.6 * sin(2 * pi * t / 5.1 + 0.5)
+    return 0.13 * waves * exp(-((s / 8.0) ** 2))
+
+
 def shirt(s, t):
     """Soft folds that fall from the shoulder and die out at the placket."""
     away = smooth(14.0, 40.0, abs(s))
@@ -104,9 +110,8 @@ def main():
     write("folds", (-95.0, 95.0), (-75.0, 75.0), 132, 88, folds)
     write("pleats", (-80.0, 80.0), (-55.0, 55.0), 160, 64, pleats)
     write("curtain", (-50.0, 50.0), (-32.0, 32.0), 110, 16, curtain)
-    write("sail", (-60.0, 60.0), (-55.0, 55.0), 48, 40, billow)
-    write("sail_seam", (-6.0, 6.0), (-55.0, 55.0), 6, 40, billow, lambda s, t: -0.3)
-    write("sail_band", (-60.0, 60.0), (-15.0, -6.0), 48, 5, billow, lambda s, t: -0.6)
+    write("sail", (-36.0, 6.0), (-34.0, 34.0), 42, 68, billow, pucker)
+    write("sail_lap", (-6.0, 36.0), (-34.0, 34.0), 42, 68, billow, lambda s, t: pucker(s, t) - 0.24)
     write("shirt", (-95.0, 95.0), (-75.0, 75.0), 120, 88, shirt)
     write("placket", (-16.0, 16.0), (-75.0, 75.0), 24, 88, shirt, lambda s, t: 1.3 - 0.003 * s * s)
     write("napkin", (-40.0, 40.0), (-40.0, 40.0), 112, 96, pressed, crosswise)
