@@ -4,6 +4,9 @@
 //! cargo run --release --example draft_to_picture -- scenes/drafts/first_light.wif draft.png
 //! ```
 
+// A program prints, and writes its files as it likes.
+#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+
 use organza::picture::{Attributes, Display, Rendered, format_of_ending};
 use organza::scene::{self, loader::Loader, studio::Studio, subject};
 use organza::transport::{self, EngineChoice, Integrator, RenderSettings, Rendering};

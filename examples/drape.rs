@@ -4,6 +4,9 @@
 //! cargo run --release --example drape -- drape.exr
 //! ```
 
+// A program prints, and writes its files as it likes.
+#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+
 use organza::picture::{Attributes, Display, Rendered, exr};
 use organza::scene::{self, loader::Loader};
 use organza::transport::{self, CachePlan, EngineChoice, Integrator, RenderSettings, Rendering};

@@ -4,6 +4,9 @@
 //! cargo run --release --example fabric_to_bsdf -- scenes/fabrics/organza.toml
 //! ```
 
+// A program prints, and writes its files as it likes.
+#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+
 use organza::measure::{Effort, VolumePatch, measure_albedos, parse_incident};
 use organza::scene::{fabric_file, loader::Loader};
 use organza::transport::{AnyMedium, Integrator};

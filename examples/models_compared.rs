@@ -4,6 +4,9 @@
 //! cargo run --release --example models_compared -- scenes/fabrics/denim.toml
 //! ```
 
+// A program prints, and writes its files as it likes.
+#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+
 use organza::measure::{
     Effort, PatchResponse, SurfacePatch, VolumePatch, measure_albedos, parse_incident,
 };

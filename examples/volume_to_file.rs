@@ -4,6 +4,9 @@
 //! cargo run --release --example volume_to_file -- scenes/fabrics/organza.toml organza.vdb
 //! ```
 
+// A program prints, and writes its files as it likes.
+#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+
 use organza::scatter::FlakeMaterials;
 use organza::scene::{fabric_file, loader::Loader};
 use organza::volume::FibreFootprint;

@@ -77,10 +77,7 @@ fn interrupt_with(signal: &str, folder: &Path, whole: &[u8]) {
     let run = ["render", "scene.toml", "-o", "late.exr", "--spp", LONG];
     // The first checkpoint shows that the render is under way.
     let keep = ["--checkpoint", "state", "--checkpoint-every", "0s"];
-    let mut child = start(
-        &folder,
-        &[&run[..], &keep[..], &["--threads", "1"]].concat(),
-    );
+    let mut child = start(folder, &[&run[..], &keep[..], &["--threads", "1"]].concat());
     wait_for(&folder.join("state"), &mut child);
     let sent = Command::new("kill")
         .args([signal, &child.id().to_string()])
@@ -97,8 +94,8 @@ fn interrupt_with(signal: &str, folder: &Path, whole: &[u8]) {
         "{words}"
     );
     assert!(!folder.join("late.exr").exists());
-    succeed(&folder, &[&run[..], &keep[..], &["--resume"]].concat());
-    assert!(bytes(&folder, "late.exr") == whole);
+    succeed(folder, &[&run[..], &keep[..], &["--resume"]].concat());
+    assert!(bytes(folder, "late.exr") == whole);
 }
 
 /// A checkpoint as other code would have written it: the digest of the sources in its head, which

@@ -47,7 +47,7 @@ impl Lockstitch {
         let own_mm = row_mm / count;
         let mut rng = PathRng::from_seed(seed);
         let mut hole = |i: u32| {
-            let side = if i % 2 == 0 { 0.5 } else { -0.5 };
+            let side = if i.is_multiple_of(2) { 0.5 } else { -0.5 };
             let place = DVec2::new(f64::from(i) * own_mm, side * spec.zigzag_mm);
             // Evenly spread deviations are at most 1.7 times the root of their mean square.
             let off = 3.0f64.sqrt() * (2.0 * rng.unit2().as_dvec2() - 1.0);
