@@ -32,7 +32,7 @@ resolution = [256, 256]
 [[light]]
 kind = "environment"
 radiance = [1.0, 1.0, 1.0]
-hemisphere = "upper"
+hemisphere = "front"
 [[object]]
 kind = "cloth"
 fabric = "wool.toml"
