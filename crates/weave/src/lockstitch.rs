@@ -12,7 +12,7 @@ use organza_basis::PathRng;
 pub struct LockstitchSpec {
     /// Length of a stitch along the row.
     pub stitch_mm: f64,
-    /// How far holes lie from one another across the row, by turns on either side of it.
+    /// Width of a zigzag: holes alternate between the two sides of the row.
     pub zigzag_mm: f64,
     /// Heights of the lower and the upper side of all that is sewn.
     pub layers_mm: [f64; 2],

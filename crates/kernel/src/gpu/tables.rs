@@ -130,7 +130,7 @@ impl Split {
         format!("fn {name}(at: u32) -> {kind} {{ {found} }}\n")
     }
 
-    /// What is read of the buffers from `first` to before `end`: halves are told apart first.
+    /// A search by halves for the buffer of an address, among those from `first` up to `end`.
     fn branch(&self, what: &str, first: u64, end: u64) -> String {
         if first + 1 == end {
             let own = format!("(at - {}u)", first * self.words_per_buffer);

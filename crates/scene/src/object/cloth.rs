@@ -19,7 +19,7 @@ use crate::stroke::Stroke;
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
-use organza_mesh::Mesh;
+use organza_mesh::{Mesh, Shell};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
 use serde::Deserialize;
@@ -31,7 +31,7 @@ use serde_json::{Value, json};
 const FAR_MM: f64 = 1e5;
 
 /// The most faces that a mesh is divided into, so that strokes and stitches show.
-const MAX_FACES: usize = 4 << 20;
+const MAX_FACES: u64 = 4 << 20;
 
 /// A cloth: a fabric, laid where the scene says.
 #[derive(Clone, Debug, Deserialize)]
@@ -360,7 +360,9 @@ fn media(
             let rows = rows.iter().map(|row| row.longest_edge_mm(at_mm));
             strokes.chain(rows).fold(f32::INFINITY, f32::min)
         };
-        mesh.refine(longest, MAX_FACES).map_err(|e| {
+        // Faces are counted with the shell that they become.
+        let most_faces = (max_bytes() / Shell::memory_bytes(1)).min(MAX_FACES) as usize;
+        mesh.refine(longest, most_faces).map_err(|e| {
             fail(format!(
                 "mesh: with short edges at strokes and stitches: {e}"
             ))
