@@ -2,6 +2,7 @@
 
     python3 benches/gpu.py --organza target/release/organza [--spp 1024] [--rounds 3]
         [--peak-gflops 60000 --peak-gbytes 1000] [--mitsuba] [--scenes sun,sky]
+    python3 benches/gpu.py --organza target/release/organza --gallery [--spp 64] [--only seam,denim]
 
 The program must be built with `--features gpu`. The tile is that of benches/peers/mitsuba_speed.py, for which numpy is
 needed; --mitsuba needs mitsuba 3.9.1 and a card with CUDA.
@@ -15,8 +16,11 @@ Printed for every engine, the best of some rounds:
   These numbers were counted in the shaders. What caches serve is counted as if memory did.
 
 An adapter of the kind `software` is measured too, which says nothing about a card.
+
+--gallery renders all scenes of the gallery at 24 x 24 by both engines, without a cache of radiance, and prints how far the
+means of the three channels are apart, in standard errors and as a share.
 """
-import argparse, json, os, subprocess, sys, tempfile
+import argparse, glob, json, os, subprocess, sys, tempfile, time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'peers'))
 
@@ -24,9 +28,12 @@ BYTES = {'tentative': 12, 'shadow_steps': 4}
 OPERATIONS = {'tentative': 160, 'shadow_steps': 30, 'collisions': 700}
 
 
-def render(arguments, scene, engine, seed, out):
+GALLERY = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../scenes/gallery')
+
+
+def render(arguments, scene, engine, seed, out, more=()):
     done = subprocess.run([arguments.organza, 'render', scene, '-o', out, '--spp', str(arguments.spp), '--seed', str(seed),
-                           '--engine', engine, '--quiet', '--json'], capture_output=True, text=True)
+                           '--engine', engine, '--quiet', '--json', *more], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f'{engine}: {done.stderr.strip()}')
     return json.loads(done.stdout)
@@ -58,6 +65,28 @@ def shares(arguments, figures):
     return f', {arithmetic:.1%} of arithmetic, {memory:.1%} of memory: bound by {bound} before anything else'
 
 
+def compare_gallery(arguments):
+    """Prints how far both engines are apart in every scene; the greatest distance in standard errors."""
+    scenes = sorted(glob.glob(f'{GALLERY}/*.toml'))
+    names = [os.path.splitext(os.path.basename(scene))[0] for scene in scenes]
+    names = arguments.only.split(',') if arguments.only else names
+    more = ['--set', 'camera.resolution=[24,24]', '--set', 'render.cache="off"']
+    farthest = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        for name in names:
+            begun = time.time()
+            cpu, gpu = (render(arguments, f'{GALLERY}/{name}.toml', engine, seed, f'{folder}/{engine}.exr', more)
+                        for seed, engine in enumerate(('cpu', 'gpu'), 1))
+            words = []
+            for channel in range(3):
+                a, b = (figures['mean'][channel] for figures in (cpu, gpu))
+                error = sum(figures['standard_error'][channel] ** 2 for figures in (cpu, gpu)) ** 0.5
+                farthest = max(farthest, abs(b - a) / error)
+                words.append(f'{(b - a) / error:+.2f} ({b / a - 1:+.1%} +- {error / a:.1%})')
+            print(f'{name}: {", ".join(words)}; {time.time() - begun:.0f} s', flush=True)
+    return farthest
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument('--organza', required=True)
@@ -68,7 +97,11 @@ def main():
     parser.add_argument('--peak-gflops', type=float, help="the card's rate in single precision")
     parser.add_argument('--peak-gbytes', type=float, help="the card's memory bandwidth")
     parser.add_argument('--mitsuba', action='store_true', help='measure cuda_ad_rgb too')
+    parser.add_argument('--gallery', action='store_true', help='compare both engines in the scenes of the gallery')
+    parser.add_argument('--only', help='of these')
     arguments = parser.parse_args()
+    if arguments.gallery:
+        sys.exit(compare_gallery(arguments) > 4.0)
     import mitsuba_speed
     print(subprocess.run([arguments.organza, 'info', '--devices'], capture_output=True, text=True).stdout)
     with tempfile.TemporaryDirectory() as folder:

@@ -140,12 +140,6 @@ impl Lists {
         entries * size_of::<Reached>() as u64 + (joints * size_of::<ListedPiece>()) as u64
     }
 
-    /// Numbers of pieces in all cells.
-    #[cfg(feature = "gpu")]
-    pub fn entry_count(&self) -> usize {
-        self.entries.len()
-    }
-
     /// A cell's place in the grid.
     #[cfg(feature = "gpu")]
     pub fn cell_at(&self, cell: usize) -> IVec3 {

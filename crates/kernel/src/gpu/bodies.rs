@@ -18,7 +18,7 @@ const MOST_IN_BOX: u32 = 15;
 const MOST_TETRAHEDRA: u32 = 1 << 28;
 const PLANE_WORDS: usize = 12;
 /// What stands for infinity: infinite numbers are none of the shading language.
-const FAR_MM: f64 = 1e30;
+pub const FAR_MM: f64 = 1e30;
 
 /// A place from a point, or as far away as numbers allow.
 pub fn place_from(point_mm: DVec3, world_mm: DVec3) -> Vec3 {
@@ -41,11 +41,11 @@ pub fn middle_mm(matter: &FibreMatter) -> DVec3 {
 ///
 /// # Errors
 /// See [`CellTables::add`].
-pub fn add_bodies(
-    matter: &FibreMatter,
+pub fn add_bodies<'a>(
+    matter: &'a FibreMatter,
     middle_mm: DVec3,
     numbers: &mut Numbers,
-    tables: &mut Tables<'_>,
+    tables: &mut Tables<'a>,
 ) -> Result<(), Refusal> {
     let (mut bodies, mut tetrahedra) = (Vec::new(), Vec::new());
     for body in matter.bodies.iter() {
@@ -64,11 +64,11 @@ pub fn add_bodies(
     Ok(())
 }
 
-fn body_words(
-    body: &Body,
+fn body_words<'a>(
+    body: &'a Body,
     middle_mm: DVec3,
     tetrahedra: &mut Vec<u32>,
-    tables: &mut Tables<'_>,
+    tables: &mut Tables<'a>,
 ) -> Result<[u32; BODY_WORDS], Refusal> {
     let (cells, grid) = (&body.cells, &body.cells.grid);
     let mut words = [0; BODY_WORDS];
@@ -88,6 +88,7 @@ fn body_words(
     words[20] = u32::from(body.is_cut);
     let of_cells = CellTables::add(cells, tables)?;
     words[21..24].copy_from_slice(&[of_cells.heads, of_cells.pieces, of_cells.hulls]);
+    words[26] = of_cells.ends;
     if let Some(drape) = &body.drape {
         let shell = drape.tables(middle_mm);
         let before = (tetrahedra.len() / TETRAHEDRON_WORDS) as u32;

@@ -51,6 +51,7 @@ struct Body {
     hulls: u32,
     boxes: u32,
     box_count: u32,
+    ends: u32,
 }
 
 struct Trip {
@@ -132,6 +133,7 @@ fn load_body(index: u32) {
     body.hulls = word(at + 23u);
     body.boxes = word(at + 24u);
     body.box_count = word(at + 25u);
+    body.ends = word(at + 26u);
 }
 
 fn cell_mm() -> vec3<f32> {
@@ -176,6 +178,10 @@ fn heads_table() -> u32 {
 
 fn pieces_table() -> u32 {
     return body.pieces;
+}
+
+fn ends_table() -> u32 {
+    return body.ends;
 }
 
 fn hulls_table() -> u32 {

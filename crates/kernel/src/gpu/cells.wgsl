@@ -1,12 +1,14 @@
 // Explicit fibres in cells, and a ray on its way through them: see `fibres/cell_ray.rs`.
 //
 // heads: for every cell its first plain piece, its first hull, and their numbers 16 | 16
-// plain pieces: 0 foot 3, 3 square of the radius, 4 axis 3, 7 low, 8 high, 9 code
+// plain pieces: 0 foot 3, 3 square of the radius, 4 axis 3, 7 low
+// ends of plain pieces: 0 high, 1 code
 // hulls: 0 foot 3, 3 start, 4 axis 3, 7 end, 8 their squares 2, 10 narrowing, 11 wide,
 //   12 low, 13 high, 14 code
 
 const HEAD_WORDS: u32 = 4u;
-const PIECE_WORDS: u32 = 12u;
+const PIECE_WORDS: u32 = 8u;
+const END_WORDS: u32 = 2u;
 const HULL_WORDS: u32 = 16u;
 const JOINT_WORDS: u32 = 8u;
 const CUT: u32 = 0x80000000u;
@@ -116,7 +118,7 @@ fn visit(any_will_do: bool) -> u32 {
     let span = max(min(ways.x, min(ways.y, ways.z)), 0.0);
     let counts = vec3<i32>(cell_counts());
     let index = u32((ray.cell.z * counts.y + ray.cell.y) * counts.x + ray.cell.x);
-    let head = quad(heads_table() + HEAD_WORDS * index);
+    let head = large_quad(heads_table() + HEAD_WORDS * index);
     if head.z != 0u {
         if search(head, span, any_will_do) {
             return HIT;
@@ -148,58 +150,69 @@ fn visit(any_will_do: bool) -> u32 {
     return ONWARD;
 }
 
-// The nearest entry, or any, among the pieces of a cell.
+// A piece of a cell: a cylinder, or a hull of two spheres.
+struct Piece {
+    is_hull: bool,
+    // The point of the axis nearest to the centre of the cell, and of a hull where its axis starts.
+    foot: vec4<f32>,
+    // The axis, and the end of a hull's axis or the low end of a cylinder.
+    line: vec4<f32>,
+    low: f32,
+    high: f32,
+    code: u32,
+}
+
+// The nearest entry, or any, among the pieces of a cell. Plain pieces and hulls take turns in one
+// loop, so that what happens to both stands once: compilers put every function where it is called.
 fn search(head: vec4<u32>, span: f32, any_will_do: bool) -> bool {
     let least = max(ray.least - ray.gone, -lead_mm());
     var most = min(span, ray.end - ray.gone);
     var found = false;
     var best = 0u;
-    var is_hull = false;
+    var best_code = 0u;
+    var best_is_hull = false;
     let plain = head.z & 0xffffu;
-    let hulls = head.z >> 16u;
-    tentative_count += plain + hulls;
-    let first = pieces_table() + PIECE_WORDS * head.x;
-    for (var i = 0u; i < plain; i++) {
-        let piece = first + PIECE_WORDS * i;
-        let foot = four(piece);
-        let line = four(piece + 4u);
-        let axis = line.xyz;
-        // Across the axis: without the cancellation of 1 - cos^2 for rays along it.
-        let along = dot(ray.direction, axis);
-        let across = ray.direction - axis * along;
-        let from_foot = ray.at - foot.xyz;
-        let height = dot(from_foot, axis);
-        let aside = from_foot - axis * height;
-        let a = dot(across, across);
-        let b = dot(aside, across);
-        let c = dot(aside, aside) - foot.w;
-        let discriminant = fma(b, b, -(a * c));
-        if discriminant <= 0.0 {
+    let count = plain + (head.z >> 16u);
+    tentative_count += count;
+    for (var i = 0u; i < count; i++) {
+        var piece: Piece;
+        piece.is_hull = i >= plain;
+        var at = pieces_table() + PIECE_WORDS * (head.x + i);
+        if piece.is_hull {
+            at = hulls_table() + HULL_WORDS * (head.y + i - plain);
+        }
+        piece.foot = large_four(at);
+        piece.line = large_four(at + 4u);
+        var t = FAR;
+        // Along the axis of a cylinder.
+        var place = 0.0;
+        if piece.is_hull {
+            let rest = large_four(at + 8u);
+            let last = large_quad(at + 12u);
+            piece.low = bitcast<f32>(last.x);
+            piece.high = bitcast<f32>(last.y);
+            piece.code = last.z;
+            t = hull_distance(piece, rest);
+        } else {
+            let entered = cylinder_entry(piece);
+            t = entered.x;
+            place = entered.y;
+        }
+        let is_nearer = least < t && t < FAR && select(t <= most, t < most, found);
+        if !is_nearer {
             continue;
         }
-        let t = -(b + sqrt(discriminant)) / a;
-        let place = fma(along, t, height);
-        let is_nearer = least < t && select(t <= most, t < most, found);
-        if is_nearer && place >= line.w && place <= number(piece + 8u) {
-            if is_kept(piece, false, t) {
-                found = true;
-                best = piece;
-                most = t;
-                if any_will_do {
-                    return true;
-                }
-            }
+        if !piece.is_hull {
+            let end = end_of(head.x + i);
+            piece.low = piece.line.w;
+            piece.high = bitcast<f32>(end.x);
+            piece.code = end.y;
         }
-    }
-    let first_hull = hulls_table() + HULL_WORDS * head.y;
-    for (var i = 0u; i < hulls; i++) {
-        let piece = first_hull + HULL_WORDS * i;
-        let t = hull_distance(piece);
-        let is_nearer = least < t && t < FAR && select(t <= most, t < most, found);
-        if is_nearer && is_kept(piece, true, t) {
+        if (piece.is_hull || place <= piece.high) && is_kept(piece, t) {
             found = true;
-            best = piece;
-            is_hull = true;
+            best = at;
+            best_code = piece.code;
+            best_is_hull = piece.is_hull;
             most = t;
             if any_will_do {
                 return true;
@@ -207,20 +220,46 @@ fn search(head: vec4<u32>, span: f32, any_will_do: bool) -> bool {
         }
     }
     if found {
-        note_hit(best, is_hull, most);
+        note_hit(best, best_code, best_is_hull, most);
     }
     return found;
 }
 
-// Where the ray enters a hull of two spheres; FAR where it does not.
-fn hull_distance(piece: u32) -> f32 {
-    let foot = four(piece);
-    let line = four(piece + 4u);
-    let rest = four(piece + 8u);
-    let axis = line.xyz;
+// High end and code of a plain piece.
+fn end_of(index: u32) -> vec2<u32> {
+    let at = ends_table() + END_WORDS * index;
+    let both = large_quad(at & ~3u);
+    return select(both.xy, both.zw, (at & 2u) != 0u);
+}
+
+// Where the ray enters a cylinder from its low end on, FAR where it does not, and how far along the
+// axis that is.
+fn cylinder_entry(piece: Piece) -> vec2<f32> {
+    let axis = piece.line.xyz;
+    // Across the axis: without the cancellation of 1 - cos^2 for rays along it.
     let along = dot(ray.direction, axis);
     let across = ray.direction - axis * along;
-    let from_foot = ray.at - foot.xyz;
+    let from_foot = ray.at - piece.foot.xyz;
+    let height = dot(from_foot, axis);
+    let aside = from_foot - axis * height;
+    let a = dot(across, across);
+    let b = dot(aside, across);
+    let c = dot(aside, aside) - piece.foot.w;
+    let discriminant = fma(b, b, -(a * c));
+    if discriminant <= 0.0 {
+        return vec2<f32>(FAR, 0.0);
+    }
+    let t = -(b + sqrt(discriminant)) / a;
+    let place = fma(along, t, height);
+    return vec2<f32>(select(FAR, t, place >= piece.line.w), place);
+}
+
+// Where the ray enters a hull of two spheres; FAR where it does not.
+fn hull_distance(piece: Piece, rest: vec4<f32>) -> f32 {
+    let axis = piece.line.xyz;
+    let along = dot(ray.direction, axis);
+    let across = ray.direction - axis * along;
+    let from_foot = ray.at - piece.foot.xyz;
     let height = dot(from_foot, axis);
     let aside = from_foot - axis * height;
     let s = rest.z;
@@ -231,22 +270,20 @@ fn hull_distance(piece: u32) -> f32 {
     let b = fma(c_squared, dot(aside, across), tilt * wide);
     let c = c_squared * dot(aside, aside) - wide * wide;
     let discriminant = fma(b, b, -(a * c));
-    let low = number(piece + 12u);
-    let high = number(piece + 13u);
     if discriminant >= 0.0 && abs(a) > 1.0e-30 {
         let side = -(b + sqrt(discriminant)) / a;
         let place = fma(along, side, height);
-        if low < place && place < high {
+        if piece.low < place && place < piece.high {
             return side;
         }
     }
-    let first = sphere_distance(from_foot - axis * foot.w, rest.x);
-    let last = sphere_distance(from_foot - axis * line.w, rest.y);
+    let first = sphere_distance(from_foot - axis * piece.foot.w, rest.x);
+    let last = sphere_distance(from_foot - axis * piece.line.w, rest.y);
     var nearest = FAR;
-    if first < FAR && fma(along, first, height) <= low {
+    if first < FAR && fma(along, first, height) <= piece.low {
         nearest = first;
     }
-    if last < nearest && fma(along, last, height) >= high {
+    if last < nearest && fma(along, last, height) >= piece.high {
         nearest = last;
     }
     return nearest;
@@ -264,74 +301,66 @@ fn sphere_distance(from_middle: vec3<f32>, radius_squared: f32) -> f32 {
     return -(b / square) - sqrt(room / square);
 }
 
-// Low and high of a piece, and its code.
-fn ends_of(piece: u32, is_hull: bool) -> vec2<f32> {
-    if is_hull {
-        return vec2<f32>(number(piece + 12u), number(piece + 13u));
-    }
-    return vec2<f32>(number(piece + 7u), number(piece + 8u));
-}
-
-fn code_of(piece: u32, is_hull: bool) -> u32 {
-    return word(piece + select(9u, 14u, is_hull));
-}
-
 fn joint_of(code: u32) -> u32 {
     return joints_table() + JOINT_WORDS * (code & 0x1fffffffu);
 }
 
 // Whether a hit lies between the planes that cut a piece.
-fn is_kept(piece: u32, is_hull: bool, t: f32) -> bool {
-    let code = code_of(piece, is_hull);
-    let kind = code >> 29u;
+fn is_kept(piece: Piece, t: f32) -> bool {
+    let axis = piece.line.xyz;
+    let from_foot = ray.at + t * ray.direction - piece.foot.xyz;
+    let along = dot(from_foot, axis);
+    let kind = piece.code >> 29u;
     if kind == 0u {
         return true;
     }
-    let axis = four(piece + 4u).xyz;
-    let from_foot = ray.at + t * ray.direction - four(piece).xyz;
-    let along = dot(from_foot, axis);
-    let ends = ends_of(piece, is_hull);
     if kind < 5u {
         // Twice the greatest extension of its class: 2^-8, 2^-6, 2^-4, 2^-2 of an edge.
         let margin = bitcast<f32>((127u - 10u + 2u * kind) << 23u) * min_edge_mm();
-        if along - ends.x > margin && ends.y - along > margin {
+        if along - piece.low > margin && piece.high - along > margin {
             return true;
         }
     }
     let out = from_foot - along * axis;
-    let joint = joint_of(code);
-    var start = ends.x + number(joint + 4u);
-    var end = ends.y - number(joint + JOINT_WORDS + 3u);
-    if is_hull {
-        start = number(piece + 3u);
-        end = number(piece + 7u);
+    let joint = joint_of(piece.code);
+    // The joints at both ends of the piece.
+    let first = large_four(joint);
+    let of_first = large_quad(joint + 4u);
+    let second = large_four(joint + JOINT_WORDS);
+    let of_second = large_quad(joint + JOINT_WORDS + 4u);
+    var start = piece.low + bitcast<f32>(of_first.x);
+    var end = piece.high - second.w;
+    if piece.is_hull {
+        start = piece.foot.w;
+        end = piece.line.w;
     }
-    if (word(joint + 7u) & CUT) != 0u {
-        if dot(out + (along - start) * axis, vector(joint)) < -slack_mm() {
+    if (of_first.w & CUT) != 0u {
+        if dot(out + (along - start) * axis, first.xyz) < -slack_mm() {
             return false;
         }
     }
-    if (word(joint + JOINT_WORDS + 7u) & CUT) != 0u {
-        if dot(out + (along - end) * axis, vector(joint + JOINT_WORDS)) > slack_mm() {
+    if (of_second.w & CUT) != 0u {
+        if dot(out + (along - end) * axis, second.xyz) > slack_mm() {
             return false;
         }
     }
     return true;
 }
 
-fn note_hit(piece: u32, is_hull: bool, t: f32) {
-    let code = code_of(piece, is_hull);
-    let foot = four(piece).xyz;
-    let axis = four(piece + 4u).xyz;
+fn note_hit(at: u32, code: u32, is_hull: bool, t: f32) {
+    let start = large_four(at);
+    let line = large_four(at + 4u);
+    let foot = start.xyz;
+    let axis = line.xyz;
     let from_foot = ray.at + t * ray.direction - foot;
     let along = dot(from_foot, axis);
     let out = from_foot - along * axis;
     // Where the side of the piece would begin; no look-up for most.
     var nearest = along;
-    var low = ends_of(piece, is_hull).x;
+    var low = line.w;
     if is_hull {
-        nearest = clamp(along, number(piece + 3u), number(piece + 7u));
-        low = number(piece + 3u) - number(joint_of(code) + 4u);
+        nearest = clamp(along, start.w, line.w);
+        low = start.w - large_number(joint_of(code) + 4u);
     }
     hit.piece = code & 0x1fffffffu;
     hit.distance = ray.gone + t;
@@ -343,9 +372,10 @@ fn note_hit(piece: u32, is_hull: bool, t: f32) {
 // The unit tangent of a piece so far from the mitre before its first joint.
 fn tangent_of(piece: u32, along: f32) -> vec3<f32> {
     let joint = joints_table() + JOINT_WORDS * piece;
-    let share = clamp((along - number(joint + 4u)) * number(joint + 5u), 0.0, 1.0);
-    let start = vector(joint);
-    let middle = mix(start, vector(joint + JOINT_WORDS), share);
+    let lengths = large_four(joint + 4u);
+    let share = clamp((along - lengths.x) * lengths.y, 0.0, 1.0);
+    let start = large_four(joint).xyz;
+    let middle = mix(start, large_four(joint + JOINT_WORDS).xyz, share);
     let square = dot(middle, middle);
     if square <= 1.0e-12 {
         return start;

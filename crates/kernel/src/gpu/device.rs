@@ -1,6 +1,7 @@
 //! An opened adapter: its device, its limits, and what became of it.
 
 use super::adapters::{adapters, kind};
+use super::numbers::NumberBuffer;
 use crate::devices::DeviceKind;
 use crate::engine::Lost;
 use crate::refusal::Refusal;
@@ -8,10 +9,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use wgpu::{Adapter, DeviceDescriptor, PollType};
 
-/// Storage buffers beside those of the tables: lanes, sums, control words, bright samples.
-pub const OWN_BUFFERS: u32 = 4;
+/// Storage buffers beside those of the tables: lanes, sums, control words, bright samples, and
+/// numbers of the scene where these are [`NumberBuffer::Storage`].
+const OWN_BUFFERS: u32 = 5;
 /// Most buffers for tables: more than any scene needs, and few enough to tell apart quickly.
-const MAX_TABLE_BUFFERS: u32 = 28;
+const MAX_TABLE_BUFFERS: u32 = 27;
 /// Words of a table's buffer are a multiple of this.
 const BUFFER_STEP: u64 = 64;
 /// A dispatch takes a fraction of a second; a device that is silent for so long is lost.
@@ -71,6 +73,8 @@ impl Device {
         }
         let wanted = wgpu::Limits {
             max_storage_buffers_per_shader_stage: buffers,
+            max_buffers_and_acceleration_structures_per_shader_stage: has
+                .max_buffers_and_acceleration_structures_per_shader_stage,
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
             max_buffer_size: has.max_buffer_size,
             ..wgpu::Limits::downlevel_defaults()
@@ -108,6 +112,14 @@ impl Device {
             is_software: kind(adapter) == DeviceKind::Software,
             failure,
         })
+    }
+
+    /// The kind of buffer that holds the numbers of a scene.
+    pub fn scene_numbers(&self) -> NumberBuffer {
+        match self.is_software {
+            true => NumberBuffer::Storage,
+            false => NumberBuffer::Uniform,
+        }
     }
 
     /// Waits until all that was sent is done.

@@ -1,6 +1,7 @@
 //! The engine for graphics adapters.
 
 use super::device::{Device, Limits};
+use super::numbers::NumberBuffer;
 use super::pass::{BRIGHT_WORDS, Division, PassResult, Session};
 use super::program::{PassNumbers, ProgramScene};
 use super::slots::{SLOT_WORDS, add_bright, bright_sample, tally};
@@ -51,7 +52,7 @@ impl GpuEngine {
             return Err(Refusal::Blocks("gpu"));
         }
         GpuEngine::new(
-            |_| Ok(voxel_scene::program_scene(scene)),
+            || Ok(voxel_scene::program_scene(scene)),
             scene.memory_bytes(),
             division,
         )
@@ -66,7 +67,7 @@ impl GpuEngine {
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
         GpuEngine::new(
-            |limits| fibre_scene::program_scene(scene, limits),
+            || fibre_scene::program_scene(scene),
             scene.memory_bytes(),
             division,
         )
@@ -79,7 +80,7 @@ impl GpuEngine {
     pub fn source_for_voxels(scene: &Arc<FlatScene>) -> Result<String, Refusal> {
         let scene = voxel_scene::program_scene(scene);
         let split = scene.tables.split(&COMMON_LIMITS)?;
-        Ok(scene.source(&split))
+        Ok(scene.source(&split, NumberBuffer::Uniform))
     }
 
     /// Fails as if the device were lost, from now on: for tests.
@@ -89,7 +90,7 @@ impl GpuEngine {
     }
 
     fn new<'a>(
-        scene: impl FnOnce(&Limits) -> Result<ProgramScene<'a>, Refusal>,
+        scene: impl FnOnce() -> Result<ProgramScene<'a>, Refusal>,
         memory_bytes: u64,
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
@@ -107,7 +108,7 @@ impl GpuEngine {
         if let Some(bytes) = division.table_bytes {
             limits.binding_bytes = limits.binding_bytes.min(bytes);
         }
-        let scene = scene(&limits)?;
+        let scene = scene()?;
         let split = scene.tables.split(&limits)?;
         let max_slots = Session::max_slots(&device);
         device.limits = limits;

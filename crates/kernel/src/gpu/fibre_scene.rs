@@ -1,43 +1,42 @@
 //! A scene of explicit fibres as a program for a graphics adapter.
 
-use super::bodies::{add_bodies, middle_mm, place_from};
+use super::bodies::{FAR_MM, add_bodies, middle_mm, place_from};
 use super::cell_tables::CellTables;
-use super::device::Limits;
 use super::numbers::Numbers;
 use super::program::ProgramScene;
 use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put};
 use super::tables::Tables;
 use crate::fibres::body::Body;
 use crate::fibres::fibre_scene::FibreScene;
-use crate::fibres::matter::FibreMatter;
+use crate::packed::PackedPart;
 use crate::refusal::Refusal;
 use crate::voxels::camera_rays::CameraRays;
 use crate::voxels::environment::{Parts, lamp_places, texel_words};
+use crate::voxels::population_tables::populations;
 use glam::{DVec3, Vec3};
 use organza_light::{Hemisphere, ImageEnvironment, KernelLight, Light};
+use organza_scatter::FAR_ROWS;
 use std::sync::Arc;
 
-/// Words that a lane keeps: see `load_path` in `fibre_walk.wgsl`, and `load_way` in
-/// `bodies.wgsl`.
+/// Words that a lane keeps: see `load_path` in `fibre_walk.wgsl`, `load_way` in `bodies.wgsl`
+/// and `load_flight` in `packed.wgsl`.
 const LANE_WORDS: u32 = 62;
 const WAY_WORDS: u32 = 26;
+const FLIGHT_WORDS: u32 = 16;
+/// Parts of a program with packed fibres.
+const PACKED_PARTS: [&str; 3] = [
+    include_str!("voxel_codes.wgsl"),
+    include_str!("spread_fibres.wgsl"),
+    include_str!("packed.wgsl"),
+];
 
 /// The program of a scene.
 ///
 /// # Errors
-/// A scene that it does not support, or too large for the limits.
-pub fn program_scene(
-    scene: &Arc<FibreScene>,
-    limits: &Limits,
-) -> Result<ProgramScene<'static>, Refusal> {
+/// A scene that it does not support.
+pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusal> {
     let matter = &scene.matter;
-    check(matter)?;
-    let cells = matter.bodies.iter().map(|b| CellTables::bytes(&b.cells));
-    let needed = cells.sum::<u64>() + 4 * matter.joints.words.len() as u64;
-    let most = limits.words_per_buffer() * 4 * u64::from(limits.table_buffers);
-    if needed > most {
-        return Err(Refusal::Binding(needed, most));
-    }
+    let packed = matter.packed.as_ref();
     let lights = Lights::of(&scene.lights);
     let only = matter.bodies.first().filter(|_| matter.is_one_body());
     // From where places of the world are counted.
@@ -70,6 +69,7 @@ pub fn program_scene(
         }
     };
     has("HAS_LENS", camera.lens_mm.is_some());
+    constants += &format!("const SECTION_ROWS: u32 = {FAR_ROWS}u;\n");
     constants += &filter_constants(camera.filter);
 
     let film_width = scene.camera.resolution().x;
@@ -80,9 +80,14 @@ pub fn program_scene(
     numbers.signed("brightness_exponent", scene.brightness.exponent());
     numbers.number("brightest_summed", scene.brightness.most());
     add_camera(&mut numbers, &camera);
-    numbers.whole("joints_table", tables.add(matter.joints.words.clone()));
+    let starts_packed = packed.is_some_and(|part| part.switch.is_over(0, 1.0));
+    ProgramScene::constant(&mut constants, "STARTS_PACKED", starts_packed);
+    if let Some(part) = packed {
+        add_packed(part, point_mm, &mut constants, &mut numbers, &mut tables);
+    }
+    numbers.whole("joints_table", tables.add_large(&matter.joints.words));
     numbers.whole("yarns_table", tables.add(matter.joints.yarns()));
-    numbers.whole("optics_table", tables.add(matter.optics.words.clone()));
+    numbers.whole("optics_table", tables.add(&matter.optics.words));
 
     numbers.whole("light_count", (lights.words.len() / LIGHT_WORDS) as u32);
     numbers.whole("lights_table", tables.add(lights.words_from(point_mm)));
@@ -109,10 +114,19 @@ pub fn program_scene(
         include_str!("camera_rays.wgsl"),
         include_str!("panels.wgsl"),
         include_str!("cells.wgsl"),
+        include_str!("inclinations.wgsl"),
         include_str!("near_field.wgsl"),
         include_str!("fibre_walk.wgsl"),
     ];
     parts.extend(of_skies);
+    parts.extend(match packed {
+        Some(_) => &PACKED_PARTS[..],
+        None => &[include_str!("no_packed.wgsl")],
+    });
+    parts.push(match matter.optics.has_sections {
+        true => include_str!("sections.wgsl"),
+        false => include_str!("no_sections.wgsl"),
+    });
     parts.push(match only {
         Some(_) => include_str!("one_body.wgsl"),
         None => include_str!("bodies.wgsl"),
@@ -122,14 +136,23 @@ pub fn program_scene(
         parts,
         numbers,
         tables,
-        lane_words: LANE_WORDS + if only.is_some() { 0 } else { WAY_WORDS },
+        lane_words: LANE_WORDS
+            + match (packed, only) {
+                (Some(_), _) => FLIGHT_WORDS,
+                (None, Some(_)) => 0,
+                (None, None) => WAY_WORDS,
+            },
         film_width,
         brightness: scene.brightness,
     })
 }
 
 /// Adds the numbers and tables of a flat body that is alone: see `one_body.wgsl`.
-fn add_body(body: &Body, numbers: &mut Numbers, tables: &mut Tables<'_>) -> Result<(), Refusal> {
+fn add_body<'a>(
+    body: &'a Body,
+    numbers: &mut Numbers,
+    tables: &mut Tables<'a>,
+) -> Result<(), Refusal> {
     let (cells, grid) = (&body.cells, &body.cells.grid);
     numbers.three("cell_mm", grid.cell_mm().as_vec3());
     numbers.three_whole("cell_counts", grid.dims.as_uvec3());
@@ -143,19 +166,39 @@ fn add_body(body: &Body, numbers: &mut Numbers, tables: &mut Tables<'_>) -> Resu
     let of_cells = CellTables::add(cells, tables)?;
     numbers.whole("heads_table", of_cells.heads);
     numbers.whole("pieces_table", of_cells.pieces);
+    numbers.whole("ends_table", of_cells.ends);
     numbers.whole("hulls_table", of_cells.hulls);
     Ok(())
 }
 
-/// Refuses matter that the shaders do not take.
-fn check(matter: &FibreMatter) -> Result<(), Refusal> {
-    if matter.has_packed() {
-        return Err(Refusal::NotYet("packed fibres"));
-    }
-    if matter.optics.has_sections {
-        return Err(Refusal::NotYet("fibres that are not round"));
-    }
-    Ok(())
+/// Adds the constants, numbers and tables of packed fibres: see `packed.wgsl`.
+fn add_packed<'a>(
+    part: &'a PackedPart,
+    corner_mm: DVec3,
+    constants: &mut String,
+    numbers: &mut Numbers,
+    tables: &mut Tables<'a>,
+) {
+    let (volume, grid) = (&part.volume, &part.volume.cell_grid);
+    ProgramScene::constant(constants, "HAS_RADII", !volume.radii.is_empty());
+    let corner = grid.bounds_mm().min.as_dvec3() - corner_mm;
+    numbers.three("volume_corner_mm", corner.as_vec3());
+    numbers.three_whole("volume_dims", grid.dims());
+    numbers.three("voxel_mm", grid.voxel_mm());
+    numbers.three("voxels_per_mm", grid.voxels_per_mm());
+    numbers.three_whole("bricks", volume.bricks);
+    numbers.number("volume_scale_per_mm", volume.scale_per_mm);
+    numbers.number("volume_radius_mm", volume.radius_mm);
+    numbers.number("most_mm", grid.most_mm().min(FAR_MM) as f32);
+    numbers.whole("switch_events", part.switch.first_events);
+    numbers.number("switch_weight", part.switch.while_weight.min(FAR_MM as f32));
+    numbers.whole("voxels_table", tables.add_large(&volume.voxels));
+    numbers.whole("radii_table", tables.add_large(&volume.radii));
+    numbers.whole("populations_table", tables.add_large(&volume.words));
+    numbers.whole("shares_table", tables.add(&volume.shares));
+    let populations = populations();
+    numbers.whole("spreads_table", tables.add(&populations.spreads));
+    numbers.whole("shown_table", tables.add(&populations.shown));
 }
 
 /// The lights of a scene, sorted by how they are found.

@@ -272,7 +272,7 @@ fn distance_to(aim: Search, from_mm: vec3<f32>) -> f32 {
 fn shade() {
     let at_plane = HAS_PLANES && is_at_plane();
     if !at_plane {
-        load_material(word(joints_table() + JOINT_WORDS * site.met.piece + 6u));
+        load_material(material_of_site());
         let axis = meet_site();
         if path.bounces == 1u {
             path.first_axis = axis;
@@ -289,6 +289,7 @@ fn shade() {
     var start = vec3<f32>(0.0);
     var end = FAR;
     var is_sent = false;
+    var among_packed = is_at_packed();
     while path.light < light_count() + lamp_count() && !is_sent {
         let aim = search_for(path.light);
         path.light += 1u;
@@ -336,6 +337,7 @@ fn shade() {
             toward = in_world(turn.direction);
             scattered = turn.scattered;
             path.throughput *= turn.weight;
+            among_packed = goes_on_packed(sum_of(path.throughput) * (1.0 / 3.0));
         }
         let u = units();
         if !survives_roulette(ROULETTE_SCALE, u.x) {
@@ -350,7 +352,18 @@ fn shade() {
         path.before = 0.0;
         path.w_out = -toward;
     }
-    send(start, toward, end);
+    if among_packed {
+        send_packed(start, toward, end);
+    } else {
+        send(start, toward, end);
+    }
+}
+
+fn material_of_site() -> u32 {
+    if is_at_packed() {
+        return packed_material(site.met.piece);
+    }
+    return large_word(joints_table() + JOINT_WORDS * site.met.piece + 6u);
 }
 
 // Where light leaves the fibre of the event, in its cell.
@@ -367,6 +380,13 @@ fn first_axis() -> vec3<f32> {
 }
 
 fn first_yarn() -> u32 {
-    let strand = word(joints_table() + JOINT_WORDS * path.first_place + 7u) & ~CUT;
+    if STARTS_PACKED {
+        return packed_yarn(path.first_place);
+    }
+    return yarn_of_piece(path.first_place);
+}
+
+fn yarn_of_piece(piece: u32) -> u32 {
+    let strand = large_word(joints_table() + JOINT_WORDS * piece + 7u) & ~CUT;
     return word(yarns_table() + strand);
 }

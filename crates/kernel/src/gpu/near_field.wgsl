@@ -25,6 +25,9 @@ struct Material {
     max_drawn: f32,
     nodes: f32,
     first_node: u32,
+    // Of a dielectric that is not round: its first row, and nodes of a row.
+    first_row: u32,
+    azimuths: u32,
 }
 
 // How a ray passes a fibre.
@@ -74,18 +77,18 @@ struct Angles {
     azimuth: f32,
 }
 
-// Two inclinations: see `organza_scatter::InclinationPair`.
-struct Inclinations {
-    sum: vec2<f32>,
-    folded: vec2<f32>,
-    mean_cos: f32,
-}
-
 struct Lobes {
     r: vec3<f32>,
     tt: vec3<f32>,
     trt: vec3<f32>,
     rest: vec3<f32>,
+}
+
+// Of a fibre that is not round: of each lobe light over the density of drawing an azimuth, and
+// that density.
+struct SectionLight {
+    light: Lobes,
+    densities: vec4<f32>,
 }
 
 var<private> material: Material;
@@ -106,6 +109,8 @@ fn load_material(index: u32) {
     material.max_drawn = number(at + 23u);
     material.nodes = number(at + 24u);
     material.first_node = optics_table() + word(at + 25u);
+    material.first_row = optics_table() + word(at + 26u);
+    material.azimuths = word(at + 27u);
 }
 
 // The node before a cosine, and how far it is to the next.
@@ -244,19 +249,6 @@ fn azimuth_densities(crossing: Crossing, azimuth: f32) -> vec4<f32> {
     return vec4<f32>(even, around_circle(azimuth), even, even);
 }
 
-fn inclinations(sin_in: f32, cos_in: f32) -> Inclinations {
-    let cosines = event.cos_out * cos_in;
-    let sines = event.sin_out * sin_in;
-    let oi = event.sin_out * cos_in;
-    let io = event.cos_out * sin_in;
-    let cos_difference = cosines + sines;
-    let sin_difference = abs(oi - io);
-    let root = sqrt(fma(0.5, abs(cos_difference), 0.5));
-    let mean_cos = select(root, 0.5 * sin_difference / root, cos_difference < 0.0);
-    let sum = vec2<f32>(oi + io, cosines - sines);
-    return Inclinations(sum, vec2<f32>(sin_difference, -cos_difference), mean_cos);
-}
-
 fn bell_with_fold(lobe: u32, sum: f32, folded: f32, cos_folded: f32) -> f32 {
     let inverse = material.inverse_blurs[lobe];
     var value = bell(sum * inverse);
@@ -280,8 +272,17 @@ fn inclination_densities(pair: Inclinations) -> vec4<f32> {
 }
 
 fn scattered_by(angles: Angles, pair: Inclinations, crossing: Crossing) -> Scattered {
-    let k = inclination_densities(pair) * azimuth_densities(crossing, angles.azimuth);
-    let colours = energies(crossing, pair.mean_cos);
+    var azimuths: vec4<f32>;
+    var colours: Lobes;
+    if is_section() {
+        let own = section_light(pair.mean_cos, angles.azimuth);
+        azimuths = own.densities;
+        colours = own.light;
+    } else {
+        azimuths = azimuth_densities(crossing, angles.azimuth);
+        colours = energies(crossing, pair.mean_cos);
+    }
+    let k = inclination_densities(pair) * azimuths;
     let value = colours.r * k.x + colours.tt * k.y + colours.trt * k.z + colours.rest * k.w;
     let sums = vec4<f32>(
         sum_of(colours.r),
@@ -332,9 +333,15 @@ fn meet_fibre(tangent: vec3<f32>, out_mm: vec3<f32>, w_out: vec3<f32>) {
     let drawing = sqrt(min(fma(event.cos_out, event.cos_out, blur * blur * 0.25), 1.0));
     event.out = balanced(event.cos_out);
     event.radius_mm = sqrt(dot(out_mm, out_mm));
-    let kept = energies(crossing_at(drawing), drawing);
-    let sums = vec4<f32>(sum_of(kept.r), sum_of(kept.tt), sum_of(kept.trt), sum_of(kept.rest));
-    let sent = sums * (1.0 / 3.0) * event.out.norms;
+    var means: vec4<f32>;
+    if is_section() {
+        means = section_shares(drawing);
+    } else {
+        let kept = energies(crossing_at(drawing), drawing);
+        means = vec4<f32>(sum_of(kept.r), sum_of(kept.tt), sum_of(kept.trt), sum_of(kept.rest));
+        means *= 1.0 / 3.0;
+    }
+    let sent = means * event.out.norms;
     let total = sent.x + sent.y + sent.z + sent.w;
     event.shares = vec4<f32>(1.0, 0.0, 0.0, 0.0);
     if total > 0.0 {
@@ -399,9 +406,12 @@ fn turned() -> NearTurn {
     if material.is_dielectric && lobe < 3u {
         mean = exit_azimuth_of(crossing, f32(lobe));
     }
-    let is_even = select(lobe == 0u, lobe == 3u, material.is_dielectric);
+    let is_even = select(lobe == 0u, lobe == 3u, material.is_dielectric || is_section());
     let about = mean + normal_number(first.y, first.z) * material.azimuth_blur;
-    let azimuth = wrapped_angle(select(about, PI - first.z * TAU, is_even));
+    var azimuth = wrapped_angle(select(about, PI - first.z * TAU, is_even));
+    if is_section() && lobe < 3u {
+        azimuth = section_azimuth(lobe, pair.mean_cos);
+    }
 
     let s = sin_cos_of(azimuth);
     let across = event.forward * (s.y * cos_in) + event.side * (s.x * cos_in);
@@ -420,7 +430,8 @@ fn exit_normal(toward: Scattered, u_lobe: f32, u_place: f32) -> vec3<f32> {
     let lobe = pick(toward.sent, u_lobe * total);
     let s = u_place + u_place - 1.0;
     var angle = toward.azimuth + angle_of(s, sqrt(max(1.0 - s * s, 0.0)));
-    if material.is_dielectric && lobe < 3u {
+    // Of fibres that are not round only R.
+    if (material.is_dielectric && lobe < 3u) || (is_section() && lobe == 0u) {
         angle = event.exit_normals[lobe];
     }
     let apart = clamp(wrapped_angle(angle - toward.azimuth), -0.5 * PI, 0.5 * PI);

@@ -1,4 +1,4 @@
-//! Plain numbers for shaders: the words of a uniform buffer, and the functions of the
+//! Plain numbers for shaders: the words of a buffer, and the functions of the
 //! shading language that read them. One list makes both, so they cannot disagree.
 
 use glam::{UVec3, Vec2, Vec3};
@@ -11,8 +11,17 @@ pub struct Numbers {
     accessors: String,
 }
 
+/// Kinds of buffers that shaders read numbers from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NumberBuffer {
+    Uniform,
+    /// For drivers on processors: these put uniform numbers that end loops into the program, and
+    /// optimise it anew for every dispatch.
+    Storage,
+}
+
 impl Numbers {
-    /// No numbers, of the uniform buffer with that name in the shader.
+    /// No numbers, of the buffer with that name in the shader.
     pub fn new(buffer: &'static str) -> Numbers {
         Numbers {
             buffer,
@@ -69,11 +78,15 @@ impl Numbers {
         self.words.as_flattened()
     }
 
-    /// The buffer, bound at that number of group 0, and the functions that read it.
-    pub fn source(&self, binding: u32) -> String {
+    /// The buffer of a kind, bound at that number of group 0, and the functions that read it.
+    pub fn source(&self, binding: u32, kind: NumberBuffer) -> String {
         let (buffer, count) = (self.buffer, self.words.len());
+        let space = match kind {
+            NumberBuffer::Uniform => "uniform",
+            NumberBuffer::Storage => "storage, read",
+        };
         format!(
-            "@group(0) @binding({binding}) var<uniform> {buffer}: array<vec4<u32>, {count}>;\n{}",
+            "@group(0) @binding({binding}) var<{space}> {buffer}: array<vec4<u32>, {count}>;\n{}",
             self.accessors
         )
     }

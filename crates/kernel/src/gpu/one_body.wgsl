@@ -10,9 +10,11 @@ fn is_cut() -> bool {
 }
 
 fn load_way(first: u32) {
+    load_flight(first);
 }
 
 fn store_way(first: u32) {
+    store_flight(first);
 }
 
 fn begin_path(pixel: vec2<f32>) {
@@ -32,6 +34,8 @@ fn begin_path(pixel: vec2<f32>) {
     path.w_out = -seen.direction;
     ray.direction = seen.direction;
     path.drawn_at = place + seen.direction * near;
+    let end = select(FAR, far - near, HAS_BORDERS);
+    begin_packed(path.drawn_at, seen.direction, select(end, 0.0, misses));
     if misses {
         path.drawn_at = place - seen.direction * seen.length_mm;
         ray.cells_left = 0u;
@@ -47,10 +51,6 @@ fn begin_path(pixel: vec2<f32>) {
         period = vec2<i32>(floor(vec2<f32>(cell.xy) / vec2<f32>(counts.xy)));
         cell -= vec3<i32>(period * counts.xy, 0);
     }
-    var end = FAR;
-    if HAS_BORDERS {
-        end = far - near;
-    }
     // Rounding may take a place on a face a hair beyond it: it belongs to the cell behind.
     let kept = clamp(cell, vec3<i32>(0), counts - 1);
     let moved = from_centre + vec3<f32>(cell - kept) * size;
@@ -65,6 +65,9 @@ fn begin_path(pixel: vec2<f32>) {
 }
 
 fn step_on(any_will_do: bool) -> u32 {
+    if is_among_packed() {
+        return fly_on(any_will_do);
+    }
     if ray.cells_left == 0u {
         return LEFT;
     }
@@ -73,7 +76,9 @@ fn step_on(any_will_do: bool) -> u32 {
 
 // What the way has led to.
 fn arrive(outcome: u32) {
-    if outcome == HIT {
+    if outcome == HIT && is_among_packed() {
+        arrive_packed();
+    } else if outcome == HIT {
         site.met = hit;
         site.cell = ray.cell;
         site.period = ray.period;
@@ -88,8 +93,12 @@ fn reach_mm() -> f32 {
     return hit.distance;
 }
 
-// The event at the fibre that was met; gives its direction.
+// The event at the fibre that was met; gives the direction that the picture shows.
 fn meet_site() -> vec3<f32> {
+    if is_at_packed() {
+        meet_fibre(packed_tangent(), site.met.out, path.w_out);
+        return packed_axis(site.met.piece);
+    }
     let tangent = tangent_of(site.met.piece, site.met.along);
     meet_fibre(tangent, site.met.out, path.w_out);
     return tangent;
@@ -103,8 +112,11 @@ fn in_world(w: vec3<f32>) -> vec3<f32> {
     return w;
 }
 
-// A place of the site's cell in the world.
+// A place of the site's cell, or of its period among packed fibres, in the world.
 fn place_of(start: vec3<f32>) -> vec3<f32> {
+    if is_at_packed() {
+        return packed_place_of(start);
+    }
     return from_corner(site.cell, site.period, start);
 }
 

@@ -99,7 +99,8 @@ impl Session {
     ) -> Result<Session, Lost> {
         let lanes = division.lanes.div_ceil(GROUP) * GROUP;
         let counts = split.buffers();
-        let program = Program::new(&device, scene.source(split), counts.len() as u32)?;
+        let source = scene.source(split, device.scene_numbers());
+        let program = Program::new(&device, source, counts.len() as u32)?;
         let buffer = |bytes: u64, usage: BufferUsages| {
             device.device.create_buffer(&BufferDescriptor {
                 label: Some("organza"),
@@ -115,7 +116,7 @@ impl Session {
         let bright_bytes = 4 * BRIGHT_WORDS as u64 * u64::from(BRIGHT_ROOM);
         let numbers = scene.numbers.words();
         let session = Session {
-            scene_numbers: buffer(4 * numbers.len() as u64, uniform),
+            scene_numbers: buffer(4 * numbers.len() as u64, uniform | written),
             pass_numbers: buffer(
                 4 * PassNumbers::default().numbers().words().len() as u64,
                 uniform,

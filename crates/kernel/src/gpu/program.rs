@@ -1,7 +1,7 @@
 //! Shaders put together for a scene from the parts that it needs.
 
 use super::device::Device;
-use super::numbers::Numbers;
+use super::numbers::{NumberBuffer, Numbers};
 use super::tables::{Split, Tables};
 use crate::engine::Lost;
 use organza_film::Brightness;
@@ -50,14 +50,16 @@ impl ProgramScene<'_> {
         let _ = writeln!(constants, "const {name}: bool = {value};");
     }
 
-    /// The source of the program for tables that are split so.
-    pub fn source(&self, split: &Split) -> String {
+    /// The source of the program for tables that are split so, and numbers of the scene in a
+    /// buffer of that kind.
+    pub fn source(&self, split: &Split, numbers: NumberBuffer) -> String {
         let storage = |binding: u32, name: &str, of: &str| {
             format!("@group(0) @binding({binding}) var<storage, read_write> {name}: array<{of}>;\n")
         };
         let mut text = self.constants.clone();
-        text += &self.numbers.source(SCENE_NUMBERS);
-        text += &PassNumbers::default().numbers().source(PASS_NUMBERS);
+        text += &self.numbers.source(SCENE_NUMBERS, numbers);
+        let of_pass = PassNumbers::default().numbers();
+        text += &of_pass.source(PASS_NUMBERS, NumberBuffer::Uniform);
         text += &storage(LANES, "lane_states", "u32");
         text += &storage(SUMS, "sums", "u32");
         text += &storage(CONTROL, "control", "atomic<u32>");
@@ -131,9 +133,12 @@ impl Program {
             visibility: ShaderStages::COMPUTE,
             ty: BindingType::Buffer {
                 ty: match binding {
-                    SCENE_NUMBERS | PASS_NUMBERS => BufferBindingType::Uniform,
+                    PASS_NUMBERS => BufferBindingType::Uniform,
+                    SCENE_NUMBERS if device.scene_numbers() == NumberBuffer::Uniform => {
+                        BufferBindingType::Uniform
+                    }
                     _ => BufferBindingType::Storage {
-                        read_only: binding >= TABLES,
+                        read_only: binding >= TABLES || binding == SCENE_NUMBERS,
                     },
                 },
                 has_dynamic_offset: false,

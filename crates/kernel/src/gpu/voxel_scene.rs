@@ -77,6 +77,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
 
     let mut parts = vec![
         include_str!("camera_rays.wgsl"),
+        include_str!("voxel_codes.wgsl"),
         include_str!("voxel_words.wgsl"),
         include_str!("panels.wgsl"),
         include_str!("direct_lights.wgsl"),
@@ -96,6 +97,8 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
         numbers.whole("fibres_table", tables.add(&scene.fibres.words));
         numbers.whole("spreads_table", tables.add(&scene.fibres.spreads));
         numbers.whole("shown_table", tables.add(&scene.fibres.shown));
+        parts.push(include_str!("spread_fibres.wgsl"));
+        parts.push(include_str!("inclinations.wgsl"));
         parts.push(include_str!("virtual_fibres.wgsl"));
     } else {
         parts.push(include_str!("flakes.wgsl"));

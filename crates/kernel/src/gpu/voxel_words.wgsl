@@ -1,17 +1,12 @@
 // The two words of a voxel: see `voxels/voxel_words.rs`.
 
-const EXTINCTION_BASE: u32 = (127u - 15u) << 23u;
-const LEAST_EXTINCTION: f32 = 1.0 / 32768.0;
-// The greatest bound.
-const GREATEST: f32 = 2.0 - 1.0 / 16.0 - LEAST_EXTINCTION;
-
 fn bound_of(voxel: vec2<u32>) -> f32 {
-    return bitcast<f32>(((voxel.y >> 24u) << 19u) + EXTINCTION_BASE) - LEAST_EXTINCTION;
+    return bound_of_code(voxel.y >> 24u);
 }
 
 // In voxels.
 fn reach_of(voxel: vec2<u32>) -> f32 {
-    return bitcast<f32>(((voxel.x & 0xfu) << 22u) + (127u << 23u));
+    return reach_of_code(voxel.x & 0xfu);
 }
 
 // Across the fibres, as a share.
@@ -24,17 +19,12 @@ fn end_on_code_of(voxel: vec2<u32>) -> u32 {
 }
 
 fn end_on_of(voxel: vec2<u32>) -> f32 {
-    let root = f32(end_on_code_of(voxel)) * (1.0 / 4095.0);
-    return root * root;
+    return end_on_of_code(end_on_code_of(voxel));
 }
 
 // Along the fibres; its length is between 3^-1/2 and one.
 fn axis_of(voxel: vec2<u32>) -> vec3<f32> {
-    let x = fma(f32((voxel.y >> 12u) & 0xfffu), 1.0 / 2047.0, -1.0);
-    let y = fma(f32(voxel.y & 0xfffu), 1.0 / 2047.0, -1.0);
-    let z = 1.0 - abs(x) - abs(y);
-    let fold = max(-z, 0.0);
-    return vec3<f32>(x - with_sign_of(fold, x), y - with_sign_of(fold, y), z);
+    return axis_of_code(voxel.y, 12u);
 }
 
 fn words_at(place: u32) -> vec2<u32> {

@@ -66,7 +66,7 @@ pub(crate) fn by_cells(
 }
 
 /// A fibre that is not round beside a round one.
-fn lobed_and_round() -> Vec<Fibre> {
+pub fn lobed_and_round() -> Vec<Fibre> {
     let parameters = DielectricParameters {
         ior: 1.55,
         absorption_radii: Rgb::new(0.02, 0.1, 0.5),
@@ -91,6 +91,10 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         (
             "sections",
             scene(fibres_of(true, lobed_and_round()), parallel(), pinhole),
+        ),
+        (
+            "sections, sky",
+            scene(fibres_of(true, lobed_and_round()), sky(), flat),
         ),
     ]
 }

@@ -22,7 +22,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// Twisted fibres of two materials and six yarns, with packing factors that differ.
-fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
+pub fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
     packed_at(0, repeats, fibres)
 }
 
@@ -65,7 +65,7 @@ fn cloth(repeats: bool) -> AnyMedium {
     AnyMedium::VirtualFibres(packed(repeats, silk_and_cotton()))
 }
 
-fn cut() -> AnyMedium {
+pub fn cut_packed() -> AnyMedium {
     let mut cloth = cloth(true);
     cloth
         .cut_to(Vec2::new(-0.05, -0.11), Vec2::new(0.45, 0.23))
@@ -82,13 +82,13 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("finite", scene(cloth(false), parallel(), pinhole)),
         ("endless", scene(cloth(true), parallel(), flat)),
         ("sky", scene(cloth(true), sky(), lens())),
-        ("cut, panels", scene(cut(), panels(), lens())),
+        ("cut, panels", scene(cut_packed(), panels(), lens())),
         ("picture", scene(cloth(true), vec![picture()], pinhole)),
     ]
 }
 
 /// Explicit fibres until a path changes to packed ones.
-fn hybrid(repeats: bool, first_events: u32, while_weight: f32) -> AnyMedium {
+pub fn hybrid(repeats: bool, first_events: u32, while_weight: f32) -> AnyMedium {
     let mut source = segments(repeats);
     source.segments.retain(|s| repeats || s.yarn != 7);
     let explicit = ExplicitFibres::new(&source, silk_and_cotton(), None, &|_| ()).unwrap();
