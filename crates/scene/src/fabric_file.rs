@@ -214,7 +214,7 @@ fn build(
         true => vec![file.optics.clone()],
         false => finish_optics::finished(&file.optics, &file.yarn),
     };
-    optics::check(&file.optics, cloth.materials())
+    optics::check(&file.optics, cloth.materials(), file.yarn.keys())
         .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
     let yarns = cloth.materials().iter().map(|m| m.yarn.as_str());
     ply_table::check(&file.plies, yarns)
@@ -333,7 +333,7 @@ impl Fabric {
     /// # Errors
     /// As [`optics::check`].
     pub fn override_optics(&mut self, scene: &OpticsFile) -> Result<(), String> {
-        optics::check(scene, self.cloth.materials())?;
+        optics::check(scene, self.cloth.materials(), self.file.yarn.keys())?;
         self.optics.insert(0, scene.clone());
         Ok(())
     }

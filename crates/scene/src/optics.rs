@@ -260,13 +260,18 @@ pub fn of_material(files: &[OpticsFile], material: &Material) -> OpticsTable {
         })
 }
 
-/// Checks the tables against the cloth.
+/// Checks the tables against the cloth; `more_yarns` are those that threads beside it may have.
 ///
 /// # Errors
 /// `.yarn.key: what was expected`, to be put after the name of the section.
-pub fn check(file: &OpticsFile, materials: &[Material]) -> Result<(), String> {
+pub fn check<'a>(
+    file: &OpticsFile,
+    materials: &'a [Material],
+    more_yarns: impl Iterator<Item = &'a String>,
+) -> Result<(), String> {
+    let of_cloth = materials.iter().map(|m| &m.yarn);
+    let names: Vec<&str> = of_cloth.chain(more_yarns).map(String::as_str).collect();
     for (yarn, list) in file {
-        let names: Vec<&str> = materials.iter().map(|m| m.yarn.as_str()).collect();
         if yarn != EVERY_YARN && !names.contains(&yarn.as_str()) {
             let near = nearest_name(yarn, names.iter().copied())
                 .map_or(String::new(), |n| format!("; did you mean `{n}`?"));

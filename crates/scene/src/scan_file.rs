@@ -46,7 +46,7 @@ impl ScanFile {
         let fail = |why: String| input(format!("{}: its {SCAN_FILE}: {why}", path.display()));
         let text = std::str::from_utf8(&file.bytes).map_err(|e| fail(e.to_string()))?;
         let scan: ScanFile = toml::from_str(text).map_err(|e| fail(e.message().to_owned()))?;
-        optics::check(&scan.optics, &scan.materials())
+        optics::check(&scan.optics, &scan.materials(), [].iter())
             .map_err(|why| fail(format!("optics{why}")))?;
         Ok(Some(scan))
     }
@@ -79,7 +79,7 @@ impl ScanFile {
                 materials.len()
             ));
         }
-        optics::check(scene, &materials)?;
+        optics::check(scene, &materials, [].iter())?;
         let files = [scene.clone(), self.optics.clone()];
         let flakes = materials
             .iter()

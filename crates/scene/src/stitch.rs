@@ -272,6 +272,11 @@ mod tests {
         assert!(bounds.min.x < 4.0 && bounds.max.x > 16.0, "{bounds:?}");
         assert!(bounds.size().y < 2.0 && bounds.size().z < 3.0, "{bounds:?}");
         assert!(bounds.min.z < 2.8 && bounds.max.z > 3.2, "{bounds:?}");
+        // The yarn of the thread has optics, which the cloth's own yarns do not ask for.
+        sewn(&format!("{row} }}]\noptics.thread.ior = 1.6\n#")).unwrap();
+        let wrong = sewn(&format!("{row} }}]\noptics.tread.ior = 1.6\n#"));
+        let wrong = wrong.err().unwrap().to_string();
+        assert!(wrong.contains("did you mean `thread`"), "{wrong}");
         // What is sewn may be thicker than the cloth.
         let scene = sewn(&format!("{row}, layers_mm = [-2.0, 0.3]")).unwrap();
         let bounds = scene.media[1].cell_grid().unwrap().bounds_mm();

@@ -31,7 +31,7 @@ fn tables_hold_for_all_for_a_yarn_and_for_a_colour() {
         material("wool", Some(RED)),
         material("wool", Some([0.1; 3])),
     ];
-    check(&fabric, &materials).unwrap();
+    check(&fabric, &materials, [].iter()).unwrap();
     let files = [fabric];
     let [silk, red, wool] = [0, 1, 2].map(|i| of_material(&files, &materials[i]));
     assert_eq!((silk.gamma, silk.sin_power), (None, Some(90.0)));
@@ -110,7 +110,7 @@ fn mistakes_are_reported() {
             ".silk.ior: does not go with `fitted`, which has its own",
         ),
     ] {
-        let got = check(&read(text).unwrap(), &silk).unwrap_err();
+        let got = check(&read(text).unwrap(), &silk, [].iter()).unwrap_err();
         assert!(got.ends_with(words), "{got}");
     }
     let got = read("[silk]\ngama = 0.1\n").unwrap_err();
@@ -143,7 +143,7 @@ fn bands_have_their_own_brightness() {
     )
     .unwrap();
     let materials = [material("silk", Some(RED)), material("wool", Some(RED))];
-    check(&file, &materials).unwrap();
+    check(&file, &materials, [].iter()).unwrap();
     let files = [file];
     let [silk, wool] = [0, 1].map(|i| of_material(&files, &materials[i]));
     assert_eq!(silk.clone().in_band(Band::Solar).colour, silk.colour);

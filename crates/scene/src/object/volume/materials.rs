@@ -87,7 +87,7 @@ impl VolumeObject<'_> {
 
     /// Optics for yarns that the file does not name.
     pub(super) fn check_optics(&self, materials: &[organza_weave::Material]) -> Result<()> {
-        optics::check(&self.table.optics, materials)
+        optics::check(&self.table.optics, materials, [].iter())
             .map_err(|why| self.fail(format!(".optics{why}")))
     }
 
