@@ -2,7 +2,7 @@
 
     python3 benches/gpu.py --organza target/release/organza [--spp 1024] [--rounds 3]
         [--peak-gflops 60000 --peak-gbytes 1000] [--mitsuba] [--scenes sun,sky]
-    python3 benches/gpu.py --organza target/release/organza --gallery [--spp 64] [--only seam,denim]
+    python3 benches/gpu.py --organza target/release/organza --gallery [--only seam,denim]
 
 The program must be built with `--features gpu`. The tile is that of benches/peers/mitsuba_speed.py, for which numpy is
 needed; --mitsuba needs mitsuba 3.9.1 and a card with CUDA.
@@ -90,7 +90,7 @@ def compare_gallery(arguments):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument('--organza', required=True)
-    parser.add_argument('--spp', type=int, default=1024)
+    parser.add_argument('--spp', type=int, help='samples a pixel (1024, 64 with --gallery)')
     parser.add_argument('--rounds', type=int, default=3)
     parser.add_argument('--scenes', default='sun', help='sun, sky, panel, endless')
     parser.add_argument('--tile', default='base')
@@ -98,8 +98,9 @@ def main():
     parser.add_argument('--peak-gbytes', type=float, help="the card's memory bandwidth")
     parser.add_argument('--mitsuba', action='store_true', help='measure cuda_ad_rgb too')
     parser.add_argument('--gallery', action='store_true', help='compare both engines in the scenes of the gallery')
-    parser.add_argument('--only', help='of these')
+    parser.add_argument('--only', help='names of its scenes, with commas')
     arguments = parser.parse_args()
+    arguments.spp = arguments.spp or (64 if arguments.gallery else 1024)
     if arguments.gallery:
         sys.exit(compare_gallery(arguments) > 4.0)
     import mitsuba_speed

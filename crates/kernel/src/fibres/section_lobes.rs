@@ -50,7 +50,8 @@ pub fn lay_out_section(table: &SectionTable, words: &mut Vec<u32>) -> [u32; 2] {
             }
         }
     }
-    // Adapters read four words at once from the nodes of the next material's balance.
+    // The next material's nodes begin here, and adapters read four of their words at once, at
+    // multiples of four.
     words.resize(words.len().next_multiple_of(4), 0);
     [first, azimuths as u32]
 }

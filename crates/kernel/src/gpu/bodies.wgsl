@@ -6,7 +6,7 @@
 //   a cell 3, 6 cells 3, 9 lead, 10 slack, 11 least edge, 12 start, 13 least corner of the
 //   matter 3 and 16 greatest, from the corner of its cells, 19 1 of cells that repeat,
 //   20 1 of matter that is cut, 21 heads, 22 plain pieces, 23 hulls, 24 boxes, 25 their
-//   number, none of a flat body
+//   number, none of a flat body, 26 ends of plain pieces
 // words of a box: 0 least corner 3, 3 the next box for rays that miss it, 4 greatest corner 3,
 //   7 first tetrahedron and, in the uppermost four bits, number of tetrahedra
 // words of a tetrahedron: 0 weights of its second to fourth corner from the world, three

@@ -9,11 +9,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use wgpu::{Adapter, DeviceDescriptor, PollType};
 
-/// Storage buffers beside those of the tables: lanes, sums, control words, bright samples, and
-/// numbers of the scene where these are [`NumberBuffer::Storage`].
-const OWN_BUFFERS: u32 = 5;
+/// Storage buffers beside those of the tables: lanes, sums, control words, bright samples; and
+/// buffers of numbers, of which that of the scene may be [`NumberBuffer::Storage`].
+const OWN_BUFFERS: u32 = 4;
+const NUMBER_BUFFERS: u32 = 2;
 /// Most buffers for tables: more than any scene needs, and few enough to tell apart quickly.
-const MAX_TABLE_BUFFERS: u32 = 27;
+const MAX_TABLE_BUFFERS: u32 = 28;
 /// Words of a table's buffer are a multiple of this.
 const BUFFER_STEP: u64 = 64;
 /// A dispatch takes a fraction of a second; a device that is silent for so long is lost.
@@ -65,16 +66,20 @@ impl Device {
             .max_storage_buffer_binding_size
             .min(has.max_buffer_size)
             .min(u64::from(u32::MAX));
-        let buffers = has
+        let is_software = kind(adapter) == DeviceKind::Software;
+        let own = OWN_BUFFERS + u32::from(is_software);
+        let most = has.max_buffers_and_acceleration_structures_per_shader_stage;
+        let table_buffers = has
             .max_storage_buffers_per_shader_stage
-            .min(OWN_BUFFERS + MAX_TABLE_BUFFERS);
-        if buffers <= OWN_BUFFERS {
+            .saturating_sub(own)
+            .min(most.saturating_sub(OWN_BUFFERS + NUMBER_BUFFERS))
+            .min(MAX_TABLE_BUFFERS);
+        if table_buffers == 0 {
             return Err(Refusal::Unopened);
         }
         let wanted = wgpu::Limits {
-            max_storage_buffers_per_shader_stage: buffers,
-            max_buffers_and_acceleration_structures_per_shader_stage: has
-                .max_buffers_and_acceleration_structures_per_shader_stage,
+            max_storage_buffers_per_shader_stage: own + table_buffers,
+            max_buffers_and_acceleration_structures_per_shader_stage: most,
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
             max_buffer_size: has.max_buffer_size,
             ..wgpu::Limits::downlevel_defaults()
@@ -107,9 +112,9 @@ impl Device {
             queue,
             limits: Limits {
                 binding_bytes,
-                table_buffers: buffers - OWN_BUFFERS,
+                table_buffers,
             },
-            is_software: kind(adapter) == DeviceKind::Software,
+            is_software,
             failure,
         })
     }

@@ -192,6 +192,7 @@ fn leave() {
 fn begin_event(outcome: u32) {
     if outcome == HIT {
         collision_count += 1u;
+        path.throughput *= packed_weight();
         if path.bounces == 0u {
             path.first_place = site.met.piece;
             path.first_depth = path.before + reach_mm();

@@ -101,7 +101,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = id.x;
     own_lane = lane;
     load_path();
-    // A driver may compile the program anew for every number of steps that alone ends the loop.
+    // There are whole groups of lanes, so that the condition always holds. It keeps drivers from
+    // compiling the program anew for every number of steps.
     let steps = select(0u, steps_per_dispatch(), lane < lane_count());
     for (var i = 0u; i < steps; i++) {
         if path.phase == ENDED {

@@ -43,6 +43,10 @@ fn packed_tangent() -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 
+fn packed_weight() -> f32 {
+    return 1.0;
+}
+
 fn packed_material(place: u32) -> u32 {
     return 0u;
 }

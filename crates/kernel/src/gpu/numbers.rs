@@ -15,8 +15,8 @@ pub struct Numbers {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberBuffer {
     Uniform,
-    /// For drivers on processors: these put uniform numbers that end loops into the program, and
-    /// optimise it anew for every dispatch.
+    /// For drivers on processors: these compile uniform numbers that end loops into the program,
+    /// and so optimise it anew for every dispatch.
     Storage,
 }
 

@@ -36,9 +36,11 @@ struct Flight {
 }
 
 var<private> flight: Flight;
-// Whether the path has met a packed fibre, and the tangent of that.
+// Whether the path has met a packed fibre, the tangent of that, and how much more of it is seen
+// than it was drawn for.
 var<private> site_is_packed: bool;
 var<private> met_tangent: vec3<f32>;
+var<private> met_weight: f32;
 
 fn load_flight(first: u32) {
     flight.is_on = state(first) != 0u;
@@ -50,6 +52,8 @@ fn load_flight(first: u32) {
     flight.left_yarn = state(first + 11u);
     flight.voxel = state(first + 12u);
     met_tangent = state_vector(first + 13u);
+    // Not stored: where both differ, a ray has just left an explicit fibre, and nothing asks for
+    // what the path has met before it arrives.
     site_is_packed = flight.is_on;
 }
 
@@ -78,6 +82,11 @@ fn packed_tangent() -> vec3<f32> {
     return met_tangent;
 }
 
+// What the throughput is multiplied by at the event that begins.
+fn packed_weight() -> f32 {
+    return select(1.0, met_weight, site_is_packed);
+}
+
 // Whether the path, which carries so much, goes on among packed fibres: see `packed/switch.rs`.
 fn goes_on_packed(carried: f32) -> bool {
     let is_over = path.bounces >= switch_events() && carried < switch_weight();
@@ -98,20 +107,20 @@ fn is_outside(at: f32, size: f32) -> bool {
     return at < 0.0 || !(at < size);
 }
 
-// Begins a flight at a place that may lie beyond the first period; false when it misses.
+// Begins a flight at a place that may lie beyond the first period by less than one. What misses has
+// come to its end.
 fn begin_flight(
     place: vec3<f32>,
     period: vec2<f32>,
     toward: vec3<f32>,
     end: f32,
     left_yarn: u32,
-) -> bool {
+) {
     let size = vec3<f32>(volume_dims());
     let step = toward * voxels_per_mm();
     flight.direction = toward;
     flight.left_yarn = left_yarn;
     flight.gone = 0.0;
-    // Whatever misses has come to its end.
     flight.end = 0.0;
     var at = place;
     let first_axis = select(0u, 2u, REPEATS);
@@ -120,7 +129,7 @@ fn begin_flight(
             let face = select(size[axis], 0.0, at[axis] < 0.0);
             let way = (face - at[axis]) / not_zero(step[axis]);
             if !(way >= 0.0 && way < end) {
-                return false;
+                return;
             }
             flight.gone = max(flight.gone, way);
         }
@@ -131,7 +140,7 @@ fn begin_flight(
             // Rounding may leave it a hair before the face; farther off it misses.
             let inside = clamp(at[axis], 0.0, size[axis] * BELOW_ONE);
             if abs(inside - at[axis]) > 1.0e-3 {
-                return false;
+                return;
             }
             at[axis] = inside;
         }
@@ -143,7 +152,6 @@ fn begin_flight(
     }
     flight.end = min(end, flight.gone + most_mm());
     flight.voxel = large_word(voxels_table() + 2u * voxel_index(vec3<u32>(flight.at)));
-    return true;
 }
 
 // Brings the flight into the first period.
@@ -217,8 +225,10 @@ fn fly_on(is_shadow: bool) -> u32 {
         return ONWARD;
     }
     if REPEATS {
-        cell.x -= floor(cell.x / size.x) * size.x;
-        cell.y -= floor(cell.y / size.y) * size.y;
+        // Less than a period beside the first.
+        let before = select(vec2<f32>(0.0), size.xy, cell.xy < vec2<f32>(0.0));
+        let beyond = select(vec2<f32>(0.0), size.xy, cell.xy + before >= size.xy);
+        cell = vec3<f32>(cell.xy + before - beyond, cell.z);
     } else if is_outside(cell.x, size.x) || is_outside(cell.y, size.y) {
         return ONWARD;
     }
@@ -259,33 +269,43 @@ fn begin_packed(from_mm: vec3<f32>, toward: vec3<f32>, end: f32) {
     flight.is_on = STARTS_PACKED;
     site_is_packed = false;
     if STARTS_PACKED {
-        set_off(from_mm, toward, end, NO_YARN);
+        let place = voxel_place(from_mm);
+        begin_flight(place.at, place.period, toward, end, NO_YARN);
     }
 }
 
 // Sends a ray of the path among packed fibres, from a place of the site's cell or period.
 fn send_packed(start: vec3<f32>, toward: vec3<f32>, end: f32) {
     let from_mm = place_of(start);
+    let most = min(way_out_mm(from_mm, toward), end);
+    var at = start * voxels_per_mm();
+    var period = vec2<f32>(site.period);
     var yarn = 0u;
     if site_is_packed {
         yarn = packed_yarn(site.met.piece);
     } else {
+        let place = voxel_place(from_mm);
+        at = place.at;
+        period = place.period;
         yarn = yarn_of_piece(site.met.piece);
     }
-    set_off(from_mm, toward, min(way_out_mm(from_mm, toward), end), yarn);
+    begin_flight(at, period, toward, most, yarn);
 }
 
-fn set_off(from_mm: vec3<f32>, toward: vec3<f32>, end: f32, yarn: u32) {
+struct VoxelPlace {
+    at: vec3<f32>,
+    period: vec2<f32>,
+}
+
+// A place of the world in voxels of the first period.
+fn voxel_place(from_mm: vec3<f32>) -> VoxelPlace {
     let size = vec3<f32>(volume_dims());
-    var at = (from_mm - volume_corner_mm()) * voxels_per_mm();
-    var period = vec2<f32>(0.0);
-    if REPEATS {
-        period = floor(at.xy / size.xy);
-        at -= vec3<f32>(period * size.xy, 0.0);
+    let at = (from_mm - volume_corner_mm()) * voxels_per_mm();
+    if !REPEATS {
+        return VoxelPlace(at, vec2<f32>(0.0));
     }
-    if !begin_flight(at, period, toward, end, yarn) {
-        flight.end = 0.0;
-    }
+    let period = floor(at.xy / size.xy);
+    return VoxelPlace(at - vec3<f32>(period * size.xy, 0.0), period);
 }
 
 // The flight has met a fibre: draws which of the population's.
@@ -293,7 +313,7 @@ fn arrive_packed() {
     let population = large_quad(populations_table() + 4u * flight.place);
     let axis = packed_axis(flight.place);
     let seen = seen_tangent(axis, population.z & 0xfffu, path.w_out);
-    path.throughput *= seen.weight;
+    met_weight = seen.weight;
     let tangent = seen.tangent * (1.0 / sqrt(dot(seen.tangent, seen.tangent)));
     met_tangent = tangent;
 

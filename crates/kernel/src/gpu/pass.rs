@@ -146,7 +146,7 @@ impl Session {
             0,
             bytemuck::cast_slice(scene.numbers.words()),
         );
-        let mut outcome = Ok(());
+        let (mut outcome, mut on_the_way) = (Ok(()), 0);
         scene.tables.for_each_piece(split, |buffer, first, words| {
             for (i, chunk) in words.chunks((CHUNK_BYTES / 4) as usize).enumerate() {
                 if outcome.is_err() {
@@ -154,9 +154,11 @@ impl Session {
                 }
                 let at = 4 * first + CHUNK_BYTES * i as u64;
                 queue.write_buffer(&self.tables[buffer], at, bytemuck::cast_slice(chunk));
-                if chunk.len() as u64 * 4 > CHUNK_BYTES / 4 {
+                on_the_way += 4 * chunk.len() as u64;
+                if on_the_way >= CHUNK_BYTES {
                     queue.submit([]);
                     outcome = self.device.wait();
+                    on_the_way = 0;
                 }
             }
         });
