@@ -24,11 +24,9 @@ import argparse, glob, json, os, subprocess, sys, tempfile, time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'peers'))
 
+GALLERY = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../scenes/gallery')
 BYTES = {'tentative': 12, 'shadow_steps': 4}
 OPERATIONS = {'tentative': 160, 'shadow_steps': 30, 'collisions': 700}
-
-
-GALLERY = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../scenes/gallery')
 
 
 def render(arguments, scene, engine, seed, out, more=()):

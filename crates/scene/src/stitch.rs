@@ -253,9 +253,14 @@ mod tests {
         f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
 
     fn sewn(stitch: &str) -> Result<Scene> {
+        sewn_with(stitch, "")
+    }
+
+    /// The same with more keys of the object.
+    fn sewn_with(stitch: &str, more: &str) -> Result<Scene> {
         let text = format!(
             "[[object]]\nkind = 'cloth'\nfabric = 'cloth.toml'\nmodel = 'fibres'\n\
-             mesh = 'square.obj'\nmm_per_uv = 10.0\nstitch = [{{ {stitch} }}]"
+             mesh = 'square.obj'\nmm_per_uv = 10.0\nstitch = [{{ {stitch} }}]\n{more}"
         );
         let mut loader = Loader::new();
         loader.give("sewn/cloth.toml", FABRIC);
@@ -273,9 +278,9 @@ mod tests {
         assert!(bounds.size().y < 2.0 && bounds.size().z < 3.0, "{bounds:?}");
         assert!(bounds.min.z < 2.8 && bounds.max.z > 3.2, "{bounds:?}");
         // The yarn of the thread has optics, which the cloth's own yarns do not ask for.
-        sewn(&format!("{row} }}]\noptics.thread.ior = 1.6\n#")).unwrap();
-        let wrong = sewn(&format!("{row} }}]\noptics.tread.ior = 1.6\n#"));
-        let wrong = wrong.err().unwrap().to_string();
+        sewn_with(row, "optics.thread.ior = 1.6").unwrap();
+        let wrong = sewn_with(row, "optics.tread.ior = 1.6").err().unwrap();
+        let wrong = wrong.to_string();
         assert!(wrong.contains("did you mean `thread`"), "{wrong}");
         // What is sewn may be thicker than the cloth.
         let scene = sewn(&format!("{row}, layers_mm = [-2.0, 0.3]")).unwrap();

@@ -2,7 +2,7 @@
 
 use super::tables::{Made, Tables};
 use crate::fibres::block::{BLOCK, Block};
-use crate::fibres::cells::{Cells, Head};
+use crate::fibres::cells::Cells;
 use crate::fibres::hull::HullBlock;
 use crate::fibres::lists::Found;
 use crate::refusal::Refusal;
@@ -144,15 +144,8 @@ fn for_each_piece(cells: &Cells, cell: usize, mut each: impl FnMut(&Block, usize
         places.for_each(|i| each(block, i));
     };
     match (found(cells, cell), &cells.lists) {
-        (
-            Found::Copied(Head {
-                blocks,
-                block_count,
-                ..
-            }),
-            _,
-        ) => {
-            let blocks = &cells.blocks[blocks as usize..][..usize::from(block_count)];
+        (Found::Copied(head), _) => {
+            let blocks = &cells.blocks[head.blocks as usize..][..usize::from(head.block_count)];
             blocks.iter().for_each(of_block);
         }
         (Found::Listed(plain, _), Some(lists)) => {
@@ -172,13 +165,8 @@ fn for_each_hull(cells: &Cells, cell: usize, mut each: impl FnMut(&HullBlock, us
         places.for_each(|i| each(hull, i));
     };
     match (found(cells, cell), &cells.lists) {
-        (
-            Found::Copied(Head {
-                hulls, hull_count, ..
-            }),
-            _,
-        ) => {
-            let hulls = &cells.hulls[hulls as usize..][..usize::from(hull_count)];
+        (Found::Copied(head), _) => {
+            let hulls = &cells.hulls[head.hulls as usize..][..usize::from(head.hull_count)];
             hulls.iter().for_each(of_block);
         }
         (Found::Listed(_, others), Some(lists)) => {

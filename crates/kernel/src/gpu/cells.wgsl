@@ -153,9 +153,10 @@ fn visit(any_will_do: bool) -> u32 {
 // A piece of a cell: a cylinder, or a hull of two spheres.
 struct Piece {
     is_hull: bool,
-    // The point of the axis nearest to the centre of the cell, and of a hull where its axis starts.
+    // The point of the axis nearest to the centre of the cell; the square of a cylinder's radius, or
+    // where a hull's axis starts.
     foot: vec4<f32>,
-    // The axis, and the end of a hull's axis or the low end of a cylinder.
+    // The axis; the low end of a cylinder, or where a hull's axis ends.
     line: vec4<f32>,
     low: f32,
     high: f32,
@@ -307,13 +308,13 @@ fn joint_of(code: u32) -> u32 {
 
 // Whether a hit lies between the planes that cut a piece.
 fn is_kept(piece: Piece, t: f32) -> bool {
-    let axis = piece.line.xyz;
-    let from_foot = ray.at + t * ray.direction - piece.foot.xyz;
-    let along = dot(from_foot, axis);
     let kind = piece.code >> 29u;
     if kind == 0u {
         return true;
     }
+    let axis = piece.line.xyz;
+    let from_foot = ray.at + t * ray.direction - piece.foot.xyz;
+    let along = dot(from_foot, axis);
     if kind < 5u {
         // Twice the greatest extension of its class: 2^-8, 2^-6, 2^-4, 2^-2 of an edge.
         let margin = bitcast<f32>((127u - 10u + 2u * kind) << 23u) * min_edge_mm();
