@@ -45,11 +45,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let engine = transport::engine(&built, &settings, EngineChoice::Fastest, 8 << 30)?;
     let rendering = Rendering::new(&built, settings)?.with_engine(engine);
     let rendering = rendering.take(16, &|_| ControlFlow::Continue(()))?;
-    let shown = Rendered {
-        film: rendering.film(),
-        display: Display::default(),
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let shown = Rendered::new(rendering.film(), Display::default(), &attributes);
     write(&shown, &mut std::fs::File::create(&picture)?)?;
     println!(
         "{picture}: error {:.3} of the mean",

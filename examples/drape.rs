@@ -82,11 +82,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         rendering = rendering.with_cache(&plan, &|_| ControlFlow::Continue(()))?;
     }
     let rendering = rendering.take(16, &|_| ControlFlow::Continue(()))?;
-    let shown = Rendered {
-        film: rendering.film(),
-        display: Display::default(),
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let shown = Rendered::new(rendering.film(), Display::default(), &attributes);
     let write = exr::FORMAT.writer.ok_or("no writer")?;
     write(&shown, &mut std::fs::File::create(&picture)?)?;
     Ok(())

@@ -306,11 +306,8 @@ fn drafts_and_curves_go_through_the_command_line() {
     complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
 }
 
-/// Explicit fibres from scene and fabric files, by either key; wrong uses of
-/// them.
-#[test]
-fn fibres_are_traced_from_scenes_and_fabrics() {
-    let folder = folder("cli-fibres");
+/// Writes a scene of a little silk of explicit fibres, `scene.toml`, and its `cloth.toml`.
+pub fn write_silk_scene(folder: &Path) {
     let fabric = r#"
 [draft]
 weave = "plain"
@@ -344,6 +341,14 @@ kind = "cloth"
 fabric = "cloth.toml"
 "#;
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
+}
+
+/// Explicit fibres from scene and fabric files, by either key; wrong uses of
+/// them.
+#[test]
+fn fibres_are_traced_from_scenes_and_fabrics() {
+    let folder = folder("cli-fibres");
+    write_silk_scene(&folder);
     let render = |name: &str, sets: &[&str]| {
         let mut arguments = vec!["render", "scene.toml", "-o", name, "--quiet"];
         arguments.extend(sets.iter().flat_map(|s| ["--set", s]));

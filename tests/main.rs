@@ -33,6 +33,7 @@ mod invalid; // the message for every kind of wrong input
 mod kills; // commands killed at random moments
 mod lenses; // thin lenses in scenes
 mod library; // libraries of fabrics to browse
+mod light_layers; // direct light, errors of the cache, and light that is kept
 mod lights_and_export; // lights of scene files, scenes for another renderer
 mod measure; // the virtual goniometer
 mod merging; // sample ranges, and merging of the parts

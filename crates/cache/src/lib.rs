@@ -34,5 +34,5 @@ mod key;
 mod left_over;
 
 pub use cache::{Cache, Removed};
-pub use entry::{Description, Entry};
+pub use entry::{Description, Entry, decode, encode};
 pub use key::Key;

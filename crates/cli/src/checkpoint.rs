@@ -1,7 +1,8 @@
 //! Checkpoints: the state of a render, from which it resumes.
 //!
 //! A checkpoint is a [`Journal`] that is replaced as a whole: a [`Header`] as JSON, then a record
-//! for each row of pixels with their words, little-endian.
+//! for each row of pixels with their words, little-endian; then the same of direct light, where that
+//! is kept.
 
 use crate::error::input;
 use crate::identity::{Difference, EngineKind, Identity, crop_edges};
@@ -61,8 +62,8 @@ pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Resu
         samples: rendering.taken(),
         stats: rendering.stats().to_words().to_vec(),
     })?;
-    let film = rendering.film();
-    let rows = film.pixels().chunks(film.size().x as usize);
+    let films = std::iter::once(rendering.film()).chain(rendering.direct());
+    let rows = films.flat_map(|film| film.pixels().chunks(film.size().x as usize));
     let records = std::iter::once(header).chain(rows.map(row_bytes));
     output::write_file(path, |out| {
         Journal::write(out, &WORK, records).context("saving the checkpoint failed")
@@ -99,12 +100,14 @@ pub fn resume<'a>(
         .try_into()
         .map_err(|_| fail("is damaged: it holds other counts"))?;
     let size = rendering.film().size();
-    let records = 1 + size.y as usize;
-    if journal.count() != records {
+    let mut direct = rendering.direct().map(|_| Film::new(size));
+    let films = if direct.is_some() { 2 } else { 1 };
+    if journal.count() != 1 + films * size.y as usize {
         return Err(fail("is cut short; it cannot be resumed"));
     }
     let mut film = Film::new(size);
-    let rows = film.pixels_mut().chunks_mut(size.x as usize);
+    let films = std::iter::once(&mut film).chain(&mut direct);
+    let rows = films.flat_map(|film| film.pixels_mut().chunks_mut(size.x as usize));
     for (number, row) in (1..).zip(rows) {
         let bytes = journal.read(number)?.ok_or_else(damaged)?;
         if !set_row(row, &bytes) {
@@ -113,7 +116,11 @@ pub fn resume<'a>(
     }
     identity.engines = header.identity.engines;
     rendering
-        .resume(film, Stats::from_words(&stats), header.samples.end)
+        .resume(
+            (film, direct),
+            Stats::from_words(&stats),
+            header.samples.end,
+        )
         .map_err(|e| fail(&e.to_string()))
 }
 

@@ -160,9 +160,31 @@ pub fn named_inputs(file: &Path, read: &[Input]) -> Vec<NamedDigest> {
 /// value of a sample besides the seed: all but the numbers that only say how many
 /// samples to take and how to show them. `more` is what was decided elsewhere.
 pub fn scene_digest(scene: &Table, more: &[String]) -> String {
+    digest_without(scene, &[], more)
+}
+
+/// Digest of everything in a scene file that decides the light at its fibres: the camera and the
+/// cache do not.
+pub fn lit_digest(scene: &Table, more: &[String]) -> String {
+    let mut scene = scene.clone();
+    scene.remove("camera");
+    let of_picture = [
+        "clamp",
+        "direct",
+        "cache",
+        "cache_learning",
+        "cache_error",
+        "cache_mib",
+    ];
+    digest_without(&scene, &of_picture, more)
+}
+
+/// Digest of a scene without these keys of `[render]`, nor those that decide no sample.
+fn digest_without(scene: &Table, keys: &[&str], more: &[String]) -> String {
     let mut scene = scene.clone();
     if let Some(Value::Table(render)) = scene.get_mut("render") {
-        for key in ["spp", "seed"].into_iter().chain(Display::KEYS) {
+        let never = ["spp", "seed"].into_iter().chain(Display::KEYS);
+        for key in keys.iter().copied().chain(never) {
             render.remove(key);
         }
     }

@@ -24,6 +24,7 @@ mod host;
 mod identity;
 mod interrupt;
 mod journal;
+mod kept_light;
 mod locked_file;
 mod number_journal;
 mod output;

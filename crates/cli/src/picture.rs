@@ -7,9 +7,10 @@ use anyhow::Result;
 use glam::UVec2;
 use organza_basis::Rgb;
 use organza_film::Film;
+use organza_picture::exr::{self, StoredRender};
 use organza_picture::{
     Attributes, Display, Exposure, Format, Picture, PictureError, PngBits, Rendered, WhiteBalance,
-    WriteSeek, exr, format_of_ending, png,
+    WriteSeek, format_of_ending, png,
 };
 use organza_scene::read;
 use std::path::{Path, PathBuf};
@@ -53,11 +54,8 @@ pub fn resolved(path: &Path, film: &Film, display: Display, is_quiet: bool) -> D
     if !display.is_auto() || is_linear(path) {
         return display;
     }
-    let rendered = Rendered {
-        film,
-        display,
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let rendered = Rendered::new(film, display, &attributes);
     let resolved = display.resolve(&rendered.colours());
     if !is_quiet {
         if let (Exposure::Auto, number) = (display.exposure, resolved.exposure) {
@@ -168,12 +166,13 @@ fn write_with(
     output::write_file(path, |mut out| Ok(write(&mut out)?))
 }
 
-/// The film of an EXR file that `organza render` wrote, and its attributes.
+/// What `organza render` wrote to an EXR file.
 ///
 /// # Errors
 /// The file cannot be read, is no EXR, or was not written by this program; the
 /// film would take more than `max_memory_bytes`.
-pub fn read_exr(path: &Path, max_memory_bytes: u64) -> Result<(Film, Attributes)> {
+pub fn read_exr(path: &Path, max_memory_bytes: u64) -> Result<StoredRender> {
     let bytes = read::bytes(path)?;
-    exr::read_film(&bytes, max_memory_bytes).map_err(|e| input(format!("{}: {e}", path.display())))
+    exr::read_render(&bytes, max_memory_bytes)
+        .map_err(|e| input(format!("{}: {e}", path.display())))
 }

@@ -124,10 +124,7 @@ mod tests {
                 for (pixel, level) in film.pixels_mut().iter_mut().zip([1.0, 3.0]) {
                     let sample = PathSample {
                         radiance: Rgb::splat(level * (i % 2) as f32),
-                        bounces: 0,
-                        first: None,
-                        absorbed: Rgb::BLACK,
-                        escape: None,
+                        ..PathSample::default()
                     };
                     pixel.add(&sample, i);
                 }
@@ -157,10 +154,7 @@ mod tests {
                     brightest = brightest.max(level);
                     let sample = PathSample {
                         radiance: Rgb::splat(level),
-                        bounces: 0,
-                        first: None,
-                        absorbed: Rgb::BLACK,
-                        escape: None,
+                        ..PathSample::default()
                     };
                     pixel.add(&sample, i);
                 }
@@ -199,8 +193,7 @@ mod tests {
                     radiance: Rgb::splat(level),
                     bounces: 1,
                     first,
-                    absorbed: Rgb::BLACK,
-                    escape: None,
+                    ..PathSample::default()
                 };
                 pixel.add(&path, sample);
             }

@@ -31,10 +31,12 @@ pub struct Escape {
 }
 
 /// What one path found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathSample {
     /// Radiance toward the camera.
     pub radiance: Rgb,
+    /// The part of it that came straight to the camera or by one event.
+    pub direct: Rgb,
     /// Scattering events along the path.
     pub bounces: u32,
     /// Its first event, `None` when the camera saw straight through the cloth

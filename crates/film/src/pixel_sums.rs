@@ -306,8 +306,7 @@ mod tests {
                 radiance,
                 bounces: i % 7,
                 first: (i % 3 != 0).then(&mut event),
-                absorbed: Rgb::BLACK,
-                escape: None,
+                ..PathSample::default()
             })
             .collect()
     }
@@ -371,10 +370,7 @@ mod tests {
             let x = 1.0 + (i % 5) as f32 * f32::EPSILON;
             let sample = PathSample {
                 radiance: Rgb::splat(x),
-                bounces: 0,
-                first: None,
-                absorbed: Rgb::BLACK,
-                escape: None,
+                ..PathSample::default()
             };
             pixel.add(&sample, i);
             other.add(f64::from(x));
@@ -388,10 +384,7 @@ mod tests {
         let of = |x: f32| {
             Pixel::accepts(&PathSample {
                 radiance: Rgb::new(x, 0.0, 1.0),
-                bounces: 0,
-                first: None,
-                absorbed: Rgb::BLACK,
-                escape: None,
+                ..PathSample::default()
             })
         };
         assert!(of(0.0) && of(4e9) && of(f32::MIN_POSITIVE / 8.0));

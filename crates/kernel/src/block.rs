@@ -14,6 +14,9 @@ pub type Takes<'a> = dyn Fn(UVec2, u32) -> bool + Sync + 'a;
 pub struct Block<'a> {
     /// Whole rows.
     pub pixels: &'a mut [Pixel],
+    /// The same pixels of a film of direct light ([`PathSample::direct`](organza_film::PathSample::direct)),
+    /// if that is asked for. Engines for processors fill it; the graphics engine does not.
+    pub direct: Option<&'a mut [Pixel]>,
     /// Pixels in a row.
     pub width: u32,
     /// The first pixel's place in the whole picture.
@@ -69,6 +72,7 @@ mod tests {
             let mut pixels = vec![Pixel::default(); width * rows];
             let block = Block {
                 pixels: &mut pixels,
+                direct: None,
                 width: width as u32,
                 min: UVec2::ZERO,
                 samples: 0..1,

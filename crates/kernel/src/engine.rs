@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::fibres::fibre_scene::FibreScene;
-use crate::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
+use crate::fibres::{CachePlan, CacheReport, KeptLight, LearnWatch, Stopped};
 use crate::refusal::Refusal;
 use crate::voxels::flat_scene::FlatScene;
 use organza_film::Stats;
@@ -77,6 +77,11 @@ pub trait Engine: Send + Sync {
         Ok(None)
     }
 
+    /// What was learned and is of use to other pictures.
+    fn kept_light(&self) -> Option<KeptLight> {
+        None
+    }
+
     /// Why another engine goes on in this one's place, if it does.
     fn loss(&self) -> Option<&Lost> {
         None
@@ -118,6 +123,10 @@ impl Engine for Box<dyn Engine + '_> {
         watch: &LearnWatch<'_>,
     ) -> Result<Option<CacheReport>, Stopped> {
         (**self).learn(plan, watch)
+    }
+
+    fn kept_light(&self) -> Option<KeptLight> {
+        (**self).kept_light()
     }
 
     fn loss(&self) -> Option<&Lost> {

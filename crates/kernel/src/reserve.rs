@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::engine::{Engine, Lost, MadeEngine};
-use crate::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
+use crate::fibres::{CachePlan, CacheReport, KeptLight, LearnWatch, Stopped};
 use glam::UVec2;
 use organza_film::Stats;
 use rayon::prelude::*;
@@ -102,6 +102,7 @@ impl Engine for Reserve {
             .map(|(i, pixels)| {
                 other.take(&mut Block {
                     pixels,
+                    direct: None, // no engine with a reserve fills it
                     width,
                     min: min + UVec2::new(0, i as u32 * rows),
                     samples: samples.clone(),
@@ -124,6 +125,10 @@ impl Engine for Reserve {
         watch: &LearnWatch<'_>,
     ) -> Result<Option<CacheReport>, Stopped> {
         self.engine.learn(plan, watch)
+    }
+
+    fn kept_light(&self) -> Option<KeptLight> {
+        self.engine.kept_light()
     }
 
     fn loss(&self) -> Option<&Lost> {
@@ -166,6 +171,7 @@ mod tests {
             assert_eq!(engine.name(), "card");
             let mut block = Block {
                 pixels: &mut [],
+                direct: None,
                 width: 1,
                 min: UVec2::ZERO,
                 samples: 0..1,

@@ -3,7 +3,7 @@
 
 use crate::decoder;
 use crate::format::{Format, Reader, WriteSeek, check_memory};
-use crate::picture::{Picture, Rendered};
+use crate::picture::{Layers, Picture, Rendered};
 use crate::{Attributes, PictureError};
 use exr::meta::{MetaData, header::Header};
 use exr::prelude::{
@@ -67,11 +67,33 @@ fn known_variance(p: &Pixel) -> Rgb {
     }
 }
 
-/// Channel of one word of [`Pixel::to_words`]. They hold the exact sums that
-/// all other channels were computed from.
-fn sum_channel(word: usize) -> String {
-    format!("sums.{word:02}")
+/// What is written of direct light: what it is, its variance, and the light of all later events.
+type DirectChannel = (&'static str, fn(&Pixel, &Pixel) -> f32);
+
+/// Of the film of direct light and that of all light.
+const DIRECT_CHANNELS: [DirectChannel; 9] = [
+    ("direct.R", |d, _| d.mean().0.x),
+    ("direct.G", |d, _| d.mean().0.y),
+    ("direct.B", |d, _| d.mean().0.z),
+    ("direct.variance.R", |d, _| known_variance(d).0.x),
+    ("direct.variance.G", |d, _| known_variance(d).0.y),
+    ("direct.variance.B", |d, _| known_variance(d).0.z),
+    ("indirect.R", |d, all| (all.mean() - d.mean()).0.x),
+    ("indirect.G", |d, all| (all.mean() - d.mean()).0.y),
+    ("indirect.B", |d, all| (all.mean() - d.mean()).0.z),
+];
+
+/// Channels of the words of [`Pixel::to_words`], by what they begin with: of the film, and of the
+/// film of direct light. They hold the exact sums that all other channels were computed from.
+const SUMS: &str = "sums";
+const DIRECT_SUMS: &str = "direct_sums";
+
+fn sum_channel(sums: &str, word: usize) -> String {
+    format!("{sums}.{word:02}")
 }
+
+/// The channel of [`Layers::cache_error`].
+const CACHE_ERROR: &str = "cache_error";
 
 /// The layer that holds the colours of the film where the main channels hold denoised ones.
 const NOISY: &str = "noisy";
@@ -121,18 +143,25 @@ fn write_channels(
             AnyChannel::new(name, FlatSamples::F32(samples))
         })
     });
-    let values = own.chain(shown);
-    let mut words: [Vec<u32>; Pixel::WORDS] =
-        std::array::from_fn(|_| Vec::with_capacity(pixels.len()));
-    for pixel in pixels {
-        for (samples, word) in words.iter_mut().zip(pixel.to_words()) {
-            samples.push(word);
-        }
+    let mut channels: Vec<AnyChannel<FlatSamples>> = own.chain(shown).collect();
+    channels.extend(sum_channels(SUMS, film));
+    let Layers {
+        direct,
+        cache_error,
+    } = rendered.layers;
+    if let Some(direct) = direct.filter(|direct| direct.size() == film.size()) {
+        let both = || direct.pixels().iter().zip(pixels);
+        channels.extend(DIRECT_CHANNELS.iter().map(|(name, value)| {
+            let samples = both().map(|(d, all)| value(d, all)).collect();
+            AnyChannel::new(*name, FlatSamples::F32(samples))
+        }));
+        channels.extend(sum_channels(DIRECT_SUMS, direct));
     }
-    let sums = words.into_iter().enumerate().map(|(word, samples)| {
-        AnyChannel::new(sum_channel(word).as_str(), FlatSamples::U32(samples))
-    });
-    let channels = values.chain(sums).collect();
+    if let Some(errors) = cache_error.filter(|errors| errors.len() == pixels.len()) {
+        let samples = FlatSamples::F32(errors.to_vec());
+        channels.push(AnyChannel::new(CACHE_ERROR, samples));
+    }
+    let channels = channels.into_iter().collect();
     let mut layer_attributes = LayerAttributes::named("organza");
     layer_attributes.software_name = Text::new_or_none("organza");
     // One text in the standard field for it: custom attributes come out of a
@@ -150,6 +179,22 @@ fn write_channels(
     );
     let written = Image::from_layer(layer).write().to_buffered(out);
     written.map_err(|e| PictureError::write("EXR", e))
+}
+
+/// The exact sums of a film.
+fn sum_channels(sums: &str, film: &Film) -> impl Iterator<Item = AnyChannel<FlatSamples>> {
+    let pixels = film.pixels();
+    let mut words: [Vec<u32>; Pixel::WORDS] =
+        std::array::from_fn(|_| Vec::with_capacity(pixels.len()));
+    for pixel in pixels {
+        for (samples, word) in words.iter_mut().zip(pixel.to_words()) {
+            samples.push(word);
+        }
+    }
+    words.into_iter().enumerate().map(move |(word, samples)| {
+        let name = sum_channel(sums, word);
+        AnyChannel::new(name.as_str(), FlatSamples::U32(samples))
+    })
 }
 
 /// Writes colours alone.
@@ -202,15 +247,7 @@ pub fn stated_film(bytes: &[u8]) -> Result<(UVec2, Attributes), PictureError> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(broken)?;
     let header = meta.headers.first();
     let comment = header.and_then(|h| h.own_attributes.comments.as_ref());
-    let has_sums = |h: &Header| {
-        (0..Pixel::WORDS).all(|w| {
-            let has = |c: &ChannelDescription| {
-                c.name == *sum_channel(w) && c.sample_type == SampleType::U32
-            };
-            h.channels.list.iter().any(has)
-        })
-    };
-    let (Some(header), Some(comment)) = (header.filter(|h| has_sums(h)), comment) else {
+    let (Some(header), Some(comment)) = (header.filter(|h| has_sums(h, SUMS)), comment) else {
         return Err(PictureError::NoSums);
     };
     let attributes = Attributes::from_ascii(&comment.to_string());
@@ -222,16 +259,62 @@ pub fn stated_film(bytes: &[u8]) -> Result<(UVec2, Attributes), PictureError> {
     Ok((size, attributes))
 }
 
+fn has_sums(header: &Header, sums: &str) -> bool {
+    (0..Pixel::WORDS).all(|w| {
+        let has = |c: &ChannelDescription| {
+            c.name == *sum_channel(sums, w) && c.sample_type == SampleType::U32
+        };
+        header.channels.list.iter().any(has)
+    })
+}
+
 /// The film of a file that `organza render` wrote, and its attributes.
 ///
 /// # Errors
 /// No OpenEXR file, or not one of this program; the film would take more than
 /// `max_memory_bytes`.
 pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attributes), PictureError> {
+    read_render(bytes, max_memory_bytes).map(|stored| (stored.film, stored.attributes))
+}
+
+/// What the file of a render holds.
+#[derive(Clone, Debug)]
+pub struct StoredRender {
+    /// The film.
+    pub film: Film,
+    /// What made it.
+    pub attributes: Attributes,
+    /// See [`Layers::direct`].
+    pub direct: Option<Film>,
+    /// See [`Layers::cache_error`].
+    pub cache_error: Option<Vec<f32>>,
+}
+
+impl StoredRender {
+    /// What is known beside the film.
+    pub fn layers(&self) -> Layers<'_> {
+        Layers {
+            direct: self.direct.as_ref(),
+            cache_error: self.cache_error.as_deref(),
+        }
+    }
+}
+
+/// Everything that `organza render` wrote to a file.
+///
+/// # Errors
+/// As [`read_film`].
+pub fn read_render(bytes: &[u8], max_memory_bytes: u64) -> Result<StoredRender, PictureError> {
     let broken = |e: exr::error::Error| PictureError::broken("EXR", e);
     let (size, attributes) = stated_film(bytes)?;
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(broken)?;
+    let has_direct = meta
+        .headers
+        .first()
+        .is_some_and(|h| has_sums(h, DIRECT_SUMS));
     // The decoded channels, one more copy of the sums, and the film.
-    let of_pixel = 3 * Film::memory_bytes(UVec2::ONE);
+    let films = if has_direct { 2 } else { 1 };
+    let of_pixel = 3 * films * Film::memory_bytes(UVec2::ONE);
     check_memory(size, of_pixel, max_memory_bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -241,23 +324,37 @@ pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attribute
         .all_attributes()
         .from_buffered(std::io::Cursor::new(bytes))
         .map_err(broken)?;
-    let mut words = vec![[0; Pixel::WORDS]; size.x as usize * size.y as usize];
-    for word in 0..Pixel::WORDS {
-        let name = sum_channel(word);
+    let samples = |name: &str| {
         let channels = &image.layer_data.channel_data.list;
         let channel = channels.iter().find(|c| c.name == *name);
-        let Some(FlatSamples::U32(samples)) = channel.map(|c| &c.sample_data) else {
-            return Err(PictureError::NoSums);
-        };
-        for (pixel, &sample) in words.iter_mut().zip(samples) {
-            pixel[word] = sample;
+        channel.map(|c| &c.sample_data)
+    };
+    let film = |sums: &str| {
+        let mut words = vec![[0; Pixel::WORDS]; size.x as usize * size.y as usize];
+        for word in 0..Pixel::WORDS {
+            let Some(FlatSamples::U32(samples)) = samples(&sum_channel(sums, word)) else {
+                return Err(PictureError::NoSums);
+            };
+            for (pixel, &sample) in words.iter_mut().zip(samples) {
+                pixel[word] = sample;
+            }
         }
-    }
-    let mut film = Film::new(size);
-    for (pixel, words) in film.pixels_mut().iter_mut().zip(&words) {
-        *pixel = Pixel::from_words(words);
-    }
-    Ok((film, attributes))
+        let mut film = Film::new(size);
+        for (pixel, words) in film.pixels_mut().iter_mut().zip(&words) {
+            *pixel = Pixel::from_words(words);
+        }
+        Ok(film)
+    };
+    let cache_error = match samples(CACHE_ERROR) {
+        Some(FlatSamples::F32(errors)) => Some(errors.clone()),
+        _ => None,
+    };
+    Ok(StoredRender {
+        film: film(SUMS)?,
+        attributes,
+        direct: has_direct.then(|| film(DIRECT_SUMS)).transpose()?,
+        cache_error,
+    })
 }
 
 #[cfg(test)]
@@ -272,16 +369,32 @@ mod tests {
         let attributes: Attributes = [("scene", "шёлк.toml"), ("seed", "7")]
             .into_iter()
             .collect();
-        let rendered = Rendered {
-            film: &film,
-            display: crate::Display::default(),
-            attributes: &attributes,
-        };
+        let rendered = Rendered::new(&film, crate::Display::default(), &attributes);
         let mut out = Cursor::new(Vec::new());
         write(&rendered, &mut out).unwrap();
-        let (read, stored) = read_film(out.get_ref(), 1 << 20).unwrap();
-        assert_eq!(stored, attributes);
-        assert_eq!(read.pixels(), film.pixels());
+        let read = read_render(out.get_ref(), 1 << 20).unwrap();
+        assert_eq!(read.attributes, attributes);
+        assert_eq!(read.film, film);
+        assert!(read.direct.is_none() && read.cache_error.is_none());
+        let mut direct = film.clone();
+        for (index, pixel) in direct.pixels_mut().iter_mut().enumerate() {
+            let sample = organza_film::PathSample {
+                radiance: Rgb::splat(index as f32),
+                ..Default::default()
+            };
+            pixel.add(&sample, 0);
+        }
+        let errors = [0.0, 0.5, f32::INFINITY, 0.25, 3.0, 1.0];
+        let layers = Layers {
+            direct: Some(&direct),
+            cache_error: Some(&errors),
+        };
+        let mut out = Cursor::new(Vec::new());
+        write(&Rendered { layers, ..rendered }, &mut out).unwrap();
+        let read = read_render(out.get_ref(), 1 << 20).unwrap();
+        assert_eq!(read.film, film);
+        assert_eq!(read.direct.as_ref(), Some(&direct));
+        assert_eq!(read.cache_error.as_deref(), Some(&errors[..]));
         // Known bad: a picture of another program has no sums.
         let picture = rendered.colours();
         let mut out = Cursor::new(Vec::new());
@@ -326,10 +439,7 @@ mod tests {
         assert!(known_variance(&pixel).0.x.is_nan());
         let sample = |radiance| PathSample {
             radiance: Rgb::splat(radiance),
-            bounces: 0,
-            first: None,
-            absorbed: Rgb::BLACK,
-            escape: None,
+            ..PathSample::default()
         };
         pixel.add(&sample(1.0), 0);
         assert!(known_variance(&pixel).0.x.is_nan());

@@ -177,11 +177,8 @@ mod tests {
         for format in FORMATS {
             let Some(write) = format.writer else { continue };
             let size = UVec2::new(5, 3);
-            let rendered = Rendered {
-                film: &film(size),
-                display: crate::Display::default(),
-                attributes: &crate::Attributes::default(),
-            };
+            let (film, attributes) = (film(size), crate::Attributes::default());
+            let rendered = Rendered::new(&film, crate::Display::default(), &attributes);
             let mut out = Cursor::new(Vec::new());
             write(&rendered, &mut out).unwrap();
             let bytes = out.into_inner();

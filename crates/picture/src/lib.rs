@@ -43,7 +43,7 @@ pub use error::PictureError;
 pub use format::{
     Format, Reader, WriteSeek, Writer, decode, format_of_bytes, format_of_ending, stated_size,
 };
-pub use picture::{Picture, Rendered};
+pub use picture::{Layers, Picture, Rendered};
 pub use tone_mapping::ToneMapping;
 pub use white_balance::WhiteBalance;
 

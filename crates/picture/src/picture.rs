@@ -23,9 +23,30 @@ pub struct Rendered<'a> {
     pub display: Display,
     /// What made the picture, for formats that keep it.
     pub attributes: &'a Attributes,
+    /// What is known beside the film, for formats that keep it.
+    pub layers: Layers<'a>,
 }
 
-impl Rendered<'_> {
+/// What a render may know beside its film; as many pixels.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Layers<'a> {
+    /// Light that comes straight to the camera or by one event.
+    pub direct: Option<&'a Film>,
+    /// The error of a cache of radiance about every pixel, in units of radiance.
+    pub cache_error: Option<&'a [f32]>,
+}
+
+impl<'a> Rendered<'a> {
+    /// A film alone.
+    pub fn new(film: &'a Film, display: Display, attributes: &'a Attributes) -> Rendered<'a> {
+        Rendered {
+            film,
+            display,
+            attributes,
+            layers: Layers::default(),
+        }
+    }
+
     /// Width and height, pixels.
     pub fn size(&self) -> UVec2 {
         self.film.size()

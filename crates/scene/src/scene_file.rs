@@ -98,6 +98,8 @@ pub struct RenderTable {
     pub cache_error: Option<f64>,
     /// Memory of the cache while it is learned, MiB.
     pub cache_mib: u32,
+    /// Whether direct light is kept beside the picture.
+    pub direct: bool,
 }
 
 /// `render.cache`
@@ -128,6 +130,7 @@ impl Default for RenderTable {
             cache_learning: 1.0,
             cache_error: None,
             cache_mib: (CachePlan::BYTES >> 20) as u32,
+            direct: false,
         }
     }
 }
@@ -157,6 +160,13 @@ impl RenderTable {
             let found = self.cache_mib;
             return Err(format!("cache_mib: expected 1 to 4096, found {found}"));
         }
+        if self.direct && self.cache == Some(CacheName::FirstFibre) {
+            return Err(
+                "direct: samples that share the light of their first fibres do not know \
+                 which of it is direct; expected cache = \"second-fibre\" or \"off\""
+                    .into(),
+            );
+        }
         self.display().check()
     }
 
@@ -168,7 +178,7 @@ impl RenderTable {
             Some(CacheName::Off) => return None,
             None if pixels < Self::LEAST_CACHED_PIXELS => return None,
             Some(CacheName::FirstFibre) => CacheMode::FirstFibre,
-            None if self.spp <= Self::MOST_SHARED_SAMPLES => CacheMode::FirstFibre,
+            None if self.spp <= Self::MOST_SHARED_SAMPLES && !self.direct => CacheMode::FirstFibre,
             Some(CacheName::SecondFibre) | None => CacheMode::SecondFibre,
         };
         Some(CachePlan {

@@ -6,7 +6,7 @@ use crate::{AnyMedium, LevelledCloth, RenderSettings, Scene};
 use glam::UVec2;
 use organza_basis::PathRng;
 use organza_film::Stats;
-use organza_kernel::fibres::{CachePlan, CacheReport, LearnWatch, Stopped};
+use organza_kernel::fibres::{CachePlan, CacheReport, KeptLight, LearnWatch, Stopped};
 use organza_kernel::{Block, Engine, Lost};
 
 /// Samples whose representations are known at the same time: a byte for each pixel of a block.
@@ -73,13 +73,14 @@ impl<'a> LevelledEngine<'a> {
                     for (sample, of_sample) in samples.clone().zip(of_pixel) {
                         if *of_sample == level {
                             let index = u64::from(sample);
+                            let direct = block.direct.as_deref_mut();
                             add_samples(
                                 self.scene,
                                 &self.settings,
                                 f32::INFINITY,
                                 place(pixel),
                                 index..index + 1,
-                                out,
+                                (&mut *out, direct.map(|film| &mut film[pixel])),
                                 &mut stats,
                             );
                         }
@@ -95,6 +96,7 @@ impl<'a> LevelledEngine<'a> {
             };
             let mut part = Block {
                 pixels: &mut *block.pixels,
+                direct: block.direct.as_deref_mut(),
                 width,
                 min,
                 samples: samples.clone(),
@@ -144,6 +146,10 @@ impl Engine for LevelledEngine<'_> {
         Ok(None)
     }
 
+    fn kept_light(&self) -> Option<KeptLight> {
+        self.all().find_map(|engine| engine.kept_light())
+    }
+
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let cloth = self.scene.media.iter().find_map(|m| match m {
             AnyMedium::Levelled(cloth) if cloth.representation_count() > 1 => Some(cloth),
@@ -161,6 +167,7 @@ impl Engine for LevelledEngine<'_> {
                 cloth,
                 &mut Block {
                     pixels: &mut *block.pixels,
+                    direct: block.direct.as_deref_mut(),
                     width: block.width,
                     min: block.min,
                     samples: start..end,

@@ -332,11 +332,8 @@ fn coarse(
 
 /// A film as PNG, and the stops of exposure that it got where `display` leaves them to it.
 fn encoded(film: &Film, display: Display) -> Result<(Bytes, Option<f32>), Stop> {
-    let mut rendered = Rendered {
-        film,
-        display,
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let mut rendered = Rendered::new(film, display, &attributes);
     let mut stops = None;
     if display.exposure == Exposure::Auto {
         rendered.display = display.resolve(&rendered.colours());

@@ -66,11 +66,7 @@ pub fn save(
     ]
     .into_iter()
     .collect();
-    let rendered = Rendered {
-        film,
-        display,
-        attributes: &attributes,
-    };
+    let rendered = Rendered::new(film, display, &attributes);
     let mut files: Vec<SavedFile<'_>> = texts
         .into_iter()
         .map(|(file, bytes)| SavedFile {

@@ -29,11 +29,8 @@ fn expected(served: &Served, name: &str) -> Vec<u8> {
     let go_on = |_| std::ops::ControlFlow::Continue(());
     let rendering = rendering.take(u64::MAX, &go_on).unwrap();
     let mut out = std::io::Cursor::new(Vec::new());
-    let rendered = Rendered {
-        film: rendering.film(),
-        display: table.display(),
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let rendered = Rendered::new(rendering.film(), table.display(), &attributes);
     (png::FORMAT.writer.unwrap())(&rendered, &mut out).unwrap();
     out.into_inner()
 }

@@ -53,13 +53,13 @@ impl Command for DenoiseArgs {
         let denoiser = Denoiser::find(self.guides)?;
         let started = Instant::now();
         let allowed = self.memory.max_memory.unwrap_or_else(free_memory_bytes);
-        let (film, attributes) = picture::read_exr(&self.picture, allowed)?;
+        let stored = picture::read_exr(&self.picture, allowed)?;
+        let film = &stored.film;
         let display = self.display.over(Display::default());
-        let display = picture::resolved(&self.outfile, &film, display, self.quiet);
+        let display = picture::resolved(&self.outfile, film, display, self.quiet);
         let rendered = Rendered {
-            film: &film,
-            display,
-            attributes: &attributes,
+            layers: stored.layers(),
+            ..Rendered::new(film, display, &stored.attributes)
         };
         let left = allowed.saturating_sub(organza_film::Film::memory_bytes(film.size()));
         let written = denoiser.write(&self.outfile, &rendered, self.threads, left)?;

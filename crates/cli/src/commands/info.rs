@@ -344,9 +344,9 @@ fn box_of(b: &Aabb) -> Value {
 
 /// A picture that `render` wrote.
 fn picture_info(path: &Path) -> Result<Value> {
-    let (film, attributes) = picture::read_exr(path, free_memory_bytes())?;
-    let size = film.size();
-    let attributes: BTreeMap<&str, &str> = attributes.iter().collect();
+    let stored = picture::read_exr(path, free_memory_bytes())?;
+    let size = stored.film.size();
+    let attributes: BTreeMap<&str, &str> = stored.attributes.iter().collect();
     Ok(json!({
         "kind": "picture",
         "resolution": size.to_array(),

@@ -11,7 +11,8 @@ use crate::picture;
 use crate::sample_ranges::SampleRanges;
 use anyhow::Result;
 use clap::Args;
-use organza_picture::{Attributes, Display, Rendered, exr};
+use organza_picture::exr::{self, StoredRender};
+use organza_picture::{Display, Rendered};
 use organza_transport::Film;
 use std::path::{Path, PathBuf};
 
@@ -46,8 +47,7 @@ impl Command for MergeArgs {
 /// A picture of some samples.
 struct Part<'a> {
     path: &'a Path,
-    film: Film,
-    attributes: Attributes,
+    stored: StoredRender,
     samples: SampleRanges,
 }
 
@@ -72,22 +72,23 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         return Err(input("expected at least one picture"));
     };
     // The order in which `render` writes them: equal pictures, equal files.
-    let mut attributes = all.attributes.clone();
+    let film = &all.stored.film;
+    let mut attributes = all.stored.attributes.clone();
     attributes.remove(exr::DENOISED); // the merged colours are those of the samples
     attributes.set("spp", all.samples.count().to_string());
     attributes.set("samples", all.samples.to_string());
     let rendered = Rendered {
-        film: &all.film,
-        display: Display::default(), // sums are kept by linear formats alone
-        attributes: &attributes,
+        layers: all.stored.layers(),
+        // Sums are kept by linear formats alone.
+        ..Rendered::new(film, Display::default(), &attributes)
     };
     picture::write(&args.outfile, &rendered)?;
     if !args.quiet {
         note!(
             "{}: {} x {}, samples {} of every pixel",
             args.outfile.display(),
-            all.film.size().x,
-            all.film.size().y,
+            film.size().x,
+            film.size().y,
             all.samples
         );
         if let Some(gaps) = all.samples.gaps() {
@@ -98,8 +99,9 @@ pub fn run(args: &MergeArgs) -> Result<()> {
 }
 
 fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
-    let (film, attributes) = picture::read_exr(path, max_memory_bytes)?;
-    let samples = attributes
+    let stored = picture::read_exr(path, max_memory_bytes)?;
+    let samples = stored
+        .attributes
         .get("samples")
         .and_then(SampleRanges::parse)
         .ok_or_else(|| {
@@ -110,8 +112,7 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
         })?;
     Ok(Part {
         path,
-        film,
-        attributes,
+        stored,
         samples,
     })
 }
@@ -120,7 +121,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
     let (first, second) = (all.path.display(), part.path.display());
     if let Some(difference) = identity(&all)?.difference(&identity(&part)?) {
         let differ = |key: &str| {
-            let word = |p: &Part<'_>| p.attributes.get(key).unwrap_or("none").to_owned();
+            let word = |p: &Part<'_>| p.stored.attributes.get(key).unwrap_or("none").to_owned();
             format!("{key} is {}, but {} in {first}", word(&part), word(&all))
         };
         let why = match difference {
@@ -134,7 +135,8 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
         return Err(input(format!("{second}: cannot join {first}: {why}")));
     }
     let backend = |part: &Part| {
-        part.attributes
+        part.stored
+            .attributes
             .get("backend")
             .unwrap_or_default()
             .to_owned()
@@ -145,8 +147,8 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             "{second}: cannot join {first}: backend is {b}, but {a} in {first}"
         )));
     };
-    all.attributes.set("backend", both);
-    if all.film.size() != part.film.size() {
+    all.stored.attributes.set("backend", both);
+    if all.stored.film.size() != part.stored.film.size() {
         return Err(input(format!(
             "{second}: cannot join {first}: the sizes differ"
         )));
@@ -155,15 +157,25 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
         .samples
         .joined(&part.samples)
         .map_err(|e| input(format!("{second}: cannot join {first}: {e}")))?;
-    let removed = |p: &Part<'_>| p.attributes.get(CLAMPED)?.parse::<u128>().ok();
+    let removed = |p: &Part<'_>| p.stored.attributes.get(CLAMPED)?.parse::<u128>().ok();
     if let (Some(a), Some(b)) = (removed(&all), removed(&part)) {
         let sum = a.saturating_add(b).to_string();
-        all.attributes.set(CLAMPED, sum);
+        all.stored.attributes.set(CLAMPED, sum);
     }
-    for (a, b) in all.film.pixels_mut().iter_mut().zip(part.film.pixels()) {
-        a.merge(b);
+    let (stored, other) = (&mut all.stored, &part.stored);
+    merge_films(&mut stored.film, &other.film);
+    match (&mut stored.direct, &other.direct) {
+        (Some(direct), Some(other)) => merge_films(direct, other),
+        // That of some samples alone is none of the picture.
+        _ => stored.direct = None,
     }
     Ok(all)
+}
+
+fn merge_films(all: &mut Film, part: &Film) {
+    for (a, b) in all.pixels_mut().iter_mut().zip(part.pixels()) {
+        a.merge(b);
+    }
 }
 
 /// What the picture of a part is of.
@@ -174,7 +186,7 @@ fn identity(part: &Part<'_>) -> Result<Identity> {
             part.path.display()
         ))
     };
-    let value = |key: &'static str| part.attributes.get(key).ok_or_else(|| missing(key));
+    let value = |key: &'static str| part.stored.attributes.get(key).ok_or_else(|| missing(key));
     let crop: Vec<u32> = value("crop")?
         .split(',')
         .filter_map(|n| n.parse().ok())

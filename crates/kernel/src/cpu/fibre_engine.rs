@@ -6,7 +6,9 @@ use super::lanes::Floats;
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
 use crate::fibres::cache::learn::learn;
-use crate::fibres::cache::{CachePlan, CacheReport, CacheUse, LearnWatch, RadianceCache, Stopped};
+use crate::fibres::cache::{
+    CachePlan, CacheReport, CacheUse, KeptLight, LearnWatch, RadianceCache, Stopped,
+};
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::walk::Walk;
 use crate::fibres::work::{FilmWork, Work};
@@ -75,7 +77,11 @@ impl Engine for FibreEngine {
             // Whoever learned it first learned the same.
             let _ = scene.cache.set(learned);
         }
-        Ok(scene.cache.get().map(|cache| cache.report))
+        Ok(scene.cache.get().map(|cache| cache.report.clone()))
+    }
+
+    fn kept_light(&self) -> Option<KeptLight> {
+        self.scene.cache.get().map(KeptLight::of)
     }
 }
 

@@ -47,18 +47,11 @@ impl FibreProbe {
     /// What the paths found, in their order.
     pub fn trace(&self, paths: &ProbePaths<'_>) -> (Vec<PathSample>, Stats) {
         let count = paths.paths.end.saturating_sub(paths.paths.start) as usize;
-        let nothing = PathSample {
-            radiance: Rgb::BLACK,
-            bounces: 0,
-            first: None,
-            absorbed: Rgb::BLACK,
-            escape: None,
-        };
         let mut work = ProbeWork {
             paths,
             next: paths.paths.start,
             under_way: [0; WAVE],
-            samples: vec![nothing; count],
+            samples: vec![PathSample::default(); count],
         };
         let walk = Walk {
             matter: &self.matter,
@@ -104,6 +97,7 @@ impl Work for ProbeWork<'_> {
         let index = self.under_way[slot] - self.paths.paths.start;
         self.samples[index as usize] = PathSample {
             radiance: Rgb(end.radiance),
+            direct: Rgb(end.direct),
             bounces: end.bounces,
             first: end.first,
             absorbed: Rgb(end.absorbed),

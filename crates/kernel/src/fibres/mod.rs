@@ -48,7 +48,7 @@ pub(crate) mod walk;
 pub(crate) mod work;
 
 pub use body::FibreBody;
-pub use cache::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
+pub use cache::{CacheMode, CachePlan, CacheReport, ErrorMap, KeptLight, LearnWatch, Stopped};
 pub use cells::Unfit;
 pub use drape::{Drape, DrapeBox, DrapeSpan, DrapeStep, DrapeTables, DrapeTetrahedron};
 pub use fibre_scene::FibreScene;

@@ -44,6 +44,8 @@ pub struct Paths {
     pub direction: [Column; 3],
     pub throughput: [Column; 3],
     pub radiance: [Column; 3],
+    /// The part of it that came straight to the camera or by one event.
+    pub direct: [Column; 3],
     pub absorbed: [Column; 3],
     pub bounces: [u32; WAVE],
     pub first: [Option<FirstEvent>; WAVE],
@@ -116,6 +118,7 @@ impl Paths {
             direction: [zero; 3],
             throughput: [zero; 3],
             radiance: [zero; 3],
+            direct: [zero; 3],
             absorbed: [zero; 3],
             bounces: [0; WAVE],
             first: [None; WAVE],
@@ -151,6 +154,7 @@ impl Paths {
         put(&mut self.direction, slot, direction);
         put(&mut self.throughput, slot, Vec3::ONE);
         put(&mut self.radiance, slot, Vec3::ZERO);
+        put(&mut self.direct, slot, Vec3::ZERO);
         put(&mut self.absorbed, slot, Vec3::ZERO);
         self.bounces[slot] = 0;
         self.fibres_met[slot] = 0;
@@ -158,6 +162,17 @@ impl Paths {
         self.first[slot] = None;
         self.before_mm[slot] = 0.0;
         self.pdf[slot] = f32::INFINITY;
+    }
+
+    /// Adds light that the path of a slot has found: direct light before its second event.
+    #[inline]
+    pub fn find_light(&mut self, slot: usize, light: Vec3) {
+        let sum = get(&self.radiance, slot) + light;
+        put(&mut self.radiance, slot, sum);
+        if self.bounces[slot] <= 1 {
+            let sum = get(&self.direct, slot) + light;
+            put(&mut self.direct, slot, sum);
+        }
     }
 
     /// Random numbers of the slots from `first` on.

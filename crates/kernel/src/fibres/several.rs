@@ -103,8 +103,7 @@ pub fn meet_plane(
     let at_mm = paths.trips[slot].end_mm();
     let w_out = -get(&paths.direction, slot);
     let carried = Rgb(get(&paths.throughput, slot));
-    let seen = get(&paths.radiance, slot) + (carried * plane.emitted(w_out)).0;
-    put(&mut paths.radiance, slot, seen);
+    paths.find_light(slot, (carried * plane.emitted(w_out)).0);
     if paths.bounces[slot] == shading.max_bounces {
         stats.cut += 1;
         paths.state[slot] = State::Ended;

@@ -5,7 +5,7 @@ use super::cache::CacheUse;
 use super::cell_ray::{CellRay, Visit};
 use super::importance::Importance;
 use super::matter::FibreMatter;
-use super::paths::{Paths, State, get, put};
+use super::paths::{Paths, State, get};
 use super::several::{go_on, meet_plane, set_out};
 use super::shade::{Shading, has_place, shade};
 use super::shadows::Shadows;
@@ -15,7 +15,6 @@ use crate::matter::NO_YARN;
 use crate::packed::PackedPart;
 use crate::packed::flight::{FlightCounts, fly};
 use crate::packed::volume_ray::{Departure, NOWHERE, UNDER_WAY, VolumeRay};
-use glam::Vec3;
 use organza_basis::Rgb;
 use organza_film::Stats;
 use organza_light::{KernelLight, Light, LightSearch};
@@ -107,10 +106,8 @@ impl Walk<'_> {
                     meet_plane(&shading, &mut paths, slot, &mut shadows, &mut stats);
                 }
             }
-            let radiance = &mut paths.radiance;
             shadows.follow::<F>(self.matter, &mut stats, |slot, light| {
-                let sum = get(radiance, slot) + light;
-                put(radiance, slot, sum);
+                paths.find_light(slot, light);
             });
             for slot in 0..WAVE {
                 if paths.state[slot] == State::Ended && !shadows.has_packed() {
@@ -207,12 +204,10 @@ impl Walk<'_> {
         stats.tentative += counts.tentative;
         stats.shadow_steps += counts.of_shadows;
         stats.majorant_violations += counts.violations;
-        let radiance = &mut paths.radiance;
-        shadows.add_packed(&paths.volume_rays[WAVE..], |slot, light| {
-            let sum = get(radiance, slot) + light;
-            put(radiance, slot, sum);
-        });
-        paths.volume_rays.truncate(WAVE);
+        let mut rays = std::mem::take(&mut paths.volume_rays);
+        shadows.add_packed(&rays[WAVE..], |slot, light| paths.find_light(slot, light));
+        rays.truncate(WAVE);
+        paths.volume_rays = rays;
         for &number in &packed[..of_paths] {
             let slot = number as usize;
             let ray = paths.volume_rays[slot];
@@ -341,6 +336,7 @@ impl Walk<'_> {
         }
         let end = End {
             radiance: get(&paths.radiance, slot),
+            direct: get(&paths.direct, slot),
             bounces: events(paths, slot),
             first: paths.first[slot],
             absorbed: get(&paths.absorbed, slot),
@@ -401,8 +397,7 @@ impl Walk<'_> {
 }
 
 fn add(paths: &mut Paths, slot: usize, light: Rgb) {
-    let sum: Vec3 = get(&paths.radiance, slot) + get(&paths.throughput, slot) * light.0;
-    put(&mut paths.radiance, slot, sum);
+    paths.find_light(slot, get(&paths.throughput, slot) * light.0);
 }
 
 /// Whether shadow rays and walks share the search for a light.

@@ -23,6 +23,8 @@ pub struct Start {
 #[derive(Clone, Copy, Debug)]
 pub struct End<'a> {
     pub radiance: Vec3,
+    /// The part of it that came straight to the camera or by one event.
+    pub direct: Vec3,
     pub bounces: u32,
     pub first: Option<FirstEvent>,
     /// Estimate of the share that was absorbed.
@@ -68,6 +70,8 @@ struct Post {
     /// Beyond its last sample.
     end: u32,
     tally: Tally,
+    /// Of direct light, where a film of it is filled.
+    direct: Tally,
 }
 
 impl<'a, 'b> FilmWork<'a, 'b> {
@@ -106,9 +110,7 @@ impl Work for FilmWork<'_, '_> {
                 post.sample = sample;
                 break (x, y);
             }
-            let pixel = &mut self.block.pixels[pixel];
-            post.tally.flush(&self.brightness, pixel);
-            post.pixel = None;
+            post.finish(self.block, pixel, &self.brightness);
         };
         stats.paths += 1;
         let name = u64::from(y) * u64::from(self.camera.resolution().x) + u64::from(x);
@@ -124,7 +126,7 @@ impl Work for FilmWork<'_, '_> {
 
     fn end(&mut self, slot: usize, end: &End<'_>, stats: &mut Stats) {
         let post = &mut self.posts[slot];
-        let Some((pixel, ..)) = post.pixel else {
+        let Some((number, ..)) = post.pixel else {
             return;
         };
         let sample = Sample {
@@ -133,16 +135,32 @@ impl Work for FilmWork<'_, '_> {
             first: end.first,
             index: post.sample,
         };
-        let pixel: &mut Pixel = &mut self.block.pixels[pixel];
+        let pixel: &mut Pixel = &mut self.block.pixels[number];
         if post.tally.add(&sample, &self.brightness, pixel) {
             stats.brightest = stats.brightest.max(Rgb(end.radiance).max_component());
+            if let Some(direct) = &mut self.block.direct {
+                let radiance = end.direct.to_array();
+                let sample = Sample { radiance, ..sample };
+                let pixel = &mut direct[number];
+                post.direct.add(&sample, &self.brightness, pixel);
+            }
         } else {
             stats.rejected += 1;
         }
         post.sample += 1;
         if post.sample >= post.end {
-            post.tally.flush(&self.brightness, pixel);
-            post.pixel = None;
+            post.finish(self.block, number, &self.brightness);
         }
+    }
+}
+
+impl Post {
+    /// Brings what is left to the films; another pixel may follow.
+    fn finish(&mut self, block: &mut Block<'_>, pixel: usize, brightness: &Brightness) {
+        self.tally.flush(brightness, &mut block.pixels[pixel]);
+        if let Some(direct) = &mut block.direct {
+            self.direct.flush(brightness, &mut direct[pixel]);
+        }
+        self.pixel = None;
     }
 }

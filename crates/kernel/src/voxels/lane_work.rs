@@ -3,7 +3,7 @@
 use super::flat_medium::NO_POPULATION;
 use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use super::walk::{Paths, add_panels_in_sight};
+use super::walk::{Paths, add_panels_in_sight, stored};
 use crate::block::Block;
 use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use crate::cpu::math::{LaneRng, V3, pixel_key};
@@ -35,6 +35,8 @@ struct Assignment {
     /// The sample under way.
     sample: u32,
     tally: Tally,
+    /// Of direct light, where a film of it is filled.
+    direct: Tally,
 }
 
 /// A pixel.
@@ -58,10 +60,8 @@ pub fn regenerate<F: Floats>(
     ended: F::Mask,
     stats: &mut Stats,
 ) {
-    let mut radiance = [[0.0; MAX_LANES]; 3];
-    paths.radiance.x.store(&mut radiance[0]);
-    paths.radiance.y.store(&mut radiance[1]);
-    paths.radiance.z.store(&mut radiance[2]);
+    let radiance = stored(paths.radiance);
+    let direct = block.direct.is_some().then(|| stored(paths.direct()));
     let (mut bounces, mut first) = ([0; MAX_LANES], [0; MAX_LANES]);
     paths.bounces.store(&mut bounces);
     paths.first_place.store(&mut first);
@@ -76,7 +76,7 @@ pub fn regenerate<F: Floats>(
     for lane in SetBits(ended.bits()) {
         let assignment = &mut work.lanes[lane];
         if let Some(place) = assignment.place {
-            let radiance = [radiance[0][lane], radiance[1][lane], radiance[2][lane]];
+            let radiance = radiance.map(|channel| channel[lane]);
             let path = Sample {
                 radiance,
                 bounces: bounces[lane],
@@ -90,6 +90,12 @@ pub fn regenerate<F: Floats>(
                 for x in radiance {
                     stats.brightest = stats.brightest.max(x);
                 }
+                if let (Some(found), Some(film)) = (&direct, &mut block.direct) {
+                    let radiance = found.map(|channel| channel[lane]);
+                    let path = Sample { radiance, ..path };
+                    let pixel = &mut film[place.pixel];
+                    assignment.direct.add(&path, &scene.brightness, pixel);
+                }
             } else {
                 stats.rejected += 1;
             }
@@ -100,6 +106,10 @@ pub fn regenerate<F: Floats>(
             } else {
                 let pixel = &mut block.pixels[place.pixel];
                 assignment.tally.flush(&scene.brightness, pixel);
+                if let Some(film) = &mut block.direct {
+                    let pixel = &mut film[place.pixel];
+                    assignment.direct.flush(&scene.brightness, pixel);
+                }
                 assignment.place = None;
             }
         }

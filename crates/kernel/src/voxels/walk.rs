@@ -47,6 +47,8 @@ pub struct Paths<F: Floats> {
     pub depth: F,
     pub throughput: V3<F>,
     pub radiance: V3<F>,
+    /// What of it was found before the second event, once that has come.
+    before_second: V3<F>,
     pub bounces: F::Ints,
     /// The first population that the path met.
     pub first_place: F::Ints,
@@ -74,6 +76,7 @@ impl<F: Floats> Paths<F> {
             depth: zero,
             throughput: zeros,
             radiance: zeros,
+            before_second: zeros,
             bounces: zero_bits,
             first_place: F::Ints::splat(NO_POPULATION),
             first_depth: zero,
@@ -81,6 +84,14 @@ impl<F: Floats> Paths<F> {
             met: nowhere,
             gone: nowhere,
         }
+    }
+
+    /// What of the radiance came straight to the camera or by one event.
+    #[inline(always)]
+    pub fn direct(&self) -> V3<F> {
+        let one = F::Ints::splat(1);
+        let has_second = !(self.bounces.equals(one) | self.bounces.equals(F::Ints::splat(0)));
+        self.before_second.or_where_not(has_second, self.radiance)
     }
 
     /// Turns the lanes of a mask.
@@ -300,6 +311,8 @@ fn scatter<F: Floats, E: Event<F>>(
     let cut = paths.met & paths.bounces.equals(word(scene.max_bounces));
     stats.cut += u64::from(cut.bits().count_ones());
     let met = paths.met & !cut;
+    let second = met & paths.bounces.equals(word(1));
+    paths.before_second = paths.radiance.or_where_not(second, paths.before_second);
     paths.bounces = (paths.bounces + word(1)).or_where_not(met, paths.bounces);
 
     let meeting = Meeting {

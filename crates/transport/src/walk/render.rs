@@ -1,9 +1,9 @@
 //! Pictures: every pixel's paths, in parallel, in passes.
 
-use crate::{Film, Integrator, Pixel, PixelErrors, Scene, Stats, trace_path};
+use crate::{Film, Integrator, PathSample, Pixel, PixelErrors, Scene, Stats, trace_path};
 use glam::UVec2;
 use organza_basis::PathRng;
-use organza_kernel::fibres::{CachePlan, CacheReport, LearnWatch};
+use organza_kernel::fibres::{CachePlan, CacheReport, KeptLight, LearnWatch};
 use organza_kernel::{Block, Engine, Lost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -88,6 +88,7 @@ pub struct Rendering<'a> {
     settings: RenderSettings,
     crop: Crop,
     film: Film,
+    direct: Option<Film>,
     stats: Stats,
     next: u64,
     cache: Option<CacheReport>,
@@ -116,6 +117,7 @@ impl<'a> Rendering<'a> {
             clamp: None,
             crop,
             film: Film::new(crop.max - crop.min),
+            direct: None,
             stats: Stats::default(),
             next: settings.samples.start,
             cache: None,
@@ -147,6 +149,24 @@ impl<'a> Rendering<'a> {
             self.cache = learned.map_err(|_| RenderError::Interrupted)?;
         }
         Ok(self)
+    }
+
+    /// Fills a film of direct light beside the picture: what comes straight to the camera or by one
+    /// event ([`PathSample::direct`](crate::PathSample::direct)). An engine for graphics cards, and a
+    /// cache in the mode [`CacheMode::FirstFibre`](crate::CacheMode::FirstFibre), do not know it.
+    pub fn with_direct(mut self) -> Self {
+        self.direct = Some(Film::new(self.film.size()));
+        self
+    }
+
+    /// The film of direct light, if it is filled.
+    pub fn direct(&self) -> Option<&Film> {
+        self.direct.as_ref()
+    }
+
+    /// What was learned and is of use to other pictures of the same cloth.
+    pub fn kept_light(&self) -> Option<KeptLight> {
+        self.engine.as_ref()?.kept_light()
     }
 
     /// What was learned, if the samples use a cache.
@@ -199,16 +219,25 @@ impl<'a> Rendering<'a> {
     }
 
     /// Resumes from what an earlier rendering of the same scene, seed and crop
-    /// had gathered when `next` was its next sample.
+    /// had gathered when `next` was its next sample, direct light among it if that is filled here.
     ///
     /// # Errors
     /// A film of another size, or `next` outside the samples.
-    pub fn resume(mut self, film: Film, stats: Stats, next: u64) -> Result<Self, RenderError> {
+    pub fn resume(
+        mut self,
+        (film, direct): (Film, Option<Film>),
+        stats: Stats,
+        next: u64,
+    ) -> Result<Self, RenderError> {
         let samples = &self.settings.samples;
-        if film.size() != self.film.size() || next < samples.start || next > samples.end {
+        let fits = |film: &Film| film.size() == self.film.size();
+        let is_same = fits(&film)
+            && direct.as_ref().is_none_or(fits)
+            && direct.is_some() == self.direct.is_some();
+        if !is_same || next < samples.start || next > samples.end {
             return Err(RenderError::ForeignFilm);
         }
-        (self.film, self.stats, self.next) = (film, stats, next);
+        (self.film, self.direct, self.stats, self.next) = (film, direct, stats, next);
         Ok(self)
     }
 
@@ -232,12 +261,18 @@ impl<'a> Rendering<'a> {
         let engine = self.engine.as_deref();
         let threads = rayon::current_num_threads() as u32;
         let rows = engine.map_or(1, |engine| engine.rows_per_block(size.y, threads));
+        let of_block = (rows * size.x) as usize;
+        let direct: Vec<Option<&mut [Pixel]>> = match &mut self.direct {
+            Some(film) => film.pixels_mut().chunks_mut(of_block).map(Some).collect(),
+            None => (0..size.y.div_ceil(rows)).map(|_| None).collect(),
+        };
         let stats = self
             .film
             .pixels_mut()
-            .par_chunks_mut((rows * size.x) as usize)
+            .par_chunks_mut(of_block)
+            .zip(direct)
             .enumerate()
-            .map(|(block, pixels)| {
+            .map(|(block, (pixels, mut direct))| {
                 let mut stats = Stats::default();
                 if stopped.load(Ordering::Relaxed) {
                     return stats;
@@ -247,6 +282,7 @@ impl<'a> Rendering<'a> {
                 if let Some(engine) = engine {
                     let mut block = Block {
                         pixels,
+                        direct,
                         width: size.x,
                         min,
                         samples: indices.start as u32..indices.end as u32,
@@ -264,6 +300,7 @@ impl<'a> Rendering<'a> {
                     for (column, out) in pixels.iter_mut().enumerate() {
                         let pixel = min + UVec2::new(column as u32, 0);
                         let indices = indices.clone();
+                        let out = (out, direct.as_mut().map(|film| &mut film[column]));
                         add_samples(scene, settings, clamp, pixel, indices, out, &mut stats);
                     }
                 }
@@ -328,14 +365,14 @@ impl<'a> Rendering<'a> {
     }
 }
 
-/// Adds samples to one pixel.
+/// Adds samples to one pixel, and their direct light to another.
 pub(crate) fn add_samples(
     scene: &Scene,
     settings: &RenderSettings,
     clamp: f32,
     pixel: UVec2,
     indices: Range<u64>,
-    out: &mut Pixel,
+    (out, mut direct): (&mut Pixel, Option<&mut Pixel>),
     stats: &mut Stats,
 ) {
     let width = scene.camera.resolution().x;
@@ -351,9 +388,19 @@ pub(crate) fn add_samples(
             stats,
         );
         if Pixel::accepts(&sample) {
-            stats.brightest = stats.brightest.max(sample.radiance.max_component());
+            let brightest = sample.radiance.max_component();
+            stats.brightest = stats.brightest.max(brightest);
             sample.radiance = stats.clamp(sample.radiance, clamp);
             out.add(&sample, index as u32);
+            if let Some(out) = &mut direct {
+                let kept = clamp.min(brightest) / brightest.max(f32::MIN_POSITIVE);
+                let radiance = if kept < 1.0 {
+                    kept * sample.direct
+                } else {
+                    sample.direct
+                };
+                out.add(&PathSample { radiance, ..sample }, index as u32);
+            }
         } else {
             stats.rejected += 1;
         }

@@ -63,13 +63,7 @@ pub fn trace_from(
         origin_mm + start_mm * direction,
         direction.as_vec3().normalize(),
     );
-    let mut sample = PathSample {
-        radiance: Rgb::BLACK,
-        bounces: 0,
-        first: None,
-        absorbed: Rgb::BLACK,
-        escape: None,
-    };
+    let mut sample = PathSample::default();
     let mut throughput = Rgb::WHITE;
     // Where the ray's direction was drawn, and how densely; none by a camera.
     let mut drawn: Option<(DVec3, f32)> = None;
@@ -82,7 +76,10 @@ pub fn trace_from(
                 let share = drawn.map_or(1.0, |(from, pdf)| {
                     light.walk_share(from.as_vec3(), ray.direction, pdf)
                 });
-                sample.radiance += share * throughput * light.radiance_toward(ray.direction);
+                find(
+                    &mut sample,
+                    share * throughput * light.radiance_toward(ray.direction),
+                );
             }
         }
         let Some(collision) = collision else {
@@ -93,7 +90,7 @@ pub fn trace_from(
             return sample;
         };
         let w_out = -ray.direction;
-        sample.radiance += throughput * collision.emitted(w_out);
+        find(&mut sample, throughput * collision.emitted(w_out));
         if sample.bounces == 0 {
             sample.first = collision.info().map(|info| FirstEvent {
                 info,
@@ -116,7 +113,8 @@ pub fn trace_from(
             is_first: sample.bounces == 1,
         };
         for light in lights {
-            sample.radiance += event.light_from(light, scene, tracking, rng, stats);
+            let light_in = event.light_from(light, scene, tracking, rng, stats);
+            find(&mut sample, light_in);
         }
         let Some(scatter) = collision.sample(w_out, rng) else {
             sample.absorbed += throughput;
@@ -132,6 +130,14 @@ pub fn trace_from(
         throughput = carried;
         drawn = Some((event.at, scatter.pdf));
         ray = Ray::new(event.start(scatter.w_in, rng), scatter.w_in).leaving(collision.yarn());
+    }
+}
+
+/// Adds light that a path has found: direct light before its second event.
+fn find(sample: &mut PathSample, light: Rgb) {
+    sample.radiance += light;
+    if sample.bounces <= 1 {
+        sample.direct += light;
     }
 }
 

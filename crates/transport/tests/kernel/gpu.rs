@@ -391,7 +391,9 @@ fn another_engine_goes_on_where_a_device_is_lost() {
     assert!(matches!(lost, RenderError::Lost(_)), "{lost}");
     assert!(lost.to_string().contains("lost on purpose"), "{lost}");
     let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-    let rendering = rendering.resume(begun, Stats::default(), 2).unwrap();
+    let rendering = rendering
+        .resume((begun, None), Stats::default(), 2)
+        .unwrap();
     let mut rendering = rendering.with_engine(backed);
     rendering = rendering.take(4, &|_| ControlFlow::Continue(())).unwrap();
     let engine = rendering.engine().unwrap();

@@ -1,6 +1,7 @@
 //! The kernel against the general walk, its oracle.
 
 mod blocks;
+mod direct_light;
 mod energy;
 mod engines;
 mod explicit_fibres;

@@ -7,10 +7,12 @@ use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
     furnace, lens, panels, parallel, record, scene, settings, sky, vector_backends,
 };
+use glam::DVec3;
 use organza_basis::{Moments, hypothesis::t_test};
 use organza_testing::sized;
 use organza_transport::*;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 fn plan(mode: CacheMode) -> CachePlan {
     CachePlan {
@@ -18,6 +20,7 @@ fn plan(mode: CacheMode) -> CachePlan {
         work: sized(500_000, 40_000_000),
         bytes: CachePlan::BYTES,
         block_error: 1.0,
+        kept: None,
     }
 }
 
@@ -33,7 +36,7 @@ fn by_cache(
     let rendering = rendering.with_engine(walks);
     let go = |_| ControlFlow::Continue(());
     let rendering = rendering.with_cache(plan, &go).unwrap();
-    let report = *rendering.cache().unwrap();
+    let report = rendering.cache().unwrap().clone();
     let all = settings.samples.end;
     let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
     (rendering.into_parts().0, report)
@@ -156,4 +159,70 @@ fn all_learn_the_same() {
         }
     }
     assert!(filled > 4, "{filled} scenes have bins");
+}
+
+/// Light that one picture has learned serves another camera: by way of bytes, the mean is that of
+/// whole paths, nothing is learned at later fibres, and all back ends and threads use it alike.
+#[test]
+fn kept_light_serves_another_camera() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
+    let mut views = vec![(
+        "sky",
+        scene(cloth(true), sky(), lens()),
+        scene(cloth(true), sky(), flat),
+    )];
+    let draped = || several_cloths::scenes().remove(0);
+    let mut moved = draped().1;
+    moved.camera = Camera::new(
+        moved.camera.projection(),
+        CameraPose {
+            origin_mm: moved.camera.pose().origin_mm + DVec3::new(0.1, 0.1, 0.0),
+            ..moved.camera.pose()
+        },
+        moved.camera.resolution(),
+        PixelFilter::Tent,
+    )
+    .unwrap();
+    views.push(("several", draped().1, moved));
+    for (name, from, to) in views {
+        for mode in [CacheMode::SecondFibre, CacheMode::FirstFibre] {
+            let plan = plan(mode);
+            let settings = settings(0..24, u32::MAX);
+            let named = EngineChoice::Named(record(Backend::widest()));
+            let walks = engine(&from, &settings, named, u64::MAX).unwrap();
+            let go = |_| ControlFlow::Continue(());
+            let rendering = Rendering::new(&from, settings.clone()).unwrap();
+            assert!(rendering.kept_light().is_none());
+            let rendering = rendering.with_engine(walks).with_cache(&plan, &go).unwrap();
+            let bytes = rendering.kept_light().unwrap().to_bytes();
+            let kept = CachePlan {
+                kept: KeptLight::from_bytes(&bytes).map(Arc::new),
+                ..plan
+            };
+            let exact = RenderSettings {
+                samples: 0..sized(8_192, 131_072),
+                ..settings.clone()
+            };
+            let (film, _) = by_cells(&to, &exact, Backend::widest());
+            let (mean, error) = film.mean()[1];
+            let gains = gains(&to, &kept, mean);
+            let all = gains.standard_error().hypot(error / mean);
+            assert!(
+                gains.mean.abs() < 4.0 * all,
+                "seed 100, {name}, {mode:?}: {} +- {all}",
+                gains.mean
+            );
+            // Pictures that are 10 % dimmer are told apart.
+            assert!(all < 0.025, "seed 100, {name}, {mode:?}: +- {all}");
+            let (first, report) = by_cache(&to, &settings, &kept, Backend::Scalar);
+            assert_eq!(report.paths, 0, "{name}, {mode:?}");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            let (film, again) = pool
+                .unwrap()
+                .install(|| by_cache(&to, &settings, &kept, Backend::widest()));
+            assert_eq!(again.digest, report.digest, "{name}, {mode:?}");
+            assert!(film == first, "{name}, {mode:?}");
+        }
+    }
 }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Flags that a contact sheet does not take.
-pub const CONFLICTS: [&str; 8] = [
+pub const CONFLICTS: [&str; 10] = [
     "outfile",
     "crop",
     "samples",
@@ -27,6 +27,8 @@ pub const CONFLICTS: [&str; 8] = [
     "display_server",
     "stats",
     "json",
+    "save_light",
+    "load_light",
 ];
 
 /// Memory of a pixel of the sheet: display values and the bytes of the file.
@@ -131,11 +133,12 @@ fn render(args: &RenderArgs) -> Result<Cell> {
     if stop == Stop::Interrupted {
         return Err(anyhow!("interrupted; the contact sheet is not written"));
     }
-    let rendered = Rendered {
-        film: rendering.film(),
-        display: args.display.over(built.file.render.display()),
-        attributes: &Attributes::default(),
-    };
+    let attributes = Attributes::default();
+    let rendered = Rendered::new(
+        rendering.film(),
+        args.display.over(built.file.render.display()),
+        &attributes,
+    );
     let picture: Picture = rendered.colours();
     let display = rendered.display.resolve(&picture);
     if !args.common.quiet {

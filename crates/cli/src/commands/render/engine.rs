@@ -118,6 +118,18 @@ pub fn choose<'a>(
             });
         }
     };
+    // Graphics cards do not tell direct light from other light.
+    let choice = match choice {
+        EngineChoice::Named(record) if file.render.direct && record.name == "gpu" => {
+            let file = args.scene.display();
+            return Err(input(format!(
+                "{file}: render.direct: graphics cards do not tell direct light from other light; \
+                 expected --engine cpu, or false"
+            )));
+        }
+        EngineChoice::Fastest if file.render.direct => EngineChoice::Processor,
+        choice => choice,
+    };
     let made = match file.render.clamp {
         Some(_) => Err(KernelRefusal::Clamp),
         None => engine(scene, settings, choice, max_bytes),

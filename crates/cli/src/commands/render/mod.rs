@@ -24,6 +24,7 @@ use crate::flags::values::{
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::identity::{self, Identity, crop_edges};
 use crate::interrupt;
+use crate::kept_light;
 use crate::output;
 use crate::output::note;
 use crate::picture;
@@ -37,13 +38,16 @@ use anyhow::{Context, Result};
 use clap::Args;
 use clap::builder::ArgPredicate;
 use engine::{Chosen, EngineName};
-use organza_picture::{FORMATS, Format, Rendered};
+use organza_cache::Key;
+use organza_picture::{FORMATS, Format, Layers, Rendered};
+use organza_scene::scene_file::CacheName;
 use organza_transport::{
     CachePlan, CacheReport, Crop, Engine, KernelRefusal, RenderError, Rendering,
 };
 use scene::Built;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use summary::Times;
 
@@ -104,6 +108,12 @@ pub struct RenderArgs {
     /// Resume from the checkpoint
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
+    /// Keep the light that is learned at later fibres in this file, for other pictures of the same cloth and lights
+    #[arg(long, value_name = "FILE")]
+    pub save_light: Option<PathBuf>,
+    /// Take light of this file, which --save-light wrote for the same cloth and lights, instead of learning it: for other cameras, as on a turntable
+    #[arg(long, value_name = "FILE")]
+    pub load_light: Option<PathBuf>,
     /// Engine that traces the paths; auto uses a graphics card or the widest vector kernel that computer and scene allow, otherwise the general walk. The noise depends on which of the three traces, not on the width of the kernel
     #[arg(long, alias = "backend", value_enum, default_value = "auto")]
     pub engine: EngineName,
@@ -165,9 +175,13 @@ impl Command for RenderArgs {
         if self.denoise {
             outputs = picture::files_of_denoised(&self.outfile)?;
         }
+        if let Some(path) = &self.save_light {
+            output::check_distinct(("the light", path), ("the picture", &self.outfile))?;
+            outputs.push(path.clone());
+        }
         for path in &outputs {
             output::check_writable(path)?;
-            output::check_not_an_input(path, [&self.scene])?;
+            output::check_not_an_input(path, [&self.scene].into_iter().chain(&self.load_light))?;
         }
         if let Some(path) = &self.checkpoint {
             check_checkpoint(path, self)?;
@@ -241,7 +255,8 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         inputs: built.inputs.clone(),
         scene: built.digest.clone(),
     };
-    let plan = file.render.cache_plan(file.camera(&args.scene)?.resolution);
+    let key = kept_light::key(&built.lit, &built.inputs);
+    let plan = cache_plan(args, built, &key)?;
     let Chosen { engine, why_walk } = engine;
     if let (Some(engine), Some(plan)) = (&engine, &plan) {
         check_cache(args, engine.as_ref(), plan, built.max_bytes)?;
@@ -254,10 +269,19 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         Some(limit) => rendering.with_clamp(limit),
         None => rendering,
     };
+    let rendering = match file.render.direct {
+        true => rendering.with_direct(),
+        false => rendering,
+    };
     let rendering = match plan {
         Some(plan) => learned(args, rendering, &plan)?,
         None => rendering,
     };
+    if let Some(path) = &args.save_light
+        && let Some(light) = rendering.kept_light()
+    {
+        kept_light::write(path, &key, &args.scene, &light)?;
+    }
     // Without a bound, samples would be taken for a target that they cannot reach.
     let shared = Targets {
         picture: Some(rendering.shared_noise()),
@@ -281,6 +305,35 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         identity,
         why_walk,
     })
+}
+
+/// What the picture learns, with the light that it is given.
+fn cache_plan(args: &RenderArgs, built: &Built, key: &Key) -> Result<Option<CachePlan>> {
+    let (file, mut table) = (&built.file, built.file.render.clone());
+    let flags = [
+        ("--save-light", &args.save_light),
+        ("--load-light", &args.load_light),
+    ];
+    let resolution = file.camera(&args.scene)?.resolution;
+    if let Some((flag, _)) = flags.iter().find(|(_, path)| path.is_some()) {
+        if table.cache == Some(CacheName::Off) || table.clamp.is_some() {
+            let scene = args.scene.display();
+            return Err(input(format!(
+                "{scene}: {flag}: this picture has no cache of radiance; expected render.cache = \
+                 \"second-fibre\", and no clamp"
+            )));
+        }
+        // A small picture leaves it out by itself.
+        if table.cache_plan(resolution).is_none() {
+            table.cache = Some(CacheName::SecondFibre);
+        }
+    }
+    let mut plan = table.cache_plan(resolution);
+    if let (Some(path), Some(plan)) = (&args.load_light, &mut plan) {
+        let light = kept_light::read(path, key, &args.scene, plan.bytes)?;
+        plan.kept = Some(Arc::new(light));
+    }
+    Ok(plan)
 }
 
 /// Refuses a cache for which the matter leaves no memory.
@@ -394,10 +447,13 @@ fn render(args: &RenderArgs) -> Result<()> {
     let in_file = !picture::is_linear(&args.outfile);
     let shown = args.display.over(file.render.display());
     let shown = picture::resolved(&args.outfile, rendering.film(), shown, args.common.quiet);
+    let errors = summary::cache_errors(&rendering);
     let rendered = Rendered {
-        film: rendering.film(),
-        display: shown,
-        attributes: &attributes,
+        layers: Layers {
+            direct: rendering.direct(),
+            cache_error: errors.as_deref(),
+        },
+        ..Rendered::new(rendering.film(), shown, &attributes)
     };
     let figures = || {
         let why = why_walk.as_ref();

@@ -33,6 +33,8 @@ pub struct Built {
     pub inputs: Vec<NamedDigest>,
     /// See [`identity::scene_digest`].
     pub digest: String,
+    /// See [`identity::lit_digest`].
+    pub lit: String,
 }
 
 /// Samples that are taken at most for a target error, if no others are asked for.
@@ -67,7 +69,11 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
     let scene = loaded.build(Some(max_bytes), loader)?;
     let LoadedScene { file, chosen, .. } = loaded;
     let read = loader.inputs();
-    let written = [Some(&args.outfile), args.checkpoint.as_ref()];
+    let written = [
+        Some(&args.outfile),
+        args.checkpoint.as_ref(),
+        args.save_light.as_ref(),
+    ];
     for path in written.into_iter().flatten() {
         output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
     }
@@ -75,9 +81,11 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
         .iter()
         .map(|c| format!("object {}: {}", c.object, c.what))
         .collect();
+    let lit = identity::lit_digest(&table, &decided);
     decided.extend(file.render.clamp.map(|limit| format!("clamp {limit}")));
     Ok(Built {
         digest: identity::scene_digest(&table, &decided),
+        lit,
         inputs: identity::named_inputs(&args.scene, &read),
         file,
         scene,
@@ -143,7 +151,8 @@ fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let shown = args.display_server.as_ref();
     let shown = shown.map_or(0, |_| display_server::memory_bytes(size));
-    let needed = Film::memory_bytes(size).saturating_mul(2) + shown;
+    let films = if file.render.direct { 2 } else { 1 };
+    let needed = Film::memory_bytes(size).saturating_mul(2 * films) + shown;
     most.checked_sub(needed).ok_or_else(|| {
         input(format!(
             "{}: camera.resolution: a film of {} x {} pixels needs {needed} bytes of memory, \

@@ -9,6 +9,7 @@ use crate::sample_ranges::SampleRanges;
 use crate::schedule::{Stop, Targets};
 use crate::version;
 use anyhow::Result;
+use glam::UVec2;
 use organza_picture::{Attributes, Display};
 use organza_scene::auto::Chosen;
 use organza_scene::scene_file::SceneFile;
@@ -106,6 +107,13 @@ pub const CLAMPED: &str = "clamped_radiance_2e-32";
 /// What takes the paths, as pictures name it.
 fn backend_name(rendering: &Rendering<'_>) -> &'static str {
     rendering.engine().map_or("walk", |engine| engine.name())
+}
+
+/// The error of the cache about every pixel, if the samples use one.
+pub fn cache_errors(rendering: &Rendering<'_>) -> Option<Vec<f32>> {
+    let (map, crop) = (&rendering.cache()?.error_map, rendering.crop());
+    let row = |y: u32| (crop.min.x..crop.max.x).map(move |x| map.at(UVec2::new(x, y)));
+    Some((crop.min.y..crop.max.y).flat_map(row).collect())
 }
 
 /// What was learned before the first sample, and how far it is off.
@@ -251,6 +259,10 @@ pub fn print(
             100.0 * tail.pixel
         );
     }
+    // An error that no standard error holds.
+    if let Some(cache) = rendering.cache() {
+        note!("cache         {}", describe_cache(cache));
+    }
     if !args.stats {
         return;
     }
@@ -267,9 +279,6 @@ pub fn print(
         per_path(stats.shadow_rays),
         per_path(stats.shadow_steps)
     );
-    if let Some(cache) = rendering.cache() {
-        note!("cache         {}", describe_cache(cache));
-    }
     note!("cut           {} paths at the bounce limit", stats.cut);
     note!(
         "rejected      {} samples (NaN, infinite, negative or above {:e})",

@@ -1,5 +1,6 @@
 //! Learning paths: from the camera, over the whole picture, walked to their ends.
 
+use super::error_map::{ErrorMap, PairSums};
 use super::flow::Flow;
 use super::place::Places;
 use super::plan::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
@@ -9,7 +10,7 @@ use super::{CacheUse, Note, Notes, RadianceCache};
 use crate::cpu::math::pixel_key;
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::work::{End, Start, WAVE, Work};
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, mix64};
 use organza_film::{Camera, Stats};
 use organza_light::KernelLight;
@@ -58,6 +59,13 @@ pub fn learn(
     let light_mm = light_change_mm(scene, middle);
     let columns = scene.camera.resolution().x;
     let places = Places::new(&scene.matter, (pixel_mm, columns), light_mm);
+    // Light of another kind of cloth is not taken.
+    let kept = plan.kept.as_deref();
+    let kept = kept.and_then(|kept| Some((kept, places.with_later(kept.frame)?)));
+    let (kept, places) = match kept {
+        Some((kept, places)) => (Some(kept), places),
+        None => (None, places),
+    };
     let shares = plan.mode == CacheMode::FirstFibre && places.are_shared_at_first();
     let whole_paths = |notes| CacheUse {
         places: Some(&places),
@@ -73,37 +81,48 @@ pub fn learn(
     let usual = more * plan.work as f64;
     let (tested, left) = (TESTED * usual, (1.0 - TESTED) * usual);
     let shared = if shares { SHARED * left } else { 0.0 };
+    let later = if kept.is_some() { 0.0 } else { left - shared };
     let mut paths = Paths {
         picture: &picture,
         walk,
         watch,
-        all: usual,
+        all: later + shared + tested,
         done: 0.0,
         made: [0; 3],
     };
 
     let mut light = Light::default();
-    let mut later_tree = new_tree(1);
-    let divided = DIVIDED * (left - shared);
-    let mut learned = paths.walk(0, divided, whole_paths(Notes::From(1)), |go| {
-        light.add(go);
-        later_tree.learn(&go.all_records());
-    })?;
-    let mut flow = Flow::new(later_tree.table(), places.levels(1), plan.bytes / 4);
-    drop(later_tree);
-    let mut error = ErrorOfBlocks::default();
+    let divided = DIVIDED * later;
+    let mut learned = 0;
+    let mut at_later = match kept {
+        Some(kept) => {
+            light.set(kept.picture_mean);
+            Later::Kept(kept.table())
+        }
+        None => {
+            let mut tree = new_tree(1);
+            learned += paths.walk(0, divided, whole_paths(Notes::From(1)), |go| {
+                light.add(go);
+                tree.learn(&go.all_records());
+            })?;
+            Later::Flow(Flow::new(tree.table(), places.levels(1), plan.bytes / 4))
+        }
+    };
+    let mut error = ErrorOfBlocks::new(&picture);
     let mut rounds = 0;
     loop {
-        let work = left - shared - if rounds == 0 { divided } else { 0.0 };
         let whole = CacheUse {
             picture_mean: light.if_any(),
             ..whole_paths(Notes::From(1))
         };
-        learned += paths.walk(0, work, whole, |go| {
-            light.add(go);
-            go.flow_into(&mut flow);
-        })?;
-        let second = flow.table();
+        if let Later::Flow(flow) = &mut at_later {
+            let work = later - if rounds == 0 { divided } else { 0.0 };
+            learned += paths.walk(0, work, whole, |go| {
+                light.add(go);
+                go.flow_into(flow);
+            })?;
+        }
+        let second = at_later.table();
         let mut first_paths = 0;
         let mut first = if shares {
             let to_second = CacheUse {
@@ -123,12 +142,15 @@ pub fn learn(
             None
         };
         let order = u32::from(first.is_none());
-        let picture_mean = light.mean() as f32;
         error.restart();
+        let mut own = Light::default();
         let work = tested * f64::from(rounds + 1);
         paths.walk(2, work, whole_paths(Notes::From(order)), |go| {
+            own.add(go);
             error.add(go, [first.as_ref(), Some(second)], &places);
         })?;
+        // What was kept is of another picture.
+        let picture_mean = if kept.is_some() { own } else { light }.mean() as f32;
         let [mean_error, block_error_squared] = error.relative_to(f64::from(picture_mean));
         let mut report = CacheReport {
             paths: learned,
@@ -141,16 +163,18 @@ pub fn learn(
             block_error_squared,
             shared_noise: error.noise(picture_mean),
             shared_noise_of_value: error.noises_of_value(),
+            error_map: ErrorMap::default(),
             digest: 0,
         };
-        if rounds < MORE && report.is_surely_above(plan.block_error) {
+        if rounds < MORE && kept.is_none() && report.is_surely_above(plan.block_error) {
             rounds += 1;
             paths.all += usual + f64::from(rounds) * (shared + tested);
             continue;
         }
-        let mut second = flow.into_table();
-        let kept = report.correct_mean();
-        let factor = 1.0 + kept * (error.gain() - 1.0);
+        let mut second = at_later.into_table();
+        let sure = report.correct_mean();
+        let factor = 1.0 + sure * (error.gain() - 1.0);
+        report.error_map = ErrorMap::new(&error.blocks, picture.columns as u32, factor);
         for table in first.iter_mut().chain([&mut second]) {
             table.scale(factor as f32);
         }
@@ -163,6 +187,28 @@ pub fn learn(
             picture_mean,
             report,
         });
+    }
+}
+
+/// The light at all fibres but the first while it is learned, or as another picture learned it.
+enum Later {
+    Flow(Flow),
+    Kept(RadianceTable),
+}
+
+impl Later {
+    fn table(&mut self) -> &RadianceTable {
+        match self {
+            Later::Flow(flow) => flow.table(),
+            Later::Kept(table) => table,
+        }
+    }
+
+    fn into_table(self) -> RadianceTable {
+        match self {
+            Later::Flow(flow) => flow.into_table(),
+            Later::Kept(table) => table,
+        }
     }
 }
 
@@ -237,13 +283,18 @@ impl Paths<'_> {
 }
 
 /// Light of all paths.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Light {
     sum: f64,
     paths: u64,
 }
 
 impl Light {
+    /// As if one path had found it.
+    fn set(&mut self, mean: f32) {
+        (self.sum, self.paths) = (f64::from(mean), 1);
+    }
+
     fn add(&mut self, go: &Go) {
         for light in go.lights.iter().flatten() {
             self.sum += f64::from(light.element_sum()) / 3.0;
@@ -264,7 +315,9 @@ impl Light {
 /// block are two estimates of the error there.
 #[derive(Default)]
 struct ErrorOfBlocks {
-    blocks: u64,
+    /// By tiles of the picture.
+    blocks: Vec<PairSums>,
+    pairs: u64,
     sum: f64,
     squares: f64,
     products: f64,
@@ -279,8 +332,20 @@ struct ErrorOfBlocks {
 }
 
 impl ErrorOfBlocks {
+    fn new(picture: &Tiles) -> ErrorOfBlocks {
+        ErrorOfBlocks {
+            blocks: vec![PairSums::default(); picture.count as usize],
+            ..ErrorOfBlocks::default()
+        }
+    }
+
     fn restart(&mut self) {
-        *self = ErrorOfBlocks::default();
+        let mut blocks = std::mem::take(&mut self.blocks);
+        blocks.fill(PairSums::default());
+        *self = ErrorOfBlocks {
+            blocks,
+            ..ErrorOfBlocks::default()
+        };
     }
 
     /// Takes paths that noted all fibres, from the first one on where a table is read there.
@@ -300,12 +365,13 @@ impl ErrorOfBlocks {
             })
         };
         let mean_of = |v: Vec3| f64::from(v.element_sum()) / 3.0;
-        let mut beyond = vec![0.0; go.lights.len()];
-        for (path, beyond) in beyond.iter_mut().enumerate() {
+        // What paths would have read, and what they found instead.
+        let mut both = vec![DVec2::ZERO; go.lights.len()];
+        for (path, both) in both.iter_mut().enumerate() {
             if let Some((added, found, noise)) = read(path) {
-                *beyond = mean_of(added - found);
-                self.read += mean_of(added);
-                self.found += mean_of(found);
+                *both = DVec2::new(mean_of(added), mean_of(found));
+                self.read += both.x;
+                self.found += both.y;
                 self.records += 1;
                 if from == 0 && self.noises.len() < MOST_NOISES {
                     self.noises.push(noise);
@@ -318,11 +384,13 @@ impl ErrorOfBlocks {
                 let visit = (2 * pair + half) * VISIT as usize;
                 let range = visit..visit + VISIT as usize;
                 let count = go.lights[range.clone()].iter().flatten().count();
-                let sum: f64 = beyond[range].iter().sum();
+                let sum: DVec2 = both[range].iter().sum();
                 (count > 0).then(|| sum / count as f64)
             };
-            if let (Some(a), Some(b)) = (of(0), of(1)) {
-                self.blocks += 1;
+            if let (Some(one), Some(other)) = (of(0), of(1)) {
+                let (a, b) = (one.x - one.y, other.x - other.y);
+                self.blocks[go.tiles[pair]].add([one.x, other.x], [one.y, other.y]);
+                self.pairs += 1;
                 self.sum += 0.5 * (a + b);
                 self.squares += 0.25 * (a + b) * (a + b);
                 self.products += a * b;
@@ -360,7 +428,7 @@ impl ErrorOfBlocks {
 
     /// Mean and mean square, each with its standard error.
     fn relative_to(&self, mean: f64) -> [[f64; 2]; 2] {
-        let n = self.blocks.max(1) as f64;
+        let n = self.pairs.max(1) as f64;
         let of = |sum: f64, squares: f64| {
             let m = sum / n;
             let variance = (squares / n - m * m).max(0.0);
@@ -383,6 +451,8 @@ struct Go {
     notes_of: Vec<std::ops::Range<u32>>,
     /// Radiance of every path; none of those beyond the picture's edge.
     lights: Vec<Option<Vec3>>,
+    /// The tiles of pairs of visits.
+    tiles: Vec<usize>,
 }
 
 impl Go {
@@ -459,10 +529,15 @@ impl Tiles {
         (pixel_mm, pose.origin_mm + depth * forward)
     }
 
+    /// The tile to which a pair of visits goes.
+    fn tile(&self, pair: u64) -> u64 {
+        pair % self.count * self.stride % self.count
+    }
+
     /// Pixel and sample of a path; none beyond the edge.
     fn pixel(&self, visit: u64, within: u64) -> Option<(UVec2, u32)> {
         let pair = visit / 2;
-        let tile = pair % self.count * self.stride % self.count;
+        let tile = self.tile(pair);
         let sample = pair / self.count * 2 + visit % 2;
         let corner = UVec2::new(
             (tile % self.columns) as u32 * TILE,
@@ -490,6 +565,7 @@ struct Learning<'a> {
 impl<'a> Learning<'a> {
     fn new(picture: &'a Tiles, first: u64) -> Learning<'a> {
         let paths = (VISITS * VISIT) as usize;
+        let pairs = first / 2..(first + VISITS) / 2;
         Learning {
             picture,
             first,
@@ -501,6 +577,7 @@ impl<'a> Learning<'a> {
                 notes: Vec::new(),
                 notes_of: vec![0..0; paths],
                 lights: vec![None; paths],
+                tiles: pairs.map(|pair| picture.tile(pair) as usize).collect(),
             },
         }
     }

@@ -18,15 +18,20 @@
 //! - [`place`]: where light meets a fibre, in bins of several sizes that nest.
 //! - [`tree`]: bins that divide while they learn; [`table`]: what is read.
 //! - [`flow`]: the radiances of bins between which paths go, solved together.
-//! - [`learn`]: learning paths, and an estimate of the error of the cache.
+//! - [`learn`]: learning paths, and an estimate of the error of the cache; [`error_map`]: where it is.
+//! - [`kept`]: what one picture keeps for others.
 
+pub(crate) mod error_map;
 pub(crate) mod flow;
+pub(crate) mod kept;
 pub(crate) mod learn;
 pub(crate) mod place;
 pub(crate) mod plan;
 pub(crate) mod table;
 pub(crate) mod tree;
 
+pub use error_map::ErrorMap;
+pub use kept::KeptLight;
 pub use plan::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
 
 use super::matter::FibreMatter;

@@ -145,8 +145,8 @@ pub struct Places {
 }
 
 /// What places are counted in.
-#[derive(Clone, Copy, Debug)]
-enum Frame {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Frame {
     /// The tile of one flat cloth, all repeats of which see the same light within patches
     /// of so many mm, if not everywhere.
     Tile { patch_mm: Option<f64> },
@@ -192,6 +192,18 @@ impl Places {
             at_second,
             at_first,
         }
+    }
+
+    /// What places at later fibres are counted in.
+    pub fn later(&self) -> Frame {
+        self.at_second
+    }
+
+    /// The same places, but for those at later fibres, which are counted as another picture
+    /// counted them; none if that was of another kind of cloth.
+    pub fn with_later(self, at_second: Frame) -> Option<Places> {
+        let is_tile = |frame| matches!(frame, Frame::Tile { .. });
+        (is_tile(at_second) == is_tile(self.at_second)).then_some(Places { at_second, ..self })
     }
 
     /// Whether what is read at a path's fibre of that number is interpolated between bins: where

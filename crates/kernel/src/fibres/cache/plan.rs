@@ -1,6 +1,9 @@
 //! What is to be learned, and what came of it.
 
+use super::error_map::ErrorMap;
+use super::kept::KeptLight;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Which fibres end paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +17,7 @@ pub enum CacheMode {
 }
 
 /// What is to be learned before a picture is rendered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CachePlan {
     /// Which fibres end paths.
     pub mode: CacheMode,
@@ -26,6 +29,9 @@ pub struct CachePlan {
     /// More is learned where the error of blocks is surely above this fraction of the
     /// picture's mean, see [`CacheReport::block_error_squared`].
     pub block_error: f64,
+    /// Light at later fibres that another picture of this cloth has learned: it is taken as it
+    /// is, and only what samples share at their first fibres is learned.
+    pub kept: Option<Arc<KeptLight>>,
 }
 
 impl CachePlan {
@@ -49,13 +55,14 @@ impl CachePlan {
             work: (factor * pixels * CachePlan::WORK_PER_PIXEL) as u64,
             bytes: CachePlan::BYTES,
             block_error: f64::INFINITY,
+            kept: None,
         }
     }
 }
 
 /// What was learned, and how far it is from the light that further paths found, which the
 /// tables did not learn from. Errors are relative to the mean of the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct CacheReport {
     /// Paths that were walked to their ends.
     pub paths: u64,
@@ -73,6 +80,8 @@ pub struct CacheReport {
     /// The same over the value that is shared: in half the samples it is below the first, in
     /// all but a hundredth below the second.
     pub shared_noise_of_value: [f64; 2],
+    /// Errors of blocks over the picture.
+    pub error_map: ErrorMap,
     /// Digest of the tables.
     pub digest: u64,
 }

@@ -73,6 +73,11 @@ impl RadianceTable {
         self.entries.len()
     }
 
+    /// All bins.
+    pub fn bins(&self) -> impl Iterator<Item = Entry> + '_ {
+        self.entries.iter().filter(|e| e.key != 0).copied()
+    }
+
     /// The radiance of every number, zero where there is no bin.
     pub fn radiances(&self) -> impl Iterator<Item = Vec3> + '_ {
         self.entries.iter().map(|e| Vec3::from_array(e.radiance))

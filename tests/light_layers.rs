@@ -1,0 +1,146 @@
+//! Direct light and the error of the cache as layers of pictures, and light kept for other ones.
+
+use crate::cli::write_silk_scene;
+use crate::program::{bytes, complaint, exr_channels, folder, succeed};
+use std::path::Path;
+
+/// A picture that learns a little.
+const CACHED: [&str; 8] = [
+    "render",
+    "scene.toml",
+    "--set",
+    "object.0.model=fibres",
+    "--set",
+    "render.cache=second-fibre",
+    "--set",
+    "render.cache_learning=0.01",
+];
+
+fn render(folder: &Path, name: &str, more: &[&str]) -> Vec<u8> {
+    succeed(folder, &[&CACHED[..], &["-o", name], more].concat());
+    bytes(folder, name)
+}
+
+/// Parts, checkpoints and denoised files keep both layers; direct and indirect light add up to the
+/// picture, which is the same without them.
+#[test]
+fn layers_are_kept_and_add_up() {
+    let folder = folder("light-layers");
+    write_silk_scene(&folder);
+    let direct = ["--set", "render.direct=true"];
+    let with = |more: &[&'static str]| [&direct[..], more].concat();
+    let whole = render(&folder, "whole.exr", &with(&["--spp", "12"]));
+    render(
+        &folder,
+        "a.exr",
+        &with(&["--samples", "0..5", "--threads", "1"]),
+    );
+    render(
+        &folder,
+        "b.exr",
+        &with(&["--samples", "5..12", "--engine", "scalar"]),
+    );
+    succeed(&folder, &["merge", "b.exr", "a.exr", "-o", "merged.exr"]);
+    let strip = |file: &str| {
+        // The engines differ in name alone.
+        let mut channels = exr_channels(&folder.join(file));
+        assert!(channels.remove("cache_error").is_some(), "{file}");
+        assert!(channels.contains_key("direct_sums.00"), "{file}");
+        channels
+            .into_iter()
+            .map(|(name, values)| {
+                (
+                    name,
+                    values.into_iter().map(f32::to_bits).collect::<Vec<_>>(),
+                )
+            })
+            .collect::<Vec<_>>()
+    };
+    assert!(strip("merged.exr") == strip("whole.exr"));
+    let saved = ["--checkpoint", "state", "--spp"];
+    render(&folder, "part.exr", &with(&[&saved[..], &["5"]].concat()));
+    let resumed = [&saved[..], &["12", "--resume"]].concat();
+    assert!(render(&folder, "resumed.exr", &with(&resumed)) == whole);
+
+    let channels = exr_channels(&folder.join("whole.exr"));
+    let alone = ["--set", "render.direct=false", "--spp", "12"];
+    render(&folder, "alone.exr", &alone);
+    let without = exr_channels(&folder.join("alone.exr"));
+    assert!(!without.contains_key("direct.R"));
+    assert_eq!(channels["cache_error"].len(), 144);
+    for c in ["R", "G", "B"] {
+        assert_eq!(channels[c], without[c]);
+        let (direct, indirect) = (format!("direct.{c}"), format!("indirect.{c}"));
+        let parts = channels[&direct].iter().zip(&channels[&indirect]);
+        for ((d, i), all) in parts.zip(&channels[c]) {
+            assert!((d + i - all).abs() <= 1e-6 * all.abs(), "{d} {i} {all}");
+        }
+        let sum = |name: &str| channels[name].iter().sum::<f32>();
+        assert!(sum(&direct) > 0.0 && sum(&indirect) > 0.0, "{c}");
+        assert!(
+            channels[&format!("direct.variance.{c}")]
+                .iter()
+                .all(|v| *v >= 0.0)
+        );
+    }
+    let refused = complaint(&folder, &["merge", "alone.exr", "b.exr", "-o", "x.exr"]);
+    assert!(refused.contains("the scenes differ"), "{refused}");
+    let first = [
+        "--set",
+        "render.cache=first-fibre",
+        "--set",
+        "render.direct=true",
+    ];
+    let refused = complaint(
+        &folder,
+        &[&CACHED[..], &["-o", "x.exr"], &first[..]].concat(),
+    );
+    assert!(refused.contains("render.direct: "), "{refused}");
+}
+
+/// Light of one picture serves another camera, and nothing else that it is not of.
+#[test]
+fn light_is_kept_for_other_cameras() {
+    let folder = folder("kept-light");
+    write_silk_scene(&folder);
+    let moved = ["--set", "camera.origin_mm=[1.0,0.2,5.0]"];
+    let own = render(&folder, "a.exr", &["--save-light", "silk.light"]);
+    assert!(
+        render(&folder, "b.exr", &[]) == own,
+        "saving changes nothing"
+    );
+    let load = ["--load-light", "silk.light"];
+    let loaded = |name: &str, more: &[&str]| {
+        let all = [&moved[..], &load[..], more].concat();
+        render(&folder, name, &all)
+    };
+    let one = loaded("c.exr", &["--seed", "3", "--threads", "1"]);
+    assert!(loaded("d.exr", &["--seed", "3"]) == one);
+    assert!(render(&folder, "e.exr", &[&moved[..], &["--seed", "3"]].concat()) != one);
+
+    let refuse =
+        |more: &[&str]| complaint(&folder, &[&CACHED[..], &["-o", "x.exr"], more].concat());
+    let other = ["--set", "light.0.irradiance=[1.0,3.0,3.0]"];
+    let why = refuse(&[&load[..], &other[..]].concat());
+    assert!(
+        why.contains("silk.light: is light of another cloth"),
+        "{why}"
+    );
+    let why = refuse(&[&load[..], &["--set", "render.cache=off"]].concat());
+    assert!(
+        why.contains("--load-light: this picture has no cache"),
+        "{why}"
+    );
+    let why = refuse(&[&load[..], &["--save-light", "silk.light"]].concat());
+    assert!(why.contains("silk.light"), "{why}");
+    let mut damaged = bytes(&folder, "silk.light");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(folder.join("silk.light"), &damaged).unwrap();
+    let why = refuse(&load);
+    assert!(why.contains("does not match its checksum"), "{why}");
+    std::fs::write(folder.join("silk.light"), &damaged[..20]).unwrap();
+    let why = refuse(&load);
+    assert!(why.contains("silk.light: is cut short"), "{why}");
+    assert!(!folder.join("x.exr").exists());
+}
