@@ -22,6 +22,7 @@ use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
 use organza_weave::spec::{DraftSpec, ThreadSetSpec};
 use organza_weave::{Cloth, Draft, FabricGeometry, Material, Synthesis};
+use rayon::prelude::*;
 use std::cell::RefCell;
 use std::path::Path;
 
@@ -402,7 +403,9 @@ impl Fabric {
             fibre_model::of_optics(&self.seen(optics, m), m)
                 .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
         };
-        cloth.materials().iter().map(fibre).collect()
+        // Each solves for the absorption of its colour; the first that is wrong is named.
+        let all: Vec<Result<Fibre>> = cloth.materials().par_iter().map(fibre).collect();
+        all.into_iter().collect()
     }
 
     /// Every fibre of the cloth, to be traced.
