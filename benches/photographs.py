@@ -210,20 +210,19 @@ def main():
     lines = [
         f"{len(results)} photographs of {', '.join(arguments.weaves.split(','))}; {machine()}; fits took "
         f"{sum(r[5] for r in results) / 60:.0f} min.",
+        "Drafts right, spacings within 3 %, no answer; median time:",
         "",
-        "| pixels a thread | taken | spacing within 3 % | draft right | no answer | median time |",
-        "|---|---|---|---|---|---|",
+        f"| taken | {' | '.join(f'{pixels:g}' for pixels in PIXELS).replace(' |', ' pixels a thread |', 1)} |",
+        "|---" * (len(PIXELS) + 1) + "|",
     ]
-    for pixels in PIXELS:
-        for name in TAKEN:
+    for name in TAKEN:
+        cells = []
+        for pixels in PIXELS:
             of = [r for r in results if r[0] == pixels and r[1] == name]
-            count = len(of)
             near = sum(r[2] < 0.03 for r in of)
-            seconds = sorted(r[5] for r in of)[count // 2]
-            lines.append(
-                f"| {pixels:g} | {name} | {near} of {count} | {sum(r[3] for r in of)} of {count} "
-                f"| {sum(not r[4] for r in of)} | {seconds:.0f} s |"
-            )
+            seconds = sorted(r[5] for r in of)[len(of) // 2]
+            cells.append(f"{sum(r[3] for r in of)}, {near}, {sum(not r[4] for r in of)}; {seconds:.0f} s")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     text = "\n".join(lines)
     print(text)
     if arguments.publish:
