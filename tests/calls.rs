@@ -95,7 +95,8 @@ fn column(numbers: &[f32], c: usize, n: usize) -> Vec<u32> {
 #[test]
 fn a_rendered_array_is_the_picture_of_the_command_bit_for_bit() {
     let (folder, given) = inputs("calls_render");
-    let flags = ["--spp=5", "--seed=3", "--engine=cpu"];
+    let direct = "--set=render.direct=true";
+    let flags = ["--spp=5", "--seed=3", "--engine=cpu", direct];
     succeed(
         &folder,
         &[&["render", "scene.toml", "-o", "out.exr"], &flags[..]].concat(),
@@ -114,6 +115,7 @@ fn a_rendered_array_is_the_picture_of_the_command_bit_for_bit() {
         ("depth_mm", &["depth_mm"]),
         ("bounces", &["bounces"]),
         ("through", &["through"]),
+        ("direct", &["direct.R", "direct.G", "direct.B"]),
     ] {
         let (shape, numbers) = floats(&found, array);
         assert_eq!(shape[..2], [8, 12], "{array}");

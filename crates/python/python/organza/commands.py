@@ -98,7 +98,8 @@ def render(
         through    (rows, cols)     share of samples seen straight through
         ========== ================ ============================================================
 
-        and ``figures``: what ``organza render --json`` prints (times, counts, means, errors).
+        with ``direct`` (rows, cols, 3) where the scene sets ``render.direct``, ``cache_error`` (rows,
+        cols) where a cache of radiance was used, and ``figures``: what ``organza render --json`` prints (times, counts, means, errors).
 
     Raises
     ------

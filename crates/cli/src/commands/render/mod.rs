@@ -468,7 +468,7 @@ fn render(args: &RenderArgs) -> Result<()> {
         )
     };
     let host = &args.common.host;
-    host.give(|| results::of(rendering.film(), figures()));
+    host.give(|| results::of(rendering.film(), rendered.layers, figures()));
     match &denoiser {
         _ if !host.writes() => {}
         Some(denoiser) => {

@@ -2,12 +2,13 @@
 
 use crate::results::{Numbers, Results};
 use organza_film::Film;
+use organza_picture::Layers;
 use organza_picture::exr::CHANNELS;
 use serde_json::Value;
 
 /// The channels of an EXR file: those of one name before the dot, and the colours as `rgb`,
-/// share an array of rows from the top, pixels, channels.
-pub fn of(film: &Film, figures: Value) -> Results {
+/// share an array of rows from the top, pixels, channels. Layers follow where they are known.
+pub fn of(film: &Film, layers: Layers<'_>, figures: Value) -> Results {
     let (rows, columns) = (film.size().y as usize, film.size().x as usize);
     let mut results = Results::default();
     let mut rest = &CHANNELS[..];
@@ -28,6 +29,15 @@ pub fn of(film: &Film, figures: Value) -> Results {
         };
         results.push(&name, shape, numbers);
         rest = after;
+    }
+    if let Some(direct) = layers.direct {
+        let colours = direct.pixels().iter().flat_map(|p| p.mean().0.to_array());
+        let numbers = Numbers::F32(colours.collect());
+        results.push("direct", &[rows, columns, 3], numbers);
+    }
+    if let Some(errors) = layers.cache_error {
+        let numbers = Numbers::F32(errors.to_vec());
+        results.push("cache_error", &[rows, columns], numbers);
     }
     results.with_figure("figures", figures)
 }
