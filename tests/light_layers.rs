@@ -133,6 +133,13 @@ fn light_is_kept_for_other_cameras() {
     );
     let why = refuse(&[&load[..], &["--save-light", "silk.light"]].concat());
     assert!(why.contains("silk.light"), "{why}");
+    let why = refuse(&["--save-light", "x.light", "--engine", "walk"]);
+    assert!(
+        why.contains("--save-light: this picture has no cache"),
+        "{why}"
+    );
+    let why = refuse(&["--save-light", "x.light", "--checkpoint", "x.light"]);
+    assert!(why.contains("expected two files"), "{why}");
     let mut damaged = bytes(&folder, "silk.light");
     let middle = damaged.len() / 2;
     damaged[middle] ^= 1;

@@ -46,18 +46,19 @@ pub fn write(path: &Path, key: &Key, scene: &Path, light: &KeptLight) -> Result<
 /// The file cannot be read, is damaged, too large, or of another scene or program.
 pub fn read(path: &Path, key: &Key, scene: &Path, most_bytes: u64) -> Result<KeptLight> {
     let fail = |why: String| input(format!("{}: {why}", path.display()));
-    let bytes = read::bytes(path)?;
-    if bytes.len() as u64 > most_bytes {
+    // What cannot be looked at cannot be read either, which says why.
+    let size = std::fs::metadata(path).map_or(0, |about| about.len());
+    if size > most_bytes {
         return Err(fail(format!(
-            "holds {} MiB of light; render.cache_mib allows {}",
-            (bytes.len() as u64).div_ceil(1 << 20),
-            most_bytes >> 20
+            "holds {} MiB of light; an eighth of render.cache_mib may be loaded",
+            size.div_ceil(1 << 20),
         )));
     }
+    let bytes = read::bytes(path)?;
     let bytes = decode(bytes, key).map_err(|why| match why {
         "belongs to another key" => fail(format!(
             "is light of another cloth, of other lights, or by another program than those of {}; \
-             only the camera, samples, seed and cache may differ",
+             only the camera, samples, seed and cache may differ, and not what auto chooses by them",
             scene.display()
         )),
         why => fail(format!("{why}; expected a file of --save-light")),

@@ -82,6 +82,11 @@ pub trait Engine: Send + Sync {
         None
     }
 
+    /// Whether [`learn`](Engine::learn) takes light that another picture has kept.
+    fn takes_light(&self, _light: &KeptLight) -> bool {
+        false
+    }
+
     /// Why another engine goes on in this one's place, if it does.
     fn loss(&self) -> Option<&Lost> {
         None
@@ -127,6 +132,10 @@ impl Engine for Box<dyn Engine + '_> {
 
     fn kept_light(&self) -> Option<KeptLight> {
         (**self).kept_light()
+    }
+
+    fn takes_light(&self, light: &KeptLight) -> bool {
+        (**self).takes_light(light)
     }
 
     fn loss(&self) -> Option<&Lost> {

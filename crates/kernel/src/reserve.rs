@@ -131,6 +131,10 @@ impl Engine for Reserve {
         self.engine.kept_light()
     }
 
+    fn takes_light(&self, light: &KeptLight) -> bool {
+        self.engine.takes_light(light)
+    }
+
     fn loss(&self) -> Option<&Lost> {
         self.loss.get()
     }

@@ -274,7 +274,8 @@ fn has_sums(header: &Header, sums: &str) -> bool {
 /// No OpenEXR file, or not one of this program; the film would take more than
 /// `max_memory_bytes`.
 pub fn read_film(bytes: &[u8], max_memory_bytes: u64) -> Result<(Film, Attributes), PictureError> {
-    read_render(bytes, max_memory_bytes).map(|stored| (stored.film, stored.attributes))
+    let stored = read(bytes, max_memory_bytes, false)?;
+    Ok((stored.film, stored.attributes))
 }
 
 /// What the file of a render holds.
@@ -291,6 +292,14 @@ pub struct StoredRender {
 }
 
 impl StoredRender {
+    /// Bytes of the films and layers.
+    pub fn memory_bytes(&self) -> u64 {
+        let film = Film::memory_bytes(self.film.size());
+        let direct = self.direct.as_ref().map_or(0, |_| film);
+        let errors = self.cache_error.as_ref().map_or(0, Vec::len);
+        film + direct + (errors * size_of::<f32>()) as u64
+    }
+
     /// What is known beside the film.
     pub fn layers(&self) -> Layers<'_> {
         Layers {
@@ -305,13 +314,16 @@ impl StoredRender {
 /// # Errors
 /// As [`read_film`].
 pub fn read_render(bytes: &[u8], max_memory_bytes: u64) -> Result<StoredRender, PictureError> {
+    read(bytes, max_memory_bytes, true)
+}
+
+/// Reads the film, and with `layers` what is known beside it.
+fn read(bytes: &[u8], max_memory_bytes: u64, layers: bool) -> Result<StoredRender, PictureError> {
     let broken = |e: exr::error::Error| PictureError::broken("EXR", e);
     let (size, attributes) = stated_film(bytes)?;
     let meta = MetaData::read_from_buffered(bytes, false).map_err(broken)?;
-    let has_direct = meta
-        .headers
-        .first()
-        .is_some_and(|h| has_sums(h, DIRECT_SUMS));
+    let header = meta.headers.first().filter(|_| layers);
+    let has_direct = header.is_some_and(|h| has_sums(h, DIRECT_SUMS));
     // The decoded channels, one more copy of the sums, and the film.
     let films = if has_direct { 2 } else { 1 };
     let of_pixel = 3 * films * Film::memory_bytes(UVec2::ONE);

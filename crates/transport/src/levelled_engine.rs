@@ -150,6 +150,11 @@ impl Engine for LevelledEngine<'_> {
         self.all().find_map(|engine| engine.kept_light())
     }
 
+    fn takes_light(&self, light: &KeptLight) -> bool {
+        let mut learn = self.all().filter(|engine| engine.can_learn());
+        learn.next().is_some_and(|engine| engine.takes_light(light))
+    }
+
     fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
         let cloth = self.scene.media.iter().find_map(|m| match m {
             AnyMedium::Levelled(cloth) if cloth.representation_count() > 1 => Some(cloth),

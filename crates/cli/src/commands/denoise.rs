@@ -61,7 +61,7 @@ impl Command for DenoiseArgs {
             layers: stored.layers(),
             ..Rendered::new(film, display, &stored.attributes)
         };
-        let left = allowed.saturating_sub(organza_film::Film::memory_bytes(film.size()));
+        let left = allowed.saturating_sub(stored.memory_bytes());
         let written = denoiser.write(&self.outfile, &rendered, self.threads, left)?;
         if !self.quiet {
             let names: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();

@@ -62,7 +62,8 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         .unwrap_or_else(organza_scene::memory::free_memory_bytes);
     let mut merged: Option<Part<'_>> = None;
     for path in &args.parts {
-        let part = load(path, limit)?;
+        let held = merged.as_ref().map_or(0, |all| all.stored.memory_bytes());
+        let part = load(path, limit.saturating_sub(held))?;
         merged = Some(match merged {
             None => part,
             Some(all) => join(all, part)?,

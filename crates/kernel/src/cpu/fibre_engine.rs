@@ -81,7 +81,13 @@ impl Engine for FibreEngine {
     }
 
     fn kept_light(&self) -> Option<KeptLight> {
-        self.scene.cache.get().map(KeptLight::of)
+        let scene = &*self.scene;
+        let cache = scene.cache.get();
+        cache.map(|cache| KeptLight::of(cache, &scene.matter))
+    }
+
+    fn takes_light(&self, light: &KeptLight) -> bool {
+        light.is_of(&self.scene.matter)
     }
 }
 

@@ -137,6 +137,28 @@ impl FibreMatter {
         self.is_one_body() && self.packed.is_none()
     }
 
+    /// A number that matter laid out otherwise hardly has: the grids, how many pieces there are, and
+    /// the level of voxels.
+    pub(super) fn fingerprint(&self) -> u64 {
+        let mut sum = organza_basis::mix64(u64::from(self.joints.count()));
+        let mut add = |number: u64| sum = organza_basis::mix64(sum ^ number);
+        for body in self.bodies.iter() {
+            let grid = &body.cells.grid;
+            add(grid.count() as u64);
+            let sizes = grid.cell_mm().to_array().into_iter();
+            sizes.map(f64::to_bits).for_each(&mut add);
+        }
+        add(self.planes.len() as u64);
+        if let Some(part) = &self.packed {
+            let grid = &part.volume.cell_grid;
+            let dims = grid.dims().to_array().into_iter();
+            dims.map(u64::from).for_each(&mut add);
+            let per_mm = grid.voxels_per_mm().to_array().into_iter();
+            per_mm.map(|n| u64::from(n.to_bits())).for_each(&mut add);
+        }
+        sum
+    }
+
     /// The middle of the first body; in x and y the origin where it has no end.
     pub(crate) fn middle_mm(&self) -> Vec3 {
         self.bodies.first().map_or(Vec3::ZERO, Body::middle_mm)

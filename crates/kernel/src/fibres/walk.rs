@@ -101,20 +101,30 @@ impl Walk<'_> {
             for first in (0..WAVE).step_by(F::LANES) {
                 shade::<F>(&shading, &mut paths, first, &mut shadows, &mut stats);
             }
-            for slot in 0..WAVE {
-                if paths.state[slot] == State::MetPlane {
-                    meet_plane(&shading, &mut paths, slot, &mut shadows, &mut stats);
+            if paths.state.contains(&State::MetPlane) {
+                // Light of events counts as theirs before the next ones.
+                self.follow::<F>(&mut paths, &mut shadows, &mut stats);
+                for slot in 0..WAVE {
+                    if paths.state[slot] == State::MetPlane {
+                        meet_plane(&shading, &mut paths, slot, &mut shadows, &mut stats);
+                    }
                 }
             }
-            shadows.follow::<F>(self.matter, &mut stats, |slot, light| {
-                paths.find_light(slot, light);
-            });
+            self.follow::<F>(&mut paths, &mut shadows, &mut stats);
             for slot in 0..WAVE {
                 if paths.state[slot] == State::Ended && !shadows.has_packed() {
                     self.end(&mut paths, slot, work, false, &mut stats);
                 }
             }
         }
+    }
+
+    /// Follows all shadow rays among explicit fibres.
+    #[inline(always)]
+    fn follow<F: Floats>(&self, paths: &mut Paths, shadows: &mut Shadows, stats: &mut Stats) {
+        shadows.follow::<F>(self.matter, stats, |slot, light| {
+            paths.find_light(slot, light);
+        });
     }
 
     /// Follows the rays of all slots to what they meet, a cell of each at a time. Where a

@@ -12,6 +12,16 @@ use std::ops::ControlFlow;
 
 /// Pictures of a scene and of its direct light; by the general walk without an engine.
 fn films(scene: &Scene, settings: &RenderSettings, by: Option<Backend>) -> (Film, Film) {
+    cached_films(scene, settings, by, false)
+}
+
+/// The same, with a cache that ends paths at the second fibre.
+fn cached_films(
+    scene: &Scene,
+    settings: &RenderSettings,
+    by: Option<Backend>,
+    is_cached: bool,
+) -> (Film, Film) {
     let rendering = Rendering::new(scene, settings.clone()).unwrap();
     let rendering = match by {
         Some(by) => {
@@ -21,6 +31,13 @@ fn films(scene: &Scene, settings: &RenderSettings, by: Option<Backend>) -> (Film
         None => rendering,
     };
     let all = settings.samples.end;
+    let plan = CachePlan::of_picture(CacheMode::SecondFibre, 1, sized(0.01, 0.5));
+    let rendering = match is_cached {
+        true => rendering
+            .with_cache(&plan, &|_| ControlFlow::Continue(()))
+            .unwrap(),
+        false => rendering,
+    };
     let rendering = rendering.with_direct();
     let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
     let direct = rendering.direct().unwrap().clone();
@@ -76,6 +93,16 @@ fn direct_light_is_that_of_one_event() {
         }
     }
     assert!(same >= 14, "{same} films have the same sums");
+    // Light of a cache is none of it.
+    for (name, scene) in scenes() {
+        let by = Some(Backend::widest());
+        let whole = settings(0..sized(256, 16_384), u32::MAX);
+        let (_, direct) = cached_films(&scene, &whole, by, true);
+        let (of_one, _) = films(&scene, &settings(whole.samples.clone(), 1), by);
+        let (m, n) = (direct.mean()[1], of_one.mean()[1]);
+        let p = z_test(m.0, n.0, m.1.hypot(n.1)).p_value;
+        assert!(p > 1e-4, "{name}, cached, seed 9: {p}");
+    }
     assert!(twins > 8, "{twins} twins are rejected");
 }
 

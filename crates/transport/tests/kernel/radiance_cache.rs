@@ -1,6 +1,7 @@
 //! Pictures by the cache of radiance against pictures by whole paths.
 
 use crate::kernel::explicit_fibres::{by_cells, cut, fibres_of};
+use crate::kernel::packed_fibres::packed;
 use crate::kernel::pictures::picture;
 use crate::kernel::several_cloths;
 use crate::kernel::virtual_fibres::silk_and_cotton;
@@ -196,8 +197,13 @@ fn kept_light_serves_another_camera() {
             assert!(rendering.kept_light().is_none());
             let rendering = rendering.with_engine(walks).with_cache(&plan, &go).unwrap();
             let bytes = rendering.kept_light().unwrap().to_bytes();
+            let light = KeptLight::from_bytes(&bytes).unwrap();
+            let other = AnyMedium::VirtualFibres(packed(true, silk_and_cotton()));
+            let other = scene(other, sky(), flat);
+            let other = engine(&other, &settings, named, u64::MAX).unwrap();
+            assert!(!other.takes_light(&light), "{name}, {mode:?}");
             let kept = CachePlan {
-                kept: KeptLight::from_bytes(&bytes).map(Arc::new),
+                kept: Some(Arc::new(light)),
                 ..plan
             };
             let exact = RenderSettings {

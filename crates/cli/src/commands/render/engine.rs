@@ -118,7 +118,7 @@ pub fn choose<'a>(
             });
         }
     };
-    // Graphics cards do not tell direct light from other light.
+    // Graphics cards do not tell direct light from other light, and learn none.
     let choice = match choice {
         EngineChoice::Named(record) if file.render.direct && record.name == "gpu" => {
             let file = args.scene.display();
@@ -127,7 +127,9 @@ pub fn choose<'a>(
                  expected --engine cpu, or false"
             )));
         }
-        EngineChoice::Fastest if file.render.direct => EngineChoice::Processor,
+        EngineChoice::Fastest if file.render.direct || args.light_flag().is_some() => {
+            EngineChoice::Processor
+        }
         choice => choice,
     };
     let made = match file.render.clamp {

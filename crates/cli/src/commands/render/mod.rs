@@ -176,7 +176,12 @@ impl Command for RenderArgs {
             outputs = picture::files_of_denoised(&self.outfile)?;
         }
         if let Some(path) = &self.save_light {
-            output::check_distinct(("the light", path), ("the picture", &self.outfile))?;
+            for picture in &outputs {
+                output::check_distinct(("the light", path), ("the picture", picture))?;
+            }
+            if let Some(checkpoint) = &self.checkpoint {
+                output::check_distinct(("the light", path), ("the checkpoint", checkpoint))?;
+            }
             outputs.push(path.clone());
         }
         for path in &outputs {
@@ -194,6 +199,14 @@ impl Command for RenderArgs {
             Some(args) => render(&args),
             None => render(self),
         })
+    }
+}
+
+impl RenderArgs {
+    /// The flag that keeps or takes learned light, if one is given.
+    fn light_flag(&self) -> Option<&'static str> {
+        let save = self.save_light.as_ref().map(|_| "--save-light");
+        save.or_else(|| self.load_light.as_ref().map(|_| "--load-light"))
     }
 }
 
@@ -258,6 +271,7 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
     let key = kept_light::key(&built.lit, &built.inputs);
     let plan = cache_plan(args, built, &key)?;
     let Chosen { engine, why_walk } = engine;
+    check_light(args, engine.as_deref(), plan.as_ref())?;
     if let (Some(engine), Some(plan)) = (&engine, &plan) {
         check_cache(args, engine.as_ref(), plan, built.max_bytes)?;
     }
@@ -310,30 +324,49 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
 /// What the picture learns, with the light that it is given.
 fn cache_plan(args: &RenderArgs, built: &Built, key: &Key) -> Result<Option<CachePlan>> {
     let (file, mut table) = (&built.file, built.file.render.clone());
-    let flags = [
-        ("--save-light", &args.save_light),
-        ("--load-light", &args.load_light),
-    ];
     let resolution = file.camera(&args.scene)?.resolution;
-    if let Some((flag, _)) = flags.iter().find(|(_, path)| path.is_some()) {
-        if table.cache == Some(CacheName::Off) || table.clamp.is_some() {
-            let scene = args.scene.display();
-            return Err(input(format!(
-                "{scene}: {flag}: this picture has no cache of radiance; expected render.cache = \
-                 \"second-fibre\", and no clamp"
-            )));
-        }
-        // A small picture leaves it out by itself.
-        if table.cache_plan(resolution).is_none() {
-            table.cache = Some(CacheName::SecondFibre);
-        }
+    // A small picture leaves it out by itself.
+    if args.light_flag().is_some()
+        && table.cache.is_none()
+        && table.cache_plan(resolution).is_none()
+    {
+        table.cache = Some(CacheName::SecondFibre);
     }
     let mut plan = table.cache_plan(resolution);
     if let (Some(path), Some(plan)) = (&args.load_light, &mut plan) {
-        let light = kept_light::read(path, key, &args.scene, plan.bytes)?;
+        let light = kept_light::read(path, key, &args.scene, plan.bytes / 8)?;
         plan.kept = Some(Arc::new(light));
     }
     Ok(plan)
+}
+
+/// Refuses to keep light where none is learned, and light that was learned in matter that is laid
+/// out otherwise.
+fn check_light(
+    args: &RenderArgs,
+    engine: Option<&dyn Engine>,
+    plan: Option<&CachePlan>,
+) -> Result<()> {
+    let Some(flag) = args.light_flag() else {
+        return Ok(());
+    };
+    let (Some(engine), Some(plan)) = (engine.filter(|engine| engine.can_learn()), plan) else {
+        return Err(input(format!(
+            "{}: {flag}: this picture has no cache of radiance; expected cloth of fibres on a processor, \
+             render.cache other than \"off\", and no clamp",
+            args.scene.display()
+        )));
+    };
+    if let (Some(path), Some(light)) = (&args.load_light, &plan.kept)
+        && !engine.takes_light(light)
+    {
+        return Err(input(format!(
+            "{}: is light of another level of detail than this camera shows of {}",
+            path.display(),
+            args.scene.display()
+        )));
+    }
+    Ok(())
 }
 
 /// Refuses a cache for which the matter leaves no memory.
@@ -383,11 +416,14 @@ fn learned<'a>(
     {
         note!(
             "organza: warning: {}: the cache of radiance is off by {:.1} % of the mean in blocks \
-             of {edge} x {edge} pixels, more than render.cache_error allows, after four times \
-             the usual learning",
+             of {edge} x {edge} pixels, more than render.cache_error allows{after}",
             args.scene.display(),
             100.0 * cache.block_error().0,
             edge = CacheReport::BLOCK,
+            after = match args.load_light {
+                Some(_) => "",
+                None => ", after four times the usual learning",
+            },
         );
     }
     Ok(rendering)

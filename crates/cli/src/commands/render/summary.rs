@@ -128,10 +128,13 @@ fn describe_cache(cache: &CacheReport) -> String {
             100.0 * cache.shared_noise,
         ),
     };
+    let learned = match cache.paths {
+        0 => "that were loaded".to_owned(),
+        paths => format!("by {paths} paths"),
+    };
     format!(
-        "{second} bins by {} paths{shared}; its error is {:.2} +- {:.2} % of the mean, {:.1} % in \
+        "{second} bins {learned}{shared}; its error is {:.2} +- {:.2} % of the mean, {:.1} % in \
          blocks of {edge} x {edge} pixels (below {:.1} %)",
-        cache.paths,
         100.0 * mean,
         100.0 * mean_se,
         100.0 * blocks,

@@ -85,13 +85,15 @@ fn smoothed(
     beside: impl Fn(usize, i64) -> Option<usize>,
 ) -> Vec<[f64; 2]> {
     let reach = (3.0 * deviation).ceil() as i64;
-    let weight = |by: i64| (-0.5 * (by as f64 / deviation).powi(2)).exp();
+    let weights: Vec<(i64, f64)> = (-reach..=reach)
+        .map(|by| (by, (-0.5 * (by as f64 / deviation).powi(2)).exp()))
+        .collect();
     let one = |i: usize| {
         let mut sum = [0.0; 2];
-        for by in -reach..=reach {
+        for &(by, weight) in &weights {
             if let Some([squares, pairs]) = beside(i, by).and_then(|at| sums.get(at)) {
-                sum[0] += weight(by) * squares;
-                sum[1] += weight(by) * pairs;
+                sum[0] += weight * squares;
+                sum[1] += weight * pairs;
             }
         }
         sum

@@ -39,6 +39,8 @@ const SPLIT: u32 = 6;
 const LAMP_CHANGE: f64 = 0.1;
 /// How often more is learned where the error is too large; each time as much as before.
 const MORE: u32 = 3;
+/// Tiles of a picture whose errors are mapped: of 16384 x 16384 pixels.
+const MOST_MAPPED: u64 = 1 << 20;
 /// Noises of bins that are kept for their median.
 const MOST_NOISES: usize = 1 << 20;
 /// Visits that may be made for one purpose.
@@ -59,13 +61,10 @@ pub fn learn(
     let light_mm = light_change_mm(scene, middle);
     let columns = scene.camera.resolution().x;
     let places = Places::new(&scene.matter, (pixel_mm, columns), light_mm);
-    // Light of another kind of cloth is not taken.
+    // Light of other matter is not taken.
     let kept = plan.kept.as_deref();
-    let kept = kept.and_then(|kept| Some((kept, places.with_later(kept.frame)?)));
-    let (kept, places) = match kept {
-        Some((kept, places)) => (Some(kept), places),
-        None => (None, places),
-    };
+    let kept = kept.filter(|kept| kept.is_of(&scene.matter));
+    let places = kept.map_or(places, |kept| places.with_later(kept.frame));
     let shares = plan.mode == CacheMode::FirstFibre && places.are_shared_at_first();
     let whole_paths = |notes| CacheUse {
         places: Some(&places),
@@ -334,7 +333,10 @@ struct ErrorOfBlocks {
 impl ErrorOfBlocks {
     fn new(picture: &Tiles) -> ErrorOfBlocks {
         ErrorOfBlocks {
-            blocks: vec![PairSums::default(); picture.count as usize],
+            blocks: match picture.count <= MOST_MAPPED {
+                true => vec![PairSums::default(); picture.count as usize],
+                false => Vec::new(),
+            },
             ..ErrorOfBlocks::default()
         }
     }
@@ -389,7 +391,9 @@ impl ErrorOfBlocks {
             };
             if let (Some(one), Some(other)) = (of(0), of(1)) {
                 let (a, b) = (one.x - one.y, other.x - other.y);
-                self.blocks[go.tiles[pair]].add([one.x, other.x], [one.y, other.y]);
+                if let Some(block) = self.blocks.get_mut(go.tiles[pair]) {
+                    block.add([one.x, other.x], [one.y, other.y]);
+                }
                 self.pairs += 1;
                 self.sum += 0.5 * (a + b);
                 self.squares += 0.25 * (a + b) * (a + b);

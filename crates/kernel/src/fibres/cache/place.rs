@@ -199,11 +199,10 @@ impl Places {
         self.at_second
     }
 
-    /// The same places, but for those at later fibres, which are counted as another picture
-    /// counted them; none if that was of another kind of cloth.
-    pub fn with_later(self, at_second: Frame) -> Option<Places> {
-        let is_tile = |frame| matches!(frame, Frame::Tile { .. });
-        (is_tile(at_second) == is_tile(self.at_second)).then_some(Places { at_second, ..self })
+    /// The same places, but for those at later fibres, which are counted as another picture of the
+    /// same matter counted them.
+    pub fn with_later(self, at_second: Frame) -> Places {
+        Places { at_second, ..self }
     }
 
     /// Whether what is read at a path's fibre of that number is interpolated between bins: where

@@ -44,7 +44,7 @@ pub struct RadianceTable {
 impl RadianceTable {
     /// Of bins with different keys.
     pub fn new(bins: &[Entry]) -> RadianceTable {
-        let room = bins.len() * 3 / 2 + 2;
+        let room = RadianceTable::room_for(bins.len());
         let mut entries = vec![Entry::default(); room];
         for bin in bins {
             let mut at = home(bin.key, room);
@@ -57,6 +57,11 @@ impl RadianceTable {
             entries,
             count: bins.len(),
         }
+    }
+
+    /// Entries of a table of so many bins.
+    pub fn room_for(bins: usize) -> usize {
+        bins * 3 / 2 + 2
     }
 
     /// How many bins there are.
