@@ -148,7 +148,7 @@ mod tests {
         let bin = |k: u64| Entry {
             key: organza_basis::mix64(k) | 1,
             radiance: [k as f32, 0.5, 1e-9],
-            state: Entry::state(true, k % 2 == 0, 0.25),
+            state: Entry::state(true, k.is_multiple_of(2), 0.25),
         };
         KeptLight {
             matter: 77,
