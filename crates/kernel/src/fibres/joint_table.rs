@@ -79,6 +79,11 @@ impl JointTable {
         self.strands[self.strand(piece) as usize].yarn
     }
 
+    /// The material of a piece.
+    pub fn material(&self, piece: u32) -> u32 {
+        self.words[(piece * JOINT) as usize + 6]
+    }
+
     /// Which of all strands a piece belongs to.
     #[inline]
     pub fn strand(&self, piece: u32) -> u32 {

@@ -44,6 +44,8 @@ pub struct Optics {
     pub count: u32,
     /// Whether some of them are not round.
     pub has_sections: bool,
+    /// Of every material how dark its fibres are, by channel in three steps.
+    shades: Vec<u8>,
 }
 
 /// One material in every lane.
@@ -72,6 +74,22 @@ pub struct Material<F: Floats> {
     first_node: F::Ints,
 }
 
+/// See [`Optics::shade`].
+fn shade(kind: &NearKind) -> u8 {
+    /// Shares of light, let through by a fibre, that part the steps.
+    const STEPS: [f32; 2] = [0.25, 0.7];
+    let through = match kind {
+        NearKind::Dielectric {
+            absorption_radii, ..
+        } => absorption_radii.0.to_array().map(|a| (-2.0 * a).exp()),
+        NearKind::Fitted { colour_tt, .. } => colour_tt.0.to_array(),
+    };
+    let step = |share: f32| STEPS.iter().filter(|s| share > **s).count() as u8;
+    through
+        .into_iter()
+        .fold(0, |shade, share| 3 * shade + step(share))
+}
+
 /// The balance at an inclination.
 pub struct Balanced<F: Floats> {
     pub scale: V3<F>,
@@ -83,8 +101,10 @@ impl Optics {
     pub fn new(fibres: &[Fibre]) -> Optics {
         let mut words = vec![0; fibres.len().max(1) * HEAD as usize];
         let mut has_sections = false;
+        let mut shades = Vec::with_capacity(fibres.len());
         for (i, fibre) in fibres.iter().enumerate() {
             let parts = fibre.near_parts();
+            shades.push(shade(&parts.kind));
             let first = words.len() as u32;
             for node in &parts.balance {
                 let [r, g, b] = node.scale;
@@ -131,7 +151,13 @@ impl Optics {
             words,
             count: fibres.len() as u32,
             has_sections,
+            shades,
         }
+    }
+
+    /// Names the shade of a material: of those whose fibres let about as much of each colour through.
+    pub fn shade(&self, material: u32) -> u8 {
+        self.shades.get(material as usize).copied().unwrap_or(0)
     }
 
     /// Bytes in use.

@@ -30,7 +30,7 @@ pub struct Place {
     toward: [u8; 2],
     /// The side of a fibre.
     about: u8,
-    /// Which body, and along which of its axes the fibre runs; or which fibre.
+    /// Which body, along which of its axes the fibre runs, and its shade; or which fibre.
     what: u32,
 }
 
@@ -334,7 +334,9 @@ fn in_world(matter: &FibreMatter, paths: &Paths, slot: usize, step_mm: f64) -> P
     };
     let at: DVec3 = (trip.end_mm() / step_mm).floor();
     let along = paths.met.along[slot];
-    let tangent = matter.joints.tangent(paths.met.piece[slot], along).abs();
+    let piece = paths.met.piece[slot];
+    let tangent = matter.joints.tangent(piece, along).abs();
+    let shade = matter.optics.shade(matter.joints.material(piece));
     let axis = match tangent.max_element() {
         most if most == tangent.x => 0,
         most if most == tangent.y => 1,
@@ -345,7 +347,7 @@ fn in_world(matter: &FibreMatter, paths: &Paths, slot: usize, step_mm: f64) -> P
         beside: [paths.met.cell[slot].z, 0],
         toward: octahedral(get(&paths.met.way, slot)),
         about: 0,
-        what: u32::from(body * 4 + axis),
+        what: u32::from(body) * 4 + axis + (u32::from(shade) << 18),
     }
 }
 
