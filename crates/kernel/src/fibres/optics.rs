@@ -297,3 +297,30 @@ impl<U: Ints> Place<'_, U> {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use organza_basis::Rgb;
+
+    /// Dyes that differ to the eye have shades of their own; those of one yarn that took up a little
+    /// more share one.
+    #[test]
+    fn dyes_have_shades() {
+        let of = |r: f32, g: f32, b: f32| {
+            shade(&NearKind::Dielectric {
+                ior: 1.55,
+                absorption_radii: Rgb::new(r, g, b),
+            })
+        };
+        let (white, wine, black) = (of(0.01, 0.01, 0.02), of(0.3, 1.5, 1.2), of(2.0, 2.0, 2.0));
+        let gold = of(0.05, 0.15, 1.5);
+        for (i, a) in [white, wine, black, gold].iter().enumerate() {
+            for b in &[white, wine, black, gold][..i] {
+                assert_ne!(a, b);
+            }
+        }
+        assert_eq!(wine, of(0.33, 1.7, 1.4));
+        assert_eq!(Optics::new(&[]).shade(3), 0);
+    }
+}
