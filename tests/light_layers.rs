@@ -21,7 +21,7 @@ fn render(folder: &Path, name: &str, more: &[&str]) -> Vec<u8> {
     bytes(folder, name)
 }
 
-/// Parts, checkpoints and denoised files keep both layers; direct and indirect light add up to the
+/// Parts and checkpoints keep both layers; direct and indirect light add up to the
 /// picture, which is the same without them.
 #[test]
 fn layers_are_kept_and_add_up() {
@@ -42,9 +42,9 @@ fn layers_are_kept_and_add_up() {
     );
     succeed(&folder, &["merge", "b.exr", "a.exr", "-o", "merged.exr"]);
     let strip = |file: &str| {
-        // The engines differ in name alone.
-        let mut channels = exr_channels(&folder.join(file));
-        assert!(channels.remove("cache_error").is_some(), "{file}");
+        // The files differ in the names of engines alone.
+        let channels = exr_channels(&folder.join(file));
+        assert!(channels.contains_key("cache_error"), "{file}");
         assert!(channels.contains_key("direct_sums.00"), "{file}");
         channels
             .into_iter()

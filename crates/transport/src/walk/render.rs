@@ -394,11 +394,7 @@ pub(crate) fn add_samples(
             out.add(&sample, index as u32);
             if let Some(out) = &mut direct {
                 let kept = clamp.min(brightest) / brightest.max(f32::MIN_POSITIVE);
-                let radiance = if kept < 1.0 {
-                    kept * sample.direct
-                } else {
-                    sample.direct
-                };
+                let radiance = kept * sample.direct;
                 out.add(&PathSample { radiance, ..sample }, index as u32);
             }
         } else {

@@ -219,7 +219,7 @@ fn kept_light_serves_another_camera() {
                 "seed 100, {name}, {mode:?}: {} +- {all}",
                 gains.mean
             );
-            // Pictures that are 10 % dimmer are told apart.
+            // A picture that is 10 % dimmer would fail.
             assert!(all < 0.025, "seed 100, {name}, {mode:?}: +- {all}");
             let (first, report) = by_cache(&to, &settings, &kept, Backend::Scalar);
             assert_eq!(report.paths, 0, "{name}, {mode:?}");

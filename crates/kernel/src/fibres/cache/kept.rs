@@ -3,14 +3,14 @@
 use super::super::matter::FibreMatter;
 use super::RadianceCache;
 use super::place::Frame;
-use super::table::{Entry, RadianceTable};
+use super::table::{Entry, RadianceTable, home};
 
 /// Bytes of what stands before the bins, and of a bin.
 const HEAD: usize = 32;
 const BIN: usize = 24;
 /// Places that a bin may lie behind the one where it is looked for first. Keys are random
 /// numbers, which stay far below.
-const MOST_BEHIND: u64 = 4096;
+const MOST_BEHIND: usize = 4096;
 
 /// The radiances at all fibres but the first: they are of a cloth and its lights, whichever camera
 /// looks at them.
@@ -46,16 +46,11 @@ impl KeptLight {
         RadianceTable::new(&self.bins)
     }
 
-    /// Bytes of [`KeptLight::to_bytes`].
-    pub fn byte_count(&self) -> u64 {
-        (HEAD + BIN * self.bins.len()) as u64
-    }
-
-    /// In little endian: the fingerprint of the matter (`u64`), which kind of frame (`u32`), the mean radiance (`f32`), the size of the
-    /// frame, mm (`f64`), how many bins there are (`u64`), and of every bin its key (`u64`), radiance
-    /// (three `f32`) and state (`u32`).
+    /// In little endian: the fingerprint of the matter (`u64`), which kind of frame (`u32`), the mean
+    /// radiance (`f32`), the size of the frame, mm (`f64`), how many bins there are (`u64`), and of
+    /// every bin its key (`u64`), radiance (three `f32`) and state (`u32`).
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.byte_count() as usize);
+        let mut bytes = Vec::with_capacity(HEAD + BIN * self.bins.len());
         bytes.extend(self.matter.to_le_bytes());
         let (kind, size_mm) = match self.frame {
             Frame::Tile { patch_mm: None } => (0u32, 0.0),
@@ -114,10 +109,10 @@ impl KeptLight {
 fn are_spread(bins: &[Entry]) -> bool {
     let mut keys: Vec<u64> = bins.iter().map(|bin| bin.key).collect();
     keys.sort_unstable();
-    let (room, mut next) = (RadianceTable::room_for(bins.len()) as u64, 0u64);
+    let (room, mut next) = (RadianceTable::room_for(bins.len()), 0);
     keys.windows(2).all(|pair| pair[0] != pair[1])
         && keys.iter().all(|key| {
-            let home = ((u128::from(*key) * u128::from(room)) >> 64) as u64;
+            let home = home(*key, room);
             let at = home.max(next);
             next = at + 1;
             at - home <= MOST_BEHIND
@@ -169,7 +164,7 @@ mod tests {
         ] {
             let kept = kept(frame);
             let bytes = kept.to_bytes();
-            assert_eq!(bytes.len() as u64, kept.byte_count());
+            assert_eq!(bytes.len(), HEAD + 20 * BIN);
             assert_eq!(KeptLight::from_bytes(&bytes), Some(kept));
             for end in 0..bytes.len() {
                 assert_eq!(KeptLight::from_bytes(&bytes[..end]), None, "{end}");

@@ -18,10 +18,12 @@
 //! - [`place`]: where light meets a fibre, in bins of several sizes that nest.
 //! - [`tree`]: bins that divide while they learn; [`table`]: what is read.
 //! - [`flow`]: the radiances of bins between which paths go, solved together.
-//! - [`learn`]: learning paths, and an estimate of the error of the cache; [`error_map`]: where it is.
+//! - [`learn`]: learning paths; [`error_of_blocks`] and [`error_map`]: the error of the cache, and where
+//!   it is.
 //! - [`kept`]: what one picture keeps for others.
 
 pub(crate) mod error_map;
+pub(crate) mod error_of_blocks;
 pub(crate) mod flow;
 pub(crate) mod kept;
 pub(crate) mod learn;

@@ -184,7 +184,7 @@ impl RadianceTable {
 
 /// Where a key is looked for first, in proportion to its size: it has 64 random bits.
 #[inline]
-fn home(key: u64, room: usize) -> usize {
+pub(super) fn home(key: u64, room: usize) -> usize {
     ((u128::from(key) * room as u128) >> 64) as usize
 }
 
