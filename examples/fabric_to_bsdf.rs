@@ -7,6 +7,7 @@
 // A program prints, and writes its files as it likes.
 #![allow(clippy::print_stdout, clippy::disallowed_methods)]
 
+use organza::basis::unwatched;
 use organza::measure::{Effort, VolumePatch, measure_albedos, parse_incident};
 use organza::scene::{fabric_file, loader::Loader};
 use organza::transport::{AnyMedium, Integrator};
@@ -29,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         target_error: None,
     };
     let incident = parse_incident("theta_i,phi_i\n0,0\n30,0\n60,0\n")?;
-    let results = measure_albedos(&patch, &incident, &effort, &|_paths| ())?;
+    let results = measure_albedos(&patch, &incident, &effort, &unwatched)?;
     for found in results.list {
         let [reflected, transmitted] = [found.reflected, found.transmitted];
         println!(

@@ -7,6 +7,7 @@
 // A program prints, and writes its files as it likes.
 #![allow(clippy::print_stdout, clippy::disallowed_methods)]
 
+use organza::basis::unwatched;
 use organza::measure::{
     Effort, PatchResponse, SurfacePatch, VolumePatch, measure_albedos, parse_incident,
 };
@@ -41,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let incident = parse_incident("theta_i,phi_i\n0,0\n60,0\n")?;
     for (name, patch) in &patches {
-        for found in measure_albedos(patch, &incident, &effort, &|_paths| ())?.list {
+        for found in measure_albedos(patch, &incident, &effort, &unwatched)?.list {
             let reflected = found.reflected;
             println!(
                 "{name}: {:?} {:.3?} +- {:.3?}",

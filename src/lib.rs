@@ -51,6 +51,7 @@
 //! # From a fabric to its BSDF
 //!
 //! ```
+//! use organza::basis::unwatched;
 //! use organza::measure::{Effort, SurfacePatch, measure_pairs, parse_pairs};
 //! use organza::surface::SurfaceSpec;
 //!
@@ -58,7 +59,7 @@
 //! let patch = SurfacePatch(SurfaceSpec::preset("denim")?.build()?);
 //! let effort = Effort { paths: 256, seed: 1, target_error: None };
 //! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
-//! let results = measure_pairs(&patch, &pairs, &effort, &|_paths| ())?;
+//! let results = measure_pairs(&patch, &pairs, &effort, &unwatched)?;
 //! let bsdf = results.list[0].bsdf;
 //! println!("{:?} +- {:?} 1/sr", bsdf.mean, bsdf.se);
 //! # Ok(())
@@ -68,6 +69,7 @@
 //! # From fibres to a volume
 //!
 //! ```
+//! use organza::basis::unwatched;
 //! use organza::volume::{FibreFootprint, VoxelizeOptions, voxelize};
 //! use organza::weave::{Cloth, FabricGeometry};
 //!
@@ -84,7 +86,7 @@
 //!     footprint: FibreFootprint::Covered,
 //!     max_memory_bytes: Some(1 << 30),
 //! };
-//! let octree = voxelize(&cloth, &options, &|_share_done| ())?;
+//! let octree = voxelize(&cloth, &options, &unwatched)?;
 //! assert!(octree.occupied_voxels() > 1000);
 //! # Ok(())
 //! # }

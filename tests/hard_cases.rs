@@ -9,7 +9,7 @@ use geometry::{fibres, geometries, strewn};
 use glam::{DVec3, UVec2, Vec3};
 use matter::{Matter, gloss, grids, matters, octree};
 use organza_basis::hypothesis::{sidak, z_test};
-use organza_basis::{Rgb, warp};
+use organza_basis::{Rgb, unwatched, warp};
 use organza_measure::{Angles, Effort, Pair, VolumePatch, measure_pairs};
 use organza_transport::{
     AnyMedium, Backend, Camera, CameraPose, DirectionalLight, EnvironmentLight, FlakeFamily,
@@ -296,7 +296,9 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
         seed: SEED,
         target_error: None,
     };
-    let values = measure_pairs(&patch, &ways, &effort, &|_| ()).unwrap().list;
+    let values = measure_pairs(&patch, &ways, &effort, &unwatched)
+        .unwrap()
+        .list;
     let (mut least, mut twin) = (1.0f64, 1.0f64);
     for way in values.chunks_exact(2) {
         for c in 0..3 {

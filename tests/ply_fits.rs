@@ -152,7 +152,8 @@ fn pictures(folder: &Path) {
                 phi_deg: 0.0,
             },
         };
-        let texture = measure_texture(&patch, pair, &grid, 128, 12).unwrap();
+        let texture =
+            measure_texture(&patch, pair, &grid, 128, 12, &organza_basis::unwatched).unwrap();
         let pixel = |x: usize, y: usize| {
             let [r, g, b] = texture.mean[y * 18 + x].map(|v| v * std::f32::consts::PI);
             (r, g, b)

@@ -13,7 +13,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use glam::Vec3;
 use layouts::layouts;
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, Budget, Mixture, PathRng, Segment, SegmentSource, Tile};
+use organza_basis::{Aabb, Budget, Mixture, PathRng, Segment, SegmentSource, Tile, unwatched};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
 use organza_volume::{GridSet, Octree, VoxelizeOptions, ovox, vdb, voxelize};
 use std::f32::consts::TAU;
@@ -80,7 +80,7 @@ impl SegmentSource for Layers {
 
 fn tile(yarns: u32) -> Octree {
     let source = Layers { yarns, fibres: 400 };
-    voxelize(&source, &VoxelizeOptions::default(), &|_| {}).unwrap_or_else(|e| panic!("{e}"))
+    voxelize(&source, &VoxelizeOptions::default(), &unwatched).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn voxelizer(c: &mut Criterion) {
@@ -106,7 +106,7 @@ fn voxelizer(c: &mut Criterion) {
             ..VoxelizeOptions::default()
         };
         group.bench_function(format!("{voxel_um} um, all threads"), |b| {
-            b.iter(|| voxelize(&list, &options, &|_| {}));
+            b.iter(|| voxelize(&list, &options, &unwatched));
         });
     }
     group.finish();

@@ -4,6 +4,7 @@ use super::{SIZE_MM, VOXEL_MM};
 use glam::{UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::hypothesis::SphereGrid;
+use organza_basis::unwatched;
 use organza_basis::{Aabb, Rgb, Sym3};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters, Lobe};
 use organza_testing::dielectric_fibre;
@@ -22,7 +23,7 @@ pub fn octree(source: &SegmentList, footprint: FibreFootprint) -> Arc<Octree> {
         footprint,
         max_memory_bytes: None,
     };
-    Arc::new(voxelize(source, &options, &|_| ()).unwrap())
+    Arc::new(voxelize(source, &options, &unwatched).unwrap())
 }
 
 fn clear(longitudinal_rad: f32) -> Fibre {
@@ -100,7 +101,7 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
             let medium = medium.map(AnyMedium::VirtualFibres).ok_or_else(String::new);
             put(words, medium, white, 2e-3);
         }
-        let explicit = ExplicitFibres::new(source, vec![fibre], None, &|_| ());
+        let explicit = ExplicitFibres::new(source, vec![fibre], None, &unwatched);
         let words = format!("{name} fibres, explicit");
         let explicit = explicit
             .map(AnyMedium::ExplicitFibres)

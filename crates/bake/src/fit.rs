@@ -4,10 +4,12 @@ use crate::albedo::Albedos;
 use crate::layout::{PlannedPair, Side};
 use crate::model::{Parameters, Surface, Target};
 use crate::texel::Texel;
+use organza_basis::Stopped;
 use organza_measure::fit::Determined;
 use organza_measure::fit::{Patience, determine, search};
 use organza_measure::{Pair, PairValue};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// Share of the own value, beside the root mean square of the side, in what residuals are
 /// divided by: highlights do not outweigh all else.
@@ -66,6 +68,9 @@ fn sky_error(
 /// through the cloth if the model transmits. Residuals are differences times the cosine of
 /// the eye, as shares of the mean of the own value and the root mean square of the side. The
 /// texels under a bright sky count with `sky_weight`, usually [`SKY_WEIGHT`]. `roughening` is fitted where none is given. Deterministic. `watch` is called after every evaluation.
+///
+/// # Errors
+/// When `watch` broke.
 pub fn fit_target(
     target: &Target,
     texels: &[Texel],
@@ -75,8 +80,8 @@ pub fn fit_target(
     sky_weight: f64,
     roughening: Option<f64>,
     patience: &Patience,
-    watch: &mut dyn FnMut(),
-) -> Fitted {
+    watch: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Fitted, Stopped> {
     let cosine = |v: &PairValue| f64::from(v.pair.exitant.direction().z.abs());
     let is_used = |p: &PlannedPair| {
         !p.is_held_out && (p.side == Side::Face || (p.side == Side::Through && target.transmits))
@@ -109,7 +114,10 @@ pub fn fit_target(
         .sum::<glam::Vec3>();
     let mean = f64::from((mean / texels.len().max(1) as f32).element_sum() / 3.0).max(1e-4);
     let texel_weight = sky_weight / mean * (pairs.len() as f64 / texels.len().max(1) as f64).sqrt();
+    // After a stop no place has a value, which ends the search at once.
+    let mut go_on = ControlFlow::Continue(());
     let mut residuals = |place: &[f64]| {
+        Stopped::check(go_on).ok()?;
         let values = model_values(
             target,
             &target.parameters(place, roughening),
@@ -117,7 +125,7 @@ pub fn fit_target(
             albedos,
             &pairs,
         );
-        watch();
+        go_on = watch();
         let parameters = target.parameters(place, roughening);
         let data = used.iter().zip(&weights);
         let mut list: Vec<f64> = values
@@ -157,14 +165,15 @@ pub fn fit_target(
         })
         .collect();
     let spare = base.len().saturating_sub(bounds.len()).max(1);
+    Stopped::check(go_on)?;
     let determined = determine(&bounds, &best, &columns, (cost / spare as f64).max(1e-12));
     let parameters = target.parameters(&best, roughening);
     let all: Vec<Pair> = plan.iter().map(|p| p.pair).collect();
-    Fitted {
+    Ok(Fitted {
         parameters,
         determined,
         values: model_values(target, &parameters, texels, albedos, &all),
-    }
+    })
 }
 
 #[cfg(test)]

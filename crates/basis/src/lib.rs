@@ -27,6 +27,7 @@ pub mod rng;
 pub mod spread;
 pub mod sym3;
 pub mod warp;
+pub mod watch;
 
 pub use aabb::Aabb;
 pub use alias_table::AliasTable;
@@ -41,3 +42,4 @@ pub use ray::Ray;
 pub use rgb::Rgb;
 pub use rng::{PathRng, mix64};
 pub use sym3::Sym3;
+pub use watch::{Stopped, Watch, unwatched};

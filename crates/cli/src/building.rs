@@ -8,6 +8,7 @@ use crate::result_cache;
 use crate::waiting::Waiting;
 use anyhow::Result;
 use organza_scene::loader::{Event, Loader, Task};
+use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
 /// Units of a bar of shares.
@@ -41,7 +42,7 @@ pub fn watched<'w, T>(
             Event::Begin(task) => *bar = Some(begin(task, watch)),
             Event::Done(share) => {
                 if let Some(bar) = bar.as_ref() {
-                    bar.at((share * UNITS) as u64);
+                    return bar.at((share * UNITS) as u64);
                 }
             }
             Event::End => {
@@ -50,6 +51,7 @@ pub fn watched<'w, T>(
                 }
             }
         }
+        ControlFlow::Continue(())
     };
     let loader = Loader::watched(&on_event).with_cache(cache);
     let loader = match watch.host {

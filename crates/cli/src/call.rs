@@ -2,7 +2,7 @@
 
 use crate::commands;
 use crate::error::InputError;
-use crate::host::{Caller, Host, Stopped};
+use crate::host::{Caller, Host};
 use std::any::Any;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -142,10 +142,14 @@ pub fn call(arguments: &[OsString], caller: Arc<dyn Caller>) -> Result<(), Failu
     let matches = commands::definition()
         .try_get_matches_from(all)
         .map_err(usage)?;
-    let host = Host::program(caller, command_line, has_output);
+    let host = Host::program(Arc::clone(&caller), command_line, has_output);
     let run = || commands::run_for(&matches, host);
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(Ok(()))) => Ok(()),
+        // Whatever the error says, the caller asked for it.
+        Ok(Ok(Err(_))) if caller.is_stopped() => {
+            Err(Failure::new(FailureKind::Stopped, "stopped".into()))
+        }
         Ok(Ok(Err(e))) => {
             let is_input = e.chain().any(|cause| cause.is::<InputError>());
             let kind = match is_input {
@@ -179,9 +183,6 @@ fn usage_message(e: &clap::Error) -> String {
 }
 
 fn of_panic(payload: &(dyn Any + Send)) -> Failure {
-    if payload.is::<Stopped>() {
-        return Failure::new(FailureKind::Stopped, "stopped".into());
-    }
     let text = payload.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
     let text = text.unwrap_or("no message");

@@ -9,6 +9,7 @@ use anyhow::Result;
 use organza_report::bench::Program;
 use organza_scene::GivenFiles;
 use organza_scene::loader::Loader;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// A program that runs a command. Its functions are called from any thread.
@@ -51,9 +52,6 @@ impl std::fmt::Debug for Host {
             .finish()
     }
 }
-
-/// What unwinds a command that its caller stopped. It is caught in [`crate::call`].
-pub struct Stopped;
 
 impl Host {
     /// A program that runs `command_line`, which names an output or not.
@@ -147,11 +145,11 @@ impl Host {
         self.caller.as_ref()
     }
 
-    /// Ends the command if its caller asked for that, from whichever thread: the stack is
-    /// unwound to [`crate::call`], through the threads that work together.
-    pub fn stop_if_asked(&self) {
-        if self.caller.as_ref().is_some_and(|c| c.is_stopped()) {
-            std::panic::resume_unwind(Box::new(Stopped));
+    /// Breaks once the caller asked the command to stop.
+    pub fn goes_on(&self) -> ControlFlow<()> {
+        match self.caller.as_ref().is_some_and(|c| c.is_stopped()) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::host::{Host, Watch};
 use crate::output::{ends_silence, note, printed};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// So long nothing is printed before a line takes the place of a bar.
@@ -47,13 +48,11 @@ impl Progress {
         }
     }
 
-    /// Reports the progress. A program that runs the command may end it here, see
-    /// [`Host::stop_if_asked`].
-    pub fn at(&self, done: u64) {
+    /// Reports the progress. Breaks once a program that runs the command asked it to stop.
+    pub fn at(&self, done: u64) -> ControlFlow<()> {
         if let Some(caller) = self.host.caller() {
             let total = self.bar.length().unwrap_or(0);
             caller.progress(self.label, done.min(total), total);
-            self.host.stop_if_asked();
         }
         // Threads report out of order; the bar only moves on.
         if done > self.bar.position() {
@@ -65,6 +64,7 @@ impl Progress {
         if self.has_lines && ends_silence(SILENCE) {
             self.print_line();
         }
+        self.host.goes_on()
     }
 
     fn print_line(&self) {
@@ -83,5 +83,47 @@ impl Progress {
     pub fn finish(&self) -> f64 {
         self.bar.finish_and_clear();
         self.started.elapsed().as_secs_f64()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::Caller;
+    use crate::results::Results;
+    use organza_scene::GivenFiles;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    /// Asks for a stop once half of a task is done.
+    #[derive(Default)]
+    struct Impatient(AtomicU64);
+
+    impl Caller for Impatient {
+        fn given(&self) -> Arc<GivenFiles> {
+            Arc::default()
+        }
+        fn warn(&self, _: &str) {}
+        fn progress(&self, _: &str, done: u64, total: u64) {
+            self.0.store(2 * done / total, Ordering::Relaxed);
+        }
+        fn is_stopped(&self) -> bool {
+            self.0.load(Ordering::Relaxed) > 0
+        }
+        fn take(&self, _: Results) {}
+    }
+
+    #[test]
+    fn progress_breaks_once_the_caller_asks_for_a_stop() {
+        let host = Host::program(Arc::new(Impatient::default()), String::new(), false);
+        let watch = Watch {
+            is_quiet: true,
+            host: Some(&host),
+        };
+        let progress = Progress::new("testing", 10, watch);
+        assert!(progress.at(4).is_continue());
+        assert!(progress.at(5).is_break());
+        let alone = Progress::new("testing", 10, true);
+        assert!(alone.at(10).is_continue());
     }
 }

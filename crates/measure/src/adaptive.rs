@@ -14,6 +14,7 @@ use crate::bilinear_warp::{BilinearWarp, piece};
 use crate::goniometer::gather_pairs;
 use crate::{Angles, Effort, MeasureError, Measured, Pair, PairValue, PatchResponse};
 use glam::{DVec2, DVec3};
+use organza_basis::Watch;
 use organza_transport::Stats;
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -274,7 +275,7 @@ pub fn measure_adaptive(
     patch: &impl PatchResponse,
     grid: AdaptiveGrid,
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<AdaptiveResult, MeasureError> {
     let side = grid.side as usize;
     let mut stats = Stats::default();

@@ -7,10 +7,11 @@
 
 use crate::PairValue;
 use crate::fit::{Bound, Determined, Patience, determine, non_negative, search};
-use organza_basis::Rgb;
+use organza_basis::{Rgb, Stopped};
 use organza_surface::components::{Components, Parts};
 use organza_surface::spec::{ShadowingSpec, SurfaceSpec, SurfaceYarnSpec, TransmissionSpec};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// A fitted surface.
 #[derive(Clone, Debug)]
@@ -37,6 +38,9 @@ pub enum FitError {
     /// No shape within the bounds can be built.
     #[error("no shape of the yarns within its bounds makes a surface")]
     Shape,
+    /// Whoever watched the fit stopped it.
+    #[error("{0}")]
+    Stopped(#[from] Stopped),
 }
 
 /// Relative error that the model is expected to have: once the noise is smaller, the weight of
@@ -65,7 +69,7 @@ pub fn fit_surface(
     start: &SurfaceSpec,
     data: &[PairValue],
     patience: &Patience,
-    watch: &mut dyn FnMut(),
+    watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<FittedSurface, FitError> {
     let start = SurfaceSpec {
         accuracy: Some(0.01),
@@ -85,11 +89,15 @@ pub fn fit_surface(
         yarn.psi_deg = Some(psi.unwrap_or(SMALL_TWIST_DEG));
     }
     let first = descend(&start, data, patience, watch);
+    if let Err(FitError::Stopped(_)) = first {
+        return first;
+    }
     if start.warp.psi_deg == twisted.warp.psi_deg && start.weft.psi_deg == twisted.weft.psi_deg {
         return first;
     }
     let second = descend(&twisted, data, patience, watch);
     match (first, second) {
+        (_, Err(FitError::Stopped(stopped))) => Err(stopped.into()),
         (Ok(a), Ok(b)) if b.residual < a.residual => Ok(b),
         (Err(_), Ok(b)) => Ok(b),
         (first, _) => first,
@@ -101,15 +109,21 @@ fn descend(
     start: &SurfaceSpec,
     data: &[PairValue],
     patience: &Patience,
-    watch: &mut dyn FnMut(),
+    watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<FittedSurface, FitError> {
     let problem = Problem::new(start, data);
     let bounds = problem.bounds();
+    // After a stop no place has a value, which ends the search at once.
+    let mut go_on = ControlFlow::Continue(());
     let (place, least) = search(&bounds, patience, &mut |place| {
-        watch();
+        if go_on.is_continue() {
+            go_on = watch();
+        }
+        Stopped::check(go_on).ok()?;
         let columns = problem.columns(place).ok()?;
         Some(problem.solve(&columns).1)
     });
+    Stopped::check(go_on)?;
     // Without any place, the error of the start is the most helpful one.
     let columns = problem.columns(&place)?;
     if !least.is_finite() {

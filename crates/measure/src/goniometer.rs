@@ -1,7 +1,7 @@
 //! Means with standard errors: the goniometer itself.
 
 use crate::{Angles, Pair, PatchResponse, PathNames};
-use organza_basis::{Moments, Rgb};
+use organza_basis::{Moments, Rgb, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -105,6 +105,9 @@ pub enum MeasureError {
     /// Estimates that are not finite; leaving them out would bias the mean.
     #[error("{0} estimates were not finite")]
     NotFinite(u64),
+    /// Whoever watched the measurement stopped it.
+    #[error("{0}")]
+    Stopped(#[from] Stopped),
 }
 
 impl MeasureError {
@@ -133,8 +136,8 @@ const MAX_AT_ONCE: u64 = 1 << 22;
 /// Streams of random numbers that belong to directions, not to pairs.
 const DIRECTION_STREAMS: u64 = 1 << 63;
 
-/// Measures the BSDF at pairs. `watch` is called with the number of finished paths, from
-/// any thread.
+/// Measures the BSDF at pairs. `watch` is called with the number of paths of a piece of the work,
+/// before it, from any thread.
 ///
 /// # Errors
 /// See [`MeasureError`].
@@ -142,7 +145,7 @@ pub fn measure_pairs(
     patch: &impl PatchResponse,
     pairs: &[Pair],
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Results<PairValue>, MeasureError> {
     measure_pair_rows(patch, pairs, 0..pairs.len(), effort, watch)
 }
@@ -157,7 +160,7 @@ pub fn measure_pair_rows(
     pairs: &[Pair],
     rows: Range<usize>,
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Results<PairValue>, MeasureError> {
     let (pairs, first) = rows_of(pairs, rows)?;
     gather_pairs(patch, pairs, first, effort, watch)
@@ -172,7 +175,7 @@ pub(crate) fn gather_pairs(
     pairs: &[Pair],
     first_stream: u64,
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Results<PairValue>, MeasureError> {
     let effort = if patch.is_exact() {
         Effort {
@@ -231,7 +234,7 @@ pub fn measure_albedos(
     patch: &impl PatchResponse,
     incident: &[Angles],
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Results<Albedo>, MeasureError> {
     measure_albedo_rows(patch, incident, 0..incident.len(), effort, watch)
 }
@@ -246,7 +249,7 @@ pub fn measure_albedo_rows(
     incident: &[Angles],
     rows: Range<usize>,
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Results<Albedo>, MeasureError> {
     let (incident, first) = rows_of(incident, rows)?;
     if effort.paths < 2 {
@@ -311,6 +314,7 @@ fn rows_of<T>(list: &[T], rows: Range<usize>) -> Result<(&[T], u64), MeasureErro
 pub fn measure_openness(
     patch: &impl PatchResponse,
     effort: &Effort,
+    watch: Watch<'_>,
 ) -> Result<(f64, f64), MeasureError> {
     let normal = Angles {
         theta_deg: 0.0,
@@ -320,7 +324,7 @@ pub fn measure_openness(
         target_error: None,
         ..*effort
     };
-    let results = measure_albedos(patch, &[normal], &effort, &|_| ())?;
+    let results = measure_albedos(patch, &[normal], &effort, watch)?;
     let direct = results.list.first().map(|a| a.direct);
     Ok(direct.map_or((0.0, f64::INFINITY), |d| (d.mean[0], d.se[0])))
 }
@@ -387,13 +391,13 @@ pub(crate) fn gather<T: Sync, const N: usize, E>(
     first_stream: u64,
     effort: &Effort,
     enough: &(dyn Fn(&Moments, f64) -> bool + Sync),
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
     estimate: &(impl Fn(&T) -> E + Sync),
 ) -> Result<Gathered<N>, MeasureError>
 where
     E: Fn(&PathNames, &mut Stats, &mut dyn FnMut([Rgb; N])) + Sync,
 {
-    let one = |(stream, item): (usize, &T)| {
+    let one = |(stream, item): (usize, &T)| -> Result<Sums<N>, Stopped> {
         let estimate = estimate(item);
         let stream = first_stream + stream as u64;
         let mut sums = Sums::<N>::new();
@@ -404,19 +408,19 @@ where
                 None => MAX_AT_ONCE,
             };
             let end = (done + round).min(effort.paths);
-            let chunks: Vec<Sums<N>> = (done.div_ceil(CHUNK)..end.div_ceil(CHUNK))
+            let chunks = (done.div_ceil(CHUNK)..end.div_ceil(CHUNK))
                 .into_par_iter()
                 .map(|c| {
                     let paths = c * CHUNK..((c + 1) * CHUNK).min(end);
-                    watch(paths.end - paths.start);
+                    Stopped::check(watch(paths.end - paths.start))?;
                     let names = PathNames {
                         seed: effort.seed,
                         stream,
                         paths,
                     };
-                    chunk(&estimate, &names)
+                    Ok(chunk(&estimate, &names))
                 })
-                .collect();
+                .collect::<Result<Vec<Sums<N>>, Stopped>>()?;
             for part in &chunks {
                 sums.merge(part);
             }
@@ -426,9 +430,13 @@ where
                 break;
             }
         }
-        sums
+        Ok(sums)
     };
-    let all: Vec<_> = items.par_iter().enumerate().map(one).collect();
+    let all: Vec<_> = items
+        .par_iter()
+        .enumerate()
+        .map(one)
+        .collect::<Result<_, _>>()?;
     let mut stats = Stats::default();
     for sums in &all {
         stats.merge(&sums.stats);
@@ -476,8 +484,11 @@ fn chunk<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Vec2, Vec3};
-    use organza_basis::PathRng;
+    use crate::{KlemsBasis, TexelGrid, gather_looks, measure_klems, measure_texture};
+    use glam::{UVec2, Vec2, Vec3};
+    use organza_basis::{PathRng, unwatched};
+    use std::ops::ControlFlow;
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     /// A patch whose values are powers of a uniform number.
     struct Powers(f32);
@@ -508,6 +519,65 @@ mod tests {
         }
     }
 
+    /// A watch that breaks from its tenth call on, and counts them all.
+    fn stopping(calls: &AtomicU64) -> impl Fn(u64) -> ControlFlow<()> + Sync {
+        |_| match calls.fetch_add(1, Ordering::Relaxed) {
+            0..10 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        }
+    }
+
+    #[test]
+    fn a_stop_ends_measurements_early() {
+        let normal = Angles {
+            theta_deg: 0.0,
+            phi_deg: 0.0,
+        };
+        let pair = Pair {
+            incident: normal,
+            exitant: normal,
+        };
+        let effort = Effort {
+            paths: 64 * CHUNK,
+            seed: 7,
+            target_error: None,
+        };
+        let grid = TexelGrid {
+            low_mm: Vec2::ZERO,
+            size_mm: Vec2::ONE,
+            texels: UVec2::new(1, 1024),
+        };
+        let patch = &Powers(0.5);
+        type Run<'a> = &'a dyn Fn(Watch<'_>) -> Result<(), MeasureError>;
+        let of = |name: &str, run: Run<'_>| {
+            let calls = AtomicU64::new(0);
+            let count = |_| unwatched(calls.fetch_add(1, Ordering::Relaxed));
+            run(&count).unwrap();
+            let all = calls.swap(0, Ordering::Relaxed);
+            let stopped = run(&stopping(&calls)).unwrap_err();
+            assert_eq!(stopped, MeasureError::Stopped(Stopped), "{name}");
+            assert_eq!(stopped.to_string(), "stopped");
+            // Every thread may finish its piece.
+            let made = calls.into_inner();
+            let most = 11 + 4 * rayon::current_num_threads() as u64;
+            assert!(made <= most && 2 * made < all, "{name}: {made} of {all}");
+        };
+        let pairs = [pair; 64];
+        of("pairs", &|w| {
+            measure_pairs(patch, &pairs, &effort, w).map(drop)
+        });
+        of("albedos", &|w| {
+            measure_albedos(patch, &[normal; 64], &effort, w).map(drop)
+        });
+        of("texture", &|w| {
+            measure_texture(patch, pair, &grid, 2, 7, w).map(drop)
+        });
+        of("looks", &|w| gather_looks(patch, &grid, 2, 7, w).map(drop));
+        of("klems", &|w| {
+            measure_klems(patch, KlemsBasis::Full, 2, 7, w).map(drop)
+        });
+    }
+
     /// A uniform number to the power of -0.9 has a mean and no variance: the largest of many has
     /// more than a quarter of the squares nearly always. To the power of -0.2 it has a variance.
     #[test]
@@ -527,7 +597,7 @@ mod tests {
                 target_error: None,
             };
             let heavy = |power: f32| {
-                let found = measure_pairs(&Powers(power), &pairs, &effort, &|_| ());
+                let found = measure_pairs(&Powers(power), &pairs, &effort, &unwatched);
                 found.unwrap().heavy_tails
             };
             assert!(heavy(-0.9) > 32, "{paths}: {}", heavy(-0.9));

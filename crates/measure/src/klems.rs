@@ -6,7 +6,7 @@
 
 use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames};
 use glam::Vec3;
-use organza_basis::PathRng;
+use organza_basis::{PathRng, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -304,7 +304,7 @@ pub fn measure_klems(
     basis: KlemsBasis,
     paths: u64,
     seed: u64,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<(KlemsBsdf, Stats), MeasureError> {
     if paths < 2 {
         return Err(MeasureError::TooFewPaths(paths));
@@ -348,10 +348,13 @@ pub fn measure_klems(
             }
         });
         stats.rejected += rejected;
-        watch(paths);
-        (sums, stats)
+        Stopped::check(watch(paths))?;
+        Ok((sums, stats))
     };
-    let columns: Vec<_> = (0..2 * n).into_par_iter().map(column).collect();
+    let columns: Vec<_> = (0..2 * n)
+        .into_par_iter()
+        .map(column)
+        .collect::<Result<_, Stopped>>()?;
     let mut stats = Stats::default();
     for (_, counts) in &columns {
         stats.merge(counts);
@@ -391,7 +394,7 @@ mod tests {
     use super::*;
     use crate::Exit;
     use glam::Vec2;
-    use organza_basis::Rgb;
+    use organza_basis::{Rgb, unwatched};
     use std::f64::consts::PI;
 
     #[test]
@@ -439,7 +442,7 @@ mod tests {
 
     #[test]
     fn unscattered_light_is_on_the_diagonal() {
-        let (bsdf, _) = measure_klems(&Mirror, KlemsBasis::Quarter, 400, 7, &|_| ()).unwrap();
+        let (bsdf, _) = measure_klems(&Mirror, KlemsBasis::Quarter, 400, 7, &unwatched).unwrap();
         let n = 41;
         for (matrices, share) in [(&bsdf.reflection, 0.75), (&bsdf.transmission, 0.25)] {
             for matrix in matrices {

@@ -15,6 +15,7 @@
 //! in order, in chunks of fixed size.
 //!
 //! ```
+//! use organza_basis::unwatched;
 //! use organza_measure::{Effort, SurfacePatch, measure_albedos, measure_pairs, parse_incident, parse_pairs};
 //! use organza_surface::SurfaceSpec;
 //!
@@ -26,12 +27,12 @@
 //!     target_error: None,
 //! };
 //! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
-//! let results = measure_pairs(&patch, &pairs, &effort, &|_paths| ())?;
+//! let results = measure_pairs(&patch, &pairs, &effort, &unwatched)?;
 //! let bsdf = results.list[0].bsdf;
 //! println!("{:?} +- {:?} 1/sr", bsdf.mean, bsdf.se);
 //!
 //! let incident = parse_incident("theta_i,phi_i\n30,0\n")?;
-//! let results = measure_albedos(&patch, &incident, &effort, &|_paths| ())?;
+//! let results = measure_albedos(&patch, &incident, &effort, &unwatched)?;
 //! assert!(results.list[0].reflected.mean[0] < 1.0);
 //! # Ok(())
 //! # }

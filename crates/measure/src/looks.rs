@@ -2,7 +2,7 @@
 
 use crate::{Look, MeasureError, PatchResponse, PathNames, TexelGrid};
 use glam::{UVec2, Vec2};
-use organza_basis::Rgb;
+use organza_basis::{Rgb, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
 
@@ -42,7 +42,7 @@ pub fn gather_looks(
     grid: &TexelGrid,
     paths: u32,
     seed: u64,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Vec<LookSums>, MeasureError> {
     let texel_mm = grid.size_mm / grid.texels.as_vec2();
     let row = |y: u32| {
@@ -85,10 +85,13 @@ pub fn gather_looks(
             patch.each_look(&place, &names, &mut stats, &mut found);
         }
         stats.rejected += rejected;
-        watch(total);
-        (sums, stats)
+        Stopped::check(watch(total))?;
+        Ok((sums, stats))
     };
-    let rows: Vec<_> = (0..grid.texels.y).into_par_iter().map(row).collect();
+    let rows: Vec<_> = (0..grid.texels.y)
+        .into_par_iter()
+        .map(row)
+        .collect::<Result<_, Stopped>>()?;
     let mut stats = Stats::default();
     let mut texels = Vec::with_capacity(grid.texels.element_product() as usize);
     for (sums, counts) in rows {

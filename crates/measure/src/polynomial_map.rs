@@ -4,6 +4,7 @@
 use crate::{Angles, MeasureError, Pair, PatchResponse, TexelGrid, measure_texture};
 use glam::{DVec2, UVec2};
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
+use organza_basis::Watch;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -109,7 +110,7 @@ pub fn measure_polynomial_map(
     patch: &impl PatchResponse,
     grid: &TexelGrid,
     effort: &MapEffort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<PolynomialMap, MeasureError> {
     assert!(effort.lamps >= LEAST_LAMPS, "too few lamps");
     let lamps = lamps(effort.lamps);
@@ -129,7 +130,7 @@ pub fn measure_polynomial_map(
         let pair = Pair { incident, exitant };
         // Each lamp has random numbers of its own, so that the fit averages their noise.
         let seed = effort.seed.wrapping_add((k as u64) << 32);
-        let picture = measure_texture(patch, pair, grid, effort.paths, seed)?;
+        let picture = measure_texture(patch, pair, grid, effort.paths, seed, watch)?;
         // Of a BSDF: what a white diffuse sheet under light along the normal sends back is 1.
         let to_linear = PI * incident.theta_deg.to_radians().cos();
         let weights: Vector6<f64> = solve.column(k).fixed_rows::<TERMS>(0).into();
@@ -144,7 +145,6 @@ pub fn measure_polynomial_map(
                 fit.variance += (to_linear * f64::from(se[c])).powi(2);
             }
         }
-        watch(effort.paths * u64::from(count));
     }
     Ok(fitted(grid.texels, &fits, &rows, &solve))
 }

@@ -5,7 +5,7 @@ use crate::goniometer::gather;
 use crate::klems_file::XYZ_FROM_RGB;
 use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
 use glam::{DVec3, Vec3};
-use organza_basis::{Moments, PathRng, Rgb};
+use organza_basis::{Moments, PathRng, Rgb, Watch};
 use organza_transport::Stats;
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ pub fn measure_sides(
     beam_sin_squared: f32,
     effort: &Effort,
     seen: &(dyn Fn(Rgb) -> Rgb + Sync),
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<([[SideShares; 2]; 2], Stats), MeasureError> {
     if effort.paths < 2 {
         return Err(MeasureError::TooFewPaths(effort.paths));
@@ -134,7 +134,7 @@ pub fn measure_sides(
 pub fn measure_shade(
     patch: &impl PatchResponse,
     effort: &Effort,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<([ShadeFigures; 2], Stats), MeasureError> {
     let (sides, stats) = measure_sides(patch, 0.0, effort, &luminance, watch)?;
     let share = |m: Measured| Share {
@@ -163,6 +163,7 @@ mod tests {
     use super::*;
     use crate::{Exit, SolarPatch};
     use glam::Vec2;
+    use organza_basis::unwatched;
 
     /// Cloth of which a share is holes; the rest reflects or transmits, half by half, a colour.
     struct Cloth {
@@ -222,7 +223,7 @@ mod tests {
             colour: Rgb::new(0.9, 0.5, 0.1),
         };
         let y = f64::from(luminance(cloth.colour).0.x);
-        let (sides, _) = measure_shade(&cloth, &EFFORT, &|_| ()).unwrap();
+        let (sides, _) = measure_shade(&cloth, &EFFORT, &unwatched).unwrap();
         for figures in sides {
             near(figures.normal_normal, 0.2);
             near(figures.normal_diffuse, 0.4 * y);
@@ -244,7 +245,7 @@ mod tests {
             nir_share: 0.41,
         };
         let expected = 0.59 * 0.2 + 0.41 * 0.8;
-        let (sides, _) = measure_shade(&patch, &EFFORT, &|_| ()).unwrap();
+        let (sides, _) = measure_shade(&patch, &EFFORT, &unwatched).unwrap();
         near(sides[1].normal_reflectance, 0.4 * expected);
         near(sides[0].normal_hemispherical, 0.2 + 0.4 * expected);
         for paths in [1, 2, 64] {

@@ -4,7 +4,7 @@
 use crate::goniometer::{Gathered, gather};
 use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
 use glam::Vec3;
-use organza_basis::{PathRng, Rgb};
+use organza_basis::{PathRng, Rgb, Watch};
 use organza_transport::Stats;
 
 /// Direction of the lamp's axis.
@@ -63,6 +63,7 @@ pub fn measure_sweep(
     patch: &impl PatchResponse,
     lamps: &[LampPosition],
     effort: &Effort,
+    watch: Watch<'_>,
 ) -> Result<Vec<SweepValue>, MeasureError> {
     if effort.paths < 2 {
         return Err(MeasureError::TooFewPaths(effort.paths));
@@ -73,7 +74,7 @@ pub fn measure_sweep(
         1 << 61,
         effort,
         &enough,
-        &|_| (),
+        watch,
         &|lamp: &LampPosition| {
             let lamp = *lamp;
             let one = move |rng: &mut PathRng, stats: &mut Stats| {

@@ -9,7 +9,7 @@
 
 use crate::{MeasureError, PatchResponse, PathNames};
 use glam::{DVec2, Vec3};
-use organza_basis::{PathRng, warp};
+use organza_basis::{PathRng, Stopped, Watch, warp};
 use organza_transport::Stats;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
@@ -210,7 +210,7 @@ pub fn measure_tensor_tree(
     layout: TreeLayout,
     paths: u64,
     seed: u64,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
 ) -> Result<(TensorTree, Stats), MeasureError> {
     if paths < 2 {
         return Err(MeasureError::TooFewPaths(paths));
@@ -250,7 +250,7 @@ pub fn measure_tensor_tree(
             }
         });
         stats.rejected += rejected;
-        watch(paths);
+        Stopped::check(watch(paths))?;
         let count = paths as f64;
         let scale = 1.0 / (count * layout.projected_sr());
         let cell = |[r, g, b, squares]: [f64; 4]| {
@@ -262,9 +262,12 @@ pub fn measure_tensor_tree(
             }
         };
         let cells: Vec<TreeCell> = sums.into_iter().map(cell).collect();
-        (cells, stats)
+        Ok((cells, stats))
     };
-    let columns: Vec<_> = (0..2 * incident).into_par_iter().map(column).collect();
+    let columns: Vec<_> = (0..2 * incident)
+        .into_par_iter()
+        .map(column)
+        .collect::<Result<_, Stopped>>()?;
     let mut stats = Stats::default();
     for (_, counts) in &columns {
         stats.merge(counts);

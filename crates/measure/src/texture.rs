@@ -2,7 +2,7 @@
 
 use crate::{MeasureError, Pair, PatchResponse};
 use glam::{UVec2, Vec2};
-use organza_basis::{Moments, PathRng};
+use organza_basis::{Moments, PathRng, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
 
@@ -32,7 +32,8 @@ pub struct Texture {
 /// Streams of random numbers that belong to texels.
 const TEXEL_STREAMS: u64 = 1 << 62;
 
-/// Measures a picture with `paths` paths per texel.
+/// Measures a picture with `paths` paths per texel. `watch` is called with the number of finished
+/// paths, from any thread.
 ///
 /// # Errors
 /// See [`MeasureError`].
@@ -42,6 +43,7 @@ pub fn measure_texture(
     grid: &TexelGrid,
     paths: u64,
     seed: u64,
+    watch: Watch<'_>,
 ) -> Result<Texture, MeasureError> {
     if paths < 2 {
         return Err(MeasureError::TooFewPaths(paths));
@@ -69,9 +71,13 @@ pub fn measure_texture(
             }
             list.push(moments);
         }
-        (list, stats)
+        Stopped::check(watch(paths * u64::from(grid.texels.x)))?;
+        Ok((list, stats))
     };
-    let rows: Vec<_> = (0..grid.texels.y).into_par_iter().map(row).collect();
+    let rows: Vec<_> = (0..grid.texels.y)
+        .into_par_iter()
+        .map(row)
+        .collect::<Result<_, Stopped>>()?;
     let mut stats = Stats::default();
     let (mut mean, mut se) = (Vec::new(), Vec::new());
     for (list, counts) in rows {

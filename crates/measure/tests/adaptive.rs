@@ -2,7 +2,7 @@
 //! planted BRDF must come out again.
 use crate::planted::{Planted, random_direction};
 use glam::{DVec2, DVec3};
-use organza_basis::{PathRng, warp};
+use organza_basis::{PathRng, unwatched, warp};
 use organza_measure::{AdaptiveGrid, Effort, measure_adaptive, write_adaptive};
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -168,7 +168,7 @@ fn an_adaptive_table_holds_the_planted_brdf() {
         seed: 1,
         target_error: None,
     };
-    let result = measure_adaptive(&Planted, grid, &effort, &|_| ()).unwrap();
+    let result = measure_adaptive(&Planted, grid, &effort, &unwatched).unwrap();
     let mut bytes = Vec::new();
     write_adaptive(&result.brdf, "planted", &mut bytes).unwrap();
     let table = Table(tensors(&bytes));

@@ -1,10 +1,13 @@
 //! A planted answer: values of known parameters with noise, recovered within
 //! the intervals that the fit itself states.
 
-use organza_basis::PathRng;
+use organza_basis::{PathRng, unwatched};
 use organza_measure::fit::Patience;
-use organza_measure::{Effort, PairValue, SurfacePatch, fit_surface, grid_layout, measure_pairs};
+use organza_measure::{
+    Effort, FitError, PairValue, SurfacePatch, fit_surface, grid_layout, measure_pairs,
+};
 use organza_surface::SurfaceSpec;
+use std::ops::ControlFlow;
 
 const PLANTED: &str = r#"
 accuracy = 0.01
@@ -49,7 +52,7 @@ fn data() -> Vec<PairValue> {
         .into_iter()
         .filter(|p| p.exitant.theta_deg < 90.0)
         .collect();
-    let mut list = measure_pairs(&SurfacePatch(model), &pairs, &effort, &|_| ())
+    let mut list = measure_pairs(&SurfacePatch(model), &pairs, &effort, &unwatched)
         .unwrap()
         .list;
     let mut rng = PathRng::from_seed(SEED);
@@ -85,7 +88,7 @@ fn planted_colours_are_recovered_within_their_intervals() {
         steps: 0,
         stride: 1e-3,
     };
-    let fitted = fit_surface(&start, &data, &none, &mut || ()).unwrap();
+    let fitted = fit_surface(&start, &data, &none, &mut || unwatched(())).unwrap();
     // Noise of 0.02 in an expected error of 0.1.
     assert!(
         fitted.residual > 0.15 && fitted.residual < 0.25,
@@ -104,7 +107,7 @@ fn planted_colours_are_recovered_within_their_intervals() {
     // The known-bad twin: another shape, whatever its colours.
     start.warp.u_max_deg = Some(60.0);
     start.weft.u_max_deg = Some(10.0);
-    let twin = fit_surface(&start, &data, &none, &mut || ());
+    let twin = fit_surface(&start, &data, &none, &mut || unwatched(()));
     assert!(twin.unwrap().residual > 2.0 * fitted.residual);
 }
 
@@ -125,7 +128,7 @@ fn planted_shapes_are_recovered_within_their_intervals() {
         steps: if full { 400 } else { 100 },
         stride: 1e-3,
     };
-    let fitted = fit_surface(&start, &data, &patience, &mut || ()).unwrap();
+    let fitted = fit_surface(&start, &data, &patience, &mut || unwatched(())).unwrap();
     assert!(fitted.residual < 0.3, "seed {SEED}: {}", fitted.residual);
     let shape = |name: &str| match name {
         "warp.u_max_deg" => Some(24.0),
@@ -149,10 +152,30 @@ fn planted_shapes_are_recovered_within_their_intervals() {
         steps: 0,
         stride: 1e-3,
     };
-    let twin = fit_surface(&start, &data, &none, &mut || ()).unwrap();
+    let twin = fit_surface(&start, &data, &none, &mut || unwatched(())).unwrap();
     assert!(
         twin.residual > 2.0 * fitted.residual,
         "seed {SEED}: {}",
         twin.residual
     );
+}
+
+#[test]
+fn a_stop_ends_the_search() {
+    let start = SurfaceSpec::from_toml(PLANTED).unwrap();
+    let patience = Patience {
+        scan: 30,
+        steps: 100,
+        stride: 1e-3,
+    };
+    let mut calls = 0;
+    let stopped = fit_surface(&start, &data(), &patience, &mut || {
+        calls += 1;
+        match calls {
+            3.. => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
+    assert!(matches!(stopped, Err(FitError::Stopped(_))));
+    assert_eq!(calls, 3);
 }

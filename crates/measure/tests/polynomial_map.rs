@@ -1,7 +1,7 @@
 //! Polynomial texture maps, written and read back by a reader of the tests' own: planted
 //! polynomials must come out again, and what no polynomial of second degree shows is residual.
 use glam::{UVec2, Vec2, Vec3};
-use organza_basis::{PathRng, Rgb};
+use organza_basis::{PathRng, Rgb, unwatched};
 use organza_measure::{
     Exit, MapEffort, PatchResponse, TexelGrid, measure_polynomial_map, write_polynomial_map,
 };
@@ -92,7 +92,7 @@ fn read(bytes: &[u8]) -> Vec<[f32; 6]> {
 
 #[test]
 fn planted_polynomials_come_out() {
-    let map = measure_polynomial_map(&Sheet::default(), &GRID, &EFFORT, &|_| ()).unwrap();
+    let map = measure_polynomial_map(&Sheet::default(), &GRID, &EFFORT, &unwatched).unwrap();
     // Values of up to 1 in f32.
     assert!(map.residual < 1e-5 && map.noise < 1e-5, "{}", map.residual);
     for (k, texel) in map.coefficients.iter().enumerate() {
@@ -107,7 +107,7 @@ fn planted_polynomials_come_out() {
 
 #[test]
 fn files_hold_display_values() {
-    let map = measure_polynomial_map(&Sheet::default(), &GRID, &EFFORT, &|_| ()).unwrap();
+    let map = measure_polynomial_map(&Sheet::default(), &GRID, &EFFORT, &unwatched).unwrap();
     let mut bytes = Vec::new();
     write_polynomial_map(&map, &mut bytes).unwrap();
     let found = read(&bytes);
@@ -142,7 +142,8 @@ fn files_hold_display_values() {
 
 #[test]
 fn residual_and_noise_are_told_apart() {
-    let measure = |sheet: Sheet| measure_polynomial_map(&sheet, &GRID, &EFFORT, &|_| ()).unwrap();
+    let measure =
+        |sheet: Sheet| measure_polynomial_map(&sheet, &GRID, &EFFORT, &unwatched).unwrap();
     let clean = measure(Sheet {
         ripple: 8.0,
         noise: 0.0,

@@ -2,7 +2,7 @@
 //! against itself turned about, and against its own integrals.
 
 use glam::{UVec3, Vec2, Vec3};
-use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
+use organza_basis::{Aabb, Moments, PathRng, Rgb, unwatched, warp};
 use organza_measure::{
     Angles, Effort, Exit, MeasureError, Pair, PatchError, PatchResponse, VolumePatch,
     measure_albedo_rows, measure_albedos, measure_openness, measure_pair_rows, measure_pairs,
@@ -87,7 +87,7 @@ fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
     let pairs = parse_pairs(table).unwrap();
     let rows = organza_testing::csv_numbers(table);
     assert_eq!((pairs.len(), rows.len()), (16, 16));
-    let results = measure_pairs(patch, &pairs, &effort(paths, seed), &|_| ()).unwrap();
+    let results = measure_pairs(patch, &pairs, &effort(paths, seed), &unwatched).unwrap();
     results
         .list
         .iter()
@@ -128,10 +128,10 @@ fn the_bsdf_is_reciprocal() {
     let there: Vec<Pair> = some.iter().map(|&(a, b)| pair(a, b)).collect();
     let back: Vec<Pair> = some.iter().map(|&(a, b)| pair(b, a)).collect();
     let slab = slab(Integrator::Woodcock);
-    let a = measure_pairs(&slab, &there, &effort(10_000, 11), &|_| ()).unwrap();
-    let b = measure_pairs(&slab, &back, &effort(10_000, 12), &|_| ()).unwrap();
+    let a = measure_pairs(&slab, &there, &effort(10_000, 11), &unwatched).unwrap();
+    let b = measure_pairs(&slab, &back, &effort(10_000, 12), &unwatched).unwrap();
     let twin = ForgottenCosine(slab);
-    let wrong = measure_pairs(&twin, &back, &effort(10_000, 12), &|_| ()).unwrap();
+    let wrong = measure_pairs(&twin, &back, &effort(10_000, 12), &unwatched).unwrap();
     let mut rejected = 0;
     for ((a, b), wrong) in a.list.iter().zip(&b.list).zip(&wrong.list) {
         for c in 0..3 {
@@ -154,7 +154,7 @@ fn the_bsdf_is_reciprocal() {
 fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
     let slab = slab(Integrator::Woodcock);
     let incident = [angles(0.0, 0.0), angles(60.0, 35.0), angles(140.0, 80.0)];
-    let results = measure_albedos(&slab, &incident, &effort(20_000, 3), &|_| ()).unwrap();
+    let results = measure_albedos(&slab, &incident, &effort(20_000, 3), &unwatched).unwrap();
     for a in &results.list {
         for c in 0..3 {
             let (sum, se) = (a.sum.mean[c], a.sum.se[c]);
@@ -171,10 +171,10 @@ fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
         let se = ((-depth).exp() / 20_000.0).sqrt();
         assert!(distance < 4.0 * se, "seed 3: {distance} against {se}");
     }
-    let (open, se) = measure_openness(&slab, &effort(20_000, 3)).unwrap();
+    let (open, se) = measure_openness(&slab, &effort(20_000, 3), &unwatched).unwrap();
     assert!((open - (-6f64).exp()).abs() < 4.0 * se, "{open} +- {se}");
     let twin = ForgottenCosine(slab);
-    let wrong = measure_albedos(&twin, &incident, &effort(20_000, 3), &|_| ()).unwrap();
+    let wrong = measure_albedos(&twin, &incident, &effort(20_000, 3), &unwatched).unwrap();
     let sum = wrong.list[0].sum;
     assert!((sum.mean[2] - 1.0).abs() > 10.0 * sum.se[2]);
 }
@@ -185,7 +185,7 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     // comes from the cosine distribution, so f / density is pi f.
     let slab = slab(Integrator::Woodcock);
     let from = angles(50.0, 20.0);
-    let results = measure_albedos(&slab, &[from], &effort(30_000, 5), &|_| ()).unwrap();
+    let results = measure_albedos(&slab, &[from], &effort(30_000, 5), &unwatched).unwrap();
     let mut sides = [[Moments::default(); 3]; 2];
     let mut stats = Stats::default();
     for path in 0..30_000 {
@@ -232,7 +232,7 @@ fn results_depend_on_the_seed_and_not_on_the_threads() {
         let results = pool
             .build()
             .unwrap()
-            .install(|| measure_pairs(&slab, &pairs, &effort(5000, seed), &|_| ()).unwrap());
+            .install(|| measure_pairs(&slab, &pairs, &effort(5000, seed), &unwatched).unwrap());
         let mut out = Vec::new();
         write_pairs(&results.list, &mut out).unwrap();
         String::from_utf8(out).unwrap()
@@ -252,18 +252,19 @@ fn rows_of_a_list_have_the_values_of_the_whole_measurement() {
         seed: 6,
         target_error: Some(0.1),
     };
-    let whole = measure_pairs(&slab, &pairs, &effort, &|_| ()).unwrap();
-    let albedos = measure_albedos(&slab, &incident, &effort, &|_| ()).unwrap();
+    let whole = measure_pairs(&slab, &pairs, &effort, &unwatched).unwrap();
+    let albedos = measure_albedos(&slab, &incident, &effort, &unwatched).unwrap();
     for rows in [0..1, 1..3, 2..2, 0..3] {
-        let part = measure_pair_rows(&slab, &pairs, rows.clone(), &effort, &|_| ()).unwrap();
+        let part = measure_pair_rows(&slab, &pairs, rows.clone(), &effort, &unwatched).unwrap();
         assert_eq!(part.list, whole.list[rows.clone()]);
-        let part = measure_albedo_rows(&slab, &incident, rows.clone(), &effort, &|_| ()).unwrap();
+        let part =
+            measure_albedo_rows(&slab, &incident, rows.clone(), &effort, &unwatched).unwrap();
         assert_eq!(part.list, albedos.list[rows]);
     }
     // The known-bad twin: the same pair as a list of its own has other random numbers.
-    let alone = measure_pairs(&slab, &pairs[1..2], &effort, &|_| ()).unwrap();
+    let alone = measure_pairs(&slab, &pairs[1..2], &effort, &unwatched).unwrap();
     assert_ne!(alone.list[0], whole.list[1]);
-    let beyond = measure_pair_rows(&slab, &pairs, 2..4, &effort, &|_| ());
+    let beyond = measure_pair_rows(&slab, &pairs, 2..4, &effort, &unwatched);
     let words = beyond.unwrap_err().to_string();
     assert_eq!(words, "rows 2..4 of a list of 3; expected rows within 0..3");
 }
@@ -279,7 +280,7 @@ fn a_target_error_is_met_where_paths_allow() {
         seed: 9,
         target_error: Some(0.05),
     };
-    let results = measure_pairs(&slab(Integrator::Woodcock), &pairs, &effort, &|_| ()).unwrap();
+    let results = measure_pairs(&slab(Integrator::Woodcock), &pairs, &effort, &unwatched).unwrap();
     let (easy, hard) = (&results.list[0], &results.list[1]);
     assert!((0..3).all(|c| easy.bsdf.se[c] <= 0.05 * easy.bsdf.mean[c]));
     assert!(easy.paths.is_power_of_two() && easy.paths < 50_000);
@@ -292,7 +293,7 @@ fn an_end_of_the_box_is_no_end_of_energy() {
     let ends =
         VolumePatch::of_media(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
     let incident = [angles(30.0, 0.0)];
-    let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &|_| ()).unwrap();
+    let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &unwatched).unwrap();
     let a = &results.list[0];
     let rest = a.reflected.mean[0] + a.transmitted.mean[0] + a.direct.mean[0];
     assert!(
@@ -310,6 +311,6 @@ fn what_makes_no_patch_is_refused() {
     let periods = vec![grid(ALBEDO, 0.4, true), grid(ALBEDO, 0.3, true)];
     assert!(matches!(fail(periods), Some(PatchError::Periods(..))));
     let one = [pair((0.0, 0.0), (30.0, 0.0))];
-    let few = measure_pairs(&slab(Integrator::Woodcock), &one, &effort(1, 0), &|_| ());
+    let few = measure_pairs(&slab(Integrator::Woodcock), &one, &effort(1, 0), &unwatched);
     assert_eq!(few, Err(MeasureError::TooFewPaths(1)));
 }

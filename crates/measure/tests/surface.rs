@@ -1,5 +1,6 @@
 //! A surface model through the goniometer gives back its own values.
 
+use organza_basis::unwatched;
 use organza_measure::{
     Angles, Effort, SurfacePatch, irawan_layout, measure_albedos, measure_openness, measure_pairs,
 };
@@ -32,7 +33,7 @@ fn measured_values_are_the_models_own() {
     for pair in pairs.iter_mut().step_by(5) {
         pair.exitant.theta_deg = 180.0 - pair.exitant.theta_deg;
     }
-    let results = measure_pairs(&patch, &pairs, &effort(1), &|_| ()).unwrap();
+    let results = measure_pairs(&patch, &pairs, &effort(1), &unwatched).unwrap();
     let mut lit = 0;
     for got in &results.list {
         let (w_in, w_out) = (got.pair.incident.direction(), got.pair.exitant.direction());
@@ -50,7 +51,7 @@ fn shares_add_to_one_and_openness_is_the_gap() {
     let patch = SurfacePatch(surface);
     let incident = [(0.0, 0.0), (45.0, 30.0), (150.0, 80.0)]
         .map(|(theta_deg, phi_deg)| Angles { theta_deg, phi_deg });
-    let results = measure_albedos(&patch, &incident, &effort(20_000), &|_| ()).unwrap();
+    let results = measure_albedos(&patch, &incident, &effort(20_000), &unwatched).unwrap();
     for a in &results.list {
         for c in 0..3 {
             assert!((a.sum.mean[c] - 1.0).abs() < 4.0 * f64::from(f32::EPSILON));
@@ -61,6 +62,6 @@ fn shares_add_to_one_and_openness_is_the_gap() {
         assert!(distance <= 4.0 * (gap / 20_000.0).sqrt(), "seed 2: {a:?}");
     }
     // (1 - 0.8)(1 - 0.7): Peirce's cover factor.
-    let (open, se) = measure_openness(&patch, &effort(20_000)).unwrap();
+    let (open, se) = measure_openness(&patch, &effort(20_000), &unwatched).unwrap();
     assert!((open - 0.06).abs() < 4.0 * se, "seed 2: {open} +- {se}");
 }

@@ -2,7 +2,7 @@
 //! must come out again.
 use crate::planted::{Planted, random_direction};
 use glam::{DVec2, DVec3};
-use organza_basis::{PathRng, warp};
+use organza_basis::{PathRng, unwatched, warp};
 use organza_measure::{TensorTree, TreeLayout, TreeRank, measure_tensor_tree, write_tensor_tree};
 use std::f64::consts::PI;
 
@@ -144,7 +144,7 @@ fn tree_distance(text: &str, tree: &TensorTree, twist: impl Fn([f64; 4]) -> [f64
 #[test]
 fn a_tensor_tree_holds_the_planted_bsdf() {
     let layout = TreeLayout::new(TreeRank::Anisotropic, 2).unwrap();
-    let (tree, _) = measure_tensor_tree(&Planted, layout, 4000, 21, &|_| ()).unwrap();
+    let (tree, _) = measure_tensor_tree(&Planted, layout, 4000, 21, &unwatched).unwrap();
     let written = |tolerance| {
         let mut bytes = Vec::new();
         let kept = write_tensor_tree(&tree, "a <b>", tolerance, &mut bytes).unwrap();
@@ -207,7 +207,7 @@ fn a_tensor_tree_holds_the_planted_bsdf() {
 #[test]
 fn a_tree_of_rank_3_is_the_mean_over_azimuths() {
     let layout = TreeLayout::new(TreeRank::Isotropic, 4).unwrap();
-    let (tree, _) = measure_tensor_tree(&Planted, layout, 200_000, 4, &|_| ()).unwrap();
+    let (tree, _) = measure_tensor_tree(&Planted, layout, 200_000, 4, &unwatched).unwrap();
     let mut bytes = Vec::new();
     write_tensor_tree(&tree, "x", None, &mut bytes).unwrap();
     let root = tree_of(&String::from_utf8(bytes).unwrap(), "Reflection Front");

@@ -1,6 +1,6 @@
 //! Texels: each shows its own place of the cloth, with random numbers of its own.
 use glam::{UVec2, Vec2, Vec3};
-use organza_basis::{PathRng, Rgb};
+use organza_basis::{PathRng, Rgb, unwatched};
 use organza_measure::{
     Angles, Exit, FirstSight, Look, Pair, PatchResponse, PathNames, TexelGrid, gather_looks,
     measure_texture,
@@ -101,8 +101,8 @@ fn pictures(cloth: &Painted) -> [Vec<f32>; 2] {
         exitant: toward(0.0),
     };
     let paths = 16;
-    let texture = measure_texture(cloth, pair, &GRID, paths, SEED).unwrap();
-    let looks = gather_looks(cloth, &GRID, paths as u32, SEED, &|_| ()).unwrap();
+    let texture = measure_texture(cloth, pair, &GRID, paths, SEED, &unwatched).unwrap();
+    let looks = gather_looks(cloth, &GRID, paths as u32, SEED, &unwatched).unwrap();
     assert!(looks.iter().all(|l| l.count == 16 && l.hits == 16));
     let heights = looks.iter().map(|l| l.height_mm / l.count as f32);
     [

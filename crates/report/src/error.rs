@@ -16,6 +16,9 @@ pub enum ReportError {
     /// A measurement without a result.
     #[error("{0}")]
     Measure(#[from] organza_measure::MeasureError),
+    /// Whoever watched the work stopped it.
+    #[error("{0}")]
+    Stopped(#[from] organza_basis::Stopped),
     /// A picture that cannot be encoded.
     #[error("{0}")]
     Picture(#[from] organza_picture::PictureError),

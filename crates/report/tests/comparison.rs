@@ -1,17 +1,21 @@
 //! Two surface models compared in process: figures, tables and the page.
 
 use glam::{UVec2, Vec2};
-use organza_measure::{Effort, SurfacePatch, TexelGrid, irawan_layout};
+use organza_basis::unwatched;
+use organza_measure::{Effort, MeasureError, SurfacePatch, TexelGrid, irawan_layout};
+use organza_report::ReportError;
 use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
 use organza_surface::SurfaceSpec;
+use std::ops::ControlFlow;
 
 fn measured(plan: &ComparisonPlan, name: &str) -> Measurement {
     let model = SurfaceSpec::preset(name).unwrap().build().unwrap();
-    plan.measure(name, &SurfacePatch(model), &|_| ()).unwrap()
+    plan.measure(name, &SurfacePatch(model), &unwatched)
+        .unwrap()
 }
 
-fn comparison() -> Comparison {
-    let plan = ComparisonPlan {
+fn plan() -> ComparisonPlan {
+    ComparisonPlan {
         layout: irawan_layout(),
         effort: Effort {
             paths: 2,
@@ -24,7 +28,11 @@ fn comparison() -> Comparison {
             texels: UVec2::splat(16),
         },
         texel_paths: 2,
-    };
+    }
+}
+
+fn comparison() -> Comparison {
+    let plan = plan();
     let measured = vec![measured(&plan, "denim"), measured(&plan, "cotton-twill")];
     Comparison {
         name: "<b> & co".into(),
@@ -78,4 +86,16 @@ fn the_page_stands_alone_and_shows_everything() {
     // and three of their difference.
     assert_eq!(page.matches("<svg").count(), 7);
     assert_eq!(page.matches("<img").count(), 9);
+}
+
+#[test]
+fn a_stop_ends_the_measurement() {
+    let model = SurfaceSpec::preset("denim").unwrap().build().unwrap();
+    let stop = |_| ControlFlow::Break(());
+    let stopped = plan().measure("denim", &SurfacePatch(model), &stop);
+    let stopped = stopped.map(drop).unwrap_err();
+    assert!(matches!(
+        stopped,
+        ReportError::Measure(MeasureError::Stopped(_))
+    ));
 }

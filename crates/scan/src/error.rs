@@ -37,9 +37,9 @@ pub enum ScanError {
     /// The octree cannot be made.
     #[error("{0}")]
     Volume(#[from] organza_volume::Error),
-    /// The caller asked to stop.
-    #[error("the scan was stopped")]
-    Stopped,
+    /// Whoever watched the scan stopped it.
+    #[error("{0}")]
+    Stopped(#[from] organza_basis::Stopped),
 }
 
 impl ScanError {

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::spread::{MAX_SPREAD_RAD, mean_cos_sq, spread_from_mean_sin_sq};
-use organza_basis::{FibrePopulation, Mixture};
+use organza_basis::{FibrePopulation, Mixture, Watch};
 use organza_volume::{Error, MixtureGrid, MixtureSource, Octree, octree_of_mixtures};
 use std::f32::consts::PI;
 use std::sync::LazyLock;
@@ -222,7 +222,7 @@ impl ScannedField {
         &self,
         levels: Option<u8>,
         max_memory_bytes: Option<u64>,
-        progress: &(dyn Fn(f32) + Sync),
+        progress: Watch<'_, f32>,
     ) -> Result<Octree, Error> {
         octree_of_mixtures(self, levels, max_memory_bytes, progress)
     }
@@ -276,7 +276,7 @@ fn place_in_brick(cell: UVec3) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use organza_basis::{PathRng, warp};
+    use organza_basis::{PathRng, unwatched, warp};
 
     #[test]
     fn voxels_are_kept_within_the_stated_steps() {
@@ -322,7 +322,10 @@ mod tests {
         field.for_each_filled(|cell, _| seen.push(cell));
         assert_eq!(seen.len(), 3);
         assert!(cells.iter().all(|c| seen.contains(c)));
-        let octree = field.octree(Some(2), None, &|_| ()).unwrap();
+        let stop = |_| std::ops::ControlFlow::Break(());
+        let stopped = field.octree(Some(2), None, &stop);
+        assert!(matches!(stopped, Err(Error::Stopped(_))));
+        let octree = field.octree(Some(2), None, &unwatched).unwrap();
         octree.assert_well_formed();
         assert_eq!(octree.material_count(), 2);
         let length = 1.5 * 0.002f64.powi(3) / (std::f64::consts::PI * 0.005 * 0.005);

@@ -19,10 +19,10 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use glam::UVec3;
-use organza_basis::Budget;
+use organza_basis::{Budget, Stopped};
 use rayon::prelude::*;
 use std::io::{Read, Write};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 /// Slices of a slab, where memory allows it: as many as a block has.
 const SLAB: usize = CORE;
@@ -69,8 +69,8 @@ pub enum Stage {
     Slab,
 }
 
-/// Follows the work: told the stage and the share of it that is done; false stops the work.
-pub type Watch<'a> = &'a (dyn Fn(Stage, f32) -> bool + Sync);
+/// Follows the work: told the stage and the share of it that is done; may break to stop.
+pub type Watch<'a> = &'a (dyn Fn(Stage, f32) -> ControlFlow<()> + Sync);
 
 /// What is found before the slabs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,11 +111,7 @@ pub struct Slab {
 }
 
 fn tell(watch: Watch<'_>, stage: Stage, share: f32) -> Result<(), ScanError> {
-    if watch(stage, share) {
-        Ok(())
-    } else {
-        Err(ScanError::Stopped)
-    }
+    Ok(Stopped::check(watch(stage, share))?)
 }
 
 impl Scan {

@@ -1,6 +1,6 @@
 //! Scans of phantoms that are drawn from organza's own fabrics, against the fibres drawn.
 use glam::{DVec3, UVec3, Vec3};
-use organza_basis::{Aabb, Budget, SegmentSource};
+use organza_basis::{Aabb, Budget, SegmentSource, unwatched};
 use organza_scan::phantom::{Phantom, PhantomLook};
 use organza_scan::{Scan, ScanSettings};
 use organza_scene::fabric_file;
@@ -56,11 +56,11 @@ fn found(phantom: &mut Phantom, (blur, noise, is_given): (f32, f32, bool), seed:
         ..ScanSettings::new(DVec3::splat(VOXEL_MM.into()))
     };
     let budget = &mut Budget::new(2 << 30);
-    let survey = Scan::survey(phantom, &settings, budget, &|_, _| true).unwrap();
+    let survey = Scan::survey(phantom, &settings, budget, &|_, _| unwatched(())).unwrap();
     let scan = Scan::new(phantom, &settings, &survey, budget).unwrap();
     let mut field = scan.field(budget).unwrap();
     for i in 0..scan.slab_count() {
-        let slab = scan.slab(phantom, i, &|_, _| true).unwrap();
+        let slab = scan.slab(phantom, i, &|_, _| unwatched(())).unwrap();
         slab.add_to(&mut field);
     }
     let (mut angles, mut exchanged) = (Vec::new(), Vec::new());
@@ -201,7 +201,8 @@ fn hidden_gaps_of_a_gauze_are_noticed() {
             });
             let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
             let budget = &mut Budget::new(2 << 30);
-            let survey = Scan::survey(&mut phantom, &settings, budget, &|_, _| true).unwrap();
+            let survey =
+                Scan::survey(&mut phantom, &settings, budget, &|_, _| unwatched(())).unwrap();
             let is_bundle = survey.fibre_radius_mm > 1.5 * RADIUS_MM;
             bundles[usize::from(is_bundle)] += 1;
             assert_eq!(

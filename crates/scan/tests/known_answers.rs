@@ -1,12 +1,13 @@
 //! Scans of phantoms, whose answers are known.
 use glam::{DVec3, Quat, UVec3, Vec3};
 use organza_basis::curve::{SegmentList, Tile};
-use organza_basis::{Aabb, Budget, PathRng, Segment, warp};
+use organza_basis::{Aabb, Budget, PathRng, Segment, unwatched, warp};
 use organza_scan::input::tiff::TiffSlices;
 use organza_scan::input::{SampleType, Shape, Slices};
 use organza_scan::phantom::{Phantom, PhantomLook};
 use organza_scan::{Denoise, Scan, ScanError, ScanSettings, ScannedField, Survey};
 use std::f32::consts::TAU;
+use std::ops::ControlFlow;
 
 const VOXEL_MM: f32 = 0.002;
 
@@ -61,11 +62,11 @@ fn random_fibres(size: f32, radius: f32, count: usize, seed: u64) -> SegmentList
 fn scan(phantom: &mut Phantom) -> (Survey, ScannedField) {
     let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
     let budget = &mut Budget::new(4 << 30);
-    let survey = Scan::survey(phantom, &settings, budget, &|_, _| true).unwrap();
+    let survey = Scan::survey(phantom, &settings, budget, &|_, _| unwatched(())).unwrap();
     let scan = Scan::new(phantom, &settings, &survey, budget).unwrap();
     let mut field = scan.field(budget).unwrap();
     for i in 0..scan.slab_count() {
-        scan.slab(phantom, i, &|_, _| true)
+        scan.slab(phantom, i, &|_, _| unwatched(()))
             .unwrap()
             .add_to(&mut field);
     }
@@ -405,10 +406,24 @@ fn noise_without_fibre_is_refused() {
             ..ScanSettings::new(DVec3::splat(VOXEL_MM.into()))
         };
         let budget = &mut Budget::new(1 << 30);
-        let survey = Scan::survey(&mut Noise { seed }, &settings, budget, &|_, _| true);
+        let survey = Scan::survey(
+            &mut Noise { seed },
+            &settings,
+            budget,
+            &|_, _| unwatched(()),
+        );
         let why = survey.unwrap_err().to_string();
         assert!(why.contains("no fibre was found"), "seed {seed}: {why}");
     }
+}
+
+#[test]
+fn a_stop_ends_the_survey() {
+    let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
+    let stop = |_, _| ControlFlow::Break(());
+    let budget = &mut Budget::new(1 << 30);
+    let survey = Scan::survey(&mut Noise { seed: 1 }, &settings, budget, &stop);
+    assert!(matches!(survey, Err(ScanError::Stopped(_))));
 }
 
 /// The phantom of a gauze, whose fibres touch: 9 um in radius, grey values 70 and 170. Before only
@@ -420,7 +435,7 @@ fn the_gauze_is_measured_without_help() {
     let file = std::io::Cursor::new(std::fs::read(path).unwrap());
     let mut slices = TiffSlices::new(file, budget).unwrap();
     let settings = ScanSettings::new(DVec3::splat(0.0035));
-    let survey = Scan::survey(&mut slices, &settings, budget, &|_, _| true).unwrap();
+    let survey = Scan::survey(&mut slices, &settings, budget, &|_, _| unwatched(())).unwrap();
     let levels = survey.levels;
     let is_right = |radius_mm: f32, grey: f32| {
         (radius_mm / 0.009 - 1.0).abs() < 0.1 && (grey - 170.0).abs() < 5.0

@@ -2,7 +2,7 @@
 
 use crate::woven_volume::{WovenVolume, system_of};
 use glam::{DVec2, UVec2, UVec3, Vec3};
-use organza_basis::{FibrePopulation, Mixture};
+use organza_basis::{FibrePopulation, Mixture, unwatched};
 use organza_volume::{Error, MixtureGrid, MixtureSource, Octree, octree_of_mixtures};
 use organza_weave::Synthesis;
 use std::collections::BTreeMap;
@@ -69,7 +69,7 @@ pub fn with_volumes(
         &voxels,
         Some(woven.level_count()),
         Some(allowed),
-        &|_share_done| (),
+        &unwatched,
     )
 }
 

@@ -135,6 +135,7 @@ impl Fabric {
         });
         let fibres = match fibres {
             Ok(fibres) => fibres,
+            Err(why) if loader.is_stopped() => return Err(why),
             Err(why) => {
                 loader.warn(
                     path,
@@ -151,7 +152,9 @@ impl Fabric {
             ..PackingStudy::default()
         };
         let octree = Arc::new(octree);
-        let packing = loader.run(&task, |done| measure_packing(&fibres, &octree, study, done));
+        let packing = loader
+            .run(&task, |done| measure_packing(&fibres, &octree, study, done))
+            .map_err(|e| input(format!("{}: {e}", path.display())))?;
         Arc::unwrap_or_clone(octree)
             .with_packing(packing)
             .ok_or_else(|| {

@@ -129,6 +129,10 @@ impl LoadedScene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::loader::Event;
+    use organza_basis::unwatched;
+    use std::ops::ControlFlow;
+    use std::sync::atomic::{AtomicU32, Ordering};
 
     /// A scene in the folder of the project's fabrics.
     fn loaded(text: &str, loader: &Loader<'_>) -> Result<LoadedScene> {
@@ -150,6 +154,31 @@ mod tests {
         assert!(inputs[0].path.ends_with("organza.toml"), "{inputs:?}");
         let auto = loaded(&cloth("model = 'auto'"), &loader).unwrap_err();
         assert!(auto.to_string().contains("add a [camera]"), "{auto}");
+    }
+
+    #[test]
+    fn a_build_stops_when_it_is_told_to() {
+        let (told, warned) = (AtomicU32::new(0), AtomicU32::new(0));
+        let stop = |event: Event<'_>| match event {
+            Event::Done(_) => {
+                told.fetch_add(1, Ordering::Relaxed);
+                ControlFlow::Break(())
+            }
+            Event::Warning(_) => unwatched(warned.fetch_add(1, Ordering::Relaxed)),
+            _ => ControlFlow::Continue(()),
+        };
+        let loader = Loader::watched(&stop);
+        // Fibres for packing factors are gathered after the voxels, and a warning says where
+        // memory does not suffice for them; a stop is none of that.
+        for model in ["microflake", "packed", "plies", "fibres"] {
+            let text = cloth(&format!("voxel_um = 40.0\nmodel = '{model}'"));
+            let scene = loaded(&text, &loader).unwrap();
+            let before = told.load(Ordering::Relaxed);
+            let why = scene.build(None, &loader).err().unwrap().to_string();
+            assert!(why.ends_with("stopped"), "{model}: {why}");
+            assert!(loader.is_stopped() && told.load(Ordering::Relaxed) > before);
+        }
+        assert_eq!(warned.into_inner(), 0);
     }
 
     #[test]

@@ -5,10 +5,13 @@ use crate::file_kind::Wanted;
 use crate::given_files::GivenFiles;
 use crate::read;
 use crate::volume_cache::ResultCache;
+use organza_basis::Watch;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 use std::fmt;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A file that was read.
@@ -71,14 +74,16 @@ pub enum Event<'a> {
     End,
 }
 
-/// Receives events as they happen.
-pub type OnEvent<'p> = &'p (dyn Fn(Event<'_>) + Sync);
+/// Receives events as they happen. By breaking it stops the task that runs, and all that follow:
+/// their computations end with an error as soon as they report how far they are.
+pub type OnEvent<'p> = &'p (dyn Fn(Event<'_>) -> ControlFlow<()> + Sync);
 
 /// Reads the files that scenes and fabrics name. It records each of them, collects
 /// warnings and passes progress on; it prints nothing.
 #[derive(Default)]
 pub struct Loader<'p> {
     on_event: Option<OnEvent<'p>>,
+    is_stopped: AtomicBool,
     given: Arc<GivenFiles>,
     inputs: Mutex<Vec<Input>>,
     warnings: Mutex<Vec<Warning>>,
@@ -188,22 +193,31 @@ impl<'p> Loader<'p> {
         };
         let mut warnings = locked(&self.warnings);
         if !warnings.contains(&warning) {
-            self.report(Event::Warning(&warning));
+            let _ = self.report(Event::Warning(&warning));
             warnings.push(warning);
         }
     }
 
     /// Runs a task that reports the share that is done.
-    pub(crate) fn run<T>(&self, task: &Task, work: impl FnOnce(&(dyn Fn(f32) + Sync)) -> T) -> T {
-        self.report(Event::Begin(task));
+    pub(crate) fn run<T>(&self, task: &Task, work: impl FnOnce(Watch<'_, f32>) -> T) -> T {
+        let _ = self.report(Event::Begin(task));
         let result = work(&|share| self.report(Event::Done(share)));
-        self.report(Event::End);
+        let _ = self.report(Event::End);
         result
     }
 
-    fn report(&self, event: Event<'_>) {
-        if let Some(on_event) = self.on_event {
-            on_event(event);
+    /// Whether whoever receives the events has stopped what is done.
+    pub fn is_stopped(&self) -> bool {
+        self.is_stopped.load(Ordering::Relaxed)
+    }
+
+    fn report(&self, event: Event<'_>) -> ControlFlow<()> {
+        if self.on_event.is_some_and(|tell| tell(event).is_break()) {
+            self.is_stopped.store(true, Ordering::Relaxed);
+        }
+        match self.is_stopped() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     }
 

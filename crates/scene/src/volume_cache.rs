@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
-use organza_basis::Budget;
+use organza_basis::{Budget, Watch};
 use organza_cache::{Cache, Description, Key};
 use organza_volume::ovox::{self, SourceFile};
 use organza_volume::{Error, FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan};
@@ -67,7 +67,7 @@ impl<'a> VolumePlan<'a> {
     }
 
     /// Voxelizes; see [`VoxelizePlan::run`].
-    pub(crate) fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
+    pub(crate) fn run(&self, progress: Watch<'_, f32>) -> Result<Octree, Error> {
         self.plan.run(progress)
     }
 

@@ -5,7 +5,7 @@
 //! --nocapture` takes 100,000 rays, and paths for 0.2 % of the transmission.
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use organza_basis::{PathRng, Rgb, warp};
+use organza_basis::{PathRng, Rgb, unwatched, warp};
 use organza_kernel::fibres::exhaustive::{Compared, Exhaustive};
 use organza_kernel::fibres::{FibreEntry, FibreMatter};
 use organza_measure::{Albedo, Angles, Effort, Exit, PatchResponse, VolumePatch, measure_albedos};
@@ -192,7 +192,7 @@ fn albedo(patch: &impl PatchResponse, paths: u64, seed: u64) -> Albedo {
         seed,
         target_error: None,
     };
-    let measured = measure_albedos(patch, &[straight], &effort, &|_| ());
+    let measured = measure_albedos(patch, &[straight], &effort, &unwatched);
     measured.unwrap().list.remove(0)
 }
 

@@ -3,6 +3,7 @@
 //! (`ORGANZA_FULL=1 cargo test --release -p organza-scene --test main packed_fabrics --
 //! --nocapture`) every difference is held against the goal.
 
+use organza_basis::unwatched;
 use organza_measure::{Albedo, Angles, Effort, Measured, measure_albedos};
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
@@ -83,7 +84,7 @@ impl Sample {
             seed,
             target_error: None,
         };
-        measure_albedos(&patch, incident, &effort, &|_| ())
+        measure_albedos(&patch, incident, &effort, &unwatched)
             .unwrap()
             .list
     }

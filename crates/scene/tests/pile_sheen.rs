@@ -1,6 +1,7 @@
 //! The light of velvet: it rises toward grazing directions, and depends on the side to which
 //! the pile leans.
 
+use organza_basis::unwatched;
 use organza_measure::{Angles, Effort, VolumePatch, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
@@ -28,7 +29,7 @@ fn reflected(name: &str, overrides: &[&str], from: &[(f64, f64)]) -> Vec<(f64, f
         seed: SEED,
         target_error: None,
     };
-    let measured = measure_albedos(&patch, &angles.collect::<Vec<_>>(), &effort, &|_| ());
+    let measured = measure_albedos(&patch, &angles.collect::<Vec<_>>(), &effort, &unwatched);
     let list = measured.unwrap().list;
     let red = |a: &organza_measure::Albedo| (a.reflected.mean[0], a.reflected.se[0]);
     list.iter().map(red).collect()

@@ -5,6 +5,7 @@
 //! third to a half more through than explicit fibres, and mirrors about half as much.
 
 use crate::cloth_patch::cloth_patch;
+use organza_basis::unwatched;
 use organza_measure::{Angles, Effort, measure_albedos};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
@@ -32,7 +33,7 @@ fn shares(fabric: &str, model: &str, flake: &str, theta_deg: f64, paths: u64) ->
         seed: SEED,
         target_error: None,
     };
-    let measured = measure_albedos(&patch, &light, &effort, &|_| ()).unwrap();
+    let measured = measure_albedos(&patch, &light, &effort, &unwatched).unwrap();
     let albedo = &measured.list[0];
     let sum = (albedo.sum.mean[1], albedo.sum.se[1]);
     // Margin: four standard errors, and rounding.

@@ -1,7 +1,7 @@
 //! Explicit fibres over a mesh: against flat fibres, and in the furnace.
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
-use organza_basis::{Moments, PathRng, Ray, Rgb, warp};
+use organza_basis::{Moments, PathRng, Ray, Rgb, unwatched, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
 use organza_testing::{dielectric_fibre, sized, twisted_weave};
 use organza_transport::{
@@ -16,7 +16,7 @@ const HEIGHT_MM: f32 = 0.2;
 fn fibres(absorption_radii: f32) -> AnyMedium {
     let fibre = dielectric_fibre(Rgb::splat(absorption_radii), 0.1, 0.2);
     let materials = vec![fibre.clone(), fibre];
-    let made = ExplicitFibres::new(&twisted_weave(), materials, None, &|_| ()).unwrap();
+    let made = ExplicitFibres::new(&twisted_weave(), materials, None, &unwatched).unwrap();
     AnyMedium::ExplicitFibres(made)
 }
 

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, Moments, PathRng, Rgb, warp};
+use organza_basis::{Aabb, Moments, PathRng, Rgb, unwatched, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::{csv_numbers, dielectric_fibre};
 use organza_transport::{
@@ -59,7 +59,7 @@ fn strewn(packing: f32, size_mm: Vec3, seed: u64) -> SegmentList {
 }
 
 fn traced(source: &SegmentList, fibre: Fibre) -> AnyMedium {
-    AnyMedium::ExplicitFibres(ExplicitFibres::new(source, vec![fibre], None, &|_| ()).unwrap())
+    AnyMedium::ExplicitFibres(ExplicitFibres::new(source, vec![fibre], None, &unwatched).unwrap())
 }
 
 fn scene(media: Vec<AnyMedium>, lights: Vec<Light>, view: Vec3, size: u32) -> Scene {
@@ -233,7 +233,7 @@ fn thinly_strewn_fibres_are_the_medium() {
             footprint: FibreFootprint::Axis,
             max_memory_bytes: None,
         };
-        let octree = voxelize(&source, &options, &|_| ()).unwrap();
+        let octree = voxelize(&source, &options, &unwatched).unwrap();
         AnyMedium::VirtualFibres(
             VirtualFibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap(),
         )

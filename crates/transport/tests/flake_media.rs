@@ -5,7 +5,7 @@
 use glam::Vec3;
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{t_test, welch_test};
-use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, warp};
+use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, unwatched, warp};
 use organza_transport::{
     FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, SggxOctreeMedium, Stats,
     exact_transmittance, sample_collision, transmittance,
@@ -33,7 +33,7 @@ fn cloth() -> Octree {
         footprint: FibreFootprint::Covered,
         max_memory_bytes: None,
     };
-    voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap()
+    voxelize(&SegmentList { tile, segments }, &options, &unwatched).unwrap()
 }
 
 fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {

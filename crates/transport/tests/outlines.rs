@@ -3,7 +3,7 @@
 
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::hypothesis::{t_test, welch_test};
-use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb};
+use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, unwatched};
 use organza_testing::{fitted_fibre, little_weave};
 use organza_transport::{
     FlakeOptics, Medium, SggxOctreeMedium, Stats, VirtualFibreEvent, VirtualFibreMedium,
@@ -66,7 +66,7 @@ fn medium(octree: &Arc<Octree>, level: u8) -> SggxOctreeMedium {
 /// A coarse cell that spreads its fibres evenly gives the square root of `exp(-sigma d)`.
 #[test]
 fn gaps_of_a_slab_stay_open() {
-    let octree = Arc::new(octree_of_mixtures(&Stripes, None, None, &|_| ()).unwrap());
+    let octree = Arc::new(octree_of_mixtures(&Stripes, None, None, &unwatched).unwrap());
     assert_eq!(octree.level_count(), 5);
     let down = Vec3::NEG_Z;
     let finest = medium(&octree, 0);
@@ -123,7 +123,7 @@ fn fibres(octree: &Arc<Octree>, level: u8, event: VirtualFibreEvent) -> VirtualF
 /// the finest, as long as sub-cells are no wider than a stripe.
 #[test]
 fn gaps_stay_open_to_virtual_fibres() {
-    let octree = Arc::new(octree_of_mixtures(&Stripes, None, None, &|_| ()).unwrap());
+    let octree = Arc::new(octree_of_mixtures(&Stripes, None, None, &unwatched).unwrap());
     let width = DIMS.x as f32 * VOXEL_MM;
     for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
         let through = |level: u8| -> Moments {
@@ -165,7 +165,7 @@ fn virtual_fibres_are_where_the_outline_has_them() {
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = Arc::new(voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap());
+    let octree = Arc::new(voxelize(&little_weave(0.0, 0), &options, &unwatched).unwrap());
     for level in 0..octree.level_count() {
         let medium = fibres(&octree, level, VirtualFibreEvent::Plain);
         let dims = medium.cell_grid().dims();
@@ -198,7 +198,7 @@ fn outlines_keep_all_fibre() {
         footprint: FibreFootprint::Covered,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap();
+    let octree = voxelize(&little_weave(0.0, 0), &options, &unwatched).unwrap();
     octree.assert_well_formed();
     for level in 0..octree.level_count() {
         let outline = octree.outline_level(level);

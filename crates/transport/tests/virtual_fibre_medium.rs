@@ -4,7 +4,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::SphereGrid;
-use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, warp};
+use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, unwatched, warp};
 use organza_scatter::{
     Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, PackedEvent, meet_fibre,
     sigma_t_per_mm, void_multiplier,
@@ -55,7 +55,7 @@ fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&SegmentList { tile, segments }, &options, &|_| ()).unwrap();
+    let octree = voxelize(&SegmentList { tile, segments }, &options, &unwatched).unwrap();
     VirtualFibreMedium::new(octree, 0, vec![fibre], event).unwrap()
 }
 
@@ -422,7 +422,7 @@ fn a_lone_fibre_is_met_at_its_surface() {
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&list, &options, &|_| ()).unwrap();
+    let octree = voxelize(&list, &options, &unwatched).unwrap();
     let medium =
         VirtualFibreMedium::new(octree, 0, vec![fitted()], VirtualFibreEvent::Packed).unwrap();
     let mut stats = Stats::default();

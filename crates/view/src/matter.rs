@@ -87,7 +87,7 @@ impl Built {
             }
             let scene = match loaded.build(Some(limit_bytes), loader) {
                 // Memory that kept scenes take may be all that is missing.
-                Err(_) if !self.0.is_empty() => {
+                Err(_) if !self.0.is_empty() && !loader.is_stopped() => {
                     self.0.clear();
                     let free = organza_scene::memory::free_memory_bytes();
                     loaded.build(Some(limit_bytes.max(free)), loader)?

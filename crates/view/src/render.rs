@@ -19,7 +19,7 @@ use serde_json::Value;
 use std::any::Any;
 use std::io::Cursor;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
@@ -39,10 +39,6 @@ pub struct Limits {
     /// Where built volumes are kept.
     pub cache: Option<ResultCache>,
 }
-
-/// Thrown through the builders of matter, whose progress cannot be answered with a stop,
-/// when what they build is not wanted any more.
-struct Unwanted;
 
 /// Renders until the session ends. Files are saved through `write`.
 ///
@@ -95,7 +91,6 @@ impl Render<'_> {
         let why = match outcome {
             Ok(Ok(())) | Ok(Err(Stop::Unwanted)) => return,
             Ok(Err(Stop::Failed(why))) => task.document.in_words(&why),
-            Err(thrown) if thrown.is::<Unwanted>() => return,
             Err(thrown) => {
                 self.built = Built::default();
                 format!("this is a defect of organza: {}", message(&*thrown))
@@ -128,13 +123,18 @@ impl Render<'_> {
         });
         let on_event = |event: Event<'_>| {
             if !is_wanted() {
-                resume_unwind(Box::new(Unwanted));
+                return ControlFlow::Break(());
             }
             tell_event(session, event);
+            ControlFlow::Continue(())
         };
         let loader = document.loader(Some(&on_event));
         let loader = loader.with_cache(self.limits.cache.clone());
-        let failed = |e: organza_scene::InputError| Stop::Failed(e.to_string());
+        let failed = |e: organza_scene::InputError| match is_wanted() {
+            true => Stop::Failed(e.to_string()),
+            // Whatever it says, nobody waits for it.
+            false => Stop::Unwanted,
+        };
         let read = || -> Result<SceneFile, Stop> {
             let (path, text) = (&document.scene_path, document.scene.to_string());
             read::toml_changed(path, &text, &[], &[], Wanted::Scene).map_err(failed)

@@ -33,6 +33,9 @@ pub enum Error {
         /// The limit, bytes.
         allowed: u64,
     },
+    /// Whoever watched the work stopped it.
+    #[error("{0}")]
+    Stopped(#[from] organza_basis::Stopped),
     /// Reading takes more memory than allowed.
     #[error("{0}")]
     Budget(#[from] organza_basis::OverBudget),

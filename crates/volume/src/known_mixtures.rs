@@ -12,6 +12,7 @@ use crate::{Error, Octree};
 use glam::{DVec3, UVec3};
 use organza_basis::spread::mean_cos_sq;
 use organza_basis::{FibrePopulation, Mixture, Sym3};
+use organza_basis::{Stopped, Watch};
 use rayon::prelude::*;
 
 /// The grid of the voxels.
@@ -59,12 +60,12 @@ const BLOCKS_AT_A_TIME: usize = 4;
 ///
 /// # Errors
 /// A grid or levels that no octree can have, populations that are not finite, more memory than
-/// `max_memory_bytes`.
+/// `max_memory_bytes`; [`Error::Stopped`] if `progress` broke.
 pub fn octree_of_mixtures(
     source: &dyn MixtureSource,
     levels: Option<u8>,
     max_memory_bytes: Option<u64>,
-    progress: &(dyn Fn(f32) + Sync),
+    progress: Watch<'_, f32>,
 ) -> Result<Octree, Error> {
     let grid = source.grid();
     let lattice = lattice_of(&grid, levels)?;
@@ -74,7 +75,7 @@ pub fn octree_of_mixtures(
         .into_par_iter()
         .map(|block| Seen::of(source, &grid, brick_at(block, blocks)))
         .collect();
-    progress(0.2);
+    Stopped::check(progress(0.2))?;
     let mut all = Seen::default();
     for s in &seen {
         all.populations += s.populations;
@@ -127,7 +128,7 @@ pub fn octree_of_mixtures(
             assembly.add(b)?;
         }
         done += part.len();
-        progress(0.2 + 0.8 * done as f32 / filled.len() as f32);
+        Stopped::check(progress(0.2 + 0.8 * done as f32 / filled.len() as f32))?;
     }
     assembly.finish(source.material_count())
 }
@@ -262,6 +263,8 @@ fn gather(source: &dyn MixtureSource, grid: &MixtureGrid, block: UVec3) -> Vec<G
 mod tests {
     use super::*;
     use glam::Vec3;
+    use organza_basis::unwatched;
+    use std::ops::ControlFlow;
 
     /// Some voxels of a box of 40 x 8 x 5.
     struct Some40 {
@@ -305,7 +308,7 @@ mod tests {
             repeats: false,
             axis: Vec3::new(0.6, 0.0, 0.8),
         };
-        let octree = octree_of_mixtures(&source, None, None, &|_| ()).unwrap();
+        let octree = octree_of_mixtures(&source, None, None, &unwatched).unwrap();
         octree.assert_well_formed();
         assert_eq!(octree.level_count(), 6);
         assert!(octree.dims(0).cmpge(source.grid().dims).all());
@@ -341,12 +344,12 @@ mod tests {
             repeats: true,
             axis: Vec3::X,
         };
-        let octree = octree_of_mixtures(&whole, None, None, &|_| ()).unwrap();
+        let octree = octree_of_mixtures(&whole, None, None, &unwatched).unwrap();
         // 40 and 8 are multiples of eight.
         assert_eq!(octree.level_count(), 4);
         assert_eq!(octree.dims(0), UVec3::new(40, 8, 8));
         let refused = |source: &Some40, levels, memory| {
-            octree_of_mixtures(source, levels, memory, &|_| ()).is_err()
+            octree_of_mixtures(source, levels, memory, &unwatched).is_err()
         };
         assert!(refused(&whole, Some(5), None));
         assert!(refused(&whole, Some(9), None));
@@ -356,5 +359,8 @@ mod tests {
             axis: Vec3::ZERO,
         };
         assert!(refused(&bent, None, None));
+        let stop = |_| ControlFlow::Break(());
+        let stopped = octree_of_mixtures(&whole, None, None, &stop);
+        assert!(matches!(stopped, Err(Error::Stopped(_))));
     }
 }

@@ -13,7 +13,7 @@
 //!
 //! ```
 //! use glam::Vec3;
-//! use organza_basis::{Aabb, Budget};
+//! use organza_basis::{Aabb, Budget, unwatched};
 //! use organza_basis::curve::{Segment, SegmentList, Tile};
 //! use organza_volume::{FibreFootprint, VoxelizeOptions, ovox, voxelize};
 //!
@@ -33,7 +33,7 @@
 //!     footprint: FibreFootprint::Axis,
 //!     max_memory_bytes: Some(1 << 30),
 //! };
-//! let octree = voxelize(&source, &options, &|_share_done| ())?;
+//! let octree = voxelize(&source, &options, &unwatched)?;
 //! assert!((octree.fibre_length_mm(0) - 0.1).abs() < 1e-3);
 //! let here = octree.mixture_at(0, Vec3::new(0.05, 0.05, 0.02));
 //! assert!(here.as_slice()[0].axis.x.abs() > 0.99);

@@ -13,7 +13,7 @@ use crate::octree::build::{Assembly, Scales, build_block};
 use crate::parts::Parts;
 use crate::route::{RoutePiece, Routed, route};
 use crate::{Error, Octree};
-use organza_basis::SegmentSource;
+use organza_basis::{SegmentSource, Stopped, Watch};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
@@ -60,7 +60,7 @@ const BLOCKS: usize = 16;
 pub fn voxelize(
     source: &dyn SegmentSource,
     options: &VoxelizeOptions,
-    progress: &(dyn Fn(f32) + Sync),
+    progress: Watch<'_, f32>,
 ) -> Result<Octree, Error> {
     let lattice = Lattice::new(&source.tile(), options.voxel_mm, options.levels)?;
     if options.max_memory_bytes.is_some() {
@@ -157,8 +157,8 @@ impl<'a> VoxelizePlan<'a> {
     ///
     /// # Errors
     /// For segments that are not finite or lie outside a tile that does not
-    /// repeat.
-    pub fn run(&self, progress: &(dyn Fn(f32) + Sync)) -> Result<Octree, Error> {
+    /// repeat; [`Error::Stopped`] if `progress` broke.
+    pub fn run(&self, progress: Watch<'_, f32>) -> Result<Octree, Error> {
         run(self.source, self.space(), &self.options, progress)
     }
 }
@@ -170,7 +170,7 @@ fn run(
     source: &dyn SegmentSource,
     space: Space<'_>,
     options: &VoxelizeOptions,
-    progress: &(dyn Fn(f32) + Sync),
+    progress: Watch<'_, f32>,
 ) -> Result<Octree, Error> {
     let mut tile = Tiled::new(space.0, options.footprint);
     let max_bytes = options.max_memory_bytes.unwrap_or(u64::MAX);
@@ -193,11 +193,11 @@ fn run(
             }
             tile.add(r);
         }
-        progress(0.4 * done as f32 / count as f32);
+        Stopped::check(progress(0.4 * done as f32 / count as f32))?;
     }
     let mut octree = tile.build(source.material_count(), progress)?;
     octree.footprint = options.footprint;
-    progress(1.0);
+    Stopped::check(progress(1.0))?;
     Ok(octree)
 }
 
@@ -306,11 +306,7 @@ impl<'a> Tiled<'a> {
         Scales::new(self.lattice, lengths, self.radii_mm, groups)
     }
 
-    fn build(
-        mut self,
-        material_count: usize,
-        progress: &(dyn Fn(f32) + Sync),
-    ) -> Result<Octree, Error> {
+    fn build(mut self, material_count: usize, progress: Watch<'_, f32>) -> Result<Octree, Error> {
         let scales = self.scales()?;
         let mut blocks: Vec<(u32, BlockRuns)> = std::mem::take(&mut self.blocks)
             .into_iter()
@@ -330,7 +326,7 @@ impl<'a> Tiled<'a> {
                 assembly.add(b)?;
             }
             done += part.len();
-            progress(0.4 + 0.6 * done as f32 / count as f32);
+            Stopped::check(progress(0.4 + 0.6 * done as f32 / count as f32))?;
         }
         assembly.finish(material_count)
     }

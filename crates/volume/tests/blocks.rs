@@ -1,6 +1,6 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec2, UVec3, Vec3};
-use organza_basis::Budget;
+use organza_basis::{Budget, unwatched};
 use organza_volume::voxelize::VoxelizePlan;
 use organza_volume::{BlockCut, BlockLayout, Octree, Parts, VoxelizeOptions, ovox};
 
@@ -17,7 +17,7 @@ fn of_parts(parts: Parts) -> Octree {
         ..VoxelizeOptions::default()
     };
     let plan = VoxelizePlan::of_parts(&weave, parts, &options).unwrap();
-    plan.run(&|_| {}).unwrap()
+    plan.run(&unwatched).unwrap()
 }
 
 fn block_voxels(exemplar: &Octree) -> UVec3 {

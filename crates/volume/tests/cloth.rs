@@ -1,8 +1,10 @@
 use glam::{Vec2, Vec3};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, PathRng, Segment, SegmentSource, Tile};
-use organza_volume::{Octree, VoxelizeOptions, voxelize};
+use organza_basis::{Aabb, PathRng, Segment, SegmentSource, Tile, unwatched};
+use organza_volume::{Error, Octree, VoxelizeOptions, voxelize};
 use std::f32::consts::TAU;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A plain weave of round yarns of twisted fibres, one yarn a batch: what the
 /// voxelizer meets in practice, without a cloth generator.
@@ -117,5 +119,29 @@ pub fn cotton_octree(voxel_mm: f32) -> Octree {
         voxel_mm,
         ..VoxelizeOptions::default()
     };
-    voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap()
+    voxelize(&PlainWeave::cotton(2), &options, &unwatched).unwrap()
+}
+
+#[test]
+fn a_stop_ends_voxelization_early() {
+    let options = VoxelizeOptions {
+        voxel_mm: 0.02,
+        ..VoxelizeOptions::default()
+    };
+    let run = |most: u64| {
+        let calls = AtomicU64::new(0);
+        let watch = |_| match calls.fetch_add(1, Ordering::Relaxed) + 1 >= most {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let result = voxelize(&PlainWeave::cotton(4), &options, &watch);
+        (result.map(drop), calls.load(Ordering::Relaxed))
+    };
+    let (whole, all) = run(u64::MAX);
+    whole.unwrap();
+    for most in [1, all / 2, all] {
+        let (stopped, calls) = run(most);
+        assert!(matches!(stopped, Err(Error::Stopped(_))), "{most} of {all}");
+        assert_eq!(calls, most);
+    }
 }

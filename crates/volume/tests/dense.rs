@@ -1,7 +1,7 @@
 use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Segment, SegmentSource};
+use organza_basis::{Segment, SegmentSource, unwatched};
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -151,7 +151,7 @@ proptest! {
             (s.start_mm, s.end_mm) = (s.start_mm * scale, s.end_mm * scale);
         }
         source.tile.repeats = repeats;
-        let tree = voxelize(&source, &options(voxel, levels), &|_| {}).unwrap();
+        let tree = voxelize(&source, &options(voxel, levels), &unwatched).unwrap();
         tree.assert_well_formed();
         let grid = dense(&source, &tree, voxel);
         let whole: f64 = grid.cells.iter().map(|c| c.length_mm).sum();
@@ -206,7 +206,7 @@ fn equation_18_has_the_same_mean_and_more_noise() {
     for batch in 0..cloth.batch_count() {
         cloth.for_each_in_batch(batch, &mut |s| segments.push(*s));
     }
-    let tree = voxelize(&cloth, &options(0.02, None), &|_| {}).unwrap();
+    let tree = voxelize(&cloth, &options(0.02, None), &unwatched).unwrap();
     let (b, voxel) = (tree.bounds_mm(), tree.voxel_mm(0).as_dvec3());
     let dims = tree.dims(0);
     let mut density = vec![0.0f64; dims.element_product() as usize];

@@ -1,6 +1,6 @@
 use crate::cloth::{cotton_octree, list};
 use glam::Vec3;
-use organza_basis::Budget;
+use organza_basis::{Budget, unwatched};
 use organza_volume::{
     MaterialPacking, MeasuredPacking, Octree, PackingFactor, VoxelizeOptions, ovox, voxelize,
 };
@@ -29,7 +29,7 @@ fn ovox_returns_the_very_octree() {
             voxel_mm: 0.1,
             ..Default::default()
         },
-        &|_| {},
+        &unwatched,
     )
     .unwrap();
     for tree in [cotton_octree(0.02), empty] {

@@ -1,7 +1,7 @@
 use crate::cloth::PlainWeave;
 use glam::{UVec3, Vec3};
 use organza_basis::spread::{mean_cos_sq, spread_from_mean_sin_sq};
-use organza_basis::{Budget, FibrePopulation, Frame, Sym3, warp};
+use organza_basis::{Budget, FibrePopulation, Frame, Sym3, unwatched, warp};
 use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -138,7 +138,7 @@ fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_does() {
         voxel_mm: 0.0125,
         ..VoxelizeOptions::default()
     };
-    let woven = voxelize(&PlainWeave::cotton(2), &options, &|_| {}).unwrap();
+    let woven = voxelize(&PlainWeave::cotton(2), &options, &unwatched).unwrap();
     woven.assert_well_formed();
     let mut trees = vec![("plain weave", woven)];
     for name in ["denim", "charmeuse", "jersey"] {
@@ -184,7 +184,7 @@ fn a_turned_bundle_has_the_turned_mixture() {
             levels: Some(1),
             ..VoxelizeOptions::default()
         };
-        let m = voxelize(&source, &options, &|_| {})
+        let m = voxelize(&source, &options, &unwatched)
             .unwrap()
             .mixture(0, UVec3::ZERO);
         let [c] = m.as_slice() else { panic!("{m:?}") };

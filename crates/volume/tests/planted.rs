@@ -1,6 +1,6 @@
 use crate::cloth::{PlainWeave, length_mm, list};
 use glam::{UVec3, Vec3};
-use organza_basis::{Segment, SegmentSource};
+use organza_basis::{Segment, SegmentSource, unwatched};
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan, voxelize};
 
 fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
@@ -9,7 +9,7 @@ fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree 
         levels,
         ..VoxelizeOptions::default()
     };
-    voxelize(source, &options, &|_| {}).unwrap()
+    voxelize(source, &options, &unwatched).unwrap()
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
         footprint: FibreFootprint::Axis,
         ..VoxelizeOptions::default()
     };
-    let tree = voxelize(&source, &axis_only, &|_| {}).unwrap();
+    let tree = voxelize(&source, &axis_only, &unwatched).unwrap();
     assert_eq!(tree.occupied_voxels(), 8);
 }
 
@@ -267,7 +267,7 @@ fn hard_sources_are_survived_or_refused() {
         ..VoxelizeOptions::default()
     };
     let refused = |s: Segment| {
-        voxelize(&unit(vec![s]), &options, &|_| {})
+        voxelize(&unit(vec![s]), &options, &unwatched)
             .unwrap_err()
             .to_string()
     };
@@ -299,7 +299,7 @@ fn hard_sources_are_survived_or_refused() {
         voxel_mm: 0.01,
         ..VoxelizeOptions::default()
     };
-    let error = voxelize(&unit(vec![good]), &small, &|_| {})
+    let error = voxelize(&unit(vec![good]), &small, &unwatched)
         .unwrap_err()
         .to_string();
     assert!(error.contains("1000 are allowed"), "{error}");
@@ -310,7 +310,7 @@ fn hard_sources_are_survived_or_refused() {
         max_memory_bytes: Some(need / 2),
         ..options
     };
-    assert!(voxelize(&PlainWeave::cotton(2), &just_short, &|_| {}).is_err());
+    assert!(voxelize(&PlainWeave::cotton(2), &just_short, &unwatched).is_err());
 }
 
 /// A batch that is larger than what is allowed is refused while it is read, not when all
@@ -340,7 +340,7 @@ fn a_batch_beyond_the_memory_allowed_is_not_kept() {
         voxel_mm: 0.1,
         ..VoxelizeOptions::default()
     };
-    match voxelize(&Endless, &options, &|_| {}) {
+    match voxelize(&Endless, &options, &unwatched) {
         Err(organza_volume::Error::Memory { needed, .. }) => {
             assert!(needed < (1 << 20) + 1000, "{needed}");
         }

@@ -2,7 +2,7 @@ use super::*;
 use crate::layout::planned_pairs;
 use crate::model::{GLTF, TARGETS, USD_PREVIEW};
 use glam::{Vec2, Vec3};
-use organza_basis::PathRng;
+use organza_basis::{PathRng, unwatched};
 use organza_measure::Measured;
 
 /// Texels of a twill: threads along both axes, tilted to and fro.
@@ -83,8 +83,9 @@ fn planted_parameters_are_found_and_the_wrong_model_leaves_more_error() {
             sky,
             Some(0.3),
             &PATIENCE,
-            &mut || (),
+            &mut || unwatched(()),
         )
+        .unwrap()
     };
     let found = fitted(&GLTF, 0.0);
     let p = found.parameters;
@@ -157,4 +158,28 @@ fn noise_is_subtracted_from_errors() {
         .find(|r| r.side == Side::Face && r.part.is_none())
         .unwrap();
     assert!((row.noise - 0.1).abs() < 0.01 && row.rms < 0.04, "{row:?}");
+}
+
+#[test]
+fn a_stop_ends_the_fit() {
+    let (plan, albedos) = (planned_pairs(96), Albedos::new());
+    let places: Vec<f64> = GLTF.bounds(None).iter().map(|b| b.start).collect();
+    let data = measurement(&GLTF, &GLTF.parameters(&places, None), &plan, 0.0);
+    let mut calls = 0;
+    let stopped = fit_target(
+        &GLTF,
+        &texels(),
+        &plan,
+        &data,
+        &albedos,
+        0.0,
+        None,
+        &PATIENCE,
+        &mut || {
+            calls += 1;
+            ControlFlow::Break(())
+        },
+    );
+    assert_eq!(stopped.err(), Some(Stopped));
+    assert_eq!(calls, 1);
 }

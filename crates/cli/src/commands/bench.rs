@@ -129,7 +129,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let count = Cell::new(0);
     let done = || {
         count.set(count.get() + 1);
-        progress.at(count.get());
+        progress.at(count.get())
     };
     let bench = Bench::run(&plan, &samples, &peers, with_scaling, &laboratory, &done)?;
     progress.finish();

@@ -22,6 +22,7 @@ pub use try_all::{BenchPlan, PeerResult, Refusal, Tried, ViewResult};
 
 use crate::ReportError;
 use organza_scene::auto::table::{Candidate, Recommendation, Row, candidates, recommend};
+use std::ops::ControlFlow;
 
 /// A fabric with all its views.
 pub struct FabricResult<'a> {
@@ -64,7 +65,7 @@ impl<'a> Bench<'a> {
         peers: &[Peer],
         with_scaling: bool,
         laboratory: &Laboratory<'_>,
-        done: &dyn Fn(),
+        done: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<Bench<'a>, ReportError> {
         let mut fabrics = Vec::new();
         for sample in samples {

@@ -3,11 +3,13 @@
 use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::ReportError;
+use organza_basis::Stopped;
 use organza_measure::{Growth, growth};
 use organza_scene::auto::choice::Choice;
 use organza_scene::auto::lit::Lit;
 use organza_scene::representation::{MICROFLAKE, PACKED, Tracker};
 use serde::Serialize;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// The size that grows.
@@ -120,7 +122,7 @@ pub(super) fn measure(
     sample: &Sample,
     folder: &Path,
     quick: bool,
-    done: &dyn Fn(),
+    done: &dyn Fn() -> ControlFlow<()>,
 ) -> Result<Vec<Series>, ReportError> {
     let mut list = Vec::new();
     for grows in Size::ALL {
@@ -130,7 +132,7 @@ pub(super) fn measure(
                 let (trial, size) = trial(laboratory, sample, folder, grows, choice, step)?;
                 let threads = if grows == Size::Threads { step } else { 1 };
                 let outcome = laboratory.run(&trial, u16::try_from(threads).ok())?;
-                done();
+                Stopped::check(done())?;
                 let figures = match outcome {
                     Outcome::Picture(_, figures) => figures,
                     Outcome::Refused(why) => {

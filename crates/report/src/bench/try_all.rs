@@ -4,12 +4,14 @@ use super::peer::Peer;
 use super::stage::{Sample, View};
 use super::trial::{Figures, Laboratory, Outcome, Trial};
 use crate::ReportError;
+use organza_basis::Stopped;
 use organza_measure::{Cost, NoisyPicture, PICTURE_PIXELS, PictureError, picture_error};
 use organza_scene::auto::choice::Choice;
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table::{Row, Traits};
 use organza_scene::loader::Loader;
 use organza_scene::representation::{EXPLICIT_FIBRES, Tracker};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// The extent of a bench.
@@ -122,7 +124,7 @@ impl BenchPlan {
         sample: &Sample,
         view: View,
         peers: &[Peer],
-        done: &dyn Fn(),
+        done: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<ViewResult, ReportError> {
         let slug = view.slug(&sample.name);
         let scene = self.scenes.join(format!("{slug}.toml"));
@@ -156,7 +158,7 @@ impl BenchPlan {
                 seed,
             };
             let outcome = laboratory.run(&trial, None);
-            done();
+            Stopped::check(done())?;
             outcome
         };
         let traits = Traits::of(&sample.fabric);

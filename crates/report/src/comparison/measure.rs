@@ -2,6 +2,7 @@
 
 use super::LIGHTS;
 use crate::{Picture, ReportError};
+use organza_basis::Watch;
 use organza_measure::{
     Albedo, Angles, Effort, Pair, PairValue, PatchResponse, TexelGrid, in_plane_layout,
     measure_albedos, measure_pairs, measure_texture, reciprocity,
@@ -74,7 +75,7 @@ impl ComparisonPlan {
         &self,
         model: &str,
         patch: &impl PatchResponse,
-        watch: &(dyn Fn(u64) + Sync),
+        watch: Watch<'_>,
     ) -> Result<Measurement, ReportError> {
         let started = Instant::now();
         let effort = &self.effort;
@@ -106,7 +107,9 @@ impl ComparisonPlan {
                     phi_deg: 0.0,
                 },
             };
-            let texture = measure_texture(patch, pair, &self.grid, self.texel_paths, effort.seed)?;
+            // Pictures are no part of what is counted.
+            let (grid, paths) = (&self.grid, self.texel_paths);
+            let texture = measure_texture(patch, pair, grid, paths, effort.seed, &|_| watch(0))?;
             pictures.push(Picture {
                 size: self.grid.texels.to_array(),
                 pixels: texture.mean,

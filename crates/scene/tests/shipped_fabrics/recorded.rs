@@ -1,6 +1,7 @@
 //! Where light goes in every fabric, against the table of the pages.
 
 use super::*;
+use organza_basis::unwatched;
 
 /// Shares of green light from 60 degrees along the weft.
 struct Recorded {
@@ -141,7 +142,7 @@ fn fabrics_reflect_and_transmit_what_is_on_record() {
         let loader = Loader::new();
         let fabric = fabric_file::load(&path, &[], &loader).unwrap();
         let patch = cloth_patch(&fabric, &path, row.model, &loader);
-        let measured = measure_albedos(&patch, &light, &effort, &|_| ()).unwrap();
+        let measured = measure_albedos(&patch, &light, &effort, &unwatched).unwrap();
         let albedo = &measured.list[0];
         let green = |m: &Measured| (m.mean[1], m.se[1]);
         let found = [&albedo.reflected, &albedo.transmitted, &albedo.direct].map(green);

@@ -27,8 +27,7 @@ use crate::Stats;
 use curves::{Curves, count_joints};
 pub use fibre_hit::FibreHit;
 use glam::{DVec3, UVec3, Vec3};
-use organza_basis::CellGrid;
-use organza_basis::{Ray, SegmentSource};
+use organza_basis::{CellGrid, Ray, SegmentSource, Stopped, Watch};
 use organza_kernel::fibres::{Drape, FibreBody, FibreEntry, FibreMatter, Joint, Strand, Unfit};
 use organza_scatter::Fibre;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -64,6 +63,9 @@ pub enum ExplicitFibresError {
         /// The limit, bytes.
         allowed: u64,
     },
+    /// Whoever watched the work stopped it.
+    #[error("{0}")]
+    Stopped(#[from] Stopped),
 }
 
 /// Peak bytes per joint while fibres are gathered: 36 of the joint, twice, and the
@@ -95,12 +97,12 @@ impl ExplicitFibres {
     /// is called with the share of the work done.
     ///
     /// # Errors
-    /// When there are none, one has no scattering, or memory does not suffice.
+    /// When there are none, one has no scattering, memory does not suffice, or `progress` broke.
     pub fn new(
         source: &dyn SegmentSource,
         fibres: Vec<Fibre>,
         max_memory_bytes: Option<u64>,
-        progress: &(dyn Fn(f32) + Sync),
+        progress: Watch<'_, f32>,
     ) -> Result<ExplicitFibres, ExplicitFibresError> {
         let materials = source.material_count();
         if fibres.len() < materials {
@@ -114,9 +116,9 @@ impl ExplicitFibres {
         let (batches, done) = (source.batch_count().max(1), AtomicUsize::new(0));
         let curves = Curves::gather(source, most, &|| {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(0.5 * done as f32 / batches as f32);
+            progress(0.5 * done as f32 / batches as f32)
         });
-        let Some(curves) = curves else {
+        let Some(curves) = curves? else {
             // Only now is it worth the time to count them all.
             let joints = count_joints(source);
             let needed = joints.saturating_mul(BYTES_PER_JOINT);
@@ -132,7 +134,7 @@ impl ExplicitFibres {
         let bounds_mm = curves.bounds_mm(&tile);
         let cell_grid =
             CellGrid::new(bounds_mm, UVec3::ONE, tile.repeats).ok_or(ExplicitFibresError::Tile)?;
-        progress(1.0);
+        Stopped::check(progress(1.0))?;
         Ok(ExplicitFibres {
             origin_mm: tile.bounds_mm.min,
             max_bytes: allowed,

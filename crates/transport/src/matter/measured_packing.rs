@@ -26,7 +26,7 @@ use crate::matter::packing::PackingFactors;
 use crate::matter::virtual_fibre_medium::{VirtualFibreEvent, VirtualFibreMedium};
 use crate::walk::survivor;
 use glam::Vec3;
-use organza_basis::{CellGrid, PathRng, Ray, Rgb, warp};
+use organza_basis::{CellGrid, PathRng, Ray, Rgb, Stopped, Watch, warp};
 use organza_volume::{MaterialPacking, MeasuredPacking, Octree, PackingFactor};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -93,59 +93,66 @@ type Tallies = Vec<[Tally; 3]>;
 ///
 /// The same seed gives the same factors, whatever the number of threads. `None` where
 /// the fibres have fewer materials than the octree, or there is no walk.
+///
+/// # Errors
+/// When `progress` broke.
 pub fn measure_packing(
     fibres: &ExplicitFibres,
     octree: &Arc<Octree>,
     study: PackingStudy,
-    progress: &(dyn Fn(f32) + Sync),
-) -> Option<MeasuredPacking> {
+    progress: Watch<'_, f32>,
+) -> Result<Option<MeasuredPacking>, Stopped> {
     if study.walks == 0 || fibres.fibres().len() < octree.material_count() {
-        return None;
+        return Ok(None);
     }
     let levels = octree.level_count();
     let total = study.walks * (1 + u32::from(levels));
     let done = AtomicU32::new(0);
     let count = || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        if done.is_multiple_of(256) {
-            progress(done as f32 / total as f32);
+        match done.is_multiple_of(256) {
+            true => Stopped::check(progress(done as f32 / total as f32)),
+            false => Ok(()),
         }
     };
-    let walks: Vec<Vec<Flight>> = (0..study.walks)
+    let walks = (0..study.walks)
         .into_par_iter()
         .map(|i| {
-            count();
+            count()?;
             let mut rng = PathRng::new(study.seed, 0, u64::from(i));
-            walk(fibres, i.is_multiple_of(2), &mut rng)
+            Ok(walk(fibres, i.is_multiple_of(2), &mut rng))
         })
-        .collect();
+        .collect::<Result<Vec<Vec<Flight>>, Stopped>>()?;
     let of_level = |level: u8| {
-        let bare = VirtualFibreMedium::with_factors(
+        let Some(bare) = VirtualFibreMedium::with_factors(
             Arc::clone(octree),
             level,
             fibres.fibres().to_vec(),
             VirtualFibreEvent::Packed,
             |octree, _| vec![PackingFactors::NONE; octree.material_count()],
-        )?;
+        ) else {
+            return Ok(None);
+        };
         let step_mm = STEP_RADII * bare.thinnest_mm();
-        let tallies: Vec<Tallies> = walks
+        let tallies = walks
             .par_iter()
             .enumerate()
             .map(|(i, flights)| {
-                count();
+                count()?;
                 let mut rng = PathRng::new(study.seed, 1 + u64::from(level), i as u64);
-                tally(&bare, flights, step_mm, &mut rng)
+                Ok(tally(&bare, flights, step_mm, &mut rng))
             })
-            .collect();
+            .collect::<Result<Vec<Tallies>, Stopped>>()?;
         let materials = 0..octree.material_count();
-        Some(materials.map(|m| packing_of(&tallies, m)).collect())
+        Ok(Some(materials.map(|m| packing_of(&tallies, m)).collect()))
     };
-    let levels = (0..levels).map(of_level).collect::<Option<_>>()?;
-    progress(1.0);
-    Some(MeasuredPacking {
+    let levels = (0..levels).map(of_level);
+    let levels = levels.collect::<Result<Option<_>, Stopped>>()?;
+    Stopped::check(progress(1.0))?;
+    Ok(levels.map(|levels| MeasuredPacking {
         walks: study.walks,
         levels,
-    })
+    }))
 }
 
 /// One walk, under even light on the face or on the back.

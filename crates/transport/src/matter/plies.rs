@@ -20,7 +20,7 @@ use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{ExplicitFibres, ExplicitFibresError, SiteInfo, Stats};
 use glam::{Mat3, Vec2, Vec3};
-use organza_basis::{CellGrid, PathRng, Ray, Rgb, SegmentSource};
+use organza_basis::{CellGrid, PathRng, Ray, Rgb, SegmentSource, Stopped, Watch};
 use organza_scatter::{Fibre, Lobe, LobeSample, Ply, PlyEvent, PlyParameters, PlyPlace};
 use rayon::prelude::*;
 
@@ -56,18 +56,18 @@ impl Plies {
     /// materials. `progress` is called with the share of the work done.
     ///
     /// # Errors
-    /// When there are none, one is not possible, or memory does not suffice.
+    /// When there are none, one is not possible, memory does not suffice, or `progress` broke.
     pub fn new(
         source: &dyn SegmentSource,
         parameters: &[Option<PlyParameters>],
         fibres: Vec<Fibre>,
         max_memory_bytes: Option<u64>,
-        progress: &(dyn Fn(f32) + Sync),
+        progress: Watch<'_, f32>,
     ) -> Result<Plies, PliesError> {
         let at_first = &|share| progress(0.5 * share);
         let curves = ExplicitFibres::new(source, fibres, max_memory_bytes, at_first)?;
         let plies = walked(parameters, curves.fibres())?;
-        progress(1.0);
+        Stopped::check(progress(1.0)).map_err(ExplicitFibresError::from)?;
         Ok(Plies { curves, plies })
     }
 

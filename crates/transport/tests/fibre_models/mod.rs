@@ -9,7 +9,7 @@ mod yarn;
 use errors::{Errors, NAMES, Shares};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Moments, PathRng, Rgb, warp};
+use organza_basis::{Moments, PathRng, Rgb, unwatched, warp};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::{is_full, sized};
 use organza_transport::{
@@ -33,7 +33,7 @@ fn fibre() -> Fibre {
 }
 
 fn explicit(source: &SegmentList, fibre: &Fibre) -> ExplicitFibres {
-    ExplicitFibres::new(source, vec![fibre.clone()], None, &|_| ()).unwrap()
+    ExplicitFibres::new(source, vec![fibre.clone()], None, &unwatched).unwrap()
 }
 
 fn volume(
@@ -51,7 +51,7 @@ fn volume(
         },
         max_memory_bytes: None,
     };
-    let octree = voxelize(source, &options, &|_| ()).unwrap();
+    let octree = voxelize(source, &options, &unwatched).unwrap();
     AnyMedium::VirtualFibres(
         VirtualFibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap(),
     )

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::kernel::virtual_fibres::silk_and_cotton;
+use organza_basis::unwatched;
 use organza_testing::twisted_weave;
 use organza_volume::voxelize::VoxelizePlan;
 use organza_volume::{BlockCut, BlockLayout, Octree, Parts};
@@ -22,7 +23,7 @@ fn octree(turned: bool) -> Octree {
     };
     let weave = twisted_weave();
     let plan = VoxelizePlan::of_parts(&weave, Parts::all(UVec2::splat(PARTS)), &options).unwrap();
-    let exemplar = plan.run(&|_| ()).unwrap();
+    let exemplar = plan.run(&unwatched).unwrap();
     let dims = exemplar.dims(0);
     let block = UVec3::new(dims.x / PARTS, dims.y / PARTS, dims.z);
     let places = (0..PARTS * PARTS).map(|i| UVec2::new(i % PARTS, i / PARTS));

@@ -4,7 +4,7 @@
 use crate::kernel::{film, flat_scene, settings, walker};
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3, unwatched};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Unsuited};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
@@ -147,7 +147,7 @@ pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Sc
         tile,
         segments: segments.collect(),
     };
-    let octree = voxelize(&segments, &options, &|_| ()).unwrap();
+    let octree = voxelize(&segments, &options, &unwatched).unwrap();
     let medium = VirtualFibreMedium::new(octree, 0, vec![fibre], VirtualFibreEvent::Plain).unwrap();
     let pose = CameraPose {
         origin_mm: DVec3::new(0.02, 0.01, 5.0),

@@ -7,8 +7,8 @@ use crate::kernel::{
     vector_backends,
 };
 use glam::{UVec2, Vec2, Vec3};
-use organza_basis::Rgb;
 use organza_basis::curve::{Segment, SegmentList};
+use organza_basis::{Rgb, unwatched};
 use organza_kernel::Refusal;
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre, Section};
 use organza_testing::{sized, twisted_weave};
@@ -34,7 +34,7 @@ pub(crate) fn segments(repeats: bool) -> SegmentList {
 
 pub fn fibres_of(repeats: bool, materials: Vec<Fibre>) -> AnyMedium {
     let source = segments(repeats);
-    let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
+    let made = ExplicitFibres::new(&source, materials, None, &unwatched).unwrap();
     AnyMedium::ExplicitFibres(made)
 }
 

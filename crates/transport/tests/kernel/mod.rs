@@ -19,7 +19,7 @@ mod virtual_fibres;
 
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::hypothesis::{Verdict, z_test};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3, unwatched};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Block, Lost, Refusal, Unsuited};
 use organza_scatter::Fibre;
@@ -91,7 +91,7 @@ fn cloth_at(level: u8) -> SggxOctreeMedium {
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&little_weave(0.0, 0), &options, &|_| ()).unwrap();
+    let octree = voxelize(&little_weave(0.0, 0), &options, &unwatched).unwrap();
     let optics = FlakeOptics {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,

@@ -9,7 +9,7 @@ use crate::kernel::{
     agree, film, furnace, lens, panels, parallel, samples, scene, settings, sky, vector_backends,
 };
 use glam::Vec2;
-use organza_basis::Rgb;
+use organza_basis::{Rgb, unwatched};
 use organza_kernel::FibreEngine;
 use organza_kernel::fibres::{FibreMatter, FibreScene};
 use organza_kernel::proofs::PackedFault;
@@ -39,7 +39,7 @@ fn packed_at(level: u8, repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium
         // Hairs leave the tile.
         source.segments.retain(|s| s.yarn != 7);
     }
-    let octree = voxelize(&source, &options, &|_| ()).unwrap();
+    let octree = voxelize(&source, &options, &unwatched).unwrap();
     let factor = |mean: f32| {
         Some(PackingFactor {
             mean,
@@ -91,7 +91,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 pub fn hybrid(repeats: bool, first_events: u32, while_weight: f32) -> AnyMedium {
     let mut source = segments(repeats);
     source.segments.retain(|s| repeats || s.yarn != 7);
-    let explicit = ExplicitFibres::new(&source, silk_and_cotton(), None, &|_| ()).unwrap();
+    let explicit = ExplicitFibres::new(&source, silk_and_cotton(), None, &unwatched).unwrap();
     let switch = Switch {
         first_events,
         while_weight,

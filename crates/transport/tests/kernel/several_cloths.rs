@@ -8,7 +8,7 @@ use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{agree, film, grid, lens, panels, parallel, samples, scene, settings, sky};
 use glam::{Vec2, Vec3};
-use organza_basis::{Aabb, Rgb};
+use organza_basis::{Aabb, Rgb, unwatched};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
 use organza_scatter::Fibre;
 use organza_transport::*;
@@ -22,7 +22,7 @@ fn higher(repeats: bool, by_mm: f32, materials: Vec<Fibre>) -> AnyMedium {
     }
     let bounds = source.tile.bounds_mm;
     source.tile.bounds_mm = Aabb::new(bounds.min + by, bounds.max + by);
-    let made = ExplicitFibres::new(&source, materials, None, &|_| ()).unwrap();
+    let made = ExplicitFibres::new(&source, materials, None, &unwatched).unwrap();
     AnyMedium::ExplicitFibres(made)
 }
 

@@ -6,7 +6,7 @@ use crate::kernel::{
     vector_backends, walker,
 };
 use glam::UVec3;
-use organza_basis::{PathRng, Rgb, warp};
+use organza_basis::{PathRng, Rgb, unwatched, warp};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Matter, Refusal};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters};
@@ -33,7 +33,7 @@ fn cloth_at(level: u8, fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualF
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(&little_weave(0.015, 1), &options, &|_| ()).unwrap();
+    let octree = voxelize(&little_weave(0.015, 1), &options, &unwatched).unwrap();
     VirtualFibreMedium::new(octree, level, fibres, event).unwrap()
 }
 

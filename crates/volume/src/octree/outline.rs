@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use crate::{MixtureGrid, MixtureSource, octree_of_mixtures};
     use glam::{DVec3, Vec3};
-    use organza_basis::PathRng;
+    use organza_basis::{PathRng, unwatched};
 
     /// Voxels of a cube, each with fibre or without.
     struct Cube(Vec<bool>);
@@ -182,7 +182,7 @@ mod tests {
     fn sub_cells_hold_the_fibre_of_their_cell_where_finer_cells_hold_any() {
         let mut rng = PathRng::from_seed(29);
         let cube = Cube((0..EDGE.pow(3)).map(|_| rng.below(20) == 0).collect());
-        let octree = octree_of_mixtures(&cube, Some(4), None, &|_| ()).unwrap();
+        let octree = octree_of_mixtures(&cube, Some(4), None, &unwatched).unwrap();
         for level in 1..4u8 {
             let depth = level.min(2);
             let edge = 1u32 << depth;

@@ -22,7 +22,7 @@ use organza_bake::maps::{BYTES_PER_TEXEL, Maps};
 use organza_bake::model::{GLTF, OPENPBR, STANDARD_SURFACE, TARGETS, Target, USD_PREVIEW};
 use organza_bake::texel::Texel;
 use organza_bake::write::{Baked, FOLDER, folder_files, plain_name};
-use organza_basis::SegmentSource;
+use organza_basis::{SegmentSource, Stopped};
 use organza_measure::fit::Patience;
 use organza_measure::{
     Albedo, Angles, Effort, LookSums, Pair, PairValue, TexelGrid, gather_looks, measure_albedos,
@@ -340,7 +340,7 @@ fn make(args: &BakeArgs, cloth: &Cloth<'_>) -> Result<Made> {
         SMOOTHING_OF_TILE * grid.size_mm.max_element()
     };
     let maps = Maps::new(&measured.looks, grid, smoothing_mm);
-    let fits = fit(args, &maps, &measured);
+    let fits = fit(args, &maps, &measured)?;
     Ok(Made {
         maps,
         smoothing_mm,
@@ -402,7 +402,7 @@ fn measure(args: &BakeArgs, patch: &AnyPatch, grid: &TexelGrid) -> Result<Measur
 
 /// Fits all models, in the order of [`TARGETS`]. OpenPBR is first, because the textures have
 /// its values; the others use its growth of roughness.
-fn fit(args: &BakeArgs, maps: &Maps, measured: &Measurement) -> Vec<Fitted> {
+fn fit(args: &BakeArgs, maps: &Maps, measured: &Measurement) -> Result<Vec<Fitted>, Stopped> {
     let texels = maps.sample(args.fit_texels, args.seed);
     let albedos = Albedos::new();
     let total = EVALUATIONS * TARGETS.len() as u64;
@@ -420,21 +420,21 @@ fn fit(args: &BakeArgs, maps: &Maps, measured: &Measurement) -> Vec<Fitted> {
             &PATIENCE,
             &mut || {
                 done += 1;
-                progress.at(done);
+                progress.at(done)
             },
         )
     };
-    let first = one(&OPENPBR, None);
+    let first = one(&OPENPBR, None)?;
     let roughening = Some(first.parameters.roughening);
     let fits = TARGETS
         .iter()
         .map(|target| match target.name == OPENPBR.name {
-            true => first.clone(),
+            true => Ok(first.clone()),
             false => one(target, roughening),
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     progress.finish();
-    fits
+    Ok(fits)
 }
 
 /// What another program takes: the report, the maps of the first cloth in rows from the top, and the files.

@@ -9,6 +9,7 @@ use crate::number_journal::JournalError;
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
+use organza_basis::Stopped;
 use organza_measure::fit::{Bound, Patience, determine, search};
 use organza_measure::{
     Angles, Effort, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
@@ -139,14 +140,13 @@ impl Observed {
             Observed::Pairs(list) => {
                 let pairs: Vec<Pair> = list.iter().map(|v| v.pair).collect();
                 Observed::Pairs(
-                    measure_pairs(patch, &pairs, effort, &|_| args.common.host.stop_if_asked())?
-                        .list,
+                    measure_pairs(patch, &pairs, effort, &|_| args.common.host.goes_on())?.list,
                 )
             }
             Observed::Hemispheres(list) => {
                 let from: Vec<_> = list.iter().map(|l| l.0).collect();
                 let results =
-                    measure_albedos(patch, &from, effort, &|_| args.common.host.stop_if_asked())?;
+                    measure_albedos(patch, &from, effort, &|_| args.common.host.goes_on())?;
                 let parts = results.list.iter().map(|a| {
                     let through = Measured {
                         mean: std::array::from_fn(|c| a.transmitted.mean[c] + a.direct.mean[c]),
@@ -194,7 +194,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let key = journal_key(args, &shown.to_string(), &read)?;
     let mut journal = open_journal(args, &key)?;
     let mut failure = None;
-    // A journal that fails ends the search, which then has no use for places.
+    // A journal that fails, or a stop, ends the search, which then has no use for places.
     let fatal = RefCell::new(None);
     let options = options(args, &unwatched);
     // Colour and roughness change no voxel; the last density comes first.
@@ -226,7 +226,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         // when there is no other.
         let results = match found {
             Ok(results) => results,
-            Err(e) if e.is::<JournalError>() => {
+            Err(e) if e.is::<JournalError>() || args.common.host.goes_on().is_break() => {
                 *fatal.borrow_mut() = Some(e);
                 return None;
             }
@@ -255,13 +255,14 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut count = 0;
     let (place, least) = search(&bounds, &patience, &mut |place| {
         count += 1;
-        progress.at(count);
+        Stopped::check(progress.at(count)).ok()?;
         residuals(place)
     });
     progress.finish();
     if let Some(e) = fatal.take() {
         return Err(e);
     }
+    Stopped::check(args.common.host.goes_on())?;
     let (Some(base), true) = (residuals(&place), least.is_finite()) else {
         let none = || input(format!("{}: no answer", args.fabric_path().display()));
         return Err(failure.unwrap_or_else(none));

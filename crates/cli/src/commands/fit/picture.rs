@@ -9,7 +9,7 @@ use crate::host::Host;
 use crate::progress::Progress;
 use anyhow::Result;
 use glam::UVec2;
-use organza_basis::Rgb;
+use organza_basis::{Rgb, Stopped};
 use organza_measure::fit::Determined;
 use organza_measure::{
     Angles, Pair, PictureSearch, PictureStatistics, TexelGrid, match_picture, measure_texture,
@@ -102,7 +102,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let unwatched = args.common.host.loader();
     let mut simulate = |colour: [f64; 3], rough: f64| -> Result<PictureStatistics> {
         count += 1;
-        progress.at(count);
+        Stopped::check(progress.at(count))?;
         let changed = fabric_file::load_changed(
             args.fabric_path(),
             &given_way,
@@ -110,7 +110,8 @@ pub fn run(args: &FitArgs) -> Result<()> {
             &unwatched,
         )?;
         let patch = matter.patch(&changed, args.fabric_path(), &options(args, &unwatched))?;
-        let texture = measure_texture(&patch, pair, &grid, args.paths(), args.seed)?;
+        let watch = |_| args.common.host.goes_on();
+        let texture = measure_texture(&patch, pair, &grid, args.paths(), args.seed, &watch)?;
         Ok(PictureStatistics::of(&texture))
     };
     let found = match_picture(&target, &search, &mut simulate)?;

@@ -7,7 +7,7 @@ use crate::commands::compare::read_data;
 use crate::error::input;
 use crate::progress::Progress;
 use anyhow::{Context, Result};
-use organza_basis::Rgb;
+use organza_basis::{Rgb, Stopped};
 use organza_measure::fit::Patience;
 use organza_measure::{
     Angles, Effort, Measured, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout,
@@ -68,7 +68,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut count = 0;
     let fitted = fit_surface(&start, &data, &patience, &mut || {
         count += 1;
-        progress.at(count);
+        progress.at(count)
     })
     .map_err(|e| input(format!("{}: {e}", args.fabric_path().display())))?;
     progress.finish();
@@ -109,7 +109,7 @@ fn measure(
         };
         let numbers = journal.once(&[batch as f64], 6 * pairs.len(), || {
             let results =
-                measure_pairs(patch, pairs, &effort, &|_| args.common.host.stop_if_asked())?.list;
+                measure_pairs(patch, pairs, &effort, &|_| args.common.host.goes_on())?.list;
             let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
             Ok(results.iter().flat_map(numbers).collect())
         })?;
@@ -124,7 +124,7 @@ fn measure(
                 paths: args.paths(),
             });
         }
-        progress.at(list.len() as u64);
+        Stopped::check(progress.at(list.len() as u64))?;
     }
     let incident: Vec<Angles> = THETA_DEG
         .into_iter()
@@ -135,10 +135,8 @@ fn measure(
             paths: 16 * args.paths(),
             ..effort(args)
         };
-        let results = measure_albedos(patch, &incident, &effort, &|_| {
-            args.common.host.stop_if_asked()
-        })?
-        .list;
+        let results =
+            measure_albedos(patch, &incident, &effort, &|_| args.common.host.goes_on())?.list;
         let numbers = results.iter().flat_map(|a| {
             let [r, g, b] = a.transmitted.mean;
             [a.direct.mean[1], r, g, b]

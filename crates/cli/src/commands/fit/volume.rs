@@ -11,6 +11,7 @@ use crate::error::input;
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
+use organza_basis::Stopped;
 use organza_measure::{
     Appearance, AppearanceFit, AppearanceSearch, Measured, VolumePatch, fit_appearance,
 };
@@ -93,8 +94,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let loader = args.common.host.loader();
     let mut simulate = |optics: &Appearance| -> Result<Vec<Measured>> {
         count += 1;
-        progress.at(count);
-        args.common.host.stop_if_asked();
+        Stopped::check(progress.at(count))?;
         data.simulate(args, &draft, draft.with(&search.names, optics)?, &loader)
     };
     let target = data.target();

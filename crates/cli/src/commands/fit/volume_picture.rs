@@ -13,7 +13,6 @@ use organza_transport::{
     AnyMedium, Crop, EngineChoice, Plane, RenderSettings, Rendering, Scene, engine,
 };
 use std::cell::OnceCell;
-use std::ops::ControlFlow;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -324,10 +323,7 @@ impl Photograph {
             rendering = rendering.with_engine(engine);
         }
         let host = &args.common.host;
-        let rendering = rendering.take(samples, &|_| {
-            host.stop_if_asked();
-            ControlFlow::Continue(())
-        })?;
+        let rendering = rendering.take(samples, &|_| host.goes_on())?;
         let pixels = rendering.film().pixels();
         let picture = MatchedPicture {
             width: rendering.film().size().x as usize,

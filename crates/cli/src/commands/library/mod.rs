@@ -12,6 +12,7 @@ use crate::waiting::Waiting;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use organza_basis::Stopped;
 use organza_scene::fabric_file;
 use organza_scene::loader::Input;
 use organza_scene::read::io_message;
@@ -191,6 +192,7 @@ pub fn run(args: &LibraryArgs) -> Result<()> {
         for (at, entry) in entries.iter().enumerate() {
             copy(args, entry)?;
             for part in &parts {
+                Stopped::check(args.common.host.goes_on())?;
                 let label = format!("{} of {}: {}", at + 1, entries.len(), entry.id);
                 match make(args, &program, entry, part, &label) {
                     Ok(()) => {}

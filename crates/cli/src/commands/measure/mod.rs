@@ -288,7 +288,8 @@ fn measure(
                 table.widen_albedos(&mut result.list)
             })?;
             write(args, |out| write_albedos(&result.list, out))?;
-            let (open, se) = measure_openness(patch, &effort).map_err(failed)?;
+            let (open, se) =
+                measure_openness(patch, &effort, &|_| host.goes_on()).map_err(failed)?;
             let se = se.hypot(of_table);
             host.give(|| results::albedos(&result.list, [open, se], result.stats.paths));
             summary.what = "albedo";
@@ -309,9 +310,8 @@ fn measure(
             check_texture_memory(args, pairs.len() as u64, grid)?;
             let mut textures = Vec::with_capacity(pairs.len());
             for pair in pairs {
-                let texture = measure_texture(patch, *pair, grid, args.spp, args.seed);
+                let texture = measure_texture(patch, *pair, grid, args.spp, args.seed, &watch);
                 textures.push(texture.map_err(failed)?);
-                watch(args.spp * u64::from(grid.texels.element_product()));
             }
             summary.what = "textures";
             summary.list = listed(args, pairs);
@@ -329,7 +329,8 @@ fn measure(
                 let result = measure_klems(patch, *basis, args.spp, args.seed, &watch);
                 let (sun, more) = result.map_err(failed)?;
                 summary.paths += more.paths;
-                let (openness, _) = measure_openness(patch, &effort).map_err(failed)?;
+                let (openness, _) =
+                    measure_openness(patch, &effort, &|_| host.goes_on()).map_err(failed)?;
                 solar = Some((sun, openness));
             }
             let name = args.file.file_stem().unwrap_or_default().to_string_lossy();
@@ -371,7 +372,7 @@ fn measure(
             shade::run(args, patches, (&effort, &watch), &mut summary)?;
         }
         Wanted::Sweep(lamps) => {
-            let sweep = measure_sweep(patch, lamps, &effort).map_err(failed)?;
+            let sweep = measure_sweep(patch, lamps, &effort, &watch).map_err(failed)?;
             write(args, |out| write_sweep(&sweep, out))?;
             let [front, back] = front_and_back(&sweep);
             host.give(|| results::sweep(&sweep, [front, back]));

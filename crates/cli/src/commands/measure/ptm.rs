@@ -6,6 +6,7 @@ use crate::error::input;
 use crate::flags::values::whole;
 use anyhow::Result;
 use clap::Args;
+use organza_basis::Watch;
 use organza_measure::{MapEffort, TexelGrid, measure_polynomial_map, write_polynomial_map};
 use organza_scene::patches::AnyPatch;
 use serde_json::json;
@@ -37,7 +38,7 @@ pub fn run(
     args: &MeasureArgs,
     lamps: u32,
     (patch, grid): (&AnyPatch, &TexelGrid),
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
     summary: &mut Summary,
 ) -> Result<()> {
     let needed = organza_measure::polynomial_map_memory_bytes(grid.texels);

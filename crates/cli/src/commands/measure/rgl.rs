@@ -6,6 +6,7 @@ use crate::error::input;
 use crate::flags::values::parse_rgl_grid;
 use anyhow::Result;
 use clap::Args;
+use organza_basis::Watch;
 use organza_measure::{AdaptiveGrid, Effort, measure_adaptive, write_adaptive};
 use organza_scene::patches::AnyPatch;
 use organza_scene::representation::ShownAs;
@@ -45,7 +46,7 @@ pub fn run(
     args: &MeasureArgs,
     grid: AdaptiveGrid,
     (patch, shown): (&AnyPatch, Option<ShownAs>),
-    (effort, watch): (&Effort, &(dyn Fn(u64) + Sync)),
+    (effort, watch): (&Effort, Watch<'_>),
     summary: &mut Summary,
 ) -> Result<()> {
     let result = measure_adaptive(patch, grid, effort, watch)?;

@@ -5,6 +5,7 @@ use super::bands::BandName;
 use super::summary::{Summary, write};
 use crate::results::Results;
 use anyhow::Result;
+use organza_basis::Watch;
 use organza_measure::{Effort, ShadeClass, ShadeClasses, ShadeFigures, measure_shade};
 use organza_scene::patches::AnyPatch;
 use serde_json::{Value, json};
@@ -20,7 +21,7 @@ const SIDES: [&str; 2] = ["face", "back"];
 pub fn run(
     args: &MeasureArgs,
     patches: &[AnyPatch],
-    (effort, watch): (&Effort, &(dyn Fn(u64) + Sync)),
+    (effort, watch): (&Effort, Watch<'_>),
     summary: &mut Summary,
 ) -> Result<()> {
     let mut sheet = Vec::new();

@@ -6,6 +6,7 @@ use crate::error::input;
 use crate::flags::values::{parse_share, whole};
 use anyhow::Result;
 use clap::Args;
+use organza_basis::Watch;
 use organza_measure::{TreeCell, TreeLayout, TreeRank, measure_tensor_tree, write_tensor_tree};
 use organza_scene::patches::AnyPatch;
 use serde_json::json;
@@ -56,7 +57,7 @@ pub fn run(
     args: &MeasureArgs,
     layout: TreeLayout,
     patch: &AnyPatch,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch<'_>,
     summary: &mut Summary,
 ) -> Result<()> {
     let (tree, stats) = measure_tensor_tree(patch, layout, args.spp, args.seed, watch)?;

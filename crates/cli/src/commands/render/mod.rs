@@ -403,10 +403,10 @@ fn learned<'a>(
     const UNITS: f64 = 1e4;
     let progress = Progress::new("learning", UNITS as u64, &args.common);
     let rendering = rendering.with_cache(plan, &|share| {
-        progress.at((share * UNITS) as u64);
+        let answer = progress.at((share * UNITS) as u64);
         match interrupt::came() {
             true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+            false => answer,
         }
     })?;
     progress.finish();

@@ -9,8 +9,8 @@ use crate::output::note;
 use crate::progress::Progress;
 use crate::schedule::{Next, Schedule, Stop};
 use anyhow::Result;
+use organza_basis::Stopped;
 use organza_transport::Rendering;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Takes samples until the schedule or the user says stop, and shows them on the way. A checkpoint that
@@ -39,14 +39,13 @@ pub fn trace<'a>(
             Next::Take(samples) => samples,
         };
         let pass_started = Instant::now();
-        rendering = rendering.take(pass, &|news| {
-            if !targets.are_given() {
-                progress.at(news.paths_done);
-            }
-            ControlFlow::Continue(())
+        rendering = rendering.take(pass, &|news| match targets.are_given() {
+            true => args.common.host.goes_on(),
+            false => progress.at(news.paths_done),
         })?;
         if targets.are_given() && rendering.taken().end - rendering.taken().start > 1 {
-            progress.at((targets.share_done(&rendering) * paths as f64) as u64);
+            let share_done = targets.share_done(&rendering);
+            Stopped::check(progress.at((share_done * paths as f64) as u64))?;
         }
         schedule.took(pass, pass_started.elapsed());
         if let Some(display) = display {

@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use organza_basis::Budget;
+use organza_basis::{Budget, Stopped};
 use organza_scan::input::{SampleType, Slices};
 use organza_scan::{
     DEFAULT_DENOISE, Denoise, Scan, ScanError, ScanSettings, ScannedField, Slab, Stage, Survey,
@@ -25,6 +25,7 @@ use organza_volume::{Octree, ovox};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::io::Read;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -322,10 +323,7 @@ fn slabs(
         let slab = match known {
             Some(slab) => slab,
             None => {
-                let watch = |_: Stage, share: f32| {
-                    bar.at((1000.0 * (index as f32 + share)) as u64);
-                    true
-                };
+                let watch = |_: Stage, share: f32| bar.at((1000.0 * (index as f32 + share)) as u64);
                 let slab = scan.slab(slices, index, &watch).map_err(fail)?;
                 // One that is damaged stays: those after it have their places.
                 if let Some(journal) = &mut journal
@@ -340,7 +338,7 @@ fn slabs(
             .take(slab.memory_bytes(), "voxels with fibre")
             .map_err(|e| fail(e.into()))?;
         slab.add_to(&mut field);
-        bar.at((1000 * (index + 1)) as u64);
+        Stopped::check(bar.at((1000 * (index + 1)) as u64))?;
     }
     bar.finish();
     field.repeats = args.repeat_xy;
@@ -404,7 +402,7 @@ impl<'a> Bars<'a> {
         }
     }
 
-    fn at(&self, stage: Stage, share: f32) -> bool {
+    fn at(&self, stage: Stage, share: f32) -> ControlFlow<()> {
         let mut present = self
             .present
             .lock()
@@ -421,10 +419,10 @@ impl<'a> Bars<'a> {
                 before.finish();
             }
         }
-        if let Some((_, bar)) = present.as_ref() {
-            bar.at((1000.0 * share) as u64);
+        match present.as_ref() {
+            Some((_, bar)) => bar.at((1000.0 * share) as u64),
+            None => ControlFlow::Continue(()),
         }
-        true
     }
 
     fn finish(&self) {

@@ -18,6 +18,7 @@ use crate::results::Results;
 use crate::version;
 use anyhow::{Context, Result};
 use clap::Args;
+use organza_basis::Stopped;
 use organza_measure::{
     Effort, HeldOutError, MOST_STEPS, Measured, NodeSums, Pair, PairValue, RingNoise, Sharpened,
     Sharpening, far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
@@ -244,7 +245,8 @@ impl Work {
                         false => Some(measure_node(patch, rings, node, paths.clone(), args.seed)),
                     };
                     let more = paths.end - paths.start;
-                    progress.at(done.fetch_add(more, Ordering::Relaxed) + more);
+                    let done = done.fetch_add(more, Ordering::Relaxed) + more;
+                    Stopped::check(progress.at(done))?;
                     result.transpose()
                 })
                 .collect::<Result<_, _>>()?;

@@ -4,7 +4,7 @@ use super::{TableArgs, Work};
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use glam::{UVec2, Vec2, Vec3};
-use organza_basis::{PathRng, SegmentSource};
+use organza_basis::{PathRng, SegmentSource, Stopped};
 use organza_measure::{
     Effort, Measured, PairValue, PatchResponse, PathNames, PixelPatch, TexelSums, far_texture,
     held_out_bound, held_out_errors, held_out_pairs, measure_pair_rows, measure_texels,
@@ -134,7 +134,7 @@ pub fn make(args: &TableArgs, work: &mut Work) -> Result<Option<MadeTexture>> {
             args.texel_spp,
             args.seed,
         );
-        progress.at(done.fetch_add(per_node, Ordering::Relaxed) + per_node);
+        Stopped::check(progress.at(done.fetch_add(per_node, Ordering::Relaxed) + per_node))?;
         found
     };
     let found: Vec<_> = (0..n).into_par_iter().map(one).collect::<Result<_, _>>()?;
@@ -189,7 +189,9 @@ pub fn errors(
                     middle_mm: middle(k),
                     width_mm,
                 };
-                let found = measure_pair_rows(&pixel, &pairs, k..k + 1, &effort, &|_| {})?;
+                let found = measure_pair_rows(&pixel, &pairs, k..k + 1, &effort, &|_| {
+                    args.common.host.goes_on()
+                })?;
                 let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
                 Ok(found.list.iter().flat_map(numbers).collect::<Vec<f64>>())
             };

@@ -2,6 +2,7 @@
 
 use super::error_map::ErrorMap;
 use super::kept::KeptLight;
+pub use organza_basis::Stopped;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -122,10 +123,6 @@ impl CacheReport {
 
 /// Called now and then with the share that is learned; may break to stop.
 pub type LearnWatch<'a> = dyn Fn(f64) -> ControlFlow<()> + Sync + 'a;
-
-/// Learning was stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stopped;
 
 #[cfg(test)]
 mod tests {

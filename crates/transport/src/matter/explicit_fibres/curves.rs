@@ -1,9 +1,10 @@
 //! The fibres of one tile as chains of joints.
 
 use glam::Vec3;
-use organza_basis::{Aabb, Segment, SegmentSource, Tile};
+use organza_basis::{Aabb, Segment, SegmentSource, Stopped, Tile};
 use organza_kernel::fibres::{Joint, Strand, Strands};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// All curves of a tile, one after the other. Piece `k` lies between joints `k`
@@ -77,21 +78,28 @@ impl Curves {
 
     /// All curves of a source; `None` where they have more joints than `most`. `done` is called
     /// after every finished batch.
+    ///
+    /// # Errors
+    /// When `done` broke.
     pub fn gather(
         source: &dyn SegmentSource,
         most: u64,
-        done: &(dyn Fn() + Sync),
-    ) -> Option<Curves> {
+        done: &(dyn Fn() -> ControlFlow<()> + Sync),
+    ) -> Result<Option<Curves>, Stopped> {
         let (tile, joints) = (source.tile(), AtomicU64::new(0));
-        let gathered: Option<Vec<Curves>> = (0..source.batch_count())
+        // Either way of ending early leaves the other batches alone.
+        let gathered: Result<Vec<Curves>, Option<Stopped>> = (0..source.batch_count())
             .into_par_iter()
             .map(|batch| {
                 let curves = Curves::of_batch(source, batch, &tile, (&joints, most));
-                done();
-                curves
+                Stopped::check(done())?;
+                curves.ok_or(None)
             })
             .collect();
-        let gathered = gathered?;
+        let gathered = match gathered {
+            Ok(gathered) => gathered,
+            Err(stopped) => return stopped.map_or(Ok(None), Err),
+        };
         let mut all = Curves::default();
         all.joints.reserve_exact(joints.into_inner() as usize);
         for mut one in gathered {
@@ -100,7 +108,7 @@ impl Curves {
             all.joints.append(&mut one.joints);
             all.curves.append(&mut one.curves);
         }
-        Some(all)
+        Ok(Some(all))
     }
 
     /// The curves of a batch, whose joints are added to a sum; `None` once that is too large.

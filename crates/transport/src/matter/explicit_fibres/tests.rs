@@ -1,11 +1,11 @@
 use super::*;
 use glam::{DVec2, Vec3, Vec3Swizzles};
-use organza_basis::Aabb;
 use organza_basis::curve::SegmentList;
-use organza_basis::{PathRng, Segment, Tile, warp};
+use organza_basis::{Aabb, PathRng, Segment, Tile, unwatched, warp};
 use organza_kernel::fibres::exhaustive::Exhaustive;
 use organza_scatter::FibreFrame;
 use std::f32::consts::TAU;
+use std::ops::ControlFlow;
 
 const RADIUS_MM: f32 = 0.008;
 
@@ -52,7 +52,7 @@ fn yarns(repeats: bool) -> SegmentList {
 }
 
 fn traced(repeats: bool) -> ExplicitFibres {
-    ExplicitFibres::new(&yarns(repeats), fitted(), None, &|_| ()).unwrap()
+    ExplicitFibres::new(&yarns(repeats), fitted(), None, &unwatched).unwrap()
 }
 
 /// Rays that pass near the matter, from near or far; some along the fibres,
@@ -142,7 +142,7 @@ fn everything(fibres: &ExplicitFibres) -> Exhaustive<'_> {
 fn fibres_are_closed_from_outside_and_open_from_inside() {
     let mut source = yarns(true);
     source.segments.retain(|s| s.fibre == 17);
-    let traced = ExplicitFibres::new(&source, fitted(), None, &|_| ()).unwrap();
+    let traced = ExplicitFibres::new(&source, fitted(), None, &unwatched).unwrap();
     let tried = everything(&traced);
     let mut stats = Stats::default();
     for i in 0..20_000u32 {
@@ -180,7 +180,7 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
     };
     let segments = vec![Segment::straight(Vec3::NEG_X, Vec3::X, 0.1)];
     let source = SegmentList { tile, segments };
-    let traced = ExplicitFibres::new(&source, fitted(), None, &|_| ()).unwrap();
+    let traced = ExplicitFibres::new(&source, fitted(), None, &unwatched).unwrap();
     let mut stats = Stats::default();
     for k in -19..20 {
         let h = k as f32 / 20.0;
@@ -227,9 +227,16 @@ fn other_scattering_shares_cells() {
 }
 
 #[test]
+fn a_stop_leaves_no_fibres() {
+    let stop = |_| ControlFlow::Break(());
+    let stopped = ExplicitFibres::new(&yarns(true), fitted(), None, &stop).err();
+    assert_eq!(stopped, Some(ExplicitFibresError::Stopped(Stopped)));
+}
+
+#[test]
 fn what_cannot_be_traced_is_refused() {
     let fail = |source: &SegmentList, fibres, memory| {
-        ExplicitFibres::new(source, fibres, memory, &|_| ()).err()
+        ExplicitFibres::new(source, fibres, memory, &unwatched).err()
     };
     let mut source = yarns(true);
     let error = fail(&source, fitted(), Some(1000));
@@ -263,7 +270,8 @@ fn materials_change_along_a_fibre_and_shapes_do_not() {
     for s in &mut printed.segments {
         s.material = u16::from(s.start_mm.x.midpoint(s.end_mm.x) > 0.2);
     }
-    let [a, b] = [&plain, &printed].map(|source| Curves::gather(source, u64::MAX, &|| ()).unwrap());
+    let gather = |source| Curves::gather(source, u64::MAX, &|| unwatched(()));
+    let [a, b] = [&plain, &printed].map(|source| gather(source).unwrap().unwrap());
     assert_eq!(count_joints(&printed), b.joints.len() as u64);
     assert!(b.curves.len() > a.curves.len());
     let (of_a, of_b): (Vec<u32>, Vec<u32>) = (

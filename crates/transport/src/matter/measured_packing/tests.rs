@@ -1,6 +1,6 @@
 use super::*;
-use organza_basis::Aabb;
 use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::{Aabb, unwatched};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
@@ -37,14 +37,14 @@ fn along_x(size_mm: Vec3, places: impl Iterator<Item = [f32; 2]>) -> SegmentList
 
 /// The fibres, and their volume in one voxel.
 fn matter(source: &SegmentList) -> (ExplicitFibres, Arc<Octree>) {
-    let fibres = ExplicitFibres::new(source, vec![clear()], None, &|_| ()).unwrap();
+    let fibres = ExplicitFibres::new(source, vec![clear()], None, &unwatched).unwrap();
     let options = VoxelizeOptions {
         voxel_mm: source.tile.bounds_mm.size().max_element(),
         levels: Some(1),
         footprint: FibreFootprint::Axis,
         max_memory_bytes: None,
     };
-    let octree = voxelize(source, &options, &|_| ()).unwrap();
+    let octree = voxelize(source, &options, &unwatched).unwrap();
     (fibres, Arc::new(octree))
 }
 
@@ -53,7 +53,9 @@ fn measured(fibres: &ExplicitFibres, octree: &Arc<Octree>, seed: u64) -> Materia
         walks: 20_000,
         seed,
     };
-    let packing = measure_packing(fibres, octree, study, &|_| ()).unwrap();
+    let packing = measure_packing(fibres, octree, study, &unwatched)
+        .unwrap()
+        .unwrap();
     packing.levels[0][0]
 }
 
@@ -182,7 +184,7 @@ fn factors_do_not_depend_on_the_number_of_threads() {
     };
     let with_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let measure = || measure_packing(&fibres, &octree, study, &|_| ());
+        let measure = || measure_packing(&fibres, &octree, study, &unwatched).unwrap();
         pool.build().unwrap().install(measure).unwrap()
     };
     let one = with_threads(1);
@@ -194,7 +196,19 @@ fn factors_do_not_depend_on_the_number_of_threads() {
 fn no_walks_and_too_few_hits_give_no_factor() {
     let (fibres, octree) = matter(&strewn(6));
     let study = |walks| PackingStudy { walks, seed: 0 };
-    assert!(measure_packing(&fibres, &octree, study(0), &|_| ()).is_none());
-    let few = measure_packing(&fibres, &octree, study(50), &|_| ()).unwrap();
+    let measure = |walks| measure_packing(&fibres, &octree, study(walks), &unwatched).unwrap();
+    assert!(measure(0).is_none());
+    let few = measure(50).unwrap();
     assert_eq!(few.levels[0][0], MaterialPacking::default());
+}
+
+#[test]
+fn a_stop_leaves_no_factors() {
+    let (fibres, octree) = matter(&strewn(4));
+    let study = PackingStudy {
+        walks: 2000,
+        seed: 5,
+    };
+    let stopped = measure_packing(&fibres, &octree, study, &|_| ControlFlow::Break(()));
+    assert_eq!(stopped, Err(Stopped));
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::Integrator;
 use glam::DVec2;
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, Segment, Tile};
+use organza_basis::{Aabb, Segment, Tile, unwatched};
 use organza_scatter::{DielectricFibre, DielectricParameters, PlyCorrection};
 
 const FIBRE_MM: f32 = 0.006;
@@ -80,7 +80,7 @@ fn fibre_by_fibre(seed: u64, twist_rad_per_mm: f64) -> ExplicitFibres {
     }
     let tile = tile(false);
     let source = SegmentList { tile, segments };
-    ExplicitFibres::new(&source, vec![fibre()], None, &|_| ()).unwrap()
+    ExplicitFibres::new(&source, vec![fibre()], None, &unwatched).unwrap()
 }
 
 /// Radius of the even disc with the second moment of fibres whose axes fill a circle.
@@ -108,7 +108,14 @@ fn as_ply(parameters: PlyParameters, repeats: bool) -> Plies {
         tile: tile(repeats),
         segments: segments.collect(),
     };
-    Plies::new(&source, &[Some(parameters)], vec![fibre()], None, &|_| ()).unwrap()
+    Plies::new(
+        &source,
+        &[Some(parameters)],
+        vec![fibre()],
+        None,
+        &unwatched,
+    )
+    .unwrap()
 }
 
 /// Reflected and transmitted light of each channel, of light on the width of a ply.
@@ -253,7 +260,14 @@ fn what_cannot_be_plies_is_refused() {
             fibres,
             ..parameters(0.0)
         };
-        Plies::new(&source, &[Some(parameters)], vec![fibre()], memory, &|_| ()).err()
+        Plies::new(
+            &source,
+            &[Some(parameters)],
+            vec![fibre()],
+            memory,
+            &unwatched,
+        )
+        .err()
     };
     assert_eq!(make(10.0, None), None);
     assert_eq!(make(0.0, None), Some(PliesError::Ply(0)));

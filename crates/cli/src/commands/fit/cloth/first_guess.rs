@@ -1,5 +1,6 @@
 //! First values of a search.
 
+use super::Step;
 use super::model::Trial;
 use super::placed::Placed;
 use super::recognise::{BLACK, LOOK, LOOK_COLOURS, WHITE};
@@ -22,7 +23,7 @@ const BRIGHTEST: f64 = 0.85;
 pub fn first_guess(
     search: &Search<'_>,
     start: (Trial, Vec<Placed>),
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<(Trial, Vec<Placed>)> {
     let target = search.target();
     let mut least = f64::INFINITY;
@@ -36,7 +37,7 @@ pub fn first_guess(
         if !search.model.fits(search.draft, &trial) {
             continue;
         }
-        step();
+        step()?;
         let pictures = search.render(&trial, LOOK)?;
         let places: Vec<Placed> = (pictures.iter().zip(&search.sides))
             .map(|(picture, side)| Likeness::best(&side.fold, &picture.folded([0.0; 2])))

@@ -1,6 +1,7 @@
 //! Colours of a photographed cloth from mean colours alone, where single threads are not seen: their
 //! widths and highlights stay as they were recognised.
 
+use super::Step;
 use super::model::Trial;
 use super::placed::Placed;
 use super::search::{Search, SearchResult};
@@ -29,13 +30,13 @@ pub fn matched(
     search: &Search<'_>,
     start: (Trial, Vec<Placed>),
     most: u64,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<SearchResult> {
     let (mut trial, mut placed) = start;
     let colours: Vec<(usize, usize)> = (0..2).flat_map(|s| (0..3).map(move |c| (s, c))).collect();
     let mut moved = [REACH; 3];
     for turn in 0..most {
-        step();
+        step()?;
         let pictures = search.render(&trial, search.effort(false, turn))?;
         let (Some(picture), Some(side)) = (pictures.first(), search.sides.first()) else {
             break;
@@ -52,7 +53,7 @@ pub fn matched(
             trial = colour.changed(search.model, &trial, change);
         }
     }
-    step();
+    step()?;
     let mut last = search.effort(most == 0, 500);
     if most > 0 {
         last.threads *= LARGER;

@@ -29,6 +29,7 @@ use answer::{Answer, shown_name};
 use anyhow::Result;
 use means::matched;
 use model::{ClothModel, Purpose, Trial};
+use organza_basis::Stopped;
 use organza_photograph::{
     FINE_PX, Photograph, PhotographError, Repeat, ThreadColours, ThreadGrid, repeats, straightened,
 };
@@ -163,6 +164,9 @@ impl Seen {
     }
 }
 
+/// Called after each picture of a search, which ends where it was stopped.
+type Step<'a> = &'a mut dyn FnMut() -> Result<(), Stopped>;
+
 /// Compares the front with the drafts that repeats allow, or with the given one.
 fn see(
     taken: &Taken<'_>,
@@ -170,7 +174,7 @@ fn see(
     model: &ClothModel<'_>,
     given: Option<&Draft>,
     may_guess: bool,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<Option<Seen>> {
     if let Some(draft) = given {
         let side = taken.front(Repeat::of_draft(draft));
@@ -371,7 +375,7 @@ fn known(
     ready: &Ready,
     scaled: &Scaled<'_>,
     given: Option<&Draft>,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<Result<Recognised, String>> {
     let taken = Taken::new(args, &ready.photographs, &ready.grid);
     let (repeats, may_guess) = (&ready.repeats, ready.may_guess);
@@ -432,7 +436,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut count = 0;
     let mut step = || {
         count += 1;
-        progress.at(count);
+        Stopped::check(progress.at(count))
     };
     let striped = thread_colours(&ready, given);
     let is_sure = |(_, found): &&(ThreadGrid, ThreadColours)| found.beyond_repeat > BEYOND;
@@ -493,7 +497,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         && !args.cloth.quick
         && let Some(first) = seen.candidates.first_mut()
     {
-        *first = widest(&scaled.small, &seen.side, first, &mut step);
+        *first = widest(&scaled.small, &seen.side, first, &mut step)?;
     }
     for candidate in &mut seen.candidates {
         candidate.trial.tex = candidate.trial.tex.map(|t| t * scaled.smaller.powi(2));
@@ -519,7 +523,7 @@ fn fit(
     taken: &Taken<'_>,
     model: &ClothModel<'_>,
     recognised: Recognised,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<()> {
     let Recognised {
         seen,
@@ -532,7 +536,7 @@ fn fit(
     let mut places = vec![Placed::of(&best.likeness)];
     let mut sides = vec![seen.side];
     if let Some(side) = taken.back(sides[0].fold.repeat) {
-        step();
+        step()?;
         let there = look(model, &side, &best.draft, best.trial.tex)?;
         places.push(Placed::of(&there.likeness));
         sides.push(side);

@@ -14,7 +14,6 @@ use organza_transport::{
 };
 use organza_weave::Draft;
 use serde_json::json;
-use std::ops::ControlFlow;
 
 /// Pixels of a computed photograph along a texel, where that is not too many.
 const PIXELS: f64 = 2.0;
@@ -232,9 +231,8 @@ impl Frame {
             Err(_) => rendering,
         };
         let (film, _) = rendering
-            .take(samples, &|_| ControlFlow::Continue(()))?
+            .take(samples, &|_| model.args.common.host.goes_on())?
             .into_parts();
-        model.args.common.host.stop_if_asked();
         let size = self.resolution.as_dvec2();
         let pixel = |(i, pixel): (usize, &Pixel)| {
             let width = self.resolution.x as usize;

@@ -1,10 +1,12 @@
 //! The draft of a photographed cloth, by comparison with computed pictures of each that its
 //! repeat allows.
 
+use super::Step;
 use super::model::{ClothModel, Trial};
 use super::pictures::{Effort, pictures};
 use super::sides::Side;
 use anyhow::Result;
+use organza_basis::Stopped;
 use organza_photograph::{Likeness, name_of};
 use organza_weave::Draft;
 
@@ -84,14 +86,14 @@ pub fn recognise(
     side: &Side,
     drafts: Vec<Draft>,
     may_guess: bool,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<Vec<Candidate>> {
     let mut failure = None;
     let mut list: Vec<Candidate> = Vec::new();
     for draft in drafts {
         // Yarns that do not fit are tried thinner.
         for cover in [0, 1, 7] {
-            step();
+            step()?;
             match look(model, side, &draft, model.tex_of_cover(COVERS[cover])) {
                 Ok(found) => {
                     list.push(found);
@@ -123,7 +125,7 @@ pub fn recognise(
     let is_near = |c: &&mut Candidate| c.likeness.of_photograph >= IN_REACH * best;
     for candidate in list.iter_mut().take(FINALISTS).filter(is_near) {
         for cover in &COVERS[1..] {
-            step();
+            step()?;
             if let Ok(found) = look(model, side, &candidate.draft, model.tex_of_cover(*cover))
                 && found.likeness.of_photograph > candidate.likeness.of_photograph
             {
@@ -134,7 +136,7 @@ pub fn recognise(
     list.sort_by(better);
     if list.len() >= COMPARED {
         for candidate in &mut list[..COMPARED] {
-            step();
+            step()?;
             let tex = candidate.trial.tex;
             if let Ok(found) = look_by(COMPARE, model, side, &candidate.draft, tex) {
                 *candidate = found;
@@ -147,25 +149,28 @@ pub fn recognise(
 
 /// A candidate with the widest yarns that are nearly as like the photograph: where single threads are
 /// not seen widths hardly show, and cloth is rarely open.
+///
+/// # Errors
+/// When `step` has them.
 pub fn widest(
     model: &ClothModel<'_>,
     side: &Side,
     candidate: &Candidate,
-    step: &mut dyn FnMut(),
-) -> Candidate {
+    step: Step<'_>,
+) -> Result<Candidate, Stopped> {
     let mut covers = COVERS;
     let product = |c: &[f64; 2]| c[0] * c[1];
     covers.sort_by(|a, b| product(b).total_cmp(&product(a)));
     for cover in covers {
-        step();
+        step()?;
         let found = look(model, side, &candidate.draft, model.tex_of_cover(cover));
         if let Ok(found) = found
             && found.likeness.of_fold > NEARLY * candidate.likeness.of_fold
         {
-            return found;
+            return Ok(found);
         }
     }
-    candidate.clone()
+    Ok(candidate.clone())
 }
 
 /// The likeness of one draft with yarns of some counts.

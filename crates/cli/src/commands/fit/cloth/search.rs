@@ -5,6 +5,7 @@
 //! cent of a texel, and by one per cent in the mean, for 16 x 16 threads. Derivatives therefore come
 //! from several cloths whose noise is independent, and the answer is what several cloths settle on.
 
+use super::Step;
 use super::equations::Equations;
 use super::first_guess::first_guess;
 use super::model::{ClothModel, Trial};
@@ -166,7 +167,7 @@ impl<'a> Search<'a> {
         pictures: &[Computed],
         placed: &[Placed],
         effort: Effort,
-        step: &mut dyn FnMut(),
+        step: Step<'_>,
     ) -> Result<DMatrix<f64>> {
         let base = self.weighted(pictures, placed);
         let mut columns = Vec::new();
@@ -177,7 +178,7 @@ impl<'a> Search<'a> {
                 // A channel's colour changes that channel alone, so one picture serves three.
                 Unknown::Colour { system, channel } => {
                     if shared[system].is_none() {
-                        step();
+                        step()?;
                         let there = Unknown::all_channels(trial, system, COLOUR_STEP);
                         let there = self.render(&there, effort)?;
                         shared[system] =
@@ -188,7 +189,7 @@ impl<'a> Search<'a> {
                     DVector::from_iterator(all.len(), all.iter().enumerate().map(own))
                 }
                 _ => {
-                    step();
+                    step()?;
                     let size = unknown.step();
                     let there = self.render(&unknown.changed(self.model, trial, size), effort)?;
                     (self.weighted(&there, placed) - &base) / size
@@ -255,11 +256,11 @@ impl<'a> Search<'a> {
         &mut self,
         start: Trial,
         placed: Vec<Placed>,
-        step: &mut dyn FnMut(),
+        step: Step<'_>,
     ) -> Result<SearchResult> {
         let (mut trial, mut placed) = first_guess(self, (start, placed), step)?;
         if self.sides.iter().any(|s| !s.view.is_parallel()) {
-            step();
+            step()?;
             let there = self.render(&trial, self.effort(false, 100))?;
             self.reshade(&[shadings(&there)]);
         }
@@ -267,7 +268,7 @@ impl<'a> Search<'a> {
         self.reshade(&cloths[cloths.len().saturating_sub(KEPT)..]);
         let equations = self.equations(&slopes);
         let settled = Settled::new(self, (&mut trial, &mut placed), equations, step)?;
-        step();
+        step()?;
         let pictures = self.render(&trial, self.effort(true, 500))?;
         self.place(&pictures, &mut placed);
         let rest = pictures.iter().zip(&placed).zip(&self.sides);
@@ -288,14 +289,14 @@ impl<'a> Search<'a> {
         &self,
         trial: &mut Trial,
         placed: &mut [Placed],
-        step: &mut dyn FnMut(),
+        step: Step<'_>,
     ) -> Result<(Vec<DMatrix<f64>>, Vec<Shadings>)> {
         let target = self.target();
         // A turn that makes the pictures worse is taken back, and the next one is half as long.
         let (mut reach, mut best) = (REACH, None::<(f64, Trial, DVector<f64>)>);
         let (mut slopes, mut cloths) = (Vec::new(), Vec::new());
         for turn in 0..TURNS {
-            step();
+            step()?;
             let effort = self.effort(false, turn);
             let there = self.render(trial, effort)?;
             self.place(&there, placed);

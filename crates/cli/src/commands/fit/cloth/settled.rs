@@ -1,5 +1,6 @@
 //! The end of a search: what rounds of several cloths settle on, and how certain it is.
 
+use super::Step;
 use super::broyden::Broyden;
 use super::equations::Equations;
 use super::model::Trial;
@@ -80,7 +81,7 @@ impl Settled {
         search: &Search<'_>,
         (trial, placed): (&mut Trial, &mut [Placed]),
         equations: Equations,
-        step: &mut dyn FnMut(),
+        step: Step<'_>,
     ) -> Result<Settled> {
         let texels = search.target().len();
         let free = search.unknowns.len();
@@ -106,7 +107,7 @@ impl Settled {
             });
             this.strips = strip_counts.map(|n| vec![DVector::zeros(texels); n.unwrap_or(0)]);
             for k in 0..if is_last { LAST } else { CLOTHS } {
-                step();
+                step()?;
                 let effort = search.effort(true, 200 + 20 * round + k);
                 let there = search.render(trial, effort)?;
                 if k == 0 {

@@ -1,5 +1,6 @@
 //! Colours of single threads in stripes and checks.
 
+use super::Step;
 use super::model::Trial;
 use super::search::Search;
 use anyhow::Result;
@@ -19,7 +20,7 @@ pub fn thread_colours(
     search: &Search<'_>,
     trial: &Trial,
     shares: Option<&[Vec<[f64; 3]>; 2]>,
-    step: &mut dyn FnMut(),
+    step: Step<'_>,
 ) -> Result<[Vec<[f64; 3]>; 2]> {
     let Some(shares) = shares else {
         return Ok(trial.colours.map(|c| vec![c]));
@@ -27,7 +28,7 @@ pub fn thread_colours(
     // Logarithms of greys and of the light of cloth that has them.
     let mut curve: Vec<[f64; 2]> = Vec::new();
     for (stream, greys) in (STREAM..).zip(GREYS) {
-        step();
+        step()?;
         let grey = Trial {
             colours: [greys; 2],
             ..*trial

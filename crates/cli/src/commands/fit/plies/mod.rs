@@ -15,6 +15,7 @@ use crate::number_journal::{JournalError, NumberJournal};
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use corrections::Corrections;
+use organza_basis::Stopped;
 use organza_measure::fit::{Patience, determine, search};
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::patches::{Matter, PatchModel, fabric_patch};
@@ -281,7 +282,7 @@ impl Fitted<'_> {
                 return None;
             }
             count += 1;
-            progress.at(count);
+            Stopped::check(progress.at(count)).ok()?;
             match self.values(place, Part::Fitted) {
                 Ok(found) => {
                     let both = found.iter().zip(&wanted).zip(&expected);
@@ -317,6 +318,7 @@ impl Fitted<'_> {
         if let Some(e) = fatal.take() {
             return Err(e);
         }
+        Stopped::check(args.common.host.goes_on())?;
         if !least.is_finite() {
             let none = || input(format!("{}: no answer", args.fabric_path().display()));
             return Err(failure.unwrap_or_else(none));

@@ -81,9 +81,9 @@ impl Pictures {
     pub fn simulate(&self, args: &FitArgs, patch: &AnyPatch, part: Part) -> Result<Vec<Value>> {
         let mut all = Vec::new();
         for side in &self.0 {
-            args.common.host.stop_if_asked();
             let paths = args.spp.unwrap_or(PATHS);
-            let texture = measure_texture(patch, side.pair, &side.grid, paths, args.seed)?;
+            let watch = |_| args.common.host.goes_on();
+            let texture = measure_texture(patch, side.pair, &side.grid, paths, args.seed, &watch)?;
             let mean = half(&texture.mean, side.grid.texels, part);
             let se = half(&texture.se, side.grid.texels, part);
             let statistics = PictureStatistics::new(&mean, &se);

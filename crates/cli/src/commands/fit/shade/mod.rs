@@ -15,6 +15,7 @@ use crate::progress::Progress;
 use anyhow::Result;
 use cloth::{Cloth, Place, colour};
 use nalgebra::{DMatrix, DVector};
+use organza_basis::Stopped;
 use organza_measure::fit::Determined;
 use organza_measure::{Effort, KlemsBand, measure_sides};
 use organza_scene::fabric_file;
@@ -81,7 +82,7 @@ impl Looks<'_> {
         key.extend(place.darkness.iter().flatten());
         key.extend(solar.into_iter().flatten());
         self.count = (self.count + 1).min(self.most);
-        self.progress.at(self.count);
+        Stopped::check(self.progress.at(self.count))?;
         let (args, shown) = (self.args, self.shown);
         let (cloth, loader, options) = (self.cloth, self.loader, &self.options);
         let (beam, matter) = (self.beam_sin_squared, &mut self.matter);
@@ -106,7 +107,7 @@ impl Looks<'_> {
                 seed: args.seed.wrapping_add(u64::from(factor > 1)),
                 target_error: None,
             };
-            let stop = |_| args.common.host.stop_if_asked();
+            let stop = |_| args.common.host.goes_on();
             let (seen, _) = measure_sides(&patch, beam, &effort, &|c| c, &stop)?;
             Ok(to_numbers(&seen))
         })?;
@@ -194,6 +195,7 @@ fn open(looks: &mut Looks<'_>, target: &Target, mut place: Place) -> Result<Plac
             // Yarns for which there is no room.
             Err(e) if before.is_none() && place.width <= 0.0 => return Err(e),
             Err(e) if e.is::<crate::number_journal::JournalError>() => return Err(e),
+            Err(e) if looks.args.common.host.goes_on().is_break() => return Err(e),
             Err(_) => {
                 high = place.width;
                 place.width = 0.5 * (place.width + best.1);
