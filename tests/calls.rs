@@ -226,6 +226,7 @@ fn failures_know_file_place_and_key() {
         flag.text.contains("--spp") && !flag.text.contains('\n'),
         "{flag}"
     );
+    assert_eq!(flag.option.as_deref(), Some("spp"));
     let (folder, _) = inputs("calls_failures");
     std::fs::write(folder.join("bad.toml"), "[draft]\nweave = 'plane'\n").unwrap();
     let path = folder.join("bad.toml").display().to_string();
@@ -233,5 +234,6 @@ fn failures_know_file_place_and_key() {
     assert_eq!(place.file.as_deref(), Some(&*path), "{place:?}");
     let no_file = fail(SCENE, &["voxelize", "none.toml"]);
     assert_eq!(no_file.file.as_deref(), Some("none.toml"));
+    assert!(no_file.is_missing);
     assert!(!Path::new("picture.exr").exists());
 }

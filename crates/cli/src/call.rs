@@ -1,12 +1,12 @@
 //! Commands run by other programs.
 
 use crate::commands;
-use crate::error::InputError;
+use crate::error::{self, InputError};
 use crate::host::{Caller, Host};
+use clap::error::{ContextKind, ContextValue};
 use std::any::Any;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::sync::Arc;
 
 /// Why a call failed.
@@ -20,7 +20,7 @@ pub enum FailureKind {
     Stopped,
 }
 
-/// What went wrong, and where if that is known.
+/// What went wrong, and where if that is known. Its names are boxed to keep results small.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{text}")]
 pub struct Failure {
@@ -29,90 +29,71 @@ pub struct Failure {
     /// The whole message, which includes all parts below.
     pub text: String,
     /// The file at fault.
-    pub file: Option<String>,
+    pub file: Option<Box<str>>,
     /// Line in it, from 1.
     pub line: Option<u32>,
     /// Column in it, in characters from 1.
     pub column: Option<u32>,
-    /// The key, or the flag with its dashes.
-    pub key: Option<String>,
+    /// The key of the file.
+    pub key: Option<Box<str>>,
+    /// The option of the command, by its name with underscores.
+    pub option: Option<Box<str>>,
+    /// Whether a file is not there.
+    pub is_missing: bool,
     /// The rest of the message.
     pub message: String,
 }
 
 impl Failure {
-    /// Takes a message apart: `FILE:LINE:COLUMN: KEY: MESSAGE`, each part where it is there.
+    /// A failure at no known place.
     pub fn new(kind: FailureKind, text: String) -> Failure {
-        let mut failure = Failure {
+        Failure {
             kind,
-            message: text.clone(),
-            text,
-            file: None,
-            line: None,
-            column: None,
-            key: None,
-        };
-        if kind != FailureKind::Input {
-            return failure;
+            ..Failure::from(&InputError::new(text))
         }
-        let mut rest = failure.text.as_str();
-        if let Some((first, more)) = rest.split_once(": ")
-            && !first.starts_with('-')
-            && looks_like_file(first)
-        {
-            let (file, line, column) = without_place(first);
-            failure.file = Some(file.to_owned());
-            (failure.line, failure.column) = (line, column);
-            rest = more;
-        }
-        if let Some((first, more)) = rest.split_once(": ")
-            && looks_like_key(first)
-        {
-            failure.key = Some(first.to_owned());
-            rest = more;
-        }
-        failure.message = rest.to_owned();
-        failure
     }
 }
 
-/// The file, line and column of `FILE:LINE:COLUMN`, or of `FILE` alone.
-fn without_place(place: &str) -> (&str, Option<u32>, Option<u32>) {
-    let cut = |text| -> Option<(&str, u32)> {
-        let (before, number) = str::rsplit_once(text, ':')?;
-        Some((before, number.parse().ok()?))
-    };
-    match cut(place) {
-        Some((before, last)) => match cut(before) {
-            Some((file, line)) => (file, Some(line), Some(last)),
-            None => (before, Some(last), None),
-        },
-        None => (place, None, None),
+impl From<&InputError> for Failure {
+    fn from(e: &InputError) -> Failure {
+        Failure {
+            kind: FailureKind::Input,
+            text: e.to_string(),
+            file: e
+                .file
+                .as_ref()
+                .map(|file| file.display().to_string().into()),
+            line: e.line,
+            column: e.column,
+            key: e.key.as_deref().map(Into::into),
+            option: e.option.as_deref().map(Into::into),
+            is_missing: e.is_missing,
+            message: e.message.clone(),
+        }
     }
 }
 
-/// Messages begin with a file, if they are about one: a path with an ending or a folder, a
-/// dictionary's name in angle brackets, or whatever exists.
-fn looks_like_file(text: &str) -> bool {
-    let (file, line, _) = without_place(text);
-    let path = Path::new(file);
-    line.is_some()
-        || path.extension().is_some()
-        || (file.starts_with('<') && file.ends_with('>'))
-        || path.components().count() > 1
-        || path.exists()
+impl From<&anyhow::Error> for Failure {
+    fn from(e: &anyhow::Error) -> Failure {
+        let text = error::message(e);
+        match error::wrong_input(e) {
+            Some(wrong) => Failure {
+                text,
+                ..Failure::from(wrong)
+            },
+            None => Failure::new(FailureKind::Running, text),
+        }
+    }
 }
 
-/// `object[0].fabric`, `render.spp` or `--spp`.
-fn looks_like_key(text: &str) -> bool {
-    let mut chars = text.chars();
-    let starts = chars
-        .next()
-        .is_some_and(|c| c.is_ascii_alphabetic() || c == '-');
-    starts
-        && text
-            .chars()
-            .all(|c| c.is_ascii_alphanumeric() || "_-.[]*".contains(c))
+/// A command line that clap refuses.
+impl From<&clap::Error> for Failure {
+    fn from(e: &clap::Error) -> Failure {
+        Failure {
+            option: option_of(e),
+            ..Failure::new(FailureKind::Input, usage_message(e))
+        }
+    }
 }
 
 /// Runs a command for another program: `arguments` are the words of a command line after
@@ -138,10 +119,9 @@ pub fn call(arguments: &[OsString], caller: Arc<dyn Caller>) -> Result<(), Failu
         all.extend(["-o".into(), nowhere.path().join(name).into_os_string()]);
     }
     all.extend(arguments.iter().skip(1).cloned());
-    let usage = |e: clap::Error| Failure::new(FailureKind::Input, usage_message(&e));
     let matches = commands::definition()
         .try_get_matches_from(all)
-        .map_err(usage)?;
+        .map_err(|e| Failure::from(&e))?;
     let host = Host::program(Arc::clone(&caller), command_line, has_output);
     let run = || commands::run_for(&matches, host);
     match catch_unwind(AssertUnwindSafe(run)) {
@@ -150,15 +130,8 @@ pub fn call(arguments: &[OsString], caller: Arc<dyn Caller>) -> Result<(), Failu
         Ok(Ok(Err(_))) if caller.is_stopped() => {
             Err(Failure::new(FailureKind::Stopped, "stopped".into()))
         }
-        Ok(Ok(Err(e))) => {
-            let is_input = e.chain().any(|cause| cause.is::<InputError>());
-            let kind = match is_input {
-                true => FailureKind::Input,
-                false => FailureKind::Running,
-            };
-            Err(Failure::new(kind, crate::error::message(&e)))
-        }
-        Ok(Err(e)) => Err(usage(e)),
+        Ok(Ok(Err(e))) => Err(Failure::from(&e)),
+        Ok(Err(e)) => Err(Failure::from(&e)),
         Err(payload) => Err(of_panic(payload.as_ref())),
     }
 }
@@ -168,6 +141,17 @@ fn is_output(argument: &str) -> bool {
     let long = ["--outfile", "--outdir"];
     (argument.starts_with("-o") && !argument.starts_with("--"))
         || long.contains(&argument.split('=').next().unwrap_or(argument))
+}
+
+/// The option that clap names, by its name with underscores: that of `--voxel-um <UM>`.
+fn option_of(e: &clap::Error) -> Option<Box<str>> {
+    let shown = match e.get(ContextKind::InvalidArg)? {
+        ContextValue::String(one) => one,
+        ContextValue::Strings(several) => several.first()?,
+        _ => return None,
+    };
+    let name = shown.split([' ', '=']).next()?.strip_prefix("--")?;
+    Some(name.replace('-', "_").into())
 }
 
 /// What clap says, without the word "error" and the usage of the command line.
@@ -192,49 +176,36 @@ fn of_panic(payload: &(dyn Any + Send)) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::{after_option, input, of_file, of_io, of_key, of_option};
+    use std::io::ErrorKind;
 
     #[test]
-    fn messages_are_taken_apart() {
-        let of = |text: &str| {
-            let f = Failure::new(FailureKind::Input, text.to_owned());
-            assert_eq!(f.text, text);
-            let place = f.line.map(|l| (l, f.column));
-            (
-                f.file.unwrap_or_default(),
-                place,
-                f.key.unwrap_or_default(),
-                f.message,
-            )
+    fn failures_have_the_parts_of_their_errors() {
+        let has = |e: anyhow::Error, text: &str, place: [&str; 4]| {
+            let f = Failure::from(&e);
+            assert_eq!((f.kind, &*f.text), (FailureKind::Input, text));
+            let [file, key, option] = [f.file, f.key, f.option].map(Option::unwrap_or_default);
+            assert_eq!([&*file, &*key, &*option, &*f.message], place, "{text}");
+            f.is_missing
         };
-        let expected = |file: &str, place, key: &str, message: &str| {
-            (file.to_owned(), place, key.to_owned(), message.to_owned())
-        };
-        assert_eq!(
-            of("a/b.toml:3:1: render.sp: unknown field `sp`: did you mean `spp`?"),
-            expected(
-                "a/b.toml",
-                Some((3, Some(1))),
-                "render.sp",
-                "unknown field `sp`: did you mean `spp`?"
-            )
-        );
-        assert_eq!(
-            of("<scene>: object[0].fabric: x.toml: no such file"),
-            expected("<scene>", None, "object[0].fabric", "x.toml: no such file")
-        );
-        assert_eq!(
-            of("--level 9: the octree has 6"),
-            expected("", None, "", "--level 9: the octree has 6")
-        );
-        assert_eq!(of("--crop: empty"), expected("", None, "--crop", "empty"));
-        assert_eq!(
-            of("pairs.csv:2:5: theta_i: expected a number"),
-            expected(
-                "pairs.csv",
-                Some((2, Some(5))),
-                "theta_i",
-                "expected a number"
-            )
-        );
+        has(input("no"), "no", ["", "", "", "no"]);
+        has(of_file("a.exr", "no"), "a.exr: no", ["a.exr", "", "", "no"]);
+        let e = of_key("<scene>", "object[0].fabric", "x.toml: no such file");
+        let place = ["<scene>", "object[0].fabric", "", "x.toml: no such file"];
+        has(e, "<scene>: object[0].fabric: x.toml: no such file", place);
+        let place = ["", "", "voxel_um", "no"];
+        has(of_option("voxel_um", "no"), "--voxel-um: no", place);
+        has(of_option("--voxel-um", "no"), "--voxel-um: no", place);
+        let e = after_option("level", "9: the octree has 6");
+        let place = ["", "", "level", "9: the octree has 6"];
+        has(e, "--level 9: the octree has 6", place);
+        let e = of_file("a.exr", "no").context("rendering failed");
+        let text = "rendering failed: a.exr: no";
+        assert!(!has(e, text, ["a.exr", "", "", "no"]));
+        let place = ["a.exr", "", "", "no such file"];
+        let e = of_io("a.exr", &ErrorKind::NotFound.into());
+        assert!(has(e, "a.exr: no such file", place));
+        let f = Failure::from(&anyhow::anyhow!("a.exr: the disk is full"));
+        assert_eq!((f.kind, f.file), (FailureKind::Running, None));
     }
 }

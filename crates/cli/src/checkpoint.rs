@@ -4,7 +4,7 @@
 //! for each row of pixels with their words, little-endian; then the same of direct light, where that
 //! is kept.
 
-use crate::error::input;
+use crate::error::of_file;
 use crate::identity::{Difference, EngineKind, Identity, crop_edges};
 use crate::journal::{Journal, Work};
 use crate::output;
@@ -81,7 +81,7 @@ pub fn resume<'a>(
     why_walk: Option<&str>,
     rendering: Rendering<'a>,
 ) -> Result<Rendering<'a>> {
-    let fail = |why: &str| input(format!("{}: {why}", path.display()));
+    let fail = |why: &str| of_file(path, why);
     let damaged = || fail("is damaged: its checksums do not match");
     let mut journal = Journal::<Vec<u8>>::read_only(path, &WORK)?;
     let header = Header::read(path, &mut journal)?;
@@ -180,7 +180,7 @@ pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result
     };
     if let Some(difference) = header.identity.difference(&here) {
         let words = describe_difference(&difference, &header.identity, &here, None);
-        return Err(input(format!("{}: {words}", path.display())));
+        return Err(of_file(path, words));
     }
     header.check_samples(path, samples)
 }
@@ -189,12 +189,7 @@ impl Header {
     fn read(path: &Path, journal: &mut Journal<Vec<u8>>) -> Result<Header> {
         let header = journal.read(0)?;
         let header = header.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        header.ok_or_else(|| {
-            input(format!(
-                "{}: is cut short or damaged: its header cannot be read",
-                path.display()
-            ))
-        })
+        header.ok_or_else(|| of_file(path, "is cut short or damaged: its header cannot be read"))
     }
 
     fn check_samples(&self, path: &Path, wanted: &Range<u64>) -> Result<()> {
@@ -202,11 +197,12 @@ impl Header {
         if start == wanted.start && end <= wanted.end {
             return Ok(());
         }
-        Err(input(format!(
-            "{}: is a checkpoint of the samples {start}..{end}; this render is of {}..{}",
-            path.display(),
-            wanted.start,
-            wanted.end
-        )))
+        Err(of_file(
+            path,
+            format!(
+                "is a checkpoint of the samples {start}..{end}; this render is of {}..{}",
+                wanted.start, wanted.end
+            ),
+        ))
     }
 }

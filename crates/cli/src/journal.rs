@@ -8,12 +8,11 @@
 //! record was being written when the run ended; it is cut off. A record whose checksum is wrong
 //! counts as missing.
 
-use crate::error::input;
+use crate::error::{of_file, of_io};
 use crate::identity::hex;
 use crate::locked_file::LockedFile;
 use crate::version;
 use anyhow::{Context, Result};
-use organza_scene::read::io_message;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -180,11 +179,13 @@ impl<T: Record> Journal<T> {
             .with_context(cannot)?;
         let lock = LockedFile::new(file.try_clone().with_context(cannot)?);
         if lock.is_none() {
-            return Err(input(format!(
-                "{}: is in use by another `organza {}`; expected a journal of its own",
-                path.display(),
-                work.command
-            )));
+            return Err(of_file(
+                path,
+                format!(
+                    "is in use by another `organza {}`; expected a journal of its own",
+                    work.command
+                ),
+            ));
         }
         let size = file.metadata().with_context(cannot)?.len();
         let head = Head::of(work).to_bytes();
@@ -211,7 +212,7 @@ impl<T: Record> Journal<T> {
     /// # Errors
     /// A file of other work or other code, one that is no journal or cannot be read.
     pub fn read_only(path: &Path, work: &Work<'_>) -> Result<Journal<T>> {
-        let cannot = |e| input(format!("{}: {}", path.display(), io_message(&e)));
+        let cannot = |e| of_io(path, &e);
         Journal::load(path, File::open(path).map_err(cannot)?, work)
     }
 
@@ -245,7 +246,7 @@ impl<T: Record> Journal<T> {
     /// Checks the head of a file and finds its records.
     fn load(path: &Path, file: File, work: &Work<'_>) -> Result<Journal<T>> {
         let cannot = || format!("cannot read {}", path.display());
-        let refuse = |why: &str| Err(input(format!("{}: {why}", path.display())));
+        let refuse = |why: &str| Err(of_file(path, why));
         let mut journal = Journal::empty(path, file);
         let file = &mut journal.file;
         let size = file.metadata().with_context(cannot)?.len();

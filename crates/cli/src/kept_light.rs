@@ -1,7 +1,7 @@
 //! Files of light that one picture has learned at fibres, for others of the same cloth and lights
 //! (`--save-light`, `--load-light`).
 
-use crate::error::input;
+use crate::error::of_file;
 use crate::identity::NamedDigest;
 use crate::output;
 use crate::version;
@@ -45,7 +45,7 @@ pub fn write(path: &Path, key: &Key, scene: &Path, light: &KeptLight) -> Result<
 /// # Errors
 /// The file cannot be read, is damaged, too large, or of another scene or program.
 pub fn read(path: &Path, key: &Key, scene: &Path, most_bytes: u64) -> Result<KeptLight> {
-    let fail = |why: String| input(format!("{}: {why}", path.display()));
+    let fail = |why: String| of_file(path, why);
     // What cannot be looked at cannot be read either, which says why.
     let size = std::fs::metadata(path).map_or(0, |about| about.len());
     if size > most_bytes {

@@ -1,6 +1,6 @@
 //! Output files appear under their final names only when complete.
 
-use crate::error::input;
+use crate::error::{of_file, of_io};
 use anyhow::{Context, Result};
 use organza_scene::read::io_message;
 use std::fs::File;
@@ -149,10 +149,10 @@ fn remove_left_over(path: &Path) {
 /// Devices and pipes keep their place: a rename would put a file there instead.
 fn refuse_special(path: &Path) -> Result<()> {
     match std::fs::metadata(path) {
-        Ok(about) if !about.is_file() && !about.is_dir() => Err(input(format!(
-            "{}: is a device or a pipe; expected the name of a file",
-            path.display()
-        ))),
+        Ok(about) if !about.is_file() && !about.is_dir() => Err(of_file(
+            path,
+            "is a device or a pipe; expected the name of a file",
+        )),
         _ => Ok(()),
     }
 }
@@ -258,10 +258,10 @@ pub fn check_not_an_input(
         read if read == path => String::new(),
         read => format!(" (as {})", read.display()),
     };
-    Err(input(format!(
-        "{}: is also an input{alias}; expected the name of another file",
-        path.display()
-    )))
+    Err(of_file(
+        path,
+        format!("is also an input{alias}; expected the name of another file"),
+    ))
 }
 
 /// Refuses two outputs of one run that are the same file.
@@ -270,12 +270,10 @@ pub fn check_not_an_input(
 /// Names the file.
 pub fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
     match is_same_file(a.1, b.1) {
-        true => Err(input(format!(
-            "{}: is {} and {} at once; expected two files",
-            a.1.display(),
-            a.0,
-            b.0
-        ))),
+        true => Err(of_file(
+            a.1,
+            format!("is {} and {} at once; expected two files", a.0, b.0),
+        )),
         false => Ok(()),
     }
 }
@@ -286,7 +284,7 @@ pub fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
 /// # Errors
 /// Names the folder, or what is in its place.
 pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
-    let fail = |why: String| input(format!("{}: {why}", path.display()));
+    let fail = |why: String| of_file(path, why);
     if path.exists() && !path.is_dir() {
         return Err(fail("is a file; expected a folder".into()));
     }
@@ -310,36 +308,33 @@ pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
 pub fn check_writable(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     if !folder.is_dir() {
-        return Err(input(format!(
-            "{}: the folder {} does not exist",
-            path.display(),
-            folder.display()
-        )));
+        return Err(of_file(
+            path,
+            format!("the folder {} does not exist", folder.display()),
+        ));
     }
     if path.is_dir() {
-        return Err(input(format!(
-            "{}: is a folder; expected the name of a file",
-            path.display()
-        )));
+        return Err(of_file(path, "is a folder; expected the name of a file"));
     }
     refuse_special(path)?;
     // A name that the system cannot take, such as a longer one than it allows.
     match std::fs::symlink_metadata(path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            let why = io_message(&e);
-            return Err(input(format!("{}: {why}", path.display())));
+            return Err(of_io(path, &e));
         }
         _ => {}
     }
     // Only writing shows whether the folder takes files: its mode does not tell.
     match temporary_file(path) {
         Ok(_) => Ok(()),
-        Err(e) => Err(input(format!(
-            "{}: cannot write in {}: {}",
-            path.display(),
-            folder.display(),
-            io_message(&without_path(e))
-        ))),
+        Err(e) => Err(of_file(
+            path,
+            format!(
+                "cannot write in {}: {}",
+                folder.display(),
+                io_message(&without_path(e))
+            ),
+        )),
     }
 }
 

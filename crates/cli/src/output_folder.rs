@@ -1,9 +1,8 @@
 //! Folders of files that belong together: they appear together or not at all.
 
-use crate::error::input;
+use crate::error::of_io;
 use crate::output::{WriteFile, write_files};
 use anyhow::{Context, Result};
-use organza_scene::read::io_message;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -84,7 +83,7 @@ fn make_folder(path: &Path) -> Result<()> {
     };
     match e.kind() {
         AlreadyExists | InvalidFilename | InvalidInput | NotADirectory | PermissionDenied
-        | ReadOnlyFilesystem => Err(input(format!("{}: {}", path.display(), io_message(&e)))),
+        | ReadOnlyFilesystem => Err(of_io(path, &e)),
         _ => Err(e).with_context(|| format!("cannot write {}", path.display())),
     }
 }

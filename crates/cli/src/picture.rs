@@ -1,6 +1,6 @@
 //! Picture files by their paths; the formats themselves are `organza-picture`'s.
 
-use crate::error::input;
+use crate::error::of_file;
 use crate::output;
 use crate::output::note;
 use anyhow::Result;
@@ -35,11 +35,13 @@ fn format_that(path: &Path, is_meant: fn(&Format) -> bool) -> Result<&'static Fo
     let ending = path.extension().and_then(|e| e.to_str());
     let format = ending.and_then(format_of_ending);
     format.filter(|f| is_meant(f)).ok_or_else(|| {
-        input(format!(
-            "{}: expected a name that ends in {}",
-            path.display(),
-            Format::list_endings(is_meant)
-        ))
+        of_file(
+            path,
+            format!(
+                "expected a name that ends in {}",
+                Format::list_endings(is_meant)
+            ),
+        )
     })
 }
 
@@ -173,6 +175,5 @@ fn write_with(
 /// film would take more than `max_memory_bytes`.
 pub fn read_exr(path: &Path, max_memory_bytes: u64) -> Result<StoredRender> {
     let bytes = read::bytes(path)?;
-    exr::read_render(&bytes, max_memory_bytes)
-        .map_err(|e| input(format!("{}: {e}", path.display())))
+    exr::read_render(&bytes, max_memory_bytes).map_err(|e| of_file(path, e))
 }

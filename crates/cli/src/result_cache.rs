@@ -1,7 +1,7 @@
 //! Which cache is in use: the flag `--cache`, or the variables `ORGANZA_CACHE` and
 //! `ORGANZA_CACHE_LIMIT`.
 
-use crate::error::input;
+use crate::error::{input, of_option};
 use crate::flags::CacheArgs;
 use crate::flags::values::parse_bytes;
 use crate::version;
@@ -32,7 +32,7 @@ pub fn in_use(flags: &CacheArgs) -> Result<Option<ResultCache>> {
         return Ok(None);
     };
     let made = cache.make();
-    made.map_err(|e| input(format!("{source}: {}: {e}", name(&cache))))?;
+    made.map_err(|e| wrong(source, &format!("{}: {e}", name(&cache))))?;
     let program = format!("organza {}", version::build());
     Ok(Some(ResultCache { cache, program }))
 }
@@ -43,11 +43,7 @@ pub fn in_use(flags: &CacheArgs) -> Result<Option<ResultCache>> {
 /// "off", or a wrong limit.
 pub fn to_look_at(flags: &CacheArgs) -> Result<Cache> {
     let (source, place) = place(flags).unwrap_or((FOLDER, "auto".into()));
-    named(source, &place)?.ok_or_else(|| {
-        input(format!(
-            "{source}: \"off\" names no cache; expected a folder"
-        ))
-    })
+    named(source, &place)?.ok_or_else(|| wrong(source, "\"off\" names no cache; expected a folder"))
 }
 
 /// What names the cache, and its name.
@@ -57,14 +53,23 @@ fn place(flags: &CacheArgs) -> Option<(&'static str, OsString)> {
     flag.or(variable.filter(|(_, place)| !place.is_empty()))
 }
 
+/// A mistake in what names the cache: the option, or the variable.
+fn wrong(source: &str, why: &str) -> anyhow::Error {
+    match source.starts_with('-') {
+        true => of_option(source, why),
+        false => input(format!("{source}: {why}")),
+    }
+}
+
 /// The cache of a name, whose folder need not exist; `None` for "off".
 fn named(source: &str, place: &OsStr) -> Result<Option<Cache>> {
     let folder = match place.to_str() {
         Some("off") => return Ok(None),
         Some("auto") => user_folder(&|name| std::env::var_os(name)).ok_or_else(|| {
-            input(format!(
-                "{source}: this computer names no folder for caches; expected a folder"
-            ))
+            wrong(
+                source,
+                "this computer names no folder for caches; expected a folder",
+            )
         })?,
         _ => PathBuf::from(place),
     };

@@ -3,6 +3,7 @@
 use crate::array::{Buffer, buffer};
 use crate::errors::input;
 use organza_cli::{Array, Numbers};
+use organza_scene::InputError;
 use organza_weave::Draft;
 use organza_weave::draft::Thread;
 use pyo3::prelude::*;
@@ -25,7 +26,10 @@ pub fn read_draft<'py>(
         (None, Some(rows)) => Draft::from_drawdown(&rows),
         (None, None) => Draft::named(word),
     };
-    let draft = draft.map_err(|e| input(py, format!("{word}: {e}")))?;
+    let draft = draft.map_err(|e| match bytes {
+        Some(_) => input(py, &InputError::from(e).in_file(word)),
+        None => input(py, &InputError::new(format!("{word}: {e}"))),
+    })?;
     let (ends, picks) = (draft.ends(), draft.picks());
     let cells = (0..picks).flat_map(|p| (0..ends).map(move |e| (e, p)));
     let up = cells.map(|(e, p)| u8::from(draft.warp_up(e, p))).collect();

@@ -1,6 +1,7 @@
 //! Failures as Python exceptions, which the package defines in `organza/errors.py`.
 
 use organza_cli::{Failure, FailureKind};
+use organza_scene::InputError;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
@@ -20,14 +21,14 @@ pub fn exception(py: Python<'_>, failure: &Failure) -> PyErr {
                 failure.file.as_deref(),
                 failure.line,
                 failure.column,
-                failure.key.as_deref(),
+                failure.key.as_deref().or(failure.option.as_deref()),
                 failure.message.as_str(),
             ))
         });
     made.map_or_else(|e| e, PyErr::from_value)
 }
 
-/// The exception of a message about wrong input.
-pub fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
-    exception(py, &Failure::new(FailureKind::Input, text.into()))
+/// The exception of wrong input.
+pub fn input(py: Python<'_>, e: &InputError) -> PyErr {
+    exception(py, &Failure::from(e))
 }

@@ -1,6 +1,7 @@
 //! TOML files as JSON, from which Python makes dictionaries.
 
 use crate::errors::input;
+use organza_scene::InputError;
 use organza_scene::fabric_file::FabricFile;
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
@@ -37,7 +38,7 @@ pub fn read_toml(
         write_json(&Value::Table(table), &mut json);
         Ok((kind, json))
     });
-    found.map_err(|e: organza_scene::InputError| input(py, e.to_string()))
+    found.map_err(|e: InputError| input(py, &e))
 }
 
 /// Writes a value so that the same numbers are read back.

@@ -5,6 +5,7 @@ use crate::errors::input;
 use glam::UVec3;
 use organza_basis::{Budget, MAX_POPULATIONS};
 use organza_cli::Results;
+use organza_scene::InputError;
 use organza_scene::memory::free_memory_bytes;
 use organza_volume::format::{self, Source, Volume};
 use organza_volume::{GridSet, Octree, VolGrid};
@@ -26,7 +27,7 @@ pub fn read_volume<'py>(
     level: u8,
 ) -> PyResult<(About, HashMap<String, Buffer<'py>>)> {
     let read = py.detach(|| read(name, &files, level));
-    let (about, results) = read.map_err(|why| input(py, why))?;
+    let (about, results) = read.map_err(|why| input(py, &InputError::keyed(why).in_file(name)))?;
     let arrays = results.arrays.iter();
     let buffers = arrays.map(|(name, array)| Ok((name.clone(), buffer(py, array)?)));
     Ok((about, buffers.collect::<PyResult<_>>()?))
@@ -42,23 +43,18 @@ fn read(
             .iter()
             .map(|f| format!(".{}", f.ending))
             .collect();
-        format!(
-            "{name}: expected a name that ends in {}",
-            endings.join(", ")
-        )
+        format!("expected a name that ends in {}", endings.join(", "))
     })?;
     let mut budget = Budget::new(free_memory_bytes());
     let open = |name: &str, _: u64| Ok(files.get(name).cloned());
     let source = Source { name, open: &open };
-    let volume = (format.read)(&source, &mut budget).map_err(|e| format!("{name}: {e}"))?;
+    let volume = (format.read)(&source, &mut budget).map_err(|e| e.to_string())?;
     match volume {
         Volume::Octree(stored) => {
             let octree = stored.octree;
             let levels = octree.level_count();
             if level >= levels {
-                return Err(format!(
-                    "{name}: level: expected one below {levels}, found {level}"
-                ));
+                return Err(format!("level: expected one below {levels}, found {level}"));
             }
             let bounds = octree.bounds_mm();
             let about = (
@@ -67,11 +63,10 @@ fn read(
                 octree.repeats(),
                 levels,
             );
-            let arrays =
-                of_octree(&octree, level, &mut budget).map_err(|e| format!("{name}: {e}"))?;
+            let arrays = of_octree(&octree, level, &mut budget)?;
             Ok((about, arrays))
         }
-        Volume::Grids(_) if level > 0 => Err(format!("{name}: level: expected 0, found {level}")),
+        Volume::Grids(_) if level > 0 => Err(format!("level: expected 0, found {level}")),
         Volume::Grids(set) => {
             let bounds = set.sigma_t.bounds_mm;
             let about = (bounds.min.to_array(), bounds.max.to_array(), false, 1);

@@ -1,12 +1,16 @@
 //! Errors of reports.
 
+use organza_scene::InputError;
+use std::fmt::Display;
+use std::path::Path;
+
 /// Why a measurement, a bench, a page or a table could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
     /// A file or a value of the command line is wrong.
     #[error("{0}")]
-    Input(#[from] organza_scene::InputError),
+    Input(#[from] InputError),
     /// A file that cannot be written.
     #[error("{0}")]
     Write(#[source] crate::write_file::WriteError),
@@ -37,8 +41,9 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    pub(crate) fn input(message: impl Into<String>) -> ReportError {
-        ReportError::Input(organza_scene::InputError(message.into()))
+    /// A file is wrong.
+    pub(crate) fn of_file(path: impl AsRef<Path>, message: impl Display) -> ReportError {
+        ReportError::Input(InputError::of_file(path, message))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A fabric for a draft that comes alone: distances, yarn and colours from what the draft has,
 //! otherwise those of a good cloth of its weave.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use organza_basis::Rgb;
 use organza_weave::{Draft, Thread, colour_list};
 use std::fmt::Write;
@@ -35,7 +35,10 @@ pub fn of_draft(name: DraftName<'_>, draft: &Draft, part: Option<[u32; 4]>) -> R
         DraftName::Wif(file) => ("wif", file),
         DraftName::Weave(weave) => ("weave", weave),
     };
-    let fail = |e: organza_weave::Error| input(format!("{value}: {e}"));
+    let fail = |e: organza_weave::Error| match name {
+        DraftName::Wif(file) => InputError::from(e).in_file(file),
+        DraftName::Weave(weave) => InputError::new(format!("{weave}: {e}")),
+    };
     let sett = draft.sett().map_err(fail)?;
     let mut shown = draft.clone();
     if let Some([end, pick, ends, picks]) = part.map(|p| p.map(|n| n as usize)) {

@@ -1,6 +1,6 @@
 //! Where a cloth lies: flat in its box, or over a mesh.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use organza_basis::Aabb;
 use organza_mesh::{DrapedMesh, Folds, Mesh, Shell};
@@ -97,15 +97,16 @@ impl ClothPlace<'_> {
         });
         let needed = Shell::memory_bytes(mesh.triangles().len());
         if needed > self.max_memory_bytes {
-            return Err(input(format!(
-                "object.mesh: a shell over {} faces takes {} MiB; {} MiB are allowed",
+            return Err(InputError::new(format!(
+                "a shell over {} faces takes {} MiB; {} MiB are allowed",
                 mesh.triangles().len(),
                 needed >> 20,
                 self.max_memory_bytes >> 20
-            )));
+            ))
+            .at_key("object.mesh"));
         }
         let shell = Shell::new(mesh, middle - half, middle + half)
-            .map_err(|e| input(format!("object.mesh: {e}")))?;
+            .map_err(|e| InputError::new(e).at_key("object.mesh"))?;
         let folds = shell.folds();
         if folds != Folds::default() {
             let words = format!(

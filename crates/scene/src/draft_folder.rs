@@ -63,9 +63,10 @@ pub fn named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, In
 pub fn picture_named_from(fabric: &Path, folder: &Path, name: &str) -> Result<String, InputError> {
     if !is_picture(name) {
         let expected = organza_picture::Format::list_endings(|f| f.reader.is_some());
-        return Err(InputError(format!(
-            "{name}: expected a picture ({expected})"
-        )));
+        return Err(InputError::of_file(
+            name,
+            format!("expected a picture ({expected})"),
+        ));
     }
     file_named_from(fabric, folder, name, "picture")
 }
@@ -77,17 +78,17 @@ fn file_named_from(
     what: &str,
 ) -> Result<String, InputError> {
     if !is_inside(folder, name) {
-        return Err(InputError(format!(
-            "{name}: there is no such {what} in {}",
-            folder.display()
-        )));
+        return Err(InputError::of_file(
+            name,
+            format!("there is no such {what} in {}", folder.display()),
+        ));
     }
     let beside = fabric.parent().unwrap_or(Path::new(""));
     if beside == folder {
         return Ok(name.to_owned());
     }
     let whole = folder.join(name).canonicalize();
-    let whole = whole.map_err(|e| InputError(format!("{name}: {e}")))?;
+    let whole = whole.map_err(|e| InputError::of_file(name, e))?;
     Ok(whole.display().to_string())
 }
 

@@ -1,7 +1,7 @@
 //! `object.mesh`: the mesh that a cloth or a volume is laid over.
 
 use crate::build_options::BuildOptions;
-use crate::error::{InputError, Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
 use crate::read;
@@ -37,10 +37,7 @@ pub struct MeshKeys<'a> {
 /// Names the file and what is wrong with it, or the key that is missing.
 pub fn mesh(keys: MeshKeys<'_>, index: usize, options: &BuildOptions<'_>) -> Result<Option<Mesh>> {
     let fail = |key: &str, why: &str| {
-        input(format!(
-            "{}: object[{index}].{key}: {why}",
-            options.scene_path.display()
-        ))
+        InputError::of_key(options.scene_path, format!("object[{index}].{key}"), why)
     };
     let Some(name) = keys.mesh else {
         for (key, given) in [
@@ -117,7 +114,7 @@ pub fn read_mesh(
             return Err(NoMesh::Key("mesh", why.into()));
         }
     }
-    .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    .map_err(|e| InputError::of_file(path, e))?;
     check_size(&mesh).map_err(|(key, why)| NoMesh::Key(key, why))?;
     warn_of_repairs(path, mesh.repairs(), loader);
     Ok(mesh)

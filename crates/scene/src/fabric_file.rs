@@ -1,7 +1,7 @@
 //! The fabric file: one cloth, its geometry, its optics and its voxels.
 
 use crate::draft_picture;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 pub use crate::fabric_table::{FabricFile, VoxelTable};
 use crate::fibre_model;
 use crate::file_kind::Wanted;
@@ -66,7 +66,7 @@ pub fn load_changed(
     let wanted = Wanted::Fabric;
     let file: FabricFile = loader.parse_changed(path, &source, removed, overrides, wanted)?;
     let table: toml::Table = loader.parse_changed(path, &source, removed, overrides, wanted)?;
-    let text = toml::to_string(&table).map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let text = toml::to_string(&table).map_err(|e| InputError::of_file(path, e))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let sources = RefCell::new(vec![SourceFile {
         name: name.into_owned(),
@@ -112,7 +112,7 @@ pub fn load_changed(
 /// Names the volume file, and in it the key at fault; there is no file to make a
 /// fabric of.
 pub fn from_sources(path: &Path, sources: &[SourceFile]) -> Result<Fabric> {
-    let fail = |why: String| input(format!("{}: its fabric: {why}", path.display()));
+    let fail = |why: String| InputError::of_file(path, format!("its fabric: {why}"));
     let [first, ..] = sources else {
         return Err(fail("it keeps none".into()));
     };
@@ -151,9 +151,9 @@ fn build(
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
 ) -> Result<Parts> {
     file.check()
-        .map_err(|why| input(format!("{}: {why}", path.display())))?;
+        .map_err(|why| InputError::keyed(why).in_file(path))?;
     let draft = draft_picture::resolved(&file.draft, open)
-        .map_err(|why| input(format!("{}: {why}", path.display())))?;
+        .map_err(|why| InputError::keyed(why).in_file(path))?;
     let geometry = FabricGeometry {
         draft,
         warp: file.warp.clone(),
@@ -166,7 +166,7 @@ fn build(
         ideal: file.ideal,
         fit_yarn: file.fit_yarn,
     };
-    let failed = |e| input(format!("{}: {e}", path.display()));
+    let failed = |e: organza_weave::Error| InputError::from(e).in_file(path);
     let mut geometry = geometry;
     let automatic = match &file.synthesis {
         None if file.print.is_none() && file.wear.is_none() => {
@@ -180,7 +180,7 @@ fn build(
             (cloth, None, Vec::new())
         }
         Some(spec) => {
-            let fail = |why: String| input(format!("{}: {why}", path.display()));
+            let fail = |why: String| InputError::keyed(why).in_file(path);
             let volumes = woven_volume::read_all(&spec.exemplars, open).map_err(fail)?;
             let named = spec.exemplars.iter().zip(&volumes);
             let named =
@@ -202,11 +202,9 @@ fn build(
         }
     };
     if let Some(spec) = &file.print {
-        let fail = |why: String| input(format!("{}: print.image: {why}", path.display()));
+        let fail = |why: String| InputError::of_key(path, "print.image", why);
         let image = print_file::decode(&spec.image, open).map_err(fail)?;
-        cloth
-            .print(spec, &image)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        cloth.print(spec, &image).map_err(failed)?;
     }
     if let Some(spec) = &file.wear {
         cloth.wear(spec).map_err(failed)?;
@@ -216,10 +214,10 @@ fn build(
         false => finish_optics::finished(&file.optics, &file.yarn),
     };
     optics::check(&file.optics, cloth.materials(), file.yarn.keys())
-        .map_err(|why| input(format!("{}: optics{why}", path.display())))?;
+        .map_err(|why| InputError::keyed(format!("optics{why}")).in_file(path))?;
     let yarns = cloth.materials().iter().map(|m| m.yarn.as_str());
     ply_table::check(&file.plies, yarns)
-        .map_err(|why| input(format!("{}: plies{why}", path.display())))?;
+        .map_err(|why| InputError::keyed(format!("plies{why}")).in_file(path))?;
     Ok((cloth, synthesis, volumes, optics))
 }
 
@@ -271,7 +269,7 @@ impl Fabric {
             .map(|m| {
                 let table = self.seen(&self.optics, m);
                 fibre_model::clear_fibre(&table, m)
-                    .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
+                    .map_err(|why| InputError::of_key(path, format!("optics.{}", m.yarn), why))
             })
             .collect()
     }
@@ -285,7 +283,7 @@ impl Fabric {
     pub fn surface(&self, path: &Path) -> Result<ClothSurface> {
         self.surface_table(path)?
             .of_cloth(&self.cloth)
-            .map_err(|e| input(format!("{}: surface: {e}", path.display())))
+            .map_err(|e| InputError::of_key(path, "surface", e))
     }
 
     /// Refuses what needs every thread of a cloth, if it is made of blocks.
@@ -293,21 +291,23 @@ impl Fabric {
         if self.synthesis.is_none() {
             return Ok(());
         }
-        Err(input(format!(
-            "{}: {what} need the whole cloth, and it is made of blocks, as [synthesis] and large \
-             designs are; choose model = \"microflake\" or \"plain\", or a part of the design, \
-             such as draft.part = [0, 0, 64, 64]",
-            path.display()
-        )))
+        Err(InputError::of_file(
+            path,
+            format!(
+                "{what} need the whole cloth, and it is made of blocks, as [synthesis] and large \
+                 designs are; choose model = \"microflake\" or \"plain\", or a part of the design, \
+                 such as draft.part = [0, 0, 64, 64]"
+            ),
+        ))
     }
 
     fn surface_table(&self, path: &Path) -> Result<&SurfaceTable> {
         self.whole(path, "surface models")?;
         self.file.surface.as_ref().ok_or_else(|| {
-            input(format!(
-                "{}: has no [surface] section, which the surface model needs",
-                path.display()
-            ))
+            InputError::of_file(
+                path,
+                "has no [surface] section, which the surface model needs",
+            )
         })
     }
 
@@ -316,7 +316,7 @@ impl Fabric {
     /// # Errors
     /// No such section, another model, or a weave that is none.
     pub fn surface_spec(&self, path: &Path) -> Result<SurfaceSpec> {
-        let fail = |why: String| input(format!("{}: surface{why}", path.display()));
+        let fail = |why: String| InputError::keyed(format!("surface{why}")).in_file(path);
         let table = self.surface_table(path)?;
         let Some(spec) = table.described_as::<SurfaceSpec>() else {
             return Err(fail(format!(
@@ -401,7 +401,7 @@ impl Fabric {
     ) -> Result<Vec<Fibre>> {
         let fibre = |m: &Material| {
             fibre_model::of_optics(&self.seen(optics, m), m)
-                .map_err(|why| input(format!("{}: optics.{}: {why}", path.display(), m.yarn)))
+                .map_err(|why| InputError::of_key(path, format!("optics.{}", m.yarn), why))
         };
         // Each solves for the absorption of its colour; the first that is wrong is named.
         let all: Vec<Result<Fibre>> = cloth.materials().par_iter().map(fibre).collect();
@@ -465,6 +465,6 @@ impl Fabric {
             .run(&task, |done| {
                 ExplicitFibres::new(cloth, fibres, Some(allowed), done)
             })
-            .map_err(|e| input(format!("{}: {e}", path.display())))
+            .map_err(|e| InputError::of_file(path, e))
     }
 }

@@ -1,6 +1,6 @@
 //! The voxels of a fabric.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
@@ -81,13 +81,13 @@ impl Fabric {
         };
         let octree = loader
             .run(&task, |done| plan.run(done))
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+            .map_err(|e| InputError::of_file(path, e))?;
         if let Some(synthesis) = &self.synthesis {
             let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
             let octree = self.with_volumes(octree, synthesis, allowed);
-            let octree = octree.map_err(|e| input(format!("{}: {e}", path.display())))?;
+            let octree = octree.map_err(|e| InputError::of_file(path, e))?;
             let cloth = blocks::cut(&octree, &self.cloth, synthesis, allowed);
-            let cloth = cloth.map_err(|e| input(format!("{}: {e}", path.display())))?;
+            let cloth = cloth.map_err(|e| InputError::of_file(path, e))?;
             return Ok((cloth, true));
         }
         if octree.footprint() == FibreFootprint::Covered {
@@ -130,7 +130,7 @@ impl Fabric {
         let fibres = self.explicit_fibres_of(own, path, allowed, loader);
         let fibres = fibres.and_then(|fibres| {
             let checked = fibres.check_walk(allowed);
-            checked.map_err(|e| input(format!("{}: {e}", path.display())))?;
+            checked.map_err(|e| InputError::of_file(path, e))?;
             Ok(fibres)
         });
         let fibres = match fibres {
@@ -154,15 +154,10 @@ impl Fabric {
         let octree = Arc::new(octree);
         let packing = loader
             .run(&task, |done| measure_packing(&fibres, &octree, study, done))
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+            .map_err(|e| InputError::of_file(path, e))?;
         Arc::unwrap_or_clone(octree)
             .with_packing(packing)
-            .ok_or_else(|| {
-                input(format!(
-                    "{}: packing factors are not finite",
-                    path.display()
-                ))
-            })
+            .ok_or_else(|| InputError::of_file(path, "packing factors are not finite"))
     }
 
     /// Edge of the finest voxels unless something else is asked for, um; and where they had to
@@ -205,15 +200,17 @@ impl Fabric {
             return Ok(());
         }
         let count = most * f64::from(least_um / size_um).powi(3);
-        Err(input(format!(
-            "{}: {:.2e} voxels of {size_um} um for packed fibres need about {:.0} bytes of memory, \
-             {allowed_bytes} are allowed: use voxels of at least {:.0} um (voxel.packed_um, \
-             --voxel-um) or a smaller tile",
-            path.display(),
-            count,
-            count * PACKED_BYTES,
-            least_um.ceil(),
-        )))
+        Err(InputError::of_file(
+            path,
+            format!(
+                "{:.2e} voxels of {size_um} um for packed fibres need about {:.0} bytes of memory, \
+                 {allowed_bytes} are allowed: use voxels of at least {:.0} um (voxel.packed_um, \
+                 --voxel-um) or a smaller tile",
+                count,
+                count * PACKED_BYTES,
+                least_um.ceil()
+            ),
+        ))
     }
 
     /// What voxelizing will take.
@@ -231,10 +228,10 @@ impl Fabric {
         let (size_um, wanted_um) =
             voxel_um.map_or_else(|| self.voxel_um(footprint), |um| (um, None));
         if !(size_um.is_finite() && size_um > 0.0) {
-            return Err(input(format!(
-                "{}: voxel size: expected a positive number of micrometres, found {size_um}",
-                path.display()
-            )));
+            return Err(InputError::of_file(
+                path,
+                format!("voxel size: expected a positive number of micrometres, found {size_um}"),
+            ));
         }
         let allowed_bytes = max_memory_bytes.unwrap_or_else(free_memory_bytes);
         let options = VoxelizeOptions {
@@ -255,7 +252,7 @@ impl Fabric {
                 VoxelizePlan::of_parts(&self.cloth, blocks::parts(synthesis), &options)
             }
         };
-        let plan = plan.map_err(|e| input(format!("{}: {e}", path.display())))?;
+        let plan = plan.map_err(|e| InputError::of_file(path, e))?;
         Ok(VolumePlan::new(plan, &options, wanted_um))
     }
 }

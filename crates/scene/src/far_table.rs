@@ -1,6 +1,6 @@
 //! The table of a fabric: the mean BSDF of its cloth, in a file beside it.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
 use glam::Vec2;
@@ -43,7 +43,7 @@ pub(crate) fn is_there(_: &Fabric, path: &Path, loader: &Loader<'_>) -> bool {
 /// # Errors
 /// Names the file, and what is wrong with it.
 pub fn read(path: &Path, loader: &Loader<'_>) -> Result<(FarTable, Value)> {
-    let fail = |why: String| input(format!("{}: {why}", path.display()));
+    let fail = |why: String| InputError::of_file(path, why);
     if let Some(found) = loader.file_bytes(path).filter(|n| *n > MAX_FILE_BYTES) {
         return Err(fail(format!(
             "has {found} bytes; expected a table of organza, which has at most {MAX_FILE_BYTES}"
@@ -167,13 +167,15 @@ fn stale(fabric: &Path) -> String {
 pub(crate) fn surface(fabric: &Fabric, path: &Path, loader: &Loader<'_>) -> Result<ClothSurface> {
     let file = beside(path);
     if loader.unreachable(&file).is_some() {
-        return Err(input(format!(
-            "{}: has no table beside it, which model = \"table\" needs; make it by: organza table \
-             {} -o {}",
-            path.display(),
-            path.display(),
-            file.display()
-        )));
+        return Err(InputError::of_file(
+            path,
+            format!(
+                "has no table beside it, which model = \"table\" needs; make it by: organza table \
+                 {} -o {}",
+                path.display(),
+                file.display()
+            ),
+        ));
     }
     let (table, about) = read(&file, loader)?;
     if !is_of(&about, fabric) {

@@ -1,6 +1,6 @@
 //! The kind of a file, for messages about files of the wrong kind.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -35,8 +35,11 @@ impl Wanted {
     /// Says what the file is.
     pub fn check(self, path: &Path, text: &str) -> Result<()> {
         let refuse = |what: &str, more: &str| {
-            let (path, words) = (path.display(), self.description());
-            Err(input(format!("{path}: is {what}; expected {words}{more}")))
+            let words = self.description();
+            Err(InputError::of_file(
+                path,
+                format!("is {what}; expected {words}{more}"),
+            ))
         };
         if self == Wanted::Text {
             return Ok(());

@@ -1,6 +1,6 @@
 //! The lights of a scene, with the pictures that they name.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use crate::{environment_file, read};
 use organza_light::{Light, LightTable, LoadedPicture};
@@ -18,7 +18,7 @@ pub fn lights(
 ) -> Result<Vec<Light>> {
     let built = tables.iter().enumerate().map(|(i, table)| {
         light(table, scene_path, max_memory_bytes, loader)
-            .map_err(|why| input(format!("{}: light[{i}]: {why}", scene_path.display())))
+            .map_err(|why| InputError::of_key(scene_path, format!("light[{i}]"), why))
     });
     built.collect()
 }

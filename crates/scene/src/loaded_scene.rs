@@ -2,7 +2,7 @@
 
 use crate::auto::{self, Chosen};
 use crate::build_options::BuildOptions;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::read;
@@ -101,7 +101,7 @@ impl LoadedScene {
     pub fn new(mut file: SceneFile, path: &Path, loader: &Loader<'_>) -> Result<LoadedScene> {
         file.render
             .check()
-            .map_err(|why| input(format!("{}: render.{why}", path.display())))?;
+            .map_err(|why| InputError::keyed(format!("render.{why}")).in_file(path))?;
         scene_build::check(&file, path, loader)?;
         let chosen = auto::resolve(&mut file, path, loader)?;
         Ok(LoadedScene {

@@ -1,6 +1,6 @@
 //! The account of what is read and built: input files, warnings, progress.
 
-use crate::error::{InputError, Result, input};
+use crate::error::{InputError, Result};
 use crate::file_kind::Wanted;
 use crate::given_files::GivenFiles;
 use crate::read;
@@ -138,7 +138,7 @@ impl<'p> Loader<'p> {
 
     /// Why a file that is named somewhere cannot be read, if that is known without
     /// reading it.
-    pub fn unreachable(&self, path: &Path) -> Option<String> {
+    pub fn unreachable(&self, path: &Path) -> Option<InputError> {
         match self.given.get(path) {
             Some(_) => None,
             None => read::unreachable(path),
@@ -226,10 +226,8 @@ impl<'p> Loader<'p> {
     /// # Errors
     /// Names the file.
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>> {
-        self.bytes_or_why(path).map_err(|e| {
-            let why = read::io_message(&e);
-            input(format!("{}: {why}", path.display()))
-        })
+        self.bytes_or_why(path)
+            .map_err(|e| InputError::of_io(path, &e))
     }
 
     /// The bytes of a file, for callers that word the error themselves.
@@ -309,7 +307,7 @@ impl<'p> Loader<'p> {
     ) -> Result<T, InputError> {
         let parsed = read::toml_changed(path, source, removed, overrides, wanted);
         match self.given.get(path) {
-            Some(_) => parsed.map_err(|e| read::without_line(path, e)),
+            Some(_) => parsed.map_err(read::without_line),
             None => parsed,
         }
     }

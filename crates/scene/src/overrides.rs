@@ -1,6 +1,6 @@
 //! `--set key.path=value`: overrides of the keys of a TOML file.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::toml_reader;
 use serde::de::DeserializeOwned;
 
@@ -14,7 +14,7 @@ const MAX_KEYS: usize = 16;
 /// # Errors
 /// Names the flag.
 pub fn check_overrides<T: DeserializeOwned>(source: &str, overrides: &[String]) -> Result<()> {
-    let table = toml::from_str(source).map_err(|e| input(e.to_string()))?;
+    let table = toml::from_str(source).map_err(InputError::new)?;
     overridden::<T>(table, &[], overrides)?.map(|_| ())
 }
 
@@ -31,13 +31,14 @@ pub(crate) fn overridden<T: DeserializeOwned>(
     for key in removed {
         remove(&mut table, key);
     }
-    Ok(toml_reader::from_table(table)
-        .map_err(|e| input(format!("--set {}: {e}", overrides.join(" --set ")))))
+    Ok(toml_reader::from_table(table).map_err(|e| {
+        InputError::after_option("set", format!("{}: {e}", overrides.join(" --set ")))
+    }))
 }
 
 /// Applies `key.path=value` to a table; numbers name elements of arrays.
 fn apply_override(table: &mut toml::Table, text: &str) -> Result<()> {
-    let fail = |why: String| input(format!("--set {text}: {why}"));
+    let fail = |why: String| InputError::after_option("set", format!("{text}: {why}"));
     let (path, value) = text
         .split_once('=')
         .ok_or_else(|| fail("expected key.path=value".into()))?;
@@ -49,9 +50,10 @@ fn apply_override(table: &mut toml::Table, text: &str) -> Result<()> {
     let keys: Vec<&str> = path.split('.').map(str::trim).collect();
     if keys.len() > MAX_KEYS {
         let found = keys.len();
-        return Err(input(format!(
-            "--set: a key of at most {MAX_KEYS} names, found one of {found}"
-        )));
+        return Err(InputError::of_option(
+            "set",
+            format!("a key of at most {MAX_KEYS} names, found one of {found}"),
+        ));
     }
     let (Some((last, folders)), false) = (keys.split_last(), keys.contains(&"")) else {
         return Err(fail("expected key.path=value".into()));

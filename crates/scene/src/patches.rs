@@ -1,6 +1,6 @@
 //! Patches to measure: the representations of a fabric file's cloth.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
 use crate::representation::plies::{fibres_and_hairs, parameters};
@@ -54,7 +54,7 @@ impl PatchModel {
         };
         named
             .over(fabric.file.scattering)
-            .map_err(|why| input(format!("{}: scattering{why}", path.display())))
+            .map_err(|why| InputError::keyed(format!("scattering{why}")).in_file(path))
     }
 }
 
@@ -103,9 +103,10 @@ impl Matter {
         )?;
         let (level, levels) = (options.level, octree.level_count());
         if level >= levels {
-            return Err(input(format!(
-                "--level {level}: the octree has {levels} levels, from 0"
-            )));
+            return Err(InputError::after_option(
+                "level",
+                format!("{level}: the octree has {levels} levels, from 0"),
+            ));
         }
         Ok(Matter::Voxels(octree.into(), shown, level))
     }
@@ -132,13 +133,13 @@ impl Matter {
             Matter::Fibres(fibres, _) => {
                 let scattering = fabric.fibre_models(path)?;
                 let fibres = fibres.with_scattering(scattering);
-                let fibres = fibres.map_err(|e| input(format!("{}: {e}", path.display())))?;
+                let fibres = fibres.map_err(|e| InputError::of_file(path, e))?;
                 Some(AnyMedium::ExplicitFibres(fibres))
             }
             Matter::Plies(plies, _) => {
                 let fibres = fibres_and_hairs(fabric, path)?;
                 let plies = plies.with_scattering(&parameters(fabric), fibres);
-                let plies = plies.map_err(|e| input(format!("{}: {e}", path.display())))?;
+                let plies = plies.map_err(|e| InputError::of_file(path, e))?;
                 Some(AnyMedium::Plies(plies))
             }
             Matter::Voxels(octree, shown, level) => match shown.representation.voxels() {
@@ -154,7 +155,7 @@ impl Matter {
                 None => None,
             },
         };
-        let medium = medium.ok_or_else(|| input(format!("{}: no voxels", path.display())))?;
+        let medium = medium.ok_or_else(|| InputError::of_file(path, "no voxels"))?;
         volume_patch(path, medium)
     }
 }
@@ -174,7 +175,7 @@ pub fn fabric_patch(
 
 fn volume_patch(path: &Path, medium: AnyMedium) -> Result<AnyPatch> {
     let patch = VolumePatch::of_media(vec![medium], Integrator::Woodcock)
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        .map_err(|e| InputError::of_file(path, e))?;
     Ok(Box::new(patch))
 }
 

@@ -1,7 +1,7 @@
 //! Input files: bytes from paths, and TOML whose mistakes are reported with place,
 //! key, what was expected and the nearest valid name.
 
-use crate::error::{InputError, Result, input};
+use crate::error::{InputError, Result};
 use crate::file_kind::{self, Wanted};
 use crate::memory::free_memory_bytes;
 use crate::overrides::overridden;
@@ -24,7 +24,7 @@ const MAX_NAMES: usize = 10_000;
 /// # Errors
 /// Names the file; a file that cannot be read is wrong input.
 pub fn bytes(path: &Path) -> Result<Vec<u8>> {
-    bytes_or_why(path).map_err(|e| input(format!("{}: {}", path.display(), io_message(&e))))
+    bytes_or_why(path).map_err(|e| InputError::of_io(path, &e))
 }
 
 /// The bytes of a file, for callers that word the error themselves.
@@ -38,14 +38,14 @@ pub fn bytes_or_why(path: &Path) -> std::io::Result<Vec<u8>> {
 
 /// Why a file that is named somewhere cannot be read, if that is known without
 /// reading it.
-pub fn unreachable(path: &Path) -> Option<String> {
+pub fn unreachable(path: &Path) -> Option<InputError> {
     let why = match about(path) {
         Ok(about) if about.is_dir() => ErrorKind::IsADirectory.into(),
         Ok(about) if about.is_file() => return None,
         Ok(_) => no_file(),
         Err(e) => e,
     };
-    Some(format!("{}: {}", path.display(), io_message(&why)))
+    Some(InputError::of_io(path, &why))
 }
 
 fn unchecked_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
@@ -87,8 +87,8 @@ pub fn text(path: &Path) -> Result<String> {
 /// # Errors
 /// Says what a file of another kind is.
 pub fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
-    let fail = |why: &str| input(format!("{}: {why}", path.display()));
-    let size = about(path).map_err(|e| fail(&io_message(&e)))?.len();
+    let fail = |why: &str| InputError::of_file(path, why);
+    let size = about(path).map_err(|e| InputError::of_io(path, &e))?.len();
     if size > MAX_TEXT_BYTES {
         return Err(fail(&format!(
             "is {size} bytes long; expected {} of at most {MAX_TEXT_BYTES}",
@@ -103,7 +103,7 @@ pub fn text_of(path: &Path, wanted: Wanted) -> Result<String> {
 /// # Errors
 /// As [`text_of`].
 pub(crate) fn text_in(path: &Path, bytes: Vec<u8>, wanted: Wanted) -> Result<String> {
-    let fail = |why: &str| input(format!("{}: {why}", path.display()));
+    let fail = |why: &str| InputError::of_file(path, why);
     if let Some(what) = file_kind::of_bytes(&bytes) {
         return Err(fail(&format!(
             "is {what}; expected {}",
@@ -213,30 +213,31 @@ pub fn toml_changed<T: DeserializeOwned>(
 /// A mistake with the file, the line and column, and the key.
 fn with_place(path: &Path, source: &str, e: TomlError) -> InputError {
     let Some(span) = e.span else {
-        return input(format!("{}: {}", path.display(), e.message));
+        return InputError::of_file(path, e.message);
     };
     let (line, column) = line_and_column(source, span.start);
-    let place = format!("{}:{line}:{column}", path.display());
-    let Some(key) = key_at(source, span.start) else {
-        return input(format!("{place}: {}", e.message));
-    };
+    let key = key_at(source, span.start);
     let at_header = source.get(span).is_some_and(|at| at.starts_with('['));
-    if e.is_table_for_list && at_header {
-        let words = format!("expected a list of tables, found one table; write [[{key}]]");
-        return input(format!("{place}: {key}: {words}"));
+    let message = match &key {
+        Some(key) if e.is_table_for_list && at_header => {
+            format!("expected a list of tables, found one table; write [[{key}]]")
+        }
+        _ => e.message,
+    };
+    InputError {
+        line: u32::try_from(line).ok(),
+        column: u32::try_from(column).ok(),
+        key,
+        ..InputError::of_file(path, message)
     }
-    input(format!("{place}: {key}: {}", e.message))
 }
 
 /// A mistake of [`toml_changed`] without the line and column of the file.
-pub(crate) fn without_line(path: &Path, e: InputError) -> InputError {
-    let file = path.display().to_string();
-    let place_and_rest =
-        e.0.strip_prefix(&file)
-            .and_then(|rest| rest.split_once(": "));
-    match place_and_rest {
-        Some((place, rest)) if place.starts_with(':') => input(format!("{file}: {rest}")),
-        _ => e,
+pub(crate) fn without_line(e: InputError) -> InputError {
+    InputError {
+        line: None,
+        column: None,
+        ..e
     }
 }
 
@@ -304,6 +305,8 @@ mod tests {
             "{words}"
         );
         assert!(words.ends_with("did you mean `list`?"), "{words}");
+        let place = (e.line, e.column, e.key.as_deref());
+        assert_eq!(place, (Some(3), Some(1), Some("inner.lsit")));
     }
 
     #[test]

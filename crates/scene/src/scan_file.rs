@@ -1,7 +1,7 @@
 //! What a scanned volume keeps of itself: how it was made, its materials and their optics, as
 //! TOML in the file [`organza_volume::ovox::SCAN_FILE`] of an `.ovox`.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::optics::{self, OpticsFile};
 use organza_basis::Rgb;
 use organza_scatter::FlakeOptics;
@@ -43,7 +43,7 @@ impl ScanFile {
         let Some(file) = files.first().filter(|f| f.name == SCAN_FILE) else {
             return Ok(None);
         };
-        let fail = |why: String| input(format!("{}: its {SCAN_FILE}: {why}", path.display()));
+        let fail = |why: String| InputError::of_file(path, format!("its {SCAN_FILE}: {why}"));
         let text = std::str::from_utf8(&file.bytes).map_err(|e| fail(e.to_string()))?;
         let scan: ScanFile = toml::from_str(text).map_err(|e| fail(e.message().to_owned()))?;
         optics::check(&scan.optics, &scan.materials(), [].iter())

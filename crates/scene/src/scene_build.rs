@@ -2,7 +2,7 @@
 
 use crate::build_options::BuildOptions;
 use crate::camera::{CameraTable, of_a_goniometer};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::light_pictures;
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
@@ -48,7 +48,7 @@ pub fn camera(file: &SceneFile, scene_path: &Path) -> Result<Camera> {
     let table = file.camera.as_ref();
     table
         .map_or_else(of_a_goniometer, CameraTable::build)
-        .map_err(|why| input(format!("{}: camera: {why}", scene_path.display())))
+        .map_err(|why| InputError::of_key(scene_path, "camera", why))
 }
 
 /// Warns of a scene whose picture is black but for what its channels know of the

@@ -1,7 +1,7 @@
 //! The scene file, as written in TOML.
 
 use crate::camera::CameraTable;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::object::ObjectTable;
@@ -63,7 +63,7 @@ impl SceneFile {
     pub fn camera(&self, path: &Path) -> Result<&CameraTable> {
         self.camera
             .as_ref()
-            .ok_or_else(|| input(format!("{}: `camera` is missing", path.display())))
+            .ok_or_else(|| InputError::of_file(path, "`camera` is missing"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Scenes made for a cloth: a camera, lights and a background that suit any, framed by what the
 //! cloth is.
 
-use crate::error::{InputError, input};
+use crate::error::InputError;
 use crate::fabric_file::Fabric;
 use crate::representation::{EXPLICIT_FIBRES, MICROFLAKE, Representation};
 use glam::{DVec3, Vec3Swizzles};
@@ -279,10 +279,10 @@ fn representation(
         _ => &MICROFLAKE,
     };
     if studio == Studio::Drape && !cloth.cloth.tile().repeats {
-        return Err(input(format!(
-            "{}: a cloth that does not repeat cannot be draped; choose another studio",
-            subject.fabric
-        )));
+        return Err(InputError::of_file(
+            subject.fabric,
+            "a cloth that does not repeat cannot be draped; choose another studio",
+        ));
     }
     Ok(shown)
 }

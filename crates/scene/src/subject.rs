@@ -3,7 +3,7 @@
 
 use crate::bare_fabric::{self, DraftName};
 use crate::draft_picture;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::{self, Fabric, FabricFile};
 use crate::file_kind::{self, Wanted};
 use crate::given_files::GivenFiles;
@@ -67,12 +67,15 @@ pub fn scene_for(word: &Path, making: Making<'_>, loader: &Loader<'_>) -> Result
     if scene_file::is_scene_text(word, &text)? {
         return match making.studio {
             None => Ok(None),
-            Some(studio) => Err(input(format!(
-                "--studio {}: {} is a scene, which has its own camera and lights; name a fabric, \
-                 a draft or a weave",
-                studio.name(),
-                word.display()
-            ))),
+            Some(studio) => Err(InputError::after_option(
+                "studio",
+                format!(
+                    "{}: {} is a scene, which has its own camera and lights; name a fabric, a \
+                     draft or a weave",
+                    studio.name(),
+                    word.display()
+                ),
+            )),
         };
     }
     of_fabric(word, studio, making.overrides, loader).map(Some)
@@ -112,7 +115,7 @@ impl BareDraft {
             return self.fabric(None);
         }
         let whole = std::path::absolute(&self.source);
-        let whole = whole.map_err(|e| input(format!("{}: {e}", self.source.display())))?;
+        let whole = whole.map_err(|e| InputError::of_file(&self.source, e))?;
         let name = whole.display().to_string();
         bare_fabric::of_draft(DraftName::Wif(&name), &self.draft, None)
     }
@@ -160,12 +163,14 @@ pub fn draft_of(word: &Path, loader: &Loader<'_>) -> Result<Option<BareDraft>> {
     };
     let missing = loader.unreachable(word);
     if missing.is_some() && !is_wif && !text.contains(['.', '/', '\\']) {
-        let draft = Draft::named(&text)
-            .map_err(|e| input(format!("{text}: no such file, and no named weave: {e}")))?;
+        let draft = Draft::named(&text).map_err(|e| InputError {
+            is_missing: true,
+            ..InputError::of_file(word, format!("no such file, and no named weave: {e}"))
+        })?;
         return Ok(Some(made(draft, false)));
     }
     if let Some(why) = missing {
-        return Err(input(why));
+        return Err(why);
     }
     let bytes = match is_wif {
         true => loader.bytes(word)?,
@@ -183,7 +188,7 @@ pub fn draft_of(word: &Path, loader: &Loader<'_>) -> Result<Option<BareDraft>> {
             bytes
         }
     };
-    let draft = Draft::from_wif(&bytes).map_err(|e| input(format!("{text}: {e}")))?;
+    let draft = Draft::from_wif(&bytes).map_err(|e| InputError::of_file(word, e))?;
     Ok(Some(made(draft, true)))
 }
 
@@ -328,11 +333,11 @@ fn woven_draft(path: &Path, file: &FabricFile, loader: &Loader<'_>) -> Result<Op
         return Ok(None);
     }
     let open = |name: &str| loader.bytes_or_why(&read::beside(path, name));
-    let fail = |why: String| input(format!("{}: {why}", path.display()));
-    let spec = draft_picture::resolved(spec, &open).map_err(fail)?;
+    let spec =
+        draft_picture::resolved(spec, &open).map_err(|why| InputError::keyed(why).in_file(path))?;
     Draft::of_spec(&spec, &open)
         .map(Some)
-        .map_err(|e| fail(e.to_string()))
+        .map_err(|e| InputError::from(e).in_file(path))
 }
 
 /// Ends and picks after which interlacing and colours repeat.
@@ -349,12 +354,12 @@ fn changed(path: &Path, source: &str, overrides: &[String]) -> Result<String> {
     // Mistakes in keys are found here.
     let _: FabricFile = read::toml_changed(path, source, &[], overrides, Wanted::Fabric)?;
     let table: Table = read::toml_changed(path, source, &[], overrides, Wanted::Fabric)?;
-    toml::to_string(&table).map_err(|e| input(format!("{}: {e}", path.display())))
+    toml::to_string(&table).map_err(|e| InputError::of_file(path, e))
 }
 
 /// The text of a fabric with a part of its draft, and the colours of that part.
 fn with_part(path: &Path, text: &str, file: &FabricFile, part: [u32; 4]) -> Result<String> {
-    let fail = |e: String| input(format!("{}: {e}", path.display()));
+    let fail = |e: String| InputError::of_file(path, e);
     let mut table: Table = toml::from_str(text).map_err(|e| fail(e.to_string()))?;
     let numbers = |n: &[u32]| Value::Array(n.iter().map(|n| Value::Integer((*n).into())).collect());
     let mut set = |section: &str, key: &str, value: Value| {

@@ -4,7 +4,7 @@
 //! organza's is that of [Marschner2003] with lobes whose widths are in the ratio of [Chiang2016],
 //! so that the hair material takes the same index, absorption and widths without a fit.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::fibre_model;
 use crate::optics::{self, UNDYED};
@@ -103,7 +103,7 @@ impl UsdCurves<'_> {
         let cloth = &self.fabric.cloth;
         let source = cloth.curves(self.level);
         let tile = source.tile();
-        let fail = |why: String| input(format!("{}: {why}", self.path.display()));
+        let fail = |why: String| InputError::keyed(why).in_file(self.path);
         if !tile.repeats && self.repeats != UVec2::ONE {
             return Err(fail(
                 "these curves do not repeat; expected --repeats 1,1".into(),

@@ -1,6 +1,6 @@
 //! Volume files of every format, opened.
 
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use crate::read;
 use organza_volume::Error;
@@ -36,15 +36,11 @@ pub fn read<T>(
         open: &open,
     };
     decode(&source).map_err(|e| match e {
-        Error::Beside { name, problem } => input(format!(
-            "{}: {problem}",
-            path.with_file_name(name).display()
-        )),
+        Error::Beside { name, problem } => InputError::of_file(path.with_file_name(name), problem),
         Error::Unreadable(why) => {
             // A file of nearly that name is named, if there is one.
-            let why = read::unreachable(path).unwrap_or(format!("{}: {why}", path.display()));
-            input(why)
+            read::unreachable(path).unwrap_or_else(|| InputError::of_file(path, why))
         }
-        e => input(format!("{}: {e}", path.display())),
+        e => InputError::of_file(path, e),
     })
 }

@@ -12,6 +12,7 @@ use organza_scene::read;
 use organza_scene::scene_build;
 use organza_scene::scene_file::SceneFile;
 use serde::Deserialize;
+use std::fmt::Display;
 use toml_edit::{DocumentMut, Item, Table};
 
 /// Changes in one request at most.
@@ -93,8 +94,8 @@ const OF_A_MODEL: &[&str] = &[
 
 type Outcome<T = ()> = Result<T, InputError>;
 
-fn fail<T>(why: impl Into<String>) -> Outcome<T> {
-    Err(InputError(why.into()))
+fn fail<T>(why: impl Display) -> Outcome<T> {
+    Err(InputError::keyed(why))
 }
 
 /// A document after changes, which are all made or none.
@@ -137,7 +138,7 @@ pub fn moves_camera(edit: &Edit) -> bool {
 pub fn check(document: &Document) -> Outcome {
     let (path, text) = (&document.scene_path, document.scene.to_string());
     let file: SceneFile = read::toml_changed(path, &text, &[], &[], Wanted::Scene)?;
-    let why = |why| InputError(format!("{}: render.{why}", path.display()));
+    let why = |why| InputError::keyed(format!("render.{why}")).in_file(path);
     file.render.check().map_err(why)?;
     scene_build::check(&file, path, &document.loader(None))?;
     for fabric in &document.fabrics {
@@ -188,7 +189,7 @@ fn fabric_mut(
 ) -> Outcome<&mut crate::document::FabricDocument> {
     let count = document.fabrics.len();
     document.fabrics.get_mut(fabric).ok_or_else(|| {
-        InputError(format!(
+        InputError::new(format!(
             "fabric {fabric} does not exist; there are {count}, from 0"
         ))
     })
@@ -198,7 +199,7 @@ fn object_mut(scene: &mut DocumentMut, object: usize) -> Outcome<&mut Table> {
     let objects = tables_mut(scene, "object")?;
     let count = objects.len();
     objects.get_mut(object).ok_or_else(|| {
-        InputError(format!(
+        InputError::new(format!(
             "object {object} does not exist; there are {count}, from 0"
         ))
     })
@@ -220,7 +221,7 @@ fn set_model(scene: &mut DocumentMut, object: usize, model: &str) -> Outcome {
     OF_A_MODEL.iter().for_each(|key| {
         table.remove(key);
     });
-    set(table, &["model"], model.into()).map_err(InputError)
+    set(table, &["model"], model.into()).map_err(InputError::keyed)
 }
 
 fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
@@ -239,7 +240,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
         ),
         false if draft.len() <= 64 => {
             let named = organza_weave::Draft::named(draft);
-            named.map_err(|e| InputError(e.to_string()))?;
+            named?;
             ("weave", draft.to_owned())
         }
         false => return fail("draft.weave: expected the name of a weave"),
@@ -247,7 +248,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
     let table = fabric.text.entry("draft").or_insert_with(toml_edit::table);
     let table = table
         .as_table_like_mut()
-        .ok_or_else(|| InputError("draft: expected a table".into()))?;
+        .ok_or_else(|| InputError::keyed("draft: expected a table"))?;
     let others = [
         "weave",
         "wif",
@@ -262,7 +263,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
         table.remove(other);
     }
     fabric.is_changed = true;
-    set(table, &[key], value.into()).map_err(InputError)
+    set(table, &[key], value.into()).map_err(InputError::keyed)
 }
 
 fn add_light(scene: &mut DocumentMut, kind: &str) -> Outcome {
@@ -282,7 +283,7 @@ fn add_light(scene: &mut DocumentMut, kind: &str) -> Outcome {
     };
     let made: DocumentMut = format!("kind = \"{kind}\"\n{keys}\n")
         .parse()
-        .map_err(|e: toml_edit::TomlError| InputError(e.to_string()))?;
+        .map_err(|e: toml_edit::TomlError| InputError::new(e))?;
     let lights = tables_mut(scene, "light")?;
     if lights.len() >= MAX_LIGHTS {
         return fail(format!("light: expected at most {MAX_LIGHTS}"));

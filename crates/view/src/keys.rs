@@ -158,7 +158,7 @@ pub(crate) fn set_allowed(
     let mut known = allowed.iter().filter(|(pattern, _)| matches(pattern, key));
     let Some((_, first)) = known.clone().next() else {
         let why = "this key cannot be set from the page";
-        return Err(InputError(format!("{shown}: {why}")));
+        return Err(InputError::new(why).at_key(&shown));
     };
     let keys: Vec<&str> = key.iter().map(String::as_str).collect();
     if let (true, Some((last, folder))) = (value.is_null(), keys.split_last())
@@ -169,16 +169,14 @@ pub(crate) fn set_allowed(
     }
     let Some(value) = known.find_map(|(_, holds)| value_of(*holds, value)) else {
         let wanted = described(*first);
-        return Err(InputError(format!(
-            "{shown}: expected {wanted}, found {value}"
-        )));
+        return Err(InputError::new(format!("expected {wanted}, found {value}")).at_key(shown));
     };
     if let Some((last, folder)) = keys.split_last() {
         for (_, old) in REPLACED.iter().filter(|(new, _)| new == last) {
             remove(document.as_table_mut(), folder, old);
         }
     }
-    set(document.as_table_mut(), &keys, value).map_err(|why| InputError(format!("{shown}: {why}")))
+    set(document.as_table_mut(), &keys, value).map_err(|why| InputError::new(why).at_key(&shown))
 }
 
 fn matches(pattern: &[&str], key: &[String]) -> bool {

@@ -15,7 +15,7 @@ pub const MAX_DRAFT_BYTES: usize = 8 << 20;
 /// # Errors
 /// The bytes are no draft, or no cloth can be woven from it; names the draft.
 pub fn of_draft(path: &Path, wif: &str, bytes: &[u8]) -> Result<FabricDocument, InputError> {
-    let draft = Draft::from_wif(bytes).map_err(|e| InputError(format!("{wif}: {e}")))?;
+    let draft = Draft::from_wif(bytes).map_err(|e| InputError::of_file(wif, e))?;
     made(path, DraftName::Wif(wif), &draft)
 }
 
@@ -27,7 +27,7 @@ pub fn made(path: &Path, name: DraftName<'_>, draft: &Draft) -> Result<FabricDoc
     let text = bare_fabric::of_draft(name, draft, None)?;
     let text: DocumentMut = text
         .parse()
-        .map_err(|e: toml_edit::TomlError| InputError(format!("{}: {e}", path.display())))?;
+        .map_err(|e: toml_edit::TomlError| InputError::of_file(path, e))?;
     Ok(FabricDocument {
         name: crate::document::file_name(path),
         path: path.to_owned(),

@@ -110,7 +110,7 @@ impl Built {
         }
         self.0
             .last_mut()
-            .ok_or_else(|| InputError("no scene was built".into()))
+            .ok_or_else(|| InputError::new("no scene was built"))
     }
 }
 

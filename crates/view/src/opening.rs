@@ -26,8 +26,8 @@ pub fn open(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
     };
     if let Some(bare) = subject::draft_of(path, &Loader::new())? {
         if let Some(why) = overrides.first() {
-            let why = format!("--set {why}: a draft has no keys; name a fabric or a scene");
-            return Err(InputError(why));
+            let why = format!("{why}: a draft has no keys; name a fabric or a scene");
+            return Err(InputError::after_option("set", why));
         }
         let name = file_name(path);
         let (named, stem) = match bare.is_file {
@@ -72,7 +72,7 @@ fn changed_text(
 }
 
 fn fault(path: &Path, why: &str) -> InputError {
-    InputError(format!("{}: {why}", path.display()))
+    InputError::of_file(path, why)
 }
 
 fn of_scene(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
@@ -171,7 +171,7 @@ pub fn with_fabric(
     let count = document.fabrics.len();
     let Some(slot) = document.fabrics.get_mut(fabric) else {
         let why = format!("fabric {fabric} does not exist; the scene has {count}, from 0");
-        return Err(InputError(why));
+        return Err(InputError::new(why));
     };
     let old = std::mem::replace(slot, new);
     let name = slot.name.clone();

@@ -38,14 +38,14 @@ pub(crate) fn set_pile(fabric: &mut FabricDocument, kind: &str) -> Result<(), In
     }
     let Some((_, needed)) = KINDS.iter().find(|(name, _)| *name == kind) else {
         let names = KINDS.map(|(name, _)| name).join(", ");
-        let why = format!("pile.kind: expected one of {names}, found {kind:?}");
-        return Err(InputError(why));
+        let why = format!("expected one of {names}, found {kind:?}");
+        return Err(InputError::new(why).at_key("pile.kind"));
     };
     let yarn = first_yarn(fabric);
     let table = fabric.text.entry("pile").or_insert_with(toml_edit::table);
     let table = table
         .as_table_like_mut()
-        .ok_or_else(|| InputError("pile: expected a table".into()))?;
+        .ok_or_else(|| InputError::keyed("pile: expected a table"))?;
     if table.get("kind").and_then(Item::as_str) == Some(kind) {
         return Ok(());
     }
@@ -58,11 +58,11 @@ pub(crate) fn set_pile(fabric: &mut FabricDocument, kind: &str) -> Result<(), In
         ("every", EVERY.into_iter().collect::<Array>().into()),
         ("wales_per_cm", WALES_PER_CM.into()),
     ];
-    set(table, &["kind"], kind.into()).map_err(InputError)?;
+    set(table, &["kind"], kind.into()).map_err(InputError::keyed)?;
     for (key, value) in made {
         let is_needed = ["yarn", "height_mm"].contains(&key) || needed.contains(&key);
         if is_needed && !table.contains_key(key) {
-            set(table, &[key], value).map_err(InputError)?;
+            set(table, &[key], value).map_err(InputError::keyed)?;
         }
     }
     Ok(())
@@ -95,7 +95,7 @@ pub(crate) fn set_print(
         return Ok(());
     }
     let image = draft_folder::picture_named_from(&fabric.path, folder, image)?;
-    let why = |why| InputError(format!("print.image: {why}"));
+    let why = |why: String| InputError::new(why).at_key("print.image");
     set(
         fabric.text.as_table_mut(),
         &["print", "image"],

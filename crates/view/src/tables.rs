@@ -17,7 +17,7 @@ pub(crate) fn tables_mut<'a>(
         *item = list.map_or_else(|old| old, Item::ArrayOfTables);
     }
     item.as_array_of_tables_mut()
-        .ok_or_else(|| InputError(format!("{key}: expected [[{key}]] tables")))
+        .ok_or_else(|| InputError::new(format!("expected [[{key}]] tables")).at_key(key))
 }
 
 /// Sets a value, in tables that are made where there are none.

@@ -70,6 +70,26 @@ fn key_suffix(key: &str) -> String {
 }
 
 impl Error {
+    /// The key of the fabric description that is at fault, if it is known.
+    pub fn key(&self) -> Option<&str> {
+        match self {
+            Error::Spec { key, .. } | Error::Draft { key, .. } | Error::Load { key, .. } => {
+                Some(key)
+            }
+            _ => None,
+        }
+    }
+
+    /// The text without the key.
+    pub fn message(&self) -> String {
+        match self {
+            Error::Spec { message, .. } => message.clone(),
+            Error::Draft { name, why, .. } => format!("{name}: {why}"),
+            Error::Load { name, source, .. } => format!("{name}: {source}"),
+            _ => self.to_string(),
+        }
+    }
+
     /// A wrong value under `key`.
     pub(crate) fn spec(key: impl Into<String>, message: impl Into<String>) -> Error {
         Error::Spec {

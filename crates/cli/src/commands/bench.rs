@@ -1,6 +1,6 @@
 //! `organza bench`
 
-use crate::error::input;
+use crate::error::{of_file, of_io};
 use crate::flags::values::{parse_share, whole};
 use crate::flags::{CommonArgs, MemoryArgs, set_help};
 use crate::output;
@@ -15,8 +15,8 @@ use organza_report::bench::{
 };
 use organza_scene::auto::lit::Lit;
 use organza_scene::auto::table_file;
+use organza_scene::overrides;
 use organza_scene::scene_file::SceneFile;
-use organza_scene::{overrides, read};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -104,8 +104,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     overrides::check_overrides::<SceneFile>(&scene, &args.common.set)?;
     let folder = |name: &str| {
         let path = args.outfile.join(name);
-        std::fs::create_dir_all(&path)
-            .map_err(|e| input(format!("{}: {}", path.display(), read::io_message(&e))))?;
+        std::fs::create_dir_all(&path).map_err(|e| of_io(&path, &e))?;
         path.canonicalize()
             .with_context(|| path.display().to_string())
     };
@@ -167,11 +166,13 @@ fn check_inputs_elsewhere(args: &BenchArgs) -> Result<()> {
     let fabrics = args.fabrics.iter().map(Path::new);
     for read in fabrics.chain(args.peer.as_deref()) {
         if read.canonicalize().is_ok_and(|p| p.starts_with(&folder)) {
-            return Err(input(format!(
-                "{}: is an input and lies in {}, which the bench fills; expected another folder",
-                read.display(),
-                args.outfile.display()
-            )));
+            return Err(of_file(
+                read,
+                format!(
+                    "is an input and lies in {}, which the bench fills; expected another folder",
+                    args.outfile.display()
+                ),
+            ));
         }
     }
     Ok(())
@@ -190,7 +191,7 @@ fn found(args: &BenchArgs) -> Result<Vec<SampleSource>> {
     for (i, one) in found.iter().enumerate() {
         if found.iter().take(i).any(|other| other.name() == one.name()) {
             let name = one.name();
-            return Err(input(format!("{name}: two fabrics have this name")));
+            return Err(of_file(name, "two fabrics have this name"));
         }
     }
     Ok(found)

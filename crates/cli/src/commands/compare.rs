@@ -2,7 +2,7 @@
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::{InputError, input};
+use crate::error::{InputError, of_file, of_io, of_option};
 use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_level, parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
@@ -16,10 +16,10 @@ use anyhow::{Context, Result};
 use clap::Args;
 use organza_measure::{Effort, PairValue, irawan_layout, parse_values, read_klems};
 use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
+use organza_scene::fabric_file;
 use organza_scene::file_kind::Wanted;
 use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs, TABLE};
-use organza_scene::{fabric_file, read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -89,7 +89,10 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         }
     });
     if !models.is_empty() && models.len() + usize::from(args.data.is_some()) < 2 {
-        return Err(input("--models: expected two models or more, or --data"));
+        return Err(of_option(
+            "models",
+            "expected two models or more, or --data",
+        ));
     }
     output::check_report_folder(&args.outdir, ("choices.csv", "the report of a bench"))?;
     for name in ["report.html", "report.json", "pairs.csv"] {
@@ -157,10 +160,10 @@ pub fn run(args: &CompareArgs) -> Result<()> {
             measured.push(measure(args, &plan, shown, &patch)?);
         }
         if measured.len() < 2 {
-            return Err(input(format!(
-                "{}: the volume is its only model; add a [surface] section (organza fit creates one)",
-                args.fabric.display()
-            )));
+            return Err(of_file(
+                &args.fabric,
+                "the volume is its only model; add a [surface] section (organza fit creates one)",
+            ));
         }
         let name = fabric.file.name.clone();
         let comparison = Comparison {
@@ -194,10 +197,10 @@ pub fn read_data(path: &Path, host: &Host) -> Result<Vec<PairValue>> {
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     let list = if is_xml {
-        let bsdf = read_klems(&text).map_err(|e| input(format!("{}: {e}", path.display())))?;
+        let bsdf = read_klems(&text).map_err(|e| of_file(path, e))?;
         bsdf.pairs()
     } else {
-        parse_values(&text).map_err(|e| input(format!("{}:{e}", path.display())))?
+        parse_values(&text).map_err(|e| InputError::from(e).in_file(path))?
     };
     let step = list.len().div_ceil(MAX_DATA).max(1);
     // Steps that share no factor with the width of a matrix visit all of it.
@@ -237,13 +240,7 @@ fn write(args: &CompareArgs, comparison: &Comparison) -> Result<()> {
     if !args.common.host.writes() {
         return Ok(());
     }
-    std::fs::create_dir_all(&args.outdir).map_err(|e| {
-        input(format!(
-            "{}: {}",
-            args.outdir.display(),
-            read::io_message(&e)
-        ))
-    })?;
+    std::fs::create_dir_all(&args.outdir).map_err(|e| of_io(&args.outdir, &e))?;
     let json = serde_json::to_string_pretty(&comparison.json())?;
     let files = [
         ("pairs.csv", comparison.pairs_csv()?),

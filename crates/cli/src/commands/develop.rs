@@ -1,7 +1,7 @@
 //! `organza develop`
 
 use super::Command;
-use crate::error::input;
+use crate::error::{after_option, of_file};
 use crate::flags::MemoryArgs;
 use crate::flags::display::DisplayArgs;
 use crate::flags::values::whole;
@@ -48,26 +48,32 @@ impl Command for DevelopArgs {
         let (out, read_from) = (&self.outfile, self.picture.display());
         if picture::is_linear(out) || picture::format(out).is_err() {
             let why = "expected a name that ends in .png";
-            return Err(input(format!("{}: {why}", out.display())));
+            return Err(of_file(out, why));
         }
         output::check_writable(out)?;
         output::check_not_an_input(out, [&self.picture])?;
         let allowed = self.memory.max_memory.unwrap_or_else(free_memory_bytes);
         let decoded = decode(&read::bytes(&self.picture)?, allowed);
-        let (linear, format) = decoded.map_err(|e| input(format!("{read_from}: {e}")))?;
+        let (linear, format) = decoded.map_err(|e| of_file(&self.picture, e))?;
         if !format.is_linear {
-            return Err(input(format!(
-                "{read_from}: is a finished picture ({}); expected a linear one (.exr, .hdr)",
-                format.name
-            )));
+            return Err(of_file(
+                &self.picture,
+                format!(
+                    "is a finished picture ({}); expected a linear one (.exr, .hdr)",
+                    format.name
+                ),
+            ));
         }
         let smaller = match self.size_px {
             None => linear,
             Some(longer) => shrunk(&linear, longer).map_err(|longest| {
-                input(format!(
-                    "--size-px {longer}: {read_from} has {longest} pixels along its longer edge, \
-                     and more are not in it"
-                ))
+                after_option(
+                    "size_px",
+                    format!(
+                        "{longer}: {read_from} has {longest} pixels along its longer edge, and \
+                         more are not in it"
+                    ),
+                )
             })?,
         };
         let display = self.display.over(Display {

@@ -1,7 +1,7 @@
 //! `organza difference`
 
 use super::Command;
-use crate::error::input;
+use crate::error::of_file;
 use crate::flags::MemoryArgs;
 use crate::output;
 use crate::picture;
@@ -77,15 +77,17 @@ impl DifferenceArgs {
         if a == b {
             return Ok(());
         }
-        Err(input(format!(
-            "{}: has {} x {} pixels; {} has {} x {}",
-            self.picture.display(),
-            b.x,
-            b.y,
-            self.reference.display(),
-            a.x,
-            a.y
-        )))
+        Err(of_file(
+            &self.picture,
+            format!(
+                "has {} x {} pixels; {} has {} x {}",
+                b.x,
+                b.y,
+                self.reference.display(),
+                a.x,
+                a.y
+            ),
+        ))
     }
 }
 
@@ -106,7 +108,7 @@ struct Measured {
 
 impl Measured {
     fn read(path: &Path, bytes: &[u8], max_memory_bytes: u64) -> Result<Measured> {
-        let fail = |e: PictureError| input(format!("{}: {e}", path.display()));
+        let fail = |e: PictureError| of_file(path, e);
         match exr::read_film(bytes, max_memory_bytes) {
             // Its own colours are no means of samples.
             Ok((_, attributes)) if attributes.get(exr::DENOISED).is_some() => Ok(Measured {

@@ -3,7 +3,7 @@
 use super::weave::CurveLevelName;
 use super::{Command, with_threads};
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{InputError, of_file};
 use crate::flags::values::{parse_positive, parse_repeats};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::output;
@@ -120,10 +120,7 @@ fn to_usd(args: &UsdArgs) -> Result<()> {
         .extension()
         .is_none_or(|e| !e.eq_ignore_ascii_case("usda"))
     {
-        return Err(input(format!(
-            "{}: expected a name that ends in .usda",
-            path.display()
-        )));
+        return Err(of_file(path, "expected a name that ends in .usda"));
     }
     output::check_writable(path)?;
     let max_memory_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
@@ -170,12 +167,8 @@ fn mesh(args: &UsdArgs, max_bytes: u64, loader: &Loader<'_>) -> Result<Option<Me
     };
     let mesh = read_mesh(path, placement, max_bytes, loader);
     let mesh = mesh.map_err(|why| match why {
-        NoMesh::File(e) => e.into(),
-        NoMesh::Key(key, why) => input(format!(
-            "{}: --{}: {why}",
-            path.display(),
-            key.replace('_', "-")
-        )),
+        NoMesh::File(e) => e,
+        NoMesh::Key(key, why) => InputError::of_option(key, why).in_file(path),
     })?;
     Ok(Some(mesh))
 }
@@ -183,10 +176,7 @@ fn mesh(args: &UsdArgs, max_bytes: u64, loader: &Loader<'_>) -> Result<Option<Me
 fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     let folder = &args.outfile;
     if folder.exists() && !folder.is_dir() {
-        return Err(input(format!(
-            "{}: is a file; expected a folder",
-            folder.display()
-        )));
+        return Err(of_file(folder, "is a file; expected a folder"));
     }
     let scene_path = folder.join("scene.xml");
     if folder.exists() {
@@ -205,7 +195,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         max_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
     };
     let export = mitsuba::export(&scene, file.render.spp, file.render.max_bounces, &tiling)
-        .map_err(|why| input(format!("{}: {why}", args.scene.display())))?;
+        .map_err(|why| of_file(&args.scene, why))?;
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     // The scene first: it stands for all, and a folder with one is whole.

@@ -1,7 +1,7 @@
 //! `organza info`
 
 use super::{Command, with_threads};
-use crate::error::input;
+use crate::error::{InputError, of_file};
 use crate::flags::{CommonArgs, set_help};
 use crate::waiting::Waiting;
 use crate::{data_sheet, output, picture};
@@ -74,13 +74,12 @@ fn tell(args: &InfoArgs) -> Result<Value> {
         return Ok(devices_info());
     };
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let fail = |e: String| input(format!("{}: {e}", path.display()));
+    let fail = |e: String| of_file(path, e);
     if let Some(key) = args.common.set.first()
         && !ending.eq_ignore_ascii_case("toml")
     {
-        return Err(fail(format!(
-            "--set {key}: only fabrics and scenes have keys"
-        )));
+        let why = format!("{key}: only fabrics and scenes have keys");
+        return Err(InputError::after_option("set", why).in_file(path).into());
     }
     if let Some(format) = format::by_name(&path.to_string_lossy()) {
         return volume(format, path);
@@ -115,7 +114,7 @@ fn tell(args: &InfoArgs) -> Result<Value> {
                         .into(),
                 )
             },
-            input,
+            Into::into,
         )),
     }
 }
@@ -357,7 +356,7 @@ fn picture_info(path: &Path) -> Result<Value> {
 /// A picture that keeps nothing of its render.
 fn plain_picture_info(path: &Path) -> Result<Value> {
     let decoded = organza_picture::decode(&read::bytes(path)?, free_memory_bytes());
-    let (picture, format) = decoded.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let (picture, format) = decoded.map_err(|e| of_file(path, e))?;
     Ok(json!({
         "kind": "picture",
         "format": format.name,

@@ -1,11 +1,10 @@
 //! `organza man`
 
 use super::Command;
-use crate::error::input;
+use crate::error::{of_file, of_io};
 use crate::output;
 use anyhow::{Context, Result};
 use clap::Args;
-use organza_scene::read;
 use std::path::PathBuf;
 
 /// `organza man`
@@ -27,13 +26,9 @@ impl Command for ManArgs {
     fn run(&self) -> Result<()> {
         let folder = &self.outfile;
         if folder.exists() && !folder.is_dir() {
-            return Err(input(format!(
-                "{}: is a file; expected a folder",
-                folder.display()
-            )));
+            return Err(of_file(folder, "is a file; expected a folder"));
         }
-        std::fs::create_dir_all(folder)
-            .map_err(|e| input(format!("{}: {}", folder.display(), read::io_message(&e))))?;
+        std::fs::create_dir_all(folder).map_err(|e| of_io(folder, &e))?;
         output::check_writable(&folder.join("organza.1"))?;
         let mut program = super::definition();
         // Gives the commands the names under which they are called.

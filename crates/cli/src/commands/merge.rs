@@ -2,7 +2,7 @@
 
 use super::Command;
 use super::render::CLAMPED;
-use crate::error::input;
+use crate::error::{input, of_file};
 use crate::flags::MemoryArgs;
 use crate::identity::{Difference, EngineKind, Identity, joined_engines};
 use crate::output;
@@ -106,10 +106,10 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
         .get("samples")
         .and_then(SampleRanges::parse)
         .ok_or_else(|| {
-            input(format!(
-                "{}: has no sample ranges; expected a picture of `organza render`",
-                path.display()
-            ))
+            of_file(
+                path,
+                "has no sample ranges; expected a picture of `organza render`",
+            )
         })?;
     Ok(Part {
         path,
@@ -119,7 +119,8 @@ fn load(path: &Path, max_memory_bytes: u64) -> Result<Part<'_>> {
 }
 
 fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
-    let (first, second) = (all.path.display(), part.path.display());
+    let first = all.path.display();
+    let fail = |why: &str| of_file(part.path, format!("cannot join {first}: {why}"));
     if let Some(difference) = identity(&all)?.difference(&identity(&part)?) {
         let differ = |key: &str| {
             let word = |p: &Part<'_>| p.stored.attributes.get(key).unwrap_or("none").to_owned();
@@ -133,7 +134,7 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
             Difference::Scene => "the scenes differ".to_owned(),
             Difference::Input(name) => format!("the contents of {name} differ"),
         };
-        return Err(input(format!("{second}: cannot join {first}: {why}")));
+        return Err(fail(&why));
     }
     let backend = |part: &Part| {
         part.stored
@@ -144,20 +145,16 @@ fn join<'a>(mut all: Part<'a>, part: Part<'a>) -> Result<Part<'a>> {
     };
     let (a, b) = (backend(&all), backend(&part));
     let Some(both) = joined_engines(&a, &b) else {
-        return Err(input(format!(
-            "{second}: cannot join {first}: backend is {b}, but {a} in {first}"
-        )));
+        return Err(fail(&format!("backend is {b}, but {a} in {first}")));
     };
     all.stored.attributes.set("backend", both);
     if all.stored.film.size() != part.stored.film.size() {
-        return Err(input(format!(
-            "{second}: cannot join {first}: the sizes differ"
-        )));
+        return Err(fail("the sizes differ"));
     }
     all.samples = all
         .samples
         .joined(&part.samples)
-        .map_err(|e| input(format!("{second}: cannot join {first}: {e}")))?;
+        .map_err(|e| fail(&e.to_string()))?;
     let removed = |p: &Part<'_>| p.stored.attributes.get(CLAMPED)?.parse::<u128>().ok();
     if let (Some(a), Some(b)) = (removed(&all), removed(&part)) {
         let sum = a.saturating_add(b).to_string();
@@ -182,10 +179,10 @@ fn merge_films(all: &mut Film, part: &Film) {
 /// What the picture of a part is of.
 fn identity(part: &Part<'_>) -> Result<Identity> {
     let missing = |key: &str| {
-        input(format!(
-            "{}: does not state its {key}; expected a picture of `organza render`",
-            part.path.display()
-        ))
+        of_file(
+            part.path,
+            format!("does not state its {key}; expected a picture of `organza render`"),
+        )
     };
     let value = |key: &'static str| part.stored.attributes.get(key).ok_or_else(|| missing(key));
     let crop: Vec<u32> = value("crop")?

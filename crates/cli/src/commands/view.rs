@@ -1,7 +1,7 @@
 //! `organza view`
 
 use super::Command;
-use crate::error::input;
+use crate::error::after_option;
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
 use crate::interrupt;
 use crate::output;
@@ -49,9 +49,10 @@ impl Command for ViewArgs {
         let port = self.port;
         let listener = organza_view::listen(port).map_err(|e| match port {
             0 => anyhow!("cannot serve on this computer: {e}"),
-            _ => input(format!(
-                "--port {port}: {e}; choose another, or leave it out"
-            )),
+            _ => after_option(
+                "port",
+                format!("{port}: {e}; choose another, or leave it out"),
+            ),
         })?;
         let port = listener
             .local_addr()

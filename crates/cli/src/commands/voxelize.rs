@@ -2,7 +2,7 @@
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{InputError, after_option, of_file};
 use crate::flags::values::{parse_level, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
 use crate::interrupt::{self, Interruptible};
@@ -74,10 +74,10 @@ pub fn run(args: &VoxelizeArgs) -> Result<()> {
     let name = args.outfile.to_string_lossy();
     let format = format::by_name(&name).ok_or_else(|| {
         let endings: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.ending)).collect();
-        input(format!(
-            "{name}: expected a name that ends in {}",
-            or_list(&endings)
-        ))
+        of_file(
+            &args.outfile,
+            format!("expected a name that ends in {}", or_list(&endings)),
+        )
     })?;
     check_flags(args, format)?;
     output::check_writable(&args.outfile)?;
@@ -114,13 +114,17 @@ fn check_flags(args: &VoxelizeArgs, format: &Format) -> Result<()> {
         if given && !format.options.contains(&option) {
             let takers = FORMATS.iter().filter(|f| f.options.contains(&option));
             let takers: Vec<String> = takers.map(|f| format!(".{}", f.ending)).collect();
-            return Err(input(format!(
-                "{}: {flag} is for {}; .{} keeps {}",
-                args.outfile.display(),
-                or_list(&takers),
-                format.ending,
-                format.keeps
-            )));
+            return Err(InputError::after_option(
+                flag,
+                format!(
+                    "is for {}; .{} keeps {}",
+                    or_list(&takers),
+                    format.ending,
+                    format.keeps
+                ),
+            )
+            .in_file(&args.outfile)
+            .into());
         }
     }
     Ok(())
@@ -182,10 +186,10 @@ fn octree(args: &VoxelizeArgs, format: &Format, loader: &Loader<'_>) -> Result<(
     )?;
     let levels = plan.level_count();
     if args.level >= levels {
-        return Err(input(format!(
-            "--level {}: the octree has {levels} levels, from 0",
-            args.level
-        )));
+        return Err(after_option(
+            "level",
+            format!("{}: the octree has {levels} levels, from 0", args.level),
+        ));
     }
     let limit = args.memory.max_memory;
     let octree = fabric.voxelize_planned(&args.fabric, &plan, limit, loader)?;
@@ -255,14 +259,14 @@ fn check_memory(args: &VoxelizeArgs, format: &Format, octree: &Octree) -> Result
         return Ok(());
     }
     let dims = octree.dims(args.level);
-    Err(input(format!(
-        "{}: {} x {} x {} voxels need about {needed} bytes of memory, {allowed} are allowed: use \
-         larger voxels, a coarser --level or a smaller tile, allow more, or write .ovox",
-        args.outfile.display(),
-        dims.x,
-        dims.y,
-        dims.z
-    )))
+    Err(of_file(
+        &args.outfile,
+        format!(
+            "{} x {} x {} voxels need about {needed} bytes of memory, {allowed} are allowed: use \
+             larger voxels, a coarser --level or a smaller tile, allow more, or write .ovox",
+            dims.x, dims.y, dims.z
+        ),
+    ))
 }
 
 /// What `use_parts` makes of the files of the volume, by their paths.

@@ -1,7 +1,7 @@
 //! `organza weave`
 
 use super::Command;
-use crate::error::input;
+use crate::error::{after_option, of_file};
 use crate::flags::CommonArgs;
 use crate::flags::values::whole;
 use crate::output::note;
@@ -85,9 +85,10 @@ impl Named {
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
         if let (Some(set), false) = (overrides.first(), is_toml) {
-            return Err(input(format!(
-                "--set {set}: {word} has no keys to override; only a fabric file (.toml) has"
-            )));
+            return Err(after_option(
+                "set",
+                format!("{set}: {word} has no keys to override; only a fabric file (.toml) has"),
+            ));
         }
         if let Some(draft) = subject::draft_of(path, loader)? {
             return Ok(Named::Draft(draft));
@@ -98,10 +99,12 @@ impl Named {
         }
         let what = read::bytes(path).ok().and_then(|b| file_kind::of_bytes(&b));
         let what = what.unwrap_or("a file of unknown kind");
-        Err(input(format!(
-            "{word}: is {what}; expected a draft (.wif), a fabric file (.toml) or the name of a \
-             weave"
-        )))
+        Err(of_file(
+            word,
+            format!(
+                "is {what}; expected a draft (.wif), a fabric file (.toml) or the name of a weave"
+            ),
+        ))
     }
 
     fn draft(&self) -> Option<&Draft> {
@@ -130,7 +133,7 @@ pub fn run(args: &WeaveArgs) -> Result<()> {
         output::check_not_an_input(path, loader.inputs().iter().map(|i| &i.path))?;
         write(args, &named, path)?;
     }
-    let no_draft = || input(format!("{}: has no draft to show", args.draft));
+    let no_draft = || of_file(&args.draft, "has no draft to show");
     if args.json {
         let listing = match &named {
             Named::Draft(d) => serde_json::json!({ "draft": d.draft.summary() }),
@@ -151,27 +154,27 @@ fn write(args: &WeaveArgs, named: &Named, path: &Path) -> Result<()> {
     let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
     let level = args.level.unwrap_or(CurveLevelName::Yarn).of_cloth();
     match (ending, named) {
-        (_, Named::Draft(_)) if args.level.is_some() => Err(input(format!(
-            "{}: a draft has no curves for --level; name a fabric file (.toml)",
-            args.draft
-        ))),
+        (_, Named::Draft(_)) if args.level.is_some() => Err(of_file(
+            &args.draft,
+            "a draft has no curves for --level; name a fabric file (.toml)",
+        )),
         ("png", Named::Draft(d)) => write_png(path, &d.draft.picture(args.cell_px)),
         ("toml", Named::Draft(d)) => {
             let text = d.fabric_in(path.parent().unwrap_or(Path::new("")))?;
             output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))
         }
-        ("toml", Named::Fabric(_)) => Err(input(format!(
-            "{}: is a fabric file already; a fabric is written for a draft or a weave",
-            args.draft
-        ))),
+        ("toml", Named::Fabric(_)) => Err(of_file(
+            &args.draft,
+            "is a fabric file already; a fabric is written for a draft or a weave",
+        )),
         ("png", Named::Fabric(f)) => match (f.cloth.draft(), args.level) {
             (Some(draft), None) => write_png(path, &draft.picture(args.cell_px)),
             _ => write_png(path, &f.cloth.picture(level, f.cloth.default_picture_mm())),
         },
-        ("obj" | "txt" | "bcc", Named::Draft(_)) => Err(input(format!(
-            "{}: a draft has no curves; name a fabric file (.toml)",
-            args.draft
-        ))),
+        ("obj" | "txt" | "bcc", Named::Draft(_)) => Err(of_file(
+            &args.draft,
+            "a draft has no curves; name a fabric file (.toml)",
+        )),
         ("obj" | "txt" | "bcc", Named::Fabric(f)) => {
             let curves = f.cloth.curves(level);
             output::write_file(path, |mut out| {
@@ -183,10 +186,10 @@ fn write(args: &WeaveArgs, named: &Named, path: &Path) -> Result<()> {
                 .context("writing the curves failed")
             })
         }
-        _ => Err(input(format!(
-            "{}: expected a name that ends in .png, .toml, .obj, .txt or .bcc",
-            path.display()
-        ))),
+        _ => Err(of_file(
+            path,
+            "expected a name that ends in .png, .toml, .obj, .txt or .bcc",
+        )),
     }
 }
 

@@ -38,7 +38,7 @@ impl Peer {
     /// # Errors
     /// Names the file and the picture.
     pub fn read(path: &Path, pixels: usize) -> Result<Vec<Peer>, ReportError> {
-        let fail = |why: String| ReportError::input(format!("{}: {why}", path.display()));
+        let fail = |why: String| ReportError::of_file(path, why);
         let file: PeerFile =
             serde_json::from_str(&read::text(path)?).map_err(|e| fail(e.to_string()))?;
         for peer in &file.pictures {

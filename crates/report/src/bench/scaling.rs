@@ -266,7 +266,7 @@ fn with_parallel_lights(scene: &str, count: u32) -> String {
 /// The text of a fabric with a tile of more repeats.
 fn with_repeats(sample: &Sample, repeats: u32) -> Result<String, ReportError> {
     let text = organza_scene::read::text(&sample.path)?;
-    let fail = |why: String| ReportError::input(format!("{}: {why}", sample.path.display()));
+    let fail = |why: String| ReportError::of_file(&sample.path, why);
     let mut table: toml::Table = toml::from_str(&text).map_err(|e| fail(e.to_string()))?;
     let mut tile = toml::Table::new();
     let both = [i64::from(repeats); 2].map(toml::Value::Integer);

@@ -72,10 +72,13 @@ impl SampleSource {
         if !named.ends_with(".toml") {
             let near = nearest_name(named, Sample::names())
                 .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-            return Err(ReportError::input(format!(
-                "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
-                Sample::names().join(", ")
-            )));
+            return Err(ReportError::of_file(
+                named,
+                format!(
+                    "expected the name of a fabric file (.toml) or one of {}{near}",
+                    Sample::names().join(", ")
+                ),
+            ));
         }
         let path = PathBuf::from(named);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();

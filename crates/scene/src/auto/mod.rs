@@ -9,7 +9,7 @@ pub mod table_file;
 
 use crate::build_options::BuildOptions;
 use crate::cloth_place::ClothPlace;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file;
 use crate::level::{Lod, LodName};
 use crate::loader::Loader;
@@ -77,7 +77,7 @@ pub fn resolve(
         let Some(ObjectTable::Cloth(table)) = file.object.get(i) else {
             continue;
         };
-        let fail = |why: &str| input(format!("{}: object[{i}]{why}", scene_path.display()));
+        let fail = |why: &str| InputError::keyed(format!("object[{i}]{why}")).in_file(scene_path);
         if table.model != Some(ModelKey::Auto) {
             if table.tolerance.is_some() {
                 return Err(fail(".tolerance: belongs to model = \"auto\""));
@@ -143,7 +143,7 @@ fn choose(
     scene_path: &Path,
     loader: &Loader<'_>,
 ) -> Result<Chosen> {
-    let fail = |why: &str| input(format!("{}: {why}", scene_path.display()));
+    let fail = |why: &str| InputError::keyed(why).in_file(scene_path);
     let options = BuildOptions {
         scene_path,
         loader,

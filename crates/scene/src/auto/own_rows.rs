@@ -2,7 +2,7 @@
 
 use super::table::{Row, Traits};
 use super::table_file;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ pub(super) fn own_rows(
     if loader.unreachable(&file).is_some() {
         return Ok(None);
     }
-    let fail = |why: String| input(format!("{}: {why}", file.display()));
+    let fail = |why: String| InputError::of_file(&file, why);
     if let Some(found) = loader.file_bytes(&file).filter(|n| *n > MAX_BYTES) {
         return Err(fail(format!(
             "has {found} bytes; expected the choices.csv of a bench, which has at most {MAX_BYTES}"

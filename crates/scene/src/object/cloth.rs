@@ -5,7 +5,7 @@ use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
 use crate::drape::{self, MeshKeys};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::{Fabric, load};
 use crate::far_table::far_table;
 use crate::level::{Levels, Lod, LodName};
@@ -106,7 +106,10 @@ impl ObjectKind for ClothTable {
     fn check(&self, at: &At<'_>) -> Result<()> {
         let fabric = read::beside(at.scene_path, &self.fabric);
         if let Some(why) = at.loader.unreachable(&fabric) {
-            return Err(at.fail(format!(".fabric: {why}")));
+            return Err(InputError {
+                is_missing: why.is_missing,
+                ..at.fail(format!(".fabric: {why}"))
+            });
         }
         if self.extent_mm.is_some() && self.mesh.is_some() {
             return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
@@ -168,7 +171,7 @@ fn fabric_and_showing(
     options: &BuildOptions<'_>,
 ) -> Result<(Fabric, ShownAs)> {
     let scene_path = options.scene_path;
-    let fail = |why: &str| input(format!("{}: object[{index}]{why}", scene_path.display()));
+    let fail = |why: &str| InputError::keyed(format!("object[{index}]{why}")).in_file(scene_path);
     let own_seed: Vec<String> = table.seed.iter().map(|s| format!("seed={s}")).collect();
     let mut fabric = load(
         &read::beside(scene_path, &table.fabric),
@@ -250,19 +253,23 @@ fn plan<'a>(
         )
         .map_err(|e| match table.voxel_um {
             // Voxels that the scene asked for are no fault of the fabric.
-            Some(um) => input(format!(
-                "{}: object[{index}].voxel_um = {um}: {e}",
-                options.scene_path.display()
-            )),
+            Some(um) => InputError {
+                runs_on: true,
+                ..InputError::of_key(
+                    options.scene_path,
+                    format!("object[{index}].voxel_um"),
+                    format!("= {um}: {e}"),
+                )
+            },
             None => e,
         })?;
     let level_count = plan.level_count();
     match table.lod {
-        Lod::Level(level) if level >= level_count => Err(input(format!(
-            "{}: object[{index}].lod: level {level} does not exist; the cloth has {level_count}, \
-             from 0",
-            options.scene_path.display()
-        ))),
+        Lod::Level(level) if level >= level_count => Err(InputError::of_key(
+            options.scene_path,
+            format!("object[{index}].lod"),
+            format!("level {level} does not exist; the cloth has {level_count}, from 0"),
+        )),
         _ => Ok(plan),
     }
 }
@@ -323,8 +330,8 @@ fn rows<'a>(
     let seed = fabric.file.seed;
     let row = |(i, stitch): (usize, &'a Stitch)| {
         Row::new(stitch, fabric, thickness_mm, seed ^ i as u64).map_err(|why| {
-            let scene = options.scene_path.display();
-            input(format!("{scene}: object[{index}].stitch[{i}]{why}"))
+            let key = format!("object[{index}].stitch[{i}]{why}");
+            InputError::keyed(key).in_file(options.scene_path)
         })
     };
     let rows = table.stitch.iter().enumerate().map(row);
@@ -345,8 +352,7 @@ fn media(
 ) -> Result<Vec<AnyMedium>> {
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     let fail = |why: String| {
-        let scene = options.scene_path.display();
-        input(format!("{scene}: object[{index}].{why}"))
+        InputError::keyed(format!("object[{index}].{why}")).in_file(options.scene_path)
     };
     let max_bytes = || options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
     let mut mesh = drape::mesh(table.mesh_keys(), index, options)?;
@@ -407,10 +413,8 @@ fn medium(
     mesh: Option<Mesh>,
 ) -> Result<AnyMedium> {
     let path = read::beside(options.scene_path, &table.fabric);
-    let fail = |why: &str| {
-        let scene = options.scene_path.display();
-        input(format!("{scene}: object[{index}]{why}"))
-    };
+    let fail =
+        |why: &str| InputError::keyed(format!("object[{index}]{why}")).in_file(options.scene_path);
     let is_curves = matches!(
         shown.representation.build,
         Build::ExplicitFibres(_) | Build::Plies(_)

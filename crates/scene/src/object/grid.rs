@@ -2,7 +2,7 @@
 
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::memory::free_memory_bytes;
 use crate::{read, volume_file};
 use glam::Vec3;
@@ -103,19 +103,17 @@ fn vol(name: &str, options: &BuildOptions<'_>, budget: &mut Budget) -> Result<(P
 /// The samples of a `.vol` grid that must have `N` channels.
 pub(crate) fn channels<const N: usize>(path: &Path, grid: &VolGrid, key: &str) -> Result<Grid<N>> {
     if grid.channels as usize != N {
-        return Err(input(format!(
-            "{}: has {} channels; `{key}` expects {N}",
-            path.display(),
-            grid.channels
-        )));
+        return Err(InputError::of_file(
+            path,
+            format!("has {} channels; `{key}` expects {N}", grid.channels),
+        ));
     }
     let samples = grid
         .data
         .chunks_exact(N)
         .map(|s| std::array::from_fn(|i| s[i]))
         .collect();
-    Grid::new(grid.dims, samples)
-        .ok_or_else(|| input(format!("{}: holds no samples", path.display())))
+    Grid::new(grid.dims, samples).ok_or_else(|| InputError::of_file(path, "holds no samples"))
 }
 
 /// The medium of a grid object.
@@ -131,14 +129,13 @@ fn grid(t: &GridTable, options: &BuildOptions<'_>, budget: &mut Budget) -> Resul
         if near(other.bounds_mm.min, bounds_mm.min) && near(other.bounds_mm.max, bounds_mm.max) {
             Ok(())
         } else {
-            Err(input(format!(
-                "{}: its box {} .. {} differs from the extinction's {} .. {}",
-                path.display(),
-                other.bounds_mm.min,
-                other.bounds_mm.max,
-                bounds_mm.min,
-                bounds_mm.max
-            )))
+            Err(InputError::of_file(
+                path,
+                format!(
+                    "its box {} .. {} differs from the extinction's {} .. {}",
+                    other.bounds_mm.min, other.bounds_mm.max, bounds_mm.min, bounds_mm.max
+                ),
+            ))
         }
     };
     let (sggx_path, sggx) = vol(&t.sggx, options, budget)?;
@@ -176,6 +173,6 @@ fn grid(t: &GridTable, options: &BuildOptions<'_>, budget: &mut Budget) -> Resul
             }
             _ => &extinction_path,
         };
-        input(format!("{}: {e}", path.display()))
+        InputError::of_file(path, e)
     })
 }

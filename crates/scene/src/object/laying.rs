@@ -2,7 +2,7 @@
 
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::far_table::far_sheet;
 use crate::level::{Levels, Lod, LodName};
@@ -51,8 +51,8 @@ impl Laying<'_> {
             ..
         } = *self;
         let fail = |why: &str| {
-            let (scene, index) = (options.scene_path.display(), self.index);
-            input(format!("{scene}: object[{index}]{why}"))
+            let index = self.index;
+            InputError::keyed(format!("object[{index}]{why}")).in_file(options.scene_path)
         };
         if place.mesh.is_some() && !octree.repeats() {
             return Err(fail(".mesh: needs a cloth that repeats; this one does not"));

@@ -16,7 +16,7 @@ pub use plane::PlaneTable;
 pub use volume::{VolumeMaterials, VolumeTable};
 
 use crate::build_options::BuildOptions;
-use crate::error::{InputError, Result, input};
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use organza_basis::Budget;
 use organza_transport::{AnyMedium, Camera};
@@ -39,8 +39,8 @@ pub struct At<'a> {
 impl At<'_> {
     /// An error of the object: `.key: why`, or `: why` of the object as a whole.
     pub fn fail(&self, why: impl AsRef<str>) -> InputError {
-        let (scene, index) = (self.scene_path.display(), self.index);
-        input(format!("{scene}: object[{index}]{}", why.as_ref()))
+        let key = format!("object[{}]{}", self.index, why.as_ref());
+        InputError::keyed(key).in_file(self.scene_path)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Plies: every ply of the cloth as a cylinder full of fibres.
 
 use super::{Build, Representation, Tracker};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
@@ -66,10 +66,10 @@ pub(crate) fn parameters(fabric: &Fabric) -> Vec<Option<PlyParameters>> {
 fn can_be_plies(fabric: &Fabric, path: &Path) -> Result<()> {
     fabric.whole(path, "plies")?;
     match fabric.cloth.plies().unfit() {
-        Some(part) => Err(input(format!(
-            "{}: model = \"plies\" shows no {part}; choose \"fibres\"",
-            path.display()
-        ))),
+        Some(part) => Err(InputError::of_file(
+            path,
+            format!("model = \"plies\" shows no {part}; choose \"fibres\""),
+        )),
         None => Ok(()),
     }
 }
@@ -93,5 +93,5 @@ fn plies(
         .run(&task, |done| {
             Plies::new(&source, &parameters, fibres, Some(allowed), done)
         })
-        .map_err(|e| input(format!("{}: {e}", path.display())))
+        .map_err(|e| InputError::of_file(path, e))
 }

@@ -2,7 +2,7 @@
 //! fibres.
 
 use super::{FittedOptics, VoxelSource};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use organza_transport::{
     AnyMedium, HybridFibres, LocalVisibility, VirtualFibreEvent, VirtualFibreMedium,
 };
@@ -38,10 +38,10 @@ pub(super) fn medium(
         let explicit = fabric.explicit_fibres(path, source.max_memory_bytes, source.loader)?;
         let hybrid = HybridFibres::new(explicit, medium, switch);
         let hybrid = hybrid.ok_or_else(|| {
-            input(format!(
-                "{}: first_events and while_weight need the cloth in its own size",
-                path.display()
-            ))
+            InputError::of_file(
+                path,
+                "first_events and while_weight need the cloth in its own size",
+            )
         })?;
         return Ok(Some(AnyMedium::HybridFibres(Box::new(hybrid))));
     }
@@ -52,7 +52,7 @@ pub(super) fn medium(
     let fibres = fabric.explicit_fibres(path, source.max_memory_bytes, source.loader)?;
     let (materials, seed) = (octree.material_count(), fabric.file.seed);
     let local = LocalVisibility::count(&fibres, materials, corner_mm, voxel_mm, seed)
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+        .map_err(|e| InputError::of_file(path, e))?;
     Ok(Some(AnyMedium::VirtualFibres(
         medium.with_local_visibility(local),
     )))

@@ -4,7 +4,7 @@ mod summary;
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{after_option, of_file, of_key};
 use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_level, parse_paths, parse_repeats, parse_seed, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
@@ -246,11 +246,13 @@ fn cloth<'a>(args: &BakeArgs, path: &'a Path) -> Result<Cloth<'a>> {
     })?;
     let shown = args.model.of(&fabric, path)?;
     if matches!(shown.representation.build, Build::Surface(_)) {
-        return Err(input(format!(
-            "--model {}: has no geometry to make maps of; expected fibres, packed, plain or \
-             microflake",
-            shown.representation.name
-        )));
+        return Err(after_option(
+            "model",
+            format!(
+                "{}: has no geometry to make maps of; expected fibres, packed, plain or microflake",
+                shown.representation.name
+            ),
+        ));
     }
     let mut grid = texel_grid(&fabric, args.resolution);
     if args.resolution.is_power_of_two() {
@@ -292,26 +294,33 @@ fn check_colourways(cloths: &mut [Cloth<'_>]) -> Result<()> {
         return Ok(());
     }
     for (k, cloth) in cloths.iter().enumerate() {
-        let (path, first) = (cloth.path.display(), &cloths[0]);
+        let (path, first) = (&cloth.path, &cloths[0]);
         let (own, wanted) = (cloth.grid.size_mm, first.grid.size_mm);
         if !own.abs_diff_eq(wanted, SAME_TILE * wanted.max_element()) {
-            return Err(input(format!(
-                "{path}: textures show {:.3} x {:.3} mm, those of {} {:.3} x {:.3} mm; expected a \
-                 colourway, which has the same threads",
-                own.x,
-                own.y,
-                first.path.display(),
-                wanted.x,
-                wanted.y
-            )));
+            return Err(of_file(
+                path,
+                format!(
+                    "textures show {:.3} x {:.3} mm, those of {} {:.3} x {:.3} mm; expected a \
+                     colourway, which has the same threads",
+                    own.x,
+                    own.y,
+                    first.path.display(),
+                    wanted.x,
+                    wanted.y
+                ),
+            ));
         }
         let same = |other: &&Cloth<'_>| other.name == cloth.name;
         if let Some(other) = cloths.iter().take(k).find(same) {
-            return Err(input(format!(
-                "{path}: name: is {}, as in {}; expected a name of its own for each colourway",
-                cloth.name,
-                other.path.display()
-            )));
+            return Err(of_key(
+                path,
+                "name",
+                format!(
+                    "is {}, as in {}; expected a name of its own for each colourway",
+                    cloth.name,
+                    other.path.display()
+                ),
+            ));
         }
     }
     for cloth in cloths {
@@ -361,11 +370,14 @@ fn check_memory(args: &BakeArgs, grid: &TexelGrid) -> Result<()> {
     let needed = texels.saturating_mul(BYTES_PER_TEXEL);
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
-        return Err(input(format!(
-            "--resolution {}: maps of {} x {} texels need {needed} bytes of memory, {most} are \
-             allowed: take fewer texels",
-            args.resolution, grid.texels.x, grid.texels.y
-        )));
+        return Err(after_option(
+            "resolution",
+            format!(
+                "{}: maps of {} x {} texels need {needed} bytes of memory, {most} are allowed: \
+                 take fewer texels",
+                args.resolution, grid.texels.x, grid.texels.y
+            ),
+        ));
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::{FitArgs, check_outputs, effort, finish, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
-use crate::error::input;
+use crate::error::{of_file, of_key, of_option};
 use crate::host::Host;
 use crate::number_journal::JournalError;
 use crate::output::note;
@@ -44,7 +44,7 @@ impl Observed {
             return Ok(Observed::Pairs(read_data(path, host)?));
         }
         let bsdf = read_klems(&host.loader().text_of(path, Wanted::Text)?)
-            .map_err(|e| input(format!("{}: {e}", path.display())))?;
+            .map_err(|e| of_file(path, e))?;
         let mut list = Vec::new();
         for (side, theta) in [(0, 0.0), (1, 180.0)] {
             for from in (0..bsdf.basis.len()).step_by(bsdf.basis.len() / 6) {
@@ -175,7 +175,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let path = args
         .data
         .as_deref()
-        .ok_or_else(|| input("--data: expected measured values"))?;
+        .ok_or_else(|| of_option("data", "expected measured values"))?;
     let observed = Observed::read(path, &args.common.host)?;
     let values = observed.values();
     let unwatched = args.common.host.loader();
@@ -264,7 +264,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     }
     Stopped::check(args.common.host.goes_on())?;
     let (Some(base), true) = (residuals(&place), least.is_finite()) else {
-        let none = || input(format!("{}: no answer", args.fabric_path().display()));
+        let none = || of_file(args.fabric_path(), "no answer");
         return Err(failure.unwrap_or_else(none));
     };
     let mut columns = Vec::new();
@@ -312,11 +312,13 @@ pub fn yarns(fabric: &Fabric) -> Vec<String> {
 pub fn model(args: &FitArgs, fabric: &Fabric) -> Result<(ShownAs, &'static FittedOptics)> {
     let shown = args.model.of(fabric, args.fabric_path())?;
     let fitted = shown.representation.fitted.ok_or_else(|| {
-        input(format!(
-            "{}: model {:?} has no fibres to fit; choose another with --model",
-            args.fabric_path().display(),
-            shown.representation.name
-        ))
+        of_file(
+            args.fabric_path(),
+            format!(
+                "model {:?} has no fibres to fit; choose another with --model",
+                shown.representation.name
+            ),
+        )
     })?;
     Ok((shown, fitted))
 }
@@ -397,11 +399,11 @@ pub fn optics_given_way(
     for yarn in yarns {
         let optics = own.get("optics").and_then(|o| o.get(yarn));
         if optics.is_some_and(Value::is_array) {
-            return Err(input(format!(
-                "{}: optics.{yarn}: is a list of tables for colours of thread; a fit needs one \
-                 table, or none",
-                args.fabric_path().display()
-            )));
+            return Err(of_key(
+                args.fabric_path(),
+                format!("optics.{yarn}"),
+                "is a list of tables for colours of thread; a fit needs one table, or none",
+            ));
         }
         for key in fitted.replaced {
             if optics.is_some_and(|o| o.get(key).is_some()) {

@@ -1,7 +1,7 @@
 //! Groups of flags that belong to one kind of fit, and the refusal of those of other kinds.
 
 use super::FitArgs;
-use crate::error::input;
+use crate::error::of_option;
 use anyhow::Result;
 
 /// Flags that describe a picture, and whether they are given.
@@ -32,7 +32,7 @@ pub fn volume_flags(args: &FitArgs) -> [(&'static str, bool); 5] {
 /// Refuses the first of these flags that is given.
 pub fn refuse_given(flags: &[(&str, bool)], why: &str) -> Result<()> {
     match flags.iter().find(|(_, is_given)| *is_given) {
-        Some((flag, _)) => Err(input(format!("{flag}: {why}"))),
+        Some((flag, _)) => Err(of_option(flag, why)),
         None => Ok(()),
     }
 }

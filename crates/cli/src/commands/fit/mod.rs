@@ -19,7 +19,7 @@ mod volume_picture;
 mod volume_scene;
 
 use super::with_threads;
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use crate::identity;
 use crate::journal::Work;
 use crate::number_journal::NumberJournal;
@@ -185,10 +185,7 @@ pub enum FitWhat {
 pub fn run(args: &FitArgs) -> Result<()> {
     let is_fabric = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("toml");
     if !args.outfile.extension().is_some_and(is_fabric) {
-        return Err(input(format!(
-            "{}: expected a name that ends in .toml",
-            args.outfile.display()
-        )));
+        return Err(of_file(&args.outfile, "expected a name that ends in .toml"));
     }
     output::check_writable(&args.outfile)?;
     if let Some(journal) = &args.journal {
@@ -202,7 +199,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     if let PatchModel::Is(model) = args.model
         && matches!(model.build, Build::Surface(_))
     {
-        return Err(input("--model: a surface cannot stand for the volume"));
+        return Err(of_option("model", "a surface cannot stand for the volume"));
     }
     if args.what == FitWhat::Cloth {
         return with_threads(&args.common, || cloth::run(args));

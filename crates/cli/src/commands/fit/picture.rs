@@ -4,7 +4,7 @@ use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
 use super::flag_groups::refuse_given;
 use super::{FitArgs, check_outputs, finish, options, table};
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use crate::host::Host;
 use crate::progress::Progress;
 use anyhow::Result;
@@ -37,7 +37,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let path = args
         .data
         .as_deref()
-        .ok_or_else(|| input("--data: expected a picture"))?;
+        .ok_or_else(|| of_option("data", "expected a picture"))?;
     let others = [
         ("--journal", args.journal.is_some()),
         ("--patience", args.patience.is_some()),
@@ -156,7 +156,7 @@ pub fn read_picture(
 ) -> Result<(UVec2, Vec<Rgb>)> {
     let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
     let decoded = organza_picture::decode(&host.loader().bytes(path)?, allowed);
-    let (picture, _) = decoded.map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let (picture, _) = decoded.map_err(|e| of_file(path, e))?;
     let positive = |p: Rgb| Rgb::from(p.0.to_array().map(|x| if x < 0.0 { 0.0 } else { x }));
     Ok((
         picture.size,

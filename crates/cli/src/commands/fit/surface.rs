@@ -4,7 +4,7 @@
 use super::{FitArgs, check_outputs, effort, finish, journal_key, open_journal, options, table};
 use crate::building::watched;
 use crate::commands::compare::read_data;
-use crate::error::input;
+use crate::error::{input, of_file, of_key};
 use crate::progress::Progress;
 use anyhow::{Context, Result};
 use organza_basis::{Rgb, Stopped};
@@ -40,7 +40,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let mut start = fabric
         .surface_spec(args.fabric_path())?
         .resolved()
-        .map_err(|e| input(format!("{}: surface: {e}", args.fabric_path().display())))?;
+        .map_err(|e| of_key(args.fabric_path(), "surface", e))?;
     let data = match &args.data {
         Some(path) => read_data(path, &args.common.host)?,
         None => {
@@ -70,7 +70,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
         count += 1;
         progress.at(count)
     })
-    .map_err(|e| input(format!("{}: {e}", args.fabric_path().display())))?;
+    .map_err(|e| of_file(args.fabric_path(), e))?;
     progress.finish();
     let section = Value::try_from(&fitted.spec).context("the surface cannot be written")?;
     let mut table = table(args, &[], &[])?;

@@ -7,7 +7,7 @@ use super::volume_picture::Photograph;
 use super::volume_scene::{Draft, START};
 use super::{FitArgs, FitWhat, check_outputs, finish};
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{after_option, of_file, of_option};
 use crate::output::note;
 use crate::progress::Progress;
 use anyhow::Result;
@@ -56,15 +56,18 @@ pub fn run(args: &FitArgs) -> Result<()> {
     if !draft.is_made {
         for (flag, is_given) in picture_flags(args).into_iter().take(3) {
             if is_given {
-                return Err(input(format!(
-                    "{flag}: {} has a camera and lights of its own",
-                    draft.path.display()
-                )));
+                return Err(of_option(
+                    flag,
+                    format!(
+                        "{} has a camera and lights of its own",
+                        draft.path.display()
+                    ),
+                ));
             }
         }
     }
     let path = args.data.as_deref();
-    let path = path.ok_or_else(|| input("--data: expected measured values or a picture"))?;
+    let path = path.ok_or_else(|| of_option("data", "expected measured values or a picture"))?;
     let data = match args.what {
         FitWhat::Picture => Data::Picture(Photograph::read(args, path, &draft)?),
         _ => Data::Pairs(Observed::read(path, &args.common.host)?),
@@ -120,16 +123,19 @@ pub fn run(args: &FitArgs) -> Result<()> {
 fn refuse_flags(args: &FitArgs) -> Result<()> {
     let refuse = |flag: &str, is_given: bool, why: &str| {
         if is_given {
-            return Err(input(format!("{flag}: {why}")));
+            return Err(of_option(flag, why));
         }
         Ok(())
     };
     if args.what == FitWhat::Surface {
         let why = "a volume has no [surface] section; take fibres, for measured pairs, or picture";
-        return Err(input(format!("--what surface: {why}")));
+        return Err(after_option("what", format!("surface: {why}")));
     }
     if args.what == FitWhat::Plies {
-        return Err(input("--what plies: a volume has no plies; give a fabric"));
+        return Err(after_option(
+            "what",
+            "plies: a volume has no plies; give a fabric",
+        ));
     }
     let fabrics = "applies only to fits of a fabric";
     refuse("--journal", args.journal.is_some(), fabrics)?;
@@ -199,8 +205,8 @@ impl Data {
             Data::Picture(photograph) => photograph.simulate(args, draft, &loaded, scene),
             Data::Pairs(observed) => {
                 let integrator = loaded.file.render.integrator.into();
-                let patch = VolumePatch::new(scene, integrator)
-                    .map_err(|e| input(format!("{}: {e}", draft.path.display())))?;
+                let patch =
+                    VolumePatch::new(scene, integrator).map_err(|e| of_file(&draft.path, e))?;
                 let patch: AnyPatch = Box::new(patch);
                 Ok(observed.simulate(args, &patch)?.list())
             }

@@ -2,7 +2,7 @@
 
 use super::FitArgs;
 use super::volume_scene::Draft;
-use crate::error::input;
+use crate::error::{after_option, of_file, of_option};
 use anyhow::Result;
 use glam::{UVec2, Vec3};
 use organza_basis::Rgb;
@@ -60,28 +60,34 @@ impl Photograph {
             min: UVec2::ZERO,
             max: size,
         };
-        let check = |flag: &str, crop: Crop, least: u32| {
+        let check = |flag: &str, yarn: &str, crop: Crop, least: u32| {
             let extent = crop.max.saturating_sub(crop.min);
             let (Crop { min, max }, most) = (crop, size);
             if crop.max.cmpgt(size).any() || extent.min_element() < least {
-                return Err(input(format!(
-                    "{flag} {},{},{},{}: expected at least {least} x {least} pixels inside the \
-                     picture, which has {} x {}",
-                    min.x, min.y, max.x, max.y, most.x, most.y
-                )));
+                return Err(after_option(
+                    flag,
+                    format!(
+                        "{yarn}{},{},{},{}: expected at least {least} x {least} pixels inside the \
+                         picture, which has {} x {}",
+                        min.x, min.y, max.x, max.y, most.x, most.y
+                    ),
+                ));
             }
             Ok(())
         };
         let region = args.region.unwrap_or(whole);
-        check("--region", region, MIN_SIDE as u32)?;
+        check("region", "", region, MIN_SIDE as u32)?;
         let extent = region.max - region.min;
         let factor = extent.max_element().div_ceil(MAX_SIDE).max(1);
         if extent.min_element() / factor < MIN_SIDE as u32 {
-            return Err(input(format!(
-                "--region: {} x {} pixels are too narrow: averaged to {MAX_SIDE} along the longer \
-                 side, fewer than {MIN_SIDE} are left along the other",
-                extent.x, extent.y
-            )));
+            return Err(of_option(
+                "region",
+                format!(
+                    "{} x {} pixels are too narrow: averaged to {MAX_SIDE} along the longer side, \
+                     fewer than {MIN_SIDE} are left along the other",
+                    extent.x, extent.y
+                ),
+            ));
         }
         let noise = args.noise.unwrap_or(0.0);
         let cut = |crop: Crop, factor: u32| {
@@ -108,16 +114,16 @@ impl Photograph {
         };
         let mut parts = Vec::new();
         for part in &args.region_of {
-            let flag = format!("--region-of {}", part.name);
-            check(&flag, part.crop, 1)?;
+            let fail = |why: &str| after_option("region_of", format!("{}: {why}", part.name));
+            check("region_of", &format!("{} ", part.name), part.crop, 1)?;
             let known = &draft.materials.names;
             if !known.contains(&part.name) {
-                return Err(input(format!(
-                    "{flag}: the volume has no yarn of this name; it has {}",
-                    match known.len() {
-                        0 => "none with names".to_owned(),
-                        _ => known.join(", "),
-                    }
+                let known = match known.len() {
+                    0 => "none with names".to_owned(),
+                    _ => known.join(", "),
+                };
+                return Err(fail(&format!(
+                    "the volume has no yarn of this name; it has {known}"
                 )));
             }
             let shown = cut(part.crop, 1);
@@ -125,11 +131,11 @@ impl Photograph {
             for p in &shown.pixels {
                 (0..3).for_each(|c| sum[c] += f64::from(p[c]));
             }
-            let hue = hue_of(sum).ok_or_else(|| input(format!("{flag}: is black")))?;
+            let hue = hue_of(sum).ok_or_else(|| fail("is black"))?;
             let near = |other: &&(String, [f64; 3])| apart(other.1, hue) < MIN_APART;
             if let Some((other, _)) = parts.iter().find(near) {
-                return Err(input(format!(
-                    "{flag}: has the hue of {other}; yarns of one hue cannot be told in a picture"
+                return Err(fail(&format!(
+                    "has the hue of {other}; yarns of one hue cannot be told in a picture"
                 )));
             }
             parts.push((part.name.clone(), hue));
@@ -137,30 +143,35 @@ impl Photograph {
         let named = |name: &String| parts.iter().filter(|(p, _)| p == name).count();
         let missing = draft.materials.names.iter().find(|name| named(name) != 1);
         if let (false, Some(missing)) = (parts.is_empty(), missing) {
-            return Err(input(format!(
-                "--region-of: expected one region for each yarn, {}; {missing} has {}",
-                draft.materials.names.join(", "),
-                named(missing)
-            )));
+            return Err(of_option(
+                "region_of",
+                format!(
+                    "expected one region for each yarn, {}; {missing} has {}",
+                    draft.materials.names.join(", "),
+                    named(missing)
+                ),
+            ));
         }
         if parts.len() == 1 {
-            return Err(input(
-                "--region-of: the volume has one yarn; --region says where it is matched",
+            return Err(of_option(
+                "region_of",
+                "the volume has one yarn; --region says where it is matched",
             ));
         }
         if let Some(own) = draft_resolution(draft) {
             let shape = |v: UVec2| f64::from(v.x) / f64::from(v.y);
             if (shape(own) / shape(size) - 1.0).abs() > SKEW {
-                return Err(input(format!(
-                    "{}: has {} x {} pixels; camera.resolution of {} has other proportions, {} x \
-                     {}",
-                    path.display(),
-                    size.x,
-                    size.y,
-                    draft.path.display(),
-                    own.x,
-                    own.y
-                )));
+                return Err(of_file(
+                    path,
+                    format!(
+                        "has {} x {} pixels; camera.resolution of {} has other proportions, {} x {}",
+                        size.x,
+                        size.y,
+                        draft.path.display(),
+                        own.x,
+                        own.y
+                    ),
+                ));
             }
         }
         let small = |v: UVec2| (v.as_dvec2() / f64::from(factor)).round().as_uvec2();
@@ -189,7 +200,7 @@ impl Photograph {
         let mean = photograph.picture.moments(1, &|_| Some(0), false);
         let has_light = |m: &Option<Measured>| m.is_some_and(|m| m.mean.iter().any(|&v| v > 0.0));
         if !mean.first().is_some_and(has_light) {
-            return Err(input(format!("{}: the region is black", path.display())));
+            return Err(of_file(path, "the region is black"));
         }
         Ok(photograph)
     }
@@ -237,7 +248,7 @@ impl Photograph {
         let camera = table.get_mut("camera").and_then(Value::as_table_mut);
         let camera = camera.ok_or_else(|| {
             let why = "has no [camera]; describe the one that took the photograph";
-            input(format!("{}: {why}", path.display()))
+            of_file(path, why)
         })?;
         let size = self.resolution.to_array().map(i64::from);
         camera.insert("resolution".into(), Value::from(size.to_vec()));
@@ -290,10 +301,13 @@ impl Photograph {
         for (k, name) in names.iter().enumerate() {
             let seen = (0..yarns.len()).filter(|&p| class_of(p) == Some(k)).count();
             if (seen as f64) < least {
-                return Err(input(format!(
-                    "--region-of {name}: the scene shows this yarn in {seen} of {} pixels",
-                    yarns.len()
-                )));
+                return Err(after_option(
+                    "region_of",
+                    format!(
+                        "{name}: the scene shows this yarn in {seen} of {} pixels",
+                        yarns.len()
+                    ),
+                ));
             }
         }
         let all = picture.moments(names.len(), &class_of, self.with_averages);
@@ -344,7 +358,7 @@ impl Photograph {
         loaded: &LoadedScene,
         scene: &mut Scene,
     ) -> Result<[f64; 3]> {
-        let fail = |why: &str| input(format!("{}: {why}", draft.path.display()));
+        let fail = |why: &str| of_file(&draft.path, why);
         let grid = scene.media.get(draft.index).and_then(AnyMedium::cell_grid);
         let bounds = grid
             .ok_or_else(|| fail("the volume has no extent"))?

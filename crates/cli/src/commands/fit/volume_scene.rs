@@ -1,7 +1,7 @@
 //! The scene whose volume is fitted: read or made, and changed.
 
 use super::{FitArgs, FitWhat};
-use crate::error::input;
+use crate::error::{InputError, of_file};
 use anyhow::{Context, Result};
 use glam::DVec3;
 use organza_basis::Budget;
@@ -75,7 +75,7 @@ impl Draft {
             ObjectTable::Volume(table) => Some((i, table)),
             _ => None,
         });
-        let fail = |why: String| input(format!("{}: {why}", draft.path.display()));
+        let fail = |why: String| of_file(&draft.path, why);
         let (Some((index, volume)), None) = (volumes.next(), volumes.next()) else {
             let count = file.object.iter().filter(|o| o.kind() == "volume").count();
             return Err(fail(format!(
@@ -118,7 +118,7 @@ impl Draft {
             .load(tried, loader)?
             .build(args.memory.max_memory, loader)?;
         let grid = scene.media.first().and_then(|m| m.cell_grid().copied());
-        let grid = grid.ok_or_else(|| input(format!("{}: is empty", self.path.display())))?;
+        let grid = grid.ok_or_else(|| of_file(&self.path, "is empty"))?;
         let bounds = grid.bounds_mm();
         let (middle, size) = (bounds.centre().as_dvec3(), bounds.size().as_dvec3());
         let toward =
@@ -173,11 +173,8 @@ impl Draft {
     pub fn with(&self, names: &[String], optics: &Appearance) -> Result<Table> {
         let mut table = self.table.clone();
         let fail = |why: &str| {
-            input(format!(
-                "{}: object[{}]{why}",
-                self.path.display(),
-                self.index
-            ))
+            let keyed = InputError::keyed(format!("object[{}]{why}", self.index));
+            anyhow::Error::new(keyed.in_file(&self.path))
         };
         let objects = table.get_mut("object").and_then(Value::as_array_mut);
         let object = objects

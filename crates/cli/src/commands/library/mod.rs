@@ -4,7 +4,7 @@ mod page;
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{input, of_file, of_io};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs};
 use crate::output::{self, note};
 use crate::version;
@@ -15,7 +15,6 @@ use clap::builder::PossibleValuesParser;
 use organza_basis::Stopped;
 use organza_scene::fabric_file;
 use organza_scene::loader::Input;
-use organza_scene::read::io_message;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -133,11 +132,13 @@ impl Entry {
         })?;
         let inside = |i: &&Input| i.path.starts_with(&args.outdir);
         if let Some(own) = inputs.iter().find(inside) {
-            return Err(input(format!(
-                "{}: lies in the folder of the library, {}",
-                own.path.display(),
-                args.outdir.display()
-            )));
+            return Err(of_file(
+                &own.path,
+                format!(
+                    "lies in the folder of the library, {}",
+                    args.outdir.display()
+                ),
+            ));
         }
         let own = absolute(&path)?;
         let mut root = own.as_path();
@@ -227,7 +228,7 @@ fn entries(args: &LibraryArgs) -> Result<Vec<Entry>> {
             let found = fabrics_in(named)?;
             if found.is_empty() {
                 let why = "holds no fabric; expected files that end in .toml";
-                return Err(input(format!("{}: {why}", named.display())));
+                return Err(of_file(named, why));
             }
             found
         } else {
@@ -250,7 +251,7 @@ fn entries(args: &LibraryArgs) -> Result<Vec<Entry>> {
 
 /// The fabric files in a folder and below, with the names that they get.
 fn fabrics_in(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
-    let fail = |path: &Path, e| input(format!("{}: {}", path.display(), io_message(&e)));
+    let fail = |path: &Path, e| of_io(path, &e);
     let (mut found, mut folders, mut count) = (Vec::new(), vec![folder.to_path_buf()], 0);
     while let Some(here) = folders.pop() {
         for entry in std::fs::read_dir(&here).map_err(|e| fail(&here, e))? {
@@ -258,7 +259,7 @@ fn fabrics_in(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
             count += 1;
             if count > MAX_FILES {
                 let why = format!("holds more than {MAX_FILES} files; name a smaller folder");
-                return Err(input(format!("{}: {why}", folder.display())));
+                return Err(of_file(folder, why));
             }
             if path.is_dir() && !path.is_symlink() {
                 folders.push(path);

@@ -2,7 +2,7 @@
 
 use super::MeasureArgs;
 use super::wanted::Wanted;
-use crate::error::input;
+use crate::error::{InputError, of_option};
 use anyhow::Result;
 use organza_measure::SolarPatch;
 use organza_scene::fabric_file::Fabric;
@@ -39,8 +39,9 @@ pub fn check(args: &MeasureArgs, wanted: &Wanted) -> Result<()> {
         (_, [_]) => Ok(()),
         (Wanted::Klems(_), bands) if super::ends_in(args, "xml") && bands == both => Ok(()),
         (Wanted::Shade, bands) if bands == both => Ok(()),
-        _ => Err(input(
-            "--bands: expected one band; --layout klems in an .xml file and --layout en14501 take \
+        _ => Err(of_option(
+            "bands",
+            "expected one band; --layout klems in an .xml file and --layout en14501 take \
              visible,solar as well",
         )),
     }
@@ -63,11 +64,14 @@ pub fn patches(
 ) -> Result<Vec<AnyPatch>> {
     let path = &args.file;
     if beyond_light(args) && matches!(shown.representation.build, Build::Surface(_)) {
-        return Err(input(format!(
-            "--bands: model \"{}\" of {} has colours only; choose another with --model",
-            shown.representation.name,
-            path.display()
-        )));
+        return Err(of_option(
+            "bands",
+            format!(
+                "model \"{}\" of {} has colours only; choose another with --model",
+                shown.representation.name,
+                path.display()
+            ),
+        ));
     }
     let matter = Matter::new(fabric, path, shown, options)?;
     let bands = args.bands.iter();
@@ -82,13 +86,17 @@ fn of_band(
     band: Band,
 ) -> Result<AnyPatch> {
     let lacks = |yarn: &str, keys: &str| {
-        input(format!(
-            "{}: --bands {}: {keys} is missing; in a band beyond light every yarn needs its \
-             brightness, for example [optics.{yarn}.{}] colour = 0.6",
-            path.display(),
-            band.name(),
-            Band::Nir.name()
-        ))
+        InputError::after_option(
+            "bands",
+            format!(
+                "{}: {keys} is missing; in a band beyond light every yarn needs its brightness, \
+                 for example [optics.{yarn}.{}] colour = 0.6",
+                band.name(),
+                Band::Nir.name()
+            ),
+        )
+        .in_file(path)
+        .into()
     };
     let Err(yarn) = fabric.show_in(band) else {
         return Ok(matter.patch(fabric, path, options)?);

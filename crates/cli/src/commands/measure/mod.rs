@@ -11,7 +11,7 @@ mod wanted;
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::of_file;
 use crate::flags::patch_model::{OWN, patch_model};
 use crate::flags::values::{
     parse_grid, parse_level, parse_paths, parse_positive, parse_rows, parse_seed, parse_share,
@@ -194,10 +194,10 @@ fn ends_in(args: &MeasureArgs, ending: &str) -> bool {
 /// The objects of a scene file.
 fn scene_subject(args: &MeasureArgs, loader: &Loader<'_>) -> Result<Subject> {
     if bands::beyond_light(args) {
-        return Err(input(format!(
-            "{}: is a scene; --bands measures a fabric file",
-            args.file.display()
-        )));
+        return Err(of_file(
+            &args.file,
+            "is a scene; --bands measures a fabric file",
+        ));
     }
     let mut file = scene_file::load(&args.file, &args.common.set, loader)?;
     match args.model {
@@ -206,17 +206,16 @@ fn scene_subject(args: &MeasureArgs, loader: &Loader<'_>) -> Result<Subject> {
             file.render.integrator = IntegratorName::Fibres
         }
         PatchModel::Is(other) => {
-            return Err(input(format!(
-                "{}: is a scene; --model {} measures a fabric file",
-                args.file.display(),
-                other.name
-            )));
+            return Err(of_file(
+                &args.file,
+                format!("is a scene; --model {} measures a fabric file", other.name),
+            ));
         }
     }
     let loaded = LoadedScene::new(file, &args.file, loader)?;
     let scene = loaded.build(args.memory.max_memory, loader)?;
     let patch = VolumePatch::new(scene, loaded.file.render.integrator.into())
-        .map_err(|e| input(format!("{}: {e}", args.file.display())))?;
+        .map_err(|e| of_file(&args.file, e))?;
     let bounds = patch.bounds_mm();
     let grid = TexelGrid {
         low_mm: bounds.min.truncate(),

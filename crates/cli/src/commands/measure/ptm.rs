@@ -2,7 +2,7 @@
 
 use super::summary::{Summary, write};
 use super::{MeasureArgs, ends_in};
-use crate::error::input;
+use crate::error::after_option;
 use crate::flags::values::whole;
 use anyhow::Result;
 use clap::Args;
@@ -25,7 +25,10 @@ pub struct PtmArgs {
 /// A table of another kind.
 pub fn wanted(args: &MeasureArgs) -> Result<u32> {
     if args.outfile.is_none() || !ends_in(args, "ptm") {
-        return Err(input("--layout ptm needs a table that ends in .ptm"));
+        return Err(after_option(
+            "layout",
+            "ptm needs a table that ends in .ptm",
+        ));
     }
     Ok(args.ptm.ptm_lamps)
 }

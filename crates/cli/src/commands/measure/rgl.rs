@@ -2,7 +2,7 @@
 
 use super::summary::{Summary, dark_pairs, median_error, write};
 use super::{MeasureArgs, check_table_memory, ends_in, results};
-use crate::error::input;
+use crate::error::after_option;
 use crate::flags::values::parse_rgl_grid;
 use anyhow::Result;
 use clap::Args;
@@ -26,7 +26,10 @@ pub struct RglArgs {
 /// A table of another kind, or too little memory.
 pub fn wanted(args: &MeasureArgs) -> Result<AdaptiveGrid> {
     if args.outfile.is_none() || !ends_in(args, "bsdf") {
-        return Err(input("--layout rgl needs a table that ends in .bsdf"));
+        return Err(after_option(
+            "layout",
+            "rgl needs a table that ends in .bsdf",
+        ));
     }
     let [polar, azimuths, side] = args.rgl.rgl_grid;
     let grid = AdaptiveGrid {

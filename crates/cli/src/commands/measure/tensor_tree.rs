@@ -2,7 +2,7 @@
 
 use super::summary::{Summary, write};
 use super::{MeasureArgs, check_table_memory, ends_in, results};
-use crate::error::input;
+use crate::error::after_option;
 use crate::flags::values::{parse_share, whole};
 use anyhow::Result;
 use clap::Args;
@@ -32,8 +32,9 @@ pub struct TreeArgs {
 pub fn wanted(args: &MeasureArgs) -> Result<TreeLayout> {
     let (rank, depth) = (args.tree.tree_rank, args.tree.tree_depth);
     if args.outfile.is_none() || !ends_in(args, "xml") {
-        return Err(input(
-            "--layout tensor-tree needs a table that ends in .xml",
+        return Err(after_option(
+            "layout",
+            "tensor-tree needs a table that ends in .xml",
         ));
     }
     let kind = match rank {
@@ -41,9 +42,10 @@ pub fn wanted(args: &MeasureArgs) -> Result<TreeLayout> {
         _ => TreeRank::Anisotropic,
     };
     let layout = TreeLayout::new(kind, depth).ok_or_else(|| {
-        input(format!(
-            "--tree-depth {depth}: expected at most 6 for --tree-rank {rank}"
-        ))
+        after_option(
+            "tree_depth",
+            format!("{depth}: expected at most 6 for --tree-rank {rank}"),
+        )
     })?;
     check_table_memory(args, "--tree-depth", layout.memory_bytes())?;
     Ok(layout)

@@ -1,7 +1,7 @@
 //! What `organza measure` measures: the directions that its flags name.
 
 use super::{MeasureArgs, ends_in, ptm, rgl, tensor_tree};
-use crate::error::input;
+use crate::error::{InputError, after_option, input, of_option};
 use anyhow::Result;
 use organza_measure::{
     AdaptiveGrid, Angles, KlemsBasis, LampPosition, Pair, TexelGrid, TreeLayout, grid_directions,
@@ -104,7 +104,12 @@ impl Wanted {
         let Some(rows) = asked else {
             return Ok(0..count);
         };
-        let fail = |why: String| Err(input(format!("--rows {}..{}: {why}", rows.start, rows.end)));
+        let fail = |why: String| {
+            Err(after_option(
+                "rows",
+                format!("{}..{}: {why}", rows.start, rows.end),
+            ))
+        };
         match self {
             Wanted::Pairs(_) | Wanted::Incident(_) if rows.end <= count => Ok(rows.clone()),
             Wanted::Pairs(_) | Wanted::Incident(_) => fail(format!(
@@ -148,7 +153,7 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         } else {
             parse_pairs(&text).map(Wanted::Pairs)
         };
-        let wanted = parsed.map_err(|e| input(format!("{}:{e}", path.display())))?;
+        let wanted = parsed.map_err(|e| InputError::from(e).in_file(path))?;
         return Ok(as_textures(args, wanted));
     }
     let [polar, azimuths] = args.grid;
@@ -165,7 +170,10 @@ pub fn wanted(args: &MeasureArgs) -> Result<Wanted> {
         (LayoutName::Ptm, false) => Wanted::Ptm(ptm::wanted(args)?),
         (LayoutName::En14501, false) => Wanted::Shade,
         (_, true) => {
-            return Err(input("--albedo goes with pairs, not with this layout"));
+            return Err(after_option(
+                "albedo",
+                "goes with pairs, not with this layout",
+            ));
         }
     };
     Ok(as_textures(args, wanted))
@@ -195,9 +203,10 @@ fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
     let needed = count.saturating_mul(each);
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
-        return Err(input(format!(
-            "{flag}: {count} values need {needed} bytes of memory, {most} are allowed: take fewer"
-        )));
+        return Err(of_option(
+            flag,
+            format!("{count} values need {needed} bytes of memory, {most} are allowed: take fewer"),
+        ));
     }
     Ok(())
 }
@@ -206,9 +215,10 @@ fn check_count(args: &MeasureArgs, layout: LayoutName) -> Result<()> {
 pub fn check_table_memory(args: &MeasureArgs, flag: &str, needed: u64) -> Result<()> {
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
-        return Err(input(format!(
-            "{flag}: the table needs {needed} bytes of memory, {most} are allowed: take fewer"
-        )));
+        return Err(of_option(
+            flag,
+            format!("the table needs {needed} bytes of memory, {most} are allowed: take fewer"),
+        ));
     }
     Ok(())
 }
@@ -220,11 +230,14 @@ pub fn check_texture_memory(args: &MeasureArgs, pairs: u64, grid: &TexelGrid) ->
     let needed = texels.saturating_mul(2 * 6 * 4).saturating_mul(pairs);
     let most = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     if needed > most {
-        return Err(input(format!(
-            "--texels {}: {pairs} pictures of {} x {} texels need {needed} bytes of memory, {most} \
-             are allowed: take fewer texels or fewer pairs",
-            args.texels, grid.texels.x, grid.texels.y
-        )));
+        return Err(after_option(
+            "texels",
+            format!(
+                "{}: {pairs} pictures of {} x {} texels need {needed} bytes of memory, {most} are \
+                 allowed: take fewer texels or fewer pairs",
+                args.texels, grid.texels.x, grid.texels.y
+            ),
+        ));
     }
     Ok(())
 }

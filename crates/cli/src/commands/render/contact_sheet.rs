@@ -3,7 +3,7 @@
 use super::{Prepared, RenderArgs, made_scene, prepare, scene, tracing};
 use crate::building::watched;
 use crate::commands::with_threads;
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use crate::flags::MemoryArgs;
 use crate::output;
 use crate::output::note;
@@ -47,7 +47,7 @@ fn cell_px(args: &RenderArgs) -> u32 {
 pub fn run(args: &RenderArgs, path: &Path) -> Result<()> {
     if picture::is_linear(path) || picture::format(path).is_err() {
         let why = "a contact sheet is written as .png";
-        return Err(input(format!("{}: {why}", path.display())));
+        return Err(of_file(path, why));
     }
     let scenes: Vec<&PathBuf> = std::iter::once(&args.scene)
         .chain(&args.more_scenes)
@@ -59,11 +59,14 @@ pub fn run(args: &RenderArgs, path: &Path) -> Result<()> {
     let needed = (u64::from(size.x) * u64::from(size.y)).saturating_mul(BYTES_OF_PIXEL);
     let allowed = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let Some(left) = allowed.checked_sub(needed) else {
-        return Err(input(format!(
-            "--contact-sheet: a sheet of {} x {} pixels needs {needed} bytes of memory, {allowed} \
-             are allowed; use fewer scenes or a smaller --cell-px",
-            size.x, size.y
-        )));
+        return Err(of_option(
+            "contact_sheet",
+            format!(
+                "a sheet of {} x {} pixels needs {needed} bytes of memory, {allowed} are allowed; \
+                 use fewer scenes or a smaller --cell-px",
+                size.x, size.y
+            ),
+        ));
     };
     let cells = scenes
         .iter()

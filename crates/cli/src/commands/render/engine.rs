@@ -1,7 +1,7 @@
 //! What takes the paths of a render.
 
 use super::RenderArgs;
-use crate::error::input;
+use crate::error::{after_option, of_file, of_key};
 use crate::identity::EngineKind;
 use crate::output::note;
 use anyhow::Result;
@@ -121,11 +121,12 @@ pub fn choose<'a>(
     // Graphics cards do not tell direct light from other light, and learn none.
     let choice = match choice {
         EngineChoice::Named(record) if file.render.direct && record.name == "gpu" => {
-            let file = args.scene.display();
-            return Err(input(format!(
-                "{file}: render.direct: graphics cards do not tell direct light from other light; \
-                 expected --engine cpu, or false"
-            )));
+            return Err(of_key(
+                &args.scene,
+                "render.direct",
+                "graphics cards do not tell direct light from other light; expected --engine cpu, \
+                 or false",
+            ));
         }
         EngineChoice::Fastest if file.render.direct || args.light_flag().is_some() => {
             EngineChoice::Processor
@@ -137,14 +138,17 @@ pub fn choose<'a>(
         None => engine(scene, settings, choice, max_bytes),
     };
     match (made, choice) {
-        (Err(why), EngineChoice::Named(record)) => Err(input(format!(
-            "--engine {}: {why}; --engine auto would use {}",
-            record.name,
-            match record.name {
-                "gpu" => "another engine",
-                _ => "the general walk",
-            }
-        ))),
+        (Err(why), EngineChoice::Named(record)) => Err(after_option(
+            "engine",
+            format!(
+                "{}: {why}; --engine auto would use {}",
+                record.name,
+                match record.name {
+                    "gpu" => "another engine",
+                    _ => "the general walk",
+                }
+            ),
+        )),
         (Err(why), _) => {
             check_walk(args, scene, Some(&why), max_bytes)?;
             Ok(Chosen {
@@ -169,7 +173,7 @@ fn check_walk(
 ) -> Result<()> {
     if let Some(KernelRefusal::Kernel(Refusal::TooManyPieces)) = why {
         let why = Refusal::TooManyPieces;
-        return Err(input(format!("{}: {why}", args.scene.display())));
+        return Err(of_file(&args.scene, why));
     }
     let mut needed = scene.hierarchy_bytes();
     if needed <= max_bytes {
@@ -178,9 +182,11 @@ fn check_walk(
     if let Some(KernelRefusal::Kernel(Refusal::Memory(in_cells, _))) = why {
         needed = needed.min(*in_cells);
     }
-    Err(input(format!(
-        "{}: explicit fibres need about {needed} bytes of memory, {max_bytes} are allowed: use a \
-         smaller tile or allow more",
-        args.scene.display()
-    )))
+    Err(of_file(
+        &args.scene,
+        format!(
+            "explicit fibres need about {needed} bytes of memory, {max_bytes} are allowed: use a \
+             smaller tile or allow more"
+        ),
+    ))
 }

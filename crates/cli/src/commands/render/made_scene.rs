@@ -2,7 +2,7 @@
 
 use super::RenderArgs;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::of_option;
 use crate::flags::CommonArgs;
 use anyhow::Result;
 use organza_scene::subject::{self, Making};
@@ -22,10 +22,13 @@ pub fn in_studio(args: &RenderArgs) -> Result<Option<RenderArgs>> {
         Ok(subject::scene_for(&args.scene, making, loader)?)
     })?;
     if let (None, true) = (&made, args.studio.fit_yarn) {
-        return Err(input(format!(
-            "--fit-yarn: {} is a scene; name its fabric, or set fit_yarn = true there",
-            args.scene.display()
-        )));
+        return Err(of_option(
+            "fit_yarn",
+            format!(
+                "{} is a scene; name its fabric, or set fit_yarn = true there",
+                args.scene.display()
+            ),
+        ));
     }
     Ok(made.map(|made| RenderArgs {
         common: CommonArgs {

@@ -15,7 +15,7 @@ use crate::building::watched;
 use crate::checkpoint;
 use crate::denoising::Denoiser;
 use crate::display_server::{Address, DisplayServer};
-use crate::error::input;
+use crate::error::{InputError, after_option, input, of_file, of_option};
 use crate::flags::display::DisplayArgs;
 use crate::flags::studio::StudioArgs;
 use crate::flags::values::{
@@ -154,22 +154,25 @@ impl Command for RenderArgs {
             return contact_sheet::run(self, path);
         }
         if let Some(more) = self.more_scenes.first() {
-            let more = more.display();
             let why = "expected one scene; several are rendered with --contact-sheet";
-            return Err(input(format!("{more}: {why}")));
+            return Err(of_file(more, why));
         }
         if self.cell_px.is_some() {
-            return Err(input("--cell-px belongs to --contact-sheet"));
+            return Err(after_option("cell_px", "belongs to --contact-sheet"));
         }
         let format = picture::format(&self.outfile)?;
         if let (Some(part), false) = (&self.samples, format.keeps_sums) {
-            return Err(input(format!(
-                "{}: --samples {}..{} makes a part, and parts are merged from {}; name one",
-                self.outfile.display(),
-                part.start,
-                part.end,
-                Format::list_endings(|f| f.keeps_sums)
-            )));
+            return Err(InputError::after_option(
+                "samples",
+                format!(
+                    "{}..{} makes a part, and parts are merged from {}; name one",
+                    part.start,
+                    part.end,
+                    Format::list_endings(|f| f.keeps_sums)
+                ),
+            )
+            .in_file(&self.outfile)
+            .into());
         }
         let mut outputs = vec![self.outfile.clone()];
         if self.denoise {
@@ -224,10 +227,10 @@ fn check_checkpoint(path: &Path, args: &RenderArgs) -> Result<()> {
     output::check_distinct(("the checkpoint", path), ("the picture", &args.outfile))?;
     output::check_not_an_input(path, [&args.scene])?;
     if path.exists() && !args.resume {
-        return Err(input(format!(
-            "{}: already exists; continue it with --resume, or remove it",
-            path.display()
-        )));
+        return Err(of_file(
+            path,
+            "already exists; continue it with --resume, or remove it",
+        ));
     }
     Ok(())
 }
@@ -256,7 +259,7 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
     drop(waiting);
     engine.warn(args);
     let rendering = Rendering::new(scene, settings).map_err(|e| match e {
-        RenderError::EmptyCrop(..) => input(format!("--crop: {e}")),
+        RenderError::EmptyCrop(..) => of_option("crop", e),
         _ => input(e.to_string()),
     })?;
     let mut identity = Identity {
@@ -302,14 +305,16 @@ fn prepare<'a>(args: &RenderArgs, built: &'a Built) -> Result<Prepared<'a>> {
         median: Some(rendering.shared_pixel_noise().median),
     };
     if args.spp.is_none() && args.samples.is_none() && !targets(args).can_be_met_beside(&shared) {
-        return Err(input(format!(
-            "{}: the light that samples share has {:.1} % of noise, {:.1} % of a pixel in the median, \
-             above the target error; more samples do not lessen it; expected render.cache = \"second-fibre\", a higher \
-             render.cache_learning, or --spp",
-            args.scene.display(),
-            100.0 * rendering.shared_noise(),
-            100.0 * rendering.shared_pixel_noise().median,
-        )));
+        return Err(of_file(
+            &args.scene,
+            format!(
+                "the light that samples share has {:.1} % of noise, {:.1} % of a pixel in the \
+                 median, above the target error; more samples do not lessen it; expected \
+                 render.cache = \"second-fibre\", a higher render.cache_learning, or --spp",
+                100.0 * rendering.shared_noise(),
+                100.0 * rendering.shared_pixel_noise().median
+            ),
+        ));
     }
     if let Some(cache) = rendering.cache() {
         identity.scene = identity::with_cache(&identity.scene, cache.digest);
@@ -351,20 +356,24 @@ fn check_light(
         return Ok(());
     };
     let (Some(engine), Some(plan)) = (engine.filter(|engine| engine.can_learn()), plan) else {
-        return Err(input(format!(
-            "{}: {flag}: this picture has no cache of radiance; expected cloth of fibres on a processor, \
+        return Err(InputError::of_option(
+            flag,
+            "this picture has no cache of radiance; expected cloth of fibres on a processor, \
              render.cache other than \"off\", and no clamp",
-            args.scene.display()
-        )));
+        )
+        .in_file(&args.scene)
+        .into());
     };
     if let (Some(path), Some(light)) = (&args.load_light, &plan.kept)
         && !engine.takes_light(light)
     {
-        return Err(input(format!(
-            "{}: is light of another level of detail than this camera shows of {}",
-            path.display(),
-            args.scene.display()
-        )));
+        return Err(of_file(
+            path,
+            format!(
+                "is light of another level of detail than this camera shows of {}",
+                args.scene.display()
+            ),
+        ));
     }
     Ok(())
 }
@@ -384,14 +393,16 @@ fn check_cache(
         0 => "render.cache = \"off\"".into(),
         mib => format!("render.cache_mib of at most {mib}"),
     };
-    Err(input(format!(
-        "{}: the cache of radiance takes up to {} MiB of memory, and {} are left of {} that are \
-         allowed; expected {why}, or more memory",
-        args.scene.display(),
-        plan.bytes >> 20,
-        left >> 20,
-        max_bytes >> 20,
-    )))
+    Err(of_file(
+        &args.scene,
+        format!(
+            "the cache of radiance takes up to {} MiB of memory, and {} are left of {} that are \
+             allowed; expected {why}, or more memory",
+            plan.bytes >> 20,
+            left >> 20,
+            max_bytes >> 20
+        ),
+    ))
 }
 
 /// The same rendering once its cache is learned.

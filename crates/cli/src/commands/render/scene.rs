@@ -3,7 +3,7 @@
 use super::{RenderArgs, targets};
 use crate::checkpoint;
 use crate::display_server;
-use crate::error::input;
+use crate::error::{InputError, after_option, of_key};
 use crate::identity::{self, NamedDigest, describe_crop};
 use crate::output;
 use crate::output::note;
@@ -96,7 +96,7 @@ pub fn build(args: &RenderArgs, loader: &Loader<'_>) -> Result<Built> {
 
 /// Refuses before anything is voxelized what can be checked by then.
 fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()> {
-    let fail = |why| input(format!("{}: render.{why}", args.scene.display()));
+    let fail = |why| InputError::keyed(format!("render.{why}")).in_file(&args.scene);
     file.render.check().map_err(fail)?;
     scene_build::check(file, &args.scene, loader)?;
     let size = UVec2::from(file.camera(&args.scene)?.resolution);
@@ -105,7 +105,10 @@ fn check(args: &RenderArgs, file: &SceneFile, loader: &Loader<'_>) -> Result<()>
         max: size,
     });
     if let Some(why) = crop_fault(crop, size) {
-        return Err(input(format!("--crop {}: {why}", describe_crop(crop))));
+        return Err(after_option(
+            "crop",
+            format!("{}: {why}", describe_crop(crop)),
+        ));
     }
     if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {
         checkpoint::check(path, file.render.seed, crop, &samples(args, file))?;
@@ -154,13 +157,15 @@ fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
     let films = if file.render.direct { 2 } else { 1 };
     let needed = Film::memory_bytes(size).saturating_mul(2 * films) + shown;
     most.checked_sub(needed).ok_or_else(|| {
-        input(format!(
-            "{}: camera.resolution: a film of {} x {} pixels needs {needed} bytes of memory, \
-             {most} are allowed: render fewer pixels, or parts of them with --crop",
-            args.scene.display(),
-            size.x,
-            size.y
-        ))
+        of_key(
+            &args.scene,
+            "camera.resolution",
+            format!(
+                "a film of {} x {} pixels needs {needed} bytes of memory, {most} are allowed: \
+                 render fewer pixels, or parts of them with --crop",
+                size.x, size.y
+            ),
+        )
     })
 }
 
@@ -171,12 +176,12 @@ fn memory_beside_film(args: &RenderArgs, file: &SceneFile) -> Result<u64> {
 pub fn settings(args: &RenderArgs, file: &SceneFile, scene: &Scene) -> Result<RenderSettings> {
     let integrator = Integrator::from(file.render.integrator);
     if integrator == Integrator::Regular && !scene.media.iter().all(|m| m.is_piecewise_constant()) {
-        return Err(input(format!(
-            "{}: render.integrator: \"regular\" steps through constant voxels; \
-             use interpolation = \"nearest\" and grids of one resolution, \
-             model = \"plain\" in place of \"packed\", or \"woodcock\"",
-            args.scene.display()
-        )));
+        return Err(of_key(
+            &args.scene,
+            "render.integrator",
+            "\"regular\" steps through constant voxels; use interpolation = \"nearest\" and grids \
+             of one resolution, model = \"plain\" in place of \"packed\", or \"woodcock\"",
+        ));
     }
     Ok(RenderSettings {
         integrator,

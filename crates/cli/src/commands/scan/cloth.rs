@@ -1,6 +1,6 @@
 //! Flags that make cloth of a scan: flat, in its own frame, with yarns, repeating.
 
-use crate::error::input;
+use crate::error::of_file;
 use crate::flags::values::whole;
 use crate::output::note;
 use anyhow::Result;
@@ -53,7 +53,7 @@ impl ClothArgs {
         }
         let voxels = field.dims().as_u64vec3().element_product();
         let needed = 2 * field.memory_bytes() + LABEL_BYTES * voxels;
-        let fail = |why: String| input(format!("{name}: {why}"));
+        let fail = |why: String| of_file(name, why);
         budget
             .take(needed, "voxels in the frame of the cloth")
             .map_err(|e| fail(e.to_string()))?;

@@ -1,7 +1,7 @@
 //! The files of a scan, opened.
 
 use super::{ScanArgs, failed};
-use crate::error::input;
+use crate::error::{InputError, of_file, of_io};
 use anyhow::Result;
 use organza_basis::Budget;
 use organza_scan::ScanError;
@@ -27,7 +27,7 @@ pub fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Ok(given.to_vec());
     }
-    let fail = |why: String| input(format!("{}: {why}", folder.display()));
+    let fail = |why: String| of_file(folder, why);
     let entries = std::fs::read_dir(folder).map_err(|e| fail(read::io_message(&e)))?;
     let mut names = Vec::new();
     for entry in entries.take(MAX_FILES) {
@@ -75,9 +75,9 @@ fn is_slice(path: &Path) -> bool {
 fn open_file(path: &Path) -> Result<BufReader<File>> {
     // Asked before: to open a pipe is to wait for who writes to it.
     if let Some(why) = read::unreachable(path) {
-        return Err(input(why));
+        return Err(why.into());
     }
-    let named = |e| input(format!("{}: {}", path.display(), read::io_message(&e)));
+    let named = |e| of_io(path, &e);
     let file = File::open(path).map_err(named)?;
     Ok(BufReader::with_capacity(1 << 16, file))
 }
@@ -88,7 +88,9 @@ pub fn open(args: &ScanArgs, files: &[PathBuf], budget: &mut Budget) -> Result<B
     if let [path] = files {
         let is_vti = ending(path) == "vti";
         if args.array.is_some() && !is_vti {
-            return Err(input(format!("{name}: --array belongs to a .vti")));
+            return Err(InputError::after_option("array", "belongs to a .vti")
+                .in_file(&name)
+                .into());
         }
         let file = open_file(path)?;
         let opened: Result<Box<dyn Slices>, ScanError> = match (args.raw_size, args.raw_type) {
@@ -107,25 +109,28 @@ pub fn open(args: &ScanArgs, files: &[PathBuf], budget: &mut Budget) -> Result<B
             _ if is_tiff(path) => TiffSlices::new(file, budget).map(|s| Box::new(s) as _),
             _ if is_png(path) => PngSlices::new(file, budget).map(|s| Box::new(s) as _),
             _ => {
-                return Err(input(format!(
-                    "{name}: expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with \
-                     --raw-size and --raw-type"
-                )));
+                return Err(of_file(
+                    &name,
+                    "expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with \
+                     --raw-size and --raw-type",
+                ));
             }
         };
         return opened.map_err(|e| failed(&name, e));
     }
     if args.raw_size.is_some() || args.array.is_some() {
-        return Err(input(format!(
-            "{name}: --raw-size and --array belong to a single file"
-        )));
+        return Err(
+            InputError::after_option("raw_size", "and --array belong to a single file")
+                .in_file(&name)
+                .into(),
+        );
     }
     for path in files {
         if !is_slice(path) {
-            return Err(input(format!(
-                "{}: expected .tif, .tiff or .png: slices in several files are TIFF or PNG",
-                path.display()
-            )));
+            return Err(of_file(
+                path,
+                "expected .tif, .tiff or .png: slices in several files are TIFF or PNG",
+            ));
         }
         // Missing ones are reported before anything is computed.
         open_file(path)?;

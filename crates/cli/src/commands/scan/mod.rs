@@ -5,7 +5,7 @@ mod input;
 mod record;
 
 use super::with_threads;
-use crate::error::input;
+use crate::error::{after_option, of_file};
 use crate::flags::values::{parse_positive, whole};
 use crate::flags::{CommonArgs, MemoryArgs};
 use crate::identity;
@@ -184,13 +184,10 @@ command!(ScanArgs, "scan");
 pub fn run(args: &ScanArgs) -> Result<()> {
     let is_ovox = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("ovox");
     if !args.outfile.extension().is_some_and(is_ovox) {
-        return Err(input(format!(
-            "{}: expected a name that ends in .ovox",
-            args.outfile.display()
-        )));
+        return Err(of_file(&args.outfile, "expected a name that ends in .ovox"));
     }
     if let Some(key) = args.common.set.first() {
-        return Err(input(format!("--set {key}: a scan has no keys")));
+        return Err(after_option("set", format!("{key}: a scan has no keys")));
     }
     output::check_writable(&args.outfile)?;
     let files = input::files(&args.files)?;
@@ -207,7 +204,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
 fn failed(name: &str, e: ScanError) -> anyhow::Error {
     match e {
         ScanError::Io(e) => anyhow::Error::new(e).context(format!("cannot read {name}")),
-        e => input(format!("{name}: {e}")),
+        e => of_file(name, e),
     }
 }
 
@@ -218,7 +215,7 @@ fn scan(args: &ScanArgs, files: &[PathBuf]) -> Result<()> {
     let allowed = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let budget = &mut Budget::new(allowed);
     let mut slices = input::open(args, files, budget)?;
-    let settings = settings(args, &*slices).map_err(|why| input(format!("{name}: {why}")))?;
+    let settings = settings(args, &*slices).map_err(|why| of_file(&name, why))?;
     let bars = Bars::new(args);
     let survey = Scan::survey(&mut *slices, &settings, budget, &|s, d| bars.at(s, d));
     let survey = survey.map_err(fail)?;
@@ -237,7 +234,7 @@ fn scan(args: &ScanArgs, files: &[PathBuf]) -> Result<()> {
     let field = args.cloth.made(field, &name, budget, args.common.quiet)?;
     let octree = octree(args, &field, budget)?;
     if octree.occupied_voxels() == 0 {
-        return Err(input(format!("{name}: no voxel holds fibre")));
+        return Err(of_file(&name, "no voxel holds fibre"));
     }
     let kept = record::files(args, &name, &settings, &survey, &field)?;
     output::write_file(&args.outfile, |out| {
@@ -350,7 +347,7 @@ fn octree(args: &ScanArgs, field: &ScannedField, budget: &Budget) -> Result<Octr
     let progress = |share: f32| bar.at((1000.0 * share) as u64);
     let octree = field.octree(args.levels, Some(budget.left()), &progress);
     bar.finish();
-    octree.map_err(|e| input(format!("{}: {e}", input::name_of(&args.files))))
+    octree.map_err(|e| of_file(input::name_of(&args.files), e))
 }
 
 /// What the slabs of a journal depend on beside the code: the bytes of all files, the settings and

@@ -5,7 +5,7 @@ mod texture;
 
 use super::with_threads;
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{after_option, of_file, of_option};
 use crate::flags::patch_model::patch_model;
 use crate::flags::values::{parse_paths, parse_seed, parse_share, whole};
 use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, VoxelArgs};
@@ -104,17 +104,18 @@ const PAIRS_AT_ONCE: usize = 8;
 pub fn run(args: &TableArgs) -> Result<()> {
     let ends = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case(ENDING);
     if !args.outfile.extension().is_some_and(ends) {
-        return Err(input(format!(
-            "{}: expected a name that ends in .{ENDING}",
-            args.outfile.display()
-        )));
+        return Err(of_file(
+            &args.outfile,
+            format!("expected a name that ends in .{ENDING}"),
+        ));
     }
     if args.model == PatchModel::Is(&TABLE) {
-        return Err(input("--model: a table cannot be made from a table"));
+        return Err(of_option("model", "a table cannot be made from a table"));
     }
     if args.target_error.is_some() && args.held_out < 8 {
-        return Err(input(
-            "--target-error needs --held-out 8 or more, at which the error is measured",
+        return Err(after_option(
+            "target_error",
+            "needs --held-out 8 or more, at which the error is measured",
         ));
     }
     output::check_writable(&args.outfile)?;
@@ -204,11 +205,14 @@ fn check_memory(args: &TableArgs, rings: &Rings, texels: Option<&TextureLayout>)
         .max_memory
         .unwrap_or_else(memory::free_memory_bytes);
     if needed > allowed {
-        return Err(input(format!(
-            "--max-memory: a table takes {} MiB while it is made; {} MiB are allowed",
-            needed >> 20,
-            allowed >> 20
-        )));
+        return Err(of_option(
+            "max_memory",
+            format!(
+                "a table takes {} MiB while it is made; {} MiB are allowed",
+                needed >> 20,
+                allowed >> 20
+            ),
+        ));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Volumes of plain grids: density, and with it matrices, axes or colours.
 
 use super::VolumeObject;
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::level::{Lod, LodName};
 use crate::object::grid::channels;
 use glam::Vec3;
@@ -82,7 +82,7 @@ impl VolumeObject<'_> {
             matrices.unwrap_or(isotropic),
             albedo,
         )
-        .map_err(|e| input(format!("{}: {e}", self.path.display())))
+        .map_err(|e| InputError::of_file(&self.path, e))
     }
 
     /// The matrices of fibres that run along axes; isotropic where there is none.
@@ -102,6 +102,6 @@ impl VolumeObject<'_> {
             materials.merged(&mixture).sggx.to_array()
         });
         Grid::new(axes.dims, samples.collect())
-            .ok_or_else(|| input(format!("{}: holds no samples", self.path.display())))
+            .ok_or_else(|| InputError::of_file(&self.path, "holds no samples"))
     }
 }

@@ -11,7 +11,7 @@ use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::ClothPlace;
 use crate::drape::{self, MeshKeys};
-use crate::error::{Result, input};
+use crate::error::{InputError, Result};
 use crate::fabric_file::{self, Fabric};
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
@@ -214,9 +214,9 @@ impl<'a> VolumeObject<'a> {
         }
     }
 
-    fn fail(&self, why: impl AsRef<str>) -> crate::InputError {
-        let (scene, index) = (self.options.scene_path.display(), self.index);
-        input(format!("{scene}: object[{index}]{}", why.as_ref()))
+    fn fail(&self, why: impl AsRef<str>) -> InputError {
+        let key = format!("object[{}]{}", self.index, why.as_ref());
+        InputError::keyed(key).in_file(self.options.scene_path)
     }
 
     /// Reads the file and checks the table against it; says how it will be shown.
@@ -295,7 +295,7 @@ impl<'a> VolumeObject<'a> {
         }
     }
 
-    fn no_level(&self, count: u8) -> crate::InputError {
+    fn no_level(&self, count: u8) -> InputError {
         self.fail(format!(
             ".lod: there is no such level; the volume has {count}, from 0"
         ))
@@ -363,11 +363,13 @@ impl<'a> VolumeObject<'a> {
             .map_err(|why| self.fail(format!(".optics{why}")))?;
         let known = fabric.cloth.materials().len();
         if known < octree.material_count() {
-            return Err(input(format!(
-                "{}: its voxels have {} materials, its fabric {known}",
-                self.path.display(),
-                octree.material_count()
-            )));
+            return Err(InputError::of_file(
+                &self.path,
+                format!(
+                    "its voxels have {} materials, its fabric {known}",
+                    octree.material_count()
+                ),
+            ));
         }
         // What the fabric is shown as otherwise may have no voxels.
         let mut own = fabric.file.scattering;

@@ -20,7 +20,7 @@ mod unknowns;
 
 use super::flag_groups::{refuse_given, volume_flags};
 use super::{FitArgs, FitWhat, finish_with};
-use crate::error::input;
+use crate::error::{input, of_file, of_option};
 use crate::output::{self, note};
 use crate::progress::Progress;
 use crate::waiting::Waiting;
@@ -123,20 +123,21 @@ fn given_draft(args: &FitArgs) -> Result<Option<Draft>> {
         .is_some_and(|e| e.eq_ignore_ascii_case("wif"));
     let draft = if is_wif {
         let bytes = args.common.host.loader().bytes(path)?;
-        Draft::from_wif(&bytes).map_err(|e| input(format!("{name}: {e}")))?
+        Draft::from_wif(&bytes).map_err(|e| of_file(path, e))?
     } else {
-        Draft::named(name).map_err(|e| input(format!("--draft: {e}")))?
+        Draft::named(name).map_err(|e| of_option("draft", e))?
     };
     let (ends, picks) = draft.repeat();
     let most = organza_photograph::MAX_CROSSINGS;
     if ends > most || picks > most {
-        return Err(input(format!(
-            "--draft: repeats after {ends} x {picks} threads, expected at most {most} x {most}"
-        )));
+        return Err(of_option(
+            "draft",
+            format!("repeats after {ends} x {picks} threads, expected at most {most} x {most}"),
+        ));
     }
     Draft::from_fn(ends, picks, |e, p| draft.warp_up(e, p))
         .map(Some)
-        .map_err(|e| input(format!("--draft: {e}")))
+        .map_err(|e| of_option("draft", e))
 }
 
 /// The front as it was recognised.
@@ -421,7 +422,7 @@ impl Ready {
 pub fn run(args: &FitArgs) -> Result<()> {
     refuse_flags(args)?;
     let front = args.front.as_deref();
-    let front = front.ok_or_else(|| input("--front: expected a photograph of the cloth"))?;
+    let front = front.ok_or_else(|| of_option("front", "expected a photograph of the cloth"))?;
     if let Some(folder) = &args.cloth.report {
         output::check_report_folder(folder, ("choices.csv", "the report of a bench"))?;
         output::check_report_folder(folder, ("pairs.csv", "a comparison"))?;
@@ -429,7 +430,7 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let _waiting = Waiting::new("fitting", &args.common);
     let given = given_draft(args)?;
     let given = given.as_ref();
-    let fail = |why: String| input(format!("{}: {why}", front.display()));
+    let fail = |why: String| of_file(front, why);
     let photographs = Photographs::read(args, front)?;
     let mut ready = ready(&photographs).map_err(|e| fail(e.to_string()))?;
     let progress = Progress::new("fitting", 120, &args.common);

@@ -1,7 +1,7 @@
 //! The computed side of a fit to photographs: a fabric with trial values.
 
 use crate::commands::fit::FitArgs;
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use anyhow::Result;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
@@ -89,12 +89,13 @@ impl<'a> ClothModel<'a> {
         };
         let Some(fitted) = shown.representation.fitted else {
             let name = shown.representation.name;
-            return Err(input(format!(
-                "--model: {name:?} has no fibres to fit; choose another"
-            )));
+            return Err(of_option(
+                "model",
+                format!("{name:?} has no fibres to fit; choose another"),
+            ));
         };
         if matches!(shown.representation.build, Build::Surface(_)) {
-            return Err(input("--model: a surface cannot stand for the volume"));
+            return Err(of_option("model", "a surface cannot stand for the volume"));
         }
         let folder = args.fabric.as_deref().and_then(Path::parent);
         let mut model = ClothModel {
@@ -282,7 +283,7 @@ fn yarn_of(own: &Table, system: &str) -> String {
 fn base(args: &FitArgs, own: &Table, spacing_mm: [f64; 2]) -> Result<Table> {
     let refuse = |why: String| {
         let path = args.fabric.clone().unwrap_or_default();
-        input(format!("{}: {why}", path.display()))
+        of_file(path, why)
     };
     for key in ["nonwoven", "pile", "synthesis", "print", "wear"] {
         if own.contains_key(key) {

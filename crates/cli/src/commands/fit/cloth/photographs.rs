@@ -3,7 +3,7 @@
 use super::flags::VignettingFlag;
 use super::sides::direction;
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, picture};
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use anyhow::Result;
 use glam::{DVec2, DVec3, UVec2};
 use organza_photograph::{Photograph, Shading, ShadingSums, Straightened, Vignetting};
@@ -19,16 +19,19 @@ fn read(args: &FitArgs, path: &Path) -> Result<(Photograph, f64)> {
             (crop.min, crop.max)
         }
         Some(crop) => {
-            return Err(input(format!(
-                "--crop: {},{},{},{} is no part of {}, which has {} x {} pixels",
-                crop.min.x,
-                crop.min.y,
-                crop.max.x,
-                crop.max.y,
-                path.display(),
-                size.x,
-                size.y
-            )));
+            return Err(of_option(
+                "crop",
+                format!(
+                    "{},{},{},{} is no part of {}, which has {} x {} pixels",
+                    crop.min.x,
+                    crop.min.y,
+                    crop.max.x,
+                    crop.max.y,
+                    path.display(),
+                    size.x,
+                    size.y
+                ),
+            ));
         }
     };
     let of_row = |y: u32| {
@@ -38,8 +41,8 @@ fn read(args: &FitArgs, path: &Path) -> Result<(Photograph, f64)> {
     let part = (min.y..max.y).flat_map(of_row);
     let part: Vec<[f32; 3]> = part.map(|p| p.0.to_array()).collect();
     let part_size = (max - min).as_usizevec2();
-    let photograph = Photograph::new(part_size.x, part_size.y, &part)
-        .map_err(|e| input(format!("{}: {e}", path.display())))?;
+    let photograph =
+        Photograph::new(part_size.x, part_size.y, &part).map_err(|e| of_file(path, e))?;
     Ok((photograph, part_size.x as f64 / f64::from(size.x)))
 }
 
@@ -119,8 +122,9 @@ impl Photographs {
     /// Names the file or the flag.
     pub fn read(args: &FitArgs, front: &Path) -> Result<Photographs> {
         let Some(width_mm) = args.width_mm else {
-            return Err(input(
-                "--width-mm: expected the width of the cloth in the photograph, mm",
+            return Err(of_option(
+                "width_mm",
+                "expected the width of the cloth in the photograph, mm",
             ));
         };
         let (photograph, share) = read(args, front)?;
@@ -132,12 +136,14 @@ impl Photographs {
         if let Some((path, back)) = &back
             && back.size() != photograph.size()
         {
-            return Err(input(format!(
-                "{}: has {} x {} pixels; expected {w} x {h}, as the front has",
-                path.display(),
-                back.size()[0],
-                back.size()[1]
-            )));
+            return Err(of_file(
+                path,
+                format!(
+                    "has {} x {} pixels; expected {w} x {h}, as the front has",
+                    back.size()[0],
+                    back.size()[1]
+                ),
+            ));
         }
         let light = (args.light.unwrap_or(LIGHT), args.cloth.light_mm);
         let front = Shot::new(args, photograph, light, size_mm);

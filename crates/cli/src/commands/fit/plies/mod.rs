@@ -9,7 +9,7 @@ use super::fibres::yarns;
 use super::flag_groups::{picture_flags, refuse_given, volume_flags};
 use super::{FitArgs, check_outputs, finish_with, journal_key, open_journal, options, table};
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{of_file, of_option};
 use crate::identity;
 use crate::number_journal::{JournalError, NumberJournal};
 use crate::progress::Progress;
@@ -112,14 +112,16 @@ fn refuse_flags(args: &FitArgs) -> Result<()> {
     let (front, back) = (args.front.is_some(), args.back.is_some());
     if front != back {
         let missing = if front { "--back" } else { "--front" };
-        return Err(input(format!(
-            "{missing}: expected a picture, too: plies are fitted to one lit from the front and \
-             one lit from behind at once"
-        )));
+        return Err(of_option(
+            missing,
+            "expected a picture, too: plies are fitted to one lit from the front and one lit from \
+             behind at once",
+        ));
     }
     if front && args.data.is_some() {
-        return Err(input(
-            "--data: plies are fitted to measured values or to pictures; give one of them",
+        return Err(of_option(
+            "data",
+            "plies are fitted to measured values or to pictures; give one of them",
         ));
     }
     if !front {
@@ -129,14 +131,15 @@ fn refuse_flags(args: &FitArgs) -> Result<()> {
     }
     if let PatchModel::Is(model) = args.model {
         if front || args.data.is_some() {
-            return Err(input(
-                "--model: names what plies are fitted to; with --data or pictures there is no use \
-                 for it",
+            return Err(of_option(
+                "model",
+                "names what plies are fitted to; with --data or pictures there is no use for it",
             ));
         }
         if model == &PLIES {
-            return Err(input(
-                "--model: plies cannot be fitted to themselves; expected for example \"fibres\"",
+            return Err(of_option(
+                "model",
+                "plies cannot be fitted to themselves; expected for example \"fibres\"",
             ));
         }
     }
@@ -320,7 +323,7 @@ impl Fitted<'_> {
         }
         Stopped::check(args.common.host.goes_on())?;
         if !least.is_finite() {
-            let none = || input(format!("{}: no answer", args.fabric_path().display()));
+            let none = || of_file(args.fabric_path(), "no answer");
             return Err(failure.unwrap_or_else(none));
         }
         let columns = self.columns(&place, &expected)?;

@@ -5,7 +5,7 @@
 use super::target::{Part, Value, WHOLE};
 use crate::commands::fit::picture::{read_picture, shrunk};
 use crate::commands::fit::{BACK_LIGHT, FitArgs, LIGHT, VIEW};
-use crate::error::input;
+use crate::error::{after_option, of_file};
 use anyhow::Result;
 use glam::UVec2;
 use organza_measure::{Angles, Pair, PictureStatistics, TexelGrid, measure_texture};
@@ -53,10 +53,13 @@ impl Pictures {
             let view = args.view.unwrap_or(VIEW);
             if ((light[0] > 90.0) != (view[0] > 90.0)) != is_behind {
                 let side = if is_behind { "opposite" } else { "same" };
-                return Err(input(format!(
-                    "{flag} {},{}: expected a lamp on the {side} side of the cloth as the camera",
-                    light[0], light[1]
-                )));
+                return Err(after_option(
+                    flag,
+                    format!(
+                        "{},{}: expected a lamp on the {side} side of the cloth as the camera",
+                        light[0], light[1]
+                    ),
+                ));
             }
         }
         let side = |path: &Path, names, light| Side::read(args, path, names, light, fabric);
@@ -104,13 +107,14 @@ impl Side {
         let (size, pixels) = read_picture(path, &args.common.host, args.memory.max_memory)?;
         let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
         if size.min_element() < MIN_TEXELS {
-            return Err(input(format!(
-                "{}: has {} x {} pixels when its longer side is averaged to at most {MAX_TEXELS}; \
-                 expected at least {MIN_TEXELS} along each side",
-                path.display(),
-                size.x,
-                size.y
-            )));
+            return Err(of_file(
+                path,
+                format!(
+                    "has {} x {} pixels when its longer side is averaged to at most {MAX_TEXELS}; \
+                     expected at least {MIN_TEXELS} along each side",
+                    size.x, size.y
+                ),
+            ));
         }
         // White sends 1/pi of the light on it into every direction.
         let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;

@@ -3,7 +3,7 @@
 use super::pictures::Pictures;
 use crate::commands::fit::fibres::Observed;
 use crate::commands::fit::{FitArgs, effort};
-use crate::error::input;
+use crate::error::of_file;
 use anyhow::Result;
 use organza_basis::PathRng;
 use organza_measure::{Angles, Effort, HeldOutKind, Measured, Pair, PairValue, held_out_pairs};
@@ -161,11 +161,13 @@ impl Target {
         let all = Observed::read(path, &args.common.host)?;
         let count = all.list().len();
         if count < MIN_VALUES {
-            return Err(input(format!(
-                "{}: has {count} values; expected at least {MIN_VALUES}, of which one in {BLOCK} \
-                 is held out",
-                path.display()
-            )));
+            return Err(of_file(
+                path,
+                format!(
+                    "has {count} values; expected at least {MIN_VALUES}, of which one in {BLOCK} \
+                     is held out"
+                ),
+            ));
         }
         let is_held_out = |k: usize| {
             let mut rng = PathRng::new(HOLD_SEED, 0, (k / BLOCK) as u64);

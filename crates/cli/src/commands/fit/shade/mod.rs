@@ -9,7 +9,7 @@ use super::fibres::model;
 use super::flag_groups::refuse_given;
 use super::{FitArgs, check_outputs, finish_with, journal_key, open_journal, options, table};
 use crate::building::watched;
-use crate::error::input;
+use crate::error::{InputError, of_file, of_option};
 use crate::number_journal::NumberJournal;
 use crate::progress::Progress;
 use anyhow::Result;
@@ -92,7 +92,9 @@ impl Looks<'_> {
             let mut fabric = fabric_file::load_changed(path, &cloth.given_way, &keys, loader)?;
             if solar.is_some() {
                 let shown_in = fabric.show_in(Band::Solar);
-                shown_in.map_err(|yarn| input(format!("optics.{yarn}.solar: is missing")))?;
+                shown_in.map_err(|yarn| {
+                    InputError::new("is missing").at_key(format!("optics.{yarn}.solar"))
+                })?;
             }
             let geometry = [place.width, place.strength];
             let same = matter.take().filter(|(of, _)| *of == geometry);
@@ -122,10 +124,10 @@ pub fn run(args: &FitArgs) -> Result<()> {
     let path = args
         .data
         .as_deref()
-        .ok_or_else(|| input("--data: expected measured values"))?;
+        .ok_or_else(|| of_option("data", "expected measured values"))?;
     let text = args.common.host.loader().text_of(path, Wanted::Text)?;
     let light = Target::read(&text, KlemsBand::Visible, path)?;
-    let light = light.ok_or_else(|| input(format!("{}: has no light", path.display())))?;
+    let light = light.ok_or_else(|| of_file(path, "has no light"))?;
     let sun = Target::read(&text, KlemsBand::Solar, path)?;
     let loader = args.common.host.loader();
     let (fabric, read) = watched(&args.common, &args.cache, |loader| {

@@ -1,6 +1,6 @@
 //! What a laboratory found of a shade, by side.
 
-use crate::error::input;
+use crate::error::of_file;
 use anyhow::Result;
 use organza_measure::{
     KlemsBand, KlemsBasis, KlemsFileError, KlemsMatrix, Measured, SideShares, read_klems_parts,
@@ -34,7 +34,7 @@ impl Target {
     /// # Errors
     /// Names the file and the place.
     pub fn read(text: &str, band: KlemsBand, path: &Path) -> Result<Option<Target>> {
-        let fail = |e: &dyn std::fmt::Display| input(format!("{}: {e}", path.display()));
+        let fail = |e: &dyn std::fmt::Display| of_file(path, e);
         let parts = match read_klems_parts(text, band) {
             Err(KlemsFileError::Missing(_)) if band == KlemsBand::Solar => return Ok(None),
             other => other.map_err(|e| fail(&e))?,
