@@ -228,6 +228,19 @@ fn auto_takes_what_it_says() {
     assert!(sums("a.exr") == sums("b.exr"));
 }
 
+/// The fabrics that the program carries are those that users find.
+#[test]
+fn built_in_fabrics_are_the_shipped_ones() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let carried = root.join("crates/report/src/bench/fabrics");
+    for entry in std::fs::read_dir(carried).unwrap() {
+        let entry = entry.unwrap();
+        let shipped = root.join("scenes/fabrics").join(entry.file_name());
+        let (one, other) = (std::fs::read(entry.path()), std::fs::read(&shipped));
+        assert!(one.unwrap() == other.unwrap(), "{}", shipped.display());
+    }
+}
+
 /// A picture that learns its light takes explicit fibres with a cache, and without one where that
 /// is too far off; a scene that sets the key has its way.
 #[test]

@@ -7,12 +7,7 @@ use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 fn main() -> std::io::Result<()> {
-    // A packaged crate stands alone: there the version, which is published once, names the code.
-    let is_in_workspace = Path::new("../../crates/cli/Cargo.toml").is_file();
-    let sources = match is_in_workspace {
-        true => digest_of_workspace()?,
-        false => String::new(),
-    };
+    let sources = digest(sources()?)?;
     println!("cargo::rustc-env=ORGANZA_SOURCES={sources}");
     let compiler = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let compiler = std::process::Command::new(compiler).arg("-vV").output()?;
@@ -27,16 +22,27 @@ fn main() -> std::io::Result<()> {
     Ok(())
 }
 
-/// The digest of the sources of all crates and of the versions of what they depend on. It is the
-/// same on every system.
-fn digest_of_workspace() -> std::io::Result<String> {
-    let mut files = vec![PathBuf::from("../../Cargo.lock")];
+/// In the repository, the sources of all crates and the versions of what they depend on. A package
+/// of this crate has only its own; the version, which all crates share, names the rest.
+fn sources() -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let here = Path::new(".").canonicalize()?;
+    if Path::new("../../crates/cli").canonicalize().ok() != Some(here) {
+        gather(Path::new("src"), &mut files)?;
+        return Ok(files);
+    }
+    files.push("../../Cargo.lock".into());
     for entry in std::fs::read_dir("..")? {
         let source = entry?.path().join("src");
         if source.is_dir() {
             gather(&source, &mut files)?;
         }
     }
+    Ok(files)
+}
+
+/// The digest of files and their names, the same on every system.
+fn digest(files: Vec<PathBuf>) -> std::io::Result<String> {
     let named = files.into_iter().filter(|file| file.is_file()).map(|file| {
         let parts = file.iter().map(|part| part.to_string_lossy());
         (parts.collect::<Vec<_>>().join("/"), file)

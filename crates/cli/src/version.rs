@@ -5,7 +5,7 @@ use organza_transport::ENGINES;
 /// The commit that the program was built from: the variable `ORGANZA_COMMIT` of the build.
 const COMMIT: Option<&str> = option_env!("ORGANZA_COMMIT");
 
-/// Digest of the sources, see `build.rs`; empty in a packaged crate.
+/// Digest of the sources, see `build.rs`.
 const SOURCES: &str = env!("ORGANZA_SOURCES");
 
 /// Digest of the sources, the compiler and its options, see `build.rs`.
@@ -17,10 +17,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// What distinguishes this code from other code: samples, journals and checkpoints of two codes do
 /// not belong together. Builds of one code on all systems share it.
 pub fn code() -> String {
-    match SOURCES {
-        "" => VERSION.to_owned(),
-        sources => format!("{VERSION} (sources {sources})"),
-    }
+    format!("{VERSION} (sources {SOURCES})")
 }
 
 /// What distinguishes this build from others, of the same code or not.
@@ -35,7 +32,6 @@ const FEATURES: &[&str] = if cfg!(feature = "gpu") { &["gpu"] } else { &[] };
 /// features and engines, one a line.
 pub fn description() -> String {
     let commit = COMMIT.unwrap_or("unknown");
-    let sources = Some(SOURCES).filter(|s| !s.is_empty()).unwrap_or("unknown");
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     let features = listed(FEATURES);
     let engines = |is_here: bool| {
@@ -45,7 +41,7 @@ pub fn description() -> String {
     let here = listed(&[&["walk"], &engines(true)[..]].concat());
     let absent = listed(&engines(false));
     format!(
-        "organza {VERSION}\ncommit: {commit}\nsources: {sources}\nbuild: {BUILD}\nbuilt for: {os}, {arch}\n\
+        "organza {VERSION}\ncommit: {commit}\nsources: {SOURCES}\nbuild: {BUILD}\nbuilt for: {os}, {arch}\n\
          features: {features}\nengines on this computer: {here}\nengines it lacks: {absent}\n"
     )
 }

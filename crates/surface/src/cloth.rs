@@ -186,11 +186,15 @@ mod tests {
 
     #[test]
     fn real_drafts_become_surfaces() {
-        let wif = include_bytes!("../../../scenes/drafts/first_light.wif");
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/drafts/first_light.wif"
+        );
+        let wif = std::fs::read(path).unwrap();
         let named = ["plain", "twill-2-1-s", "twill-3-1-z", "satin-8-3"];
         let drafts = named.map(|name| (name, Draft::named(name).unwrap()));
         let mut built = 0;
-        for (name, draft) in [("first_light.wif", Draft::from_wif(wif).unwrap())]
+        for (name, draft) in [("first_light.wif", Draft::from_wif(&wif).unwrap())]
             .into_iter()
             .chain(drafts)
         {

@@ -15,8 +15,8 @@
 //! use std::sync::Arc;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/fabrics/denim.toml");
-//! let session = Arc::new(Session::new(open(Path::new(fabric), &[])?));
+//! // A named weave; the path of a scene, a fabric or a draft would do.
+//! let session = Arc::new(Session::new(open(Path::new("twill-3-1-s"), &[])?));
 //! let guard = Guard::with_token(80, "secret");
 //! let answering = Arc::new(Answering::new(session, guard, Patience::default()));
 //! let request = "GET /secret/ HTTP/1.1\r\nHost: 127.0.0.1:80\r\nConnection: close\r\n\r\n";

@@ -11,20 +11,12 @@ use organza_scene::loader::Loader;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Fabrics that are built into the program, the same as in `scenes/fabrics`.
+/// Fabrics that are built into the program, the same as in `scenes/fabrics`, which a package of this
+/// crate does not have; `tests/bench.rs` compares them.
 const NAMED: [(&str, &str); 3] = [
-    (
-        "denim",
-        include_str!("../../../../scenes/fabrics/denim.toml"),
-    ),
-    (
-        "charmeuse",
-        include_str!("../../../../scenes/fabrics/charmeuse.toml"),
-    ),
-    (
-        "organza",
-        include_str!("../../../../scenes/fabrics/organza.toml"),
-    ),
+    ("denim", include_str!("fabrics/denim.toml")),
+    ("charmeuse", include_str!("fabrics/charmeuse.toml")),
+    ("organza", include_str!("fabrics/organza.toml")),
 ];
 
 /// A fabric to be tried.
