@@ -105,7 +105,7 @@ def make_reports(folder, fabrics, spp, texels):
         fitted, report = folder / f"{name}.toml", folder / name / "report.json"
         journal = ["--journal", folder / f"{name}.journal"]
         fabric = f"scenes/fabrics/{name}.toml"
-        organza(fitted, "fit", fabric, "-o", fitted, "--spp", 8 * spp, *journal)
+        organza(fitted, "fit", "surface", fabric, "-o", fitted, "--spp", 8 * spp, *journal)
         models = ["--models", "volume,surface,fibres,packed,plain"]
         pictures = ["--texels", texels, "--texel-spp", 32]
         organza(report, "compare", fitted, "-o", report.parent, "--spp", spp, *models, *pictures)

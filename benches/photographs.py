@@ -1,4 +1,4 @@
-"""How often `organza fit --what cloth --quick` recognises cloth in pictures as a camera takes them.
+"""How often `organza fit cloth --quick` recognises cloth in pictures as a camera takes them.
 
     pip install pillow numpy OpenEXR==3.5.3
     python benches/photographs.py --organza target/release/organza --out target/photographs --publish
@@ -147,7 +147,7 @@ def photograph(rng, image, scale, pixels, taken):
 
 def fit(organza, folder, picture, width_mm):
     """What organza finds, or why it finds nothing; and the seconds."""
-    words = ["fit", "--what", "cloth", "--quick", "--front", picture, "--width-mm", f"{width_mm}"]
+    words = ["fit", "cloth", "--quick", "--front", picture, "--width-mm", f"{width_mm}"]
     words += ["--light", f"{LAMP[0]},{LAMP[1]}", "--white", f"{WHITE}", "-o", folder / "fitted.toml", "--json", "--quiet"]
     began = time.monotonic()
     try:

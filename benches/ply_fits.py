@@ -2,7 +2,7 @@
 
     python3 benches/ply_fits.py FOLDER [--organza PROGRAM] [--spp N] [--steps N] [--fabrics NAMES]
 
-Fits each fabric with `organza fit --what plies`, and prints the errors at values that were held
+Fits each fabric with `organza fit plies`, and prints the errors at values that were held
 out, before and after, with their noise, then the corrections.
 """
 
@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 
 def fit(arguments, fabric):
-    command = [arguments.organza, "fit", ROOT / f"scenes/fabrics/{fabric}.toml", "--what", "plies"]
+    command = [arguments.organza, "fit", "plies", ROOT / f"scenes/fabrics/{fabric}.toml"]
     command += ["--spp", arguments.spp, "--patience", f"0,{arguments.steps}", "--threads", 1]
     command += ["-o", arguments.folder / f"{fabric}.toml", "--json", "--quiet"]
     command += ["--journal", arguments.folder / f"{fabric}.journal"]

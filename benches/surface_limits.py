@@ -90,7 +90,7 @@ def main(folder, fabrics):
         data = measured(source, "table", 0)
         if not fitted.exists():
             patience = os.environ.get("PATIENCE", "1000,1000")
-            organza("fit", source, "--what", "surface", "--data", data, "--patience", patience, "-o", fitted)
+            organza("fit", "surface", source, "--data", data, "--patience", patience, "-o", fitted)
         truth = values(measured(source, "table", 1))
         shown = [values(measured(path, "surface", 1)) for path in (source, fitted)]
         cells = []

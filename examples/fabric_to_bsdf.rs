@@ -4,39 +4,33 @@
 //! cargo run --release --example fabric_to_bsdf -- scenes/fabrics/organza.toml
 //! ```
 
-// A program prints, and writes its files as it likes.
-#![allow(clippy::print_stdout, clippy::disallowed_methods)]
+// A program prints.
+#![allow(clippy::print_stdout)]
 
-use organza::basis::unwatched;
-use organza::measure::{Effort, VolumePatch, measure_albedos, parse_incident};
-use organza::scene::{fabric_file, loader::Loader};
-use organza::transport::{AnyMedium, Integrator};
+use organza::{Context, Measure, Request};
 use std::error::Error;
-use std::path::PathBuf;
+use std::sync::Arc;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let path: PathBuf = std::env::args()
-        .nth(1)
-        .ok_or("expected a fabric file")?
-        .into();
-    let loader = Loader::new();
-    let fabric = fabric_file::load(&path, &[], &loader)?;
-    let fibres = fabric.explicit_fibres(&path, None, &loader)?;
-    let media = vec![AnyMedium::ExplicitFibres(fibres)];
-    let patch = VolumePatch::of_media(media, Integrator::Woodcock)?;
-    let effort = Effort {
-        paths: 4096,
-        seed: 1,
-        target_error: None,
+    let file = std::env::args().nth(1).ok_or("expected a fabric file")?;
+    let table = toml::toml! {
+        pairs = "directions.csv"
+        albedo = true
+        model = "fibres"
+        spp = 4096
+        seed = 1
     };
-    let incident = parse_incident("theta_i,phi_i\n0,0\n30,0\n60,0\n")?;
-    let results = measure_albedos(&patch, &incident, &effort, &unwatched)?;
-    for found in results.list {
-        let [reflected, transmitted] = [found.reflected, found.transmitted];
-        println!(
-            "from {:?}: reflects {:.3?} +- {:.3?}, transmits {:.3?} +- {:.3?}",
-            found.incident, reflected.mean, reflected.se, transmitted.mean, transmitted.se
-        );
-    }
+    let measure = Measure {
+        file: file.into(),
+        ..Measure::from_table(table)?
+    };
+    // In place of a file on the disk.
+    let directions = [("directions.csv", "theta_i,phi_i\n0,0\n30,0\n60,0\n")];
+    let context = Context {
+        given: Arc::new(directions.into_iter().collect()),
+        ..Context::default()
+    };
+    let found = measure.run(&context)?;
+    println!("{}", found.json()["albedo"]);
     Ok(())
 }

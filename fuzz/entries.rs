@@ -3,12 +3,13 @@
 #![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
-use organza_cli::{Journal, NumberJournal, Work};
 use organza_scan::ScanError;
 use organza_scan::input::{Slices, png::PngSlices, tiff::TiffSlices, vti::VtiSlices};
 use organza_view::{Answering, Document, Guard, Patience, Session};
 use organza_volume::VolGrid;
 use organza_weave::{Draft, curve_file::CurveSet};
+use organza_work::journal::{Journal, Work};
+use organza_work::number_journal::NumberJournal;
 use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};

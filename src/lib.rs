@@ -1,7 +1,79 @@
 //! organza: cloth from a weave draft to light.
 //!
-//! This crate gathers the crates that the program is made of, one module each, so that a program of
-//! your own needs one dependency. What a step returns is data; files are written by a step of their own.
+//! # Requests
+//!
+//! What the program's commands do are requests: plain structs, whose fields are the flags of the command
+//! of the same name. [`Request::run`] does the work in a [`Context`] (threads, memory, files in memory,
+//! progress, a flag that stops it) and returns what was found, or an [`Error`] with file, place and key.
+//! [`Output::write`] writes it. A request can be [read from a table](Request::from_table), too.
+//!
+//! # From a draft to a picture
+//!
+//! ```
+//! use organza::{Context, Output, Render, Request};
+//!
+//! # fn main() -> Result<(), organza::Error> {
+//! let render = Render {
+//!     scene: "twill-3-1-s".into(), // a named weave; a draft, a fabric or a scene file would do
+//!     spp: Some(4),
+//!     set: vec!["camera.resolution=[16,16]".into()],
+//!     ..Render::default()
+//! };
+//! let picture = render.run(&Context::default())?;
+//! let [(red, standard_error), ..] = picture.film.mean();
+//! assert!(red > 0.0 && standard_error < red);
+//! # let path = std::env::temp_dir().join(format!("organza_{}.png", std::process::id()));
+//! picture.write(&path)?; // a .png, .exr or other picture
+//! # std::fs::remove_file(path).unwrap();
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # From a fabric to its BSDF
+//!
+//! ```
+//! use organza::{Context, Measure, Output, Request};
+//! use std::sync::Arc;
+//!
+//! # fn main() -> Result<(), organza::Error> {
+//! let fabric = "draft = { weave = 'plain' }\nwarp = { per_cm = 24.0 }\nweft = { per_cm = 18.0 }\n\
+//!               yarn.cotton = { tex = 20.0 }";
+//! let context = Context {
+//!     given: Arc::new([("cotton.toml", fabric)].into_iter().collect()), // in place of a file
+//!     ..Context::default()
+//! };
+//! let measure = Measure { file: "cotton.toml".into(), albedo: true, spp: 64, ..Measure::default() };
+//! let found = measure.run(&context)?;
+//! let reflected = found.results()?;
+//! assert_eq!(reflected.array("reflected").unwrap().shape, [225, 3]);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # From a fabric to a volume
+//!
+//! ```
+//! use organza::{Context, Output, Request, Voxelize};
+//! # use std::sync::Arc;
+//!
+//! # fn main() -> Result<(), organza::Error> {
+//! # let fabric = "draft = { weave = 'plain' }\nwarp = { per_cm = 24.0 }\nweft = { per_cm = 18.0 }\n\
+//! #               yarn.cotton = { tex = 20.0 }";
+//! # let given = Arc::new([("cotton.toml", fabric)].into_iter().collect());
+//! # let context = Context { given, ..Context::default() };
+//! let voxelize = Voxelize { fabric: "cotton.toml".into(), voxel_um: Some(40.0), ..Voxelize::default() };
+//! let volume = voxelize.run(&context)?;
+//! assert!(volume.octree.occupied_voxels() > 1000);
+//! # let path = std::env::temp_dir().join(format!("organza_{}.ovox", std::process::id()));
+//! volume.write(&path)?; // .ovox, .vdb, .vol and others
+//! # std::fs::remove_file(path).unwrap();
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Steps
+//!
+//! The steps that requests are made of are modules:
 //!
 //! | module | what it is for |
 //! |---|---|
@@ -14,83 +86,7 @@
 //! | [`scatter`], [`light`], [`mesh`], [`basis`] | fibres and flakes, lights, meshes, vectors and curves |
 //! | [`picture`] | picture files |
 //!
-//! Lengths are in millimetres, angles in radians, where a name does not say otherwise. Errors are types
-//! of the crates, whose messages name file, key and place.
-//!
-//! # From a draft to a picture
-//!
-//! ```
-//! use organza::scene::{self, loader::Loader, studio::Studio, subject};
-//! use organza::transport::{self, EngineChoice, Integrator, RenderSettings, Rendering};
-//! use std::{ops::ControlFlow, path::Path, sync::Arc};
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // A named weave; the path of a .wif file or of a fabric would do.
-//! let making = subject::Making { studio: Some(Studio::Flat), overrides: &[] };
-//! let made = subject::scene_for(Path::new("plain"), making, &Loader::new())?.expect("no scene");
-//! let loader = Loader::new().with_given(Arc::new(made.given()));
-//! let smaller = ["camera.resolution=[16,16]".to_owned()];
-//! let loaded = scene::load(&made.scene_path, &smaller, &loader)?;
-//! let scene = loaded.build(None, &loader)?;
-//! let settings = RenderSettings {
-//!     integrator: Integrator::Woodcock,
-//!     samples: 0..4,
-//!     max_bounces: u32::MAX,
-//!     seed: 1,
-//!     crop: None,
-//! };
-//! let engine = transport::engine(&scene, &settings, EngineChoice::Processor, 1 << 30)?;
-//! let rendering = Rendering::new(&scene, settings)?.with_engine(engine);
-//! let rendering = rendering.take(4, &|_| ControlFlow::Continue(()))?;
-//! let [(red, standard_error), ..] = rendering.film().mean();
-//! assert!(red > 0.0 && standard_error < red);
-//! # Ok(())
-//! # }
-//! ```
-//!
-//! # From a fabric to its BSDF
-//!
-//! ```
-//! use organza::basis::unwatched;
-//! use organza::measure::{Effort, SurfacePatch, measure_pairs, parse_pairs};
-//! use organza::surface::SurfaceSpec;
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let patch = SurfacePatch(SurfaceSpec::preset("denim")?.build()?);
-//! let effort = Effort { paths: 256, seed: 1, target_error: None };
-//! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
-//! let results = measure_pairs(&patch, &pairs, &effort, &unwatched)?;
-//! let bsdf = results.list[0].bsdf;
-//! println!("{:?} +- {:?} 1/sr", bsdf.mean, bsdf.se);
-//! # Ok(())
-//! # }
-//! ```
-//!
-//! # From fibres to a volume
-//!
-//! ```
-//! use organza::basis::unwatched;
-//! use organza::volume::{FibreFootprint, VoxelizeOptions, voxelize};
-//! use organza::weave::{Cloth, FabricGeometry};
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let geometry: FabricGeometry = toml::from_str(
-//!     "draft = { weave = 'plain' }\nwarp = { per_cm = 24.0 }\nweft = { per_cm = 18.0 }\n\
-//!      yarn.cotton = { tex = 20.0 }",
-//! )?;
-//! let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
-//! let cloth = Cloth::build(&geometry, &no_files, 1)?;
-//! let options = VoxelizeOptions {
-//!     voxel_mm: 0.04,
-//!     levels: None,
-//!     footprint: FibreFootprint::Covered,
-//!     max_memory_bytes: Some(1 << 30),
-//! };
-//! let octree = voxelize(&cloth, &options, &unwatched)?;
-//! assert!(octree.occupied_voxels() > 1000);
-//! # Ok(())
-//! # }
-//! ```
+//! Lengths are in millimetres, angles in radians, where a name does not say otherwise.
 //!
 //! The folder `examples/` has programs that write files.
 
@@ -105,3 +101,8 @@ pub use organza_surface as surface;
 pub use organza_transport as transport;
 pub use organza_volume as volume;
 pub use organza_weave as weave;
+
+pub use organza_requests::{
+    Array, Bake, Bench, Compare, Context, Error, ErrorKind, Fit, Listener, Measure, Numbers,
+    Output, Render, Request, Results, Scan, StopFlag, Table, Voxelize, Weave, requests, run_table,
+};

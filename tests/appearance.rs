@@ -45,7 +45,7 @@ fn scenes(test: &str) -> std::path::PathBuf {
 
 /// The fitted value and error of each parameter, and whether the data fixes it.
 fn fitted(folder: &Path, more: &[&str]) -> (String, Vec<(String, f64, f64, bool)>) {
-    let mut words = argv("fit scene.toml -o fitted.toml --json --quiet");
+    let mut words = argv("fit volume scene.toml -o fitted.toml --json --quiet");
     words.extend(more);
     let answer: Value = serde_json::from_str(&succeed(folder, &words)).unwrap();
     let list = answer["parameters"].as_array().unwrap().iter().map(|p| {
@@ -119,7 +119,7 @@ fn optics_planted_in_a_picture_are_found() {
     let folder = scenes("appearance_picture");
     // Noise of 5 % of the mean of red, another seed.
     photograph(&folder, 0.01, 0.0);
-    let flags = argv("--what picture --data photo.exr --spp 16 --seed 1");
+    let flags = argv("--data photo.exr --spp 16 --seed 1");
     let noise = ["--noise", "0.01"];
     let (words, list) = fitted(&folder, &[&flags[..], &noise].concat());
     assert!(words.starts_with("Met"), "{words}");
@@ -164,7 +164,7 @@ fn optics_and_density_planted_in_pairs_are_found() {
     let words = argv("measure thin.toml --pairs pairs.csv -o measured.csv");
     let effort = ["--spp", "20000", "--seed", "5", "--quiet"];
     succeed(&folder, &[&words[..], &effort].concat());
-    let flags = argv("--what fibres --data measured.csv --spp 700 --seed 1");
+    let flags = argv("--data measured.csv --spp 700 --seed 1");
     let (words, list) = fitted(&folder, &[&flags[..], &["--fit-density"]].concat());
     assert!(words.starts_with("Met"), "{words}");
     check(
@@ -228,7 +228,7 @@ fn materials_of_a_volume_without_a_fabric_have_names() {
         "{why}"
     );
     // Twice the fibre lets less light through.
-    let fit = argv("fit scene.toml -o f.toml --what picture --data out.exr");
+    let fit = argv("fit volume scene.toml -o f.toml --data out.exr");
     let why = complaint(&folder, &fit);
     assert!(why.contains("scan.toml"), "{why}");
     scene("named.ovox", &all);
@@ -246,12 +246,9 @@ fn materials_of_a_volume_without_a_fabric_have_names() {
         why.contains("16 x 16") || why.contains("it has warp, weft"),
         "{why}"
     );
-    let why = complaint(
-        &folder,
-        &[&fit[..5], &["fibres"], &fit[6..], &region].concat(),
-    );
+    let why = complaint(&folder, &[&fit[..6], &["out.csv"], &region[..]].concat());
     assert!(
-        why.contains("--region-of: applies only to --what picture"),
+        why.contains("--region-of: applies only to a picture"),
         "{why}"
     );
     assert!(!folder.join("f.toml").exists());

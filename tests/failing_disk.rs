@@ -350,7 +350,7 @@ fn measurements() {
 fn fits() {
     let folder = workplace("fit");
     let case = Case {
-        arguments: "fit cloth.toml -o fitted.toml --quiet --voxel-um 60 --patience 1,2 \
+        arguments: "fit surface cloth.toml -o fitted.toml --quiet --voxel-um 60 --patience 1,2 \
                     --threads 1",
         old: "--spp 4",
         new: "--spp 8",

@@ -138,7 +138,7 @@ fn a_folder_that_takes_no_files_is_reported_before_the_work_begins() {
         "voxelize cloth.toml -o disk/cloth.ovox",
         "measure cloth.toml --layout klems --spp 4000000000 -o disk/out.xml",
         "measure cloth.toml --layout rgl --spp 4000000000 -o disk/out.bsdf",
-        "fit cloth.toml --spp 4000000000 -o disk/fitted.toml",
+        "fit surface cloth.toml --spp 4000000000 -o disk/fitted.toml",
         "compare cloth.toml --spp 4000000000 -o disk",
         "export mitsuba scene.toml -o disk",
         "merge scene.toml scene.toml -o disk/all.exr",
@@ -219,7 +219,7 @@ fn too_little_memory_is_reported_before_it_is_taken() {
         &["measure", "cloth.toml", "--layout", "irawan", "-o", "x.csv"],
         &argv("measure cloth.toml --layout irawan -o x.csv --model fibres"),
         &argv("compare cloth.toml -o report --models packed,plain"),
-        &["fit", "cloth.toml", "-o", "x.toml"],
+        &["fit", "surface", "cloth.toml", "-o", "x.toml"],
         &["export", "mitsuba", "cloth_scene.toml", "-o", "out"],
     ] {
         let said = complaint(

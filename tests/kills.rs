@@ -252,7 +252,9 @@ fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
     std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     Victim {
         name: "fit",
-        arguments: &argv("fit cloth.toml --spp 24 --voxel-um 50 --patience 2,4 -o fitted.toml"),
+        arguments: &argv(
+            "fit surface cloth.toml --spp 24 --voxel-um 50 --patience 2,4 -o fitted.toml",
+        ),
         outputs: &["fitted.toml"],
         state: Some("journal"),
         keep: &["--journal", "journal"],

@@ -7,7 +7,6 @@ mod bake; // materials for other programs
 mod bench; // speed against error, and what it chooses
 mod block_files; // cloths of blocks: files and levels of detail
 mod cache; // volumes that are kept from run to run
-mod calls; // commands run by other programs, in memory
 mod checkpoints; // renders that are killed or interrupted, and resumed
 mod cli; // commands, exit codes and messages
 mod control_groups; // limits of memory that they set
@@ -43,6 +42,7 @@ mod planted_photographs; // pictures of a cloth, as a camera takes them
 mod ply_fits; // corrections of plies found from values, pictures and fibres
 mod program; // how the others run the program
 mod refusals; // what is refused before it begins, and left as it was
+mod requests; // as values, tables and commands
 mod scan; // volumes from micro-CT slices
 mod scan_cloth; // flat tiles of tilted scans
 mod scan_slices; // slices in files of PNG

@@ -238,10 +238,6 @@ fn tables_for_other_programs_are_written_or_refused() {
             "needs a table that ends in .xml",
         ),
         (
-            "--layout tensor-tree --json",
-            "needs a table that ends in .xml",
-        ),
-        (
             "--layout rgl --albedo -o x.bsdf",
             "--albedo goes with pairs",
         ),

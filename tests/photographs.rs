@@ -181,9 +181,8 @@ impl Planted {
         let width_mm = size_mm[0].to_string();
         let mut words = vec![
             "fit",
-            "yarns.toml",
-            "--what",
             "cloth",
+            "yarns.toml",
             "--front",
             "front.exr",
             "--back",
@@ -338,7 +337,7 @@ fn stripes_come_back_in_step_with_the_draft() {
     let size_mm = [10.0, 240.0 / 22.0];
     DISTANT.photograph(&folder, size_mm, [240, 262], 109);
     let light = DISTANT.lights.map(|[t, p]| format!("{t},{p}"))[0].clone();
-    let words = "fit --what cloth --quick --front front.exr --width-mm 10 --white 0.8 --json --quiet \
+    let words = "fit cloth --quick --front front.exr --width-mm 10 --white 0.8 --json --quiet \
         -o fitted.toml --light";
     let words: Vec<&str> = words.split(' ').chain([&*light]).collect();
     let answer: Value = serde_json::from_str(&succeed(&folder, &words)).unwrap();
@@ -379,7 +378,6 @@ fn knits_and_noise_are_refused() {
     let fit = |front: &str, more: &[&str]| {
         let words = [
             "fit",
-            "--what",
             "cloth",
             "--front",
             front,
@@ -421,15 +419,17 @@ fn knits_and_noise_are_refused() {
     );
     let why = complaint(
         &folder,
-        &["fit", "--what", "fibres", "--data", "a.csv", "-o", "f.toml"],
+        &["fit", "fibres", "--data", "a.csv", "-o", "f.toml"],
     );
     assert!(why.contains("<FABRIC>"), "{why}");
     let why = complaint(
         &folder,
-        &["fit", "a.toml", "--front", "grey.exr", "-o", "f.toml"],
+        &[
+            "fit", "surface", "a.toml", "--front", "grey.exr", "-o", "f.toml",
+        ],
     );
     assert!(
-        why.contains("--front: applies only to --what cloth"),
+        why.contains("--front: does not apply to the fit of a surface, but of: plies, cloth"),
         "{why}"
     );
     assert!(!folder.join("fitted.toml").exists());

@@ -39,7 +39,7 @@ fn workplace(test: &str) -> std::path::PathBuf {
 
 /// The answer of a fit of `cloth.toml`.
 fn fit(folder: &Path, more: &[&str]) -> Value {
-    let head = ["fit", "cloth.toml", "--what", "plies", "-o", "fitted.toml"];
+    let head = ["fit", "plies", "cloth.toml", "-o", "fitted.toml"];
     let words = [&head[..], &["--json", "--quiet"], more].concat();
     serde_json::from_str(&succeed(folder, &words)).unwrap()
 }
@@ -255,7 +255,7 @@ fn fits_of_plies_refuse_what_makes_no_sense() {
             "plies.y.spread_deg: expected a number from 0 to 45, found 90",
         ),
     ] {
-        let head = ["fit", "--what", "plies", "-o", "fitted.toml"];
+        let head = ["fit", "plies", "-o", "fitted.toml"];
         let all: Vec<&str> = head.into_iter().chain(words.split(' ')).collect();
         let why = complaint(&folder, &all);
         assert!(why.contains(expected), "{words}: {why}");

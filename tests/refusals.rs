@@ -101,7 +101,7 @@ fn a_fit_does_not_resume_from_another_draft() {
     let text = SAILCLOTH.replace("weave = \"plain\"", "wif = \"draft.wif\"");
     fs::write(folder.join("drafted.toml"), text).unwrap();
     let fit = argv(
-        "fit drafted.toml -o fitted.toml --journal journal --spp 2 --voxel-um 160 --patience \
+        "fit surface drafted.toml -o fitted.toml --journal journal --spp 2 --voxel-um 160 --patience \
          0,1 --quiet",
     );
     wif("200,30,30");
@@ -119,13 +119,19 @@ fn a_fit_does_not_resume_from_another_draft() {
 fn no_input_is_written_over() {
     let folder = folder("refusals-inputs");
     sailcloth(&folder);
-    let printed = complaint(&folder, &["fit", "sailcloth.toml", "-o", "sailcloth.toml"]);
+    let printed = complaint(
+        &folder,
+        &["fit", "surface", "sailcloth.toml", "-o", "sailcloth.toml"],
+    );
     assert!(printed.contains("is also an input"), "{printed}");
     let text = fs::read_to_string(folder.join("sailcloth.toml")).unwrap();
     assert_eq!(text, SAILCLOTH);
-    let printed = complaint(&folder, &["fit", "sailcloth.toml", "-o", "fitted.png"]);
+    let printed = complaint(
+        &folder,
+        &["fit", "surface", "sailcloth.toml", "-o", "fitted.png"],
+    );
     assert!(printed.contains("ends in .toml"), "{printed}");
-    let fit = argv("fit sailcloth.toml -o fitted.toml --journal none/journal");
+    let fit = argv("fit surface sailcloth.toml -o fitted.toml --journal none/journal");
     let printed = complaint(&folder, &fit);
     assert!(
         printed.contains("the folder none does not exist"),
@@ -252,7 +258,7 @@ fn fits_begin_at_optics_in_other_words() {
     ] {
         let text = format!("{SAILCLOTH}[optics.cotton]\n{optics}");
         fs::write(folder.join("sailcloth.toml"), text).unwrap();
-        let mut fit = vec!["fit", "sailcloth.toml", "--what", "fibres", "--model"];
+        let mut fit = vec!["fit", "fibres", "sailcloth.toml", "--model"];
         fit.extend([model, "--data", "values.csv", "-o", "fitted.toml"]);
         fit.extend(["--spp", "4", "--patience", "0,1"]);
         let printed = succeed(&folder, &fit);

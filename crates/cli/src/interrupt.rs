@@ -1,45 +1,34 @@
-//! Ctrl-C, SIGTERM and SIGHUP: the first stops the run in order, the second ends
-//! it at once.
+//! Ctrl-C, SIGTERM and SIGHUP: the first asks for a stop in order, the second ends the program at
+//! once.
 
-use anyhow::{Context, Result};
-use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
+use organza_work::StopFlag;
+use std::sync::{LazyLock, Once};
 
-static CAME: AtomicBool = AtomicBool::new(false);
+/// What an interrupt asks.
+static FLAG: LazyLock<StopFlag> = LazyLock::new(StopFlag::default);
 
 /// Exit status of a program that a second Ctrl-C ended, as shells have it.
 const INTERRUPTED: i32 = 130;
 
-/// From now on an interrupt is noted instead of ending the program.
-///
-/// # Errors
-/// The system does not allow it.
-pub fn watch() -> Result<()> {
-    ctrlc::set_handler(|| {
-        if CAME.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED);
-        }
-    })
-    .context("cannot watch for interrupts")
+/// The flag that an interrupt sets once the program [watches](watch).
+pub fn flag() -> StopFlag {
+    FLAG.clone()
+}
+
+/// From now on an interrupt asks for a stop instead of ending the program. Where the system does not
+/// allow it, interrupts end the program as before.
+pub fn watch() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let _ = ctrlc::set_handler(|| {
+            if FLAG.ask_again() {
+                std::process::exit(INTERRUPTED);
+            }
+        });
+    });
 }
 
 /// True once the user has asked to stop.
 pub fn came() -> bool {
-    CAME.load(Ordering::Relaxed)
-}
-
-/// A writer that fails once the user has asked to stop.
-pub struct Interruptible<W>(pub W);
-
-impl<W: Write> Write for Interruptible<W> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if came() {
-            return Err(std::io::Error::other("interrupted"));
-        }
-        self.0.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        self.0.flush()
-    }
+    FLAG.is_asked()
 }

@@ -1,4 +1,5 @@
-//! The command line: the only crate that prints.
+//! The command line: the only crate that prints. It turns flags into requests, and what they find into
+//! files and lines.
 //!
 //! [`run`] is the whole program. Errors of the user (a wrong flag, a wrong
 //! file) end with exit status 2, failures while running with 1.
@@ -10,47 +11,22 @@
 //! ```
 #![allow(clippy::disallowed_methods)] // reads and writes files, and prints
 
-mod btf_file;
-mod building;
-mod call;
-mod checkpoint;
 mod commands;
 mod data_sheet;
-mod denoising;
 mod display_server;
-mod error;
 mod flags;
-mod host;
-mod identity;
 mod interrupt;
-mod journal;
-mod kept_light;
-mod locked_file;
-mod number_journal;
-mod output;
-mod output_folder;
-mod picture;
-mod process_usage;
-mod progress;
-mod result_cache;
-mod results;
-mod sample_ranges;
-mod schedule;
-mod version;
-mod waiting;
+mod program;
+mod terminal;
 
-pub use call::{Failure, FailureKind, call};
 pub use commands::definition as command;
-pub use host::Caller;
-pub use journal::{Journal, Record, Work};
-pub use number_journal::NumberJournal;
 pub use organza_report::bench::Program;
-pub use results::{Array, Numbers, Results};
 
 use clap::error::ErrorKind;
-use host::Host;
+use organza_work::Error;
 use std::ffi::OsString;
 use std::process::ExitCode;
+use terminal::note;
 
 /// Runs the program on its arguments (the first is the program's name).
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -60,30 +36,32 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// The same; returns the exit status as a number. `program` is what was started, where it is
 /// not the process's own file: a script that an interpreter runs.
 pub fn status(arguments: impl IntoIterator<Item = OsString>, program: Option<Program>) -> u8 {
+    program::set(program);
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let matches = match command().try_get_matches_from(&arguments) {
         Ok(m) => m,
         Err(e) if e.kind() == ErrorKind::DisplayVersion && commands::is_verbose(&arguments) => {
-            return match output::print(&version::description()) {
-                Ok(()) => 0,
-                Err(e) => {
-                    error::print(&e);
-                    error::exit_code(&e)
-                }
-            };
+            let printed = terminal::print(&organza_work::version::description());
+            return of_result(printed);
         }
         Err(e) => return print_usage_error(&e),
     };
-    let outcome = match commands::run_for(&matches, Host::terminal(program)) {
-        Ok(outcome) => outcome,
-        Err(e) => return print_usage_error(&e),
+    match commands::run(&matches) {
+        Ok(result) => of_result(result),
+        Err(e) => print_usage_error(&e),
+    }
+}
+
+/// The exit status of a result; prints its error.
+fn of_result(result: anyhow::Result<()>) -> u8 {
+    let Err(e) = result else {
+        return 0;
     };
-    match outcome {
-        Ok(()) => 0,
-        Err(e) => {
-            error::print(&e);
-            error::exit_code(&e)
-        }
+    let e = Error::from(e);
+    note!("organza: {e}");
+    match e.kind {
+        organza_work::ErrorKind::Input => 2,
+        _ => 1,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Arrays for numpy: name of the type, shape, bytes.
 
-use organza_cli::{Array, Numbers};
+use organza_requests::{Array, Numbers};
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyTuple};
 

@@ -1,16 +1,17 @@
-//! Commands that run while Python waits, listens for Ctrl-C and shows progress.
+//! Requests that run while Python waits, listens for Ctrl-C and shows progress.
 
 use crate::array::buffer;
-use crate::errors::exception;
-use organza_cli::{Caller, Failure, FailureKind, Results};
+use crate::errors::{exception, in_keywords};
+use organza_requests::{Context, Error, ErrorKind, Listener, Results, StopFlag, run_table};
 use organza_scene::GivenFiles;
+use organza_work::values::parse_bytes;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::collections::HashMap;
 use std::ffi::OsString;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -19,10 +20,10 @@ use std::time::Duration;
 /// Time between two looks at signals and progress.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Stack of the thread that runs a command: that of a process's first thread on Linux.
+/// Stack of the thread that runs a request: that of a process's first thread on Linux.
 const STACK_BYTES: usize = 8 << 20;
 
-/// A step that a command is at.
+/// A step that a request is at.
 #[derive(Clone, Debug, PartialEq)]
 struct Step {
     task: String,
@@ -30,27 +31,20 @@ struct Step {
     total: u64,
 }
 
-/// What a command and the interpreter tell each other.
+/// What a request and the interpreter tell each other.
 #[derive(Default)]
 struct Exchange {
-    given: Arc<GivenFiles>,
-    is_stopped: AtomicBool,
     step: Mutex<Option<Step>>,
     warnings: Mutex<Vec<String>>,
-    results: Mutex<Vec<Results>>,
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Caller for Exchange {
-    fn given(&self) -> Arc<GivenFiles> {
-        Arc::clone(&self.given)
-    }
-
+impl Listener for Exchange {
     fn warn(&self, warning: &str) {
-        locked(&self.warnings).push(warning.to_owned());
+        locked(&self.warnings).push(in_keywords(warning));
     }
 
     fn progress(&self, task: &str, done: u64, total: u64) {
@@ -64,14 +58,6 @@ impl Caller for Exchange {
                 *step = Some(Step { task, done, total });
             }
         }
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.is_stopped.load(Ordering::Relaxed)
-    }
-
-    fn take(&self, results: Results) {
-        locked(&self.results).push(results);
     }
 }
 
@@ -103,36 +89,59 @@ impl Reporter<'_> {
     }
 }
 
-/// Runs a command: `arguments` are the words after `organza`, `files` stand for the files at
-/// their paths. `progress(task, share)` and `warn(message)` are called in this thread, about
-/// twenty times a second at most; what they raise stops the command, as Ctrl-C does.
+/// Runs the request of a name, which a text states as TOML; `files` stand for the files at their
+/// paths. `about` has the threads, the most memory and the cache of the context, and how the
+/// request was asked for. `progress(task, share)` and `warn(message)` are called in this thread,
+/// about twenty times a second at most; what they raise stops the request, as Ctrl-C does.
 ///
 /// Returns a dictionary with `arrays` (name: type, shape, bytes), `figures` (name: JSON text)
 /// and `files` (name: bytes).
 pub fn call<'py>(
     py: Python<'py>,
-    arguments: Vec<OsString>,
+    (name, request): (String, String),
     files: HashMap<PathBuf, Vec<u8>>,
+    about: (Option<u16>, Option<String>, Option<OsString>, String),
     warn: Bound<'py, PyAny>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let exchange = Arc::new(Exchange {
-        given: Arc::new(files.into_iter().collect()),
-        ..Exchange::default()
-    });
+    let exchange = Arc::new(Exchange::default());
+    let stop = StopFlag::default();
     let mut reporter = Reporter {
         progress,
         warn,
         shown: None,
     };
+    let (threads, memory, cache, command) = about;
+    let wrong = |why| exception(py, &organza_work::of_option("max_memory", why).into());
+    let memory = memory.map(|text| parse_bytes(&text).map_err(wrong));
+    let context = Context {
+        threads,
+        max_memory_bytes: memory.transpose()?,
+        cache,
+        given: Arc::new(files.into_iter().collect::<GivenFiles>()),
+        listener: exchange.clone(),
+        stop: stop.clone(),
+        command,
+        ..Context::default()
+    };
     let (send, receive) = channel();
-    let caller = Arc::clone(&exchange);
+    let work = move || -> Result<Results, Error> {
+        let table = toml::from_str(&request).map_err(anyhow::Error::from)?;
+        run_table(&name, table, &context)
+    };
     let worker = thread::Builder::new()
         .name("organza".into())
         .stack_size(STACK_BYTES)
         .spawn(move || {
-            // Nobody waits any more if this fails.
-            let _ = send.send(organza_cli::call(&arguments, caller));
+            // A panic is a defect of organza, and no reason to end the interpreter. Nobody waits
+            // any more if the result cannot be sent.
+            let result = catch_unwind(AssertUnwindSafe(work));
+            let _ = send.send(result.unwrap_or_else(|payload| {
+                let text = payload.downcast_ref::<String>().map(String::as_str);
+                let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
+                let text = format!("a defect of organza: {}", text.unwrap_or("no message"));
+                Err(Error::new(ErrorKind::Work, text))
+            }));
         })
         .map_err(|e| PyRuntimeError::new_err(format!("cannot start a thread: {e}")))?;
     let mut raised = None;
@@ -141,8 +150,8 @@ pub fn call<'py>(
         match py.detach(|| locked(&receive).recv_timeout(LOOK)) {
             Ok(finished) => break finished,
             Err(RecvTimeoutError::Disconnected) => {
-                let text = "a defect of organza: the command did not end".to_owned();
-                break Err(Failure::new(FailureKind::Running, text));
+                let text = "a defect of organza: the request did not end";
+                break Err(Error::new(ErrorKind::Work, text));
             }
             Err(RecvTimeoutError::Timeout) => {}
         }
@@ -151,7 +160,7 @@ pub fn call<'py>(
             Some(_) => Ok(()),
         });
         if let Err(e) = looked {
-            exchange.is_stopped.store(true, Ordering::Relaxed);
+            stop.ask();
             raised = Some(e);
         }
     };
@@ -160,18 +169,16 @@ pub fn call<'py>(
         return Err(e);
     }
     reporter.report(&exchange)?;
-    finished.map_err(|failure| exception(py, &failure))?;
+    let results = finished.map_err(|error| exception(py, &error))?;
     let (arrays, figures, bytes) = (PyDict::new(py), PyDict::new(py), PyDict::new(py));
-    for results in std::mem::take(&mut *locked(&exchange.results)) {
-        for (name, array) in &results.arrays {
-            arrays.set_item(name, buffer(py, array)?)?;
-        }
-        for (name, figure) in &results.figures {
-            figures.set_item(name, figure.to_string())?;
-        }
-        for (name, file) in &results.files {
-            bytes.set_item(name, PyBytes::new(py, file))?;
-        }
+    for (name, array) in &results.arrays {
+        arrays.set_item(name, buffer(py, array)?)?;
+    }
+    for (name, figure) in &results.figures {
+        figures.set_item(name, figure.to_string())?;
+    }
+    for (name, file) in &results.files {
+        bytes.set_item(name, PyBytes::new(py, file))?;
     }
     let found = PyDict::new(py);
     found.set_item("arrays", arrays)?;

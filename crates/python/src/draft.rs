@@ -2,7 +2,7 @@
 
 use crate::array::{Buffer, buffer};
 use crate::errors::input;
-use organza_cli::{Array, Numbers};
+use organza_requests::{Array, Numbers};
 use organza_scene::InputError;
 use organza_weave::Draft;
 use organza_weave::draft::Thread;

@@ -1,4 +1,4 @@
-//! The native part of the Python module `organza`: [`call::call`] runs a command on files in
+//! The native part of the Python module `organza`: [`call::call`] runs a request on files in
 //! memory, the rest reads drafts, volumes and TOML.
 //!
 //! The package around it, in `crates/python/python/organza`, has the functions and classes that
@@ -62,8 +62,8 @@ fn module(py: Python<'_>) -> PyResult<Bound<'_, PyModule>> {
     let module = empty_module(py)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
     add(&module, c"call", |py, words| {
-        let (arguments, files, warn, progress) = words.extract()?;
-        Ok(call::call(py, arguments, files, warn, progress)?.into_any())
+        let (request, files, about, warn, progress) = words.extract()?;
+        Ok(call::call(py, request, files, about, warn, progress)?.into_any())
     })?;
     add(&module, c"read_draft", |py, words| {
         let (word, bytes, rows): (String, Option<Vec<u8>>, _) = words.extract()?;

@@ -4,7 +4,7 @@ use crate::array::{Buffer, buffer};
 use crate::errors::input;
 use glam::UVec3;
 use organza_basis::{Budget, MAX_POPULATIONS};
-use organza_cli::Results;
+use organza_requests::Results;
 use organza_scene::InputError;
 use organza_scene::memory::free_memory_bytes;
 use organza_volume::format::{self, Source, Volume};

@@ -121,7 +121,7 @@ def test_fit(files, fabric, command):
     data = organza.measure(fabric, layout="grid", grid=(2, 2), spp=256)
     command("measure", "plain.toml", "--layout", "grid", "--grid", "2,2", "--spp", "256",
             "-o", "data.csv")  # fmt: skip
-    command("fit", "plain.toml", "--data", "data.csv", "--patience", "8,20", "-o", "fitted.toml")
+    command("fit", "surface", "plain.toml", "--data", "data.csv", "--patience", "8,20", "-o", "fitted.toml")
     found = organza.fit(fabric, data=data, patience=(8, 20))
     expected = organza.load(files / "fitted.toml")
     assert found["fabric"] == expected

@@ -1,13 +1,12 @@
 //! `organza cache`
 
 use super::Command;
-use crate::flags::CacheArgs;
-use crate::flags::values::{parse_bytes, parse_duration};
-use crate::output;
-use crate::result_cache;
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::{ArgGroup, Args, Subcommand};
 use organza_cache::{Cache, Entry, Removed};
+use organza_work::result_cache;
+use organza_work::values::{parse_bytes, parse_duration};
 use serde_json::json;
 use std::time::{Duration, SystemTime};
 
@@ -74,9 +73,7 @@ impl Command for CacheCommand {
 
 /// The cache that a flag or the environment names.
 fn cache(flag: Option<&std::ffi::OsString>) -> Result<Cache> {
-    result_cache::to_look_at(&CacheArgs {
-        cache: flag.cloned(),
-    })
+    result_cache::to_look_at(flag.map(std::ffi::OsString::as_os_str))
 }
 
 fn list(args: &ListArgs) -> Result<()> {
@@ -87,7 +84,7 @@ fn list(args: &ListArgs) -> Result<()> {
         true => serde_json::to_string_pretty(&as_json(&cache, &entries, now))? + "\n",
         false => as_table(&cache, &entries, now),
     };
-    output::print(&text)
+    terminal::print(&text)
 }
 
 fn entries(cache: &Cache) -> Result<Vec<Entry>> {
@@ -156,7 +153,7 @@ fn clean(args: &CleanArgs) -> Result<()> {
     let name = || format!("cannot clean {}", result_cache::name(&cache));
     let removed = removed.with_context(name)?;
     let left = entries(&cache)?;
-    output::print(&format!(
+    terminal::print(&format!(
         "{}: removed {} of {}; {} of {} left\n",
         result_cache::name(&cache),
         count(removed.entries),

@@ -1,7 +1,7 @@
 //! `organza completions`
 
 use super::Command;
-use crate::output;
+use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 
@@ -22,6 +22,6 @@ impl Command for CompletionsArgs {
     fn run(&self) -> Result<()> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut super::definition(), "organza", &mut script);
-        output::print(&String::from_utf8(script)?)
+        terminal::print(&String::from_utf8(script)?)
     }
 }

@@ -1,17 +1,17 @@
 //! `organza denoise`
 
 use super::Command;
-use crate::denoising::Denoiser;
-use crate::flags::MemoryArgs;
 use crate::flags::display::DisplayArgs;
-use crate::flags::values::whole;
-use crate::output;
-use crate::output::note;
-use crate::picture;
+use crate::flags::{CommonArgs, MemoryArgs};
+use crate::terminal::note;
 use anyhow::Result;
 use clap::Args;
 use organza_picture::{Display, Rendered};
 use organza_scene::memory::free_memory_bytes;
+use organza_work::denoising::Denoiser;
+use organza_work::output;
+use organza_work::picture;
+use organza_work::values::whole;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -56,7 +56,12 @@ impl Command for DenoiseArgs {
         let stored = picture::read_exr(&self.picture, allowed)?;
         let film = &stored.film;
         let display = self.display.over(Display::default());
-        let display = picture::resolved(&self.outfile, film, display, self.quiet);
+        let common = CommonArgs {
+            threads: self.threads,
+            quiet: self.quiet,
+        };
+        let context = common.context();
+        let display = picture::resolved(&self.outfile, film, display, &context);
         let rendered = Rendered {
             layers: stored.layers(),
             ..Rendered::new(film, display, &stored.attributes)

@@ -1,12 +1,9 @@
 //! `organza develop`
 
 use super::Command;
-use crate::error::{after_option, of_file};
 use crate::flags::MemoryArgs;
 use crate::flags::display::DisplayArgs;
-use crate::flags::values::whole;
-use crate::output::{self, note};
-use crate::picture;
+use crate::terminal::note;
 use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
@@ -14,6 +11,10 @@ use organza_basis::Rgb;
 use organza_picture::{Display, Exposure, Picture, decode, png};
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::read;
+use organza_work::output;
+use organza_work::picture;
+use organza_work::values::whole;
+use organza_work::{after_option, of_file};
 use std::path::PathBuf;
 
 /// `organza develop`

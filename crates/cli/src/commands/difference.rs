@@ -1,10 +1,8 @@
 //! `organza difference`
 
 use super::Command;
-use crate::error::of_file;
 use crate::flags::MemoryArgs;
-use crate::output;
-use crate::picture;
+use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use glam::UVec2;
@@ -13,6 +11,9 @@ use organza_basis::Rgb;
 use organza_picture::{Attributes, Picture, PictureError, exr};
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::read;
+use organza_work::of_file;
+use organza_work::output;
+use organza_work::picture;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -66,8 +67,8 @@ impl Command for DifferenceArgs {
         }
         let report = Report::new(&reference, &compared);
         match self.json {
-            true => output::print(&(serde_json::to_string_pretty(&report)? + "\n")),
-            false => output::print(&report.description()),
+            true => terminal::print(&(serde_json::to_string_pretty(&report)? + "\n")),
+            false => terminal::print(&report.description()),
         }
     }
 }

@@ -1,26 +1,26 @@
 //! `organza export`
 
-use super::weave::CurveLevelName;
-use super::{Command, with_threads};
-use crate::building::watched;
-use crate::error::{InputError, of_file};
-use crate::flags::values::{parse_positive, parse_repeats};
-use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
-use crate::output;
-use crate::output::{WriteFile, note};
-use crate::waiting::Waiting;
+use super::Command;
+use crate::flags::{CommonArgs, MemoryArgs, SetArgs, WorkArgs, set_help};
+use crate::terminal::note;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use glam::DVec3;
 use glam::UVec2;
 use organza_mesh::{Mesh, Placement};
 use organza_picture::{Picture, exr};
+use organza_requests::weave::CurveLevelName;
 use organza_scene::drape::{NoMesh, read_mesh, usual_mm_per_unit};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::mitsuba::{self, Tiling};
 use organza_scene::usd_curves::UsdCurves;
+use organza_work::Waiting;
+use organza_work::building::watched;
+use organza_work::output::{self, WriteFile};
+use organza_work::values::{parse_positive, parse_repeats};
+use organza_work::{InputError, of_file};
 use std::path::PathBuf;
 
 /// `organza export`
@@ -62,11 +62,9 @@ pub struct MitsubaArgs {
     #[arg(long, value_name = "NX,NY", allow_hyphen_values = true, value_parser = parse_repeats)]
     pub repeats: Option<UVec2>,
     #[command(flatten)]
-    pub memory: MemoryArgs,
+    pub set: SetArgs,
     #[command(flatten)]
-    pub cache: CacheArgs,
-    #[command(flatten)]
-    pub common: CommonArgs,
+    pub work: WorkArgs,
 }
 
 /// `organza export usd`
@@ -101,6 +99,8 @@ pub struct UsdArgs {
     #[arg(long, value_name = "MM", requires = "mesh", value_parser = parse_positive)]
     pub mm_per_uv: Option<f64>,
     #[command(flatten)]
+    pub set: SetArgs,
+    #[command(flatten)]
     pub memory: MemoryArgs,
     #[command(flatten)]
     pub common: CommonArgs,
@@ -109,9 +109,10 @@ pub struct UsdArgs {
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> Result<()> {
     match &args.to {
-        ExportTo::Mitsuba(args) => with_threads(&args.common, || to_mitsuba(args)),
-        ExportTo::Usd(args) => with_threads(&args.common, || to_usd(args)),
+        ExportTo::Mitsuba(args) => args.work.context().run(|| to_mitsuba(args))?,
+        ExportTo::Usd(args) => args.common.context().run(|| to_usd(args))?,
     }
+    Ok(())
 }
 
 fn to_usd(args: &UsdArgs) -> Result<()> {
@@ -124,12 +125,13 @@ fn to_usd(args: &UsdArgs) -> Result<()> {
     }
     output::check_writable(path)?;
     let max_memory_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
-    let (fabric, mesh, inputs) = watched(&args.common, &CacheArgs::default(), |loader| {
-        let fabric = fabric_file::load(&args.fabric, &args.common.set, loader)?;
+    let context = args.common.context();
+    let (fabric, mesh, inputs) = watched(&context, |loader| {
+        let fabric = fabric_file::load(&args.fabric, &args.set.set, loader)?;
         let mesh = mesh(args, max_memory_bytes, loader)?;
         Ok((fabric, mesh, loader.inputs()))
     })?;
-    let _waiting = Waiting::new("gathering curves", &args.common);
+    let _waiting = Waiting::new("gathering curves", &context);
     let curves = UsdCurves {
         fabric: &fabric,
         path: &args.fabric,
@@ -182,17 +184,18 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
     if folder.exists() {
         output::check_writable(&scene_path)?;
     }
-    let (file, scene, read) = watched(args.common.quiet, &args.cache, |loader| {
-        let loaded = organza_scene::load(&args.scene, &args.common.set, loader)?;
+    let context = args.work.context();
+    let (file, scene, read) = watched(&context, |loader| {
+        let loaded = organza_scene::load(&args.scene, &args.set.set, loader)?;
         loaded.file.camera(&args.scene)?;
-        let scene = loaded.build(args.memory.max_memory, loader)?;
+        let scene = loaded.build(context.max_memory_bytes, loader)?;
         Ok((loaded.file, scene, loader.inputs()))
     })?;
-    let _waiting = Waiting::new("writing", args.common.quiet);
+    let _waiting = Waiting::new("writing", &context);
     let tiling = Tiling {
         repeats: args.repeats,
         around_mm: DVec3::from(file.camera(&args.scene)?.target_mm),
-        max_bytes: args.memory.max_memory.unwrap_or_else(free_memory_bytes),
+        max_bytes: context.memory_bytes(),
     };
     let export = mitsuba::export(&scene, file.render.spp, file.render.max_bounces, &tiling)
         .map_err(|why| of_file(&args.scene, why))?;
@@ -221,7 +224,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         output::check_not_an_input(path, read.iter().map(|i| &i.path))?;
     }
     output::write_files(files)?;
-    if !args.common.quiet {
+    if !args.work.common.quiet {
         for note in &export.notes {
             note!("note: {note}");
         }

@@ -1,10 +1,9 @@
 //! `organza info`
 
-use super::{Command, with_threads};
-use crate::error::{InputError, of_file};
-use crate::flags::{CommonArgs, set_help};
-use crate::waiting::Waiting;
-use crate::{data_sheet, output, picture};
+use super::Command;
+use crate::data_sheet;
+use crate::flags::{CommonArgs, SetArgs, set_help};
+use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
@@ -21,6 +20,9 @@ use organza_surface::table::FarTable;
 use organza_volume::format::{self, Format};
 use organza_weave::blend::mass_shares;
 use organza_weave::{Draft, Yarn, curve_file::CurveSet};
+use organza_work::Waiting;
+use organza_work::picture;
+use organza_work::{InputError, of_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,6 +41,8 @@ pub struct InfoArgs {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub set: SetArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -52,8 +56,9 @@ impl Command for InfoArgs {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let waiting = Waiting::new("reading", &args.common);
-    let listing = with_threads(&args.common, || tell(args))?;
+    let context = args.common.context();
+    let waiting = Waiting::new("reading", &context);
+    let listing = context.run(|| tell(args))?;
     drop(waiting);
     let mut text = String::new();
     if args.json {
@@ -66,7 +71,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     } else {
         list(&mut text, &listing, 0);
     }
-    output::print(&text)
+    terminal::print(&text)
 }
 
 fn tell(args: &InfoArgs) -> Result<Value> {
@@ -75,7 +80,7 @@ fn tell(args: &InfoArgs) -> Result<Value> {
     };
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let fail = |e: String| of_file(path, e);
-    if let Some(key) = args.common.set.first()
+    if let Some(key) = args.set.set.first()
         && !ending.eq_ignore_ascii_case("toml")
     {
         let why = format!("{key}: only fabrics and scenes have keys");
@@ -104,7 +109,7 @@ fn tell(args: &InfoArgs) -> Result<Value> {
             let (table, about) = far_table::read(path, &Loader::new())?;
             Ok(table_info(&table, &about))
         }
-        "toml" => toml(path, &args.common.set),
+        "toml" => toml(path, &args.set.set),
         other if organza_picture::format_of_ending(other).is_some() => plain_picture_info(path),
         _ => Err(read::unreachable(path).map_or_else(
             || {

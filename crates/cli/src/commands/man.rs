@@ -1,11 +1,11 @@
 //! `organza man`
 
 use super::Command;
-use crate::error::{of_file, of_io};
-use crate::output;
 use anyhow::{Context, Result};
 use clap::Args;
-use std::path::PathBuf;
+use organza_work::output;
+use organza_work::{of_file, of_io};
+use std::path::{Path, PathBuf};
 
 /// `organza man`
 #[derive(Debug, Args)]
@@ -33,16 +33,19 @@ impl Command for ManArgs {
         let mut program = super::definition();
         // Gives the commands the names under which they are called.
         program.build();
-        let write = |command: clap::Command| -> Result<()> {
-            let page = clap_mangen::Man::new(command);
-            let path = folder.join(page.get_filename());
-            output::write_file(&path, |out| {
-                page.render(out).context("cannot lay out the page")
-            })
-        };
-        for command in program.get_subcommands().filter(|c| !c.is_hide_set()) {
-            write(command.clone())?;
-        }
-        write(program)
+        write(folder, &program)
     }
+}
+
+/// Writes the pages of a command and of those below it.
+fn write(folder: &Path, command: &clap::Command) -> Result<()> {
+    let is_page = |c: &&clap::Command| !c.is_hide_set() && c.get_name() != "help";
+    for below in command.get_subcommands().filter(is_page) {
+        write(folder, below)?;
+    }
+    let page = clap_mangen::Man::new(command.clone());
+    let path = folder.join(page.get_filename());
+    output::write_file(&path, |out| {
+        page.render(out).context("cannot lay out the page")
+    })
 }

@@ -1,19 +1,19 @@
 //! `organza merge`
 
 use super::Command;
-use super::render::CLAMPED;
-use crate::error::{input, of_file};
 use crate::flags::MemoryArgs;
-use crate::identity::{Difference, EngineKind, Identity, joined_engines};
-use crate::output;
-use crate::output::note;
-use crate::picture;
-use crate::sample_ranges::SampleRanges;
+use crate::terminal::note;
 use anyhow::Result;
 use clap::Args;
 use organza_picture::exr::{self, StoredRender};
 use organza_picture::{Display, Rendered};
+use organza_requests::render::CLAMPED;
 use organza_transport::Film;
+use organza_work::identity::{Difference, EngineKind, Identity, joined_engines};
+use organza_work::output;
+use organza_work::picture;
+use organza_work::sample_ranges::SampleRanges;
+use organza_work::{input, of_file};
 use std::path::{Path, PathBuf};
 
 /// `organza merge`

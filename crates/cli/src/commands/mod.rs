@@ -3,30 +3,12 @@
 //! A new command is a file with a [`clap::Args`] that implements [`Command`],
 //! and a line in [`COMMANDS`]. Help, completions and manual pages follow.
 
-/// A command of `CommonArgs` whose work is the function `run` beside its flags: its name, and
-/// one for the output of commands that another program may run without.
-macro_rules! command {
-    ($args:ty, $name:literal $(, $output:literal)?) => {
-        impl $crate::commands::Command for $args {
-            const NAME: &'static str = $name;
-            $(const OUTPUT: Option<&'static str> = Some($output);)?
-
-            fn common(&mut self) -> Option<&mut CommonArgs> {
-                Some(&mut self.common)
-            }
-
-            fn run(&self) -> Result<()> {
-                run(self)
-            }
-        }
-    };
-}
-
 mod bake;
 mod bench;
 mod cache;
 mod compare;
 mod completions;
+mod contact_sheet;
 mod denoise;
 mod develop;
 mod difference;
@@ -44,12 +26,10 @@ mod view;
 mod voxelize;
 mod weave;
 
-use crate::flags::CommonArgs;
-use crate::host::Host;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::ArgMatches;
 use clap::error::ErrorKind;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
@@ -81,19 +61,10 @@ trait Command: clap::Args {
     /// The word after `organza`.
     const NAME: &'static str;
 
-    /// A name for the output, `-o`, of commands that another program may run without one.
-    const OUTPUT: Option<&'static str> = None;
-
-    /// The flags that it shares with other commands, for commands that another program may
-    /// run.
-    fn common(&mut self) -> Option<&mut CommonArgs> {
-        None
-    }
-
     /// Does what the flags ask for.
     ///
     /// # Errors
-    /// [`crate::error::InputError`] where the input is wrong; anything else
+    /// [`organza_work::InputError`] where the input is wrong; anything else
     /// failed while running.
     fn run(&self) -> Result<()>;
 }
@@ -101,25 +72,16 @@ trait Command: clap::Args {
 /// A command without its type.
 struct Registration {
     name: &'static str,
-    output: Option<&'static str>,
     define: fn() -> clap::Command,
-    run: fn(&ArgMatches, Host) -> Result<Result<()>, clap::Error>,
+    run: fn(&ArgMatches) -> Result<Result<()>, clap::Error>,
 }
 
 impl Registration {
     const fn of<C: Command>() -> Registration {
         Registration {
             name: C::NAME,
-            output: C::OUTPUT,
             define: || C::augment_args(clap::Command::new(C::NAME)),
-            run: |matches, host| {
-                let mut command = C::from_arg_matches(matches)?;
-                if let Some(common) = command.common() {
-                    common.quiet |= host.caller().is_some();
-                    common.host = host;
-                }
-                Ok(command.run())
-            },
+            run: |matches| Ok(C::from_arg_matches(matches)?.run()),
         }
     }
 }
@@ -151,17 +113,11 @@ pub fn is_verbose(arguments: &[OsString]) -> bool {
     arguments.iter().any(|a| a == "--verbose")
 }
 
-/// A name for the output of a command, which another program may run without one.
-pub fn output_name(command: &OsStr) -> Option<&'static str> {
-    let command = COMMANDS.iter().find(|c| command == c.name);
-    command.and_then(|c| c.output)
-}
-
-/// Runs the command that was parsed with [`definition`] for `host`.
+/// Runs the command that was parsed with [`definition`].
 ///
 /// # Errors
 /// The outer error is one of the command line, the inner one the command's.
-pub fn run_for(matches: &ArgMatches, host: Host) -> Result<Result<()>, clap::Error> {
+pub fn run(matches: &ArgMatches) -> Result<Result<()>, clap::Error> {
     if matches.get_flag(VERBOSE) {
         return Err(definition().error(
             ErrorKind::ArgumentConflict,
@@ -170,7 +126,7 @@ pub fn run_for(matches: &ArgMatches, host: Host) -> Result<Result<()>, clap::Err
     }
     let (name, matches) = matches.subcommand().unwrap_or(("", matches));
     match COMMANDS.iter().find(|c| c.name == name) {
-        Some(command) => (command.run)(matches, host),
+        Some(command) => (command.run)(matches),
         None => Err(definition().error(
             ErrorKind::InvalidSubcommand,
             format!("{name}: no such command"),
@@ -188,18 +144,6 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .mut_args(with)
         .mut_subcommands(with_negative_numbers)
-}
-
-/// Runs `work` on the number of threads asked for.
-fn with_threads<T: Send>(
-    common: &CommonArgs,
-    work: impl FnOnce() -> Result<T> + Send,
-) -> Result<T> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(common.threads.map_or(0, usize::from))
-        .build()
-        .context("cannot start the threads")?
-        .install(work)
 }
 
 #[cfg(test)]

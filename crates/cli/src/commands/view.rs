@@ -1,15 +1,16 @@
 //! `organza view`
 
 use super::Command;
-use crate::error::after_option;
-use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, set_help};
+use crate::flags::{CacheArgs, CommonArgs, MemoryArgs, SetArgs, set_help};
 use crate::interrupt;
-use crate::output;
-use crate::output::{SeekWrite, WriteFile, note};
-use crate::result_cache;
+use crate::terminal::{self, note};
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use organza_view::{Answering, Guard, Limits, Patience, SavedFile, Session, Waits};
+use organza_work::after_option;
+use organza_work::output;
+use organza_work::output::{SeekWrite, WriteFile};
+use organza_work::result_cache;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -37,6 +38,8 @@ pub struct ViewArgs {
     #[command(flatten)]
     pub cache: CacheArgs,
     #[command(flatten)]
+    pub set: SetArgs,
+    #[command(flatten)]
     pub common: CommonArgs,
 }
 
@@ -44,8 +47,8 @@ impl Command for ViewArgs {
     const NAME: &'static str = "view";
 
     fn run(&self) -> Result<()> {
-        let document = organza_view::open(&self.file, &self.common.set)?;
-        let cache = result_cache::in_use(&self.cache)?;
+        let document = organza_view::open(&self.file, &self.set.set)?;
+        let cache = result_cache::in_use(self.cache.cache.as_deref())?;
         let port = self.port;
         let listener = organza_view::listen(port).map_err(|e| match port {
             0 => anyhow!("cannot serve on this computer: {e}"),
@@ -59,8 +62,8 @@ impl Command for ViewArgs {
             .context("the port is not known")?
             .port();
         let guard = Guard::new(port).map_err(|why| anyhow!(why))?;
-        interrupt::watch()?;
-        output::print(&format!("{}\n", guard.address()))?;
+        interrupt::watch();
+        terminal::print(&format!("{}\n", guard.address()))?;
         if !self.common.quiet {
             note!("organza: open this address in a browser of this computer; Ctrl-C ends it");
         }

@@ -6,7 +6,7 @@
 
 mod packet;
 
-use crate::output::note;
+use crate::terminal::note;
 use glam::UVec2;
 use organza_film::Film;
 use rayon::prelude::*;

@@ -1,9 +1,9 @@
 //! Flags on how a picture is shown.
 
-use crate::flags::values::whole;
 use anyhow::Result;
 use clap::Args;
 use organza_picture::{Display, Exposure, PngBits, ToneMapping, WhiteBalance};
+use organza_work::values::whole;
 
 /// How formats that hold display values show a picture.
 #[derive(Clone, Debug, Default, Args)]

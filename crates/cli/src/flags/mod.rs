@@ -1,16 +1,16 @@
-//! Flags that several commands share. The flags of one command stand in its
-//! own file below `commands`.
+//! Flags that several commands share. Those of a request stand beside it, in `organza-requests`; the
+//! flags of one command alone in its own file below `commands`.
 
 pub mod display;
-pub mod patch_model;
 pub mod set_help;
-pub mod studio;
-pub mod values;
 
-use crate::host::{Host, Watch};
+use crate::interrupt;
+use crate::terminal::Terminal;
 use clap::Args;
+use organza_work::Context;
+use organza_work::values::{parse_bytes, whole};
 use std::ffi::OsString;
-use values::{parse_bytes, parse_micrometres, whole};
+use std::sync::Arc;
 
 /// Flags that every command takes.
 #[derive(Clone, Debug, Args)]
@@ -21,25 +21,18 @@ pub struct CommonArgs {
     /// Print only errors
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// Overrides of keys, of commands that are no requests.
+#[derive(Clone, Debug, Args)]
+pub struct SetArgs {
     /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// Who runs the command.
-    #[arg(skip)]
-    pub host: Host,
-}
-
-impl<'a> From<&'a CommonArgs> for Watch<'a> {
-    fn from(common: &'a CommonArgs) -> Watch<'a> {
-        Watch {
-            is_quiet: common.quiet,
-            host: Some(&common.host),
-        }
-    }
 }
 
 /// How much memory may be used.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct MemoryArgs {
     /// Refuse to use more memory than this, e.g. 2GiB [default: what is free]
     #[arg(long, value_name = "SIZE", allow_hyphen_values = true, value_parser = parse_bytes)]
@@ -54,10 +47,53 @@ pub struct CacheArgs {
     pub cache: Option<OsString>,
 }
 
-/// How fine a fabric is voxelized.
-#[derive(Debug, Args)]
-pub struct VoxelArgs {
-    /// Edge of the finest voxels, micrometres [default: the fabric's]
-    #[arg(long, value_name = "UM", value_parser = parse_micrometres)]
-    pub voxel_um: Option<f32>,
+/// What a request runs in.
+#[derive(Clone, Debug, Args)]
+pub struct WorkArgs {
+    #[command(flatten)]
+    pub memory: MemoryArgs,
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// The command line, for files that record how they were made.
+fn command_line() -> String {
+    let words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    words.collect::<Vec<_>>().join(" ")
+}
+
+impl CommonArgs {
+    /// The context of the flags.
+    pub fn context(&self) -> Context {
+        Context {
+            threads: self.threads,
+            listener: Arc::new(Terminal::new(self.quiet)),
+            stop: interrupt::flag(),
+            keeps_stopped: true,
+            command: command_line(),
+            ..Context::default()
+        }
+    }
+}
+
+impl WorkArgs {
+    /// The context of the flags.
+    pub fn context(&self) -> Context {
+        Context {
+            max_memory_bytes: self.memory.max_memory,
+            cache: self.cache.cache.clone(),
+            ..self.common.context()
+        }
+    }
+
+    /// Prints lines for people, unless they want none.
+    pub fn note(&self, lines: impl IntoIterator<Item = impl AsRef<str>>) {
+        if !self.common.quiet {
+            for line in lines {
+                crate::terminal::note!("{}", line.as_ref());
+            }
+        }
+    }
 }

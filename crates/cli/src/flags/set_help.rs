@@ -6,6 +6,3 @@ pub const SCENE: &str = "Override any key of the scene file, e.g. --set render.s
 
 /// For commands that read either.
 pub const FABRIC_OR_SCENE: &str = "Override any key of the fabric or scene file, e.g. --set warp.per_cm=30 for a fabric, --set render.seed=7 for a scene (repeatable)";
-
-/// For `organza bench`.
-pub const BENCH: &str = "Override any key of the scenes in which representations are compared, e.g. --set render.max_bounces=64 (repeatable); the fabric and its representation are set by the command itself";

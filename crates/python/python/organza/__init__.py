@@ -27,7 +27,7 @@ frame: x weft, y warp, z face normal.
 from ._native import VERSION as __version__
 from .commands import bake, compare, fit, measure, render, voxelize
 from .drafts import Draft
-from .errors import InputError, OrganzaWarning, RunError
+from .errors import InputError, MissingFileError, OrganzaWarning, RunError
 from .tables import Fabric, Scene, load
 from .volumes import Volume
 
@@ -35,6 +35,7 @@ __all__ = [
     "Draft",
     "Fabric",
     "InputError",
+    "MissingFileError",
     "OrganzaWarning",
     "RunError",
     "Scene",

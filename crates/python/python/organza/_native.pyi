@@ -10,8 +10,9 @@ _Buffer = tuple[str, tuple[int, ...], bytearray]
 _About = tuple[tuple[float, float, float], tuple[float, float, float], bool, int]
 
 def call(
-    arguments: Sequence[str],
+    request: tuple[str, str],
     files: Mapping[str, bytes],
+    about: tuple[Optional[int], Optional[str], Optional[str], str],
     warn: Callable[[str], object],
     progress: Optional[Callable[[str, float], object]],
 ) -> dict[str, dict[str, Any]]: ...

@@ -30,6 +30,10 @@ def value(item: Any, key: str) -> str:
             return "inf" if item > 0 else "-inf"
         return repr(float(item))
     if isinstance(item, (str, os.PathLike)):
+        try:
+            os.fspath(item).encode()
+        except UnicodeEncodeError:
+            raise _wrong(key, f"expected a text in Unicode, found {item!r}") from None
         return json.dumps(os.fspath(item), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(item, Mapping):
         inside = (f"{_name(k)} = {value(v, f'{key}.{k}')}" for k, v in _items(item, key))

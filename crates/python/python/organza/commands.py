@@ -112,12 +112,15 @@ def render(
     """
     files = GivenFiles()
     options = dict(
+        scene=files.give_table(scene),
         spp=spp, seed=seed, crop=crop, samples=samples, time_limit=time_limit,
         target_error=target_error, target_median_error=target_median_error, clamp=clamp,
         engine=engine, studio=studio, fit_yarn=fit_yarn, outfile=outfile, set=set,
-        threads=threads, max_memory=max_memory, cache=cache,
     )  # fmt: skip
-    found = run("render", [files.give_table(scene)], options, files.files, progress)
+    found = run(
+        "render", options, files.files, progress,
+        threads=threads, max_memory=max_memory, cache=cache,
+    )
     del found["files"]
     return found
 
@@ -165,8 +168,7 @@ def measure(
         light and viewer; theta is above 90 behind the cloth.
     layout
         In place of ``pairs``: ``irawan``, ``grid``, ``klems`` or ``sweep``; ``irawan`` if both
-        are None. ``grid=(polar, azimuths)``, ``klems_basis`` and ``step`` belong to them. With
-        an ``outfile`` also ``tensor-tree`` (``.xml``; ``tree_rank``, ``tree_depth``,
+        are None. ``grid=(polar, azimuths)``, ``klems_basis`` and ``step`` belong to them. Also ``tensor-tree`` (``.xml``; ``tree_rank``, ``tree_depth``,
         ``prune``), ``rgl`` (``.bsdf``; ``rgl_grid``) and ``ptm`` (``.ptm``; ``ptm_lamps``,
         ``texels``), see docs/tables.md. ``en14501``: the sheet of a shade.
     bands
@@ -208,15 +210,17 @@ def measure(
     elif pairs is None and layout is None:
         layout = "irawan"
     options = dict(
+        file=files.give_table(target),
         pairs=pairs, layout=layout, albedo=albedo, model=model, spp=spp, seed=seed,
         target_error=target_error, grid=grid, klems_basis=klems_basis, bands=bands, step=step,
         tree_rank=tree_rank, tree_depth=tree_depth, prune=prune, rgl_grid=rgl_grid,
         ptm_lamps=ptm_lamps, rows=rows,
         level=level, voxel_um=voxel_um, texels=texels, outfile=outfile, set=set,
-        threads=threads, max_memory=max_memory,
-        cache=cache,
     )  # fmt: skip
-    found = run("measure", [files.give_table(target)], options, files.files, progress)
+    found = run(
+        "measure", options, files.files, progress,
+        threads=threads, max_memory=max_memory, cache=cache,
+    )
     del found["files"]
     return found
 
@@ -267,12 +271,15 @@ def compare(
     """
     files = GivenFiles()
     options = dict(
+        fabric=files.give_table(fabric),
         models=models, data=_data(data, files), spp=spp, seed=seed, target_error=target_error,
         texels=texels, texel_spp=texel_spp, limit=limit, level=level, voxel_um=voxel_um,
-        outdir=outdir, set=set, threads=threads, max_memory=max_memory,
-        cache=cache,
+        outdir=outdir, set=set,
     )  # fmt: skip
-    found = run("compare", [files.give_table(fabric)], options, files.files, progress)
+    found = run(
+        "compare", options, files.files, progress,
+        threads=threads, max_memory=max_memory, cache=cache,
+    )
     values: dict[str, dict[str, np.ndarray]] = {}
     for name, array in found.items():
         model, _, column = name.rpartition(".")
@@ -310,7 +317,8 @@ def fit(
     fabric
         A :class:`Fabric`, a dictionary with its keys, or a path: where the search starts.
     what
-        ``surface`` (the surface model, to ``data`` or to the fabric's own volume), ``fibres``
+        What ``organza fit`` names: ``surface`` (the surface model, to ``data`` or to the fabric's own
+        volume), ``fibres``
         (colour, roughness and density, to ``data``) or ``picture`` (colour and roughness, to
         the picture of which ``data`` is the path, with ``light``, ``view``, ``width_mm`` and
         ``white``).
@@ -334,13 +342,19 @@ def fit(
     """
     files = GivenFiles()
     options = dict(
-        what=what, data=_data(data, files), model=model, spp=spp, seed=seed, patience=patience,
+        fabric=files.give_table(fabric),
+        target=what, data=_data(data, files), model=model, spp=spp, seed=seed, patience=patience,
         light=light, view=view, width_mm=width_mm, white=white, voxel_um=voxel_um,
-        journal=journal, outfile=outfile, set=set, threads=threads, max_memory=max_memory,
-        cache=cache,
+        journal=journal, outfile=outfile, set=set,
     )  # fmt: skip
-    path = files.give_table(fabric)
-    found = run("fit", [path], options, files.files, progress)
+    try:
+        found = run(
+            "fit", options, files.files, progress,
+            threads=threads, max_memory=max_memory, cache=cache,
+        )
+    except InputError as e:
+        e.key = "what" if e.key == "target" else e.key
+        raise
     (text,) = found.pop("files").values()
     own = getattr(fabric, "path", fabric if isinstance(fabric, (str, os.PathLike)) else None)
     fitted = parsed(text, own)
@@ -380,11 +394,13 @@ def voxelize(
     """
     files = GivenFiles()
     options = dict(
+        fabric=files.give_table(fabric),
         voxel_um=voxel_um, levels=levels, footprint=footprint, outfile=outfile, set=set,
-        threads=threads, max_memory=max_memory,
-        cache=cache,
     )  # fmt: skip
-    found = run("voxelize", [files.give_table(fabric)], options, files.files, progress)["files"]
+    found = run(
+        "voxelize", options, files.files, progress,
+        threads=threads, max_memory=max_memory, cache=cache,
+    )["files"]
     return Volume.from_files(next(iter(found)), found)
 
 
@@ -443,12 +459,15 @@ def bake(
     """
     files = GivenFiles()
     options = dict(
+        fabrics=[files.give_table(one) for one in [fabric, *colourways]],
         repeats=repeats, resolution=resolution, model=model, texel_spp=texel_spp, pairs=pairs, spp=spp,
         fit_texels=fit_texels, seed=seed, level=level, voxel_um=voxel_um, outdir=outdir,
-        set=set, threads=threads, max_memory=max_memory, cache=cache,
+        set=set,
     )  # fmt: skip
-    fabrics = [files.give_table(one) for one in [fabric, *colourways]]
-    return run("bake", fabrics, options, files.files, progress)
+    return run(
+        "bake", options, files.files, progress,
+        threads=threads, max_memory=max_memory, cache=cache,
+    )
 
 
 def _data(data: Union[AnyPath, Mapping[str, Any], None], files: GivenFiles) -> Optional[str]:

@@ -16,7 +16,7 @@ class _Failure(Exception):
     column: Optional[int]
     """The column in the line, in characters from 1."""
     key: Optional[str]
-    """The key at fault, such as ``camera.width_mm``, or the flag of the command."""
+    """The key at fault, such as ``camera.width_mm``, or the argument."""
     message: str
     """What is wrong, without file, place and key."""
 
@@ -46,6 +46,10 @@ class InputError(_Failure, ValueError):
     """
 
 
+class MissingFileError(InputError, FileNotFoundError):
+    """A file is not there."""
+
+
 class RunError(_Failure, RuntimeError):
     """Something failed while running: a full disk, or a defect of organza."""
 
@@ -60,4 +64,5 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as e:
         message = (e.strerror or str(e)).lower()
-        raise InputError(f"{path}: {message}", file=str(path), message=message) from None
+        kind = MissingFileError if isinstance(e, FileNotFoundError) else InputError
+        raise kind(f"{path}: {message}", file=str(path), message=message) from None

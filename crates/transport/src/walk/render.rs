@@ -359,6 +359,11 @@ impl<'a> Rendering<'a> {
         &self.stats
     }
 
+    /// The film, and that of direct light if it is filled.
+    pub fn into_films(self) -> (Film, Option<Film>) {
+        (self.film, self.direct)
+    }
+
     /// Film and counts.
     pub fn into_parts(self) -> (Film, Stats) {
         (self.film, self.stats)

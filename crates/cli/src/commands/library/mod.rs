@@ -2,19 +2,20 @@
 
 mod page;
 
-use super::with_threads;
-use crate::building::watched;
-use crate::error::{input, of_file, of_io};
-use crate::flags::{CacheArgs, CommonArgs, MemoryArgs};
-use crate::output::{self, note};
-use crate::version;
-use crate::waiting::Waiting;
+use super::Command;
+use crate::flags::{SetArgs, WorkArgs};
+use crate::program;
+use crate::terminal::note;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use organza_basis::Stopped;
 use organza_scene::fabric_file;
 use organza_scene::loader::Input;
+use organza_work::Waiting;
+use organza_work::building::watched;
+use organza_work::output;
+use organza_work::version;
+use organza_work::{input, of_file, of_io};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -43,14 +44,18 @@ pub struct LibraryArgs {
     #[arg(long)]
     pub quick: bool,
     #[command(flatten)]
-    pub memory: MemoryArgs,
+    pub set: SetArgs,
     #[command(flatten)]
-    pub cache: CacheArgs,
-    #[command(flatten)]
-    pub common: CommonArgs,
+    pub work: WorkArgs,
 }
 
-command!(LibraryArgs, "library");
+impl Command for LibraryArgs {
+    const NAME: &'static str = "library";
+
+    fn run(&self) -> Result<()> {
+        run(self)
+    }
+}
 
 /// Something that is made of every fabric by another command.
 struct Part {
@@ -126,8 +131,8 @@ struct Entry {
 impl Entry {
     /// A fabric that can be read.
     fn new(args: &LibraryArgs, id: String, path: PathBuf) -> Result<Entry> {
-        let (fabric, inputs) = watched(&args.common, &args.cache, |loader| {
-            let fabric = fabric_file::load(&path, &args.common.set, loader)?;
+        let (fabric, inputs) = watched(&args.work.context(), |loader| {
+            let fabric = fabric_file::load(&path, &args.set.set, loader)?;
             Ok((fabric, loader.inputs()))
         })?;
         let inside = |i: &&Input| i.path.starts_with(&args.outdir);
@@ -149,7 +154,7 @@ impl Entry {
                 .find(|a| *a != own && place.starts_with(a))
                 .unwrap_or(root);
         }
-        let is_changed = !args.common.set.is_empty();
+        let is_changed = !args.set.set.is_empty();
         let text = fabric.sources().first().filter(|_| is_changed);
         Ok(Entry {
             copy: own.strip_prefix(root)?.to_path_buf(),
@@ -185,15 +190,16 @@ type Record = BTreeMap<String, Made>;
 pub fn run(args: &LibraryArgs) -> Result<()> {
     let other = ("choices.csv", "the report of a bench");
     output::check_report_folder(&args.outdir, other)?;
-    with_threads(&args.common, || {
+    let context = args.work.context();
+    context.run(|| {
         let entries = entries(args)?;
-        let program = args.common.host.renderer()?.path;
+        let program = program::started()?.path;
         let parts: Vec<&Part> = PARTS.iter().filter(|p| is_wanted(args, p)).collect();
         let mut failed = Vec::new();
         for (at, entry) in entries.iter().enumerate() {
             copy(args, entry)?;
             for part in &parts {
-                Stopped::check(args.common.host.goes_on())?;
+                context.check_stop()?;
                 let label = format!("{} of {}: {}", at + 1, entries.len(), entry.id);
                 match make(args, &program, entry, part, &label) {
                     Ok(()) => {}
@@ -205,7 +211,7 @@ pub fn run(args: &LibraryArgs) -> Result<()> {
             }
             page::write(&args.outdir, &entries)?;
         }
-        if !args.common.quiet {
+        if !args.work.common.quiet {
             let page = args.outdir.join("index.html");
             note!("{}: {} fabrics", page.display(), entries.len());
         }
@@ -213,7 +219,8 @@ pub fn run(args: &LibraryArgs) -> Result<()> {
             0 => Ok(()),
             n => bail!("{n} parts were not made: {}", failed.join(", ")),
         }
-    })
+    })?;
+    Ok(())
 }
 
 fn is_wanted(args: &LibraryArgs, part: &Part) -> bool {
@@ -308,7 +315,7 @@ fn make(args: &LibraryArgs, program: &Path, entry: &Entry, part: &Part, label: &
         return Ok(());
     }
     let started = Instant::now();
-    let waiting = Waiting::new(format!("{label}: {}", part.title), &args.common);
+    let waiting = Waiting::new(format!("{label}: {}", part.title), &args.work.context());
     let mut child = std::process::Command::new(program);
     child.args(&arguments).arg("--quiet");
     if part.name != PRINTED {
@@ -339,7 +346,7 @@ fn make(args: &LibraryArgs, program: &Path, entry: &Entry, part: &Part, label: &
         std::fs::remove_file(&journal)
             .with_context(|| format!("cannot remove {}", journal.display()))?;
     }
-    if !args.common.quiet {
+    if !args.work.common.quiet {
         let seconds = started.elapsed().as_secs_f64();
         match &refused {
             None => note!("{label}: {}, {seconds:.1} s", part.title),
@@ -366,13 +373,13 @@ fn arguments(args: &LibraryArgs, entry: &Entry, part: &Part) -> Vec<OsString> {
         }
     };
     let takes_memory = part.name != PRINTED;
-    let memory = args.memory.max_memory.filter(|_| takes_memory);
+    let memory = args.work.memory.max_memory.filter(|_| takes_memory);
     flag("--max-memory", memory.map(|m| m.to_string().into()));
-    let cache = args.cache.cache.clone().filter(|_| takes_memory);
+    let cache = args.work.cache.cache.clone().filter(|_| takes_memory);
     flag("--cache", cache);
-    let threads = args.common.threads;
+    let threads = args.work.common.threads;
     flag("--threads", threads.map(|n| n.to_string().into()));
-    for set in &args.common.set {
+    for set in &args.set.set {
         flag("--set", Some(set.into()));
     }
     list

@@ -1,8 +1,8 @@
 //! The page of a library: one file that shows all fabrics, without a server.
 
 use super::{Entry, PARTS, read_record};
-use crate::output;
 use anyhow::{Context, Result};
+use organza_work::output;
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -1,0 +1,57 @@
+//! `organza measure`
+
+use super::Command;
+use crate::flags::WorkArgs;
+use crate::terminal;
+use anyhow::Result;
+use clap::Args;
+use organza_requests::{Measure, Output, Request};
+use organza_work::Context;
+use std::path::PathBuf;
+
+/// `organza measure`
+#[derive(Debug, Args)]
+#[command(
+    about = "Measure reflection and transmission of a patch of cloth",
+    after_help = "Examples:\n  organza measure scenes/fabrics/organza.toml --pairs pairs.csv -o out.csv --target-error 0.02\n  organza measure scenes/fabrics/organza.toml --layout irawan --albedo --json"
+)]
+pub struct MeasureArgs {
+    #[command(flatten)]
+    pub measure: Measure,
+    /// Table to write: .csv (the angles with r,g,b and their standard errors), .json, .xml (WINDOW and Radiance, with --layout klems or tensor-tree), .bsdf (Mitsuba, with --layout rgl), .ptm (with --layout ptm), .exr (one picture of the tile per pair)
+    #[arg(short, long, required_unless_present = "json")]
+    pub outfile: Option<PathBuf>,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+impl Command for MeasureArgs {
+    const NAME: &'static str = "measure";
+
+    fn run(&self) -> Result<()> {
+        let mut measure = self.measure.clone();
+        measure.lists_json = self.json;
+        let path = self.outfile.as_deref();
+        let outputs = path.map(|path| measure.prepare_for(path)).transpose()?;
+        let context = Context {
+            outputs: outputs.unwrap_or_default(),
+            ..self.work.context()
+        };
+        let measured = measure.run(&context)?;
+        if let Some(path) = &self.outfile {
+            measured.write(path)?;
+        }
+        if self.json {
+            terminal::print(&(serde_json::to_string_pretty(&measured.json())? + "\n"))?;
+        }
+        self.work.note(measured.lines());
+        if let Some(warning) = measured.warning() {
+            context.warn(warning);
+        }
+        self.work.note(measured.dark_line());
+        Ok(())
+    }
+}

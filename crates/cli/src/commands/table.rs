@@ -1,0 +1,49 @@
+//! `organza table`
+
+use super::Command;
+use crate::flags::WorkArgs;
+use crate::terminal;
+use anyhow::Result;
+use clap::Args;
+use organza_requests::{Output, Request, Table};
+use organza_work::Context;
+use std::path::PathBuf;
+
+/// `organza table`
+#[derive(Debug, Args)]
+#[command(
+    about = "Make the far-field table of a fabric, which model = \"table\" shows",
+    after_help = "Examples:\n  organza table scenes/fabrics/denim.toml -o scenes/fabrics/denim.bsdf\n  organza table scenes/fabrics/organza.toml -o organza.bsdf --target-error 0.05 --journal organza.journal"
+)]
+pub struct TableArgs {
+    #[command(flatten)]
+    pub table: Table,
+    /// Table to write, a name that ends in .bsdf; model = "table" finds it beside the fabric under the fabric's name
+    #[arg(short, long)]
+    pub outfile: PathBuf,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+impl Command for TableArgs {
+    const NAME: &'static str = "table";
+
+    fn run(&self) -> Result<()> {
+        let mut table = self.table.clone();
+        let context = Context {
+            outputs: table.prepare_for(&self.outfile)?,
+            ..self.work.context()
+        };
+        let made = table.run(&context)?;
+        made.write(&self.outfile)?;
+        if self.json {
+            let figures = made.json(&self.outfile);
+            terminal::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
+        }
+        self.work.note(made.lines(&self.outfile));
+        Ok(())
+    }
+}

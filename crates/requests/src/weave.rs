@@ -1,0 +1,241 @@
+//! Drafts, and what fabrics are woven of.
+
+use anyhow::{Context as _, Result};
+use clap::Args;
+use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::loader::Loader;
+use organza_scene::subject::{self, BareDraft};
+use organza_scene::{file_kind, read};
+use organza_weave::{CurveLevel, Draft, Picture, curve_file};
+use organza_work::Job;
+use organza_work::keys;
+use organza_work::values::whole;
+use organza_work::{Context, Error, Results, after_option, of_file, of_option, output, picture};
+use organza_work::{Output, Request};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// A draft or a fabric, taken apart.
+#[derive(Clone, Debug, Args, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weave {
+    /// A draft (.wif), a fabric file (.toml) or the name of a weave (plain, twill-3-1-s, satin-8-3, basket-2-2, herringbone)
+    pub draft: String,
+    /// Which curves of a fabric to write or draw
+    #[arg(long, value_enum, requires = "outfile")]
+    #[serde(deserialize_with = "keys::some_name")]
+    pub level: Option<CurveLevelName>,
+    /// Pixels per crossing of a drawdown, 1 to 1024; fewer where the picture would be wider than 8192
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
+    pub cell_px: u32,
+    /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    #[serde(deserialize_with = "keys::overrides")]
+    pub set: Vec<String>,
+}
+
+impl Default for Weave {
+    fn default() -> Weave {
+        Weave {
+            draft: String::new(),
+            level: None,
+            cell_px: 16,
+            set: Vec::new(),
+        }
+    }
+}
+
+/// How far a fabric is taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum CurveLevelName {
+    /// One curve per yarn
+    Yarn,
+    /// One curve per ply
+    Ply,
+    /// Every fibre
+    Fibre,
+}
+
+impl CurveLevelName {
+    /// The level of a cloth's curves.
+    pub fn of_cloth(self) -> CurveLevel {
+        match self {
+            CurveLevelName::Yarn => CurveLevel::Yarn,
+            CurveLevelName::Ply => CurveLevel::Ply,
+            CurveLevelName::Fibre => CurveLevel::Fibre,
+        }
+    }
+}
+
+/// What the name of a request means.
+enum Named {
+    Draft(BareDraft),
+    Fabric(Box<Fabric>),
+}
+
+impl Named {
+    /// # Errors
+    /// No such file or weave, or a file that cannot be read.
+    fn of(word: &str, overrides: &[String], loader: &Loader<'_>) -> Result<Named> {
+        let path = Path::new(word);
+        let is_toml = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        if let (Some(set), false) = (overrides.first(), is_toml) {
+            return Err(after_option(
+                "set",
+                format!("{set}: {word} has no keys to override; only a fabric file (.toml) has"),
+            ));
+        }
+        if let Some(draft) = subject::draft_of(path, loader)? {
+            return Ok(Named::Draft(draft));
+        }
+        if is_toml {
+            let fabric = fabric_file::load(path, overrides, loader)?;
+            return Ok(Named::Fabric(Box::new(fabric)));
+        }
+        let what = read::bytes(path).ok().and_then(|b| file_kind::of_bytes(&b));
+        let what = what.unwrap_or("a file of unknown kind");
+        Err(of_file(
+            word,
+            format!(
+                "is {what}; expected a draft (.wif), a fabric file (.toml) or the name of a weave"
+            ),
+        ))
+    }
+
+    fn draft(&self) -> Option<&Draft> {
+        match self {
+            Named::Draft(d) => Some(&d.draft),
+            Named::Fabric(f) => f.cloth.draft(),
+        }
+    }
+}
+
+impl Request for Weave {
+    const NAME: &'static str = "weave";
+    type Output = Woven;
+
+    fn run(&self, context: &Context) -> Result<Woven, Error> {
+        keys::check("cell_px", [self.cell_px], whole::<u32>(1..=1024))
+            .map_err(anyhow::Error::new)?;
+        Job::run(self, context, |job| {
+            if job.draft.is_empty() {
+                return Err(of_option("draft", "expected a draft, a fabric or a weave"));
+            }
+            let loader = job.context.loader();
+            let named = Named::of(&job.draft, &job.set, &loader)?;
+            let warnings = match &named {
+                Named::Draft(d) => &d.draft.warnings[..],
+                Named::Fabric(f) => f.cloth.warnings(),
+            };
+            for warning in warnings {
+                job.context.warn(format!("{}: {warning}", job.draft));
+            }
+            job.context.check_outputs(&loader)?;
+            Ok(Woven {
+                request: job.request.clone(),
+                named,
+            })
+        })
+    }
+}
+
+/// A draft, or a fabric that was woven.
+pub struct Woven {
+    request: Weave,
+    named: Named,
+}
+
+impl Woven {
+    /// The draft, if there is one.
+    pub fn draft(&self) -> Option<&Draft> {
+        self.named.draft()
+    }
+
+    /// The drawdown as text.
+    ///
+    /// # Errors
+    /// There is no draft.
+    pub fn drawdown(&self) -> Result<String, Error> {
+        let draft = self.draft();
+        let no_draft = || of_file(&self.request.draft, "has no draft to show");
+        Ok(draft.ok_or_else(no_draft)?.drawdown())
+    }
+
+    /// Repeat, floats and cover.
+    pub fn json(&self) -> Value {
+        match &self.named {
+            Named::Draft(d) => json!({ "draft": d.draft.summary() }),
+            Named::Fabric(f) => json!({
+                "draft": f.cloth.draft().map(Draft::summary),
+                "figures": f.cloth.figures(),
+            }),
+        }
+    }
+}
+
+impl Output for Woven {
+    fn results(&self) -> Result<Results, Error> {
+        let figures = self.json();
+        let list = figures.as_object().into_iter().flatten();
+        let all = list.fold(Results::default(), |all, (name, value)| {
+            all.with_figure(name, value.clone())
+        });
+        Ok(all)
+    }
+
+    fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        write(&self.request, &self.named, path)?;
+        Ok(vec![path.to_owned()])
+    }
+}
+
+fn write(args: &Weave, named: &Named, path: &Path) -> Result<()> {
+    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
+    let level = args.level.unwrap_or(CurveLevelName::Yarn).of_cloth();
+    match (ending, named) {
+        (_, Named::Draft(_)) if args.level.is_some() => Err(of_file(
+            &args.draft,
+            "a draft has no curves for --level; name a fabric file (.toml)",
+        )),
+        ("png", Named::Draft(d)) => write_png(path, &d.draft.picture(args.cell_px)),
+        ("toml", Named::Draft(d)) => {
+            let text = d.fabric_in(path.parent().unwrap_or(Path::new("")))?;
+            output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))
+        }
+        ("toml", Named::Fabric(_)) => Err(of_file(
+            &args.draft,
+            "is a fabric file already; a fabric is written for a draft or a weave",
+        )),
+        ("png", Named::Fabric(f)) => match (f.cloth.draft(), args.level) {
+            (Some(draft), None) => write_png(path, &draft.picture(args.cell_px)),
+            _ => write_png(path, &f.cloth.picture(level, f.cloth.default_picture_mm())),
+        },
+        ("obj" | "txt" | "bcc", Named::Draft(_)) => Err(of_file(
+            &args.draft,
+            "a draft has no curves; name a fabric file (.toml)",
+        )),
+        ("obj" | "txt" | "bcc", Named::Fabric(f)) => {
+            let curves = f.cloth.curves(level);
+            output::write_file(path, |mut out| {
+                match ending {
+                    "obj" => curve_file::write_obj(&curves, &mut out),
+                    "txt" => curve_file::write_text(&curves, &mut out),
+                    _ => curve_file::write_bcc(&curves, &mut out),
+                }
+                .context("writing the curves failed")
+            })
+        }
+        _ => Err(of_file(
+            path,
+            "expected a name that ends in .png, .toml, .obj, .txt or .bcc",
+        )),
+    }
+}
+
+fn write_png(path: &Path, p: &Picture) -> Result<()> {
+    picture::write_rgb_png(path, p.width, p.height, &p.rgb)
+}

@@ -1,0 +1,72 @@
+//! What all requests have in common.
+
+use crate::context::Context;
+use crate::error::{Error, InputError};
+use crate::output;
+use crate::results::Results;
+use organza_scene::file_kind::Wanted;
+use organza_scene::read;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// A piece of work with all that decides its result.
+pub trait Request: DeserializeOwned {
+    /// Its name, which is that of the command.
+    const NAME: &'static str;
+
+    /// What is found.
+    type Output: Output;
+
+    /// Prepares for output at this path: the ending of a file decides what it must hold. Returns what
+    /// will be written there, for [`Context::outputs`].
+    ///
+    /// # Errors
+    /// A name whose ending does not fit, or that cannot be written.
+    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        output::check_writable(path)?;
+        Ok(vec![path.to_owned()])
+    }
+
+    /// Does the work.
+    ///
+    /// # Errors
+    /// Wrong input, work that fails, or a stop.
+    fn run(&self, context: &Context) -> Result<Self::Output, Error>;
+
+    /// Reads a request from a table, whose keys are the fields of the request.
+    ///
+    /// # Errors
+    /// Names the key.
+    fn from_table(table: toml::Table) -> Result<Self, Error> {
+        let text = toml::to_string(&table).map_err(anyhow::Error::from)?;
+        // As a text, mistakes have keys.
+        let read = read::toml_changed(Path::new("<request>"), &text, &[], &[], Wanted::Text);
+        read.map_err(|e| {
+            let e = InputError {
+                option: e.key.clone(),
+                ..InputError::new(e.message)
+            };
+            Error::from(anyhow::Error::new(e))
+        })
+    }
+}
+
+/// What a request found.
+pub trait Output {
+    /// Its numbers as arrays, its figures, and its files in memory.
+    ///
+    /// # Errors
+    /// A file that cannot be encoded.
+    fn results(&self) -> Result<Results, Error>;
+
+    /// Decides what depends on the file that is written: numbers in place of `auto`.
+    fn settle(&mut self, path: &Path) {
+        let _ = path;
+    }
+
+    /// Writes its files, to this path or into this folder, and returns their names.
+    ///
+    /// # Errors
+    /// A file that cannot be written; then the old ones stay.
+    fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error>;
+}
