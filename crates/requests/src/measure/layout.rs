@@ -1,6 +1,8 @@
 //! Layouts: sets of directions by name, and what is measured of them.
 
-use super::{Measure, Measuring, Values, klems, ptm, rgl, rows, shade, sweep, tensor_tree};
+use super::{
+    Measure, Measuring, Values, in_plane, klems, ptm, rgl, rows, shade, sweep, tensor_tree,
+};
 use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -74,9 +76,10 @@ pub(crate) struct Found {
 }
 
 /// Every layout, in the order of the help.
-pub(crate) static LAYOUTS: [&Layout; 8] = [
+pub(crate) static LAYOUTS: [&Layout; 9] = [
     &rows::IRAWAN,
     &rows::GRID,
+    &in_plane::LAYOUT,
     &klems::LAYOUT,
     &tensor_tree::LAYOUT,
     &rgl::LAYOUT,

@@ -1,6 +1,7 @@
 //! Measurements of reflection and transmission of a patch of cloth.
 
 mod bands;
+mod in_plane;
 mod klems;
 mod layout;
 mod output;
