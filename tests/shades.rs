@@ -151,7 +151,7 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
     let paths = sized(4096, 32768).to_string();
     let fit = |file: &str| {
         let words = [
-            "fit", "fibres", "--data", file, "--spp", &paths, "-o", "out.toml",
+            "fit", "shade", "--data", file, "--spp", &paths, "-o", "out.toml",
         ];
         json(&folder, &[&words[..], &SCREEN].concat())
     };

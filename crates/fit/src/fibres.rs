@@ -1,6 +1,5 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
-use super::shade;
 use super::{FitJob, check_outputs, effort, finish, journal_key, open_journal, options, table};
 use anyhow::Result;
 use organza_basis::Stopped;
@@ -173,15 +172,12 @@ const STRIDE: f64 = 0.05;
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "fibres",
     about: "Colour, roughness and density of the fibres, from measured values",
-    example: "scenes/fabrics/screen.toml --data measured.xml -o fitted.toml",
+    example: "scenes/fabrics/denim.toml --data measured.csv -o fitted.toml",
     fields: &["data", "model", "patience", "journal", "voxel_um"],
     run,
 };
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    if shade::is_shade(args) {
-        return shade::run(args);
-    }
     let path = args
         .data
         .as_deref()

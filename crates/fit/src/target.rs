@@ -1,6 +1,6 @@
 //! What can be fitted.
 
-use crate::{Fit, FitJob, Fitted, cloth, fibres, picture, plies, surface, volume};
+use crate::{Fit, FitJob, Fitted, cloth, fibres, picture, plies, shade, surface, volume};
 use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -21,11 +21,12 @@ pub struct Target {
 }
 
 /// Every target, in the order of the help.
-pub static TARGETS: [&Target; 6] = [
+pub static TARGETS: [&Target; 7] = [
     &surface::TARGET,
     &fibres::TARGET,
     &picture::TARGET,
     &plies::TARGET,
+    &shade::TARGET,
     &volume::TARGET,
     &cloth::TARGET,
 ];

@@ -52,11 +52,14 @@ const EXPECTED: f64 = 1.5;
 /// value: where the sides do not tell them apart, they stay alike.
 const ALIKE: f64 = 2.0;
 
-/// Whether measured values are those of a shade.
-pub fn is_shade(args: &FitJob) -> bool {
-    let ending = args.data.as_ref().and_then(|path| path.extension());
-    ending.is_some_and(|e| e.eq_ignore_ascii_case("xml"))
-}
+/// The target.
+pub(crate) static TARGET: crate::Target = crate::Target {
+    name: "shade",
+    about: "The yarns of a shade before a window: openness, colours and brightness under the sun, from what a laboratory measured (.xml)",
+    example: "scenes/fabrics/screen.toml --model fibres --data measured.xml -o fitted.toml",
+    fields: &["data", "model", "journal", "voxel_um"],
+    run,
+};
 
 /// Looks at fabrics, and remembers.
 struct Looks<'a> {
@@ -116,9 +119,7 @@ impl Looks<'_> {
     }
 }
 
-/// Runs the command.
-pub fn run(args: &FitJob) -> Result<super::Fitted> {
-    args.refuse(&["patience"], "does not apply to a measured shade")?;
+fn run(args: &FitJob) -> Result<super::Fitted> {
     let path = args
         .data
         .as_deref()
