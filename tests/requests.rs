@@ -1,7 +1,7 @@
 //! Requests of another program: as a value, as a table, as a command; files in memory in, arrays out,
 //! the same numbers.
 
-use crate::program::{exr_channels, folder, succeed};
+use crate::program::{complaint, exr_channels, folder, succeed};
 use organza::{
     Bake, Context, Error, ErrorKind, Fit, Listener, Measure, Numbers, Output, Render, Request,
     Results, StopFlag, Voxelize, run_table,
@@ -394,6 +394,57 @@ fn contradictions_are_refused_and_both_are_named() {
         assert_eq!(error.kind, ErrorKind::Input, "{error}");
         assert_eq!(error.key.as_deref(), Some(key), "{error}");
     }
+}
+
+#[test]
+fn a_file_of_requests_is_read_as_a_whole_and_done_in_order() {
+    let (folder, _) = inputs("requests_run");
+    let volume = "[voxelize]\nfabric = 'plain.toml'\noutfile = 'plain.ovox'\n";
+    let info =
+        "[[measure]]\nfile = 'scan.toml'\nlayout = 'in-plane'\nspp = 2\noutfile = 'scan.csv'\n";
+    std::fs::write(
+        folder.join("scan.toml"),
+        "[[object]]\nkind = 'volume'\nfile = 'plain.ovox'\n",
+    )
+    .unwrap();
+    let write = |text: &str| std::fs::write(folder.join("requests.toml"), text).unwrap();
+    // Nothing is written where one of them is wrong.
+    for (wrong, words) in [
+        (
+            "[render]\nscene = 'scene.toml'\n",
+            "expected the key outfile",
+        ),
+        (
+            "[render]\nsceen = 'a'\noutfile = 'a.exr'\n",
+            "did you mean `scene`?",
+        ),
+        ("[rendr]\noutfile = 'a.exr'\n", "no such request"),
+        (
+            "[render]\nscene = 'scene.toml'\noutfile = 'no/a.exr'\n",
+            "does not exist",
+        ),
+        (
+            "[weave]\ndraft = 'plain'\noutfile = 'requests.toml'\n",
+            "is also an input",
+        ),
+        (
+            "[scan]\nfiles = ['a']\noutfile = 'plain.ovox'\n",
+            "is written twice",
+        ),
+    ] {
+        write(&format!("{volume}{wrong}"));
+        let why = complaint(&folder, &["run", "requests.toml"]);
+        assert!(why.contains(words), "{why}");
+        assert!(!folder.join("plain.ovox").exists(), "{wrong}");
+    }
+    // The measurement, whose name is earlier in the alphabet, reads the volume.
+    write(&format!("{volume}{info}"));
+    succeed(&folder, &["run", "requests.toml"]);
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    succeed(&folder, &["voxelize", "plain.toml", "-o", "same.ovox"]);
+    assert!(read("plain.ovox") == read("same.ovox"));
+    let rows = String::from_utf8(read("scan.csv")).unwrap().lines().count();
+    assert_eq!(rows, 1 + 4 * 2 * 2 * 17);
 }
 
 #[test]

@@ -20,6 +20,7 @@ mod man;
 mod measure;
 mod merge;
 mod render;
+mod run;
 mod scan;
 mod table;
 mod view;
@@ -34,6 +35,7 @@ use std::ffi::OsString;
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
     Registration::of::<render::RenderArgs>(),
+    Registration::of::<run::RunArgs>(),
     Registration::of::<view::ViewArgs>(),
     Registration::of::<merge::MergeArgs>(),
     Registration::of::<voxelize::VoxelizeArgs>(),
