@@ -482,12 +482,22 @@ fn note_met() {
     }
 }
 
+// Cells that one step visits at most: while a lane visits cells, the other lanes of its group may
+// search for a stretch, which takes as long as many cells.
+const CELLS_AT_ONCE: u32 = 16u;
+
 fn step_on(any_will_do: bool) -> u32 {
     if trip.body != loaded_body {
         load_body(trip.body);
     }
     if ray.cells_left > 0u {
-        let outcome = visit(any_will_do);
+        var outcome = ONWARD;
+        var count = 0u;
+        while outcome == ONWARD && count < CELLS_AT_ONCE {
+            outcome = visit(any_will_do);
+            count += 1u;
+        }
+        shadow_step_count += select(0u, count - 1u, any_will_do);
         if outcome == ONWARD || (any_will_do && outcome == HIT) {
             return outcome;
         }
