@@ -7,13 +7,14 @@
 // A program prints.
 #![allow(clippy::print_stdout)]
 
+use organza::toml::toml;
 use organza::{Context, Measure, Request};
 use std::error::Error;
 use std::sync::Arc;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let file = std::env::args().nth(1).ok_or("expected a fabric file")?;
-    let table = toml::toml! {
+    let table = toml! {
         pairs = "directions.csv"
         albedo = true
         model = "fibres"

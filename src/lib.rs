@@ -102,6 +102,9 @@ pub use organza_transport as transport;
 pub use organza_volume as volume;
 pub use organza_weave as weave;
 
+/// Tables, as [`Request::from_table`] reads them.
+pub use toml;
+
 pub use organza_requests::{
     Array, Bake, Bench, Compare, Context, Error, ErrorKind, Fit, Listener, Measure, Numbers,
     Output, Render, Request, Results, Scan, StopFlag, Table, Voxelize, Weave, requests, run_table,
